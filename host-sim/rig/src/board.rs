@@ -21,6 +21,11 @@ use std::cell::RefCell;
 /// Shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V.
 const AMPERES_PER_COUNT: f64 = 3.3 / (4096.0 * 0.001 * 20.0);
 
+/// Returns the phase current that the amplifiers show as these counts, A, without their offset.
+pub fn current_a(counts: u16) -> f64 {
+    (f64::from(CONVERTER_RANGE_COUNTS / 2) - f64::from(counts)) * AMPERES_PER_COUNT
+}
+
 /// Time from the end of the first frame of a period, when the encoder latches the angle, to the top of the PWM, s: 1060
 /// cycles at 170 MHz (see the board's encoder.rs).
 const LATCH_BEFORE_TOP_S: f32 = 1060.0 / 170e6;

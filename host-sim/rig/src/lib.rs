@@ -21,7 +21,7 @@ mod node;
 pub mod simulated;
 mod stage;
 
-pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault};
+pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault, current_a};
 pub use bus::RigBus;
 pub use driver::{LibraryDriver, RigDriver, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash};
 pub use faults::{RigFaults, SealSensorFault};

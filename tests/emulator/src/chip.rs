@@ -9,6 +9,7 @@ pub mod fdcan;
 pub mod flash;
 pub mod gpio;
 pub mod i2c;
+pub mod ms5837;
 pub mod spi;
 pub mod timer1;
 pub mod timer3;
@@ -20,7 +21,7 @@ use crate::nvic::{NMI, Nvic};
 use crate::world::{Bridge, World};
 use adc::{Adc, Signal};
 use clock::Clock;
-use comparators::Comparators;
+use comparators::BreakLevels;
 use compensator_core::can::Frame;
 use dma::{Dma, Memory, request};
 use fdcan::Fdcan;
@@ -96,8 +97,8 @@ pub struct Chip<W> {
     pub flash: Flash,
     /// Ports.
     pub gpio: Gpio,
-    /// Overcurrent comparators and the converters of their levels.
-    pub comparators: Comparators,
+    /// Levels of the overcurrent comparators that act.
+    pub break_levels: BreakLevels,
     /// Watchdog.
     pub watchdog: Watchdog,
     /// Reset flags and oscillators.
@@ -125,7 +126,8 @@ pub struct Chip<W> {
 
 impl<W: World> Chip<W> {
     /// Returns a chip after power-on.
-    pub fn new(world: W) -> Self {
+    pub fn new(mut world: W) -> Self {
+        world.set_break_levels(BreakLevels::default());
         let mut memory: HashMap<u32, u32> = IDENTITY.into_iter().collect();
         memory.insert(FLASH_ACR, 0x0004_0600);
         memory.insert(VTOR, 0x0800_0000);
@@ -142,7 +144,7 @@ impl<W: World> Chip<W> {
             can: Fdcan::default(),
             flash: Flash::default(),
             gpio: Gpio::default(),
-            comparators: Comparators::default(),
+            break_levels: BreakLevels::default(),
             watchdog: Watchdog::default(),
             clock: Clock::default(),
             i2c: I2c::default(),
@@ -356,6 +358,17 @@ impl<W: World> Chip<W> {
         self.gpio.set_gate_fault(has_gate_fault);
         if has_gate_fault {
             self.timer1.set_break(false);
+        }
+    }
+
+    /// Takes the levels of the comparators from their registers.
+    fn update_break_levels(&mut self) {
+        let af1 = self.timer1.read(comparators::AF1, self.now);
+        let levels = comparators::break_levels(&|address| self.plain(address), af1);
+        if levels != self.break_levels {
+            self.advance_world(self.now);
+            self.break_levels = levels;
+            self.world.set_break_levels(levels);
         }
     }
 

@@ -23,9 +23,9 @@
 //! not counted.
 
 /// Instruction cache, lines.
-const CODE_LINES: usize = 32;
+const CODE_LINES: u8 = 32;
 /// Data cache, lines.
-const DATA_LINES: usize = 8;
+const DATA_LINES: u8 = 8;
 const LINE_BYTES: u32 = 32;
 const UNIT_BYTES: u32 = 8;
 
@@ -273,28 +273,69 @@ impl FlashAccess {
     }
 }
 
-/// Lines of a cache, the least recently used first.
+/// Lines of the first bank of the flash, which holds the image.
+const BANK_LINES: usize = (256 << 10) / LINE_BYTES as usize;
+
+/// Lines of a cache, which replaces the least recently used one. They form a ring from the latest to the least recently
+/// used, so that an access takes the same short time for a hit and a miss.
 #[derive(Clone, Debug)]
 struct Lines {
-    tags: Vec<u32>,
-    capacity: usize,
+    /// Place in the ring of each line of the bank, plus one; 0 if it is not cached.
+    places: Vec<u8>,
+    ring: Vec<RingLine>,
+    latest: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct RingLine {
+    /// Line of the bank; `None` if it is empty.
+    line: Option<u16>,
+    /// Places of the lines that were used before it and after it.
+    before: u8,
+    after: u8,
 }
 
 impl Lines {
+    fn new(capacity: u8) -> Self {
+        let ring = (0..capacity).map(|at| RingLine {
+            line: None,
+            before: (at + 1) % capacity,
+            after: (at + capacity - 1) % capacity,
+        });
+        Self { places: vec![0; BANK_LINES], ring: ring.collect(), latest: 0 }
+    }
+
     fn touch(&mut self, address: u32) -> bool {
-        let tag = address / LINE_BYTES;
-        let place = self.tags.iter().rposition(|&present| present == tag);
-        match place {
-            Some(place) if place + 1 == self.tags.len() => {}
-            Some(place) => self.tags[place..].rotate_left(1),
-            None => {
-                if self.tags.len() == self.capacity {
-                    self.tags.remove(0);
-                }
-                self.tags.push(tag);
-            }
+        let line = (address / LINE_BYTES) as usize % BANK_LINES;
+        let known = usize::from(self.places[line]);
+        if known == self.latest + 1 {
+            return true;
         }
-        place.is_some()
+        // In a ring, the least recently used line is behind the latest one.
+        let oldest = usize::from(self.ring[self.latest].after);
+        let place = if known > 0 { known - 1 } else { oldest };
+        if known == 0 {
+            if let Some(replaced) = self.ring[place].line.replace(line as u16) {
+                self.places[usize::from(replaced)] = 0;
+            }
+            self.places[line] = place as u8 + 1;
+        }
+        self.make_latest(place, oldest);
+        known > 0
+    }
+
+    /// Moves a line between the latest and the oldest one.
+    fn make_latest(&mut self, place: usize, oldest: usize) {
+        if place != oldest {
+            let RingLine { before, after, .. } = self.ring[place];
+            self.ring[usize::from(before)].after = after;
+            self.ring[usize::from(after)].before = before;
+            let latest = self.latest;
+            (self.ring[place].before, self.ring[place].after) = (latest as u8, oldest as u8);
+            self.ring[latest].after = place as u8;
+            self.ring[oldest].before = place as u8;
+        }
+        self.latest = place;
     }
 }
 
@@ -307,8 +348,7 @@ pub struct FlashCaches {
 
 impl Default for FlashCaches {
     fn default() -> Self {
-        let lines = |capacity| Lines { tags: Vec::with_capacity(capacity), capacity };
-        Self { code: lines(CODE_LINES), data: lines(DATA_LINES) }
+        Self { code: Lines::new(CODE_LINES), data: Lines::new(DATA_LINES) }
     }
 }
 
@@ -395,5 +435,10 @@ mod tests {
             caches.fetch(access, 0x0801_0000 + 32 * line, 4);
         }
         assert!(caches.fetch(access, 0x0800_0000, 4) > 0, "33 lines do not fit");
+        // It replaced line 0, and line 1 is used again before line 2 is replaced.
+        assert_eq!(caches.fetch(access, 0x0801_0020, 4), 0);
+        assert!(caches.fetch(access, 0x0801_0000, 4) > 0);
+        assert_eq!(caches.fetch(access, 0x0801_0020, 4), 0);
+        assert!(caches.fetch(access, 0x0801_0040, 4) > 0);
     }
 }

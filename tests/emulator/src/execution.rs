@@ -3,12 +3,23 @@
 use crate::chip::dma::Memory;
 use crate::chip::{Chip, REGISTER_REGIONS};
 use crate::cycles::{self, Block, Cost};
+use crate::image::Image;
 use crate::machine::{CCM, FLASH, HandlerRun, RAM, RETURN_BASE};
+use crate::nvic::NMI;
 use crate::world::World;
-use unicorn_engine::{HookType, Prot, RegisterARM, Unicorn, uc_error};
+use unicorn_engine::{HookType, MemType, Prot, RegisterARM, TlbEntry, TlbType, Unicorn, uc_error};
 
 /// Alias of CCM behind the RAM.
 const CCM_ALIAS: u32 = 0x2001_8000;
+
+/// RAM with that alias.
+const RAM_ADDRESSES: std::ops::Range<u64> = RAM.0 as u64..(CCM_ALIAS + CCM.1) as u64;
+
+/// State of an IT block in the status register.
+const IT_STATE: u64 = 0x0600_FC00;
+
+/// The instruction `dsb sy`.
+const DSB: [u8; 4] = [0xBF, 0xF3, 0x4F, 0x8F];
 
 /// Unicorn's number of an exception return.
 const EXCEPTION_EXIT: u32 = 8;
@@ -38,9 +49,9 @@ pub(crate) struct Context<W> {
 }
 
 /// The core's memory as DMA accesses it.
-pub(crate) struct CoreMemory<W: 'static>(pub Unicorn<'static, Context<W>>);
+pub(crate) struct CoreMemory<'a, W: 'static>(pub Unicorn<'a, Context<W>>);
 
-impl<W> Memory for CoreMemory<W> {
+impl<W> Memory for CoreMemory<'_, W> {
     fn read_half(&mut self, address: u32) -> u16 {
         let mut bytes = [0; 2];
         let _ = self.0.mem_read(address.into(), &mut bytes);
@@ -57,12 +68,28 @@ pub(crate) fn map_memory<W: World>(
     ccm: &mut [u8],
 ) -> Result<(), uc_error> {
     core.mem_map(FLASH.0.into(), FLASH.1.into(), Prot::READ | Prot::EXEC)?;
-    core.mem_map(RAM.0.into(), RAM.1.into(), Prot::ALL)?;
-    for address in [CCM.0, CCM_ALIAS] {
+    // Unicorn looks for code to discard at each store to a page that may hold code. The image runs from flash and from
+    // CCM on the instruction bus only, so the pages of the RAM hold none.
+    core.ctl_set_tlb_type(TlbType::VIRTUAL)?;
+    core.add_tlb_hook(1, 0, |core, address, access| {
+        // Before this call, Unicorn restores the state of an IT block, which its code has taken over and does not clear
+        // again: the conditions would apply to the block that follows.
+        if access != MemType::FETCH
+            && let Ok(status) = core.reg_read(RegisterARM::CPSR)
+            && status & IT_STATE != 0
+        {
+            let _ = core.reg_write(RegisterARM::CPSR, status & !IT_STATE);
+        }
+        let perms =
+            if RAM_ADDRESSES.contains(&address) { Prot::READ | Prot::WRITE } else { Prot::ALL };
+        Some(TlbEntry { paddr: address, perms })
+    })?;
+    core.mem_map(RAM.0.into(), RAM.1.into(), Prot::READ | Prot::WRITE)?;
+    for (address, access) in [(CCM.0, Prot::ALL), (CCM_ALIAS, Prot::READ | Prot::WRITE)] {
         // SAFETY: the machine owns the memory, which does not move, for as long as Unicorn.
         #[allow(unsafe_code)]
         unsafe {
-            core.mem_map_ptr(address.into(), CCM.1.into(), Prot::ALL, ccm.as_mut_ptr().cast())?;
+            core.mem_map_ptr(address.into(), CCM.1.into(), access, ccm.as_mut_ptr().cast())?;
         }
     }
     for (start, length) in REGISTER_REGIONS {
@@ -167,19 +194,25 @@ pub(crate) fn is_allowed<W: World>(core: &Unicorn<'_, Context<W>>, exception: us
 pub(crate) fn add_hooks<W: World>(core: &mut Unicorn<'static, Context<W>>) -> Result<(), uc_error> {
     core.add_block_hook(1, 0, |core, address, size| {
         let context = core.get_data_mut();
-        let is_due = context.chip.now >= context.chip.next_event().min(context.stop_at)
-            || context.chip.is_reset_requested();
+        if context.chip.now >= context.chip.next_event() {
+            let mut memory = CoreMemory(core.clone());
+            core.get_data_mut().chip.process_events(&mut memory);
+        }
+        let context = core.get_data_mut();
+        let is_due = context.chip.now >= context.stop_at || context.chip.is_reset_requested();
         let ready = context.chip.ready_exception();
         if is_due || ready.is_some_and(|exception| is_allowed(core, exception)) {
             let _ = core.emu_stop();
             return;
         }
         let context = core.get_data_mut();
-        let place = context.known_block(address as u32, size).unwrap_or_else(|| {
-            let code = core.mem_read_as_vec(address, size as usize).unwrap_or_default();
-            core.get_data_mut().add_block(address as u32, &code)
-        });
-        core.get_data_mut().begin_block(address as u32, place);
+        if let Some(place) = context.known_block(address as u32, size) {
+            return context.begin_block(address as u32, place);
+        }
+        let code = core.mem_read_as_vec(address, size as usize).unwrap_or_default();
+        let context = core.get_data_mut();
+        let place = context.add_block(address as u32, &code);
+        context.begin_block(address as u32, place);
     })?;
     core.add_intr_hook(|core, number| {
         let context = core.get_data_mut();
@@ -190,12 +223,36 @@ pub(crate) fn add_hooks<W: World>(core: &mut Unicorn<'static, Context<W>>) -> Re
         }
         let _ = core.emu_stop();
     })?;
-    core.add_mem_hook(HookType::MEM_INVALID, 1, 0, |core, kind, address, _, _| {
-        let at = core.reg_read(RegisterARM::PC).unwrap_or(0);
-        if address < u64::from(RETURN_BASE) {
-            core.get_data_mut().fault = Some(format!("{kind:?} of {address:#x} at {at:#x}"));
+    // Not for RAM: a hook on its addresses would make each of its stores a call.
+    for (from, to) in [(0, RAM_ADDRESSES.start - 1), (RAM_ADDRESSES.end, u64::from(u32::MAX))] {
+        core.add_mem_hook(HookType::MEM_INVALID, from, to, |core, kind, address, _, _| {
+            let at = core.reg_read(RegisterARM::PC).unwrap_or(0);
+            if address < u64::from(RETURN_BASE) {
+                core.get_data_mut().fault = Some(format!("{kind:?} of {address:#x} at {at:#x}"));
+            }
+            false
+        })?;
+    }
+    Ok(())
+}
+
+/// Makes the non-maskable interrupt precede the barriers (DSB) of the image, which wait for the access that causes it: an
+/// ECC error of the flash. Everything else is taken between two blocks.
+pub(crate) fn add_barrier_hooks<W: World>(
+    core: &mut Unicorn<'static, Context<W>>,
+    image: &Image,
+) -> Result<(), uc_error> {
+    for segment in &image.segments {
+        for (at, code) in segment.bytes.windows(4).enumerate().step_by(2) {
+            if code == DSB {
+                let address = u64::from(segment.address) + at as u64;
+                core.add_code_hook(address, address, |core, _, _| {
+                    if core.get_data().chip.ready_exception() == Some(NMI) {
+                        let _ = core.emu_stop();
+                    }
+                })?;
+            }
         }
-        false
-    })?;
+    }
     Ok(())
 }

@@ -1,6 +1,9 @@
 //! The emulated board as the driver of a rig.
 
 use crate::chip::clock::reset;
+use crate::chip::comparators::BreakLevels;
+use crate::chip::flash::{STORE_BYTES, StoreContent};
+use crate::chip::ms5837::Water;
 use crate::chip::{CORE_HZ, Chip};
 use crate::costs::{Costs, LOOP_EXCEPTION};
 use crate::world::{Bridge, World};
@@ -14,7 +17,7 @@ use firmware::sensors::thermistor::Thermistor;
 use firmware::supervisor::{CodeSet, ResetCause};
 use joint_rig::{
     BOARD_TRAITS, InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, Stage, codes_from_bits,
-    stored_flash,
+    current_a, stored_flash,
 };
 use simulated_machines::joint_plant::Measured;
 use std::cell::RefCell;
@@ -36,6 +39,8 @@ const ENCODER_COUNTS: f64 = 16384.0;
 
 /// Thermistor of the board, in a divider with 10 k (see the board's scales.rs).
 const THERMISTOR: Thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
+/// Pressure inside the joint, Pa (see the board's scales.rs).
+const INSIDE_PA: f64 = 101_325.0;
 /// Range of the strain gauge amplifier, N, around half of the converter's range.
 const FORCE_RANGE_N: f64 = 2000.0;
 
@@ -45,6 +50,19 @@ pub struct JointWorld {
     sampled: Measured,
     is_low_side_on: [bool; 2],
     state: BoardState,
+    /// Counts of the thermistors of bridge and motor, and the temperatures that they stand for, deg C.
+    thermistors: [(Option<f32>, u16); 2],
+    has_pressure_sensor: bool,
+}
+
+impl JointWorld {
+    fn thermistor(&mut self, place: usize, temperature_c: Option<f32>) -> u16 {
+        let (known, counts) = &mut self.thermistors[place];
+        if *known != temperature_c || *counts == 0 {
+            (*known, *counts) = (temperature_c, thermistor_counts(temperature_c));
+        }
+        *counts
+    }
 }
 
 impl World for JointWorld {
@@ -71,8 +89,8 @@ impl World for JointWorld {
             (1, 1) => phases[0],
             (2, 2) => phases[1],
             (1, 6) => board.bus_counts(self.sampled.bus_v),
-            (3, 12) => thermistor_counts(self.state.bridge_temperature_c),
-            (3, 1) => thermistor_counts(self.state.motor_temperature_c),
+            (3, 12) => self.thermistor(0, self.state.bridge_temperature_c),
+            (3, 1) => self.thermistor(1, self.state.motor_temperature_c),
             (4, 3) => {
                 let share = 0.5 + self.stage.plant.show().radial_force_n / FORCE_RANGE_N;
                 (share * 4096.0).round().clamp(0.0, 4095.0) as u16
@@ -87,8 +105,29 @@ impl World for JointWorld {
         self.stage.board.as_ref().map_or(0xFFFF, |board| board.exchange_encoder_word(word, angle))
     }
 
+    fn water(&self) -> Option<Water> {
+        let plant = &self.stage.plant;
+        self.has_pressure_sensor.then(|| Water {
+            pressure_pa: plant.around().pressure_diff_pa + INSIDE_PA,
+            temperature_c: plant.seal().shown_temperature_c(),
+        })
+    }
+
     fn has_gate_fault(&self) -> bool {
         self.stage.gate_fault
+    }
+
+    fn set_break_levels(&mut self, levels: BreakLevels) {
+        let levels_a = std::array::from_fn(|signal| {
+            // A positive current lowers the counts. The mean of two phases shows half of their sum.
+            let scale = if signal == 2 { 2.0 } else { 1.0 };
+            let [below, above] = levels[signal].map(|level| level.map(current_a));
+            [
+                above.map_or(f64::NEG_INFINITY, |level_a| scale * level_a),
+                below.map_or(f64::INFINITY, |level_a| scale * level_a),
+            ]
+        });
+        self.stage.plant.set_break_levels(levels_a);
     }
 
     fn is_overcurrent(&self) -> bool {
@@ -155,19 +194,38 @@ impl BoardDriver {
     ///
     /// # Errors
     /// Returns one line if the image does not start or the parameter set is rejected.
-    pub fn start(image: &Image, start: &PowerUp, mut stage: Stage) -> Result<Self, String> {
+    pub fn start(image: &Image, start: &PowerUp, stage: Stage) -> Result<Self, String> {
+        let mut bytes = vec![0; STORE_BYTES];
+        let mut flash = stored_flash(start, BOARD_TRAITS)?;
+        flash.read(0, &mut bytes).map_err(|error| format!("flash: {error:?}"))?;
+        let store = StoreContent { bytes, torn: Vec::new() };
+        Self::start_with_store(image, start, &store, stage)
+    }
+
+    /// Starts the image as [`BoardDriver::start`], with this content of the parameter store.
+    ///
+    /// # Errors
+    /// Returns one line if the image does not start.
+    pub fn start_with_store(
+        image: &Image,
+        start: &PowerUp,
+        store: &StoreContent,
+        mut stage: Stage,
+    ) -> Result<Self, String> {
         if stage.board.is_none() {
             return Err("the image needs the sensors of the board".into());
         }
         let sampled = stage.plant.measure();
-        let world =
-            JointWorld { stage, sampled, is_low_side_on: [true; 2], state: BoardState::default() };
+        let world = JointWorld {
+            stage,
+            sampled,
+            is_low_side_on: [true; 2],
+            state: BoardState::default(),
+            thermistors: [(None, 0); 2],
+            has_pressure_sensor: false,
+        };
         let mut chip = Chip::new(world);
-        let mut store = [0; 4 * 2048];
-        let mut flash = stored_flash(start, BOARD_TRAITS)?;
-        flash.read(0, &mut store).map_err(|error| format!("flash: {error:?}"))?;
-        let at = chip.flash.bank.len() - store.len();
-        chip.flash.bank[at..].copy_from_slice(&store);
+        chip.flash.set_store(store);
         chip.clock.set_reset_flags(match start.boot.cause {
             ResetCause::Watchdog => reset::WATCHDOG | reset::PIN,
             ResetCause::Software => reset::SOFTWARE | reset::PIN,
@@ -205,6 +263,16 @@ impl BoardDriver {
     /// The machine, for measurements.
     pub fn machine_mut(&mut self) -> &mut Machine<JointWorld> {
         &mut self.machine
+    }
+
+    /// Connects the pressure sensor, which is absent at the start.
+    pub fn connect_pressure_sensor(&mut self) {
+        self.machine.chip_mut().world.has_pressure_sensor = true;
+    }
+
+    /// Records what a power cut leaves of the parameter store, from now on.
+    pub fn record_cuts(&mut self) -> Rc<RefCell<Vec<StoreContent>>> {
+        self.machine.chip_mut().flash.record_cuts()
     }
 
     /// Records the costs from now on.

@@ -6,7 +6,7 @@
 
 use crate::chip::Chip;
 use crate::cycles::{self, Cost};
-use crate::execution::{Context, CoreMemory, add_hooks, is_allowed, map_memory};
+use crate::execution::{Context, CoreMemory, add_barrier_hooks, add_hooks, is_allowed, map_memory};
 use crate::image::Image;
 use crate::nvic::HARD_FAULT;
 use crate::world::World;
@@ -94,6 +94,9 @@ impl<W: World + 'static> Machine<W> {
         let mut ccm = vec![0u8; CCM.1 as usize].into_boxed_slice();
         map_memory(&mut core, &mut ccm).map_err(failed)?;
         add_hooks(&mut core).map_err(failed)?;
+        add_barrier_hooks(&mut core, image).map_err(failed)?;
+        // No address ends the execution: Unicorn would otherwise discard its code after each run.
+        core.ctl_exits_enable().map_err(failed)?;
         for segment in &image.segments {
             core.mem_write(segment.address.into(), &segment.bytes)
                 .map_err(|error| format!("segment at {:#x}: {error:?}", segment.address))?;
@@ -260,7 +263,7 @@ impl<W: World + 'static> Machine<W> {
     fn execute(&mut self, until: u64) -> Result<(), String> {
         let start = u64::from(self.pc | 1);
         self.core.get_data_mut().stop_at = until;
-        let result = self.core.emu_start(start, u64::MAX, 0, 0);
+        let result = self.core.emu_start(start, 0, 0, 0);
         self.pc = self.get(RegisterARM::PC) & !1;
         let context = self.core.get_data_mut();
         context.chip.update_lines();
@@ -295,7 +298,8 @@ impl<W: World + 'static> Machine<W> {
         let uses_fpu = self.core.get_data().fpu_in_use.last().copied().unwrap_or(false);
         let words: u32 = if uses_fpu { 26 } else { 8 };
         let stack = self.get(RegisterARM::SP);
-        let status = self.get(RegisterARM::XPSR_NZCVQG) | 1 << 24;
+        // Its aliases with flags in their names can only be written.
+        let status = self.get(RegisterARM::XPSR) | 1 << 24;
         let frame = (stack - 4 * words) & !7;
         let is_realigned = frame + 4 * words != stack;
         use RegisterARM::{LR, R0, R1, R2, R3, R12};

@@ -21,8 +21,9 @@ const THREAD_PRIORITY: i32 = 256;
 /// State of the interrupt controller.
 #[derive(Clone, Debug)]
 pub struct Nvic {
-    enabled: [bool; EXCEPTIONS],
-    pending: [bool; EXCEPTIONS],
+    /// A bit for each exception.
+    enabled: u128,
+    pending: u128,
     /// Priority bytes as written.
     priority: [u8; EXCEPTIONS],
     /// Exceptions that run, the innermost last.
@@ -31,11 +32,9 @@ pub struct Nvic {
 
 impl Default for Nvic {
     fn default() -> Self {
-        let mut enabled = [false; EXCEPTIONS];
-        enabled[..FIRST_INTERRUPT].fill(true);
         Self {
-            enabled,
-            pending: [false; EXCEPTIONS],
+            enabled: (1 << FIRST_INTERRUPT) - 1,
+            pending: 0,
             priority: [0; EXCEPTIONS],
             active: Vec::new(),
         }
@@ -68,29 +67,31 @@ impl Nvic {
 
     /// Marks an exception as pending.
     pub fn pend(&mut self, exception: usize) {
-        self.pending[exception] = true;
+        self.pending |= 1 << exception;
     }
 
     /// Sets the line of a level-sensitive interrupt. The pending state is kept until the interrupt is taken.
     pub fn set_line(&mut self, interrupt: usize, is_high: bool) {
         let exception = FIRST_INTERRUPT + interrupt;
         if is_high && !self.is_active(exception) {
-            self.pending[exception] = true;
+            self.pending |= 1 << exception;
         }
     }
 
     /// Returns the pending exception that would preempt what runs, without regard to masks.
     pub fn candidate(&self) -> Option<usize> {
-        let current = self
-            .active
-            .iter()
-            .map(|&active| self.priority_of(active))
-            .min()
-            .unwrap_or(THREAD_PRIORITY);
-        (1..EXCEPTIONS)
-            .filter(|&exception| self.pending[exception] && self.enabled[exception])
-            .min_by_key(|&exception| (self.priority_of(exception), exception))
-            .filter(|&exception| self.priority_of(exception) < current)
+        // Exception 0 is thread mode.
+        let mut waiting = self.pending & self.enabled & !1;
+        let mut best: Option<(i32, usize)> = None;
+        while waiting != 0 {
+            let exception = waiting.trailing_zeros() as usize;
+            waiting &= waiting - 1;
+            let candidate = (self.priority_of(exception), exception);
+            best = Some(best.map_or(candidate, |best| best.min(candidate)));
+        }
+        let (priority, exception) = best?;
+        let active = self.active.iter().map(|&active| self.priority_of(active));
+        (priority < active.min().unwrap_or(THREAD_PRIORITY)).then_some(exception)
     }
 
     /// Returns true if these masks allow the exception.
@@ -101,12 +102,12 @@ impl Nvic {
 
     /// Returns true if any enabled exception is pending: WFI then returns.
     pub fn wakes(&self) -> bool {
-        (1..EXCEPTIONS).any(|exception| self.pending[exception] && self.enabled[exception])
+        self.pending & self.enabled & !1 != 0
     }
 
     /// Begins an exception.
     pub fn enter(&mut self, exception: usize) {
-        self.pending[exception] = false;
+        self.pending &= !(1 << exception);
         self.active.push(exception);
     }
 
@@ -117,17 +118,15 @@ impl Nvic {
 
     /// Reads a register of the NVIC, at this offset from 0xE000_E000.
     pub fn read(&self, offset: u32) -> u32 {
-        let bits = |from: u32, of: &[bool; EXCEPTIONS]| {
+        let bits = |from: u32, of: u128| {
             let base = FIRST_INTERRUPT + (offset - from) as usize / 4 * 32;
-            (0..32).fold(0, |word, bit| {
-                word | u32::from(of.get(base + bit).copied().unwrap_or(false)) << bit
-            })
+            of.checked_shr(base as u32).unwrap_or(0) as u32
         };
         match offset {
-            0x100..=0x11F => bits(0x100, &self.enabled),
-            0x180..=0x19F => bits(0x180, &self.enabled),
-            0x200..=0x21F => bits(0x200, &self.pending),
-            0x280..=0x29F => bits(0x280, &self.pending),
+            0x100..=0x11F => bits(0x100, self.enabled),
+            0x180..=0x19F => bits(0x180, self.enabled),
+            0x200..=0x21F => bits(0x200, self.pending),
+            0x280..=0x29F => bits(0x280, self.pending),
             0x400..=0x4EF => self.priority_word(FIRST_INTERRUPT + (offset - 0x400) as usize),
             0xD18..=0xD23 => self.priority_word(4 + (offset - 0xD18) as usize),
             _ => 0,
@@ -143,7 +142,7 @@ impl Nvic {
     /// Writes a register of the NVIC; `size` bytes.
     pub fn write(&mut self, offset: u32, size: usize, value: u32) {
         let word = |from: u32| FIRST_INTERRUPT + (offset - from) as usize / 4 * 32;
-        let (of, base, to): (&mut [bool; EXCEPTIONS], usize, bool) = match offset {
+        let (of, base, to): (&mut u128, usize, bool) = match offset {
             0x100..=0x11F => (&mut self.enabled, word(0x100), true),
             0x180..=0x19F => (&mut self.enabled, word(0x180), false),
             0x200..=0x21F => (&mut self.pending, word(0x200), true),
@@ -160,11 +159,8 @@ impl Nvic {
             }
             _ => return,
         };
-        for bit in (0..32).filter(|bit| value >> bit & 1 == 1) {
-            if let Some(flag) = of.get_mut(base + bit) {
-                *flag = to;
-            }
-        }
+        let bits = u128::from(value).checked_shl(base as u32).unwrap_or(0);
+        *of = if to { *of | bits } else { *of & !bits };
     }
 
     fn write_priorities(&mut self, first: usize, size: usize, value: u32) {

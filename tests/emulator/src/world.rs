@@ -1,5 +1,8 @@
 //! What surrounds the chip: the motor stage, the encoder and the bus, as the peripherals see them.
 
+use crate::chip::comparators::BreakLevels;
+use crate::chip::ms5837::Water;
+
 /// State of the bridge over a stretch of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bridge {
@@ -24,10 +27,18 @@ pub trait World {
     /// Exchanges a word with the encoder, `seconds` after the last sample.
     fn encoder(&mut self, word: u16, seconds: f64) -> u16;
 
+    /// Returns what the pressure sensor is in; `None` if there is no sensor.
+    fn water(&self) -> Option<Water> {
+        None
+    }
+
     /// Returns true if the gate driver reports a fault.
     fn has_gate_fault(&self) -> bool {
         false
     }
+
+    /// Sets the levels at which the comparators see an overcurrent, from now on.
+    fn set_break_levels(&mut self, _levels: BreakLevels) {}
 
     /// Returns true while the comparators see an overcurrent.
     fn is_overcurrent(&self) -> bool {

@@ -1,8 +1,8 @@
 //! Overcurrent comparators at the low-side shunts of a power stage. They are hardware, independent of the processor.
 //!
 //! A shunt carries the phase current while the low side conducts, around the start and the end of a PWM period. Its
-//! amplifier has one pole. Three signals are compared with a positive and a negative level: two amplifiers, and the sum
-//! of both, which represents the third phase. If one stays beyond its level for the filter time, the bridge opens after
+//! amplifier has one pole. Three signals are compared with an upper and a lower level each: two amplifiers, and the sum
+//! of both, which represents the third phase. If one stays beyond a level for the filter time, the bridge opens after
 //! a delay. The time step is a microsecond, so the comparators are simulated only near the level.
 
 use super::parameters::Parameters;
@@ -18,7 +18,8 @@ pub const SIMULATION_THRESHOLD: f64 = 0.5;
 /// Outputs of the amplifiers, and the time they have been beyond the level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparators {
-    level_a: f64,
+    /// Lower and upper level of each signal, A.
+    levels_a: [[f64; 2]; 3],
     lag_s: f64,
     filter_s: f64,
     delay_s: f64,
@@ -34,8 +35,9 @@ pub struct Comparators {
 impl Comparators {
     /// Creates comparators with the highest level within their tolerance.
     pub fn of(p: &Parameters) -> Self {
+        let level_a = p.break_level_a + p.break_error_a;
         Self {
-            level_a: p.break_level_a + p.break_error_a,
+            levels_a: [[-level_a, level_a]; 3],
             lag_s: p.shunt_lag_s,
             filter_s: p.break_filter_s,
             delay_s: p.break_delay_s,
@@ -46,10 +48,22 @@ impl Comparators {
         }
     }
 
+    /// Sets the nominal lower and upper level of phase a, of phase b, and of their sum, A. An infinite one never acts.
+    pub fn set_levels(&mut self, levels_a: [[f64; 2]; 3], p: &Parameters) {
+        self.levels_a =
+            levels_a.map(|[lower, upper]| [lower - p.break_error_a, upper + p.break_error_a]);
+    }
+
     /// Returns true if these currents require a simulation in microsecond steps.
     pub fn is_near(&self, currents_a: [f64; 3]) -> bool {
         self.passed_s.is_some()
-            || currents_a.iter().any(|a| a.abs() > SIMULATION_THRESHOLD * self.level_a)
+            || currents_a.iter().any(|a| a.abs() > SIMULATION_THRESHOLD * self.nearest_level_a())
+    }
+
+    /// Returns the smallest current at a level, A; 0 if a level is on the wrong side of zero.
+    fn nearest_level_a(&self) -> f64 {
+        let levels = self.levels_a.iter();
+        levels.fold(f64::INFINITY, |least, [lower, upper]| least.min(-lower).min(*upper)).max(0.0)
     }
 
     /// Simulates a step of `dt` (s), `since_s` after the start of the period. Returns true if the bridge opens.
@@ -69,8 +83,9 @@ impl Comparators {
             *shown += follows * (if conducts { current } else { 0.0 } - *shown);
         }
         let [a, b] = self.shown_a;
-        for (beyond, shown) in self.beyond_s.iter_mut().zip([a, b, a + b]) {
-            *beyond = if shown.abs() > self.level_a { *beyond + dt } else { 0.0 };
+        let signals = [a, b, a + b].into_iter().zip(self.levels_a);
+        for (beyond, (shown, [lower, upper])) in self.beyond_s.iter_mut().zip(signals) {
+            *beyond = if shown < lower || shown > upper { *beyond + dt } else { 0.0 };
         }
         let passes = self.beyond_s.iter().any(|beyond| *beyond >= self.filter_s);
         self.passed_s = self.passed_s.map(|ago| ago + dt).or(passes.then_some(0.0));
@@ -112,6 +127,23 @@ mod tests {
                 assert_eq!(time_to_open([0.5; 3], currents(43.0)), None);
             }
         }
+    }
+
+    #[test]
+    fn levels_of_one_signal_act_in_their_direction() {
+        let mut comparators = Comparators::of(&Parameters::default());
+        let mut levels = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
+        levels[1] = [-10.0, f64::INFINITY];
+        comparators.set_levels(levels, &Parameters::default());
+        let opens = |currents_a: [f64; 3]| {
+            let mut comparators = comparators;
+            assert!(comparators.is_near(currents_a));
+            (0..50).any(|at| {
+                comparators.step(1e-6, f64::from(at) * 1e-6, PERIOD_S, [0.5; 3], currents_a)
+            })
+        };
+        assert!(opens([15.0, -15.0, 0.0]), "12 A with the tolerance");
+        assert!(!opens([-15.0, 15.0, 0.0]) && !opens([100.0, -11.0, -89.0]));
     }
 
     #[test]

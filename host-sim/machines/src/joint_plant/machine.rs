@@ -212,6 +212,14 @@ impl JointPlant {
         self.comparators = Some(Comparators::of(&self.p));
     }
 
+    /// Sets the nominal lower and upper level of the comparators, if there are any, A: of phase a, of phase b, and of the
+    /// sum of both. An infinite one never acts.
+    pub fn set_break_levels(&mut self, levels_a: [[f64; 2]; 3]) {
+        if let Some(watch) = &mut self.comparators {
+            watch.set_levels(levels_a, &self.p);
+        }
+    }
+
     /// Returns true if the comparators have opened the bridge. It stays open until [`JointPlant::clear_break`].
     pub fn is_overcurrent_tripped(&self) -> bool {
         self.is_tripped

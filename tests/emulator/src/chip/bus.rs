@@ -1,6 +1,6 @@
 //! Reads and writes of registers, by their addresses (RM0440, 2.2).
 
-use super::{AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, adc, flash, timer1};
+use super::{AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, adc, comparators, flash, timer1};
 use crate::cycles::{Cost, FlashAccess};
 use crate::world::World;
 
@@ -78,7 +78,9 @@ impl<W: World> Chip<W> {
             }
             0x4000_0400..=0x4000_07FF => self.timer3.write(aligned & 0x3FF, word),
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.write(aligned, word),
-            0x4000_5400..=0x4000_57FF => self.i2c.write(aligned & 0x3FF, word, now),
+            0x4000_5400..=0x4000_57FF => {
+                self.i2c.write(aligned & 0x3FF, word, now, self.world.water());
+            }
             0x4000_6400..=0x4000_67FF | 0x4000_A400..=0x4000_AFFF => {
                 self.can.write(aligned, word, now)
             }
@@ -92,8 +94,10 @@ impl<W: World> Chip<W> {
             AIRCR if word & 0xFFFF_0004 == 0x05FA_0004 => self.request_reset(),
             DWT_CYCCNT => {}
             _ => {
-                self.comparators.observe(aligned, word);
                 self.memory.insert(aligned, word);
+                if comparators::changes_levels(aligned) {
+                    self.update_break_levels();
+                }
             }
         }
     }
@@ -116,6 +120,9 @@ impl<W: World> Chip<W> {
         self.timer1.write(offset, word, self.now);
         if !was_running && self.timer1.is_running() && self.timer1.signals_its_start() {
             self.timer3.start_with_master(self.now);
+        }
+        if offset == comparators::AF1 {
+            self.update_break_levels();
         }
         if had_break && !self.timer1.has_break() {
             self.world.clear_break();

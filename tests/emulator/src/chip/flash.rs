@@ -1,7 +1,11 @@
 //! Flash controller and second bank: lock, program, erase, errors, check bits (RM0440, 3).
 //!
-//! The first bank holds the image and is plain memory of the machine. A program operation may end early, as by a power
-//! cut: [`Flash::cut_after`]. What it wrote then has wrong check bits.
+//! The first bank holds the image and is plain memory of the machine. A power cut ends the operation that runs: what it
+//! wrote then has wrong check bits. The content that a cut would leave is recorded for every operation, so that one run
+//! of the image shows all cuts: [`Flash::record_cuts`].
+
+use std::cell::RefCell;
+use std::rc::Rc;
 
 /// Start of the second bank.
 pub const BANK_2: u32 = 0x0804_0000;
@@ -32,24 +36,31 @@ const OPTIONS: u32 = 0xFFEF_FCAA;
 const ERASE_CYCLES: u64 = 24_500 * 170;
 const PROGRAM_CYCLES: u64 = 85 * 170;
 
+/// Length of the parameter store, at the end of the bank, bytes.
+pub const STORE_BYTES: usize = 4 * PAGE_BYTES as usize;
+const STORE_AT: usize = BANK_BYTES as usize - STORE_BYTES;
+
+/// Content of the parameter store.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoreContent {
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// Double words with wrong check bits, by their offset in the bank.
+    pub torn: Vec<u32>,
+}
+
 /// The controller.
 #[derive(Clone, Debug)]
 pub struct Flash {
     /// Content of the second bank.
     pub bank: Vec<u8>,
-    /// Double words with wrong check bits, by their offset in the bank.
-    pub torn: Vec<u32>,
+    torn: Vec<u32>,
     registers: [u32; 32],
     keys_seen: usize,
     first_word: Option<(u32, u32)>,
     busy_until: u64,
     ecc_error: bool,
-    /// Number of operations that complete before a power cut; `None` for no cut.
-    pub cut_after: Option<u32>,
-    /// Number of operations so far.
-    pub operations: u32,
-    /// The power is cut.
-    pub is_cut: bool,
+    cuts: Option<Rc<RefCell<Vec<StoreContent>>>>,
 }
 
 impl Default for Flash {
@@ -65,9 +76,7 @@ impl Default for Flash {
             first_word: None,
             busy_until: 0,
             ecc_error: false,
-            cut_after: None,
-            operations: 0,
-            is_cut: false,
+            cuts: None,
         }
     }
 }
@@ -113,11 +122,41 @@ impl Flash {
             .map_or(u32::MAX, |bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
     }
 
-    /// Counts an operation; returns true if the power fails during it.
-    fn is_interrupted(&mut self) -> bool {
-        self.operations += 1;
-        self.is_cut |= self.cut_after.is_some_and(|after| self.operations > after);
-        self.is_cut
+    /// Records from now on what the store holds if the power is cut: during each operation, and after it.
+    pub fn record_cuts(&mut self) -> Rc<RefCell<Vec<StoreContent>>> {
+        Rc::clone(self.cuts.insert(Rc::default()))
+    }
+
+    /// Returns the content of the parameter store.
+    pub fn store(&self) -> StoreContent {
+        StoreContent { bytes: self.bank[STORE_AT..].to_vec(), torn: self.torn.clone() }
+    }
+
+    /// Sets the content of the parameter store.
+    pub fn set_store(&mut self, content: &StoreContent) {
+        self.bank[STORE_AT..].copy_from_slice(&content.bytes);
+        self.torn.clone_from(&content.torn);
+    }
+
+    /// Records a cut during an operation, which writes these bytes and leaves the double word at `torn` undefined. Both
+    /// are offsets in the bank.
+    fn record_cut(&self, at: usize, written: &[u8], torn: u32) {
+        let Some(cuts) = &self.cuts else { return };
+        let mut content = self.store();
+        if let Some(at) = at.checked_sub(STORE_AT) {
+            content.bytes[at..at + written.len()].copy_from_slice(written);
+        }
+        content.torn.push(torn);
+        cuts.borrow_mut().push(content);
+    }
+
+    /// Begins the time of an operation, whose effect is there.
+    fn begin(&mut self, now: u64, cycles: u64) {
+        if let Some(cuts) = &self.cuts {
+            cuts.borrow_mut().push(self.store());
+        }
+        self.set_status(BUSY);
+        self.busy_until = now + cycles;
     }
 
     /// Writes a word of the second bank. The second word of a double word programs both.
@@ -140,17 +179,9 @@ impl Flash {
         if !is_erased && bytes.iter().any(|byte| *byte != 0) {
             return self.set_status(PROGRAM_ERROR);
         }
-        if self.is_interrupted() {
-            self.bank[at..at + 4].copy_from_slice(&bytes[..4]);
-            return self.torn.push(offset);
-        }
+        self.record_cut(at, &bytes[..4], offset);
         self.bank[at..at + 8].copy_from_slice(&bytes);
         self.begin(now, PROGRAM_CYCLES);
-    }
-
-    fn begin(&mut self, now: u64, cycles: u64) {
-        self.set_status(BUSY);
-        self.busy_until = now + cycles;
     }
 
     /// Reads a register.
@@ -200,11 +231,9 @@ impl Flash {
         }
         let start = (page * PAGE_BYTES) as usize;
         let offsets = page * PAGE_BYTES..(page + 1) * PAGE_BYTES;
-        if self.is_interrupted() {
-            // Half of the page is erased; the double word between is undefined.
-            self.bank[start..start + PAGE_BYTES as usize / 2].fill(0xFF);
-            return self.torn.push(page * PAGE_BYTES + PAGE_BYTES / 2);
-        }
+        // Half of the page is erased; the double word between is undefined.
+        let half = PAGE_BYTES / 2;
+        self.record_cut(start, &[0xFF; PAGE_BYTES as usize / 2], page * PAGE_BYTES + half);
         self.bank[start..start + PAGE_BYTES as usize].fill(0xFF);
         self.torn.retain(|offset| !offsets.contains(offset));
         self.begin(now, ERASE_CYCLES);
@@ -240,13 +269,18 @@ mod tests {
     #[test]
     fn program_with_power_cut_leaves_double_word_with_ecc_error() {
         let mut flash = unlocked();
-        flash.cut_after = Some(0);
+        let cuts = flash.record_cuts();
         flash.write(CR, 1, 0);
-        flash.program(BANK_2, 1, 0);
-        flash.program(BANK_2 + 4, 2, 0);
-        assert!(flash.is_cut);
-        flash.read_bank(BANK_2);
-        assert!(flash.take_ecc_error());
+        let at = BANK_2 + STORE_AT as u32 + 16;
+        flash.program(at, 1, 0);
+        flash.program(at + 4, 2, 0);
+        let cuts = cuts.take();
+        assert_eq!(cuts.len(), 2);
+        for (cut, has_error) in cuts.iter().zip([true, false]) {
+            flash.set_store(cut);
+            flash.read_bank(at);
+            assert_eq!(flash.take_ecc_error(), has_error);
+        }
     }
 
     #[test]

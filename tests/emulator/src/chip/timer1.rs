@@ -183,7 +183,10 @@ impl Timer1 {
 
     /// Takes the next event that is due. A trigger counts only if it is selected as output.
     pub fn take_event(&mut self, now: u64) -> Option<(u64, TimerEvent)> {
-        let (at, event) = self.upcoming().filter(|(at, _)| *at <= now)?;
+        if self.next > now {
+            return None;
+        }
+        let (at, event) = self.upcoming()?;
         self.taken = at;
         self.schedule();
         let is_selected = self.register(CR2) >> 20 & 0xF == TRIGGER_ON_CHANNEL_4;

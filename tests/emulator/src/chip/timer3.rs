@@ -132,7 +132,9 @@ impl Timer3 {
 
     /// Takes the next event that is due and enabled.
     pub fn take_event(&mut self, now: u64) -> Option<(u64, SlaveEvent)> {
-        while let Some((at, event)) = self.upcoming().filter(|(at, _)| *at <= now) {
+        while self.next <= now
+            && let Some((at, event)) = self.upcoming()
+        {
             self.taken = at;
             let is_enabled = match event {
                 SlaveEvent::Request { .. } => self.register(DIER) & CHANNEL_3_DMA != 0,
@@ -142,8 +144,8 @@ impl Timer3 {
                 self.schedule();
                 return Some((at, event));
             }
+            self.schedule();
         }
-        self.schedule();
         None
     }
 

@@ -9,25 +9,13 @@ use compensator_core::LawKind;
 use compensator_core::term::TermKind;
 use emulated_board::BoardDriver;
 use emulated_board::costs::Costs;
-use firmware::reference_joint::configuration;
+use firmware::reference_joint::{COSTLIEST_TERMS, configuration};
 use joint_rig::{JointRig, PERIOD_CYCLES, PowerUp, RigFaults, stage_at_power_up};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-
-/// The most expensive terms, in this order; the same as in firmware/src/bin/cost.
-const COSTLIEST_TERMS: [TermKind; 8] = [
-    TermKind::TorqueRipple,
-    TermKind::DwellTimeStatic,
-    TermKind::TimeDrift,
-    TermKind::PositionRipple,
-    TermKind::LookupTable,
-    TermKind::GravityImbalance,
-    TermKind::WarmUp,
-    TermKind::Backlash,
-];
 
 /// Models, with the share of the period that the interrupt may take, by the upper estimate.
 const MODELS: [(&str, &[TermKind], f64); 3] = [

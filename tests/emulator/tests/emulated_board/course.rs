@@ -7,7 +7,7 @@ use emulated_board::BoardDriver;
 use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
 use firmware::reference_joint::configuration;
-use joint_rig::{JointRig, PowerUp, RigFaults, stage_at_power_up};
+use joint_rig::{InterruptTiming, JointRig, PowerUp, RigFaults, stage_at_power_up};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::f64::consts::TAU;
 
@@ -24,7 +24,8 @@ pub fn set() -> ParameterSet {
 pub fn rig(set: &ParameterSet) -> Result<JointRig<'static>, String> {
     let start = PowerUp { set: Some(set), commissioned: true, board: true, ..PowerUp::default() };
     let faults = RigFaults::default();
-    let plant = JointPlant::with_phase(&Parameters::default(), Load::Free, [0.7, 2.1], 5);
+    let mut plant = JointPlant::with_phase(&Parameters::default(), Load::Free, [0.7, 2.1], 5);
+    plant.watch_overcurrent();
     let stage = stage_at_power_up(&start, plant, &faults);
     let driver = BoardDriver::start(image(), &start, stage)?;
     Ok(JointRig::new(Box::new(driver), faults))
@@ -57,4 +58,28 @@ fn joint_with_image_follows_sine_of_velocity() {
     assert!((1.0..8.0).contains(&most.current_a), "{most:?}");
     let limits: Vec<_> = rig.active_limits().iter().map(|code| code.info().name).collect();
     assert!(!limits.contains(&"loop-late"), "{limits:?}");
+}
+
+#[test]
+fn joint_with_hanging_loop_is_stopped_at_level_of_its_comparators() {
+    let mut set = set();
+    set.motor.overcurrent_a = 20.0;
+    set.motor.current_limit_a = 15.0;
+    let mut rig = rig(&set).expect("the image starts");
+    let at = rig.plant().position_rad();
+    rig.arm(at).expect("it arms");
+    for _ in 0..400 {
+        let error = 6.0 - f64::from(rig.master_view().velocity_rad_s);
+        rig.step_with_command((4.0 * error).clamp(-15.0, 15.0) as f32, 6.0);
+    }
+    assert!(rig.is_armed() && rig.plant().velocity_rad_s() > 4.0, "{:?}", rig.latched_faults());
+    rig.stage_mut().take_extremes();
+    // The timer keeps its last duties while the rotor turns. The watchdog would act after 50 ms.
+    rig.stage_mut().interrupts.extend([InterruptTiming::Missed; 30 * 20]);
+    (0..30).for_each(|_| rig.step_idle());
+    assert!(rig.stage_mut().applied_duty().is_none() && !rig.is_reset(), "it is not stopped");
+    let most = rig.stage_mut().take_extremes().current_a;
+    println!("measured: {most:.1} A where the comparators open the bridge");
+    // 5 % and 2 A above `overcurrent_a`, 2 A of tolerance, and the rise within the period until they act.
+    assert!((23.0..30.0).contains(&most), "{most} A");
 }

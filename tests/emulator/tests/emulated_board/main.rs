@@ -8,4 +8,6 @@ mod bus;
 mod common;
 mod cost;
 mod course;
+mod power_cut;
+mod pressure;
 mod start;

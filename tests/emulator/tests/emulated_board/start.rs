@@ -63,11 +63,14 @@ fn watchdog_with_stopped_loop_resets_the_chip() {
 }
 
 #[test]
-fn comparators_after_start_have_level_of_default_parameters() {
+fn comparators_after_start_have_levels_of_default_parameters() {
     let mut machine = started();
     machine.run(CORE_HZ / 10);
-    let level = machine.chip().comparators.upper_level().expect("a level");
-    // Shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V; 5 % and 2 A above `overcurrent_a`, 40 A by default.
-    let amperes = (f64::from(level) - 2048.0) * 3.3 / (4096.0 * 0.02);
-    assert!((43.0..45.0).contains(&amperes), "{amperes} A");
+    // Shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V; 5 % and 2 A above `overcurrent_a`, 40 A by default, but at
+    // most 44 A.
+    let amperes = |counts: u16| (f64::from(counts) - 2048.0) * 3.3 / (4096.0 * 0.02);
+    for (signal, share) in machine.chip().break_levels.into_iter().zip([1.0, 1.0, 0.5]) {
+        let [below, above] = signal.map(|level| level.map(amperes).expect("a level") / share);
+        assert!((43.0..=44.0).contains(&above) && (43.0..=44.0).contains(&-below), "{signal:?}");
+    }
 }

@@ -1,8 +1,7 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
-//! The short form runs three families, `LONG_TESTS=1` five. The tests of the others take the emulator between ten minutes
-//! and an hour: commissioning, velocity loop, compensation of other joints, temperature of the winding. The first two run
-//! by name, `commissioning` and `velocity`, and have no results in the table.
+//! The short form runs three families, `LONG_TESTS=1` all but the temperature of a stalled winding, which takes ten
+//! minutes of simulated time. Of commissioning and of the errors of the friction model it runs a part ([`driver`]).
 #![cfg(feature = "unicorn")]
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
@@ -14,6 +13,8 @@ mod common;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
+#[path = "../../../../host-sim/rig/tests/closed_loop/friction.rs"]
+mod friction;
 #[path = "../../../../host-sim/rig/tests/closed_loop/power_up.rs"]
 mod power_up;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
@@ -35,7 +36,8 @@ use table::{Driver, ScenarioRow};
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     if std::env::var_os("LONG_TESTS").is_some() {
-        families.extend([encoder::rows(), stalls::rows()]);
+        families.extend([encoder::rows(), stalls::rows(), commissioning::rows(), velocity::rows()]);
+        families.push(friction::rows());
     }
     families
 }

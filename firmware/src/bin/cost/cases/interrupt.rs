@@ -25,6 +25,8 @@ use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::parameter_set::ParameterSet;
+#[cfg(feature = "terms")]
+use firmware::reference_joint::COSTLIEST_TERMS;
 use firmware::reference_joint::configuration;
 use heapless::Vec;
 
@@ -94,19 +96,6 @@ impl PowerStage for MemoryStage {
         self.now + HANDLER_LATENCY
     }
 }
-
-/// The maximum number of terms of a model: those with the highest individual cost, in this order.
-#[cfg(feature = "terms")]
-const COSTLIEST_TERMS: &[TermKind] = &[
-    TermKind::TorqueRipple,
-    TermKind::DwellTimeStatic,
-    TermKind::TimeDrift,
-    TermKind::PositionRipple,
-    TermKind::LookupTable,
-    TermKind::GravityImbalance,
-    TermKind::WarmUp,
-    TermKind::Backlash,
-];
 
 /// State of the handler.
 struct Interrupt {
@@ -447,7 +436,7 @@ pub fn measure_interrupts(clock: &mut Clock) {
             COSTLIEST_TERMS.split_at(3).0,
         ),
         #[cfg(feature = "terms")]
-        ("improved LuGre + the eight dearest", LawKind::ImprovedLugre, COSTLIEST_TERMS),
+        ("improved LuGre + the eight dearest", LawKind::ImprovedLugre, &COSTLIEST_TERMS),
     ];
     for (name, law, terms) in rows {
         let Some(task) = joint.settle(set(*law, terms)) else { panic!("{name}: no such model") };
