@@ -97,9 +97,9 @@ impl<F: NorFlash> Driver<F> {
             return;
         }
         let node = self.network.node();
-        if frame.identifier() == cob_id::RPDO_1 + u16::from(node.number()) {
+        if let Some(slot) = self.device.receive_slot(frame.identifier()) {
             if self.network.is_operational() {
-                self.device.take_drive_frame(frame, now_us);
+                self.device.take_pdo(slot, frame, now_us);
             } else {
                 self.device.counters.count_passed_over();
             }
@@ -110,11 +110,19 @@ impl<F: NorFlash> Driver<F> {
             self.publish_events();
             return;
         }
-        match Message::parse(frame) {
-            Ok(message) if self.network.is_operational() => {
-                self.device.take(&message, frame, node, now_us);
+        if frame.identifier() == cob_id::SYNC && frame.data().is_empty() {
+            if self.network.is_operational() {
+                self.device.take_sync(None, now_us);
+            } else {
+                self.device.counters.count_passed_over();
             }
-            Ok(_) => self.device.counters.count_passed_over(),
+            return;
+        }
+        match Message::parse(frame) {
+            Ok(_) if !self.network.is_operational() => self.device.counters.count_passed_over(),
+            // The receive PDOs have been processed: other frames are those of other joints, or of a disabled PDO.
+            Ok(Message::Sync(sync)) => self.device.take_sync(Some(sync.counter), now_us),
+            Ok(_) => self.device.counters.count_foreign(),
             Err(FrameError::Foreign(_)) => self.device.counters.count_foreign(),
             Err(FrameError::Length { .. }) => self.device.counters.count_wrong_length(),
             Err(FrameError::Counter(_) | FrameError::JointKind(_)) => {
@@ -128,6 +136,7 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::State(_) => {
                 // A joint without a master must not stay armed.
                 if !self.network.is_operational() {
+                    self.device.restart_pdos();
                     self.device.disarm();
                 }
             }
@@ -135,7 +144,7 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::ResetCommunication => {
                 self.device.disarm();
                 self.sdo = SdoServer::new();
-                self.device.reset_identifiers();
+                self.device.reset_pdos();
                 let node = self.device.settings().node;
                 self.network = Network::boot(node, now_us, self.device.outbox());
             }
@@ -171,6 +180,9 @@ impl<F: NorFlash> Driver<F> {
         self.network.tick(settings.heartbeat_ms, now_us, self.device.outbox());
         let heartbeat_lost = self.network.is_heartbeat_missing(settings.awaited_heartbeat, now_us);
         self.device.tick(heartbeat_lost, now_us);
+        if self.network.is_operational() {
+            self.device.transmit_events(now_us);
+        }
         if self.network.can_serve_objects() {
             let frame = self.sdo.tick(now_us, &mut self.device);
             self.send_answer(frame, self.network.node());
@@ -226,6 +238,11 @@ impl<F: NorFlash> Driver<F> {
     /// Returns true if its frames have the identifiers of `joint.dbc`: no master changed them.
     pub fn has_own_identifiers(&self) -> bool {
         self.device.has_own_identifiers()
+    }
+
+    /// Returns the identifiers that the controller must accept for the receive PDOs; 0 for none.
+    pub fn receive_identifiers(&self) -> [u16; 6] {
+        self.device.receive_identifiers()
     }
 
     /// Returns the bit rate of the settings, kbit/s.

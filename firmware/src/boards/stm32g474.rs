@@ -258,6 +258,10 @@ mod app {
             self.slow.constants = *sensors;
         }
 
+        fn accept_identifiers(&mut self, identifiers: &[u16; 6]) {
+            self.controller.accept(identifiers);
+        }
+
         fn state(&mut self, now_us: u64) -> BoardState {
             let sensors = self.slow.poll(now_us);
             let [bridge_c, motor_c] = self.slow.temperatures_c();

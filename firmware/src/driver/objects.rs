@@ -75,6 +75,7 @@ impl<F: NorFlash> Objects for Device<F> {
         let is_variable = matches!(object.shape, dictionary::Shape::Variable(_));
         let number = match (at.index, at.subindex) {
             (index::ERROR_FIELD, 0) => self.errors.len() as u32,
+            (mapping, 0) if dictionary::is_mapping(mapping) => self.number(mapping, 0)?,
             (_, 0) if !is_variable => u32::from(object.highest_sub_index()),
             (index::DEVICE_NAME, _) => return text("friction-compensated joint driver", value),
             (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
@@ -161,13 +162,10 @@ impl<F: NorFlash> Device<F> {
                 Abort::Refused,
                 "save and load need their own word (65766173h, 64616F6Ch)",
             )),
-            index::AWAITED_HEARTBEAT | index::HEARTBEAT | index::RECEIVE_DRIVE => {
-                self.write_setting(at, number)
-            }
-            index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
-                self.set_identifier(usize::from(at.index - index::TRANSMIT_ANSWER), number)
-            }
-            _ => Err(Abort::ReadOnly),
+            index::AWAITED_HEARTBEAT | index::HEARTBEAT => self.write_setting(at, number),
+            // The deadline of the targets is stored.
+            index::RECEIVE_DRIVE if at.subindex == 5 => self.write_setting(at, number),
+            _ => self.write_pdo(at, number),
         }
     }
 

@@ -20,7 +20,7 @@ fn wrong_frames_are_counted_by_kind() {
     let before = *bench.driver.counters();
     for (identifier, data) in [
         (0x301, &[0; 7][..]),
-        (0x080, &[]),
+        (0x080, &[1, 2]),
         (0x080, &[0]),
         (0x080, &[241]),
         (0x202, &[0; 8]),

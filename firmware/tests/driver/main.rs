@@ -8,7 +8,9 @@ mod hostile;
 mod life;
 mod network;
 mod parameters;
+mod pdos;
 mod sensors;
+mod stock_master;
 
 use bench::{Bench, NODE, frame};
 use compensator_core::can::{Message, MotionFrame, SealFrame, SyncFrame};

@@ -92,6 +92,8 @@ fn abort_words(code: u32) -> &'static str {
         0x0601_0001 => "write only",
         0x0601_0002 => "read only",
         0x0602_0000 => "no such object",
+        0x0604_0041 => "cannot be mapped to a PDO",
+        0x0604_0042 => "longer than a PDO",
         0x0606_0000 => "flash write failed",
         0x0607_0012 => "too many bytes",
         0x0607_0013 => "too few bytes",

@@ -56,8 +56,20 @@ pub fn record_lost() {
 
 /// The running controller.
 pub struct Controller {
-    _can: Can<'static>,
+    can: Can<'static>,
+    /// Identifiers of receive PDOs that are accepted; 0 for none.
+    accepted: [u16; 6],
 }
+
+/// Filter slots of the receive PDOs. The slots before are those of the node number and the broadcasts.
+const RECEIVE_SLOTS: [StandardFilterSlot; 6] = [
+    StandardFilterSlot::_4,
+    StandardFilterSlot::_5,
+    StandardFilterSlot::_6,
+    StandardFilterSlot::_7,
+    StandardFilterSlot::_8,
+    StandardFilterSlot::_9,
+];
 
 impl Controller {
     /// Starts the controller as this node.
@@ -96,7 +108,21 @@ impl Controller {
         let can = setup.into_normal_mode();
         // Enable only the source that the interrupt clears; any other would raise it for ever.
         CONTROLLER.ie().write(|w| w.set_rfne(0, true));
-        Self { _can: can }
+        Self { can, accepted: [0; 6] }
+    }
+
+    /// Accepts these identifiers besides those with the node number, because a master may move a receive PDO to
+    /// the identifier of another node. The message memory may be written while the controller runs.
+    pub fn accept(&mut self, identifiers: &[u16; 6]) {
+        if *identifiers == self.accepted {
+            return;
+        }
+        self.accepted = *identifiers;
+        for (slot, identifier) in RECEIVE_SLOTS.into_iter().zip(identifiers) {
+            let filter = FilterType::BitMask { filter: *identifier, mask: 0x7FF };
+            let action = if *identifier == 0 { Action::Disable } else { Action::StoreInFifo0 };
+            self.can.properties().set_standard_filter(slot, StandardFilter { filter, action });
+        }
     }
 
     /// Returns true if a frame was lost since the last call, in the controller or in the queue.

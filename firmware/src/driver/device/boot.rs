@@ -1,7 +1,7 @@
 //! Start of a device: from the flash or the defaults, with the result of the previous run.
 
 use super::network::LiveNetwork;
-use super::pdos::TRANSMIT_PDOS;
+use super::pdos::Pdos;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
 use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
@@ -111,7 +111,7 @@ impl<F: NorFlash> Device<F> {
             measured_wiring: None,
             target_us: 0,
             drive_counter: 0,
-            identifiers: [None; TRANSMIT_PDOS],
+            pdos: Pdos::new(settings.node),
             now_us,
         }
     }

@@ -27,6 +27,10 @@ pub enum Abort {
     ReadOnly = 0x0601_0002,
     /// The object does not exist.
     NoObject = 0x0602_0000,
+    /// The object cannot be mapped to a PDO.
+    NotMappable = 0x0604_0041,
+    /// The mapped objects are longer than a PDO.
+    MappingLength = 0x0604_0042,
     /// The flash reported an error.
     Hardware = 0x0606_0000,
     /// The value has too many bytes.
