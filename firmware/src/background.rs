@@ -74,9 +74,9 @@ pub trait Board {
     /// Applies the constants of the sensors: once per tick, before [`Board::state`].
     fn apply_sensors(&mut self, _sensors: &SensorParameters) {}
 
-    /// Lets the CAN controller accept these identifiers of receive PDOs (0 for none), besides those with the
-    /// node number: once per tick.
-    fn accept_identifiers(&mut self, _identifiers: &[u16; 6]) {}
+    /// Lets the CAN controller accept these identifiers (0 for none) besides those with the node number of the
+    /// start: once per tick. A master may have moved a receive PDO, or changed the node number by LSS.
+    fn accept_identifiers(&mut self, _identifiers: &[u16; 7]) {}
 
     /// Reads sensors, controller and stack: once per tick.
     fn state(&mut self, now_us: u64) -> BoardState;

@@ -30,6 +30,7 @@ pub(crate) use loop_data::{PeriodValues, ReportStatus};
 
 use crate::control::Covariates;
 use crate::log::log;
+use crate::node::lss::LSS_REQUEST;
 use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
@@ -103,6 +104,13 @@ impl<F: NorFlash> Driver<F> {
             } else {
                 self.device.counters.count_passed_over();
             }
+            return;
+        }
+        if frame.identifier() == LSS_REQUEST {
+            if self.device.configure(frame) {
+                self.execute(NmtAction::ResetCommunication, now_us);
+            }
+            self.publish_events();
             return;
         }
         if frame.identifier() == cob_id::SDO_REQUEST + u16::from(node.number()) {
@@ -240,9 +248,11 @@ impl<F: NorFlash> Driver<F> {
         self.device.has_own_identifiers()
     }
 
-    /// Returns the identifiers that the controller must accept for the receive PDOs; 0 for none.
-    pub fn receive_identifiers(&self) -> [u16; 6] {
-        self.device.receive_identifiers()
+    /// Returns the identifiers that the controller must accept besides broadcasts and those with the node number of
+    /// the start: receive PDOs and SDO. 0 for none.
+    pub fn receive_identifiers(&self) -> [u16; 7] {
+        let [a, b, c, d, e, f] = self.device.receive_identifiers();
+        [a, b, c, d, e, f, cob_id::SDO_REQUEST + u16::from(self.network.node().number())]
     }
 
     /// Returns the bit rate of the settings, kbit/s.

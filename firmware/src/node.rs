@@ -10,6 +10,7 @@
 
 pub mod bit_timing;
 pub mod dictionary;
+pub mod lss;
 pub mod sdo;
 
 use canopen_rs::emcy::{EmergencyMessage, emcy_cob_id};

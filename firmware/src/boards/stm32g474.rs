@@ -258,7 +258,7 @@ mod app {
             self.slow.constants = *sensors;
         }
 
-        fn accept_identifiers(&mut self, identifiers: &[u16; 6]) {
+        fn accept_identifiers(&mut self, identifiers: &[u16; 7]) {
             self.controller.accept(identifiers);
         }
 

@@ -4,6 +4,7 @@ mod boot;
 mod commissioning;
 mod compensation_share;
 mod drive;
+mod lss;
 mod network;
 mod pdos;
 mod requests;
@@ -27,6 +28,7 @@ use crate::loop_parts::StageTraits;
 use crate::node::Outbox;
 use crate::node::dictionary::ERROR_HISTORY_LENGTH;
 use crate::node::dictionary::records::{self, InputsObject};
+use crate::node::lss::Lss;
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::sensors::stuck::StuckWatch;
@@ -148,6 +150,11 @@ pub struct Device<F> {
     drive_counter: u8,
     /// Process data objects as a master has set them; reset with the communication.
     pdos: Pdos,
+    lss: Lss,
+    /// The joint has started without stored settings: for LSS, it has no node number.
+    is_blank: bool,
+    /// Settings were stored since the start.
+    is_stored: bool,
     now_us: u64,
 }
 

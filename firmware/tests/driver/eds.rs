@@ -110,7 +110,7 @@ fn eds() -> String {
          GroupMessaging=0\n\
          NrOfRXPDO=6\n\
          NrOfTXPDO=6\n\
-         LSS_Supported=0\n\
+         LSS_Supported=1\n\
          \n\
          [DummyUsage]\n\
          Dummy0001=0\n\

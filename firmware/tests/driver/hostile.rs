@@ -24,7 +24,7 @@ fn wrong_frames_are_counted_by_kind() {
         (0x080, &[0]),
         (0x080, &[241]),
         (0x202, &[0; 8]),
-        (0x7E5, &[0; 8]),
+        (0x7E6, &[0; 8]),
         (0x601, &[0x40, 0, 0x10]),
     ] {
         bench.driver.receive(&frame(identifier, data), 0);

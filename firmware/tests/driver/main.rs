@@ -6,6 +6,7 @@ mod drive;
 mod eds;
 mod hostile;
 mod life;
+mod lss;
 mod network;
 mod parameters;
 mod pdos;

@@ -135,7 +135,7 @@ fn receive_pdo_with_own_mapping_and_identifier_writes_its_objects() {
     let mut bench = Bench::on_sensors();
     let (control, torque) = (0x6040_0010, 0x6071_0010);
     map(&mut bench, 0x1401, 0x182, &[torque, control]).unwrap();
-    assert_eq!(bench.driver.receive_identifiers(), [0x201, 0x182, 0x401, 0x501, 0, 0]);
+    assert_eq!(bench.driver.receive_identifiers(), [0x201, 0x182, 0x401, 0x501, 0, 0, 0x601]);
     bench.write(index::MODE, 0, &[10]).unwrap();
     let pdo = frame(0x182, &[0x64, 0x00, 0x06, 0x00]);
     bench.driver.receive(&pdo, bench.now_us);

@@ -274,6 +274,28 @@ def records_travel_in_blocks():
 
 
 @test
+def a_blank_joint_gets_its_number_by_fastscan():
+    with Joint() as node:
+        network, lss = node.network, node.network.lss
+        begun = []
+        network.subscribe(0x721, lambda _, data, __: begun.append(data[0]))
+        lss.send_switch_state_global(lss.WAITING_STATE)
+        found, identity = lss.fast_scan()
+        assert found, "one without a number"
+        equal(list(identity[:2]), [0, 0x46524943])
+        equal(lss.inquire_node_id(), 255)
+        equal(lss.inquire_lss_address(0x5B), 0x46524943)
+        lss.configure_node_id(33)
+        lss.store_configuration()
+        lss.send_switch_state_global(lss.WAITING_STATE)
+        until(lambda: 0 in begun, "the boot-up message of node 33")
+        other = network.add_node(33, EDS)
+        equal(other.sdo["operation"]["node"].raw, 33)
+        found, _ = lss.fast_scan()
+        assert not found, "none is left"
+
+
+@test
 def what_is_refused_has_the_code_of_its_reason():
     with Joint() as node:
         before = node.sdo["commit"]["active_crc"].raw

@@ -22,6 +22,7 @@ use embassy_stm32::interrupt::typelevel::{Binding, FDCAN1_IT0, FDCAN1_IT1};
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::FDCAN1;
 use firmware::node::bit_timing::BitTiming;
+use firmware::node::lss::LSS_REQUEST;
 use firmware::supervisor::CanState;
 
 const CONTROLLER: pac::can::Fdcan = pac::FDCAN1;
@@ -57,18 +58,19 @@ pub fn record_lost() {
 /// The running controller.
 pub struct Controller {
     can: Can<'static>,
-    /// Identifiers of receive PDOs that are accepted; 0 for none.
-    accepted: [u16; 6],
+    /// Identifiers accepted besides those of the start; 0 for none.
+    accepted: [u16; 7],
 }
 
-/// Filter slots of the receive PDOs. The slots before are those of the node number and the broadcasts.
-const RECEIVE_SLOTS: [StandardFilterSlot; 6] = [
+/// Filter slots of single identifiers. The slots before are those of the node number and the broadcasts.
+const RECEIVE_SLOTS: [StandardFilterSlot; 7] = [
     StandardFilterSlot::_4,
     StandardFilterSlot::_5,
     StandardFilterSlot::_6,
     StandardFilterSlot::_7,
     StandardFilterSlot::_8,
     StandardFilterSlot::_9,
+    StandardFilterSlot::_10,
 ];
 
 impl Controller {
@@ -99,8 +101,15 @@ impl Controller {
             FilterType::BitMask { filter: 0x000, mask: 0x77F },
             // Heartbeats of all nodes, of which one is monitored.
             FilterType::BitMask { filter: 0x700, mask: 0x780 },
+            // The LSS master.
+            FilterType::BitMask { filter: LSS_REQUEST, mask: 0x7FF },
         ];
-        let slots = [StandardFilterSlot::_0, StandardFilterSlot::_1, StandardFilterSlot::_2];
+        let slots = [
+            StandardFilterSlot::_0,
+            StandardFilterSlot::_1,
+            StandardFilterSlot::_2,
+            StandardFilterSlot::_3,
+        ];
         for (slot, filter) in slots.into_iter().zip(filters) {
             let filter = StandardFilter { filter, action: Action::StoreInFifo0 };
             setup.properties().set_standard_filter(slot, filter);
@@ -108,12 +117,12 @@ impl Controller {
         let can = setup.into_normal_mode();
         // Enable only the source that the interrupt clears; any other would raise it for ever.
         CONTROLLER.ie().write(|w| w.set_rfne(0, true));
-        Self { can, accepted: [0; 6] }
+        Self { can, accepted: [0; 7] }
     }
 
-    /// Accepts these identifiers besides those with the node number, because a master may move a receive PDO to
-    /// the identifier of another node. The message memory may be written while the controller runs.
-    pub fn accept(&mut self, identifiers: &[u16; 6]) {
+    /// Accepts these identifiers besides those of the start, because a master may move a receive PDO to the
+    /// identifier of another node, or change the node number. The message memory may be written while the controller runs.
+    pub fn accept(&mut self, identifiers: &[u16; 7]) {
         if *identifiers == self.accepted {
             return;
         }

@@ -14,6 +14,7 @@ use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
 use crate::hil::{HilJoint, HilReply};
 use crate::node::Outbox;
+use crate::node::lss::Lss;
 use crate::node::sdo::Abort;
 use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, parse_block};
 use crate::parameter_set::ParameterSet;
@@ -51,6 +52,7 @@ impl<F: NorFlash> Device<F> {
         now_us: u64,
     ) -> Self {
         let LoadedSet { settings, set, parameters, refusal } = loaded;
+        let is_blank = parameters == ParameterSource::Default;
         let supervisor = Supervisor::boot(
             &set.thresholds,
             &supervisor::SupervisorBoot {
@@ -112,6 +114,9 @@ impl<F: NorFlash> Device<F> {
             target_us: 0,
             drive_counter: 0,
             pdos: Pdos::new(settings.node),
+            lss: Lss::default(),
+            is_blank,
+            is_stored: false,
             now_us,
         }
     }

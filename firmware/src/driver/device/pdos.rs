@@ -285,7 +285,19 @@ impl<F: NorFlash> Device<F> {
 
     /// Resets all PDOs to their defaults, when the communication restarts.
     pub(in crate::driver) fn reset_pdos(&mut self) {
-        self.pdos = Pdos::new(self.settings.node);
+        let settings = self.settings;
+        if settings.node != self.pdos.node {
+            // The inputs in HIL carry the node number.
+            let _ = self.set_settings(settings);
+            self.is_blank = false;
+        }
+        self.is_blank &= !self.is_stored;
+        self.pdos = Pdos::new(settings.node);
+    }
+
+    /// Returns the node number in use.
+    pub(super) const fn node_in_use(&self) -> NodeId {
+        self.pdos.node
     }
 
     /// Forgets what was sent and received, when the network leaves the operational state.

@@ -170,7 +170,9 @@ impl<F: NorFlash> Device<F> {
     /// Stores settings and the active set.
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
         let block = emit_block(&self.settings, self.staging.active());
-        self.write_block(&block)
+        self.write_block(&block)?;
+        self.is_stored = true;
+        Ok(())
     }
 
     /// Stores the defaults; they apply from the next start, as in CiA 301.
