@@ -260,6 +260,11 @@ impl<F: NorFlash> Driver<F> {
         self.device.settings().bit_rate_kbit
     }
 
+    /// Returns the bit rate of the data of CAN FD frames on the bus, kbit/s.
+    pub fn data_bit_rate_kbit(&self) -> u16 {
+        self.device.settings().data_bit_rate_kbit
+    }
+
     /// Returns the source of its inputs.
     pub fn source(&self) -> InputSource {
         self.device.settings().source

@@ -240,6 +240,7 @@ impl<F: NorFlash> Device<F> {
                 changed.node =
                     NodeId::new(byte).ok_or_else(|| self.refuse_setting("node", "1 to 127"))?;
             }
+            (_, OperationObject::DATA_BIT_RATE) => changed.data_bit_rate_kbit = number as u16,
             _ => changed.bit_rate_kbit = number as u16,
         }
         changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))?;

@@ -8,6 +8,7 @@ use firmware::node::dictionary::records::CommitObject;
 use joint_bus::bus::{BitRates, Bus, FaultInjector, FaultPlan, Faults, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
+use joint_trace::CanFrame;
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -97,6 +98,25 @@ fn blocks_survive_lost_and_repeated_frames_and_detect_corrupted_ones() {
     assert!(dropped > 1000 && corrupted > 50, "{dropped} dropped, {corrupted} corrupted");
     // Confirmations that are lost end a transfer; lost segments do not.
     assert!(whole > 100 && failed > 5, "{whole} whole, {failed} failed");
+}
+
+#[test]
+fn transfers_pass_between_can_fd_frames_of_other_nodes() {
+    let hub = Hub::with_bit_rates(BitRates { nominal: 1_000_000, data: 5_000_000 });
+    let joint = joint_on(&hub);
+    let mut other = hub.port();
+    // The identifiers of the joint itself, and of its master.
+    for identifier in [0x081, 0x201, 0x581, 0x601, 0x701] {
+        let (flags, length, bytes) = (1, 64, [0x23; 64]);
+        let frame = CanFrame::Flexible { identifier, extended: false, flags, length, bytes };
+        other.send(&frame).unwrap();
+    }
+    let mut client = Client::new(hub.port(), NodeId::FIRST);
+    let network = record::emit(Some(&reference::joint()));
+    client.write_blocks(RECORD, &network, |_| ()).unwrap();
+    assert_eq!(client.read_blocks(RECORD, |_| ()).unwrap(), network.as_slice());
+    let joint = joint.borrow();
+    assert_eq!(joint.driver().unwrap().counters().wrong_length, 0);
 }
 
 #[test]

@@ -274,6 +274,18 @@ def records_travel_in_blocks():
 
 
 @test
+def frames_of_can_fd_on_the_bus_are_ignored():
+    with Joint() as node, can.Bus(INTERFACE, "socketcan", fd=True) as bus:
+        record = node.sdo.upload(0x2027, 5)
+        for identifier in (0x081, 0x201, 0x601, 0x7E5) * 20:
+            message = can.Message(arbitration_id=identifier, data=bytes(64), is_extended_id=False, is_fd=True)
+            bus.send(message)
+            equal(node.sdo["producer_heartbeat_time_ms"].raw, 1000)
+        equal(upload_blocks(node, 0x2027, 5), record)
+        equal(node.sdo["frame_counters"][6].raw, 0, "of a wrong length")
+
+
+@test
 def a_blank_joint_gets_its_number_by_fastscan():
     with Joint() as node:
         network, lss = node.network, node.network.lss

@@ -1,10 +1,13 @@
-//! FDCAN1 with classic frames.
+//! FDCAN1 with classic frames, on a bus that may carry CAN FD frames of other nodes.
 //!
 //! embassy sets up the controller: clock, pins, bit timing, filters. This module moves the frames, because
 //! embassy's queues take a critical section per frame, which would delay the current loop. The layout of
 //! the message memory is fixed (as in the HAL of the chip): elements of 18 words with a header of two
 //! words. Its receive FIFO holds three frames, so the interrupt moves them to a longer queue at once. Its
 //! transmit FIFO holds three frames in order.
+//!
+//! The controller understands CAN FD: otherwise it would destroy each such frame by an error frame. It needs the bit rate
+//! of their data for it (2001h:8). Received ones are discarded, and all sent frames are classic.
 //!
 //! Filters are masks and pairs (embassy 0.6 swaps the bounds of a range). A controller that is *bus-off*
 //! recovers when INIT is cleared: it then waits for 128 x 11 recessive bits.
@@ -14,7 +17,8 @@ use compensator_core::can::{Frame, NodeId};
 use core::num::{NonZeroU8, NonZeroU16};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::can::config::{
-    FrameTransmissionConfig, GlobalFilter, NominalBitTiming, NonMatchingFilter, TxBufferMode,
+    DataBitTiming, FrameTransmissionConfig, GlobalFilter, NominalBitTiming, NonMatchingFilter,
+    TxBufferMode,
 };
 use embassy_stm32::can::filter::{Action, FilterType, StandardFilter, StandardFilterSlot};
 use embassy_stm32::can::{Can, CanConfigurator, IT0InterruptHandler, IT1InterruptHandler};
@@ -75,7 +79,12 @@ const RECEIVE_SLOTS: [StandardFilterSlot; 7] = [
 
 impl Controller {
     /// Starts the controller as this node.
-    pub fn start(can: pins::Can, node: NodeId, bit_rate_kbit: u16) -> Self {
+    pub fn start(
+        can: pins::Can,
+        node: NodeId,
+        bit_rate_kbit: u16,
+        data_bit_rate_kbit: u16,
+    ) -> Self {
         let mut setup =
             CanConfigurator::new(can.controller, can.receive, can.transmit, HandledInterrupts);
         let mut config = setup.config();
@@ -83,7 +92,11 @@ impl Controller {
         if let Some(timing) = timing(bit_rate_kbit) {
             config.nbtr = timing;
         }
-        config.frame_transmit = FrameTransmissionConfig::ClassicCanOnly;
+        if let Some(timing) = data_timing(data_bit_rate_kbit) {
+            config.dbtr = timing;
+        }
+        // FDOE: frames in the FD format are followed to their end. The format of a sent frame is in its header.
+        config.frame_transmit = FrameTransmissionConfig::AllowFdCan;
         config.tx_buffer_mode = TxBufferMode::Fifo;
         // `state` requests the recovery, so that it is also reported.
         config.automatic_bus_off_recovery = false;
@@ -192,6 +205,18 @@ impl Controller {
 fn timing(bit_rate_kbit: u16) -> Option<NominalBitTiming> {
     let timing = BitTiming::for_rate(scales::CAN_HZ, u32::from(bit_rate_kbit) * 1000)?;
     Some(NominalBitTiming {
+        prescaler: NonZeroU16::new(timing.prescaler)?,
+        seg1: NonZeroU8::new(timing.seg1)?,
+        seg2: NonZeroU8::new(timing.seg2)?,
+        sync_jump_width: NonZeroU8::new(timing.seg2)?,
+    })
+}
+
+/// Converts a bit rate of CAN FD data to the timing of the controller. The delay compensation is for sent frames.
+fn data_timing(bit_rate_kbit: u16) -> Option<DataBitTiming> {
+    let timing = BitTiming::for_rate(scales::CAN_HZ, u32::from(bit_rate_kbit) * 1000)?;
+    Some(DataBitTiming {
+        transceiver_delay_compensation: false,
         prescaler: NonZeroU16::new(timing.prescaler)?,
         seg1: NonZeroU8::new(timing.seg1)?,
         seg2: NonZeroU8::new(timing.seg2)?,

@@ -102,6 +102,7 @@ impl<F: NorFlash> Device<F> {
                     telemetry_every: settings.telemetry_every.into(),
                     node: settings.node.number().into(),
                     bit_rate_kbit: settings.bit_rate_kbit.into(),
+                    data_bit_rate_kbit: settings.data_bit_rate_kbit.into(),
                 }
                 .words(),
                 place,

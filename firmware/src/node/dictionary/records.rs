@@ -200,6 +200,7 @@ record! {
         telemetry_every: Unsigned8, ReadWrite, TELEMETRY_EVERY;
         node: Unsigned8, ReadWrite, NODE;
         bit_rate_kbit: Unsigned16, ReadWrite;
+        data_bit_rate_kbit: Unsigned16, ReadWrite, DATA_BIT_RATE;
     }
 }
 
