@@ -18,6 +18,10 @@ use compensator_core::network::record as network_record;
 use compensator_core::record;
 use embedded_storage::nor_flash::NorFlash;
 
+/// Sub-indices of a transmit PDO's times.
+const INHIBIT_TIME: u8 = 3;
+const EVENT_TIMER: u8 = 5;
+
 impl<F: NorFlash> Objects for Device<F> {
     fn check_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         let entry = dictionary::find(at.index, at.subindex)?;
@@ -39,6 +43,10 @@ impl<F: NorFlash> Objects for Device<F> {
                 | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
                 | (index::CONTROLWORD | index::TARGET_TORQUE | index::TARGET_VELOCITY, _)
                 | (index::COMMISSIONING_RUN, CommissioningRunObject::ORDER)
+                // Limits within those of the parameters, and what controls nothing.
+                | (index::MAX_TORQUE | index::MAX_MOTOR_SPEED | index::HOME_OFFSET, _)
+                | (index::HEARTBEAT, _)
+                | (index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE, INHIBIT_TIME | EVENT_TIMER)
         );
         if !always && self.is_armed() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -162,7 +170,11 @@ impl<F: NorFlash> Device<F> {
                 Abort::Refused,
                 "save and load need their own word (65766173h, 64616F6Ch)",
             )),
-            index::AWAITED_HEARTBEAT | index::HEARTBEAT => self.write_setting(at, number),
+            index::AWAITED_HEARTBEAT => self.write_setting(at, number),
+            index::HEARTBEAT => {
+                self.set_heartbeat(number as u16);
+                Ok(())
+            }
             // The deadline of the targets is stored.
             index::RECEIVE_DRIVE if at.subindex == 5 => self.write_setting(at, number),
             _ => self.write_pdo(at, number),
@@ -219,7 +231,6 @@ impl<F: NorFlash> Device<F> {
         let mut changed = *self.settings();
         let byte = number as u8;
         match (at.index, at.subindex) {
-            (index::HEARTBEAT, _) => changed.heartbeat_ms = number as u16,
             (index::AWAITED_HEARTBEAT, _) => changed.awaited_heartbeat = number,
             (index::RECEIVE_DRIVE, _) => changed.target_timeout_ms = number as u16,
             (_, OperationObject::SOURCE) => {

@@ -167,6 +167,12 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
+    /// Sets the period of the heartbeat, ms; 0 disables it. Nothing else depends on it, so that an armed joint may
+    /// have another one.
+    pub(in crate::driver) fn set_heartbeat(&mut self, period_ms: u16) {
+        self.settings.heartbeat_ms = period_ms;
+    }
+
     /// Stores settings and the active set.
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
         let block = emit_block(&self.settings, self.staging.active());
