@@ -74,6 +74,10 @@ pub trait Board {
     /// Applies the constants of the sensors: once per tick, before [`Board::state`].
     fn apply_sensors(&mut self, _sensors: &SensorParameters) {}
 
+    /// Lets the CAN controller accept these identifiers (0 for none) besides those with the node number of the
+    /// start: once per tick. A master may have moved a receive PDO, or changed the node number by LSS.
+    fn accept_identifiers(&mut self, _identifiers: &[u16; 7]) {}
+
     /// Reads sensors, controller and stack: once per tick.
     fn state(&mut self, now_us: u64) -> BoardState;
 
@@ -127,6 +131,7 @@ impl<F: NorFlash> Background<F> {
                 self.due_us = now_us + TICK_US;
             }
             board.apply_sensors(&self.driver.set().sensors);
+            board.accept_identifiers(&self.driver.receive_identifiers());
             let state = board.state(now_us);
             if self.tick(&state, board.current_loop(), now_us) {
                 board.refresh_watchdog();

@@ -30,6 +30,7 @@ pub(crate) use loop_data::{PeriodValues, ReportStatus};
 
 use crate::control::Covariates;
 use crate::log::log;
+use crate::node::lss::LSS_REQUEST;
 use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
@@ -97,12 +98,19 @@ impl<F: NorFlash> Driver<F> {
             return;
         }
         let node = self.network.node();
-        if frame.identifier() == cob_id::RPDO_1 + u16::from(node.number()) {
+        if let Some(slot) = self.device.receive_slot(frame.identifier()) {
             if self.network.is_operational() {
-                self.device.take_drive_frame(frame, now_us);
+                self.device.take_pdo(slot, frame, now_us);
             } else {
                 self.device.counters.count_passed_over();
             }
+            return;
+        }
+        if frame.identifier() == LSS_REQUEST {
+            if self.device.configure(frame) {
+                self.execute(NmtAction::ResetCommunication, now_us);
+            }
+            self.publish_events();
             return;
         }
         if frame.identifier() == cob_id::SDO_REQUEST + u16::from(node.number()) {
@@ -110,11 +118,19 @@ impl<F: NorFlash> Driver<F> {
             self.publish_events();
             return;
         }
-        match Message::parse(frame) {
-            Ok(message) if self.network.is_operational() => {
-                self.device.take(&message, frame, node, now_us);
+        if frame.identifier() == cob_id::SYNC && frame.data().is_empty() {
+            if self.network.is_operational() {
+                self.device.take_sync(None, now_us);
+            } else {
+                self.device.counters.count_passed_over();
             }
-            Ok(_) => self.device.counters.count_passed_over(),
+            return;
+        }
+        match Message::parse(frame) {
+            Ok(_) if !self.network.is_operational() => self.device.counters.count_passed_over(),
+            // The receive PDOs have been processed: other frames are those of other joints, or of a disabled PDO.
+            Ok(Message::Sync(sync)) => self.device.take_sync(Some(sync.counter), now_us),
+            Ok(_) => self.device.counters.count_foreign(),
             Err(FrameError::Foreign(_)) => self.device.counters.count_foreign(),
             Err(FrameError::Length { .. }) => self.device.counters.count_wrong_length(),
             Err(FrameError::Counter(_) | FrameError::JointKind(_)) => {
@@ -128,6 +144,7 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::State(_) => {
                 // A joint without a master must not stay armed.
                 if !self.network.is_operational() {
+                    self.device.restart_pdos();
                     self.device.disarm();
                 }
             }
@@ -135,7 +152,7 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::ResetCommunication => {
                 self.device.disarm();
                 self.sdo = SdoServer::new();
-                self.device.reset_identifiers();
+                self.device.reset_pdos();
                 let node = self.device.settings().node;
                 self.network = Network::boot(node, now_us, self.device.outbox());
             }
@@ -151,12 +168,17 @@ impl<F: NorFlash> Driver<F> {
             return;
         };
         self.device.set_time(now_us);
-        if let Some(answer) = self.sdo.answer(request, now_us, &mut self.device) {
-            self.device.counters.sdo_refused = self.sdo.aborts();
-            let identifier = cob_id::SDO_ANSWER + u16::from(node.number());
-            if let Some(frame) = Frame::new(identifier, &answer) {
-                self.device.outbox().push(frame);
-            }
+        let answer = self.sdo.answer(request, now_us, &mut self.device);
+        self.send_answer(answer, node);
+    }
+
+    /// Sends a frame of the object server, if there is one.
+    fn send_answer(&mut self, answer: Option<[u8; 8]>, node: NodeId) {
+        let Some(answer) = answer else { return };
+        self.device.counters.sdo_refused = self.sdo.aborts();
+        let identifier = cob_id::SDO_ANSWER + u16::from(node.number());
+        if let Some(frame) = Frame::new(identifier, &answer) {
+            self.device.outbox().push(frame);
         }
     }
 
@@ -166,6 +188,13 @@ impl<F: NorFlash> Driver<F> {
         self.network.tick(settings.heartbeat_ms, now_us, self.device.outbox());
         let heartbeat_lost = self.network.is_heartbeat_missing(settings.awaited_heartbeat, now_us);
         self.device.tick(heartbeat_lost, now_us);
+        if self.network.is_operational() {
+            self.device.transmit_events(now_us);
+        }
+        if self.network.can_serve_objects() {
+            let frame = self.sdo.tick(now_us, &mut self.device);
+            self.send_answer(frame, self.network.node());
+        }
         if self.model_log_us.is_some_and(|log_us| now_us >= log_us) {
             self.model_log_us = None;
             self.device.log_model();
@@ -189,8 +218,13 @@ impl<F: NorFlash> Driver<F> {
         }
     }
 
-    /// Returns the next frame to send.
+    /// Returns the next frame to send; called when the controller has room for it. The segments of a block are
+    /// made only here, when no other frame waits: the queue is shorter than a block.
     pub fn transmit(&mut self) -> Option<Frame> {
+        if self.device.outbox().is_empty() && self.network.can_serve_objects() {
+            let segment = self.sdo.next_segment(&mut self.device);
+            self.send_answer(segment, self.network.node());
+        }
         self.device.outbox().pop()
     }
 
@@ -214,9 +248,21 @@ impl<F: NorFlash> Driver<F> {
         self.device.has_own_identifiers()
     }
 
+    /// Returns the identifiers that the controller must accept besides broadcasts and those with the node number of
+    /// the start: receive PDOs and SDO. 0 for none.
+    pub fn receive_identifiers(&self) -> [u16; 7] {
+        let [a, b, c, d, e, f] = self.device.receive_identifiers();
+        [a, b, c, d, e, f, cob_id::SDO_REQUEST + u16::from(self.network.node().number())]
+    }
+
     /// Returns the bit rate of the settings, kbit/s.
     pub fn bit_rate_kbit(&self) -> u16 {
         self.device.settings().bit_rate_kbit
+    }
+
+    /// Returns the bit rate of the data of CAN FD frames on the bus, kbit/s.
+    pub fn data_bit_rate_kbit(&self) -> u16 {
+        self.device.settings().data_bit_rate_kbit
     }
 
     /// Returns the source of its inputs.

@@ -10,6 +10,7 @@
 
 pub mod bit_timing;
 pub mod dictionary;
+pub mod lss;
 pub mod sdo;
 
 use canopen_rs::emcy::{EmergencyMessage, emcy_cob_id};
@@ -44,6 +45,11 @@ impl Outbox {
         let frame = self.frames.pop_front()?;
         self.sent = self.sent.wrapping_add(1);
         Some(frame)
+    }
+
+    /// Returns true if no frame waits.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
     }
 
     /// Returns the number of frames removed so far.

@@ -5,7 +5,7 @@
 //! when it is written, not when it is used.
 
 use crate::hil::{HilSetup, NumberType};
-use crate::node::bit_timing::BIT_RATES_KBIT;
+use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
 use compensator_core::can::NodeId;
 use core::fmt;
@@ -36,6 +36,9 @@ pub struct NodeSettings {
     /// Bit rate of the bus, kbit/s: one of [`BIT_RATES_KBIT`]. Node number and bit rate take effect at the
     /// next start.
     pub bit_rate_kbit: u16,
+    /// Bit rate of the data of CAN FD frames on the bus, kbit/s: one of [`DATA_BIT_RATES_KBIT`]. The driver sends
+    /// none, but must follow those of other nodes. Takes effect at the next start.
+    pub data_bit_rate_kbit: u16,
     /// Period of the heartbeat, ms; 0 disables it.
     pub heartbeat_ms: u16,
     /// Monitored heartbeat in the format of CiA 301: node (bits 16 to 22) and timeout, ms (bits 0 to 15); 0
@@ -65,6 +68,7 @@ impl Default for NodeSettings {
         Self {
             node: NodeId::FIRST,
             bit_rate_kbit: 1000,
+            data_bit_rate_kbit: DEFAULT_DATA_BIT_RATE_KBIT,
             heartbeat_ms: 1000,
             awaited_heartbeat: 0,
             target_timeout_ms: TARGET_TIMEOUT_MAX_MS,
@@ -104,7 +108,15 @@ impl NodeSettings {
             ),
             (4, u32::from(self.heartbeat_ms) | u32::from(self.bit_rate_kbit) << 16),
             (8, self.awaited_heartbeat),
-            (12, u32::from(self.telemetry_every) | u32::from(self.target_timeout_ms) << 16),
+            (
+                12,
+                u32::from_le_bytes([
+                    self.telemetry_every,
+                    (self.data_bit_rate_kbit / 1000) as u8,
+                    self.target_timeout_ms.to_le_bytes()[0],
+                    self.target_timeout_ms.to_le_bytes()[1],
+                ]),
+            ),
             (16, self.period_s.to_bits()),
             (20, self.campaign_h.to_bits()),
             (24, self.commissioned),
@@ -134,7 +146,12 @@ impl NodeSettings {
                 _ => return None,
             },
             number: NumberType::from_code(number)?,
-            telemetry_every: u8::try_from(word(12)? & 0xFFFF).ok()?,
+            telemetry_every: word(12)? as u8,
+            data_bit_rate_kbit: match word(12)?.to_le_bytes()[1] {
+                // Settings of a driver without this one.
+                0 => DEFAULT_DATA_BIT_RATE_KBIT,
+                thousands => 1000 * u16::from(thousands),
+            },
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
             commissioned: word(24)?,
@@ -154,6 +171,11 @@ impl NodeSettings {
                 BIT_RATES_KBIT.contains(&self.bit_rate_kbit),
                 "bit_rate_kbit",
                 "1000, 500, 250 or 125",
+            ),
+            (
+                DATA_BIT_RATES_KBIT.contains(&self.data_bit_rate_kbit),
+                "data_bit_rate_kbit",
+                "1000, 2000 or 5000",
             ),
             ((least..=most).contains(&self.period_s), "period_s", "1e-5 to 1"),
             ((0.0..=1e6).contains(&self.campaign_h), "campaign_h", "0 to 1e6"),
@@ -248,6 +270,7 @@ mod tests {
         let settings = NodeSettings {
             node: NodeId::new(17).unwrap(),
             bit_rate_kbit: 250,
+            data_bit_rate_kbit: 5000,
             heartbeat_ms: 250,
             awaited_heartbeat: 3 << 16 | 500,
             target_timeout_ms: 45,
@@ -262,6 +285,10 @@ mod tests {
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
         assert_eq!(parse_block(&block[..10]), Err(BlockError::NodeSettings));
+        // Settings stored before the data bit rate existed have its default.
+        block[13] = 0;
+        let former = NodeSettings { data_bit_rate_kbit: 2000, ..settings };
+        assert_eq!(parse_block(&block), Ok((former, ParameterSet::default())));
         block[NodeSettings::LENGTH + 90] ^= 1;
         assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));
         block[2] = 2;

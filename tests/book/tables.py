@@ -157,6 +157,44 @@ def objects(_):
     return rows(["index", "object", "type, access", "entries"], lines)
 
 
+def frame_bits(data_bytes):
+    """Longest classic frame with an 11-bit identifier, bits: 34 bits of head and checksum and the data can be stuffed,
+    one bit after every four; 10 bits of trailer and 3 between two frames cannot."""
+    stuffable = 34 + 8 * data_bytes
+    return stuffable + (stuffable - 1) // 4 + 10 + 3
+
+
+# Bytes of the frames in a cycle: of the SYNC, from the master to a joint, from a joint.
+CYCLES = {
+    # SYNC with counter, receive PDO 1, transmit PDOs 1 to 5.
+    "bus-load-default": (1, [8], [8] * 5),
+    # Plain SYNC, the PDOs of tests/eds/bus/drive.yml that are sent at each SYNC.
+    "bus-load-drive": (0, [3, 6], [3, 8]),
+    # Plain SYNC; controlword and target torque, statusword, torque and position.
+    "bus-load-least": (0, [4], [8]),
+}
+BIT_RATE = 1_000_000
+RATES_HZ = [100, 200, 500, 1000]
+HEARTBEATS_HZ = 10
+
+
+def bus_load(name):
+    """Share of the time at 1 Mbit/s that the frames of a cycle and the heartbeats take, for 1 to 8 joints."""
+
+    def made(_):
+        sync, received, sent = CYCLES[name]
+        of_joint = sum(frame_bits(length) for length in received + sent)
+        lines = []
+        for joints in range(1, 9):
+            cycle = frame_bits(sync) + joints * of_joint
+            heartbeats = HEARTBEATS_HZ * (joints + 1) * frame_bits(1)
+            loads = [100 * (rate * cycle + heartbeats) / BIT_RATE for rate in RATES_HZ]
+            lines.append([str(joints)] + ["–" if load > 100 else f"{load:.0f} %" for load in loads])
+        return rows(["joints"] + [f"{rate} Hz" for rate in RATES_HZ], lines)
+
+    return made
+
+
 MADE = {
     "friction": friction,
     "motor": fields("pole_pairs:"),
@@ -169,6 +207,7 @@ MADE = {
     "limits": codes(False),
     "flags": flags,
     "objects": objects,
+    **{name: bus_load(name) for name in CYCLES},
 }
 
 

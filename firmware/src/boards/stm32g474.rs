@@ -148,7 +148,12 @@ mod app {
         let driver = background.driver();
         overcurrent::follow(driver.set().motor.overcurrent_a);
         let task = loop_task(driver.set());
-        let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
+        let controller = Controller::start(
+            wired.can,
+            driver.node(),
+            driver.bit_rate_kbit(),
+            driver.data_bit_rate_kbit(),
+        );
         let sign = driver.set().sensors.shunt_sign;
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
         let stage = MotorStage { stage, encoder, shunts };
@@ -256,6 +261,10 @@ mod app {
 
         fn apply_sensors(&mut self, sensors: &SensorParameters) {
             self.slow.constants = *sensors;
+        }
+
+        fn accept_identifiers(&mut self, identifiers: &[u16; 7]) {
+            self.controller.accept(identifiers);
         }
 
         fn state(&mut self, now_us: u64) -> BoardState {

@@ -4,14 +4,13 @@ mod boot;
 mod commissioning;
 mod compensation_share;
 mod drive;
+mod lss;
 mod network;
 mod pdos;
 mod requests;
 mod terms;
 mod values;
 mod velocity;
-
-pub(super) use pdos::PDO_UNUSED;
 
 use super::commissioning::AbortReason;
 use super::counters::{Counters, count};
@@ -29,6 +28,7 @@ use crate::loop_parts::StageTraits;
 use crate::node::Outbox;
 use crate::node::dictionary::ERROR_HISTORY_LENGTH;
 use crate::node::dictionary::records::{self, InputsObject};
+use crate::node::lss::Lss;
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::sensors::stuck::StuckWatch;
@@ -42,7 +42,7 @@ use compensator_core::can::{
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
 use network::LiveNetwork;
-use pdos::TRANSMIT_PDOS;
+use pdos::Pdos;
 
 /// Maximum length of a stored panic text, bytes.
 pub const MAX_PANIC_BYTES: usize = 160;
@@ -148,8 +148,13 @@ pub struct Device<F> {
     target_us: u64,
     /// Counter of the commands that the profile generates.
     drive_counter: u8,
-    /// Identifiers of transmit PDOs that a master has set; reset with the communication.
-    identifiers: [Option<u32>; TRANSMIT_PDOS],
+    /// Process data objects as a master has set them; reset with the communication.
+    pdos: Pdos,
+    lss: Lss,
+    /// The joint has started without stored settings: for LSS, it has no node number.
+    is_blank: bool,
+    /// Settings were stored since the start.
+    is_stored: bool,
     now_us: u64,
 }
 
@@ -194,7 +199,7 @@ impl<F: NorFlash> Device<F> {
         let is_from_bus = self.settings.source == InputSource::Bus;
         let places = match message {
             // A SYNC has a producer and a timer of its own, so it does not confirm the target.
-            Message::Sync(sync) => return self.sync(*sync, node),
+            Message::Sync(sync) => return self.take_sync(Some(sync.counter), now_us),
             Message::Motion(of, _) if *of == node && is_from_bus => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }
@@ -255,10 +260,17 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    fn sync(&mut self, sync: SyncFrame, node: NodeId) {
+    /// Ends a sample. Returns its number; `None` for a repeated or late SYNC.
+    fn sync(&mut self, sync: SyncFrame) -> Option<u32> {
         let lost = match self.hil.sync(sync) {
-            HilStep::Duplicate => return count(&mut self.counters.sync_duplicate, 1),
-            HilStep::Late => return count(&mut self.counters.sync_late, 1),
+            HilStep::Duplicate => {
+                count(&mut self.counters.sync_duplicate, 1);
+                return None;
+            }
+            HilStep::Late => {
+                count(&mut self.counters.sync_late, 1);
+                return None;
+            }
             HilStep::Reply(reply, lost) => {
                 if self.settings.source == InputSource::Bus {
                     self.reply = reply;
@@ -269,29 +281,8 @@ impl<F: NorFlash> Device<F> {
         count(&mut self.counters.sync_lost, u32::from(lost));
         if self.settings.source == InputSource::Sensors {
             self.reply = self.measured_reply();
-            // Motion and Torque have the format in which a joint in HIL receives them: a log of a joint is a
-            // trace.
-            self.send(Message::Motion(
-                node,
-                MotionFrame {
-                    velocity_rad_s: self.report.velocity_rad_s,
-                    position_rad: self.report.position_rad,
-                },
-            ));
-            let load_torque_nm = f32::from_bits(self.inputs.load_torque_nm);
-            self.send(Message::Torque(
-                node,
-                TorqueFrame { torque_nm: self.report.motor_torque_nm, load_torque_nm },
-            ));
         }
         let reply = self.reply;
-        self.send(Message::Answer(node, reply.answer));
-        self.send(Message::Status(node, reply.status));
-        let every = u32::from(self.settings.telemetry_every);
-        if every > 0 && reply.status.sequence.is_multiple_of(every) {
-            self.send(Message::Telemetry(node, reply.telemetry));
-        }
-        self.send_drive_frame();
         if self.settings.source == InputSource::Bus
             && let Some(watch) = &mut self.watch
         {
@@ -299,6 +290,7 @@ impl<F: NorFlash> Device<F> {
             let velocity_rad_s = f32::from_bits(self.inputs.velocity_rad_s);
             watch.step(residual_nm, velocity_rad_s, residual_nm.is_finite());
         }
+        Some(reply.status.sequence)
     }
 
     fn measured_reply(&self) -> HilReply {

@@ -18,6 +18,10 @@ use compensator_core::network::record as network_record;
 use compensator_core::record;
 use embedded_storage::nor_flash::NorFlash;
 
+/// Sub-indices of a transmit PDO's times.
+const INHIBIT_TIME: u8 = 3;
+const EVENT_TIMER: u8 = 5;
+
 impl<F: NorFlash> Objects for Device<F> {
     fn check_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         let entry = dictionary::find(at.index, at.subindex)?;
@@ -39,6 +43,10 @@ impl<F: NorFlash> Objects for Device<F> {
                 | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
                 | (index::CONTROLWORD | index::TARGET_TORQUE | index::TARGET_VELOCITY, _)
                 | (index::COMMISSIONING_RUN, CommissioningRunObject::ORDER)
+                // Limits within those of the parameters, and what controls nothing.
+                | (index::MAX_TORQUE | index::MAX_MOTOR_SPEED | index::HOME_OFFSET, _)
+                | (index::HEARTBEAT, _)
+                | (index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE, INHIBIT_TIME | EVENT_TIMER)
         );
         if !always && self.is_armed() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -75,6 +83,7 @@ impl<F: NorFlash> Objects for Device<F> {
         let is_variable = matches!(object.shape, dictionary::Shape::Variable(_));
         let number = match (at.index, at.subindex) {
             (index::ERROR_FIELD, 0) => self.errors.len() as u32,
+            (mapping, 0) if dictionary::is_mapping(mapping) => self.number(mapping, 0)?,
             (_, 0) if !is_variable => u32::from(object.highest_sub_index()),
             (index::DEVICE_NAME, _) => return text("friction-compensated joint driver", value),
             (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
@@ -161,13 +170,14 @@ impl<F: NorFlash> Device<F> {
                 Abort::Refused,
                 "save and load need their own word (65766173h, 64616F6Ch)",
             )),
-            index::AWAITED_HEARTBEAT | index::HEARTBEAT | index::RECEIVE_DRIVE => {
-                self.write_setting(at, number)
+            index::AWAITED_HEARTBEAT => self.write_setting(at, number),
+            index::HEARTBEAT => {
+                self.set_heartbeat(number as u16);
+                Ok(())
             }
-            index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
-                self.set_identifier(usize::from(at.index - index::TRANSMIT_ANSWER), number)
-            }
-            _ => Err(Abort::ReadOnly),
+            // The deadline of the targets is stored.
+            index::RECEIVE_DRIVE if at.subindex == 5 => self.write_setting(at, number),
+            _ => self.write_pdo(at, number),
         }
     }
 
@@ -221,7 +231,6 @@ impl<F: NorFlash> Device<F> {
         let mut changed = *self.settings();
         let byte = number as u8;
         match (at.index, at.subindex) {
-            (index::HEARTBEAT, _) => changed.heartbeat_ms = number as u16,
             (index::AWAITED_HEARTBEAT, _) => changed.awaited_heartbeat = number,
             (index::RECEIVE_DRIVE, _) => changed.target_timeout_ms = number as u16,
             (_, OperationObject::SOURCE) => {
@@ -242,6 +251,7 @@ impl<F: NorFlash> Device<F> {
                 changed.node =
                     NodeId::new(byte).ok_or_else(|| self.refuse_setting("node", "1 to 127"))?;
             }
+            (_, OperationObject::DATA_BIT_RATE) => changed.data_bit_rate_kbit = number as u16,
             _ => changed.bit_rate_kbit = number as u16,
         }
         changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))?;

@@ -11,6 +11,11 @@ pub const SAMPLE_POINT_RANGE_PERMILLE: (u32, u32) = (800, 875);
 /// Supported bit rates, kbit/s: those of CiA 301 from 125 on, without 800.
 pub const BIT_RATES_KBIT: [u16; 4] = [1000, 500, 250, 125];
 
+/// Supported bit rates of the data of CAN FD frames, kbit/s: those of a 170 MHz clock in common use.
+pub const DATA_BIT_RATES_KBIT: [u16; 3] = [1000, 2000, 5000];
+/// Default of them.
+pub const DEFAULT_DATA_BIT_RATE_KBIT: u16 = 2000;
+
 /// Division of a bit into quanta of the controller's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {

@@ -87,9 +87,12 @@ const fn numbers(name: &'static str, names: &'static [&'static str]) -> (&'stati
     (name, Shape::Numbers(names))
 }
 
-/// Mapping of two objects in a frame of eight bytes.
+/// Maximum number of objects in a PDO: one per byte.
+pub const MAX_MAPPED_OBJECTS: usize = 8;
+
+/// Mapping of objects to a PDO.
 const fn mapping(name: &'static str) -> (&'static str, Shape) {
-    array(name, "mapped_object", Const, 2)
+    array(name, "mapped_object", ReadWrite, MAX_MAPPED_OBJECTS)
 }
 
 /// Number of errors kept in [`index::ERROR_FIELD`].
@@ -119,6 +122,8 @@ objects! {
     0x1001 ERROR_REGISTER variable("error_register", Unsigned8, ReadOnly);
     0x1003 ERROR_FIELD array("predefined_error_field", "error", ReadOnly, ERROR_HISTORY_LENGTH);
     0x1005 SYNC_IDENTIFIER variable("sync_cob_id", Unsigned32, Const);
+    0x1006 SYNC_PERIOD variable("communication_cycle_period_us", Unsigned32, ReadWrite);
+    0x1007 SYNC_WINDOW variable("synchronous_window_length_us", Unsigned32, ReadWrite);
     0x1008 DEVICE_NAME variable("device_name", VisibleString, Const);
     0x1009 HARDWARE_VERSION variable("hardware_version", VisibleString, Const);
     0x100A SOFTWARE_VERSION variable("software_version", VisibleString, Const);
@@ -131,7 +136,7 @@ objects! {
     );
     0x1017 HEARTBEAT variable("producer_heartbeat_time_ms", Unsigned16, ReadWrite);
     0x1018 IDENTITY record("identity", IdentityObject::ENTRIES);
-    0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, Const);
+    0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, ReadWrite);
     0x1200 SDO_SERVER record("sdo_server", SdoServerObject::ENTRIES);
     0x1400 RECEIVE_DRIVE record("receive_pdo_drive", DrivePdoObject::ENTRIES);
     0x1401 RECEIVE_COMMAND record("receive_pdo_command", PdoObject::ENTRIES);
@@ -139,7 +144,7 @@ objects! {
     0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", PdoObject::ENTRIES);
     0x1404 RECEIVE_MOTION record("receive_pdo_motion", PdoObject::ENTRIES);
     0x1405 RECEIVE_TORQUE record("receive_pdo_torque", PdoObject::ENTRIES);
-    0x1600 MAPPING_RECEIVED_DRIVE array("mapping_received_drive", "mapped_object", Const, 3);
+    0x1600 MAPPING_RECEIVED_DRIVE mapping("mapping_received_drive");
     0x1601 MAPPING_RECEIVED_COMMAND mapping("mapping_received_command");
     0x1602 MAPPING_RECEIVED_SEAL mapping("mapping_received_seal");
     0x1603 MAPPING_RECEIVED_SURROUNDINGS mapping("mapping_received_surroundings");
@@ -156,7 +161,7 @@ objects! {
     0x1A02 MAPPING_TELEMETRY mapping("mapping_telemetry");
     0x1A03 MAPPING_MOTION mapping("mapping_motion");
     0x1A04 MAPPING_TORQUE mapping("mapping_torque");
-    0x1A05 MAPPING_DRIVE array("mapping_drive", "mapped_object", Const, 3);
+    0x1A05 MAPPING_DRIVE mapping("mapping_drive");
     0x2000 TRACE record("trace", TraceObject::ENTRIES);
     0x2001 OPERATION record("operation", OperationObject::ENTRIES);
     0x2002 STATE record("state", StateObject::ENTRIES);
@@ -190,7 +195,7 @@ objects! {
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
     0x6041 STATUSWORD variable("statusword", Unsigned16, ReadOnly);
-    0x6060 MODE variable("modes_of_operation", Integer8, ReadWrite);
+    0x6060 MODE variable("modes_of_operation", Integer8, Input);
     0x6061 MODE_DISPLAY variable("modes_of_operation_display", Integer8, ReadOnly);
     0x6064 ACTUAL_POSITION variable("position_actual_value", Integer32, ReadOnly);
     0x606B VELOCITY_DEMAND variable("velocity_demand_value", Integer32, ReadOnly);
@@ -233,8 +238,8 @@ impl Object {
         let Some(place) = sub_index.checked_sub(1).map(usize::from) else {
             return Some(match self.shape {
                 Shape::Variable(entry) => entry,
-                // A tool clears the error history by writing 0 to its count.
-                Shape::Array(..) if self.index == index::ERROR_FIELD => {
+                // A tool clears the error history by writing 0 to its count, and counts the objects of a mapping.
+                Shape::Array(..) if self.index == index::ERROR_FIELD || is_mapping(self.index) => {
                     entry("highest_sub_index", Unsigned8, ReadWrite)
                 }
                 _ => entry("highest_sub_index", Unsigned8, Const),
@@ -257,6 +262,28 @@ impl Object {
 pub fn find(index: u16, sub_index: u8) -> Result<Entry, Abort> {
     let object = Object::find(index).ok_or(Abort::NoObject)?;
     object.entry(sub_index).ok_or(Abort::NoSubIndex)
+}
+
+/// Returns true if an object is the mapping of a PDO.
+pub const fn is_mapping(at_index: u16) -> bool {
+    matches!(at_index, 0x1600..=0x17FF | 0x1A00..=0x1BFF)
+}
+
+/// Returns true if an object can be mapped to a receive PDO.
+pub fn is_received(at_index: u16, sub_index: u8) -> bool {
+    let entry = find(at_index, sub_index);
+    entry.is_ok_and(|entry| entry.access == Access::Input && entry.data.length().is_some())
+}
+
+/// Returns true if an object can be mapped to a transmit PDO: a number that the driver changes.
+pub fn is_transmitted(at_index: u16, sub_index: u8) -> bool {
+    let is_of_joint = matches!(at_index, 0x2000..=0x67FF | index::ERROR_REGISTER);
+    let entry = find(at_index, sub_index);
+    is_of_joint
+        && entry.is_ok_and(|entry| {
+            matches!(entry.access, Access::ReadOnly | Access::Input)
+                && entry.data.length().is_some()
+        })
 }
 
 #[cfg(test)]

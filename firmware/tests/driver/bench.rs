@@ -45,6 +45,14 @@ impl Bench {
         Self::boot_on(StageTraits::NONE, source, flash, boot)
     }
 
+    /// Starts a joint without stored settings that has this serial number.
+    pub fn blank(serial: u32) -> Self {
+        let settings = NodeSettings { node: NODE, ..NodeSettings::default() };
+        let identity = Identity { hardware: "bench", serial, stage: StageTraits::NONE };
+        let driver = Driver::boot(settings, Flash::new(), identity, &Boot::default(), 0);
+        Self { driver, now_us: 0 }
+    }
+
     fn boot_on(stage: StageTraits, source: InputSource, flash: Flash, boot: &Boot) -> Self {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7, stage };

@@ -450,3 +450,36 @@ fn enabling_with_unknown_position_is_refused_if_the_position_is_required() {
     pass(&mut bench, 2);
     assert!(enable(&mut bench), "the position is known");
 }
+
+#[test]
+fn limits_and_heartbeat_change_while_enabled_and_deadlines_do_not() {
+    let mut bench = enabled();
+    control(&mut bench, 0x0F, 500);
+    assert!((bench.driver.loop_commands(bench.now_us).setpoint.current_a - 13.0).abs() < 1e-4);
+    bench.write(index::MAX_TORQUE, 0, &300u16.to_le_bytes()).unwrap();
+    control(&mut bench, 0x0F, 500);
+    assert!((bench.driver.loop_commands(bench.now_us).setpoint.current_a - 7.8).abs() < 1e-4);
+    bench.write(index::MAX_MOTOR_SPEED, 0, &487u32.to_le_bytes()).unwrap();
+    bench.write(index::HOME_OFFSET, 0, &1000i32.to_le_bytes()).unwrap();
+    bench.write(0x1800, 3, &10u16.to_le_bytes()).unwrap();
+    bench.write(0x1800, 5, &20u16.to_le_bytes()).unwrap();
+    bench.sent();
+    bench.write(index::HEARTBEAT, 0, &10u16.to_le_bytes()).unwrap();
+    for _ in 0..10 {
+        control(&mut bench, 0x0F, 500);
+        pass(&mut bench, 5);
+    }
+    let heartbeats = bench.sent().iter().filter(|frame| frame.identifier() == 0x701).count();
+    assert_eq!(heartbeats, 5);
+    for (at_index, sub_index, value) in [
+        (0x1016, 1, &[0u8; 4][..]),
+        (0x1400, 5, &[50, 0]),
+        (0x1800, 1, &[0x81, 1, 0, 0x80]),
+        (index::MODE, 0, &[9]),
+        (index::COMPENSATOR, 1, &[0; 4]),
+    ] {
+        let refused = bench.write(at_index, sub_index, value);
+        assert_eq!(refused, Err(0x0800_0022), "{at_index:04X}h");
+    }
+    assert!(bench.driver.is_armed());
+}

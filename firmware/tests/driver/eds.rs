@@ -4,7 +4,7 @@
 //! `UPDATE_TABLES=1 cargo test -p firmware --test driver eds` writes it.
 
 use super::bench::Bench;
-use firmware::node::dictionary::{Access, DataType, Entry, OBJECTS, Object, Shape, index};
+use firmware::node::dictionary::{self, Access, DataType, Entry, OBJECTS, Object, Shape, index};
 use std::fmt::Write;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/joint.eds");
@@ -63,10 +63,10 @@ fn list(text: &mut String, name: &str, objects: &[&Object]) {
 }
 
 fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
-    let frames = [index::INPUTS, index::OUTPUTS, index::MEASURED];
-    let of_profile =
-        [0x6040, 0x6041, 0x6064, 0x606C, 0x6071, 0x6077, 0x60FF].contains(&object.index);
-    let mapped = u8::from(frames.contains(&object.index) && sub_index > 0 || of_profile);
+    let mapped = u8::from(
+        dictionary::is_received(object.index, sub_index)
+            || dictionary::is_transmitted(object.index, sub_index),
+    );
     let _ = write!(
         text,
         "ObjectType=0x7\nDataType=0x{:04X}\nAccessType={}\n",
@@ -110,7 +110,7 @@ fn eds() -> String {
          GroupMessaging=0\n\
          NrOfRXPDO=6\n\
          NrOfTXPDO=6\n\
-         LSS_Supported=0\n\
+         LSS_Supported=1\n\
          \n\
          [DummyUsage]\n\
          Dummy0001=0\n\

@@ -20,11 +20,11 @@ fn wrong_frames_are_counted_by_kind() {
     let before = *bench.driver.counters();
     for (identifier, data) in [
         (0x301, &[0; 7][..]),
-        (0x080, &[]),
+        (0x080, &[1, 2]),
         (0x080, &[0]),
         (0x080, &[241]),
         (0x202, &[0; 8]),
-        (0x7E5, &[0; 8]),
+        (0x7E6, &[0; 8]),
         (0x601, &[0x40, 0, 0x10]),
     ] {
         bench.driver.receive(&frame(identifier, data), 0);

@@ -6,9 +6,12 @@ mod drive;
 mod eds;
 mod hostile;
 mod life;
+mod lss;
 mod network;
 mod parameters;
+mod pdos;
 mod sensors;
+mod stock_master;
 
 use bench::{Bench, NODE, frame};
 use compensator_core::can::{Message, MotionFrame, SealFrame, SyncFrame};

@@ -246,6 +246,67 @@ def parameters_are_staged_and_committed_by_name():
               ["static_torque", "=", "1.25", "compensator.scale", "=", "0.5"])
 
 
+def download_blocks(node, value):
+    with node.sdo.open(0x2027, 5, "wb", size=len(value), block_transfer=True) as object:
+        object.write(value)
+
+
+def upload_blocks(node, index, subindex):
+    with node.sdo.open(index, subindex, "rb", buffering=0, block_transfer=True) as object:
+        return object.read()
+
+
+@test
+def records_travel_in_blocks():
+    with Joint() as node:
+        record, scale = node.sdo.upload(0x2027, 5), node.sdo["compensator"]["scale"].raw
+        equal(upload_blocks(node, 0x2027, 5), record)
+        node.sdo["compensator"]["scale"].raw = 0.25
+        changed = upload_blocks(node, 0x2027, 5)
+        assert changed != record
+        download_blocks(node, record)
+        equal(node.sdo["compensator"]["scale"].raw, scale)
+        # Three blocks arrive, and the record is refused for its content.
+        refused(VALUE, download_blocks, node, bytes(1850))
+        refused(0x0504_0005, download_blocks, node, bytes(2000))
+        refused(0x0602_0000, upload_blocks, node, 0x3000, 0)
+        equal(upload_blocks(node, 0x2027, 5), record)
+
+
+@test
+def frames_of_can_fd_on_the_bus_are_ignored():
+    with Joint() as node, can.Bus(INTERFACE, "socketcan", fd=True) as bus:
+        record = node.sdo.upload(0x2027, 5)
+        for identifier in (0x081, 0x201, 0x601, 0x7E5) * 20:
+            message = can.Message(arbitration_id=identifier, data=bytes(64), is_extended_id=False, is_fd=True)
+            bus.send(message)
+            equal(node.sdo["producer_heartbeat_time_ms"].raw, 1000)
+        equal(upload_blocks(node, 0x2027, 5), record)
+        equal(node.sdo["frame_counters"][6].raw, 0, "of a wrong length")
+
+
+@test
+def a_blank_joint_gets_its_number_by_fastscan():
+    with Joint() as node:
+        network, lss = node.network, node.network.lss
+        begun = []
+        network.subscribe(0x721, lambda _, data, __: begun.append(data[0]))
+        lss.send_switch_state_global(lss.WAITING_STATE)
+        found, identity = lss.fast_scan()
+        assert found, "one without a number"
+        equal(list(identity[:2]), [0, 0x46524943])
+        equal(lss.inquire_node_id(), 255)
+        equal(lss.inquire_lss_address(0x5B), 0x46524943)
+        lss.configure_node_id(33)
+        lss.store_configuration()
+        lss.send_switch_state_global(lss.WAITING_STATE)
+        until(lambda: 0 in begun, "the boot-up message of node 33")
+        other = network.add_node(33, EDS)
+        equal(other.sdo["operation"]["node"].raw, 33)
+        found, _ = lss.fast_scan()
+        assert not found, "none is left"
+
+
 @test
 def what_is_refused_has_the_code_of_its_reason():
     with Joint() as node:

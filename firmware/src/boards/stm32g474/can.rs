@@ -1,10 +1,13 @@
-//! FDCAN1 with classic frames.
+//! FDCAN1 with classic frames, on a bus that may carry CAN FD frames of other nodes.
 //!
 //! embassy sets up the controller: clock, pins, bit timing, filters. This module moves the frames, because
 //! embassy's queues take a critical section per frame, which would delay the current loop. The layout of
 //! the message memory is fixed (as in the HAL of the chip): elements of 18 words with a header of two
 //! words. Its receive FIFO holds three frames, so the interrupt moves them to a longer queue at once. Its
 //! transmit FIFO holds three frames in order.
+//!
+//! The controller understands CAN FD: otherwise it would destroy each such frame by an error frame. It needs the bit rate
+//! of their data for it (2001h:8). Received ones are discarded, and all sent frames are classic.
 //!
 //! Filters are masks and pairs (embassy 0.6 swaps the bounds of a range). A controller that is *bus-off*
 //! recovers when INIT is cleared: it then waits for 128 x 11 recessive bits.
@@ -14,7 +17,8 @@ use compensator_core::can::{Frame, NodeId};
 use core::num::{NonZeroU8, NonZeroU16};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::can::config::{
-    FrameTransmissionConfig, GlobalFilter, NominalBitTiming, NonMatchingFilter, TxBufferMode,
+    DataBitTiming, FrameTransmissionConfig, GlobalFilter, NominalBitTiming, NonMatchingFilter,
+    TxBufferMode,
 };
 use embassy_stm32::can::filter::{Action, FilterType, StandardFilter, StandardFilterSlot};
 use embassy_stm32::can::{Can, CanConfigurator, IT0InterruptHandler, IT1InterruptHandler};
@@ -22,6 +26,7 @@ use embassy_stm32::interrupt::typelevel::{Binding, FDCAN1_IT0, FDCAN1_IT1};
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::FDCAN1;
 use firmware::node::bit_timing::BitTiming;
+use firmware::node::lss::LSS_REQUEST;
 use firmware::supervisor::CanState;
 
 const CONTROLLER: pac::can::Fdcan = pac::FDCAN1;
@@ -56,12 +61,30 @@ pub fn record_lost() {
 
 /// The running controller.
 pub struct Controller {
-    _can: Can<'static>,
+    can: Can<'static>,
+    /// Identifiers accepted besides those of the start; 0 for none.
+    accepted: [u16; 7],
 }
+
+/// Filter slots of single identifiers. The slots before are those of the node number and the broadcasts.
+const RECEIVE_SLOTS: [StandardFilterSlot; 7] = [
+    StandardFilterSlot::_4,
+    StandardFilterSlot::_5,
+    StandardFilterSlot::_6,
+    StandardFilterSlot::_7,
+    StandardFilterSlot::_8,
+    StandardFilterSlot::_9,
+    StandardFilterSlot::_10,
+];
 
 impl Controller {
     /// Starts the controller as this node.
-    pub fn start(can: pins::Can, node: NodeId, bit_rate_kbit: u16) -> Self {
+    pub fn start(
+        can: pins::Can,
+        node: NodeId,
+        bit_rate_kbit: u16,
+        data_bit_rate_kbit: u16,
+    ) -> Self {
         let mut setup =
             CanConfigurator::new(can.controller, can.receive, can.transmit, HandledInterrupts);
         let mut config = setup.config();
@@ -69,7 +92,11 @@ impl Controller {
         if let Some(timing) = timing(bit_rate_kbit) {
             config.nbtr = timing;
         }
-        config.frame_transmit = FrameTransmissionConfig::ClassicCanOnly;
+        if let Some(timing) = data_timing(data_bit_rate_kbit) {
+            config.dbtr = timing;
+        }
+        // FDOE: frames in the FD format are followed to their end. The format of a sent frame is in its header.
+        config.frame_transmit = FrameTransmissionConfig::AllowFdCan;
         config.tx_buffer_mode = TxBufferMode::Fifo;
         // `state` requests the recovery, so that it is also reported.
         config.automatic_bus_off_recovery = false;
@@ -87,8 +114,15 @@ impl Controller {
             FilterType::BitMask { filter: 0x000, mask: 0x77F },
             // Heartbeats of all nodes, of which one is monitored.
             FilterType::BitMask { filter: 0x700, mask: 0x780 },
+            // The LSS master.
+            FilterType::BitMask { filter: LSS_REQUEST, mask: 0x7FF },
         ];
-        let slots = [StandardFilterSlot::_0, StandardFilterSlot::_1, StandardFilterSlot::_2];
+        let slots = [
+            StandardFilterSlot::_0,
+            StandardFilterSlot::_1,
+            StandardFilterSlot::_2,
+            StandardFilterSlot::_3,
+        ];
         for (slot, filter) in slots.into_iter().zip(filters) {
             let filter = StandardFilter { filter, action: Action::StoreInFifo0 };
             setup.properties().set_standard_filter(slot, filter);
@@ -96,7 +130,21 @@ impl Controller {
         let can = setup.into_normal_mode();
         // Enable only the source that the interrupt clears; any other would raise it for ever.
         CONTROLLER.ie().write(|w| w.set_rfne(0, true));
-        Self { _can: can }
+        Self { can, accepted: [0; 7] }
+    }
+
+    /// Accepts these identifiers besides those of the start, because a master may move a receive PDO to the
+    /// identifier of another node, or change the node number. The message memory may be written while the controller runs.
+    pub fn accept(&mut self, identifiers: &[u16; 7]) {
+        if *identifiers == self.accepted {
+            return;
+        }
+        self.accepted = *identifiers;
+        for (slot, identifier) in RECEIVE_SLOTS.into_iter().zip(identifiers) {
+            let filter = FilterType::BitMask { filter: *identifier, mask: 0x7FF };
+            let action = if *identifier == 0 { Action::Disable } else { Action::StoreInFifo0 };
+            self.can.properties().set_standard_filter(slot, StandardFilter { filter, action });
+        }
     }
 
     /// Returns true if a frame was lost since the last call, in the controller or in the queue.
@@ -157,6 +205,18 @@ impl Controller {
 fn timing(bit_rate_kbit: u16) -> Option<NominalBitTiming> {
     let timing = BitTiming::for_rate(scales::CAN_HZ, u32::from(bit_rate_kbit) * 1000)?;
     Some(NominalBitTiming {
+        prescaler: NonZeroU16::new(timing.prescaler)?,
+        seg1: NonZeroU8::new(timing.seg1)?,
+        seg2: NonZeroU8::new(timing.seg2)?,
+        sync_jump_width: NonZeroU8::new(timing.seg2)?,
+    })
+}
+
+/// Converts a bit rate of CAN FD data to the timing of the controller. The delay compensation is for sent frames.
+fn data_timing(bit_rate_kbit: u16) -> Option<DataBitTiming> {
+    let timing = BitTiming::for_rate(scales::CAN_HZ, u32::from(bit_rate_kbit) * 1000)?;
+    Some(DataBitTiming {
+        transceiver_delay_compensation: false,
         prescaler: NonZeroU16::new(timing.prescaler)?,
         seg1: NonZeroU8::new(timing.seg1)?,
         seg2: NonZeroU8::new(timing.seg2)?,

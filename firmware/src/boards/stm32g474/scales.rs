@@ -5,7 +5,7 @@ use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::deadline::DeadlineLimits;
 use firmware::loop_parts::StageTraits;
-use firmware::node::bit_timing::{BIT_RATES_KBIT, BitTiming};
+use firmware::node::bit_timing::{BIT_RATES_KBIT, BitTiming, DATA_BIT_RATES_KBIT};
 use firmware::sensors::as504x::{MAX_CLOCK_HZ, clock_divider};
 use firmware::sensors::comparator::ComparatorLevels;
 use firmware::sensors::quiet::QuietWindow;
@@ -63,6 +63,16 @@ const _: () = {
             BitTiming::for_rate(CAN_HZ, BIT_RATES_KBIT[index] as u32 * 1000).is_some(),
             "every bit rate must have a timing"
         );
+        index += 1;
+    }
+    index = 0;
+    while index < DATA_BIT_RATES_KBIT.len() {
+        let rate = DATA_BIT_RATES_KBIT[index] as u32 * 1000;
+        let Some(timing) = BitTiming::for_rate(CAN_HZ, rate) else {
+            panic!("every data bit rate must have a timing");
+        };
+        // Fields of DBTP.
+        assert!(timing.prescaler <= 31 && timing.seg1 <= 31 && timing.seg2 <= 15);
         index += 1;
     }
 };

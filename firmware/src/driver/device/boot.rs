@@ -1,7 +1,7 @@
 //! Start of a device: from the flash or the defaults, with the result of the previous run.
 
 use super::network::LiveNetwork;
-use super::pdos::TRANSMIT_PDOS;
+use super::pdos::Pdos;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
 use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
@@ -14,6 +14,7 @@ use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
 use crate::hil::{HilJoint, HilReply};
 use crate::node::Outbox;
+use crate::node::lss::Lss;
 use crate::node::sdo::Abort;
 use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, parse_block};
 use crate::parameter_set::ParameterSet;
@@ -51,6 +52,7 @@ impl<F: NorFlash> Device<F> {
         now_us: u64,
     ) -> Self {
         let LoadedSet { settings, set, parameters, refusal } = loaded;
+        let is_blank = parameters == ParameterSource::Default;
         let supervisor = Supervisor::boot(
             &set.thresholds,
             &supervisor::SupervisorBoot {
@@ -111,7 +113,10 @@ impl<F: NorFlash> Device<F> {
             measured_wiring: None,
             target_us: 0,
             drive_counter: 0,
-            identifiers: [None; TRANSMIT_PDOS],
+            pdos: Pdos::new(settings.node),
+            lss: Lss::default(),
+            is_blank,
+            is_stored: false,
             now_us,
         }
     }

@@ -222,14 +222,6 @@ impl<F: NorFlash> Device<F> {
             self.supervisor.trip(Code::CommandTimeout);
         }
     }
-
-    /// Transmit PDO 6: statusword, torque, position.
-    pub(super) fn send_drive_frame(&mut self) {
-        let [a, b] = self.statusword().to_le_bytes();
-        let [c, d] = self.actual_permille().to_le_bytes();
-        let [e, f, g, h] = self.actual_position().to_le_bytes();
-        self.transmit(super::pdos::DRIVE_PDO, &[a, b, c, d, e, f, g, h]);
-    }
 }
 
 /// Converts to millionths; the cast saturates and converts NaN to 0.

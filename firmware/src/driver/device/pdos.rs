@@ -1,43 +1,91 @@
-//! Transmit PDOs and their identifiers, which a master may change while the joint is disarmed.
+//! Process data objects: identifiers, transmission types and mappings, which a master may change.
+//!
+//! The defaults are the frames of `joint.dbc`. A master changes them while the joint is disarmed; they are not stored and
+//! return to the defaults when the communication is reset, because a master configures its nodes at every start.
+//! Receive PDOs with their default mapping are read as the frames they are; with another mapping, each object is
+//! written as if by SDO.
 
-use super::{Device, InputSource, Message};
-use crate::node::sdo::Abort;
-use compensator_core::can::{Frame, cob_id};
+mod mapping;
+mod sync;
+mod transmit;
+
+use super::{Device, InputSource, Message, NodeId};
+use crate::driver::counters::count;
+use crate::node::dictionary::index;
+use crate::node::sdo::{Abort, Objects};
+use canopen_rs::Address;
+use compensator_core::can::{Frame, FrameError, cob_id};
 use embedded_storage::nor_flash::NorFlash;
+use mapping::{Direction, Mapping};
+use sync::SyncState;
+use transmit::{LAST_SYNCHRONOUS, TransmitPdo, is_legal_type};
 
-/// Number of transmit PDOs, and the index of the drive's PDO.
-pub const TRANSMIT_PDOS: usize = 6;
-pub const DRIVE_PDO: usize = 5;
+/// Number of PDOs in each direction.
+pub const PDOS: usize = 6;
 
 /// Bit of a PDO identifier that marks it as unused.
-pub const PDO_UNUSED: u32 = 1 << 31;
+const PDO_UNUSED: u32 = 1 << 31;
 
-impl<F: NorFlash> Device<F> {
-    pub(super) fn send(&mut self, message: Message) {
-        let slot = match message {
-            Message::Answer(..) => 0,
-            Message::Status(..) => 1,
-            Message::Telemetry(..) => 2,
-            Message::Motion(..) => 3,
-            _ => 4,
-        };
-        self.transmit(slot, message.emit().data());
+/// Receive PDOs up to here are event-driven by default.
+const LAST_EVENT_DRIVEN: usize = 1;
+
+/// Transmit PDO with every n-th sample (2001h:5).
+const TELEMETRY: usize = 2;
+
+/// Order of the transmit PDOs at a SYNC: what was measured, then what was computed.
+const SYNC_ORDER: [usize; PDOS] = [3, 4, 0, 1, 2, 5];
+
+/// A receive PDO.
+#[derive(Clone, Copy, Debug)]
+struct ReceivePdo {
+    /// Identifier that a master has set, with bit 31 for unused.
+    identifier: Option<u32>,
+    kind: u8,
+    mapping: Mapping,
+    /// Frame that waits for the next SYNC.
+    pending: Option<Frame>,
+}
+
+impl ReceivePdo {
+    const fn new(slot: usize) -> Self {
+        let kind = if slot <= LAST_EVENT_DRIVEN { 255 } else { 1 };
+        Self { identifier: None, kind, mapping: Mapping::of_receive(slot), pending: None }
     }
+}
 
-    /// Sends a transmit PDO with its identifier, if it is in use.
-    pub(super) fn transmit(&mut self, slot: usize, data: &[u8]) {
-        let identifier = self.identifier(slot);
-        if identifier & PDO_UNUSED == 0
-            && let Some(frame) = Frame::new(identifier as u16 & Frame::MAX_IDENTIFIER, data)
-        {
-            self.outbox.push(frame);
+/// All PDOs of a joint.
+#[derive(Debug)]
+pub struct Pdos {
+    /// Node number in use.
+    node: NodeId,
+    transmit: [TransmitPdo; PDOS],
+    receive: [ReceivePdo; PDOS],
+    sync: SyncState,
+}
+
+impl Pdos {
+    pub fn new(node: NodeId) -> Self {
+        Self {
+            node,
+            transmit: core::array::from_fn(TransmitPdo::new),
+            receive: core::array::from_fn(ReceivePdo::new),
+            sync: SyncState::new(),
         }
     }
+}
 
+/// Returns the slot and direction of the PDO whose parameters or mapping an object holds.
+fn slot_of(at_index: u16) -> (Direction, usize) {
+    let direction =
+        if at_index & 0x1FFF >= 0x1800 { Direction::Transmit } else { Direction::Receive };
+    (direction, usize::from(at_index & 0x1FF))
+}
+
+impl<F: NorFlash> Device<F> {
     /// Returns the identifier of a transmit PDO as in its object; bit 31 is set if the PDO is unused.
-    pub(in crate::driver) fn identifier(&self, slot: usize) -> u32 {
-        if let Some(Some(given)) = self.identifiers.get(slot) {
-            return *given;
+    fn transmit_identifier(&self, slot: usize) -> u32 {
+        if let Some(Some(given)) = self.pdos.transmit.get(slot).map(|pdo| pdo.identifier) {
+            return given;
         }
         let of_sensors = if self.settings.source == InputSource::Sensors { 0 } else { PDO_UNUSED };
         let (base, unused) = match slot {
@@ -50,36 +98,340 @@ impl<F: NorFlash> Device<F> {
             // need.
             _ => (cob_id::TPDO_1, PDO_UNUSED),
         };
-        (u32::from(base) + u32::from(self.settings.node.number())) | unused
+        (u32::from(base) + u32::from(self.pdos.node.number())) | unused
     }
 
-    /// Sets the identifier of a transmit PDO, or marks it as unused (bit 31).
-    pub(in crate::driver) fn set_identifier(
-        &mut self,
-        slot: usize,
-        identifier: u32,
-    ) -> Result<(), Abort> {
-        // Bit 30 forbids remote requests, which are never answered.
-        let number = identifier & !(PDO_UNUSED | 1 << 30);
-        // The identifiers that CiA 301 permits for PDOs: the predefined set, and the free ones above SDO.
-        let legal = (0x181..=0x57F).contains(&number) || (0x680..=0x6FF).contains(&number);
-        if !legal && identifier & PDO_UNUSED == 0 {
-            let why =
-                format_args!("cob_id = {identifier:x}h: must be 181h to 57Fh or 680h to 6FFh");
+    /// Returns the identifier of a receive PDO as in its object; bit 31 is set if the PDO is unused.
+    fn receive_identifier(&self, slot: usize) -> u32 {
+        match self.pdos.receive.get(slot).map(|pdo| pdo.identifier) {
+            Some(Some(given)) => given,
+            _ => self.default_receive_identifier(slot),
+        }
+    }
+
+    fn default_receive_identifier(&self, slot: usize) -> u32 {
+        // A joint on its sensors sends Motion and Torque; a joint in HIL receives them with the same identifier.
+        let of_bus = if self.settings.source == InputSource::Bus { 0 } else { PDO_UNUSED };
+        let (base, unused) = match slot {
+            0 => (cob_id::RPDO_1, 0),
+            1 => (cob_id::RPDO_2, 0),
+            2 => (cob_id::RPDO_3, 0),
+            3 => (cob_id::RPDO_4, 0),
+            4 => (cob_id::TPDO_4, of_bus),
+            _ => (cob_id::TPDO_5, of_bus),
+        };
+        (u32::from(base) + u32::from(self.pdos.node.number())) | unused
+    }
+
+    /// Returns the identifiers of the receive PDOs in use; 0 for none.
+    pub(in crate::driver) fn receive_identifiers(&self) -> [u16; PDOS] {
+        core::array::from_fn(|slot| {
+            let identifier = self.receive_identifier(slot);
+            if identifier & PDO_UNUSED == 0 { identifier as u16 & Frame::MAX_IDENTIFIER } else { 0 }
+        })
+    }
+
+    /// Returns the receive PDO with this identifier.
+    pub(in crate::driver) fn receive_slot(&self, identifier: u16) -> Option<usize> {
+        self.receive_identifiers().iter().position(|own| *own == identifier && *own != 0)
+    }
+
+    /// Returns the value of a PDO parameter, a mapping or a SYNC object.
+    pub(in crate::driver) fn pdo_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
+        match at_index {
+            index::SYNC_PERIOD => return Ok(self.pdos.sync.period_us),
+            index::SYNC_WINDOW => return Ok(self.pdos.sync.window_us),
+            index::SYNC_OVERFLOW => return Ok(self.pdos.sync.overflow.into()),
+            _ => {}
+        }
+        let (direction, slot) = slot_of(at_index);
+        let is_mapping = at_index & 0x200 != 0;
+        match direction {
+            Direction::Receive => {
+                let pdo = self.pdos.receive.get(slot).ok_or(Abort::NoObject)?;
+                Ok(match place {
+                    _ if is_mapping => return pdo.mapping.number(place),
+                    1 => self.receive_identifier(slot),
+                    2 => pdo.kind.into(),
+                    5 => self.settings.target_timeout_ms.into(),
+                    _ => 0,
+                })
+            }
+            Direction::Transmit => {
+                let pdo = self.pdos.transmit.get(slot).ok_or(Abort::NoObject)?;
+                Ok(match place {
+                    _ if is_mapping => return pdo.mapping.number(place),
+                    1 => self.transmit_identifier(slot),
+                    2 => pdo.kind.into(),
+                    3 => pdo.inhibit_time.into(),
+                    5 => pdo.event_timer_ms.into(),
+                    6 => pdo.sync_start.into(),
+                    _ => 0,
+                })
+            }
+        }
+    }
+
+    /// Writes a PDO parameter, a mapping or a SYNC object.
+    pub(in crate::driver) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
+        let sync = &mut self.pdos.sync;
+        match at.index {
+            index::SYNC_PERIOD => {
+                sync.period_us = number;
+                return Ok(());
+            }
+            index::SYNC_WINDOW => {
+                sync.window_us = number;
+                return Ok(());
+            }
+            index::SYNC_OVERFLOW => return self.set_sync_overflow(number),
+            _ => {}
+        }
+        let (direction, slot) = slot_of(at.index);
+        if at.index & 0x200 != 0 {
+            return self.write_mapping(direction, slot, at.subindex, number);
+        }
+        if at.subindex == 1 {
+            self.check_identifier(number)?;
+        }
+        if at.subindex == 2 && !is_legal_type(number) {
+            let why = format_args!("transmission_type = {number}: must be 0 to 240, 254 or 255");
             return Err(self.staging.refuse(Abort::Value, why));
         }
-        if let Some(place) = self.identifiers.get_mut(slot) {
-            *place = Some(identifier);
+        if at.subindex == 6 && number > 240 {
+            let why = format_args!("sync_start = {number}: must be at most 240");
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        match direction {
+            Direction::Receive => {
+                let pdo = self.pdos.receive.get_mut(slot).ok_or(Abort::NoObject)?;
+                pdo.pending = None;
+                match at.subindex {
+                    1 => pdo.identifier = Some(number),
+                    _ => pdo.kind = number as u8,
+                }
+            }
+            Direction::Transmit => {
+                let pdo = self.pdos.transmit.get_mut(slot).ok_or(Abort::NoObject)?;
+                pdo.restart();
+                match at.subindex {
+                    1 => pdo.identifier = Some(number),
+                    2 => pdo.kind = number as u8,
+                    3 => pdo.inhibit_time = number as u16,
+                    5 => pdo.event_timer_ms = number as u16,
+                    _ => pdo.sync_start = number as u8,
+                }
+            }
         }
         Ok(())
     }
 
-    /// Resets the identifiers, when the communication restarts.
-    pub(in crate::driver) fn reset_identifiers(&mut self) {
-        self.identifiers = [None; TRANSMIT_PDOS];
+    fn set_sync_overflow(&mut self, number: u32) -> Result<(), Abort> {
+        if self.pdos.sync.period_us != 0 {
+            let why = "sync_counter_overflow: set the communication cycle (1006h) to 0 first";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        if number == 1 || number > 240 {
+            let why = format_args!("sync_counter_overflow = {number}: must be 0 or 2 to 240");
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.pdos.sync.overflow = number as u8;
+        Ok(())
     }
 
+    fn check_identifier(&mut self, identifier: u32) -> Result<(), Abort> {
+        // Bit 30 forbids remote requests, which are never answered.
+        let number = identifier & !(PDO_UNUSED | 1 << 30);
+        // The identifiers that CiA 301 permits for PDOs: the predefined set, and the free ones above SDO.
+        let is_legal = (0x181..=0x57F).contains(&number) || (0x680..=0x6FF).contains(&number);
+        if !is_legal && identifier & PDO_UNUSED == 0 {
+            let why =
+                format_args!("cob_id = {identifier:x}h: must be 181h to 57Fh or 680h to 6FFh");
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        Ok(())
+    }
+
+    fn write_mapping(
+        &mut self,
+        direction: Direction,
+        slot: usize,
+        sub_index: u8,
+        number: u32,
+    ) -> Result<(), Abort> {
+        let (identifier, mapping) = match direction {
+            Direction::Receive => (
+                self.receive_identifier(slot),
+                self.pdos.receive.get_mut(slot).map(|pdo| &mut pdo.mapping),
+            ),
+            Direction::Transmit => (
+                self.transmit_identifier(slot),
+                self.pdos.transmit.get_mut(slot).map(|pdo| &mut pdo.mapping),
+            ),
+        };
+        if identifier & PDO_UNUSED == 0 {
+            let why = "a mapping is changed while its PDO is disabled (bit 31 of the identifier)";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        let written = mapping.ok_or(Abort::NoObject)?.write(sub_index, number, direction);
+        written.map_err(|abort| match abort {
+            Abort::State => {
+                let why = "an entry of a mapping is written while the count (sub-index 0) is 0";
+                self.staging.refuse(Abort::State, why)
+            }
+            other => other,
+        })
+    }
+
+    /// Resets all PDOs to their defaults, when the communication restarts.
+    pub(in crate::driver) fn reset_pdos(&mut self) {
+        let settings = self.settings;
+        if settings.node != self.pdos.node {
+            // The inputs in HIL carry the node number.
+            let _ = self.set_settings(settings);
+            self.is_blank = false;
+        }
+        self.is_blank &= !self.is_stored;
+        self.pdos = Pdos::new(settings.node);
+    }
+
+    /// Returns the node number in use.
+    pub(super) const fn node_in_use(&self) -> NodeId {
+        self.pdos.node
+    }
+
+    /// Forgets what was sent and received, when the network leaves the operational state.
+    pub(in crate::driver) fn restart_pdos(&mut self) {
+        self.pdos.transmit.iter_mut().for_each(TransmitPdo::restart);
+        self.pdos.receive.iter_mut().for_each(|pdo| pdo.pending = None);
+    }
+
+    /// Returns true if all frames are those of `joint.dbc`.
     pub(in crate::driver) fn has_own_identifiers(&self) -> bool {
-        self.identifiers.iter().all(Option::is_none)
+        let mut pdos = self.pdos.transmit.iter().enumerate();
+        pdos.all(|(slot, pdo)| {
+            pdo.identifier.is_none() && pdo.mapping == Mapping::of_transmit(slot)
+        })
+    }
+
+    /// Processes a frame of a receive PDO.
+    pub(in crate::driver) fn take_pdo(&mut self, slot: usize, frame: &Frame, now_us: u64) {
+        let is_late = self.pdos.sync.is_outside_window(now_us);
+        let Some(pdo) = self.pdos.receive.get_mut(slot) else { return };
+        if pdo.kind <= LAST_SYNCHRONOUS {
+            if is_late {
+                return count(&mut self.counters.outside_window, 1);
+            }
+            // The inputs of a sample wait for its SYNC anyway.
+            let is_input = slot > LAST_EVENT_DRIVEN && pdo.mapping == Mapping::of_receive(slot);
+            if !is_input {
+                pdo.pending = Some(*frame);
+                return;
+            }
+        }
+        self.apply_pdo(slot, frame, now_us);
+    }
+
+    /// Writes the objects of a receive PDO.
+    fn apply_pdo(&mut self, slot: usize, frame: &Frame, now_us: u64) {
+        let Some(mapping) = self.pdos.receive.get(slot).map(|pdo| pdo.mapping) else { return };
+        self.now_us = now_us;
+        if mapping != Mapping::of_receive(slot) {
+            return self.apply_mapped(mapping, frame);
+        }
+        if slot == 0 {
+            return self.take_drive_frame(frame, now_us);
+        }
+        let node = self.pdos.node;
+        let identifier = self.default_receive_identifier(slot) as u16 & Frame::MAX_IDENTIFIER;
+        let Some(frame) = Frame::new(identifier, frame.data()) else { return };
+        match Message::parse(&frame) {
+            Ok(message) => self.take(&message, &frame, node, now_us),
+            Err(FrameError::Length { .. }) => self.counters.count_wrong_length(),
+            Err(_) => self.counters.count_wrong_content(),
+        }
+    }
+
+    fn apply_mapped(&mut self, mapping: Mapping, frame: &Frame) {
+        if frame.data().len() < mapping.length() {
+            return self.counters.count_wrong_length();
+        }
+        let mut rest = frame.data();
+        for object in mapping.objects() {
+            let Some((value, after)) = rest.split_at_checked(object.length) else { return };
+            rest = after;
+            // A master repeats the mode in every frame; only a change is a request.
+            if object.index == index::MODE && self.profile.mode.to_le_bytes() == *value {
+                continue;
+            }
+            let at = Address::new(object.index, object.sub_index);
+            // A refusal is reported as for an object (2028h), and in the statusword.
+            if self.check_write(at, Some(value.len())).is_ok() {
+                let _ = self.write(at, value);
+            }
+        }
+    }
+
+    /// Processes a SYNC with its counter, or a plain one.
+    pub(in crate::driver) fn take_sync(&mut self, counter: Option<u8>, now_us: u64) {
+        let sync = self.pdos.sync.take(counter, now_us);
+        self.now_us = now_us;
+        for slot in 0..PDOS {
+            let pending = self.pdos.receive.get_mut(slot).and_then(|pdo| pdo.pending.take());
+            if let Some(frame) = pending {
+                self.apply_pdo(slot, &frame, now_us);
+            }
+        }
+        if let Some(sequence) = self.sync(sync) {
+            self.transmit_at_sync(counter, sequence, now_us);
+        }
+    }
+
+    fn transmit_at_sync(&mut self, counter: Option<u8>, sequence: u32, now_us: u64) {
+        let every = u32::from(self.settings.telemetry_every);
+        let has_telemetry = every > 0 && sequence.is_multiple_of(every);
+        for slot in SYNC_ORDER {
+            if slot == TELEMETRY && !has_telemetry {
+                continue;
+            }
+            self.transmit_if(slot, |pdo, data| pdo.is_due_at_sync(counter, data, now_us));
+        }
+    }
+
+    /// Sends the event-driven PDOs that are due: once per tick while the network is operational.
+    pub(in crate::driver) fn transmit_events(&mut self, now_us: u64) {
+        for slot in 0..PDOS {
+            if self.pdos.transmit.get(slot).is_some_and(|pdo| pdo.kind > LAST_SYNCHRONOUS) {
+                self.transmit_if(slot, |pdo, data| pdo.is_due_by_event(data, now_us));
+            }
+        }
+    }
+
+    /// Sends a transmit PDO with its identifier, if it is in use and due.
+    fn transmit_if(&mut self, slot: usize, is_due: impl FnOnce(&mut TransmitPdo, [u8; 8]) -> bool) {
+        let identifier = self.transmit_identifier(slot);
+        let Some(mapping) = self.pdos.transmit.get(slot).map(|pdo| pdo.mapping) else { return };
+        let length = mapping.length();
+        if identifier & PDO_UNUSED != 0 || length == 0 {
+            return;
+        }
+        let mut data = [0; 8];
+        let mut rest = &mut data[..];
+        for object in mapping.objects() {
+            let number = self.number(object.index, object.sub_index).unwrap_or_default();
+            let Some((place, after)) = rest.split_at_mut_checked(object.length) else { break };
+            for (byte, value) in place.iter_mut().zip(number.to_le_bytes()) {
+                *byte = value;
+            }
+            rest = after;
+        }
+        if self.pdos.transmit.get_mut(slot).is_some_and(|pdo| is_due(pdo, data))
+            && let Some(frame) = Frame::new(
+                identifier as u16 & Frame::MAX_IDENTIFIER,
+                data.get(..length).unwrap_or(&data),
+            )
+        {
+            self.outbox.push(frame);
+        }
     }
 }

@@ -167,10 +167,18 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
+    /// Sets the period of the heartbeat, ms; 0 disables it. Nothing else depends on it, so that an armed joint may
+    /// have another one.
+    pub(in crate::driver) fn set_heartbeat(&mut self, period_ms: u16) {
+        self.settings.heartbeat_ms = period_ms;
+    }
+
     /// Stores settings and the active set.
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
         let block = emit_block(&self.settings, self.staging.active());
-        self.write_block(&block)
+        self.write_block(&block)?;
+        self.is_stored = true;
+        Ok(())
     }
 
     /// Stores the defaults; they apply from the next start, as in CiA 301.

@@ -151,18 +151,18 @@ record! {
 }
 
 record! {
-    /// COB-ID and transmission type of a PDO.
+    /// COB-ID and transmission type of a receive PDO.
     PdoObject {
-        cob_id: Unsigned32, Const;
-        transmission_type: Unsigned8, Const;
+        cob_id: Unsigned32, ReadWrite;
+        transmission_type: Unsigned8, ReadWrite;
     }
 }
 
 record! {
     /// COB-ID, transmission type and deadline of the receive PDO with the targets of a CiA 402 master.
     DrivePdoObject {
-        cob_id: Unsigned32, Const;
-        transmission_type: Unsigned8, Const;
+        cob_id: Unsigned32, ReadWrite;
+        transmission_type: Unsigned8, ReadWrite;
         inhibit_time: Unsigned16, Const;
         compatibility_entry: Unsigned8, Const;
         event_timer_ms: Unsigned16, ReadWrite;
@@ -170,10 +170,14 @@ record! {
 }
 
 record! {
-    /// COB-ID (which a master may change) and transmission type of a transmit PDO.
+    /// COB-ID, transmission type and times of a transmit PDO.
     TransmitPdoObject {
         cob_id: Unsigned32, ReadWrite;
-        transmission_type: Unsigned8, Const;
+        transmission_type: Unsigned8, ReadWrite;
+        inhibit_time_100us: Unsigned16, ReadWrite;
+        compatibility_entry: Unsigned8, Const;
+        event_timer_ms: Unsigned16, ReadWrite;
+        sync_start: Unsigned8, ReadWrite;
     }
 }
 
@@ -196,6 +200,7 @@ record! {
         telemetry_every: Unsigned8, ReadWrite, TELEMETRY_EVERY;
         node: Unsigned8, ReadWrite, NODE;
         bit_rate_kbit: Unsigned16, ReadWrite;
+        data_bit_rate_kbit: Unsigned16, ReadWrite, DATA_BIT_RATE;
     }
 }
 
@@ -389,4 +394,6 @@ counters! {
     receiver_overrun,
     /// Times the controller went bus-off.
     bus_off,
+    /// Synchronous frames received after the window of their SYNC.
+    outside_window,
 }
