@@ -152,12 +152,17 @@ impl<F: NorFlash> Driver<F> {
             return;
         };
         self.device.set_time(now_us);
-        if let Some(answer) = self.sdo.answer(request, now_us, &mut self.device) {
-            self.device.counters.sdo_refused = self.sdo.aborts();
-            let identifier = cob_id::SDO_ANSWER + u16::from(node.number());
-            if let Some(frame) = Frame::new(identifier, &answer) {
-                self.device.outbox().push(frame);
-            }
+        let answer = self.sdo.answer(request, now_us, &mut self.device);
+        self.send_answer(answer, node);
+    }
+
+    /// Sends a frame of the object server, if there is one.
+    fn send_answer(&mut self, answer: Option<[u8; 8]>, node: NodeId) {
+        let Some(answer) = answer else { return };
+        self.device.counters.sdo_refused = self.sdo.aborts();
+        let identifier = cob_id::SDO_ANSWER + u16::from(node.number());
+        if let Some(frame) = Frame::new(identifier, &answer) {
+            self.device.outbox().push(frame);
         }
     }
 
@@ -167,6 +172,10 @@ impl<F: NorFlash> Driver<F> {
         self.network.tick(settings.heartbeat_ms, now_us, self.device.outbox());
         let heartbeat_lost = self.network.is_heartbeat_missing(settings.awaited_heartbeat, now_us);
         self.device.tick(heartbeat_lost, now_us);
+        if self.network.can_serve_objects() {
+            let frame = self.sdo.tick(now_us, &mut self.device);
+            self.send_answer(frame, self.network.node());
+        }
         if self.model_log_us.is_some_and(|log_us| now_us >= log_us) {
             self.model_log_us = None;
             self.device.log_model();
@@ -190,8 +199,13 @@ impl<F: NorFlash> Driver<F> {
         }
     }
 
-    /// Returns the next frame to send.
+    /// Returns the next frame to send; called when the controller has room for it. The segments of a block are
+    /// made only here, when no other frame waits: the queue is shorter than a block.
     pub fn transmit(&mut self) -> Option<Frame> {
+        if self.device.outbox().is_empty() && self.network.can_serve_objects() {
+            let segment = self.sdo.next_segment(&mut self.device);
+            self.send_answer(segment, self.network.node());
+        }
         self.device.outbox().pop()
     }
 

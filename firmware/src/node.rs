@@ -46,6 +46,11 @@ impl Outbox {
         Some(frame)
     }
 
+    /// Returns true if no frame waits.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
     /// Returns the number of frames removed so far.
     pub const fn sent(&self) -> u32 {
         self.sent

@@ -2,7 +2,9 @@
 //!
 //! `canopen-rs` codes the frames. Its own client is limited to values of 64 bytes, and a parameter record is larger, so
 //! the client is implemented here. Other frames that arrive while an answer is awaited are kept for
-//! [`Client::next_other_frame`].
+//! [`Client::next_other_frame`]. Long values travel in blocks: [`Client::write_blocks`], [`Client::read_blocks`].
+
+mod block;
 
 use crate::bus::{Bus, BusError, Received};
 use canopen_rs::Address;
@@ -53,6 +55,14 @@ pub enum SdoError {
         /// Number of the node.
         node: u8,
     },
+    /// The CRC of a block transfer is wrong.
+    #[error("{object}: the value of node {node} was damaged on the bus (CRC); repeat the transfer")]
+    Crc {
+        /// The object.
+        object: String,
+        /// Number of the node.
+        node: u8,
+    },
     /// The value has another length than its type.
     #[error("{object}: {found} bytes, expected {expected}")]
     Length {
@@ -75,6 +85,9 @@ fn abort_words(code: u32) -> &'static str {
         0x0503_0000 => "toggle bit not alternated",
         0x0504_0000 => "protocol timed out",
         0x0504_0001 => "unknown command",
+        0x0504_0002 => "invalid block size",
+        0x0504_0003 => "invalid sequence number",
+        0x0504_0004 => "CRC error",
         0x0504_0005 => "out of memory",
         0x0601_0001 => "write only",
         0x0601_0002 => "read only",
@@ -265,26 +278,43 @@ impl<B: Bus> Client<B> {
     }
 
     fn answer_to(&mut self, request: [u8; 8]) -> Result<[u8; 8], SdoError> {
+        self.send_request(request)?;
+        self.receive_answer(ANSWER_TIMEOUT, |data| answers(&request, data))?.ok_or(self.silent())
+    }
+
+    fn send_request(&mut self, request: [u8; 8]) -> Result<(), SdoError> {
         let number = u16::from(self.node.number());
-        let silent = SdoError::Silent { node: self.node.number() };
-        let Some(frame) = Frame::new(cob_id::SDO_REQUEST + number, &request) else {
-            return Err(silent);
-        };
-        self.bus.send(&CanFrame::from(frame))?;
-        let until_ns = self.bus.now_ns().saturating_add(ANSWER_TIMEOUT.as_nanos() as u64);
+        match Frame::new(cob_id::SDO_REQUEST + number, &request) {
+            Some(frame) => Ok(self.bus.send(&CanFrame::from(frame))?),
+            None => Err(self.silent()),
+        }
+    }
+
+    /// Waits for a frame of the node's server that `is_expected`. Keeps all other frames.
+    fn receive_answer(
+        &mut self,
+        timeout: Duration,
+        is_expected: impl Fn(&[u8; 8]) -> bool,
+    ) -> Result<Option<[u8; 8]>, SdoError> {
+        let identifier = cob_id::SDO_ANSWER + u16::from(self.node.number());
+        let until_ns = self.bus.now_ns().saturating_add(timeout.as_nanos() as u64);
         while let Some(received) = self.bus.receive(until_ns)? {
             let answer = received.frame.to_joint();
-            let answer = answer.filter(|frame| frame.identifier() == cob_id::SDO_ANSWER + number);
+            let answer = answer.filter(|frame| frame.identifier() == identifier);
             let data = answer.and_then(|frame| frame.data().try_into().ok());
-            if let Some(data) = data.filter(|data| answers(&request, data)) {
-                return Ok(data);
+            if let Some(data) = data.filter(&is_expected) {
+                return Ok(Some(data));
             }
             if self.other_frames.len() == MAX_OTHER_FRAMES {
                 self.other_frames.pop_front();
             }
             self.other_frames.push_back(received);
         }
-        Err(silent)
+        Ok(None)
+    }
+
+    fn silent(&self) -> SdoError {
+        SdoError::Silent { node: self.node.number() }
     }
 
     fn protocol(&self, at: Address) -> SdoError {
@@ -296,7 +326,7 @@ impl<B: Bus> Client<B> {
 /// transfer names its object; the others have only their kind.
 fn answers(request: &[u8; 8], answer: &[u8; 8]) -> bool {
     const KIND: u8 = 0xE0;
-    let begins = matches!(request[0] & KIND, 0x20 | 0x40);
+    let begins = matches!(request[0] & KIND, 0x20 | 0x40 | 0xA0 | 0xC0);
     if begins { request[1..4] == answer[1..4] } else { matches!(answer[0] & KIND, 0 | 0x20 | 0x80) }
 }
 

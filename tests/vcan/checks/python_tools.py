@@ -246,6 +246,33 @@ def parameters_are_staged_and_committed_by_name():
               ["static_torque", "=", "1.25", "compensator.scale", "=", "0.5"])
 
 
+def download_blocks(node, value):
+    with node.sdo.open(0x2027, 5, "wb", size=len(value), block_transfer=True) as object:
+        object.write(value)
+
+
+def upload_blocks(node, index, subindex):
+    with node.sdo.open(index, subindex, "rb", buffering=0, block_transfer=True) as object:
+        return object.read()
+
+
+@test
+def records_travel_in_blocks():
+    with Joint() as node:
+        record, scale = node.sdo.upload(0x2027, 5), node.sdo["compensator"]["scale"].raw
+        equal(upload_blocks(node, 0x2027, 5), record)
+        node.sdo["compensator"]["scale"].raw = 0.25
+        changed = upload_blocks(node, 0x2027, 5)
+        assert changed != record
+        download_blocks(node, record)
+        equal(node.sdo["compensator"]["scale"].raw, scale)
+        # Three blocks arrive, and the record is refused for its content.
+        refused(VALUE, download_blocks, node, bytes(1850))
+        refused(0x0504_0005, download_blocks, node, bytes(2000))
+        refused(0x0602_0000, upload_blocks, node, 0x3000, 0)
+        equal(upload_blocks(node, 0x2027, 5), record)
+
+
 @test
 def what_is_refused_has_the_code_of_its_reason():
     with Joint() as node:
