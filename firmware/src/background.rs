@@ -12,7 +12,7 @@
 
 use crate::driver::{Driver, LoopReport};
 use crate::loop_link::LoopLink;
-use crate::sensors::{LocalReadings, SensorParameters};
+use crate::sensors::{LocalReadings, SensorParameters, enclosure};
 use crate::supervisor::CanState;
 use compensator_core::can::Frame;
 use embedded_storage::nor_flash::NorFlash;
@@ -35,6 +35,8 @@ pub struct BoardState {
     pub can: CanState,
     /// Last readings of the board's own slow sensors.
     pub sensors: LocalReadings,
+    /// Last readings of the dry side, and the channels of safe torque off.
+    pub enclosure: enclosure::Readings,
 }
 
 impl Default for BoardState {
@@ -47,6 +49,7 @@ impl Default for BoardState {
             receiver_overrun: false,
             can: CanState::Active,
             sensors: LocalReadings::default(),
+            enclosure: enclosure::Readings::default(),
         }
     }
 }
@@ -203,6 +206,7 @@ impl<F: NorFlash> Background<F> {
 
     fn observe(&mut self, state: &BoardState, now_us: u64) {
         self.driver.bus_state(state.receiver_overrun, state.can);
+        self.driver.set_enclosure(state.enclosure);
         self.driver.tick(now_us);
     }
 

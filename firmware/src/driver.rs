@@ -35,6 +35,7 @@ use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
+use crate::sensors::enclosure;
 use crate::supervisor::{CanState, JointState, Supervisor};
 use compensator_core::can::{Frame, FrameError, Message, NodeId, cob_id};
 use compensator_core::network::Factors;
@@ -231,6 +232,11 @@ impl<F: NorFlash> Driver<F> {
     /// Sets the state of the CAN controller, and whether received frames were lost.
     pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
         self.device.bus_state(receiver_overrun, can);
+    }
+
+    /// Sets the last readings of the dry side, before a tick.
+    pub fn set_enclosure(&mut self, readings: enclosure::Readings) {
+        self.device.set_enclosure(readings);
     }
 
     /// Returns true if the network requested a restart, which the board or its simulation performs.

@@ -2,8 +2,10 @@
 //!
 //! They use the traits of embedded-hal and convert counts to SI units:
 //!
+//! - [`bme280`]: humidity and pressure of the air in the housing, on the same I2C bus as `ms5837`;
 //! - [`bus_recovery`]: releases an I2C bus whose data line is held low;
 //! - [`as504x`]: magnetic encoder on SPI, read by the current loop in every period;
+//! - [`enclosure`]: what leak probe, humidity, housing pressure and safe torque off say about the dry side;
 //! - [`ms5837`]: water pressure on I2C, in small steps that never block;
 //! - [`parameters`]: constants of the sensors, as parameters;
 //! - [`quiet`]: when slow conversions do not disturb those of the current loop;
@@ -16,8 +18,10 @@
 //! newer reading is used. A joint without a sensor can thus receive its value from the bus.
 
 pub mod as504x;
+pub mod bme280;
 pub mod bus_recovery;
 pub mod comparator;
+pub mod enclosure;
 pub mod ms5837;
 pub mod parameters;
 pub mod quiet;

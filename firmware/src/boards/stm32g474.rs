@@ -134,7 +134,7 @@ mod app {
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
         // Both are triggered by the timers and therefore set up before these start.
         let encoder = Encoder::new(wired.encoder);
-        let slow = SlowSensors::new(wired.slow, wired.pressure);
+        let slow = SlowSensors::new(wired.slow, wired.pressure, wired.torque_off);
         let are_duties_at_top = stage.start();
         let shunts = measure_offsets(&mut stage);
         let self_test_passed = are_duties_at_top
@@ -277,6 +277,7 @@ mod app {
                 receiver_overrun: self.controller.take_overrun(),
                 can: self.controller.state(),
                 sensors,
+                enclosure: self.slow.enclosure(now_us),
             }
         }
 

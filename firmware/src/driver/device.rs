@@ -31,6 +31,7 @@ use crate::node::dictionary::records::{self, InputsObject};
 use crate::node::lss::Lss;
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
+use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::Store;
 use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
@@ -124,6 +125,7 @@ pub struct Device<F> {
     /// A tick has evaluated the report.
     report_seen: bool,
     can: CanState,
+    pub(super) enclosure: enclosure::Readings,
     blocking: u32,
     set_number: u32,
     gate_resets: u8,
@@ -348,6 +350,7 @@ impl<F: NorFlash> Device<F> {
                 system_break: report.system_break,
                 bridge_shorted: report.bridge_shorted,
                 magnet_fault: report.magnet_fault,
+                enclosure: enclosure::assess(&self.enclosure, &self.set().sensors),
                 stack_intact: report.stack_intact,
                 can: self.can,
                 heartbeat_lost,
@@ -448,6 +451,11 @@ impl<F: NorFlash> Device<F> {
             count(&mut self.counters.bus_off, 1);
         }
         self.can = can;
+    }
+
+    /// Sets the last readings of the dry side: see [`super::Driver::set_enclosure`].
+    pub(super) const fn set_enclosure(&mut self, readings: enclosure::Readings) {
+        self.enclosure = readings;
     }
 
     /// Disarms the joint, for any source of inputs.

@@ -21,9 +21,10 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, IdentityObject,
-    InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject, PdoObject,
-    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
+    CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, EnclosureObject,
+    IdentityObject, InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject,
+    PdoObject, SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry,
+    name_on_host,
 };
 
 /// Structure of an object.
@@ -177,6 +178,7 @@ objects! {
     0x200B NETWORK record("network", NetworkObject::ENTRIES);
     0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRunObject::ENTRIES);
     0x200D LIVE_TERMS variable("live_terms", Unsigned32, ReadOnly);
+    0x2012 ENCLOSURE record("enclosure", EnclosureObject::ENTRIES);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);

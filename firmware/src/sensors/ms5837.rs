@@ -135,6 +135,11 @@ impl<B: SensorBus> Ms5837<B> {
         Self { bus, step: Step::Reset, due_us: 0, prom: [0; 7], calibration: None, failed: false }
     }
 
+    /// Returns the bus, for another sensor on it.
+    pub const fn bus(&mut self) -> &mut B {
+        &mut self.bus
+    }
+
     /// Does the next transfer if one is due. Returns a measurement when one is complete.
     ///
     /// # Errors

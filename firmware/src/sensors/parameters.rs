@@ -1,4 +1,4 @@
-//! Constants of the sensors of a joint, as parameters: strain gauge, shunts and thermistors.
+//! Constants of the sensors of a joint, as parameters: strain gauge, shunts, thermistors, and the dry side.
 //!
 //! A joint with other weights, another thermistor or turned amplifiers needs no other image. The defaults are those of
 //! the STM32G474 board.
@@ -27,8 +27,27 @@ compensator_core::named_fields! {
         motor_ratio_at_25: f32 = 1.0, 1e-3..=1e3, "a ratio of resistances";
         /// Material constant B of the motor's thermistor, K.
         motor_beta_k: f32 = 3435.0, 500.0..=1e4, "from the data sheet of a thermistor";
+        /// 1 if a leak probe is connected to the board.
+        leak_connected: f32 = 0.0, 0.0..=1.0, "0 or 1";
+        /// Share of the converter's range below which the leak probe is wet.
+        leak_wet_share: f32 = 0.6, 0.0..=1.0, "a share of the range";
+        /// Share of the converter's range from which the wire of the leak probe is broken.
+        leak_open_share: f32 = 0.97, 0.0..=1.0, "a share of the range";
+        /// 1 if a leak stops the joint; with 0 it is only reported.
+        leak_stops: f32 = 1.0, 0.0..=1.0, "0 or 1";
+        /// 1 if a sensor of humidity and pressure (BME280) is in the housing.
+        air_connected: f32 = 0.0, 0.0..=1.0, "0 or 1";
+        /// Relative humidity of the housing that is reported, percent.
+        humidity_max_percent: f32 = 60.0, 1.0..=100.0, "below condensation at the coldest wall";
+        /// Lowest pressure of the housing that is not reported, Pa.
+        housing_pressure_min_pa: f32 = 7e4, 0.0..=1e6, "the pressure at closing, less what cooling explains";
+        /// Highest pressure of the housing that is not reported, Pa.
+        housing_pressure_max_pa: f32 = 1.3e5, 0.0..=1e6, "the pressure at closing, plus what heating explains";
+        /// 1 if the two channels of safe torque off are connected to the board.
+        sto_connected: f32 = 0.0, 0.0..=1.0, "0 or 1";
     }
-    /// Defaults: a strain gauge of 2000 N, low-side shunts, and thermistors of 10 k (B 3435) below 10 k.
+    /// Defaults: a strain gauge of 2000 N, low-side shunts, thermistors of 10 k (B 3435) below 10 k, and nothing on the
+    /// dry side.
 }
 
 impl SensorParameters {
@@ -38,9 +57,28 @@ impl SensorParameters {
     /// Names the first field refused, its value, the bound it broke and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
         check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
-        let switch = self.strain_connected;
-        let refused = if switch != 0.0 && switch != 1.0 {
-            Some(("strain_connected", switch, Bound::AtLeast(1.0), "0 or 1"))
+        let switches = [
+            ("strain_connected", self.strain_connected),
+            ("leak_connected", self.leak_connected),
+            ("leak_stops", self.leak_stops),
+            ("air_connected", self.air_connected),
+            ("sto_connected", self.sto_connected),
+        ];
+        let neither = switches.into_iter().find(|(_, switch)| *switch != 0.0 && *switch != 1.0);
+        let refused = if let Some((field, switch)) = neither {
+            Some((field, switch, Bound::AtLeast(1.0), "0 or 1"))
+        } else if self.leak_open_share <= self.leak_wet_share {
+            let why = "a broken wire is drier than a dry probe";
+            Some((
+                "leak_open_share",
+                self.leak_open_share,
+                Bound::MoreThan(self.leak_wet_share.into()),
+                why,
+            ))
+        } else if self.housing_pressure_max_pa <= self.housing_pressure_min_pa {
+            let (low, high) = (self.housing_pressure_min_pa, self.housing_pressure_max_pa);
+            let why = "there must be a range between the two";
+            Some(("housing_pressure_max_pa", high, Bound::MoreThan(low.into()), why))
         } else if self.shunt_sign.abs() != 1.0 {
             Some(("shunt_sign", self.shunt_sign, Bound::AtLeast(1.0), "1 or -1"))
         } else if self.strain_range_n == 0.0 {
@@ -96,6 +134,13 @@ mod tests {
             (SensorParameters { strain_connected: 0.5, ..sensors }, "strain_connected"),
             (SensorParameters { strain_range_n: 0.0, ..sensors }, "strain_range_n"),
             (SensorParameters { motor_beta_k: 10.0, ..sensors }, "motor_beta_k"),
+            (SensorParameters { leak_stops: 0.5, ..sensors }, "leak_stops"),
+            (SensorParameters { sto_connected: 0.5, ..sensors }, "sto_connected"),
+            (SensorParameters { leak_open_share: 0.5, ..sensors }, "leak_open_share"),
+            (
+                SensorParameters { housing_pressure_max_pa: 6e4, ..sensors },
+                "housing_pressure_max_pa",
+            ),
         ] {
             assert_eq!(changed.validate().expect_err("refused").field, field);
         }

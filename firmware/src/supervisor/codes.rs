@@ -261,6 +261,7 @@ pub const BRIDGE_FAULT_CODES: CodeSet = {
         Code::SelfTestFailed,
         Code::Internal,
         Code::SystemBreak,
+        Code::TorqueOff,
     ];
     let mut index = 0;
     while index < codes.len() {
@@ -341,6 +342,10 @@ codes! {
     29 PositionUnknown "position-unknown" 0xFF1B [PROFILE] Stops Armed 0 0
         "`position_required` is 1, the position is unknown, and the drive is not in homing mode",
         "the position is set (2002h:6, or homing)";
+    31 TorqueOff "safe-torque-off" 0xFF1F [MANUFACTURER] Stops Armed 0 100
+        "a channel of safe torque off does not allow torque", "both channels allow it";
+    32 Leak "leak" 0xFF20 [MANUFACTURER] Stops Always 200 1000
+        "water is at the leak probe, and `leak_stops` is 1", "the probe is dry";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100
         "the loop exceeded its period once", "periods without an overrun";
@@ -398,4 +403,14 @@ codes! {
         "the bus is nearly full: the winding burns braking power, or braking is reduced", "the bus has room";
     58 EncoderMagnet "encoder-magnet" 0xFF1C [PROFILE] Limits Always 0 100
         "the encoder reports a magnet that is too weak, too strong or misplaced", "it reports none at the next reading, a second later";
+    60 TorqueOffChannels "safe-torque-off-channels" 0xFF21 [MANUFACTURER] Limits Always 100 100
+        "the two channels of safe torque off differ", "they are equal";
+    61 LeakReported "leak-reported" 0xFF22 [MANUFACTURER] Limits Always 200 1000
+        "water is at the leak probe, and `leak_stops` is 0", "the probe is dry";
+    62 HousingHumid "housing-humid" 0xFF23 [MANUFACTURER] Limits Always 3000 3000
+        "the humidity in the housing reaches `humidity_max_percent`", "it is below";
+    63 HousingPressure "housing-pressure" 0xFF24 [MANUFACTURER] Limits Always 3000 3000
+        "the pressure in the housing is below `housing_pressure_min_pa` or above `housing_pressure_max_pa`", "it is within";
+    64 EnclosureUnknown "enclosure-unknown" 0xFF25 [MANUFACTURER] Limits Always 1000 1000
+        "the leak probe's wire is broken, or the sensor in the housing gives no valid value", "all connected sensors give valid values";
 }

@@ -1,6 +1,7 @@
 //! Inputs of the supervisor: the start conditions once, an observation every millisecond.
 
 use crate::control::LoopFlags;
+use crate::sensors::enclosure::Findings;
 use crate::store::StoreHealth;
 use compensator_core::Flags;
 
@@ -124,6 +125,8 @@ pub struct Observation {
     pub system_break: bool,
     /// True if the encoder reports a fault of its magnet.
     pub magnet_fault: bool,
+    /// What is wrong with the dry side, and whether safe torque off is active.
+    pub enclosure: Findings,
     /// True if the low sides are shorted, so that a current flows without being armed.
     pub bridge_shorted: bool,
     /// True if the guard words below the stack are intact.
@@ -163,6 +166,7 @@ impl Default for Observation {
             gate_driver_fault: false,
             system_break: false,
             magnet_fault: false,
+            enclosure: Findings::default(),
             bridge_shorted: false,
             stack_intact: true,
             can: CanState::Active,

@@ -12,7 +12,7 @@ use firmware::loop_task::LoopTask;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{NodeSettings, emit_block};
 use firmware::parameter_set::ParameterSet;
-use firmware::sensors::SensorParameters;
+use firmware::sensors::{SensorParameters, enclosure};
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::Code;
@@ -38,6 +38,8 @@ pub struct SimulatedBoard {
     pub watchdog_refreshes: usize,
     /// Constants of the sensors that the background applied last.
     pub sensors: SensorParameters,
+    /// Readings of the dry side.
+    pub enclosure: enclosure::Readings,
     pub link: LoopLink<'static>,
 }
 
@@ -65,7 +67,7 @@ impl Board for SimulatedBoard {
     }
     fn state(&mut self, _now_us: u64) -> BoardState {
         self.state_reads += 1;
-        BoardState::default()
+        BoardState { enclosure: self.enclosure, ..BoardState::default() }
     }
     fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
         Some(&mut self.link)
@@ -124,6 +126,7 @@ impl Joint {
             state_reads: 0,
             watchdog_refreshes: 0,
             sensors: SensorParameters::default(),
+            enclosure: enclosure::Readings::default(),
             link,
         };
         let stage = Stage::new(machine);

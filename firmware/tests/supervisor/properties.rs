@@ -3,6 +3,7 @@
 use super::bench::{STEP_US, healthy_observation};
 use compensator_core::Flags;
 use firmware::control::LoopFlags;
+use firmware::sensors::enclosure::Findings;
 use firmware::store::StoreHealth;
 use firmware::supervisor::codes::{COMPENSATION_DROPPING_CODES, FAULT_CODES};
 use firmware::supervisor::{
@@ -55,6 +56,9 @@ fn observation() -> impl Strategy<Value = Observation> {
         if is_healthy {
             return healthy_observation();
         }
+        let [leak_stops, leak_is_reported, is_torque_off] = [bits.0, bits.2, bits.3];
+        let enclosure =
+            Findings { leak_stops, leak_is_reported, is_torque_off, ..Findings::default() };
         Observation {
             bus_voltage_v: voltage,
             phase_currents_a: currents,
@@ -75,6 +79,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             gate_driver_fault: bits.0,
             system_break: bits.3,
             magnet_fault: bits.2,
+            enclosure,
             bridge_shorted: bits.0,
             stack_intact: bits.1,
             can: [CanState::Active, CanState::Passive, CanState::Off][usize::from(can)],

@@ -59,6 +59,7 @@ wiring! {
         phase_a = PA0,  "amplified shunt, phase a: ADC1_IN1, COMP3_INP";
         phase_b = PA1,  "amplified shunt, phase b: ADC2_IN2, COMP1_INP";
         bus     = PC0,  "divided bus voltage: ADC1_IN6";
+        leak    = PC1,  "leak probe, 1 M to the reference, 100 nF at the pin: ADC2_IN7";
     }
     /// The shunt signals at the inputs of further comparators.
     overcurrent: Overcurrent {
@@ -91,6 +92,11 @@ wiring! {
         i2c   = I2C1, "reads it";
         clock = PA15, "I2C1_SCL";
         data  = PB7,  "I2C1_SDA";
+    }
+    /// The two channels of safe torque off, high while they allow torque. A broken wire reads as low.
+    torque_off: TorqueOff {
+        first  = PC10, "first channel";
+        second = PC11, "second channel";
     }
     /// The CAN transceiver.
     can: Can {

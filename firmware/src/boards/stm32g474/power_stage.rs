@@ -50,7 +50,7 @@ pub struct Counts {
 /// The bridge. Only [`Stage::drive`] closes it.
 pub struct Stage {
     _adc_a: InjectedAdc<'static, ADC1, 2>,
-    _adc_b: InjectedAdc<'static, ADC2, 1>,
+    _adc_b: InjectedAdc<'static, ADC2, 2>,
     _timer: Peri<'static, TIM1>,
     break_pin: Flex<'static>,
     enable: Output<'static>,
@@ -91,7 +91,11 @@ impl Stage {
             true,
         );
         let adc_b = Adc::new(currents.adc_b, Default::default()).setup_injected_conversions(
-            [(currents.phase_b.degrade_adc(), SampleTime::CYCLES12_5)],
+            // The leak probe is converted beside the bus, so its conversion disturbs no other one.
+            [
+                (currents.phase_b.degrade_adc(), SampleTime::CYCLES12_5),
+                (currents.leak.degrade_adc(), SampleTime::CYCLES24_5),
+            ],
             TIM1_TRGO2,
             Exten::RISING_EDGE,
             false,
@@ -192,6 +196,11 @@ impl Stage {
             w.set_sbif(false);
         });
     }
+}
+
+/// Returns the latest counts of the leak probe.
+pub fn leak_counts() -> u16 {
+    pac::ADC2.jdr(1).read().jdata()
 }
 
 /// Opens all switches in both ways, with register accesses only: for panics and faults.

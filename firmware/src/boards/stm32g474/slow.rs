@@ -3,13 +3,17 @@
 //! The encoder's timer starts their conversions in every period, away from the top of the PWM; see
 //! `sensors::quiet` for the reason. Its channel 4 is the trigger: the rising edge, shortly after the top,
 //! starts the temperatures, and the falling edge the side load. The background reads the last results and
-//! waits for nothing. The pressure sensor is on a bus of its own.
+//! waits for nothing. Pressure sensor and the sensor in the housing share a bus of their own. The leak probe is
+//! converted with the phase currents ([`super::power_stage`]).
 
 use super::pressure_bus::PressureBus;
-use super::{pins, scales};
+use super::{pins, power_stage, scales};
 use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
+use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::peripherals::{ADC3, ADC4};
 use embassy_stm32::triggers::TIM3_TRGO;
+use firmware::sensors::bme280::Bme280;
+use firmware::sensors::enclosure::{self, LastAir};
 use firmware::sensors::ms5837::Ms5837;
 use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
 use firmware::sensors::{LocalReadings, SensorParameters};
@@ -22,6 +26,9 @@ pub struct SlowSensors {
     temperatures: InjectedAdc<'static, ADC3, 2>,
     force: InjectedAdc<'static, ADC4, 1>,
     pressure: Ms5837<PressureBus>,
+    air: Bme280,
+    last_air: LastAir,
+    torque_allowed: [Input<'static>; 2],
     /// Constants of the sensors.
     pub constants: SensorParameters,
     /// Latest side load, pressure and temperature.
@@ -30,7 +37,7 @@ pub struct SlowSensors {
 
 impl SlowSensors {
     /// Sets up the converters and the sensor bus. The first conversions start with the timers.
-    pub fn new(slow: pins::Slow, pressure: pins::Pressure) -> Self {
+    pub fn new(slow: pins::Slow, pressure: pins::Pressure, torque_off: pins::TorqueOff) -> Self {
         let bridge = slow.bridge_temperature.degrade_adc();
         let motor = slow.motor_temperature.degrade_adc();
         let temperatures = Adc::new(slow.adc, Default::default()).setup_injected_conversions(
@@ -46,8 +53,11 @@ impl SlowSensors {
             false,
         );
         let pressure = Ms5837::new(PressureBus::new(pressure));
+        let torque_allowed =
+            [Input::new(torque_off.first, Pull::Down), Input::new(torque_off.second, Pull::Down)];
         let (constants, last) = (SensorParameters::default(), LocalReadings::default());
-        Self { temperatures, force, pressure, constants, last }
+        let (air, last_air) = (Bme280::new(), LastAir::NONE);
+        Self { temperatures, force, pressure, air, last_air, torque_allowed, constants, last }
     }
 
     /// Returns the temperatures of bridge and motor, deg C; NaN if a sensor is broken.
@@ -70,10 +80,26 @@ impl SlowSensors {
         }
         // If the sensor fails, its last value ages and is reported as stale.
         if let Ok(Some(found)) = self.pressure.poll(now_us) {
-            local.set_pressure_diff(found.pressure_pa - scales::INSIDE_PA, now_us);
+            let inside_pa = self.last_air.get(now_us).pressure_pa;
+            let inside_pa = if inside_pa.is_nan() { scales::INSIDE_PA } else { inside_pa };
+            local.set_pressure_diff(found.pressure_pa - inside_pa, now_us);
             local.set_temperature(found.temperature_c, now_us);
         }
         *local
+    }
+
+    /// Reads the sensor in the housing, if one is connected, and returns the latest readings of the dry side.
+    pub fn enclosure(&mut self, now_us: u64) -> enclosure::Readings {
+        if self.constants.air_connected != 0.0
+            && let Ok(Some(air)) = self.air.poll(self.pressure.bus(), now_us)
+        {
+            self.last_air.set(air, now_us);
+        }
+        enclosure::Readings {
+            leak_share: Some(share(power_stage::leak_counts())),
+            air: Some(self.last_air.get(now_us)),
+            torque_allowed: Some(self.torque_allowed.each_ref().map(Input::is_high)),
+        }
     }
 }
 

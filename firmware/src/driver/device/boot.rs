@@ -18,6 +18,7 @@ use crate::node::lss::Lss;
 use crate::node::sdo::Abort;
 use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, parse_block};
 use crate::parameter_set::ParameterSet;
+use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::{LoadError, Store};
 use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
@@ -94,6 +95,7 @@ impl<F: NorFlash> Device<F> {
             report: LoopReport::default(),
             report_seen: true,
             can: CanState::Active,
+            enclosure: enclosure::Readings::default(),
             blocking: 0,
             set_number: 0,
             gate_resets: 0,

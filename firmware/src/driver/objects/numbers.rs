@@ -129,6 +129,7 @@ impl<F: NorFlash> Device<F> {
             }
             index::WATCH => entry(&self.watch_state().words(), place),
             index::LIVE_TERMS => Ok(self.live_terms()),
+            index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {
                 let (active_crc, staged_crc) =

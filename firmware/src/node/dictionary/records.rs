@@ -343,6 +343,18 @@ record! {
     }
 }
 
+record! {
+    /// The dry side of the joint: leak probe, air in the housing, channels of safe torque off (bits 0 and 1: torque is
+    /// allowed). NaN marks what is not measured.
+    EnclosureObject {
+        leak_share: Real32, ReadOnly;
+        humidity_percent: Real32, ReadOnly;
+        housing_pressure_pa: Real32, ReadOnly;
+        housing_temperature_c: Real32, ReadOnly;
+        torque_allowed: Unsigned8, ReadOnly;
+    }
+}
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
         /// Counters of received, sent, unusable and lost frames.
