@@ -128,12 +128,12 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::State(_) => {
                 // A joint without a master must not stay armed.
                 if !self.network.is_operational() {
-                    self.device.disarm();
+                    self.device.stop_connection();
                 }
             }
             NmtAction::Reset => self.is_reset_requested = true,
             NmtAction::ResetCommunication => {
-                self.device.disarm();
+                self.device.stop_connection();
                 self.sdo = SdoServer::new();
                 self.device.reset_identifiers();
                 let node = self.device.settings().node;

@@ -51,6 +51,14 @@ impl VelocityGains {
     }
 }
 
+impl VelocityGains {
+    /// Returns the gains with another maximum acceleration of the reference, rad/s^2, for a step of `period_s`.
+    #[must_use]
+    pub fn with_acceleration(self, acceleration_rad_s2: f32, period_s: f32) -> Self {
+        Self { slew_rad_s: acceleration_rad_s2 * period_s, ..self }
+    }
+}
+
 /// Command of a step to the current loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityCommand {
@@ -72,6 +80,12 @@ impl VelocityLoop {
     pub fn begin(velocity_rad_s: f32) -> Self {
         let reference_rad_s = if velocity_rad_s.is_finite() { velocity_rad_s } else { 0.0 };
         Self { reference_rad_s, integral_a: 0.0 }
+    }
+
+    /// Creates a loop that starts at a joint velocity, rad/s, with the current that holds the load, A.
+    pub fn begin_loaded(velocity_rad_s: f32, load_a: f32) -> Self {
+        let integral_a = if load_a.is_finite() { load_a } else { 0.0 };
+        Self { integral_a, ..Self::begin(velocity_rad_s) }
     }
 
     /// Runs a step towards a target, rad/s, at a velocity, rad/s. The current is limited to `+-limit_a`.

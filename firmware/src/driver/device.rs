@@ -7,6 +7,7 @@ mod drive;
 mod network;
 mod pdos;
 mod requests;
+mod stopping;
 mod terms;
 mod values;
 mod velocity;
@@ -18,7 +19,7 @@ use super::counters::{Counters, count};
 use super::loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
 use super::motor_watch::{MotorState, MotorWatch};
 use super::over_compensation::OverCompensationWatch;
-use super::profile::Profile;
+use super::profile::{FaultState, Profile};
 use super::received::{CommandSequence, ReceivedInputs};
 use super::staging::Staging;
 use crate::control::Covariates;
@@ -129,6 +130,10 @@ pub struct Device<F> {
     gate_resets: u8,
     home: Home,
     pub(super) profile: Profile,
+    /// The stop under way.
+    stop: Option<stopping::Stop>,
+    /// The reaction to the last stop was to short the low sides.
+    shorts_low_sides: bool,
     commissioning: commissioning::Run,
     over: OverCompensationWatch,
     /// Covariates that the current loop received last.
@@ -373,10 +378,14 @@ impl<F: NorFlash> Device<F> {
                 ..Observation::default()
             }
         };
+        self.prepare_stops(now_us);
         self.watch_target(now_us);
         self.supervisor.observe(&observation, now_us);
+        self.react_to_fault();
         let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
         self.profile.sync_with_supervisor(fault, armed);
+        self.update_stop();
+        self.watch_stop();
         self.watch_commissioning();
         self.report_seen = true;
         if self.hil_armed && !self.hil_blocking_codes().is_empty() {
@@ -398,7 +407,7 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
-        let drives = self.supervisor.is_armed() && !self.is_measuring_motor();
+        let drives = self.supervisor.is_bridge_allowed() && !self.is_measuring_motor();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();
         self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives, proven);
@@ -433,7 +442,7 @@ impl<F: NorFlash> Device<F> {
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.is_bridge_allowed(),
             brake: drives
-                && self.set().motor.brake_at_stop != 0.0
+                && (self.set().motor.brake_at_stop != 0.0 || self.shorts_low_sides)
                 && self.supervisor.is_braking_allowed(),
             compensation: drives
                 && self.supervisor.is_compensation_allowed()
@@ -461,6 +470,7 @@ impl<F: NorFlash> Device<F> {
     /// Disarms the joint, for any source of inputs.
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
+        self.stop = None;
         self.end_commissioning(AbortReason::Stopped);
         self.hil.set_enabled(false);
         self.hil_armed = false;

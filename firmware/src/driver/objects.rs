@@ -40,7 +40,7 @@ impl<F: NorFlash> Objects for Device<F> {
                 | (index::CONTROLWORD | index::TARGET_TORQUE | index::TARGET_VELOCITY, _)
                 | (index::COMMISSIONING_RUN, CommissioningRunObject::ORDER)
         );
-        if !always && self.is_armed() {
+        if !always && self.is_bridge_in_use() {
             let why = "the joint is armed, and nothing is written then: disarm first";
             return Err(self.staging.refuse(Abort::State, why));
         }
@@ -62,7 +62,7 @@ impl<F: NorFlash> Objects for Device<F> {
         match Area::of(at.index) {
             Area::Communication => self.write_communication(at, number),
             Area::Joint => self.write_joint(at, number, value),
-            Area::Profile => self.write_profile(at.index, number),
+            Area::Profile => self.write_profile(at, number),
         }
     }
 
@@ -202,8 +202,11 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes an object of the drive profile (6000h to 67FFh).
-    fn write_profile(&mut self, at_index: u16, number: u32) -> Result<(), Abort> {
-        match at_index {
+    fn write_profile(&mut self, at: Address, number: u32) -> Result<(), Abort> {
+        if let Some(written) = self.set_drive_setting(at.index, at.subindex, number) {
+            return written;
+        }
+        match at.index {
             index::CONTROLWORD => return self.set_controlword(number as u16),
             index::MODE => return self.set_mode(number as i8),
             index::HOMING_METHOD => return self.set_homing_method(number as i8),

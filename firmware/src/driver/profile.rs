@@ -4,12 +4,12 @@
 //! This profile is for masters that know drives but no friction (ros2_canopen, CODESYS). Mode 10 or 9 in 6060h
 //! activates it, and the joint's own Command frame is then ignored. The controlword requests, and the supervisor
 //! decides: *operation enabled* means armed, *fault* is the supervisor's fault state, and a rising bit 7 clears
-//! faults that can be cleared. Quick stop and "disable voltage" end the driving; there is no ramp (605Ah would
-//! be 0). The parameter `brake_at_stop` selects whether the joint then coasts or its motor is shorted.
+//! faults that can be cleared. "Disable voltage" opens the bridge at once. [`stop`] has the reactions to the other
+//! stops. Bit 8 (halt) stops the joint with a ramp and holds it, while the drive stays enabled.
 //!
 //! Such a master repeats a constant value. The age of the set-point counts from the last target: receive PDO 1,
 //! or a write of 6040h, 6071h or 60FFh. If no target arrives for the deadline of the PDO (1400h:5) or for
-//! `command_timeout_us`, whichever is shorter, the fault `command-timeout` opens the bridge. A SYNC does not count,
+//! `command_timeout_us`, whichever is shorter, the fault `command-timeout` stops the joint (6007h). A SYNC does not count,
 //! because its producer may outlive the controller. A master that sends only changes sets 1400h:5 to 0; then the
 //! awaited heartbeat (1016h) confirms the last target.
 //!
@@ -21,6 +21,10 @@
 //! Position and velocity in 1e-6 rad and 1e-6 rad/s. An unknown position counts from an arbitrary zero, and bit 8
 //! of the statusword is 0; the parameter `position_required` refuses to enable such a drive, except for homing. The
 //! maximum motor speed (6080h) is in motor turns per minute, as in the profile.
+
+pub mod stop;
+
+use stop::StopCause;
 
 /// 1000h: servo drive (2), profile 402.
 pub const DEVICE_TYPE: u32 = 0x0002_0192;
@@ -46,6 +50,7 @@ mod control {
     pub const QUICK_STOP: u16 = 1 << 2;
     pub const START_HOMING: u16 = 1 << 4;
     pub const FAULT_RESET: u16 = 1 << 7;
+    pub const HALT: u16 = 1 << 8;
 }
 
 /// Bits of the statusword besides the state.
@@ -58,7 +63,7 @@ pub mod status {
     pub const POSITION_KNOWN: u16 = 1 << 8;
     /// The network is operational.
     pub const REMOTE: u16 = 1 << 9;
-    /// Homing: it is not running, or has ended.
+    /// Homing: it is not running, or has ended. Halt: the joint stands.
     pub const TARGET_REACHED: u16 = 1 << 10;
     /// The current limit is active.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
@@ -90,6 +95,27 @@ enum State {
     ReadyToSwitchOn,
     SwitchedOn,
     OperationEnabled,
+    /// A ramp is under way by this command; then the drive is in the state of the command.
+    Stopping(StopCause),
+    QuickStopActive,
+}
+
+impl State {
+    /// Returns true if the bridge is on.
+    const fn is_powered(self) -> bool {
+        matches!(self, Self::OperationEnabled | Self::Stopping(_) | Self::QuickStopActive)
+    }
+}
+
+/// State of the supervisor, as the profile reports it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultState {
+    /// No fault.
+    None,
+    /// A fault; the joint stops with a ramp.
+    Reacting,
+    /// A fault; the bridge is open.
+    Latched,
 }
 
 /// Request of a controlword to the supervisor.
@@ -185,8 +211,18 @@ impl Profile {
         let powered =
             controlword & control::ENABLE_VOLTAGE != 0 && controlword & control::QUICK_STOP != 0;
         let was = self.state;
+        let is_voltage_enabled = controlword & control::ENABLE_VOLTAGE != 0;
         self.state = match (was, controlword & 0xF) {
+            (State::OperationEnabled | State::Stopping(_), _) if is_voltage_enabled && !powered => {
+                State::QuickStopActive
+            }
+            // Only "enable operation", which leads back, and "disable voltage" end this state.
+            (State::QuickStopActive, _) if is_voltage_enabled && controlword & 0xF != 0xF => {
+                State::QuickStopActive
+            }
             _ if !powered => State::SwitchOnDisabled,
+            (now, 0b0110 | 0b1110) if now.is_powered() => State::Stopping(StopCause::Shutdown),
+            (now, 0b0111) if now.is_powered() => State::Stopping(StopCause::DisableOperation),
             // Shutdown is the only transition out of this state.
             (_, 0b0110 | 0b1110) => State::ReadyToSwitchOn,
             (State::SwitchOnDisabled, _) => State::SwitchOnDisabled,
@@ -194,10 +230,14 @@ impl Profile {
             // Passes through "switched on" in one step, which the profile permits.
             _ => State::OperationEnabled,
         };
-        match (was == State::OperationEnabled, self.state == State::OperationEnabled) {
+        match (was.is_powered(), self.state.is_powered()) {
             (false, true) => DriveRequest::Arm,
             (true, false) => DriveRequest::Disarm,
-            (true, true) if self.mode == HOMING && rising & control::START_HOMING != 0 => {
+            (true, true)
+                if self.mode == HOMING
+                    && self.state == State::OperationEnabled
+                    && rising & control::START_HOMING != 0 =>
+            {
                 DriveRequest::Home
             }
             _ => DriveRequest::None,
@@ -212,19 +252,50 @@ impl Profile {
 
     /// Adopts a state change that the supervisor made.
     pub fn sync_with_supervisor(&mut self, fault: bool, armed: bool) {
-        if fault || self.state == State::OperationEnabled && !armed {
+        if fault || self.state.is_powered() && !armed {
             self.state = State::SwitchOnDisabled;
         }
     }
 
-    /// Returns the state bits of the statusword.
-    pub fn state_bits(&self, fault: bool) -> u16 {
+    /// Returns the command by which the drive stops or holds the joint now.
+    pub fn stop_cause(&self) -> Option<StopCause> {
         match self.state {
-            _ if fault => 0x08,
+            State::Stopping(cause) => Some(cause),
+            State::QuickStopActive => Some(StopCause::QuickStop),
+            State::OperationEnabled if self.controlword & control::HALT != 0 => {
+                Some(StopCause::Halt)
+            }
+            _ => None,
+        }
+    }
+
+    /// Stops the drive because its network stops.
+    pub fn stop_connection(&mut self) {
+        if self.state.is_powered() {
+            self.state = State::Stopping(StopCause::ConnectionLost);
+        }
+    }
+
+    /// The stop has ended, and the bridge opens: the drive takes the state of the command.
+    pub fn end_stop(&mut self) {
+        self.state = match self.state {
+            State::Stopping(StopCause::Shutdown) => State::ReadyToSwitchOn,
+            State::Stopping(StopCause::DisableOperation) => State::SwitchedOn,
+            _ => State::SwitchOnDisabled,
+        };
+    }
+
+    /// Returns the state bits of the statusword.
+    pub fn state_bits(&self, fault: FaultState) -> u16 {
+        match self.state {
+            _ if fault == FaultState::Latched => 0x08,
+            _ if fault == FaultState::Reacting => 0x0F,
             State::SwitchOnDisabled => 0x40,
             State::ReadyToSwitchOn => 0x21,
             State::SwitchedOn => 0x23,
-            State::OperationEnabled if self.mode == HOMING => 0x27,
+            State::QuickStopActive => 0x07,
+            State::Stopping(_) => 0x27,
+            State::OperationEnabled if self.mode == HOMING || self.stop_cause().is_some() => 0x27,
             State::OperationEnabled => 0x27 | status::FOLLOWS_TARGET,
         }
     }
@@ -256,10 +327,10 @@ mod tests {
     #[test]
     fn controlword_sequence_passes_all_states_and_starts_with_shutdown() {
         let mut drive = on();
-        assert_eq!(drive.state_bits(false), 0x40);
+        assert_eq!(drive.state_bits(FaultState::None), 0x40);
         for stays in [ENABLE, SWITCH_ON, 0x00, 0x80] {
             assert_eq!(drive.control(stays, false, false), DriveRequest::None);
-            assert_eq!(drive.state_bits(false), 0x40, "{stays:#x}");
+            assert_eq!(drive.state_bits(FaultState::None), 0x40, "{stays:#x}");
         }
         for (word, bits, request) in [
             (SHUTDOWN, 0x21, DriveRequest::None),
@@ -267,15 +338,60 @@ mod tests {
             (ENABLE, 0x27 | status::FOLLOWS_TARGET, DriveRequest::Arm),
         ] {
             assert_eq!(drive.control(word, false, false), request);
-            assert_eq!(drive.state_bits(false), bits);
+            assert_eq!(drive.state_bits(FaultState::None), bits);
         }
         // The same word again requests nothing.
         assert_eq!(drive.control(ENABLE, false, true), DriveRequest::None);
-        for (word, bits) in [(SWITCH_ON, 0x23), (SHUTDOWN, 0x21), (0x02, 0x40), (0x05, 0x40)] {
+        let mut off = drive;
+        assert_eq!(off.control(0x05, false, true), DriveRequest::Disarm, "disable voltage");
+        assert_eq!(off.state_bits(FaultState::None), 0x40);
+        // The other commands stop the joint first.
+        for (word, cause, during, after) in [
+            (SWITCH_ON, StopCause::DisableOperation, 0x27, 0x23),
+            (SHUTDOWN, StopCause::Shutdown, 0x27, 0x21),
+            (0x02, StopCause::QuickStop, 0x07, 0x40),
+        ] {
             let mut drive = drive;
-            assert_eq!(drive.control(word, false, true), DriveRequest::Disarm, "{word:#x}");
-            assert_eq!(drive.state_bits(false), bits, "{word:#x}");
+            assert_eq!(drive.control(word, false, true), DriveRequest::None, "{word:#x}");
+            assert_eq!(drive.stop_cause(), Some(cause), "{word:#x}");
+            assert_eq!(drive.state_bits(FaultState::None), during, "{word:#x}");
+            let mut resumed = drive;
+            assert_eq!(resumed.control(ENABLE, false, true), DriveRequest::None, "{word:#x}");
+            assert_eq!(resumed.stop_cause(), None, "{word:#x}");
+            drive.end_stop();
+            assert_eq!(drive.state_bits(FaultState::None), after, "{word:#x}");
         }
+    }
+
+    #[test]
+    fn quick_stop_active_is_left_by_enable_operation_and_disable_voltage_only() {
+        let mut drive = on();
+        for word in [SHUTDOWN, ENABLE, 0x02] {
+            let _ = drive.control(word, false, word == 0x02);
+        }
+        for word in [SHUTDOWN, SWITCH_ON, 0x02, 0x0B] {
+            assert_eq!(drive.control(word, false, true), DriveRequest::None);
+            assert_eq!(drive.state_bits(FaultState::None), 0x07, "{word:#x}");
+        }
+        let mut off = drive;
+        assert_eq!(off.control(0, false, true), DriveRequest::Disarm);
+        assert_eq!(off.state_bits(FaultState::None), 0x40);
+        assert_eq!(drive.control(ENABLE, false, true), DriveRequest::None);
+        assert_eq!(drive.state_bits(FaultState::None), 0x27 | status::FOLLOWS_TARGET);
+        // A fault during the ramp shows as "fault reaction active".
+        assert_eq!(drive.state_bits(FaultState::Reacting), 0x0F);
+    }
+
+    #[test]
+    fn halt_bit_holds_an_enabled_drive() {
+        let mut drive = on();
+        for word in [SHUTDOWN, ENABLE, ENABLE | 0x100] {
+            let _ = drive.control(word, false, word != SHUTDOWN);
+        }
+        assert_eq!(drive.stop_cause(), Some(StopCause::Halt));
+        assert_eq!(drive.state_bits(FaultState::None), 0x27);
+        let _ = drive.control(ENABLE, false, true);
+        assert_eq!(drive.stop_cause(), None);
     }
 
     #[test]
@@ -284,7 +400,7 @@ mod tests {
         let _ = drive.control(SHUTDOWN, false, false);
         assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
         drive.arm_refused();
-        assert_eq!(drive.state_bits(false), 0x23);
+        assert_eq!(drive.state_bits(FaultState::None), 0x23);
         assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
     }
 
@@ -294,20 +410,20 @@ mod tests {
         for word in [SHUTDOWN, ENABLE] {
             let _ = drive.control(word, false, false);
         }
-        assert_eq!(drive.state_bits(true), 0x08);
+        assert_eq!(drive.state_bits(FaultState::Latched), 0x08);
         assert_eq!(drive.control(ENABLE, true, false), DriveRequest::None);
         assert_eq!(drive.control(0x80, true, false), DriveRequest::ClearFaults);
         assert_eq!(drive.control(0x80, true, false), DriveRequest::None, "no edge");
         // After the reset, an unchanged controlword does not restart the drive.
         assert_eq!(drive.control(ENABLE, false, false), DriveRequest::None);
-        assert_eq!(drive.state_bits(false), 0x40);
+        assert_eq!(drive.state_bits(FaultState::None), 0x40);
         // After the supervisor disarmed the joint, the drive is not enabled.
         let mut drive = on();
         for word in [SHUTDOWN, ENABLE] {
             let _ = drive.control(word, false, false);
         }
         drive.sync_with_supervisor(false, false);
-        assert_eq!(drive.state_bits(false), 0x40);
+        assert_eq!(drive.state_bits(FaultState::None), 0x40);
     }
 
     #[test]
@@ -318,11 +434,11 @@ mod tests {
         for word in [SHUTDOWN, ENABLE] {
             let _ = drive.control(word, false, false);
         }
-        assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x0427, "not begun");
+        assert_eq!(drive.state_bits(FaultState::None) | drive.homing_bits(true), 0x0427, "not begun");
         assert_eq!(drive.control(START, false, true), DriveRequest::Home);
         assert_eq!(drive.control(START, false, true), DriveRequest::None, "no edge");
         drive.homing = Homing::Attained;
-        assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x1427);
+        assert_eq!(drive.state_bits(FaultState::None) | drive.homing_bits(true), 0x1427);
         drive.homing = Homing::Failed;
         assert_eq!(drive.homing_bits(true), 0x2400);
         assert_eq!(drive.homing_bits(false), 0x2000);

@@ -187,9 +187,15 @@ objects! {
     0x2027 COMMIT record("commit", CommitObject::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
     0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
+    0x6007 ABORT_CONNECTION variable("abort_connection_option_code", Integer16, ReadWrite);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
     0x6041 STATUSWORD variable("statusword", Unsigned16, ReadOnly);
+    0x605A QUICK_STOP_OPTION variable("quick_stop_option_code", Integer16, ReadWrite);
+    0x605B SHUTDOWN_OPTION variable("shutdown_option_code", Integer16, ReadWrite);
+    0x605C DISABLE_OPTION variable("disable_operation_option_code", Integer16, ReadWrite);
+    0x605D HALT_OPTION variable("halt_option_code", Integer16, ReadWrite);
+    0x605E FAULT_OPTION variable("fault_reaction_option_code", Integer16, ReadWrite);
     0x6060 MODE variable("modes_of_operation", Integer8, ReadWrite);
     0x6061 MODE_DISPLAY variable("modes_of_operation_display", Integer8, ReadOnly);
     0x6064 ACTUAL_POSITION variable("position_actual_value", Integer32, ReadOnly);
@@ -202,6 +208,8 @@ objects! {
     0x6077 ACTUAL_TORQUE variable("torque_actual_value", Integer16, ReadOnly);
     0x607C HOME_OFFSET variable("home_offset", Integer32, ReadWrite);
     0x6080 MAX_MOTOR_SPEED variable("max_motor_speed", Unsigned32, ReadWrite);
+    0x6084 DECELERATION variable("profile_deceleration", Unsigned32, ReadWrite);
+    0x6085 QUICK_DECELERATION variable("quick_stop_deceleration", Unsigned32, ReadWrite);
     0x6098 HOMING_METHOD variable("homing_method", Integer8, ReadWrite);
     0x60E3 HOMING_METHODS
         array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());

@@ -89,6 +89,17 @@ impl CodeSet {
     /// The empty set.
     pub const EMPTY: Self = Self(0);
 
+    /// Returns the set of these codes.
+    pub const fn of(codes: &[Code]) -> Self {
+        let mut set = Self::EMPTY;
+        let mut index = 0;
+        while index < codes.len() {
+            set.insert(codes[index]);
+            index += 1;
+        }
+        set
+    }
+
     const fn bit(code: Code) -> u64 {
         1 << (code as u8 - 1)
     }
@@ -247,28 +258,19 @@ const fn with_effect(effect: Effect) -> CodeSet {
 pub const FAULT_CODES: CodeSet = with_effect(Effect::Stops);
 
 /// Faults of the bridge, its shunts and its supply. The low sides are not shorted after them.
-pub const BRIDGE_FAULT_CODES: CodeSet = {
-    let mut set = CodeSet::EMPTY;
-    let codes = [
-        Code::Overcurrent,
-        Code::CurrentSensorInvalid,
-        Code::CurrentOffset,
-        Code::PhaseLost,
-        Code::BusUndervoltage,
-        Code::GateDriverFault,
-        Code::BridgeOvertemperature,
-        Code::AdcTimeout,
-        Code::SelfTestFailed,
-        Code::Internal,
-        Code::SystemBreak,
-    ];
-    let mut index = 0;
-    while index < codes.len() {
-        set.insert(codes[index]);
-        index += 1;
-    }
-    set
-};
+pub const BRIDGE_FAULT_CODES: CodeSet = CodeSet::of(&[
+    Code::Overcurrent,
+    Code::CurrentSensorInvalid,
+    Code::CurrentOffset,
+    Code::PhaseLost,
+    Code::BusUndervoltage,
+    Code::GateDriverFault,
+    Code::BridgeOvertemperature,
+    Code::AdcTimeout,
+    Code::SelfTestFailed,
+    Code::Internal,
+    Code::SystemBreak,
+]);
 
 /// All limits that disable the compensation.
 pub const COMPENSATION_DROPPING_CODES: CodeSet = with_effect(Effect::DropsCompensation);

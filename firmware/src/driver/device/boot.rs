@@ -97,6 +97,8 @@ impl<F: NorFlash> Device<F> {
             gate_resets: 0,
             home: Home::default(),
             profile: Profile::default(),
+            stop: None,
+            shorts_low_sides: false,
             commissioning: commissioning::Run::default(),
             over: OverCompensationWatch::default(),
             covariates: Covariates::MISSING,

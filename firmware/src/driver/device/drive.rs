@@ -1,6 +1,6 @@
 //! The objects of a CiA 402 drive. [`profile`] has the state machine.
 
-use super::{CommandFrame, Device, InputSource, JointState, Message};
+use super::{CommandFrame, Device, FaultState, InputSource, JointState, Message};
 use crate::driver::profile::{self, DriveRequest, Homing, status};
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
@@ -70,13 +70,22 @@ impl<F: NorFlash> Device<F> {
         let limits = self.supervisor.limits();
         let (_, too_fast) = self.profile.target_rad_s(self.max_speed_rad_s());
         let too_fast = self.profile.mode == profile::CSV && too_fast;
-        self.profile.state_bits(self.is_faulty())
+        self.profile.state_bits(self.fault_state())
             | self.profile.homing_bits(self.is_standing())
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
+            | when(status::TARGET_REACHED, self.is_held())
             | when(status::WARNING, limits.iter().next().is_some())
             | when(status::POSITION_KNOWN, self.is_position_known())
             | when(status::INTERNAL_LIMIT, limits.contains(Code::CurrentLimited) || too_fast)
+    }
+
+    fn fault_state(&self) -> FaultState {
+        match (self.is_faulty(), self.supervisor.is_stopping()) {
+            (false, _) => FaultState::None,
+            (true, true) => FaultState::Reacting,
+            (true, false) => FaultState::Latched,
+        }
     }
 
     fn is_faulty(&self) -> bool {
@@ -116,7 +125,10 @@ impl<F: NorFlash> Device<F> {
         self.confirm_target(self.now_us);
         let (fault, armed) = (self.is_faulty(), self.is_armed());
         match self.profile.control(controlword, fault, armed) {
-            DriveRequest::None => Ok(()),
+            DriveRequest::None => {
+                self.update_stop();
+                Ok(())
+            }
             DriveRequest::Arm => self.request(1).inspect_err(|_| self.profile.arm_refused()),
             DriveRequest::Disarm => self.request(0),
             DriveRequest::ClearFaults => self.request(2),
@@ -217,6 +229,8 @@ impl<F: NorFlash> Device<F> {
         let deadline_us = u64::from(self.settings.target_timeout_ms) * 1000;
         let is_followed =
             self.profile.is_active() && self.supervisor.is_armed() && !self.is_commissioning();
+        // A stop ends by itself.
+        let is_followed = is_followed && !self.is_stopping_to_rest();
         let is_late = now_us.saturating_sub(self.target_us) >= deadline_us;
         if is_followed && deadline_us > 0 && is_late {
             self.supervisor.trip(Code::CommandTimeout);

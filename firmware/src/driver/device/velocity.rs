@@ -17,7 +17,7 @@ const RPM: f32 = 60.0 / TAU;
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if the joint is in velocity mode on its own sensors.
-    fn is_in_csv(&self) -> bool {
+    pub(super) fn is_in_csv(&self) -> bool {
         self.settings.source == InputSource::Sensors && self.profile.mode == CSV
     }
 
@@ -35,14 +35,16 @@ impl<F: NorFlash> Device<F> {
     /// Runs a step with a report.
     pub(super) fn step_velocity(&mut self) {
         let rubs = self.is_friction_run();
-        if !(rubs || self.is_in_csv()) || !self.supervisor.is_armed() {
+        let stop = self.stop;
+        if !(rubs || self.is_in_csv() || stop.is_some()) || !self.supervisor.is_bridge_allowed() {
             return;
         }
         let (target_rad_s, limit_a) = if rubs {
             self.friction_target()
         } else {
             let most_a = self.rated().0 * self.profile.max_share();
-            (self.profile.target_rad_s(self.max_speed_rad_s()).0, most_a)
+            let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s()).0;
+            (if stop.is_some() { 0.0 } else { target_rad_s }, most_a)
         };
         if rubs && !self.is_friction_run() {
             self.velocity_command = self.velocity.command(0.0);
@@ -53,8 +55,9 @@ impl<F: NorFlash> Device<F> {
         let velocity_rad_s = self.report.velocity_rad_s;
         let limit_a = limit_a * self.supervisor.current_share();
         let withheld_a = self.withheld_current_a();
+        let gains = stop.map_or(self.velocity_gains, |stop| stop.gains(&self.velocity_gains));
         self.velocity_command = self.velocity.step(
-            &self.velocity_gains,
+            &gains,
             target_rad_s,
             velocity_rad_s,
             limit_a,
@@ -81,11 +84,14 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the set-point, with current and reference of the velocity loop if it is active.
     pub(super) fn with_velocity_command(&self, setpoint: Setpoint) -> Setpoint {
-        if !(self.is_friction_run() || self.is_in_csv()) {
+        if !(self.is_friction_run() || self.is_in_csv() || self.stop.is_some()) {
             return setpoint;
         }
         let order = self.velocity_command;
+        // A stop needs no master.
+        let age_s = if self.is_stopping_to_rest() { 0.0 } else { setpoint.age_s };
         Setpoint {
+            age_s,
             current_a: order.current_a,
             velocity_reference_rad_s: order.reference_rad_s,
             ..setpoint

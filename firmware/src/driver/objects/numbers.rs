@@ -111,6 +111,9 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn profile_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
+        if let Some(word) = self.settings().drive.get(at_index, place) {
+            return Ok(word);
+        }
         Ok(match at_index {
             index::ERROR_CODE => self.error_code().into(),
             index::CONTROLWORD => self.profile.controlword.into(),
