@@ -63,6 +63,16 @@ macro_rules! drive_settings {
 }
 
 drive_settings! {
+    /// 2030h:1: output of the holding brake: 0 none, 1 a high level releases it, 2 a low level releases it.
+    HOLDING_BRAKE 1 brake_output: u8 = 0, 0..=2, "0 (none), 1 (high releases) or 2 (low releases)";
+    /// 2030h:2: time until the brake is open, ms.
+    HOLDING_BRAKE 2 brake_release_ms: u16 = 100, 0..=5000, "0 to 5000";
+    /// 2030h:3: time until the brake is closed, ms.
+    HOLDING_BRAKE 3 brake_engage_ms: u16 = 100, 0..=5000, "0 to 5000";
+    /// 2030h:4: after a fault the brake engages: 0 at standstill, 1 at once.
+    HOLDING_BRAKE 4 brake_engage_at: u8 = 0, 0 | 1, "0 (standstill) or 1 (at once)";
+    /// 2030h:5: longest wait for standstill, ms.
+    HOLDING_BRAKE 5 brake_longest_wait_ms: u16 = 1000, 0..=60000, "0 to 60000";
     /// 6007h: what the loss of the connection does: 1 the fault reaction (605Eh), 2 opens the bridge, 3 the quick stop
     /// (605Ah). It raises its fault in any case.
     ABORT_CONNECTION 0 abort_connection: i16 = 1, 1..=3, "1 (605Eh), 2 (disable voltage) or 3 (605Ah)";
@@ -80,6 +90,8 @@ drive_settings! {
     DECELERATION 0 deceleration: u32 = 10_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
     /// 6085h: deceleration of the quick-stop ramp, 1e-6 rad/s^2.
     QUICK_DECELERATION 0 quick_deceleration: u32 = 50_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
+    /// 60FBh:1: gain of the position loop, 1e-3 1/s. It must be below half of the crossover of the velocity loop, rad/s.
+    POSITION_LOOP 1 position_gain: u32 = 10_000, 100..=200_000, "100 to 200000 (0.1 to 200 per s)";
 }
 
 impl DriveSettings {

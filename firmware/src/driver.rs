@@ -15,6 +15,7 @@
 pub mod commissioning;
 mod counters;
 mod device;
+pub mod holding_brake;
 pub mod loop_data;
 mod motor_watch;
 mod objects;
@@ -237,6 +238,11 @@ impl<F: NorFlash> Driver<F> {
     /// Returns the commands for the current loop.
     pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
         self.device.loop_commands(now_us)
+    }
+
+    /// Returns the level of the holding brake's output; `None` if the joint has no brake: the output is not driven.
+    pub fn brake_output(&self) -> Option<bool> {
+        self.device.brake.output(&self.device.settings().drive)
     }
 
     /// Checks that the sensors of side load and pressure still change. The reading of a stuck sensor ages.

@@ -16,6 +16,7 @@ pub(super) use pdos::PDO_UNUSED;
 
 use super::commissioning::AbortReason;
 use super::counters::{Counters, count};
+use super::holding_brake::HoldingBrake;
 use super::loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
 use super::motor_watch::{MotorState, MotorWatch};
 use super::over_compensation::OverCompensationWatch;
@@ -130,6 +131,11 @@ pub struct Device<F> {
     gate_resets: u8,
     home: Home,
     pub(super) profile: Profile,
+    pub(super) brake: HoldingBrake,
+    /// Current that held the joint when the brake closed, A, and the position then, rad.
+    braked_load: Option<stopping::BrakedLoad>,
+    /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
+    held_rad: Option<f32>,
     /// The stop under way.
     stop: Option<stopping::Stop>,
     /// The reaction to the last stop was to short the low sides.
@@ -386,6 +392,7 @@ impl<F: NorFlash> Device<F> {
         self.profile.sync_with_supervisor(fault, armed);
         self.update_stop();
         self.watch_stop();
+        self.step_brake();
         self.watch_commissioning();
         self.report_seen = true;
         if self.hil_armed && !self.hil_blocking_codes().is_empty() {

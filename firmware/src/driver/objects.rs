@@ -175,6 +175,9 @@ impl<F: NorFlash> Device<F> {
     fn write_joint(&mut self, at: Address, number: u32, value: &[u8]) -> Result<(), Abort> {
         match at.index {
             index::OPERATION => self.write_setting(at, number),
+            index::HOLDING_BRAKE => self
+                .set_drive_setting(at.index, at.subindex, number)
+                .unwrap_or(Err(Abort::ReadOnly)),
             index::TRACE => self.write_trace(at.subindex, number),
             index::INPUTS => {
                 self.input(at.subindex, number);

@@ -434,7 +434,11 @@ mod tests {
         for word in [SHUTDOWN, ENABLE] {
             let _ = drive.control(word, false, false);
         }
-        assert_eq!(drive.state_bits(FaultState::None) | drive.homing_bits(true), 0x0427, "not begun");
+        assert_eq!(
+            drive.state_bits(FaultState::None) | drive.homing_bits(true),
+            0x0427,
+            "not begun"
+        );
         assert_eq!(drive.control(START, false, true), DriveRequest::Home);
         assert_eq!(drive.control(START, false, true), DriveRequest::None, "no edge");
         drive.homing = Homing::Attained;

@@ -21,9 +21,10 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, IdentityObject,
-    InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject, PdoObject,
-    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
+    CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, HoldingBrakeObject,
+    IdentityObject, InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject,
+    PdoObject, PositionLoopObject, SdoServerObject, StateObject, TraceObject, TransmitPdoObject,
+    WatchObject, entry, name_on_host,
 };
 
 /// Structure of an object.
@@ -187,6 +188,7 @@ objects! {
     0x2027 COMMIT record("commit", CommitObject::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
     0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
+    0x2030 HOLDING_BRAKE record("holding_brake", HoldingBrakeObject::ENTRIES);
     0x6007 ABORT_CONNECTION variable("abort_connection_option_code", Integer16, ReadWrite);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
@@ -213,6 +215,7 @@ objects! {
     0x6098 HOMING_METHOD variable("homing_method", Integer8, ReadWrite);
     0x60E3 HOMING_METHODS
         array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());
+    0x60FB POSITION_LOOP record("position_control_parameter_set", PositionLoopObject::ENTRIES);
     0x60FF TARGET_VELOCITY variable("target_velocity", Integer32, Input);
     0x6502 SUPPORTED_MODES variable("supported_drive_modes", Unsigned32, Const);
 }

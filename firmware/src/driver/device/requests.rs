@@ -22,9 +22,9 @@ impl<F: NorFlash> Device<F> {
                 Ok(())
             }
             1 => self.arm(),
-            2 if self.supervisor.is_stopping() => {
-                Err(self.staging.refuse(Abort::State, "the joint still stops: wait until it stands"))
-            }
+            2 if self.supervisor.is_stopping() => Err(self
+                .staging
+                .refuse(Abort::State, "the joint still stops: wait until it stands")),
             2 => self.supervisor.clear_faults().map_err(|left| {
                 self.blocking = left.fault_bits();
                 if left.contains(Code::GateDriverFault) {
@@ -70,6 +70,7 @@ impl<F: NorFlash> Device<F> {
         }
         if self.settings.source == InputSource::Sensors {
             self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
+            self.preload_brake();
             return self.supervisor.arm(self.now_us).map_err(|refusal| {
                 self.blocking = refusal.causes.fault_bits();
                 self.staging.refuse(Abort::State, refusal)

@@ -5,10 +5,12 @@
 //! [`crate::driver::profile::stop`] has the reactions.
 
 use super::{Device, InputSource};
+use crate::control::LoopFlags;
 use crate::control::velocity_loop::{VelocityGains, VelocityLoop};
+use crate::driver::holding_brake::BrakeInputs;
 use crate::driver::loop_data::REPORT_PERIOD_S;
-use crate::driver::profile::STANDSTILL_RAD_S;
 use crate::driver::profile::stop::{StopCause, StopReaction, fault_cause};
+use crate::driver::profile::{self, STANDSTILL_RAD_S};
 use crate::node::sdo::Abort;
 use crate::node_settings::SettingError;
 use crate::supervisor::CodeSet;
@@ -16,6 +18,10 @@ use embedded_storage::nor_flash::NorFlash;
 
 /// Time for which the joint must stand before the bridge opens, us: a few delays of velocity and current.
 const REST_US: u64 = 20_000;
+/// Maximum velocity towards the position that is held, rad/s.
+const HOLDING_RAD_S: f32 = 1.0;
+/// Motion within which the load of a braked joint is the same, rad.
+const BRAKE_PLAY_RAD: f32 = 0.05;
 /// Time after the ramp at which the stop ends although the joint moves, us.
 const MARGIN_US: u64 = 1_000_000;
 
@@ -30,6 +36,17 @@ pub(super) struct Stop {
     until_us: u64,
     /// Time since which the joint stands, us.
     rest_us: Option<u64>,
+    /// The joint stands, and the holding brake closes.
+    closes_brake: bool,
+}
+
+/// Load of a joint when its brake closed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BrakedLoad {
+    /// Current that held it, A.
+    load_a: f32,
+    /// Its position from the arbitrary zero, rad.
+    at_rad: f32,
 }
 
 impl Stop {
@@ -62,7 +79,8 @@ impl<F: NorFlash> Device<F> {
 
     /// Prepares the reaction to a fault in the observation that follows.
     pub(super) fn prepare_stops(&mut self, now_us: u64) {
-        let faults = if self.can_ramp() { self.settings.drive.ramp_faults() } else { CodeSet::EMPTY };
+        let faults =
+            if self.can_ramp() { self.settings.drive.ramp_faults() } else { CodeSet::EMPTY };
         self.supervisor.set_ramp_faults(faults);
         if self.supervisor.is_armed() {
             // The interrupt opens the bridge before the driver knows the fault.
@@ -143,7 +161,15 @@ impl<F: NorFlash> Device<F> {
         let ramp_s = self.velocity_command.reference_rad_s.abs() / deceleration_rad_s2;
         let until_us = self.now_us.saturating_add((ramp_s * 1e6) as u64 + MARGIN_US);
         let holds = self.settings.drive.holds_after(cause);
-        self.stop = Some(Stop { cause, deceleration_rad_s2, holds, until_us, rest_us: None });
+        self.stop = Some(Stop {
+            cause,
+            deceleration_rad_s2,
+            holds,
+            until_us,
+            rest_us: None,
+            closes_brake: false,
+        });
+        self.held_rad = None;
     }
 
     /// Returns the current that holds the load of a joint in torque mode, A. At rest it is the commanded current. In
@@ -162,7 +188,7 @@ impl<F: NorFlash> Device<F> {
     /// Ends a stop when the joint stands, or when it does not stop in time.
     pub(super) fn watch_stop(&mut self) {
         let (now_us, speed_rad_s) = (self.now_us, self.report.velocity_rad_s.abs());
-        let is_down = self.velocity_command.reference_rad_s == 0.0;
+        let is_down = self.held_rad.is_some();
         let Some(stop) = &mut self.stop else { return };
         if !is_down || speed_rad_s > STANDSTILL_RAD_S {
             stop.rest_us = None;
@@ -170,10 +196,68 @@ impl<F: NorFlash> Device<F> {
             stop.rest_us = Some(now_us);
         }
         let stands = stop.rest_us.is_some_and(|since_us| now_us - since_us >= REST_US);
-        if !stop.holds && (stands || now_us >= stop.until_us) {
+        if stop.holds || !(stands || now_us >= stop.until_us) {
+            return;
+        }
+        // The motor holds the joint until the brake is closed.
+        stop.closes_brake = true;
+        if self.brake.is_closed(&self.settings.drive, now_us) {
+            if self.settings.drive.brake_output != 0 {
+                let (load_a, at_rad) = (self.velocity_command.current_a, self.report.turned_rad);
+                self.braked_load = Some(BrakedLoad { load_a, at_rad });
+            }
             self.profile.end_stop();
             self.disarm();
         }
+    }
+
+    /// Runs a step of the holding brake.
+    pub(super) fn step_brake(&mut self) {
+        let report = &self.report;
+        let is_driven = self.supervisor.is_bridge_allowed()
+            && !report.loop_flags.contains(LoopFlags::BRIDGE_OFF)
+            && !self.is_measuring_motor();
+        let is_known = !report.loop_flags.contains(LoopFlags::ENCODER_LOST);
+        // Homing by the present position gives no torque, so that the brake must hold the joint.
+        let wants_closed = self.stop.is_some_and(|stop| stop.closes_brake)
+            || self.profile.mode == profile::HOMING && !self.is_commissioning();
+        let inputs = BrakeInputs {
+            is_driven,
+            wants_closed,
+            speed_rad_s: is_known.then_some(report.velocity_rad_s.abs()),
+            now_us: self.now_us,
+        };
+        self.brake.step(&self.settings.drive, &inputs);
+    }
+
+    /// Returns true while the driver holds the joint: a stop, or a brake that is not yet open.
+    pub(super) fn holds_joint(&self) -> bool {
+        self.stop.is_some()
+            || self.supervisor.is_armed()
+                && self.can_ramp()
+                && self.profile.mode != profile::HOMING
+                && !self.brake.is_open(&self.settings.drive, self.now_us)
+    }
+
+    /// Starts the velocity loop with the current that held the joint when the brake closed, if it has not moved since.
+    pub(super) fn preload_brake(&mut self) {
+        self.held_rad = None;
+        let Some(BrakedLoad { load_a, at_rad }) = self.braked_load.take() else { return };
+        if (self.report.turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
+            self.velocity = VelocityLoop::begin_loaded(self.report.velocity_rad_s, load_a);
+        }
+    }
+
+    /// Returns the velocity that holds the joint, rad/s: 0 during a ramp, then a velocity towards the position at which
+    /// it ended.
+    pub(super) fn holding_velocity(&mut self) -> f32 {
+        let at_rad = self.report.turned_rad;
+        if self.held_rad.is_none() && self.velocity_command.reference_rad_s != 0.0 {
+            return 0.0;
+        }
+        let held_rad = *self.held_rad.get_or_insert(at_rad);
+        let gain = self.settings.drive.position_gain as f32 * 1e-3;
+        (gain * (held_rad - at_rad)).clamp(-HOLDING_RAD_S, HOLDING_RAD_S)
     }
 
     /// Writes a setting of the drive; `None` if the object is none.
@@ -189,7 +273,8 @@ impl<F: NorFlash> Device<F> {
             return Some(Err(self.staging.refuse(Abort::Value, SettingError { name, legal })));
         }
         if changed.has_short() && !self.set().motor.is_short_bounded() {
-            let why = "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
+            let why =
+                "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
             return Some(Err(self.staging.refuse(Abort::Value, why)));
         }
         self.settings.drive = changed;

@@ -36,7 +36,8 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn step_velocity(&mut self) {
         let rubs = self.is_friction_run();
         let stop = self.stop;
-        if !(rubs || self.is_in_csv() || stop.is_some()) || !self.supervisor.is_bridge_allowed() {
+        let holds = self.holds_joint();
+        if !(rubs || self.is_in_csv() || holds) || !self.supervisor.is_bridge_allowed() {
             return;
         }
         let (target_rad_s, limit_a) = if rubs {
@@ -44,7 +45,7 @@ impl<F: NorFlash> Device<F> {
         } else {
             let most_a = self.rated().0 * self.profile.max_share();
             let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s()).0;
-            (if stop.is_some() { 0.0 } else { target_rad_s }, most_a)
+            (if holds { self.holding_velocity() } else { target_rad_s }, most_a)
         };
         if rubs && !self.is_friction_run() {
             self.velocity_command = self.velocity.command(0.0);
@@ -56,13 +57,8 @@ impl<F: NorFlash> Device<F> {
         let limit_a = limit_a * self.supervisor.current_share();
         let withheld_a = self.withheld_current_a();
         let gains = stop.map_or(self.velocity_gains, |stop| stop.gains(&self.velocity_gains));
-        self.velocity_command = self.velocity.step(
-            &gains,
-            target_rad_s,
-            velocity_rad_s,
-            limit_a,
-            withheld_a,
-        );
+        self.velocity_command =
+            self.velocity.step(&gains, target_rad_s, velocity_rad_s, limit_a, withheld_a);
         let turned = before_rad_s * self.velocity_command.reference_rad_s < 0.0;
         if rubs && turned {
             self.velocity.turn_integral();
@@ -84,7 +80,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the set-point, with current and reference of the velocity loop if it is active.
     pub(super) fn with_velocity_command(&self, setpoint: Setpoint) -> Setpoint {
-        if !(self.is_friction_run() || self.is_in_csv() || self.stop.is_some()) {
+        if !(self.is_friction_run() || self.is_in_csv() || self.holds_joint()) {
             return setpoint;
         }
         let order = self.velocity_command;

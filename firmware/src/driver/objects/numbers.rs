@@ -182,6 +182,10 @@ impl<F: NorFlash> Device<F> {
             }
             index::WATCH => entry(&self.watch_state().words(), place),
             index::LIVE_TERMS => Ok(self.live_terms()),
+            index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
+                Ok(self.brake.is_released().into())
+            }
+            index::HOLDING_BRAKE => settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex),
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {
                 let (active_crc, staged_crc) =

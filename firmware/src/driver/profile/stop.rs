@@ -102,13 +102,8 @@ impl DriveSettings {
 
     /// Returns true if a stop may short the low sides.
     pub fn has_short(&self) -> bool {
-        [
-            self.quick_stop_option,
-            self.shutdown_option,
-            self.disable_option,
-            self.fault_option,
-        ]
-        .contains(&-1)
+        [self.quick_stop_option, self.shutdown_option, self.disable_option, self.fault_option]
+            .contains(&-1)
     }
 }
 

@@ -338,6 +338,25 @@ record! {
     }
 }
 
+record! {
+    /// Output, delays and state of the holding brake.
+    HoldingBrakeObject {
+        output: Unsigned8, ReadWrite;
+        release_delay_ms: Unsigned16, ReadWrite;
+        engage_delay_ms: Unsigned16, ReadWrite;
+        engage_at: Unsigned8, ReadWrite;
+        longest_wait_ms: Unsigned16, ReadWrite;
+        released: Unsigned8, ReadOnly, RELEASED;
+    }
+}
+
+record! {
+    /// Position loop: gain in 1e-3 1/s.
+    PositionLoopObject {
+        gain: Unsigned32, ReadWrite;
+    }
+}
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
         /// Counters of received, sent, unusable and lost frames.
