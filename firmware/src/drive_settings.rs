@@ -86,15 +86,53 @@ drive_settings! {
     HALT_OPTION 0 halt_option: i16 = 1, 1 | 2, "1 or 2";
     /// 605Eh.
     FAULT_OPTION 0 fault_option: i16 = 0, -1..=2, "-1, 0, 1 or 2";
+    /// 6065h: largest following error, 1e-6 rad; FFFFFFFFh disables its check.
+    FOLLOWING_WINDOW 0 following_window: u32 = u32::MAX, _, "";
+    /// 6066h: time for which the following error must exceed its window, ms.
+    FOLLOWING_TIME 0 following_time_ms: u16 = 0, _, "";
+    /// 6067h: distance from the target within which it is reached, 1e-6 rad.
+    POSITION_WINDOW 0 position_window: u32 = 2_000, _, "";
+    /// 6068h: time for which the joint must be within the window, ms.
+    POSITION_TIME 0 position_time_ms: u16 = 10, _, "";
+    /// 607Dh:1: smallest position, 1e-6 rad. If it is not below the largest one, there are no limits.
+    POSITION_LIMITS 1 position_min: i32 = 0, _, "";
+    /// 607Dh:2: largest position, 1e-6 rad.
+    POSITION_LIMITS 2 position_max: i32 = 0, _, "";
+    /// 6081h: speed of a move in mode 1, 1e-6 rad/s.
+    PROFILE_VELOCITY 0 profile_velocity: u32 = 1_000_000, 100.., "at least 100 (1e-4 rad/s)";
+    /// 6083h: acceleration of a move in mode 1, 1e-6 rad/s^2.
+    ACCELERATION 0 acceleration: u32 = 10_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
     /// 6084h: deceleration of the slow-down ramp, 1e-6 rad/s^2. The reference joint stops from its maximum speed in 1.2 s.
     DECELERATION 0 deceleration: u32 = 10_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
     /// 6085h: deceleration of the quick-stop ramp, 1e-6 rad/s^2.
     QUICK_DECELERATION 0 quick_deceleration: u32 = 50_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
+    /// 6099h:1: speed towards the stop in homing, 1e-6 rad/s.
+    HOMING_SPEEDS 1 homing_speed: u32 = 200_000, 10_000..=2_000_000, "10000 to 2000000 (0.01 to 2 rad/s)";
+    /// 6099h:2: speed from the stop to position 0, 1e-6 rad/s.
+    HOMING_SPEEDS 2 homing_return_speed: u32 = 200_000, 10_000..=2_000_000, "10000 to 2000000 (0.01 to 2 rad/s)";
+    /// 609Ah: acceleration of homing, 1e-6 rad/s^2.
+    HOMING_ACCELERATION 0 homing_acceleration: u32 = 5_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
+    /// 2031h:1: torque at which a joint that stands has met its stop, thousandths of the rated torque.
+    HOMING_STOP 1 homing_torque: u16 = 150, 10..=1000, "10 to 1000 thousandths of the rated torque";
+    /// 2031h:2: time for which it must stand, ms.
+    HOMING_STOP 2 homing_time_ms: u16 = 100, 20..=1000, "20 to 1000";
+    /// 2031h:3: largest way to the stop, 1e-6 rad.
+    HOMING_STOP 3 homing_way: u32 = 6_300_000, _, "";
+    /// 60C2h:1: time between two targets in mode 8, in units of 60C2h:2.
+    INTERPOLATION_TIME 1 interpolation_period: u8 = 1, 1..=100, "1 to 100";
+    /// 60C2h:2: exponent of ten of its unit, s.
+    INTERPOLATION_TIME 2 interpolation_index: i8 = -3, -3..=-2, "-3 (ms) or -2 (10 ms)";
     /// 60FBh:1: gain of the position loop, 1e-3 1/s. It must be below half of the crossover of the velocity loop, rad/s.
     POSITION_LOOP 1 position_gain: u32 = 10_000, 100..=200_000, "100 to 200000 (0.1 to 200 per s)";
 }
 
 impl DriveSettings {
+    /// Returns the time between two targets in mode 8, ms.
+    pub const fn interpolation_ms(&self) -> u32 {
+        let unit_ms = if self.interpolation_index == -3 { 1 } else { 10 };
+        self.interpolation_period as u32 * unit_ms
+    }
+
     /// Length of the encoded settings, bytes.
     pub const LENGTH: usize = 4 * Self::PLACES.len();
 
@@ -133,8 +171,10 @@ mod tests {
         };
         assert_eq!(DriveSettings::parse(&settings.emit()), Some(settings));
         let mut bytes = settings.emit();
-        bytes[4] = 3;
-        bytes[5] = 0;
+        let place = (index::QUICK_STOP_OPTION, 0);
+        let place =
+            DriveSettings::PLACES.iter().position(|known| *known == place).expect("a setting");
+        bytes[4 * place..4 * place + 4].copy_from_slice(&[3, 0, 0, 0]);
         assert_eq!(DriveSettings::parse(&bytes), None, "605Ah = 3");
     }
 

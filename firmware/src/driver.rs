@@ -23,6 +23,7 @@ pub mod over_compensation;
 pub mod profile;
 pub mod received;
 pub mod staging;
+pub mod trajectory;
 
 pub use counters::Counters;
 pub use device::{Boot, Identity};

@@ -345,6 +345,8 @@ impl Supervisor {
                 self.publish(code, false);
             }
         }
+        // Nothing is left to stop for.
+        self.stopping &= !self.latched.is_empty();
         if left.is_empty() { Ok(()) } else { Err(left) }
     }
 

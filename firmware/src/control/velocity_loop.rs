@@ -105,6 +105,37 @@ impl VelocityLoop {
         }
         let change = clamp(target_rad_s - self.reference_rad_s, gains.slew_rad_s);
         self.reference_rad_s += change;
+        self.act(gains, change, velocity_rad_s, limit_a, withheld_a)
+    }
+
+    /// Runs a step as [`VelocityLoop::step`] with a reference that a position loop gives, without a limit of its
+    /// acceleration. `reference` has the velocity, rad/s, and the change that the inertia needs in this step, rad/s.
+    #[must_use]
+    pub fn track(
+        &mut self,
+        gains: &VelocityGains,
+        reference: [f32; 2],
+        velocity_rad_s: f32,
+        limit_a: f32,
+        withheld_a: f32,
+    ) -> VelocityCommand {
+        let [reference_rad_s, change_rad_s] = reference;
+        if !(reference_rad_s.is_finite() && change_rad_s.is_finite() && velocity_rad_s.is_finite())
+        {
+            return self.command(0.0);
+        }
+        self.reference_rad_s = reference_rad_s;
+        self.act(gains, change_rad_s, velocity_rad_s, limit_a, withheld_a)
+    }
+
+    fn act(
+        &mut self,
+        gains: &VelocityGains,
+        change: f32,
+        velocity_rad_s: f32,
+        limit_a: f32,
+        withheld_a: f32,
+    ) -> VelocityCommand {
         let error = self.reference_rad_s - velocity_rad_s;
         let demand_a = gains.inertia * change + gains.gain * error + self.integral_a;
         let current_a = clamp(demand_a, limit_a);

@@ -6,6 +6,7 @@ mod compensation_share;
 mod drive;
 mod network;
 mod pdos;
+mod position;
 mod requests;
 mod stopping;
 mod terms;
@@ -148,6 +149,7 @@ pub struct Device<F> {
     pressure_watch: StuckWatch,
     /// Share of the compensation in use, 0..=1.
     compensation_left: f32,
+    position: position::PositionControl,
     velocity: VelocityLoop,
     velocity_gains: VelocityGains,
     velocity_command: VelocityCommand,
@@ -358,6 +360,7 @@ impl<F: NorFlash> Device<F> {
                 motor_against: self.motor_state.is_emf_reversed,
                 motor_stands: self.motor_state.is_blocked,
                 position_missing: self.is_position_missing(),
+                following_error: self.following_state().1,
                 stalled: self.motor_state.is_stalled,
                 over_compensated: self.over.is_detected(),
                 radial_force_stuck: self.radial_force_watch.is_stuck(),

@@ -38,6 +38,9 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::STATE, StateObject::REQUEST)
                 | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
                 | (index::CONTROLWORD | index::TARGET_TORQUE | index::TARGET_VELOCITY, _)
+                | (index::TARGET_POSITION, _)
+                // A move may change between two set-points.
+                | (index::PROFILE_VELOCITY | index::ACCELERATION | index::DECELERATION, _)
                 | (index::COMMISSIONING_RUN, CommissioningRunObject::ORDER)
         );
         if !always && self.is_bridge_in_use() {
@@ -175,7 +178,7 @@ impl<F: NorFlash> Device<F> {
     fn write_joint(&mut self, at: Address, number: u32, value: &[u8]) -> Result<(), Abort> {
         match at.index {
             index::OPERATION => self.write_setting(at, number),
-            index::HOLDING_BRAKE => self
+            index::HOLDING_BRAKE | index::HOMING_STOP => self
                 .set_drive_setting(at.index, at.subindex, number)
                 .unwrap_or(Err(Abort::ReadOnly)),
             index::TRACE => self.write_trace(at.subindex, number),
@@ -214,6 +217,7 @@ impl<F: NorFlash> Device<F> {
             index::MODE => return self.set_mode(number as i8),
             index::HOMING_METHOD => return self.set_homing_method(number as i8),
             index::TARGET_TORQUE => self.set_target(number as i16),
+            index::TARGET_POSITION => self.set_target_position(number as i32),
             index::TARGET_VELOCITY => self.set_target_velocity(number as i32),
             index::MAX_MOTOR_SPEED => self.profile.max_motor_rpm = Some(number),
             index::HOME_OFFSET => self.profile.home_offset_micro_rad = number as i32,

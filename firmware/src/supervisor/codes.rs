@@ -343,6 +343,9 @@ codes! {
     29 PositionUnknown "position-unknown" 0xFF1B [PROFILE] Stops Armed 0 0
         "`position_required` is 1, the position is unknown, and the drive is not in homing mode",
         "the position is set (2002h:6, or homing)";
+    30 FollowingError "following-error" 0x8611 [PROFILE] Stops Armed 0 0
+        "in mode 1 or 8 the position is farther than 6065h from its demand for 6066h",
+        "the bridge is off (arming checks again)";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100
         "the loop exceeded its period once", "periods without an overrun";

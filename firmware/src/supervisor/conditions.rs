@@ -113,6 +113,7 @@ pub(super) fn evaluate(
         Code::MotorAgainst => supervisor.is_driving() && observation.motor_against,
         Code::MotorStands => supervisor.is_driving() && observation.motor_stands,
         Code::PositionUnknown => observation.position_missing,
+        Code::FollowingError => observation.following_error,
         Code::Stalled => observation.stalled,
         Code::EncoderMagnet => observation.magnet_fault,
         Code::OverCompensated => observation.over_compensated,

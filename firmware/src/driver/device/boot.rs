@@ -109,6 +109,7 @@ impl<F: NorFlash> Device<F> {
             radial_force_watch: StuckWatch::default(),
             pressure_watch: StuckWatch::default(),
             compensation_left: 1.0,
+            position: Default::default(),
             velocity: VelocityLoop::default(),
             velocity_gains: VelocityGains::default(),
             velocity_command: VelocityCommand::default(),

@@ -71,6 +71,7 @@ impl<F: NorFlash> Device<F> {
         if self.settings.source == InputSource::Sensors {
             self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
             self.preload_brake();
+            self.begin_position();
             return self.supervisor.arm(self.now_us).map_err(|refusal| {
                 self.blocking = refusal.causes.fault_bits();
                 self.staging.refuse(Abort::State, refusal)

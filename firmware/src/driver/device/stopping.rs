@@ -153,7 +153,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn begin_stop(&mut self, cause: StopCause, deceleration: u32) {
-        if self.stop.is_none() && !self.is_in_csv() {
+        if self.stop.is_none() && !self.is_in_csv() && !self.is_in_position_control() {
             self.velocity = VelocityLoop::begin_loaded(self.report.velocity_rad_s, self.load_a());
             self.velocity_command = self.velocity.command(0.0);
         }
@@ -220,7 +220,7 @@ impl<F: NorFlash> Device<F> {
         let is_known = !report.loop_flags.contains(LoopFlags::ENCODER_LOST);
         // Homing by the present position gives no torque, so that the brake must hold the joint.
         let wants_closed = self.stop.is_some_and(|stop| stop.closes_brake)
-            || self.profile.mode == profile::HOMING && !self.is_commissioning();
+            || self.is_torque_free_homing() && !self.is_commissioning();
         let inputs = BrakeInputs {
             is_driven,
             wants_closed,
@@ -230,12 +230,17 @@ impl<F: NorFlash> Device<F> {
         self.brake.step(&self.settings.drive, &inputs);
     }
 
+    /// Returns true in homing by the present position, which gives no torque.
+    fn is_torque_free_homing(&self) -> bool {
+        self.profile.mode == profile::HOMING && !self.profile.homes_at_stop()
+    }
+
     /// Returns true while the driver holds the joint: a stop, or a brake that is not yet open.
     pub(super) fn holds_joint(&self) -> bool {
         self.stop.is_some()
             || self.supervisor.is_armed()
                 && self.can_ramp()
-                && self.profile.mode != profile::HOMING
+                && !self.is_torque_free_homing()
                 && !self.brake.is_open(&self.settings.drive, self.now_us)
     }
 

@@ -50,6 +50,7 @@ pub const RAMP_FAULTS: CodeSet = CodeSet::of(&[
     Code::CanBusOff,
     Code::ModelNotFinite,
     Code::PositionUnknown,
+    Code::FollowingError,
 ]);
 
 /// Faults of the connection to the master, to which 6007h applies.

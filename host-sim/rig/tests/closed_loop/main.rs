@@ -18,6 +18,7 @@ mod encoder;
 mod friction;
 mod heat;
 mod holding_brake;
+mod position;
 mod power_up;
 mod rig;
 mod stalls;
@@ -29,7 +30,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 11] {
+fn families() -> [&'static [ScenarioRow]; 12] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -42,6 +43,7 @@ fn families() -> [&'static [ScenarioRow]; 11] {
         velocity::rows(),
         stops::rows(),
         holding_brake::rows(),
+        position::rows(),
     ]
 }
 
