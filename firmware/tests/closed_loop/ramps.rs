@@ -71,6 +71,21 @@ fn ramp_after_a_lost_master_ends_in_fault_and_can_only_be_cleared_afterwards() {
 }
 
 #[test]
+fn command_frames_that_stop_end_in_the_configured_ramp() {
+    let mut joint = started(&[(index::FAULT_OPTION, 1)]);
+    joint.drive_ms(0.0, 5);
+    joint.request_state(1);
+    joint.drive_ms(0.0, 40);
+    joint.drive_ms(6.0, 100);
+    joint.drive_ms(3.0, 20);
+    let speed = joint.stage.plant.velocity();
+    assert!(speed > 1.0, "{speed} rad/s");
+    let ms = open_ms(&mut joint, |joint| joint.run_ms(1));
+    assert!(joint.has_fault(Code::CommandTimeout));
+    assert!(ms > 140 && joint.stage.plant.velocity().abs() < 0.15, "{ms} ms");
+}
+
+#[test]
 fn fault_that_permits_no_ramp_opens_the_bridge_also_during_a_ramp() {
     type Fault = (&'static str, fn(&mut Joint));
     let faults: [Fault; 4] = [

@@ -14,6 +14,7 @@ pub fn rows() -> &'static [ScenarioRow] {
         let mut rows = limits();
         rows.extend(following_error());
         rows.extend(tracking());
+        rows.extend(stiff_tracking());
         rows.extend(moves());
         rows.extend(halted_move());
         rows.extend(homing_at_stop());
@@ -54,6 +55,12 @@ fn run(master: &mut Master, milliseconds: u32, controlword: u16) {
 fn enable(master: &mut Master, mode: u8) {
     let at = master.rig.plant().position_rad();
     master.rig.write_object(index::STATE, 6, (at as f32).to_le_bytes());
+    // Targets are written as objects, whose answers need room on a bus of 1 Mbit/s.
+    for (index, base) in [(index::TRANSMIT_STATUS, 0x280), (index::TRANSMIT_TORQUE, 0x680)] {
+        let unused = 1u32 << 31 | (base + 1);
+        master.rig.write_object(index, 1, unused.to_le_bytes());
+        master.rig.step_idle();
+    }
     master.rig.send_immediately(0, &[1, 1]);
     master.rig.write_object_byte(index::MODE, 0, mode);
     for word in [0x06, 0x07, 0x0F] {
@@ -137,9 +144,10 @@ fn following_error() -> Vec<ScenarioRow> {
 }
 
 /// RMS and largest deviation from the course one period before, in CSP.
-fn track(set: ParameterSet, period_ms: u32, radius: f64, hz: f64) -> [f64; 4] {
+fn track(set: ParameterSet, period_ms: u32, radius: f64, hz: f64, gain: u32) -> [f64; 4] {
     Joint::with(set).run(|master| {
         master.rig.write_object_byte(index::INTERPOLATION_TIME, 1, period_ms as u8);
+        master.rig.write_object(index::POSITION_LOOP, 1, gain.to_le_bytes());
         master.rig.step_idle();
         enable(master, CSP);
         let from = master.rig.plant().position_rad();
@@ -177,7 +185,8 @@ fn tracking() -> Vec<ScenarioRow> {
                 let with =
                     if share > 0.0 { "with compensation (0.9)" } else { "without compensation" };
                 let name = format!("CSP, {what}, targets every {period_ms} ms, {with}");
-                let [rms, most, current_a, armed] = track(set(share), period_ms, radius, hz);
+                let [rms, most, current_a, armed] =
+                    track(set(share), period_ms, radius, hz, 10_000);
                 let limit = if share > 0.0 { without } else { 0.03 };
                 rows.push(row(20, &name, "RMS position error, rad", rms, 1e-5..=limit));
                 rows.push(row(20, &name, "largest position error, rad", most, 1e-5..=0.07));
@@ -186,6 +195,24 @@ fn tracking() -> Vec<ScenarioRow> {
                 without = rms;
             }
         }
+    }
+    rows
+}
+
+/// Results with both gains doubled.
+fn stiff_tracking() -> Vec<ScenarioRow> {
+    let mut rows = Vec::new();
+    for (share, with) in [(0.0, "without compensation"), (0.9, "with compensation (0.9)")] {
+        let mut set = set(share);
+        set.motor.velocity_gain_a_s_per_rad *= 2.0;
+        let name =
+            format!("CSP, ±0.5 rad at 0.5 Hz, targets every 1 ms, both gains doubled, {with}");
+        let [rms, most, current_a, armed] = track(set, 1, 0.5, 0.5, 20_000);
+        // Four times the stiffness.
+        rows.push(row(20, &name, "RMS position error, rad", rms, 1e-5..=0.03 / 3.0));
+        rows.push(row(20, &name, "largest position error, rad", most, 1e-5..=0.07 / 2.0));
+        rows.push(row(20, &name, "largest phase current, A", current_a, 0.5..=26.5));
+        rows.push(row(20, &name, "stays armed", armed, 1.0..=1.0));
     }
     rows
 }

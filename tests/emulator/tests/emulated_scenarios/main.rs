@@ -2,7 +2,8 @@
 //!
 //! The short form runs three families, `LONG_TESTS=1` five. The tests of the others take the emulator between ten minutes
 //! and an hour: commissioning, velocity loop, compensation of other joints, temperature of the winding. The first two run
-//! by name, `commissioning` and `velocity`, and have no results in the table.
+//! by name, `commissioning` and `velocity`, and have no results in the table. Neither have `stops`, `holding_brake` and
+//! `position` yet, which run by name, too.
 #![cfg(feature = "unicorn")]
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
@@ -14,6 +15,10 @@ mod common;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
+#[path = "../../../../host-sim/rig/tests/closed_loop/holding_brake.rs"]
+mod holding_brake;
+#[path = "../../../../host-sim/rig/tests/closed_loop/position.rs"]
+mod position;
 #[path = "../../../../host-sim/rig/tests/closed_loop/power_up.rs"]
 mod power_up;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
@@ -21,6 +26,8 @@ mod power_up;
 mod rig;
 #[path = "../../../../host-sim/rig/tests/closed_loop/stalls.rs"]
 mod stalls;
+#[path = "../../../../host-sim/rig/tests/closed_loop/stops.rs"]
+mod stops;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
 #[path = "../../../../host-sim/rig/tests/closed_loop/table.rs"]
 mod table;
