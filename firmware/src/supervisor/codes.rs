@@ -132,6 +132,11 @@ impl CodeSet {
         self.0 & other.0 != 0
     }
 
+    /// Returns the codes of both sets.
+    pub const fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
     /// Returns the codes that are not in `other`.
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)

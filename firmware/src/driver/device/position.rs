@@ -277,7 +277,9 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns true if the following error exceeds its window, and whether for the time of 6066h.
     pub(super) fn following_state(&self) -> (bool, bool) {
-        let is_controlled = self.is_in_position_control() && self.position.has_begun;
+        let is_controlled = self.is_in_position_control()
+            && self.profile.mode != profile::HOMING
+            && self.position.has_begun;
         let ms = if is_controlled { self.position.exceeded_ms } else { 0 };
         (ms > 0, ms > u32::from(self.settings.drive.following_time_ms))
     }

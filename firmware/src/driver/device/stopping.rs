@@ -206,6 +206,7 @@ impl<F: NorFlash> Device<F> {
                 let (load_a, at_rad) = (self.velocity_command.current_a, self.report.turned_rad);
                 self.braked_load = Some(BrakedLoad { load_a, at_rad });
             }
+            self.shorts_low_sides = false;
             self.profile.end_stop();
             self.disarm();
         }

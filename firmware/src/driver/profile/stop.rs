@@ -91,14 +91,13 @@ impl DriveSettings {
 
     /// Returns the faults after which the drive stops with a ramp.
     pub fn ramp_faults(&self) -> CodeSet {
-        let is_ramp = |cause| matches!(self.reaction(cause), StopReaction::Ramp(_));
-        let mut codes = CodeSet::EMPTY;
-        for code in RAMP_FAULTS.iter() {
-            if is_ramp(fault_cause(CodeSet::of(&[code]))) {
-                codes.insert(code);
-            }
-        }
-        codes
+        let if_ramp = |cause, codes| match self.reaction(cause) {
+            StopReaction::Ramp(_) => codes,
+            _ => CodeSet::EMPTY,
+        };
+        let others = const { RAMP_FAULTS.without(CONNECTION_FAULTS) };
+        if_ramp(StopCause::Fault, others)
+            .union(if_ramp(StopCause::ConnectionLost, CONNECTION_FAULTS))
     }
 
     /// Returns true if a stop may short the low sides.
