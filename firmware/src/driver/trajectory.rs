@@ -8,11 +8,12 @@
 //! no steps, and a course with constant acceleration is followed exactly. It delays the course by one period. If the
 //! next target is late, the reference moves to the last one as a trapezoidal move.
 
-/// Position and velocity of a reference.
+/// Position and velocity of a reference. The position has double precision: at 6 rad and a slow motion, a step of a
+/// millisecond is below the resolution of `f32`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reference {
     /// Position, rad.
-    pub position_rad: f32,
+    pub position_rad: f64,
     /// Velocity, rad/s.
     pub velocity_rad_s: f32,
 }
@@ -33,13 +34,13 @@ const REACHED_RAD: f32 = 1e-6;
 
 impl Reference {
     /// Creates a reference at rest.
-    pub const fn at(position_rad: f32) -> Self {
+    pub const fn at(position_rad: f64) -> Self {
         Self { position_rad, velocity_rad_s: 0.0 }
     }
 
     /// Moves the reference towards a target for a step of `dt` s. Returns true if it is there, at rest.
-    pub fn move_towards(&mut self, target_rad: f32, limits: &MoveLimits, dt: f32) -> bool {
-        let left_rad = target_rad - self.position_rad;
+    pub fn move_towards(&mut self, target_rad: f64, limits: &MoveLimits, dt: f32) -> bool {
+        let left_rad = (target_rad - self.position_rad) as f32;
         let slowing = limits.deceleration_rad_s2 * dt;
         if left_rad.abs() < REACHED_RAD && self.velocity_rad_s.abs() <= 2.0 * slowing {
             *self = Self::at(target_rad);
@@ -58,7 +59,7 @@ impl Reference {
         };
         // The last steps before the target are shorter than a step of the deceleration.
         self.velocity_rad_s += change.clamp(-1.01 * most, 1.01 * most);
-        self.position_rad += self.velocity_rad_s * dt;
+        self.position_rad += f64::from(self.velocity_rad_s * dt);
         false
     }
 }
@@ -88,12 +89,12 @@ impl Interpolation {
 
     /// Sets a target, to be reached in this number of steps of `dt` s. Returns false if it is too far for the speed: the
     /// reference then stops before it.
-    pub fn set_target(&mut self, target_rad: f32, steps: u32, speed_rad_s: f32, dt: f32) -> bool {
+    pub fn set_target(&mut self, target_rad: f64, steps: u32, speed_rad_s: f32, dt: f32) -> bool {
         let period_s = steps as f32 * dt;
-        let wanted_rad = target_rad - self.reference.position_rad;
+        let wanted_rad = (target_rad - self.reference.position_rad) as f32;
         let most_rad = speed_rad_s * period_s;
         let way_rad = wanted_rad.clamp(-most_rad, most_rad);
-        let target_step_rad = target_rad - self.to.position_rad;
+        let target_step_rad = (target_rad - self.to.position_rad) as f32;
         let extrapolated = (1.5 * target_step_rad - 0.5 * self.last_rad) / period_s;
         // A course that stops or turns is not extrapolated.
         let continues =
@@ -102,7 +103,10 @@ impl Interpolation {
             if continues { extrapolated.clamp(-speed_rad_s, speed_rad_s) } else { 0.0 };
         self.last_rad = target_step_rad;
         self.from = self.reference;
-        self.to = Reference { position_rad: self.reference.position_rad + way_rad, velocity_rad_s };
+        self.to = Reference {
+            position_rad: self.reference.position_rad + f64::from(way_rad),
+            velocity_rad_s,
+        };
         (self.at, self.steps) = (0, steps);
         way_rad == wanted_rad
     }
@@ -116,12 +120,12 @@ impl Interpolation {
         self.at += 1;
         let period_s = self.steps as f32 * dt;
         let s = self.at as f32 / self.steps as f32;
-        let way = self.to.position_rad - self.from.position_rad;
+        let way = (self.to.position_rad - self.from.position_rad) as f32;
         let (v0, v1) = (self.from.velocity_rad_s * period_s, self.to.velocity_rad_s * period_s);
         // Cubic Hermite curve, as a polynomial in s.
         let (c2, c3) = (3.0 * way - 2.0 * v0 - v1, v0 + v1 - 2.0 * way);
         self.reference = Reference {
-            position_rad: self.from.position_rad + s * (v0 + s * (c2 + s * c3)),
+            position_rad: self.from.position_rad + f64::from(s * (v0 + s * (c2 + s * c3))),
             velocity_rad_s: (v0 + s * (2.0 * c2 + s * 3.0 * c3)) / period_s,
         };
         self.reference
@@ -137,7 +141,7 @@ mod tests {
         MoveLimits { speed_rad_s: 2.0, acceleration_rad_s2: 10.0, deceleration_rad_s2: 20.0 };
 
     /// Moves to a target; returns the time, s, and checks the limits in every step.
-    fn travel(mut reference: Reference, target_rad: f32, may_overshoot: bool) -> f32 {
+    fn travel(mut reference: Reference, target_rad: f64, may_overshoot: bool) -> f32 {
         let way = target_rad - reference.position_rad;
         for step in 0..20_000 {
             let before = reference;
@@ -171,9 +175,9 @@ mod tests {
     #[test]
     fn interpolation_of_constant_acceleration_is_exact_one_period_later() {
         for steps in [1u32, 2, 10] {
-            let course = |ms: u32| 2.0 * (ms as f32 * DT) * (ms as f32 * DT);
+            let course = |ms: u32| 2e-6 * f64::from(ms) * f64::from(ms);
             let mut curve = Interpolation::begin(Reference::at(0.0));
-            let mut most = 0.0f32;
+            let mut most = 0.0f64;
             for ms in 0..1000 {
                 if ms % steps == 0 {
                     assert!(curve.set_target(course(ms), steps, 12.0, DT));
@@ -194,7 +198,7 @@ mod tests {
     fn interpolation_without_new_targets_stops_at_the_last_one() {
         let mut curve = Interpolation::begin(Reference::at(0.0));
         for k in 1..=20 {
-            curve.set_target(0.02 * k as f32, 10, 12.0, DT);
+            curve.set_target(0.02 * f64::from(k), 10, 12.0, DT);
             for _ in 0..10 {
                 let _ = curve.step(&LIMITS, DT);
             }

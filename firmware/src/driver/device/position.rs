@@ -121,7 +121,7 @@ impl<F: NorFlash> Device<F> {
         let actual_rad = self.position_rad();
         if !self.position.has_begun {
             let velocity_rad_s = self.velocity_command.reference_rad_s;
-            let reference = Reference { position_rad: actual_rad, velocity_rad_s };
+            let reference = Reference { position_rad: actual_rad.into(), velocity_rad_s };
             self.position.reference = reference;
             self.position.interpolation = Interpolation::begin(reference);
             self.position.has_begun = true;
@@ -139,7 +139,8 @@ impl<F: NorFlash> Device<F> {
             }
         }
         let reference = self.position.reference;
-        let error_rad = reference.position_rad - actual_rad;
+        // The report shows the joint at the end of the step before, where that step's reference was due.
+        let error_rad = (before.position_rad - f64::from(actual_rad)) as f32;
         self.watch_following(error_rad);
         let gain = self.settings.drive.position_gain as f32 * 1e-3;
         let most = self.max_speed_rad_s();
@@ -176,7 +177,8 @@ impl<F: NorFlash> Device<F> {
         };
         self.position.is_limited = is_limited;
         let has_ended = self.position.reference.move_towards(target_rad, &limits, REPORT_PERIOD_S);
-        let is_near = has_ended && (target_rad - self.position_rad()).abs() <= window_rad;
+        let error_rad = (target_rad - f64::from(self.position_rad())) as f32;
+        let is_near = has_ended && error_rad.abs() <= window_rad;
         let position = &mut self.position;
         position.reached_ms = if is_near { position.reached_ms.saturating_add(1) } else { 0 };
         let is_reached = is_near && position.reached_ms >= window_ms;
@@ -285,7 +287,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the limits of 607Dh, rad, if they act.
-    fn position_limits(&self) -> Option<[f32; 2]> {
+    fn position_limits(&self) -> Option<[f64; 2]> {
         let drive = &self.settings.drive;
         let is_known = self.settings.source == InputSource::Sensors
             && !self.report.position_rad.is_nan()
@@ -295,7 +297,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns a target within the limits, rad, and whether they changed it.
-    fn bounded_target(&self, target_micro_rad: i32) -> (f32, bool) {
+    fn bounded_target(&self, target_micro_rad: i32) -> (f64, bool) {
         let wanted_rad = from_micro(target_micro_rad);
         let Some([least, most]) = self.position_limits() else { return (wanted_rad, false) };
         let bounded = wanted_rad.clamp(least, most);
@@ -305,7 +307,7 @@ impl<F: NorFlash> Device<F> {
     /// Returns the velocities, rad/s, between which the joint stops at its limits.
     fn velocity_bounds(&self) -> Option<[f32; 2]> {
         let [least, most] = self.position_limits()?;
-        let (at_rad, drive) = (self.report.position_rad, &self.settings.drive);
+        let (at_rad, drive) = (f64::from(self.report.position_rad), &self.settings.drive);
         let deceleration = drive.deceleration as f32 * 1e-6;
         let gain = drive.position_gain as f32 * 1e-3;
         let speed = |left_rad: f32| {
@@ -316,7 +318,7 @@ impl<F: NorFlash> Device<F> {
                 (gain * left_rad).max(-RETURN_RAD_S)
             }
         };
-        Some([-speed(at_rad - least), speed(most - at_rad)])
+        Some([-speed((at_rad - least) as f32), speed((most - at_rad) as f32)])
     }
 
     /// Returns a velocity within the limits, rad/s.
@@ -383,7 +385,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Takes a set-point of mode 1.
     pub(super) fn take_set_point(&mut self) {
-        let at = super::drive::micro(self.position.reference.position_rad);
+        let at = (self.position.reference.position_rad * 1e6) as i32;
         let target = self.profile.target_position_micro_rad;
         let (is_relative, at_once) = self.profile.set_point_kind();
         self.profile.set_points.take(target, is_relative, at_once, at);
@@ -394,7 +396,7 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn position_demand(&self) -> i32 {
         let begun = self.is_in_position_control() && self.position.has_begun;
         if begun {
-            super::drive::micro(self.position.reference.position_rad)
+            (self.position.reference.position_rad * 1e6) as i32
         } else {
             self.actual_position()
         }
@@ -427,6 +429,6 @@ impl<F: NorFlash> Device<F> {
 }
 
 /// Converts from millionths.
-fn from_micro(number: i32) -> f32 {
-    (f64::from(number) * 1e-6) as f32
+fn from_micro(number: i32) -> f64 {
+    f64::from(number) * 1e-6
 }

@@ -130,7 +130,9 @@ impl<F: NorFlash> Device<F> {
         let cause = if self.supervisor.is_stopping() {
             Some(fault_cause(self.supervisor.faults()))
         } else if self.profile.is_active() {
-            self.profile.stop_cause()
+            // A drive without torque has nothing to halt.
+            let is_free = self.is_torque_free_homing();
+            self.profile.stop_cause().filter(|cause| *cause != StopCause::Halt || !is_free)
         } else {
             // Without the profile, only the network stops the joint.
             self.stop.map(|stop| stop.cause)
