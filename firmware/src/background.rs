@@ -89,6 +89,10 @@ pub trait Board {
         None
     }
 
+    /// Sets the output of the holding brake, once per tick. With `None` the output is not driven, and the brake must be
+    /// closed.
+    fn set_holding_brake(&mut self, _output: Option<bool>) {}
+
     /// Refreshes the watchdog: once per tick, while the current loop reports.
     fn refresh_watchdog(&mut self) {}
 }
@@ -139,6 +143,7 @@ impl<F: NorFlash> Background<F> {
             if self.tick(&state, board.current_loop(), now_us) {
                 board.refresh_watchdog();
             }
+            board.set_holding_brake(self.driver.brake_output());
         }
         self.send(board);
         if !self.driver.is_reset_requested() {

@@ -15,6 +15,7 @@
 pub mod commissioning;
 mod counters;
 mod device;
+pub mod holding_brake;
 pub mod loop_data;
 mod motor_watch;
 mod objects;
@@ -22,6 +23,7 @@ pub mod over_compensation;
 pub mod profile;
 pub mod received;
 pub mod staging;
+pub mod trajectory;
 
 pub use counters::Counters;
 pub use device::{Boot, Identity};
@@ -146,12 +148,12 @@ impl<F: NorFlash> Driver<F> {
                 // A joint without a master must not stay armed.
                 if !self.network.is_operational() {
                     self.device.restart_pdos();
-                    self.device.disarm();
+                    self.device.stop_connection();
                 }
             }
             NmtAction::Reset => self.is_reset_requested = true,
             NmtAction::ResetCommunication => {
-                self.device.disarm();
+                self.device.stop_connection();
                 self.sdo = SdoServer::new();
                 self.device.reset_pdos();
                 let node = self.device.settings().node;
@@ -289,6 +291,11 @@ impl<F: NorFlash> Driver<F> {
     /// Returns the commands for the current loop.
     pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
         self.device.loop_commands(now_us)
+    }
+
+    /// Returns the level of the holding brake's output; `None` if the joint has no brake: the output is not driven.
+    pub fn brake_output(&self) -> Option<bool> {
+        self.device.brake.output(&self.device.settings().drive)
     }
 
     /// Checks that the sensors of side load and pressure still change. The reading of a stuck sensor ages.

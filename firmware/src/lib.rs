@@ -17,6 +17,7 @@ pub mod background;
 pub mod bridge_guard;
 pub mod control;
 pub mod deadline;
+pub mod drive_settings;
 pub mod driver;
 pub mod fingerprint;
 pub mod hil;

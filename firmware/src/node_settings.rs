@@ -4,6 +4,7 @@
 //! setting is an object of the dictionary (see [`crate::node::dictionary`]) and is refused out of range
 //! when it is written, not when it is used.
 
+use crate::drive_settings::DriveSettings;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
@@ -61,6 +62,8 @@ pub struct NodeSettings {
     pub commissioned: u32,
     /// CRC of the wiring with which the motor was seen to turn by its current; 0 if there is none.
     pub proven: u32,
+    /// Settings of the CiA 402 drive.
+    pub drive: DriveSettings,
 }
 
 impl Default for NodeSettings {
@@ -79,21 +82,25 @@ impl Default for NodeSettings {
             campaign_h: 0.0,
             commissioned: 0,
             proven: 0,
+            drive: DriveSettings::default(),
         }
     }
 }
 
 impl NodeSettings {
+    /// Length of the encoded settings without those of the drive, bytes.
+    const HEAD: usize = 32;
     /// Length of the encoded settings, bytes.
-    pub const LENGTH: usize = 32;
-    const VERSION: u8 = 3;
+    pub const LENGTH: usize = Self::HEAD + DriveSettings::LENGTH;
+    const VERSION: u8 = 4;
+    const VERSION_WITHOUT_DRIVE: u8 = 3;
 
     /// Returns the setup of a joint in HIL.
     pub fn hil_setup(&self) -> HilSetup {
         HilSetup { number: self.number, period_s: self.period_s, campaign_h: self.campaign_h }
     }
 
-    /// Returns the settings as bytes, little-endian: a version, then the fields in order.
+    /// Returns the settings as bytes, little-endian: a version, the fields in order, then those of the drive.
     pub fn emit(&self) -> [u8; Self::LENGTH] {
         let mut bytes = [0; Self::LENGTH];
         let words = [
@@ -127,11 +134,28 @@ impl NodeSettings {
                 place.copy_from_slice(&word.to_le_bytes());
             }
         }
+        if let Some(place) = bytes.last_chunk_mut() {
+            *place = self.drive.emit();
+        }
         bytes
     }
 
     /// Parses settings; `None` for another version or a value out of range.
     pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
+        let drive = DriveSettings::parse(bytes.last_chunk()?)?;
+        Self::parse_head(bytes.first_chunk()?, Self::VERSION, drive)
+    }
+
+    /// Parses settings of the version before those of the drive were stored; they have their defaults.
+    fn parse_without_drive(bytes: &[u8; Self::HEAD]) -> Option<Self> {
+        Self::parse_head(bytes, Self::VERSION_WITHOUT_DRIVE, DriveSettings::default())
+    }
+
+    fn parse_head(
+        bytes: &[u8; Self::HEAD],
+        expected_version: u8,
+        drive: DriveSettings,
+    ) -> Option<Self> {
         let word = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
         let [version, node, source, number] = word(0)?.to_le_bytes();
         let settings = Self {
@@ -156,8 +180,9 @@ impl NodeSettings {
             campaign_h: f32::from_bits(word(20)?),
             commissioned: word(24)?,
             proven: word(28)?,
+            drive,
         };
-        (version == Self::VERSION && settings.validate().is_ok()).then_some(settings)
+        (version == expected_version && settings.validate().is_ok()).then_some(settings)
     }
 
     /// Checks every setting.
@@ -254,6 +279,12 @@ pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BL
 /// # Errors
 /// Returns which part is refused and, for parameters, which one and why.
 pub fn parse_block(block: &[u8]) -> Result<(NodeSettings, ParameterSet), BlockError> {
+    let old = block.split_first_chunk::<{ NodeSettings::HEAD }>();
+    if let Some((head, set)) = old
+        && let Some(settings) = NodeSettings::parse_without_drive(head)
+    {
+        return Ok((settings, ParameterSet::parse(set).map_err(BlockError::Set)?));
+    }
     let (head, set) =
         block.split_first_chunk::<{ NodeSettings::LENGTH }>().ok_or(BlockError::NodeSettings)?;
     let settings = NodeSettings::parse(head).ok_or(BlockError::NodeSettings)?;
@@ -281,6 +312,7 @@ mod tests {
             campaign_h: 12.5,
             commissioned: 0x1234_5678,
             proven: 0x8765_4321,
+            drive: DriveSettings { quick_stop_option: -1, ..DriveSettings::default() },
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
@@ -292,6 +324,17 @@ mod tests {
         block[NodeSettings::LENGTH + 90] ^= 1;
         assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));
         block[2] = 2;
+        assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
+    }
+
+    #[test]
+    fn parse_of_a_block_without_drive_settings_returns_their_defaults() {
+        let settings = NodeSettings { heartbeat_ms: 250, ..NodeSettings::default() };
+        let mut block = settings.emit()[..NodeSettings::HEAD].to_vec();
+        block[0] = NodeSettings::VERSION_WITHOUT_DRIVE;
+        block.extend_from_slice(&ParameterSet::default().emit());
+        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        block[0] = 2;
         assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
     }
 }

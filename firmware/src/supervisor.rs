@@ -93,6 +93,10 @@ impl core::error::Error for ArmRefusal {}
 pub struct Supervisor {
     thresholds: Thresholds,
     armed: bool,
+    /// A fault ended the armed state, and the bridge stays on for a ramp.
+    stopping: bool,
+    /// Faults after which the bridge may stay on for a ramp.
+    ramp_faults: CodeSet,
     /// Causes that are present, after their delays.
     present: CodeSet,
     /// Latched faults: raised and not yet cleared.
@@ -120,6 +124,8 @@ impl Supervisor {
         let mut supervisor = Self {
             thresholds: if is_valid { *thresholds } else { Thresholds::default() },
             armed: false,
+            stopping: false,
+            ramp_faults: CodeSet::EMPTY,
             present: CodeSet::EMPTY,
             latched: CodeSet::EMPTY,
             changing: CodeSet::EMPTY,
@@ -226,7 +232,7 @@ impl Supervisor {
             self.present.remove(code);
         }
         if info.effect == Effect::Stops {
-            if present && (self.armed || info.watched == Watched::Always) {
+            if present && (self.is_driving() || info.watched == Watched::Always) {
                 self.latch(code);
             }
         } else {
@@ -238,6 +244,7 @@ impl Supervisor {
     }
 
     fn latch(&mut self, code: Code) {
+        self.stopping = self.is_driving() && self.ramp_faults.contains(code);
         self.armed = false;
         if !self.latched.contains(code) {
             self.latched.insert(code);
@@ -315,6 +322,13 @@ impl Supervisor {
     /// Disarms the joint, which opens the bridge. It is accepted in every state.
     pub fn disarm(&mut self) {
         self.armed = false;
+        self.stopping = false;
+    }
+
+    /// Sets the faults after which the bridge stays on for a ramp. The driver then stops the joint and calls
+    /// [`Supervisor::disarm`]. A fault that is not in the set opens the bridge at once, also during a ramp.
+    pub fn set_ramp_faults(&mut self, codes: CodeSet) {
+        self.ramp_faults = codes;
     }
 
     /// Clears the faults whose cause has gone. The joint is then safe, not armed.
@@ -331,6 +345,8 @@ impl Supervisor {
                 self.publish(code, false);
             }
         }
+        // Nothing is left to stop for.
+        self.stopping &= !self.latched.is_empty();
         if left.is_empty() { Ok(()) } else { Err(left) }
     }
 
@@ -353,7 +369,8 @@ impl Supervisor {
         self.overruns_in_a_row = 0;
     }
 
-    /// Latches a fault that cannot wait for the next observation. The bridge must be off from here on.
+    /// Latches a fault that cannot wait for the next observation. The bridge must be off from here on, unless
+    /// [`Supervisor::is_stopping`].
     ///
     /// The fault may be cleared as soon as an observation does not show its cause. A code that is not a
     /// fault is ignored.
@@ -399,6 +416,18 @@ impl Supervisor {
         self.state() == JointState::Armed
     }
 
+    /// Returns true while the bridge stays on after a fault, for a ramp.
+    #[inline]
+    pub fn is_stopping(&self) -> bool {
+        self.stopping
+    }
+
+    /// Returns true if the joint is armed or stops with a ramp.
+    #[inline]
+    pub(crate) fn is_driving(&self) -> bool {
+        self.armed || self.stopping
+    }
+
     /// Returns true if the low sides may be shorted when the bridge stops: bridge, shunts and their supply have no
     /// fault, latched or present.
     pub fn is_braking_allowed(&self) -> bool {
@@ -409,13 +438,15 @@ impl Supervisor {
     /// Returns true if the bridge may be on. The current loop reads it in every period.
     #[inline]
     pub fn is_bridge_allowed(&self) -> bool {
-        self.armed && self.latched.is_empty()
+        self.stopping || self.armed && self.latched.is_empty()
     }
 
     /// Returns true if friction may be compensated. The current loop reads it in every period.
     #[inline]
     pub fn is_compensation_allowed(&self) -> bool {
-        self.is_bridge_allowed() && !self.present.intersects(codes::COMPENSATION_DROPPING_CODES)
+        self.is_bridge_allowed()
+            && !self.present.intersects(codes::COMPENSATION_DROPPING_CODES)
+            && !self.latched.contains(Code::ModelNotFinite)
     }
 
     /// Returns the share of the current limit that the temperatures allow, from 0 to 1.

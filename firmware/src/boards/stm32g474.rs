@@ -77,6 +77,7 @@ mod app {
     use compensator_core::can::Frame;
     use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
+    use embassy_stm32::gpio::{Flex, Pull, Speed};
     use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
     use firmware::background::{Background, Board, BoardState, RoundOutcome};
@@ -161,7 +162,8 @@ mod app {
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
-        let board = JointBoard { controller, slow, frames, link };
+        let brake = Flex::new(wired.brake.output);
+        let board = JointBoard { controller, slow, frames, link, brake };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
 
@@ -234,6 +236,8 @@ mod app {
         slow: SlowSensors,
         frames: Consumer<'static, Frame>,
         link: LoopLink<'static>,
+        /// Output of the holding brake; an input until the joint has one.
+        brake: Flex<'static>,
     }
 
     impl Board for JointBoard {
@@ -283,6 +287,17 @@ mod app {
 
         fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
             Some(&mut self.link)
+        }
+
+        fn set_holding_brake(&mut self, output: Option<bool>) {
+            match output {
+                None => self.brake.set_as_input(Pull::None),
+                Some(level) => {
+                    // The level first, so that the pin does not show another one.
+                    self.brake.set_level(level.into());
+                    self.brake.set_as_output(Speed::Low);
+                }
+            }
         }
 
         fn refresh_watchdog(&mut self) {

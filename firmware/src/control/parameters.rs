@@ -140,16 +140,22 @@ impl MotorParameters {
             let bound = if value < 0.5 { Bound::AtMost(0.0) } else { Bound::AtLeast(1.0) };
             refuse(field, value, bound, "0 or 1")?;
         }
+        if value == 1.0 && !self.is_short_bounded() {
+            let why = "the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
+            refuse(field, value, Bound::AtMost(0.0), why)?;
+        }
+        Ok(())
+    }
+
+    /// Returns true if the current of the shorted motor at its largest speed, with its overshoot, is below the overcurrent
+    /// level.
+    pub fn is_short_bounded(&self) -> bool {
         let electrical_rad_s = self.velocity_max_rad_s * self.gear_ratio * self.pole_pairs;
         let emf_v = electrical_rad_s * self.torque_constant_nm_per_a / (1.5 * self.pole_pairs);
         let reactance_ohm = electrical_rad_s * self.inductance_d_h.min(self.inductance_q_h);
         let squares = self.resistance_ohm * self.resistance_ohm + reactance_ohm * reactance_ohm;
         let most_a = self.overcurrent_a / SHORT_OVERSHOOT;
-        if value == 1.0 && emf_v * emf_v > squares * most_a * most_a {
-            let why = "the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
-            refuse(field, value, Bound::AtMost(0.0), why)?;
-        }
-        Ok(())
+        emf_v * emf_v <= squares * most_a * most_a
     }
 
     /// Checks that motor, gear and compensator agree: the joint's torque constant is the motor's times the gear

@@ -51,6 +51,14 @@ impl VelocityGains {
     }
 }
 
+impl VelocityGains {
+    /// Returns the gains with another maximum acceleration of the reference, rad/s^2, for a step of `period_s`.
+    #[must_use]
+    pub fn with_acceleration(self, acceleration_rad_s2: f32, period_s: f32) -> Self {
+        Self { slew_rad_s: acceleration_rad_s2 * period_s, ..self }
+    }
+}
+
 /// Command of a step to the current loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityCommand {
@@ -74,6 +82,12 @@ impl VelocityLoop {
         Self { reference_rad_s, integral_a: 0.0 }
     }
 
+    /// Creates a loop that starts at a joint velocity, rad/s, with the current that holds the load, A.
+    pub fn begin_loaded(velocity_rad_s: f32, load_a: f32) -> Self {
+        let integral_a = if load_a.is_finite() { load_a } else { 0.0 };
+        Self { integral_a, ..Self::begin(velocity_rad_s) }
+    }
+
     /// Runs a step towards a target, rad/s, at a velocity, rad/s. The current is limited to `+-limit_a`.
     /// `withheld_a` is the current that was applied less the command of the last step, A; 0 unless a limit of the
     /// current loop acts. If target or velocity is not finite, the current is 0.
@@ -91,6 +105,37 @@ impl VelocityLoop {
         }
         let change = clamp(target_rad_s - self.reference_rad_s, gains.slew_rad_s);
         self.reference_rad_s += change;
+        self.act(gains, change, velocity_rad_s, limit_a, withheld_a)
+    }
+
+    /// Runs a step as [`VelocityLoop::step`] with a reference that a position loop gives, without a limit of its
+    /// acceleration. `reference` has the velocity, rad/s, and the change that the inertia needs in this step, rad/s.
+    #[must_use]
+    pub fn track(
+        &mut self,
+        gains: &VelocityGains,
+        reference: [f32; 2],
+        velocity_rad_s: f32,
+        limit_a: f32,
+        withheld_a: f32,
+    ) -> VelocityCommand {
+        let [reference_rad_s, change_rad_s] = reference;
+        if !(reference_rad_s.is_finite() && change_rad_s.is_finite() && velocity_rad_s.is_finite())
+        {
+            return self.command(0.0);
+        }
+        self.reference_rad_s = reference_rad_s;
+        self.act(gains, change_rad_s, velocity_rad_s, limit_a, withheld_a)
+    }
+
+    fn act(
+        &mut self,
+        gains: &VelocityGains,
+        change: f32,
+        velocity_rad_s: f32,
+        limit_a: f32,
+        withheld_a: f32,
+    ) -> VelocityCommand {
         let error = self.reference_rad_s - velocity_rad_s;
         let demand_a = gains.inertia * change + gains.gain * error + self.integral_a;
         let current_a = clamp(demand_a, limit_a);

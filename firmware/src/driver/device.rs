@@ -7,17 +7,20 @@ mod drive;
 mod lss;
 mod network;
 mod pdos;
+mod position;
 mod requests;
+mod stopping;
 mod terms;
 mod values;
 mod velocity;
 
 use super::commissioning::AbortReason;
 use super::counters::{Counters, count};
+use super::holding_brake::HoldingBrake;
 use super::loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
 use super::motor_watch::{MotorState, MotorWatch};
 use super::over_compensation::OverCompensationWatch;
-use super::profile::Profile;
+use super::profile::{FaultState, Profile};
 use super::received::{CommandSequence, ReceivedInputs};
 use super::staging::Staging;
 use crate::control::Covariates;
@@ -131,6 +134,15 @@ pub struct Device<F> {
     gate_resets: u8,
     home: Home,
     pub(super) profile: Profile,
+    pub(super) brake: HoldingBrake,
+    /// Current that held the joint when the brake closed, A, and the position then, rad.
+    braked_load: Option<stopping::BrakedLoad>,
+    /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
+    held_rad: Option<f32>,
+    /// The stop under way.
+    stop: Option<stopping::Stop>,
+    /// The reaction to the last stop was to short the low sides.
+    shorts_low_sides: bool,
     commissioning: commissioning::Run,
     over: OverCompensationWatch,
     /// Covariates that the current loop received last.
@@ -139,6 +151,7 @@ pub struct Device<F> {
     pressure_watch: StuckWatch,
     /// Share of the compensation in use, 0..=1.
     compensation_left: f32,
+    position: position::PositionControl,
     velocity: VelocityLoop,
     velocity_gains: VelocityGains,
     velocity_command: VelocityCommand,
@@ -341,6 +354,7 @@ impl<F: NorFlash> Device<F> {
                 motor_against: self.motor_state.is_emf_reversed,
                 motor_stands: self.motor_state.is_blocked,
                 position_missing: self.is_position_missing(),
+                following_error: self.following_state().1,
                 stalled: self.motor_state.is_stalled,
                 over_compensated: self.over.is_detected(),
                 radial_force_stuck: self.radial_force_watch.is_stuck(),
@@ -368,10 +382,15 @@ impl<F: NorFlash> Device<F> {
                 ..Observation::default()
             }
         };
+        self.prepare_stops(now_us);
         self.watch_target(now_us);
         self.supervisor.observe(&observation, now_us);
+        self.react_to_fault();
         let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
         self.profile.sync_with_supervisor(fault, armed);
+        self.update_stop();
+        self.watch_stop();
+        self.step_brake();
         self.watch_commissioning();
         self.report_seen = true;
         if self.hil_armed && !self.hil_blocking_codes().is_empty() {
@@ -393,7 +412,7 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
-        let drives = self.supervisor.is_armed() && !self.is_measuring_motor();
+        let drives = self.supervisor.is_bridge_allowed() && !self.is_measuring_motor();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();
         self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives, proven);
@@ -428,7 +447,7 @@ impl<F: NorFlash> Device<F> {
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.is_bridge_allowed(),
             brake: drives
-                && self.set().motor.brake_at_stop != 0.0
+                && (self.set().motor.brake_at_stop != 0.0 || self.shorts_low_sides)
                 && self.supervisor.is_braking_allowed(),
             compensation: drives
                 && self.supervisor.is_compensation_allowed()
@@ -461,6 +480,7 @@ impl<F: NorFlash> Device<F> {
     /// Disarms the joint, for any source of inputs.
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
+        self.stop = None;
         self.end_commissioning(AbortReason::Stopped);
         self.hil.set_enabled(false);
         self.hil_armed = false;

@@ -42,13 +42,16 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::STATE, StateObject::REQUEST)
                 | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
                 | (index::CONTROLWORD | index::TARGET_TORQUE | index::TARGET_VELOCITY, _)
+                | (index::TARGET_POSITION, _)
+                // A move may change between two set-points.
+                | (index::PROFILE_VELOCITY | index::ACCELERATION | index::DECELERATION, _)
                 | (index::COMMISSIONING_RUN, CommissioningRunObject::ORDER)
                 // Limits within those of the parameters, and what controls nothing.
                 | (index::MAX_TORQUE | index::MAX_MOTOR_SPEED | index::HOME_OFFSET, _)
                 | (index::HEARTBEAT, _)
                 | (index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE, INHIBIT_TIME | EVENT_TIMER)
         );
-        if !always && self.is_armed() {
+        if !always && self.is_bridge_in_use() {
             let why = "the joint is armed, and nothing is written then: disarm first";
             return Err(self.staging.refuse(Abort::State, why));
         }
@@ -70,7 +73,7 @@ impl<F: NorFlash> Objects for Device<F> {
         match Area::of(at.index) {
             Area::Communication => self.write_communication(at, number),
             Area::Joint => self.write_joint(at, number, value),
-            Area::Profile => self.write_profile(at.index, number),
+            Area::Profile => self.write_profile(at, number),
         }
     }
 
@@ -185,6 +188,9 @@ impl<F: NorFlash> Device<F> {
     fn write_joint(&mut self, at: Address, number: u32, value: &[u8]) -> Result<(), Abort> {
         match at.index {
             index::OPERATION => self.write_setting(at, number),
+            index::HOLDING_BRAKE | index::HOMING_STOP => self
+                .set_drive_setting(at.index, at.subindex, number)
+                .unwrap_or(Err(Abort::ReadOnly)),
             index::TRACE => self.write_trace(at.subindex, number),
             index::INPUTS => {
                 self.input(at.subindex, number);
@@ -212,12 +218,16 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes an object of the drive profile (6000h to 67FFh).
-    fn write_profile(&mut self, at_index: u16, number: u32) -> Result<(), Abort> {
-        match at_index {
+    fn write_profile(&mut self, at: Address, number: u32) -> Result<(), Abort> {
+        if let Some(written) = self.set_drive_setting(at.index, at.subindex, number) {
+            return written;
+        }
+        match at.index {
             index::CONTROLWORD => return self.set_controlword(number as u16),
             index::MODE => return self.set_mode(number as i8),
             index::HOMING_METHOD => return self.set_homing_method(number as i8),
             index::TARGET_TORQUE => self.set_target(number as i16),
+            index::TARGET_POSITION => self.set_target_position(number as i32),
             index::TARGET_VELOCITY => self.set_target_velocity(number as i32),
             index::MAX_MOTOR_SPEED => self.profile.max_motor_rpm = Some(number),
             index::HOME_OFFSET => self.profile.home_offset_micro_rad = number as i32,

@@ -1,26 +1,32 @@
-//! The joint driver as a CiA 402 drive: state machine, cyclic synchronous torque (CST) and velocity (CSV),
-//! homing.
+//! The joint driver as a CiA 402 drive: state machine, cyclic synchronous torque (CST), velocity (CSV) and position
+//! (CSP), profile position (PP), homing.
 //!
-//! This profile is for masters that know drives but no friction (ros2_canopen, CODESYS). Mode 10 or 9 in 6060h
+//! This profile is for masters that know drives but no friction (ros2_canopen, CODESYS). A mode in 6060h
 //! activates it, and the joint's own Command frame is then ignored. The controlword requests, and the supervisor
 //! decides: *operation enabled* means armed, *fault* is the supervisor's fault state, and a rising bit 7 clears
-//! faults that can be cleared. Quick stop and "disable voltage" end the driving; there is no ramp (605Ah would
-//! be 0). The parameter `brake_at_stop` selects whether the joint then coasts or its motor is shorted.
+//! faults that can be cleared. "Disable voltage" opens the bridge at once. [`stop`] has the reactions to the other
+//! stops. Bit 8 (halt) stops the joint with a ramp and holds it, while the drive stays enabled.
 //!
 //! Such a master repeats a constant value. The age of the set-point counts from the last target: receive PDO 1,
 //! or a write of 6040h, 6071h or 60FFh. If no target arrives for the deadline of the PDO (1400h:5) or for
-//! `command_timeout_us`, whichever is shorter, the fault `command-timeout` opens the bridge. A SYNC does not count,
+//! `command_timeout_us`, whichever is shorter, the fault `command-timeout` stops the joint (6007h). A SYNC does not count,
 //! because its producer may outlive the controller. A master that sends only changes sets 1400h:5 to 0; then the
 //! awaited heartbeat (1016h) confirms the last target.
 //!
-//! Homing (mode 6) sets the present position as home (methods 37 and 35). A joint has no switches; a master
-//! drives to the stop in CST or CSV first. Home is at -607Ch, because the zero lies 607Ch beyond home. In this
-//! mode the drive is enabled and gives no torque of its own.
+//! Homing (mode 6) sets the present position as home (methods 37 and 35), or moves to a stop (-1 and -2) until the
+//! joint stands against the torque 2031h:1. A joint has no switches. Home is at -607Ch, because the zero lies 607Ch beyond
+//! home. After homing at a stop the joint moves to position 0. With the methods 37 and 35 the drive gives no torque.
 //!
 //! Units: torque in thousandths of the rated torque (6076h), which the current limit gives at the joint.
 //! Position and velocity in 1e-6 rad and 1e-6 rad/s. An unknown position counts from an arbitrary zero, and bit 8
 //! of the statusword is 0; the parameter `position_required` refuses to enable such a drive, except for homing. The
 //! maximum motor speed (6080h) is in motor turns per minute, as in the profile.
+
+mod set_point;
+pub mod stop;
+
+pub use set_point::SetPoint;
+use stop::StopCause;
 
 /// 1000h: servo drive (2), profile 402.
 pub const DEVICE_TYPE: u32 = 0x0002_0192;
@@ -28,12 +34,18 @@ pub const DEVICE_TYPE: u32 = 0x0002_0192;
 pub const CST: i8 = 10;
 /// Mode of operation: cyclic synchronous velocity.
 pub const CSV: i8 = 9;
+/// Mode of operation: cyclic synchronous position.
+pub const CSP: i8 = 8;
+/// Mode of operation: profile position.
+pub const PP: i8 = 1;
 /// Mode of operation: homing.
 pub const HOMING: i8 = 6;
 /// 6502h: supported modes, bit `mode - 1`.
-pub const SUPPORTED_MODES: u32 = 1 << (CST - 1) | 1 << (CSV - 1) | 1 << (HOMING - 1);
-/// 60E3h: homing methods. Both use the present position; 35 is the older number.
-pub const HOMING_METHODS: [i8; 2] = [37, 35];
+pub const SUPPORTED_MODES: u32 =
+    1 << (CST - 1) | 1 << (CSV - 1) | 1 << (CSP - 1) | 1 << (HOMING - 1) | 1 << (PP - 1);
+/// 60E3h: homing methods. 37 and 35 (its older number) use the present position; -1 and -2 a stop in negative and
+/// positive direction, found by torque (manufacturer specific).
+pub const HOMING_METHODS: [i8; 4] = [37, 35, -1, -2];
 /// Maximum speed at which a joint counts as standing, rad/s. In the millisecond between two reports, home is
 /// then missed by less than 0.1 mrad; the joint's encoder has steps of 8 urad.
 pub const STANDSTILL_RAD_S: f32 = 0.1;
@@ -45,7 +57,11 @@ mod control {
     pub const ENABLE_VOLTAGE: u16 = 1 << 1;
     pub const QUICK_STOP: u16 = 1 << 2;
     pub const START_HOMING: u16 = 1 << 4;
+    pub const NEW_SET_POINT: u16 = 1 << 4;
+    pub const CHANGE_AT_ONCE: u16 = 1 << 5;
+    pub const RELATIVE: u16 = 1 << 6;
     pub const FAULT_RESET: u16 = 1 << 7;
+    pub const HALT: u16 = 1 << 8;
 }
 
 /// Bits of the statusword besides the state.
@@ -58,7 +74,7 @@ pub mod status {
     pub const POSITION_KNOWN: u16 = 1 << 8;
     /// The network is operational.
     pub const REMOTE: u16 = 1 << 9;
-    /// Homing: it is not running, or has ended.
+    /// Homing: it is not running, or has ended. Halt: the joint stands.
     pub const TARGET_REACHED: u16 = 1 << 10;
     /// The current limit is active.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
@@ -66,6 +82,10 @@ pub mod status {
     pub const FOLLOWS_TARGET: u16 = 1 << 12;
     /// Homing: the home position is set.
     pub const HOMED: u16 = FOLLOWS_TARGET;
+    /// Mode 1: the set-point was taken.
+    pub const SET_POINT_TAKEN: u16 = FOLLOWS_TARGET;
+    /// Modes 1 and 8: the following error exceeds its window.
+    pub const FOLLOWING_ERROR: u16 = HOMING_FAILED;
     /// Homing: it failed.
     pub const HOMING_FAILED: u16 = 1 << 13;
 }
@@ -76,9 +96,11 @@ pub enum Homing {
     /// None since the mode was set.
     #[default]
     NotBegun,
+    /// The joint moves to its stop, or from it.
+    Running,
     /// The home position is set.
     Attained,
-    /// Failed: the joint moved.
+    /// Failed: the joint moved, or found no stop.
     Failed,
 }
 
@@ -90,6 +112,27 @@ enum State {
     ReadyToSwitchOn,
     SwitchedOn,
     OperationEnabled,
+    /// A ramp is under way by this command; then the drive is in the state of the command.
+    Stopping(StopCause),
+    QuickStopActive,
+}
+
+impl State {
+    /// Returns true if the bridge is on.
+    const fn is_powered(self) -> bool {
+        matches!(self, Self::OperationEnabled | Self::Stopping(_) | Self::QuickStopActive)
+    }
+}
+
+/// State of the supervisor, as the profile reports it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultState {
+    /// No fault.
+    None,
+    /// A fault; the joint stops with a ramp.
+    Reacting,
+    /// A fault; the bridge is open.
+    Latched,
 }
 
 /// Request of a controlword to the supervisor.
@@ -103,8 +146,10 @@ pub enum DriveRequest {
     Disarm,
     /// Clear faults.
     ClearFaults,
-    /// Set the present position as home.
+    /// Home: at the present position, or at a stop.
     Home,
+    /// Take a set-point of mode 1.
+    TakeSetPoint,
 }
 
 /// State of the CiA 402 profile.
@@ -125,6 +170,10 @@ pub struct Profile {
     pub max_motor_rpm: Option<u32>,
     /// 6098h, of [`HOMING_METHODS`].
     pub homing_method: i8,
+    /// 607Ah, 1e-6 rad.
+    pub target_position_micro_rad: i32,
+    /// Set-points of mode 1.
+    pub set_points: SetPoint,
     /// 607Ch, 1e-6 rad.
     pub home_offset_micro_rad: i32,
     /// Result of the last homing.
@@ -142,6 +191,8 @@ impl Default for Profile {
             target_micro_rad_s: 0,
             max_motor_rpm: None,
             homing_method: HOMING_METHODS[0],
+            target_position_micro_rad: 0,
+            set_points: SetPoint::default(),
             home_offset_micro_rad: 0,
             homing: Homing::default(),
         }
@@ -151,7 +202,33 @@ impl Default for Profile {
 impl Profile {
     /// Returns true if a mode of the profile commands the joint.
     pub const fn is_active(&self) -> bool {
-        matches!(self.mode, CST | CSV | HOMING)
+        matches!(self.mode, CST | CSV | CSP | PP | HOMING)
+    }
+
+    /// Returns true if the homing method moves the joint to a stop.
+    pub const fn homes_at_stop(&self) -> bool {
+        self.homing_method < 0
+    }
+
+    /// Returns true while the master requests homing.
+    pub const fn wants_homing(&self) -> bool {
+        self.controlword & control::START_HOMING != 0
+    }
+
+    /// Returns whether a set-point of mode 1 is relative, and whether it replaces the others at once.
+    pub const fn set_point_kind(&self) -> (bool, bool) {
+        (self.controlword & control::RELATIVE != 0, self.controlword & control::CHANGE_AT_ONCE != 0)
+    }
+
+    /// Returns the bits 10 and 12 of the statusword in mode 1.
+    pub fn set_point_bits(&self) -> u16 {
+        if self.mode != PP || self.state != State::OperationEnabled {
+            return 0;
+        }
+        let is_offered = self.controlword & control::NEW_SET_POINT != 0;
+        let when = |bit: u16, is_so: bool| if is_so { bit } else { 0 };
+        when(status::SET_POINT_TAKEN, self.set_points.is_acknowledged(is_offered))
+            | when(status::TARGET_REACHED, self.set_points.is_reached())
     }
 
     /// Returns 6072h as a share of the rated torque.
@@ -185,8 +262,18 @@ impl Profile {
         let powered =
             controlword & control::ENABLE_VOLTAGE != 0 && controlword & control::QUICK_STOP != 0;
         let was = self.state;
+        let is_voltage_enabled = controlword & control::ENABLE_VOLTAGE != 0;
         self.state = match (was, controlword & 0xF) {
+            (State::OperationEnabled | State::Stopping(_), _) if is_voltage_enabled && !powered => {
+                State::QuickStopActive
+            }
+            // Only "enable operation", which leads back, and "disable voltage" end this state.
+            (State::QuickStopActive, _) if is_voltage_enabled && controlword & 0xF != 0xF => {
+                State::QuickStopActive
+            }
             _ if !powered => State::SwitchOnDisabled,
+            (now, 0b0110 | 0b1110) if now.is_powered() => State::Stopping(StopCause::Shutdown),
+            (now, 0b0111) if now.is_powered() => State::Stopping(StopCause::DisableOperation),
             // Shutdown is the only transition out of this state.
             (_, 0b0110 | 0b1110) => State::ReadyToSwitchOn,
             (State::SwitchOnDisabled, _) => State::SwitchOnDisabled,
@@ -194,11 +281,22 @@ impl Profile {
             // Passes through "switched on" in one step, which the profile permits.
             _ => State::OperationEnabled,
         };
-        match (was == State::OperationEnabled, self.state == State::OperationEnabled) {
+        match (was.is_powered(), self.state.is_powered()) {
             (false, true) => DriveRequest::Arm,
             (true, false) => DriveRequest::Disarm,
-            (true, true) if self.mode == HOMING && rising & control::START_HOMING != 0 => {
+            (true, true)
+                if self.mode == HOMING
+                    && self.state == State::OperationEnabled
+                    && rising & control::START_HOMING != 0 =>
+            {
                 DriveRequest::Home
+            }
+            (true, true)
+                if self.mode == PP
+                    && self.state == State::OperationEnabled
+                    && rising & control::NEW_SET_POINT != 0 =>
+            {
+                DriveRequest::TakeSetPoint
             }
             _ => DriveRequest::None,
         }
@@ -212,19 +310,54 @@ impl Profile {
 
     /// Adopts a state change that the supervisor made.
     pub fn sync_with_supervisor(&mut self, fault: bool, armed: bool) {
-        if fault || self.state == State::OperationEnabled && !armed {
+        if fault || self.state.is_powered() && !armed {
             self.state = State::SwitchOnDisabled;
         }
     }
 
-    /// Returns the state bits of the statusword.
-    pub fn state_bits(&self, fault: bool) -> u16 {
+    /// Returns the command by which the drive stops or holds the joint now.
+    pub fn stop_cause(&self) -> Option<StopCause> {
         match self.state {
-            _ if fault => 0x08,
+            State::Stopping(cause) => Some(cause),
+            State::QuickStopActive => Some(StopCause::QuickStop),
+            State::OperationEnabled if self.controlword & control::HALT != 0 => {
+                Some(StopCause::Halt)
+            }
+            _ => None,
+        }
+    }
+
+    /// Stops the drive because its network stops.
+    pub fn stop_connection(&mut self) {
+        if self.state.is_powered() {
+            self.state = State::Stopping(StopCause::ConnectionLost);
+        }
+    }
+
+    /// The stop has ended, and the bridge opens: the drive takes the state of the command.
+    pub fn end_stop(&mut self) {
+        self.state = match self.state {
+            State::Stopping(StopCause::Shutdown) => State::ReadyToSwitchOn,
+            State::Stopping(StopCause::DisableOperation) => State::SwitchedOn,
+            _ => State::SwitchOnDisabled,
+        };
+    }
+
+    /// Returns the state bits of the statusword.
+    pub fn state_bits(&self, fault: FaultState) -> u16 {
+        match self.state {
+            _ if fault == FaultState::Latched => 0x08,
+            _ if fault == FaultState::Reacting => 0x0F,
             State::SwitchOnDisabled => 0x40,
             State::ReadyToSwitchOn => 0x21,
             State::SwitchedOn => 0x23,
-            State::OperationEnabled if self.mode == HOMING => 0x27,
+            State::QuickStopActive => 0x07,
+            State::Stopping(_) => 0x27,
+            State::OperationEnabled
+                if [HOMING, PP].contains(&self.mode) || self.stop_cause().is_some() =>
+            {
+                0x27
+            }
             State::OperationEnabled => 0x27 | status::FOLLOWS_TARGET,
         }
     }
@@ -235,6 +368,7 @@ impl Profile {
         match self.homing {
             _ if self.mode != HOMING => 0,
             Homing::NotBegun => status::TARGET_REACHED,
+            Homing::Running => 0,
             Homing::Attained => status::TARGET_REACHED | status::HOMED,
             Homing::Failed => ended(status::HOMING_FAILED),
         }
@@ -242,108 +376,5 @@ impl Profile {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const SHUTDOWN: u16 = 0x06;
-    const SWITCH_ON: u16 = 0x07;
-    const ENABLE: u16 = 0x0F;
-
-    fn on() -> Profile {
-        Profile { mode: CST, ..Profile::default() }
-    }
-
-    #[test]
-    fn controlword_sequence_passes_all_states_and_starts_with_shutdown() {
-        let mut drive = on();
-        assert_eq!(drive.state_bits(false), 0x40);
-        for stays in [ENABLE, SWITCH_ON, 0x00, 0x80] {
-            assert_eq!(drive.control(stays, false, false), DriveRequest::None);
-            assert_eq!(drive.state_bits(false), 0x40, "{stays:#x}");
-        }
-        for (word, bits, request) in [
-            (SHUTDOWN, 0x21, DriveRequest::None),
-            (SWITCH_ON, 0x23, DriveRequest::None),
-            (ENABLE, 0x27 | status::FOLLOWS_TARGET, DriveRequest::Arm),
-        ] {
-            assert_eq!(drive.control(word, false, false), request);
-            assert_eq!(drive.state_bits(false), bits);
-        }
-        // The same word again requests nothing.
-        assert_eq!(drive.control(ENABLE, false, true), DriveRequest::None);
-        for (word, bits) in [(SWITCH_ON, 0x23), (SHUTDOWN, 0x21), (0x02, 0x40), (0x05, 0x40)] {
-            let mut drive = drive;
-            assert_eq!(drive.control(word, false, true), DriveRequest::Disarm, "{word:#x}");
-            assert_eq!(drive.state_bits(false), bits, "{word:#x}");
-        }
-    }
-
-    #[test]
-    fn refused_arming_stays_switched_on_and_can_be_repeated() {
-        let mut drive = on();
-        let _ = drive.control(SHUTDOWN, false, false);
-        assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
-        drive.arm_refused();
-        assert_eq!(drive.state_bits(false), 0x23);
-        assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
-    }
-
-    #[test]
-    fn fault_reset_needs_an_edge_and_leads_to_switch_on_disabled() {
-        let mut drive = on();
-        for word in [SHUTDOWN, ENABLE] {
-            let _ = drive.control(word, false, false);
-        }
-        assert_eq!(drive.state_bits(true), 0x08);
-        assert_eq!(drive.control(ENABLE, true, false), DriveRequest::None);
-        assert_eq!(drive.control(0x80, true, false), DriveRequest::ClearFaults);
-        assert_eq!(drive.control(0x80, true, false), DriveRequest::None, "no edge");
-        // After the reset, an unchanged controlword does not restart the drive.
-        assert_eq!(drive.control(ENABLE, false, false), DriveRequest::None);
-        assert_eq!(drive.state_bits(false), 0x40);
-        // After the supervisor disarmed the joint, the drive is not enabled.
-        let mut drive = on();
-        for word in [SHUTDOWN, ENABLE] {
-            let _ = drive.control(word, false, false);
-        }
-        drive.sync_with_supervisor(false, false);
-        assert_eq!(drive.state_bits(false), 0x40);
-    }
-
-    #[test]
-    fn homing_starts_on_an_edge_in_homing_mode_when_enabled() {
-        const START: u16 = ENABLE | 0x10;
-        let mut drive = Profile { mode: HOMING, ..Profile::default() };
-        assert_eq!(drive.control(START, false, false), DriveRequest::None);
-        for word in [SHUTDOWN, ENABLE] {
-            let _ = drive.control(word, false, false);
-        }
-        assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x0427, "not begun");
-        assert_eq!(drive.control(START, false, true), DriveRequest::Home);
-        assert_eq!(drive.control(START, false, true), DriveRequest::None, "no edge");
-        drive.homing = Homing::Attained;
-        assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x1427);
-        drive.homing = Homing::Failed;
-        assert_eq!(drive.homing_bits(true), 0x2400);
-        assert_eq!(drive.homing_bits(false), 0x2000);
-        let mut other = on();
-        for word in [SHUTDOWN, ENABLE] {
-            let _ = other.control(word, false, false);
-        }
-        assert_eq!(
-            (other.control(START, false, true), other.homing_bits(true)),
-            (DriveRequest::None, 0)
-        );
-    }
-
-    #[test]
-    fn target_share_is_limited_by_maximum_torque() {
-        let share = |target_permille, max_permille| {
-            Profile { target_permille, max_permille, ..on() }.target_share()
-        };
-        assert_eq!(share(250, 1000), 0.25);
-        assert_eq!(share(-250, 100), -0.1);
-        assert_eq!((share(i16::MAX, u16::MAX), share(i16::MIN, u16::MAX)), (1.0, -1.0));
-        assert_eq!(share(500, 0), 0.0);
-    }
-}
+#[path = "profile/profile_tests.rs"]
+mod tests;

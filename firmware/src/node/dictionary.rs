@@ -22,9 +22,10 @@ use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
     CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, EnclosureObject,
-    IdentityObject, InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject,
-    PdoObject, SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry,
-    name_on_host,
+    HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject, InputsObject,
+    InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject,
+    PdoObject, PositionLimitsObject, PositionLoopObject, SdoServerObject, StateObject, TraceObject,
+    TransmitPdoObject, WatchObject, entry, name_on_host,
 };
 
 /// Structure of an object.
@@ -194,12 +195,25 @@ objects! {
     0x2027 COMMIT record("commit", CommitObject::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
     0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
+    0x2030 HOLDING_BRAKE record("holding_brake", HoldingBrakeObject::ENTRIES);
+    0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);
+    0x6007 ABORT_CONNECTION variable("abort_connection_option_code", Integer16, ReadWrite);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
     0x6041 STATUSWORD variable("statusword", Unsigned16, ReadOnly);
+    0x605A QUICK_STOP_OPTION variable("quick_stop_option_code", Integer16, ReadWrite);
+    0x605B SHUTDOWN_OPTION variable("shutdown_option_code", Integer16, ReadWrite);
+    0x605C DISABLE_OPTION variable("disable_operation_option_code", Integer16, ReadWrite);
+    0x605D HALT_OPTION variable("halt_option_code", Integer16, ReadWrite);
+    0x605E FAULT_OPTION variable("fault_reaction_option_code", Integer16, ReadWrite);
     0x6060 MODE variable("modes_of_operation", Integer8, Input);
     0x6061 MODE_DISPLAY variable("modes_of_operation_display", Integer8, ReadOnly);
+    0x6062 POSITION_DEMAND variable("position_demand_value", Integer32, ReadOnly);
     0x6064 ACTUAL_POSITION variable("position_actual_value", Integer32, ReadOnly);
+    0x6065 FOLLOWING_WINDOW variable("following_error_window", Unsigned32, ReadWrite);
+    0x6066 FOLLOWING_TIME variable("following_error_time_out", Unsigned16, ReadWrite);
+    0x6067 POSITION_WINDOW variable("position_window", Unsigned32, ReadWrite);
+    0x6068 POSITION_TIME variable("position_window_time", Unsigned16, ReadWrite);
     0x606B VELOCITY_DEMAND variable("velocity_demand_value", Integer32, ReadOnly);
     0x606C ACTUAL_VELOCITY variable("velocity_actual_value", Integer32, ReadOnly);
     0x6071 TARGET_TORQUE variable("target_torque", Integer16, Input);
@@ -207,11 +221,24 @@ objects! {
     0x6075 RATED_CURRENT variable("motor_rated_current", Unsigned32, ReadOnly);
     0x6076 RATED_TORQUE variable("motor_rated_torque", Unsigned32, ReadOnly);
     0x6077 ACTUAL_TORQUE variable("torque_actual_value", Integer16, ReadOnly);
+    0x6078 ACTUAL_CURRENT variable("current_actual_value", Integer16, ReadOnly);
+    0x6079 BUS_VOLTAGE variable("dc_link_circuit_voltage", Unsigned32, ReadOnly);
+    0x607A TARGET_POSITION variable("target_position", Integer32, Input);
     0x607C HOME_OFFSET variable("home_offset", Integer32, ReadWrite);
+    0x607D POSITION_LIMITS record("software_position_limit", PositionLimitsObject::ENTRIES);
     0x6080 MAX_MOTOR_SPEED variable("max_motor_speed", Unsigned32, ReadWrite);
+    0x6081 PROFILE_VELOCITY variable("profile_velocity", Unsigned32, ReadWrite);
+    0x6083 ACCELERATION variable("profile_acceleration", Unsigned32, ReadWrite);
+    0x6084 DECELERATION variable("profile_deceleration", Unsigned32, ReadWrite);
+    0x6085 QUICK_DECELERATION variable("quick_stop_deceleration", Unsigned32, ReadWrite);
     0x6098 HOMING_METHOD variable("homing_method", Integer8, ReadWrite);
+    0x6099 HOMING_SPEEDS record("homing_speeds", HomingSpeedsObject::ENTRIES);
+    0x609A HOMING_ACCELERATION variable("homing_acceleration", Unsigned32, ReadWrite);
+    0x60C2 INTERPOLATION_TIME record("interpolation_time_period", InterpolationTimeObject::ENTRIES);
     0x60E3 HOMING_METHODS
         array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());
+    0x60F4 FOLLOWING_ERROR variable("following_error_actual_value", Integer32, ReadOnly);
+    0x60FB POSITION_LOOP record("position_control_parameter_set", PositionLoopObject::ENTRIES);
     0x60FF TARGET_VELOCITY variable("target_velocity", Integer32, Input);
     0x6502 SUPPORTED_MODES variable("supported_drive_modes", Unsigned32, Const);
 }

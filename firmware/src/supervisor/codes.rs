@@ -89,6 +89,17 @@ impl CodeSet {
     /// The empty set.
     pub const EMPTY: Self = Self(0);
 
+    /// Returns the set of these codes.
+    pub const fn of(codes: &[Code]) -> Self {
+        let mut set = Self::EMPTY;
+        let mut index = 0;
+        while index < codes.len() {
+            set.insert(codes[index]);
+            index += 1;
+        }
+        set
+    }
+
     const fn bit(code: Code) -> u64 {
         1 << (code as u8 - 1)
     }
@@ -119,6 +130,11 @@ impl CodeSet {
     #[inline]
     pub const fn intersects(self, other: Self) -> bool {
         self.0 & other.0 != 0
+    }
+
+    /// Returns the codes of both sets.
+    pub const fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
     }
 
     /// Returns the codes that are not in `other`.
@@ -247,29 +263,20 @@ const fn with_effect(effect: Effect) -> CodeSet {
 pub const FAULT_CODES: CodeSet = with_effect(Effect::Stops);
 
 /// Faults of the bridge, its shunts and its supply. The low sides are not shorted after them.
-pub const BRIDGE_FAULT_CODES: CodeSet = {
-    let mut set = CodeSet::EMPTY;
-    let codes = [
-        Code::Overcurrent,
-        Code::CurrentSensorInvalid,
-        Code::CurrentOffset,
-        Code::PhaseLost,
-        Code::BusUndervoltage,
-        Code::GateDriverFault,
-        Code::BridgeOvertemperature,
-        Code::AdcTimeout,
-        Code::SelfTestFailed,
-        Code::Internal,
-        Code::SystemBreak,
-        Code::TorqueOff,
-    ];
-    let mut index = 0;
-    while index < codes.len() {
-        set.insert(codes[index]);
-        index += 1;
-    }
-    set
-};
+pub const BRIDGE_FAULT_CODES: CodeSet = CodeSet::of(&[
+    Code::Overcurrent,
+    Code::CurrentSensorInvalid,
+    Code::CurrentOffset,
+    Code::PhaseLost,
+    Code::BusUndervoltage,
+    Code::GateDriverFault,
+    Code::BridgeOvertemperature,
+    Code::AdcTimeout,
+    Code::SelfTestFailed,
+    Code::Internal,
+    Code::SystemBreak,
+    Code::TorqueOff,
+]);
 
 /// All limits that disable the compensation.
 pub const COMPENSATION_DROPPING_CODES: CodeSet = with_effect(Effect::DropsCompensation);
@@ -342,6 +349,9 @@ codes! {
     29 PositionUnknown "position-unknown" 0xFF1B [PROFILE] Stops Armed 0 0
         "`position_required` is 1, the position is unknown, and the drive is not in homing mode",
         "the position is set (2002h:6, or homing)";
+    30 FollowingError "following-error" 0x8611 [PROFILE] Stops Armed 0 0
+        "in mode 1 or 8 the position is farther than 6065h from its demand for 6066h",
+        "the bridge is off (arming checks again)";
     31 TorqueOff "safe-torque-off" 0xFF1F [MANUFACTURER] Stops Armed 0 100
         "a channel of safe torque off does not allow torque", "both channels allow it";
     32 Leak "leak" 0xFF20 [MANUFACTURER] Stops Always 200 1000

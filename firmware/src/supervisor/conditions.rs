@@ -108,11 +108,12 @@ pub(super) fn evaluate(
         Code::CanErrorPassive => observation.can == CanState::Passive,
         Code::Overcurrent => any_current(&|current| current.abs() >= thresholds.overcurrent_a),
         Code::CurrentSensorInvalid => any_current(&|current| !current.is_finite()),
-        Code::PhaseLost => supervisor.armed && phase_is_open(thresholds, observation),
+        Code::PhaseLost => supervisor.is_driving() && phase_is_open(thresholds, observation),
         Code::GateDriverFault => observation.gate_driver_fault,
-        Code::MotorAgainst => supervisor.armed && observation.motor_against,
-        Code::MotorStands => supervisor.armed && observation.motor_stands,
+        Code::MotorAgainst => supervisor.is_driving() && observation.motor_against,
+        Code::MotorStands => supervisor.is_driving() && observation.motor_stands,
         Code::PositionUnknown => observation.position_missing,
+        Code::FollowingError => observation.following_error,
         Code::Stalled => observation.stalled,
         Code::EncoderMagnet => observation.magnet_fault,
         Code::OverCompensated => observation.over_compensated,
@@ -225,7 +226,7 @@ fn compare_with_levels(
 /// offset cannot be distinguished from a current.
 fn current_offset(supervisor: &Supervisor, observation: &Observation) -> CauseState {
     let Some(currents) = observation.phase_currents_a else { return Absent };
-    if supervisor.armed || observation.bridge_shorted {
+    if supervisor.is_driving() || observation.bridge_shorted {
         return Unchanged;
     }
     let largest =

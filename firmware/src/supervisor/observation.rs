@@ -109,6 +109,8 @@ pub struct Observation {
     pub motor_stands: bool,
     /// True if the position is required and unknown, and the drive is not in homing mode.
     pub position_missing: bool,
+    /// True if the position is too far from its demand for too long.
+    pub following_error: bool,
     /// True if the joint carries current and does not move, and it has moved or its wiring is proven.
     pub stalled: bool,
     /// True if the model predicts more friction than the joint has, and the compensation is reduced.
@@ -158,6 +160,7 @@ impl Default for Observation {
             motor_against: false,
             motor_stands: false,
             position_missing: false,
+            following_error: false,
             stalled: false,
             over_compensated: false,
             radial_force_stuck: false,

@@ -21,6 +21,7 @@ mod held_load;
 mod joint;
 mod lost_master;
 mod plant;
+mod ramps;
 mod rig;
 mod stop_reaction;
 mod swap;

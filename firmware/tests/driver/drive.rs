@@ -3,6 +3,7 @@
 
 use super::bench::{Bench, frame};
 use compensator_core::can::{Message, SyncFrame};
+use firmware::control::MotorParameters;
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
@@ -65,7 +66,7 @@ fn enabled() -> Bench {
 fn master_in_cst_enables_drives_and_stops_the_joint() {
     let mut bench = in_cst();
     assert_eq!(bench.number(index::DEVICE_TYPE, 0), 0x0002_0192);
-    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9 | 1 << 8 | 1 << 5);
+    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9 | 1 << 8 | 1 << 7 | 1 << 5 | 1);
     assert_eq!(bench.number(index::MODE_DISPLAY, 0), 10);
     assert_eq!(state(&mut bench), 0x40);
     // Rated: 26 A, and 1 Nm/A at the joint.
@@ -100,7 +101,7 @@ fn homing_sets_home_at_standstill_and_fails_in_motion() {
     const HOMING: u8 = 6;
     let mut bench = in_cst();
     assert_eq!(bench.number(index::HOMING_METHODS, 1) as i8, 37);
-    for method in [1i8, 17, -1, 36] {
+    for method in [1i8, 17, -3, 36] {
         assert!(bench.write(index::HOMING_METHOD, 0, &method.to_le_bytes()).is_err(), "{method}");
         let why = bench.text(index::REFUSAL);
         assert!(why.contains("37 or 35"), "{why}");
@@ -351,6 +352,90 @@ fn event_timer_beyond_its_range_is_refused_and_a_legal_one_is_kept() {
 }
 
 #[test]
+fn drive_settings_are_checked_stored_and_restored() {
+    let mut bench = in_cst();
+    assert!(bench.write(index::QUICK_STOP_OPTION, 0, &3i16.to_le_bytes()).is_err());
+    let why = bench.text(index::REFUSAL);
+    assert_eq!(why, "quick_stop_option: must be -1, 0, 1, 2, 5 or 6");
+    bench.write(index::QUICK_STOP_OPTION, 0, &(-1i16).to_le_bytes()).unwrap();
+    assert_eq!(bench.number(index::QUICK_STOP_OPTION, 0) as i16, -1);
+    bench.write(index::POSITION_LIMITS, 1, &(-500_000i32).to_le_bytes()).unwrap();
+    bench.write(index::HOLDING_BRAKE, 2, &60u16.to_le_bytes()).unwrap();
+    assert!(bench.write(index::HOLDING_BRAKE, 6, &[1]).is_err(), "only the driver releases");
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    let flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
+    assert_eq!(bench.number(index::QUICK_STOP_OPTION, 0) as i16, -1);
+    assert_eq!(bench.number(index::POSITION_LIMITS, 1) as i32, -500_000);
+    assert_eq!(bench.number(index::HOLDING_BRAKE, 2), 60);
+}
+
+/// A motor whose short circuit exceeds the overcurrent level can be neither given the reaction nor combined with it.
+#[test]
+fn shorted_low_sides_are_refused_for_a_motor_with_a_large_short_circuit_current() {
+    let place = MotorParameters::NAMES.iter().position(|name| *name == "overcurrent_a").unwrap();
+    let limit = MotorParameters::NAMES.iter().position(|name| *name == "current_limit_a").unwrap();
+    let low = |bench: &mut Bench| {
+        bench.write(index::MOTOR, limit as u8 + 1, &5f32.to_le_bytes()).unwrap();
+        bench.write(index::MOTOR, place as u8 + 1, &6f32.to_le_bytes()).unwrap();
+        let crc = bench.number(index::COMMIT, 2);
+        bench.write(index::COMMIT, 3, &crc.to_le_bytes())
+    };
+    let mut bench = in_cst();
+    low(&mut bench).unwrap();
+    assert!(bench.write(index::FAULT_OPTION, 0, &(-1i16).to_le_bytes()).is_err());
+    assert!(bench.text(index::REFUSAL).contains("exceed overcurrent_a"));
+    let mut bench = in_cst();
+    bench.write(index::FAULT_OPTION, 0, &(-1i16).to_le_bytes()).unwrap();
+    assert!(low(&mut bench).is_err());
+    assert!(bench.text(index::REFUSAL).starts_with("overcurrent_a"));
+}
+
+#[test]
+fn armed_drive_accepts_ramps_of_its_moves_and_no_other_setting() {
+    let mut bench = enabled();
+    for at_index in [index::PROFILE_VELOCITY, index::ACCELERATION, index::DECELERATION] {
+        bench.write(at_index, 0, &500_000u32.to_le_bytes()).unwrap();
+    }
+    for (at_index, sub_index) in
+        [(index::QUICK_DECELERATION, 0), (index::POSITION_LIMITS, 1), (index::POSITION_LOOP, 1)]
+    {
+        let refused = bench.write(at_index, sub_index, &500_000u32.to_le_bytes());
+        assert_eq!(refused, Err(0x0800_0022), "{at_index:04X}");
+    }
+}
+
+#[test]
+fn csp_holds_until_the_first_target_after_enabling() {
+    let mut bench = in_cst();
+    bench.write(index::MODE, 0, &[8]).unwrap();
+    bench.write(index::TARGET_POSITION, 0, &2_000_000i32.to_le_bytes()).unwrap();
+    let still = LoopReport { velocity_rad_s: 0.0, ..measured() };
+    bench.driver.report(&still);
+    for word in [0x06, 0x07, 0x0F] {
+        control(&mut bench, word, 0);
+    }
+    for _ in 0..10 {
+        control(&mut bench, 0x0F, 0);
+        bench.driver.report(&still);
+        bench.pass_ms(1);
+    }
+    assert_eq!(bench.number(index::POSITION_DEMAND, 0) as i32, 250_000, "the old target");
+    assert_eq!(bench.number(index::BUS_VOLTAGE, 0), 48_000);
+    bench.write(index::TARGET_POSITION, 0, &251_000i32.to_le_bytes()).unwrap();
+    for _ in 0..2 {
+        bench.driver.report(&still);
+        bench.pass_ms(1);
+    }
+    // A target after 1 ms; single precision resolves 3e-8 rad.
+    let near = |found: u32, expected: i32| (found as i32 - expected).abs() <= 1;
+    assert!(near(bench.number(index::POSITION_DEMAND, 0), 251_000));
+    assert!(near(bench.number(index::FOLLOWING_ERROR, 0), 1_000));
+    let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
+    assert!(setpoint.current_a > 0.0, "{setpoint:?}");
+}
+
+#[test]
 fn drive_enable_is_refused_like_arming() {
     // The joint is not commissioned.
     let mut bench = Bench::on_sensors();
@@ -369,7 +454,7 @@ fn drive_enable_is_refused_like_arming() {
     bench.driver.receive(&frame(0x301, &[0, 0, 0x80, 0x3F, 0, 0, 0, 99]), bench.now_us);
     assert_eq!(bench.driver.counters().foreign, foreign + 1);
     let mut bench = in_cst();
-    for mode in [1i8, 3, 8, 11, -1] {
+    for mode in [2i8, 3, 7, 11, -1] {
         assert_eq!(bench.write(index::MODE, 0, &mode.to_le_bytes()), Err(0x0609_0030));
     }
     // Without a mode of the profile, the frame drives nothing.

@@ -105,6 +105,7 @@ impl Bench {
             Code::PressureStuck => observation.pressure_stuck = present,
             Code::AdcTimeout => observation.sample_age_us = Some(if present { 1000 } else { 999 }),
             Code::EncoderMagnet => observation.magnet_fault = present,
+            Code::FollowingError => observation.following_error = present,
             Code::PositionUnknown => observation.position_missing = present,
             Code::TorqueOff => observation.enclosure.is_torque_off = present,
             Code::TorqueOffChannels => observation.enclosure.do_channels_differ = present,

@@ -307,6 +307,40 @@ fn open_phase_is_distinguished_from_one_at_zero_current() {
 }
 
 #[test]
+fn bridge_stays_on_only_after_a_fault_that_permits_a_ramp() {
+    let ramp = set(&[Code::CommandTimeout, Code::HeartbeatLost]);
+    let silent = || {
+        let mut bench = Bench::armed();
+        bench.supervisor.set_ramp_faults(ramp);
+        bench.has_commands = false;
+        bench.run(200 * STEP_US);
+        assert_eq!(bench.supervisor.state(), JointState::Fault);
+        assert!(bench.supervisor.is_stopping() && bench.supervisor.is_bridge_allowed());
+        assert!(!bench.supervisor.is_armed() && bench.supervisor.arm(bench.now_us).is_err());
+        bench
+    };
+    // Another fault that permits it does not end the ramp, and one that does not opens the bridge.
+    let mut bench = silent();
+    bench.observation.heartbeat_lost = true;
+    bench.run(5 * STEP_US);
+    assert!(bench.supervisor.is_bridge_allowed());
+    bench.observation.loop_flags = LoopFlags::ENCODER_LOST;
+    bench.run(5 * STEP_US);
+    assert!(!bench.supervisor.is_bridge_allowed(), "a fault that is watched while armed");
+    let mut bench = silent();
+    bench.supervisor.disarm();
+    assert!(!bench.supervisor.is_bridge_allowed() && !bench.supervisor.is_stopping());
+    // Without the permission, and for a joint that was not armed.
+    let mut bench = Bench::armed();
+    bench.supervisor.trip(Code::CommandTimeout);
+    assert!(!bench.supervisor.is_bridge_allowed());
+    let mut bench = Bench::boot(&SupervisorBoot::default());
+    bench.supervisor.set_ramp_faults(ramp);
+    bench.supervisor.trip(Code::CommandTimeout);
+    assert!(!bench.supervisor.is_bridge_allowed());
+}
+
+#[test]
 fn backwards_time_raises_internal_fault() {
     let mut bench = Bench::armed();
     bench.supervisor.observe(&bench.observation, bench.now_us - 1);

@@ -47,12 +47,13 @@ fn observation() -> impl Strategy<Value = Observation> {
     );
     let rarely = || prop::bool::weighted(0.05);
     let motor = (rarely(), rarely(), any::<bool>(), any::<bool>());
-    let motor = (motor, any::<[bool; 2]>(), rarely());
+    let motor = (motor, any::<[bool; 2]>(), [rarely(), rarely()]);
     let all = (measured, flags, bits, motor, any::<bool>());
     all.prop_map(|(measured, flags, bits, motor, is_healthy)| {
         let (voltage, currents, [a, b, c, d, e, f], age) = measured;
         let (loop_bits, core_bits, can, in_band) = flags;
-        let (motor, [radial_force_stuck, pressure_stuck], position_missing) = motor;
+        let (motor, [radial_force_stuck, pressure_stuck], position) = motor;
+        let [position_missing, following_error] = position;
         if is_healthy {
             return healthy_observation();
         }
@@ -71,6 +72,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             motor_against: motor.0,
             motor_stands: motor.1,
             position_missing,
+            following_error,
             stalled: motor.2,
             over_compensated: motor.3,
             radial_force_stuck,

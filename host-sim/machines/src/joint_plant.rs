@@ -16,6 +16,7 @@
 //! It is independent of the friction law under test.
 
 pub mod bench;
+pub mod brake;
 pub mod comparators;
 pub mod load;
 pub mod machine;
@@ -26,6 +27,7 @@ pub mod supply;
 pub mod winding;
 
 pub use bench::Bench;
+pub use brake::HoldingBrake;
 pub use load::Load;
 pub use machine::{JointPlant, Measured, Shown};
 pub use parameters::{Entry, Parameters};

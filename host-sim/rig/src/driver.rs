@@ -184,6 +184,9 @@ impl RigDriver for LibraryDriver<'_> {
                 self.watchdog_unserviced_ms = 0;
             }
         }
+        // Without its firmware, the processor does not drive the output.
+        let output = self.background.driver().brake_output().filter(|_| !self.is_reset);
+        self.stage.plant.energise_brake(output == Some(true));
         if let Some(sync) = sync {
             self.receive(&sync);
         }

@@ -350,6 +350,7 @@ impl<W: World> Chip<W> {
         let is_closed = self.timer1.is_main_output_enabled() && self.gpio.is_gate_driver_awake();
         let bridge = if is_closed { Bridge::Driven(self.timer1.duties()) } else { Bridge::Open };
         self.driven_periods += u64::from(is_closed && cycles > 4000);
+        self.world.set_brake_output(self.gpio.is_brake_output_high());
         self.world.advance(cycles as f64 / CORE_HZ as f64, bridge);
         if self.world.is_overcurrent() {
             self.timer1.set_break(false);

@@ -74,6 +74,10 @@ impl World for JointWorld {
         self.stage.run_driven(seconds, duty);
     }
 
+    fn set_brake_output(&mut self, is_high: bool) {
+        self.stage.plant.energise_brake(is_high);
+    }
+
     fn sample(&mut self, is_low_side_on: [bool; 2]) {
         self.sampled = self.stage.plant.measure();
         if self.stage.phases_swapped {

@@ -17,6 +17,9 @@ pub trait World {
     /// Simulates this time with the bridge in this state.
     fn advance(&mut self, seconds: f64, bridge: Bridge);
 
+    /// Sets the level of the holding brake's output.
+    fn set_brake_output(&mut self, _is_high: bool) {}
+
     /// Takes the analog values of this moment; [`World::analog`] then returns them. The currents are shown by the
     /// low-side shunts, so `is_low_side_on` states for phases a and b whether the low side conducts.
     fn sample(&mut self, is_low_side_on: [bool; 2]);

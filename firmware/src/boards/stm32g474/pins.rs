@@ -68,6 +68,10 @@ wiring! {
         mean_high = PB13, "10 k each from PA0 and PA1, their mean: COMP5_INP";
         mean_low  = PB14, "tied to PB13: COMP7_INP";
     }
+    /// The holding brake.
+    brake: Brake {
+        output = PC7, "switches the coil; a resistor keeps the brake closed while the pin is not driven";
+    }
     /// Inputs sampled slowly.
     slow: Slow {
         adc                = ADC3, "converts temperatures";

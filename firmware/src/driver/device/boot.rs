@@ -6,6 +6,7 @@ use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
 use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::driver::counters::Counters;
+use crate::driver::holding_brake::HoldingBrake;
 use crate::driver::loop_data::{Home, LoopReport};
 use crate::driver::motor_watch::{MotorState, MotorWatch};
 use crate::driver::over_compensation::OverCompensationWatch;
@@ -101,12 +102,18 @@ impl<F: NorFlash> Device<F> {
             gate_resets: 0,
             home: Home::default(),
             profile: Profile::default(),
+            brake: HoldingBrake::default(),
+            braked_load: None,
+            held_rad: None,
+            stop: None,
+            shorts_low_sides: false,
             commissioning: commissioning::Run::default(),
             over: OverCompensationWatch::default(),
             covariates: Covariates::MISSING,
             radial_force_watch: StuckWatch::default(),
             pressure_watch: StuckWatch::default(),
             compensation_left: 1.0,
+            position: Default::default(),
             velocity: VelocityLoop::default(),
             velocity_gains: VelocityGains::default(),
             velocity_command: VelocityCommand::default(),

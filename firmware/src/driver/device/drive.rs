@@ -1,7 +1,7 @@
 //! The objects of a CiA 402 drive. [`profile`] has the state machine.
 
-use super::{CommandFrame, Device, InputSource, JointState, Message};
-use crate::driver::profile::{self, DriveRequest, Homing, status};
+use super::{CommandFrame, Device, FaultState, InputSource, JointState, Message};
+use crate::driver::profile::{self, DriveRequest, Homing, SetPoint, status};
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use compensator_core::can::Frame;
@@ -25,6 +25,16 @@ impl<F: NorFlash> Device<F> {
     /// 6077h: torque of the measured current, thousandths of the rated one; not defined for a joint in HIL.
     pub(in crate::driver) fn actual_permille(&self) -> i16 {
         (self.report.motor_torque_nm / self.rated().1 * 1e3) as i16
+    }
+
+    /// 6078h: measured torque-producing current, thousandths of the rated one.
+    pub(in crate::driver) fn actual_current_permille(&self) -> i16 {
+        (self.report.current_a / self.rated().0 * 1e3) as i16
+    }
+
+    /// 6079h, mV; 0 if it is not measured.
+    pub(in crate::driver) fn bus_millivolts(&self) -> u32 {
+        (self.report.bus_voltage_v.unwrap_or_default() * 1e3) as u32
     }
 
     /// 6064h, 1e-6 rad. While the position is unknown, it counts from an arbitrary zero; a joint in HIL then has 0.
@@ -70,13 +80,27 @@ impl<F: NorFlash> Device<F> {
         let limits = self.supervisor.limits();
         let (_, too_fast) = self.profile.target_rad_s(self.max_speed_rad_s());
         let too_fast = self.profile.mode == profile::CSV && too_fast;
-        self.profile.state_bits(self.is_faulty())
+        let is_limited = limits.contains(Code::CurrentLimited)
+            || too_fast
+            || self.is_armed() && self.is_position_limited();
+        self.profile.state_bits(self.fault_state())
             | self.profile.homing_bits(self.is_standing())
+            | self.profile.set_point_bits()
+            | when(status::FOLLOWING_ERROR, self.following_state().0)
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
+            | when(status::TARGET_REACHED, self.is_held())
             | when(status::WARNING, limits.iter().next().is_some())
             | when(status::POSITION_KNOWN, self.is_position_known())
-            | when(status::INTERNAL_LIMIT, limits.contains(Code::CurrentLimited) || too_fast)
+            | when(status::INTERNAL_LIMIT, is_limited)
+    }
+
+    fn fault_state(&self) -> FaultState {
+        match (self.is_faulty(), self.supervisor.is_stopping()) {
+            (false, _) => FaultState::None,
+            (true, true) => FaultState::Reacting,
+            (true, false) => FaultState::Latched,
+        }
     }
 
     fn is_faulty(&self) -> bool {
@@ -85,15 +109,14 @@ impl<F: NorFlash> Device<F> {
 
     /// 6060h.
     pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
-        if ![0, profile::HOMING, profile::CSV, profile::CST].contains(&mode) {
+        let modes = [0, profile::PP, profile::HOMING, profile::CSP, profile::CSV, profile::CST];
+        if !modes.contains(&mode) {
             let why = format_args!(
-                "modes_of_operation = {mode}: must be 0 (none), 6 (homing), 9 (CSV) or 10 (CST)"
+                "modes_of_operation = {mode}: must be 0 (none), 1 (PP), 6 (homing), 8 (CSP), 9 (CSV) or 10 (CST)"
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }
-        if [profile::CSV, profile::HOMING].contains(&mode)
-            && self.settings.source == InputSource::Bus
-        {
+        if ![0, profile::CST].contains(&mode) && self.settings.source == InputSource::Bus {
             let why = format_args!(
                 "a joint in HIL drives nothing and has no position of its own: mode {mode} needs the joint's own sensors (2001h:1)"
             );
@@ -103,6 +126,7 @@ impl<F: NorFlash> Device<F> {
         self.profile.homing = Homing::NotBegun;
         self.profile.target_permille = 0;
         self.profile.target_micro_rad_s = 0;
+        self.profile.set_points = SetPoint::default();
         self.received.reset_command();
         Ok(())
     }
@@ -115,13 +139,26 @@ impl<F: NorFlash> Device<F> {
         }
         self.confirm_target(self.now_us);
         let (fault, armed) = (self.is_faulty(), self.is_armed());
-        match self.profile.control(controlword, fault, armed) {
-            DriveRequest::None => Ok(()),
+        let request = self.profile.control(controlword, fault, armed);
+        self.watch_homing();
+        match request {
+            DriveRequest::None => {
+                self.update_stop();
+                Ok(())
+            }
             DriveRequest::Arm => self.request(1).inspect_err(|_| self.profile.arm_refused()),
             DriveRequest::Disarm => self.request(0),
             DriveRequest::ClearFaults => self.request(2),
+            DriveRequest::Home if self.profile.homes_at_stop() => {
+                self.begin_homing();
+                Ok(())
+            }
             DriveRequest::Home => {
                 self.home_here();
+                Ok(())
+            }
+            DriveRequest::TakeSetPoint => {
+                self.take_set_point();
                 Ok(())
             }
         }
@@ -151,7 +188,7 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn set_homing_method(&mut self, method: i8) -> Result<(), Abort> {
         if !profile::HOMING_METHODS.contains(&method) {
             let why = format_args!(
-                "homing_method = {method}: must be 37 or 35 (the present position); the joint has no switches"
+                "homing_method = {method}: must be 37 or 35 (the present position), -1 or -2 (a stop); the joint has no switches"
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }
@@ -192,7 +229,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Refreshes the age of the master's target. Has no effect outside the profile.
-    fn confirm_target(&mut self, now_us: u64) {
+    pub(super) fn confirm_target(&mut self, now_us: u64) {
         if !self.profile.is_active() {
             return;
         }
@@ -217,6 +254,8 @@ impl<F: NorFlash> Device<F> {
         let deadline_us = u64::from(self.settings.target_timeout_ms) * 1000;
         let is_followed =
             self.profile.is_active() && self.supervisor.is_armed() && !self.is_commissioning();
+        // A stop ends by itself.
+        let is_followed = is_followed && !self.is_stopping_to_rest();
         let is_late = now_us.saturating_sub(self.target_us) >= deadline_us;
         if is_followed && deadline_us > 0 && is_late {
             self.supervisor.trip(Code::CommandTimeout);

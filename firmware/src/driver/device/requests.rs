@@ -17,10 +17,14 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn request(&mut self, request: u8) -> Result<(), Abort> {
         match request {
             0 => {
+                self.shorts_low_sides = false;
                 self.disarm();
                 Ok(())
             }
             1 => self.arm(),
+            2 if self.supervisor.is_stopping() => Err(self
+                .staging
+                .refuse(Abort::State, "the joint still stops: wait until it stands")),
             2 => self.supervisor.clear_faults().map_err(|left| {
                 self.blocking = left.fault_bits();
                 if left.contains(Code::GateDriverFault) {
@@ -66,6 +70,8 @@ impl<F: NorFlash> Device<F> {
         }
         if self.settings.source == InputSource::Sensors {
             self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
+            self.preload_brake();
+            self.begin_position();
             return self.supervisor.arm(self.now_us).map_err(|refusal| {
                 self.blocking = refusal.causes.fault_bits();
                 self.staging.refuse(Abort::State, refusal)
@@ -98,6 +104,10 @@ impl<F: NorFlash> Device<F> {
         let setup = self.settings.hil_setup();
         let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
         let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        if self.settings.drive.has_short() && !set.motor.is_short_bounded() {
+            let why = "overcurrent_a: the shorted motor would exceed it, and a reaction to a stop is -1 (605Ah to 605Eh)";
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
         set.check_buildable().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         // The loop receives the same parts after the commit.
         let parts = LoopParts::build(&set, self.identity.stage, PERIOD_S).map(drop);

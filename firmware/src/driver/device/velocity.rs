@@ -1,9 +1,10 @@
-//! The velocity loop of the device: in mode CSV and in a friction run.
+//! The velocity loop of the device: in velocity and position modes, during a stop, and in a friction run.
 //!
 //! The loop runs a step per report, once a millisecond. Its current, and the velocity reference of the
 //! compensator, are sent with the next commands. The age of the set-point remains the time since the master's
 //! last message.
 
+use super::position::VelocityTarget;
 use super::{Device, InputSource};
 use crate::control::velocity_loop::{VelocityGains, VelocityLoop};
 use crate::control::{LoopFlags, Setpoint};
@@ -17,7 +18,7 @@ const RPM: f32 = 60.0 / TAU;
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if the joint is in velocity mode on its own sensors.
-    fn is_in_csv(&self) -> bool {
+    pub(super) fn is_in_csv(&self) -> bool {
         self.settings.source == InputSource::Sensors && self.profile.mode == CSV
     }
 
@@ -35,14 +36,16 @@ impl<F: NorFlash> Device<F> {
     /// Runs a step with a report.
     pub(super) fn step_velocity(&mut self) {
         let rubs = self.is_friction_run();
-        if !(rubs || self.is_in_csv()) || !self.supervisor.is_armed() {
+        let holds = self.holds_joint();
+        let is_in_use = rubs || self.is_in_csv() || holds || self.is_in_position_control();
+        if !is_in_use || !self.supervisor.is_bridge_allowed() {
             return;
         }
-        let (target_rad_s, limit_a) = if rubs {
-            self.friction_target()
+        let (target, limit_a) = if rubs {
+            let (target_rad_s, limit_a) = self.friction_target();
+            (VelocityTarget::Slew(self.velocity_gains, target_rad_s), limit_a)
         } else {
-            let most_a = self.rated().0 * self.profile.max_share();
-            (self.profile.target_rad_s(self.max_speed_rad_s()).0, most_a)
+            (self.velocity_target(holds), self.rated().0 * self.profile.max_share())
         };
         if rubs && !self.is_friction_run() {
             self.velocity_command = self.velocity.command(0.0);
@@ -50,20 +53,31 @@ impl<F: NorFlash> Device<F> {
             return;
         }
         let before_rad_s = self.velocity_command.reference_rad_s;
-        let velocity_rad_s = self.report.velocity_rad_s;
-        let limit_a = limit_a * self.supervisor.current_share();
+        let share = if rubs { 1.0 } else { self.torque_share() };
+        let limit_a = limit_a * share * self.supervisor.current_share();
         let withheld_a = self.withheld_current_a();
-        self.velocity_command = self.velocity.step(
-            &self.velocity_gains,
-            target_rad_s,
-            velocity_rad_s,
-            limit_a,
-            withheld_a,
-        );
+        self.velocity_command = self.velocity_step(target, limit_a, withheld_a);
         let turned = before_rad_s * self.velocity_command.reference_rad_s < 0.0;
         if rubs && turned {
             self.velocity.turn_integral();
         }
+    }
+
+    /// Returns the target of a step, outside of a friction run. `holds`: the driver holds the joint.
+    fn velocity_target(&mut self, holds: bool) -> VelocityTarget {
+        if holds {
+            self.interrupt_position();
+            let gains =
+                self.stop.map_or(self.velocity_gains, |stop| stop.gains(&self.velocity_gains));
+            return VelocityTarget::Slew(gains, self.holding_velocity());
+        }
+        if self.is_in_csv() {
+            self.position.is_limited = false;
+            let (target_rad_s, _) = self.profile.target_rad_s(self.max_speed_rad_s());
+            let target_rad_s = self.bounded_velocity(target_rad_s);
+            return VelocityTarget::Slew(self.velocity_gains, target_rad_s);
+        }
+        self.position_target()
     }
 
     /// Returns the current that the current loop applied less the last command, A; 0 if none of its limits acted.
@@ -81,14 +95,17 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the set-point, with current and reference of the velocity loop if it is active.
     pub(super) fn with_velocity_command(&self, setpoint: Setpoint) -> Setpoint {
-        if !(self.is_friction_run() || self.is_in_csv()) {
-            return setpoint;
+        let is_in_use = self.is_friction_run() || self.is_in_csv() || self.is_in_position_control();
+        if !(is_in_use || self.holds_joint()) {
+            return self.bounded_setpoint(setpoint);
         }
         let order = self.velocity_command;
+        // A stop needs no master.
+        let age_s = if self.is_stopping_to_rest() { 0.0 } else { setpoint.age_s };
         Setpoint {
+            age_s,
             current_a: order.current_a,
             velocity_reference_rad_s: order.reference_rad_s,
-            ..setpoint
         }
     }
 

@@ -60,11 +60,19 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn profile_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
+        if let Some(word) = self.settings().drive.get(at_index, place) {
+            return Ok(word);
+        }
         Ok(match at_index {
             index::ERROR_CODE => self.error_code().into(),
             index::CONTROLWORD => self.profile.controlword.into(),
             index::STATUSWORD => self.statusword().into(),
             index::MODE | index::MODE_DISPLAY => self.profile.mode as u32,
+            index::POSITION_DEMAND => self.position_demand() as u32,
+            index::FOLLOWING_ERROR => self.following_error() as u32,
+            index::TARGET_POSITION => self.profile.target_position_micro_rad as u32,
+            index::BUS_VOLTAGE => self.bus_millivolts(),
+            index::ACTUAL_CURRENT => self.actual_current_permille() as u32,
             index::ACTUAL_POSITION => self.actual_position() as u32,
             index::ACTUAL_VELOCITY => self.actual_velocity() as u32,
             index::TARGET_TORQUE => self.profile.target_permille as u32,
@@ -130,6 +138,12 @@ impl<F: NorFlash> Device<F> {
             index::WATCH => entry(&self.watch_state().words(), place),
             index::LIVE_TERMS => Ok(self.live_terms()),
             index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
+            index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
+                Ok(self.brake.is_released().into())
+            }
+            index::HOLDING_BRAKE | index::HOMING_STOP => {
+                settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex)
+            }
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {
                 let (active_crc, staged_crc) =

@@ -355,6 +355,58 @@ record! {
     }
 }
 
+record! {
+    /// Output, delays and state of the holding brake.
+    HoldingBrakeObject {
+        output: Unsigned8, ReadWrite;
+        release_delay_ms: Unsigned16, ReadWrite;
+        engage_delay_ms: Unsigned16, ReadWrite;
+        engage_at: Unsigned8, ReadWrite;
+        longest_wait_ms: Unsigned16, ReadWrite;
+        released: Unsigned8, ReadOnly, RELEASED;
+    }
+}
+
+record! {
+    /// Homing at a stop: torque (thousandths), time, and the largest way (1e-6 rad).
+    HomingStopObject {
+        torque_permille: Unsigned16, ReadWrite;
+        time_ms: Unsigned16, ReadWrite;
+        longest_way: Unsigned32, ReadWrite;
+    }
+}
+
+record! {
+    /// Software position limits, 1e-6 rad.
+    PositionLimitsObject {
+        min_position_limit: Integer32, ReadWrite;
+        max_position_limit: Integer32, ReadWrite;
+    }
+}
+
+record! {
+    /// Speeds of homing, 1e-6 rad/s: to the stop, and back.
+    HomingSpeedsObject {
+        speed_for_switch_search: Unsigned32, ReadWrite;
+        speed_for_zero_search: Unsigned32, ReadWrite;
+    }
+}
+
+record! {
+    /// Time between two targets: value, and exponent of ten, s.
+    InterpolationTimeObject {
+        period: Unsigned8, ReadWrite;
+        index: Integer8, ReadWrite;
+    }
+}
+
+record! {
+    /// Position loop: gain in 1e-3 1/s.
+    PositionLoopObject {
+        gain: Unsigned32, ReadWrite;
+    }
+}
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
         /// Counters of received, sent, unusable and lost frames.

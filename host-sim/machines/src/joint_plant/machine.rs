@@ -6,6 +6,7 @@
 //!
 //! A period of 50 us has two semi-implicit Euler sub-steps. A test compares them with twenty.
 
+use super::brake::HoldingBrake;
 use super::comparators::{Comparators, STEPS_PER_PERIOD};
 use super::load::{Acting, Load};
 use super::parameters::Parameters;
@@ -80,6 +81,7 @@ pub struct JointPlant {
     /// Motor and gear, if the coupling to the output is compliant.
     rotor: Option<Rotor>,
     supply: Option<Supply>,
+    brake: Option<HoldingBrake>,
     winding: Option<Winding>,
     comparators: Option<Comparators>,
     /// True if the comparators have opened the bridge and the break flag is not cleared.
@@ -134,6 +136,7 @@ impl JointPlant {
             inertia: geared + p.output_inertia_kg_m2 + load.inertia_kg_m2(p),
             rotor: (!rigid).then_some(Rotor { position, velocity: 0.0 }),
             supply: None,
+            brake: None,
             winding: None,
             comparators: None,
             is_tripped: false,
@@ -186,6 +189,18 @@ impl JointPlant {
         (self.position, self.velocity) = (position_rad, 0.0);
         if let Some(rotor) = &mut self.rotor {
             *rotor = Rotor { position: position_rad, velocity: 0.0 };
+        }
+    }
+
+    /// Adds a holding brake, closed.
+    pub fn add_brake(&mut self, brake: HoldingBrake) {
+        self.brake = Some(brake);
+    }
+
+    /// Sets whether the coil of the holding brake has power, which releases it. Without a brake it has no effect.
+    pub fn energise_brake(&mut self, is_energised: bool) {
+        if let Some(brake) = &mut self.brake {
+            brake.energise(is_energised);
         }
     }
 
@@ -506,6 +521,10 @@ impl JointPlant {
         let torque = driving + compensated - friction - self.acting.torque_nm;
         let own = self.rotor.map_or(0.0, |_| self.rotor_inertia());
         self.velocity += dt * torque / (self.inertia - own);
+        if let Some(brake) = &mut self.brake {
+            let most = dt * brake.step(dt) / (self.inertia - own);
+            self.velocity -= self.velocity.clamp(-most, most);
+        }
         self.position += dt * self.velocity;
     }
 

@@ -17,9 +17,12 @@ mod driver;
 mod encoder;
 mod friction;
 mod heat;
+mod holding_brake;
+mod position;
 mod power_up;
 mod rig;
 mod stalls;
+mod stops;
 mod table;
 mod velocity;
 mod wiring;
@@ -27,7 +30,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 9] {
+fn families() -> [&'static [ScenarioRow]; 12] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -38,6 +41,9 @@ fn families() -> [&'static [ScenarioRow]; 9] {
         friction::rows(),
         heat::rows(),
         velocity::rows(),
+        stops::rows(),
+        holding_brake::rows(),
+        position::rows(),
     ]
 }
 

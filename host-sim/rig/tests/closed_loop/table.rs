@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 16] = [
+const TITLES: [&str; 20] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -104,6 +104,10 @@ const TITLES: [&str; 16] = [
     "Errors of the friction model",
     "Winding temperature at stall",
     "Cyclic synchronous velocity (CSV)",
+    "Reactions to a stop",
+    "Holding brake",
+    "Position limits and following error",
+    "Position modes: CSP, PP, homing",
 ];
 
 const HEAD: &str = "# Closed-loop scenarios\n\n\

@@ -26,7 +26,7 @@ fn flag(yes: bool) -> f64 {
 }
 
 /// Sends one velocity command with a SYNC, and runs 1 ms.
-fn drive(master: &mut Master, controlword: u16, velocity_rad_s: f64) {
+pub fn drive(master: &mut Master, controlword: u16, velocity_rad_s: f64) {
     let mut data = [0; 8];
     data[..2].copy_from_slice(&controlword.to_le_bytes());
     data[4..].copy_from_slice(&((1e6 * velocity_rad_s).round() as i32).to_le_bytes());
@@ -35,7 +35,7 @@ fn drive(master: &mut Master, controlword: u16, velocity_rad_s: f64) {
 }
 
 /// Selects mode 9 and enables the drive, by frames alone.
-fn enable(master: &mut Master) {
+pub fn enable(master: &mut Master) {
     master.rig.send_immediately(0, &[1, 1]);
     master.rig.write_object_byte(index::MODE, 0, 9);
     for word in [0x06, 0x07, 0x0F] {

@@ -10,6 +10,8 @@ const BRR: u32 = 0x28;
 const ENABLE: (usize, u32) = (2, 6);
 const FAULT: (usize, u32) = (1, 10);
 const SELECT: (usize, u32) = (0, 4);
+/// Output of the holding brake PC7.
+const BRAKE: (usize, u32) = (2, 7);
 
 /// The ports.
 #[derive(Clone, Debug)]
@@ -37,6 +39,11 @@ impl Gpio {
     /// Returns true if the gate driver is awake. It is asleep while the pin is not driven.
     pub fn is_gate_driver_awake(&self) -> bool {
         self.output(ENABLE) == Some(true)
+    }
+
+    /// Returns true if the output of the holding brake is high. It is pulled low while the pin is not driven.
+    pub fn is_brake_output_high(&self) -> bool {
+        self.output(BRAKE) == Some(true)
     }
 
     /// Returns true if the encoder is selected.

@@ -2,6 +2,7 @@
 //!
 //! The short form runs three families, `LONG_TESTS=1` all but the temperature of a stalled winding, which takes ten
 //! minutes of simulated time. Of commissioning and of the errors of the friction model it runs a part ([`driver`]).
+//! `stops`, `holding_brake` and `position` run by name and have no results in the table yet.
 #![cfg(feature = "unicorn")]
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
@@ -15,6 +16,10 @@ mod driver;
 mod encoder;
 #[path = "../../../../host-sim/rig/tests/closed_loop/friction.rs"]
 mod friction;
+#[path = "../../../../host-sim/rig/tests/closed_loop/holding_brake.rs"]
+mod holding_brake;
+#[path = "../../../../host-sim/rig/tests/closed_loop/position.rs"]
+mod position;
 #[path = "../../../../host-sim/rig/tests/closed_loop/power_up.rs"]
 mod power_up;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
@@ -22,6 +27,8 @@ mod power_up;
 mod rig;
 #[path = "../../../../host-sim/rig/tests/closed_loop/stalls.rs"]
 mod stalls;
+#[path = "../../../../host-sim/rig/tests/closed_loop/stops.rs"]
+mod stops;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
 #[path = "../../../../host-sim/rig/tests/closed_loop/table.rs"]
 mod table;

@@ -1,0 +1,204 @@
+//! Settings of the CiA 402 drive that are stored: reactions to a stop, ramps, limits.
+//!
+//! Each setting is an object of the dictionary. A master writes it, and `save` (1010h:1) stores it with the parameters.
+//! A value out of range is refused when it is written. Units are those of the profile: 1e-6 rad, 1e-6 rad/s,
+//! 1e-6 rad/s^2, ms.
+
+use crate::node::dictionary::index;
+
+macro_rules! drive_settings {
+    ($(
+        $(#[$doc:meta])*
+        $INDEX:ident $sub_index:literal $field:ident: $kind:ident = $default:expr, $legal:pat, $text:literal;
+    )*) => {
+        /// Settings of the drive.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct DriveSettings {
+            $($(#[$doc])* pub $field: $kind,)*
+        }
+
+        impl Default for DriveSettings {
+            fn default() -> Self {
+                Self { $($field: $default,)* }
+            }
+        }
+
+        impl DriveSettings {
+            /// Objects of the settings, in the order of their storage: index and sub-index.
+            const PLACES: [(u16, u8); [$($sub_index as u8),*].len()] =
+                [$((index::$INDEX, $sub_index)),*];
+
+            /// Returns the value of an object as a word; `None` if the object is no setting.
+            pub fn get(&self, at_index: u16, sub_index: u8) -> Option<u32> {
+                match (at_index, sub_index) {
+                    $((index::$INDEX, $sub_index) => Some(self.$field as u32),)*
+                    _ => None,
+                }
+            }
+
+            /// Sets the value of an object; `None` if the object is no setting.
+            ///
+            /// # Errors
+            /// The value is out of range: returns the name of the setting and its legal values.
+            pub fn set(
+                &mut self,
+                at_index: u16,
+                sub_index: u8,
+                word: u32,
+            ) -> Option<Result<(), (&'static str, &'static str)>> {
+                match (at_index, sub_index) {
+                    $((index::$INDEX, $sub_index) => {
+                        let value = word as $kind;
+                        let is_legal = matches!(value, $legal);
+                        if is_legal {
+                            self.$field = value;
+                        }
+                        Some(if is_legal { Ok(()) } else { Err((stringify!($field), $text)) })
+                    })*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+drive_settings! {
+    /// 2030h:1: output of the holding brake: 0 none, 1 a high level releases it, 2 a low level releases it.
+    HOLDING_BRAKE 1 brake_output: u8 = 0, 0..=2, "0 (none), 1 (high releases) or 2 (low releases)";
+    /// 2030h:2: time until the brake is open, ms.
+    HOLDING_BRAKE 2 brake_release_ms: u16 = 100, 0..=5000, "0 to 5000";
+    /// 2030h:3: time until the brake is closed, ms.
+    HOLDING_BRAKE 3 brake_engage_ms: u16 = 100, 0..=5000, "0 to 5000";
+    /// 2030h:4: after a fault the brake engages: 0 at standstill, 1 at once.
+    HOLDING_BRAKE 4 brake_engage_at: u8 = 0, 0 | 1, "0 (standstill) or 1 (at once)";
+    /// 2030h:5: longest wait for standstill, ms.
+    HOLDING_BRAKE 5 brake_longest_wait_ms: u16 = 1000, 0..=60000, "0 to 60000";
+    /// 6007h: what the loss of the connection does: 1 the fault reaction (605Eh), 2 opens the bridge, 3 the quick stop
+    /// (605Ah). It raises its fault in any case.
+    ABORT_CONNECTION 0 abort_connection: i16 = 1, 1..=3, "1 (605Eh), 2 (disable voltage) or 3 (605Ah)";
+    /// 605Ah: see [`crate::driver::profile::stop`].
+    QUICK_STOP_OPTION 0 quick_stop_option: i16 = 0, -1..=2 | 5 | 6, "-1, 0, 1, 2, 5 or 6";
+    /// 605Bh.
+    SHUTDOWN_OPTION 0 shutdown_option: i16 = 0, -1..=1, "-1, 0 or 1";
+    /// 605Ch.
+    DISABLE_OPTION 0 disable_option: i16 = 0, -1..=1, "-1, 0 or 1";
+    /// 605Dh.
+    HALT_OPTION 0 halt_option: i16 = 1, 1 | 2, "1 or 2";
+    /// 605Eh.
+    FAULT_OPTION 0 fault_option: i16 = 0, -1..=2, "-1, 0, 1 or 2";
+    /// 6065h: largest following error, 1e-6 rad; FFFFFFFFh disables its check.
+    FOLLOWING_WINDOW 0 following_window: u32 = u32::MAX, _, "";
+    /// 6066h: time for which the following error must exceed its window, ms.
+    FOLLOWING_TIME 0 following_time_ms: u16 = 0, _, "";
+    /// 6067h: distance from the target within which it is reached, 1e-6 rad.
+    POSITION_WINDOW 0 position_window: u32 = 2_000, _, "";
+    /// 6068h: time for which the joint must be within the window, ms.
+    POSITION_TIME 0 position_time_ms: u16 = 10, _, "";
+    /// 607Dh:1: smallest position, 1e-6 rad. If it is not below the largest one, there are no limits.
+    POSITION_LIMITS 1 position_min: i32 = 0, _, "";
+    /// 607Dh:2: largest position, 1e-6 rad.
+    POSITION_LIMITS 2 position_max: i32 = 0, _, "";
+    /// 6081h: speed of a move in mode 1, 1e-6 rad/s.
+    PROFILE_VELOCITY 0 profile_velocity: u32 = 1_000_000, 100.., "at least 100 (1e-4 rad/s)";
+    /// 6083h: acceleration of a move in mode 1, 1e-6 rad/s^2.
+    ACCELERATION 0 acceleration: u32 = 10_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
+    /// 6084h: deceleration of the slow-down ramp, 1e-6 rad/s^2. The reference joint stops from its maximum speed in 1.2 s.
+    DECELERATION 0 deceleration: u32 = 10_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
+    /// 6085h: deceleration of the quick-stop ramp, 1e-6 rad/s^2.
+    QUICK_DECELERATION 0 quick_deceleration: u32 = 50_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
+    /// 6099h:1: speed towards the stop in homing, 1e-6 rad/s.
+    HOMING_SPEEDS 1 homing_speed: u32 = 200_000, 10_000..=2_000_000, "10000 to 2000000 (0.01 to 2 rad/s)";
+    /// 6099h:2: speed from the stop to position 0, 1e-6 rad/s.
+    HOMING_SPEEDS 2 homing_return_speed: u32 = 200_000, 10_000..=2_000_000, "10000 to 2000000 (0.01 to 2 rad/s)";
+    /// 609Ah: acceleration of homing, 1e-6 rad/s^2.
+    HOMING_ACCELERATION 0 homing_acceleration: u32 = 5_000_000, 10_000.., "at least 10000 (0.01 rad/s^2)";
+    /// 2031h:1: torque at which a joint that stands has met its stop, thousandths of the rated torque.
+    HOMING_STOP 1 homing_torque: u16 = 150, 10..=1000, "10 to 1000 thousandths of the rated torque";
+    /// 2031h:2: time for which it must stand, ms.
+    HOMING_STOP 2 homing_time_ms: u16 = 100, 20..=1000, "20 to 1000";
+    /// 2031h:3: largest way to the stop, 1e-6 rad.
+    HOMING_STOP 3 homing_way: u32 = 6_300_000, _, "";
+    /// 60C2h:1: time between two targets in mode 8, in units of 60C2h:2.
+    INTERPOLATION_TIME 1 interpolation_period: u8 = 1, 1..=100, "1 to 100";
+    /// 60C2h:2: exponent of ten of its unit, s.
+    INTERPOLATION_TIME 2 interpolation_index: i8 = -3, -3..=-2, "-3 (ms) or -2 (10 ms)";
+    /// 60FBh:1: gain of the position loop, 1e-3 1/s. It must be below half of the crossover of the velocity loop, rad/s.
+    POSITION_LOOP 1 position_gain: u32 = 10_000, 100..=200_000, "100 to 200000 (0.1 to 200 per s)";
+}
+
+impl DriveSettings {
+    /// Returns the time between two targets in mode 8, ms.
+    pub const fn interpolation_ms(&self) -> u32 {
+        let unit_ms = if self.interpolation_index == -3 { 1 } else { 10 };
+        self.interpolation_period as u32 * unit_ms
+    }
+
+    /// Length of the encoded settings, bytes.
+    pub const LENGTH: usize = 4 * Self::PLACES.len();
+
+    /// Returns the settings as bytes, a little-endian word each.
+    pub fn emit(&self) -> [u8; Self::LENGTH] {
+        let mut bytes = [0; Self::LENGTH];
+        let words = bytes.as_chunks_mut::<4>().0.iter_mut();
+        for (bytes, (index, sub_index)) in words.zip(Self::PLACES) {
+            *bytes = self.get(index, sub_index).unwrap_or_default().to_le_bytes();
+        }
+        bytes
+    }
+
+    /// Parses settings; `None` if a value is out of range.
+    pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
+        let mut settings = Self::default();
+        for (word, (index, sub_index)) in bytes.as_chunks::<4>().0.iter().zip(Self::PLACES) {
+            settings.set(index, sub_index, u32::from_le_bytes(*word))?.ok()?;
+        }
+        Some(settings)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::dictionary;
+
+    #[test]
+    fn parse_of_emitted_settings_returns_them_and_refuses_illegal_values() {
+        let settings = DriveSettings {
+            quick_stop_option: -1,
+            fault_option: 2,
+            quick_deceleration: u32::MAX,
+            ..DriveSettings::default()
+        };
+        assert_eq!(DriveSettings::parse(&settings.emit()), Some(settings));
+        let mut bytes = settings.emit();
+        let place = (index::QUICK_STOP_OPTION, 0);
+        let place =
+            DriveSettings::PLACES.iter().position(|known| *known == place).expect("a setting");
+        bytes[4 * place..4 * place + 4].copy_from_slice(&[3, 0, 0, 0]);
+        assert_eq!(DriveSettings::parse(&bytes), None, "605Ah = 3");
+    }
+
+    #[test]
+    fn every_setting_is_a_writable_object() {
+        for (index, sub_index) in DriveSettings::PLACES {
+            let entry = dictionary::find(index, sub_index).expect("an object");
+            assert_eq!(entry.access, dictionary::Access::ReadWrite, "{index:04X}");
+        }
+    }
+
+    #[test]
+    fn set_with_illegal_value_names_the_setting_and_changes_nothing() {
+        let mut settings = DriveSettings::default();
+        for (index, word) in [
+            (index::QUICK_STOP_OPTION, 3),
+            (index::FAULT_OPTION, u32::from(-2i16 as u16)),
+            (index::ABORT_CONNECTION, 0),
+            (index::DECELERATION, 0),
+        ] {
+            let refused = settings.set(index, 0, word).expect("a setting");
+            assert!(refused.is_err(), "{index:04X}");
+            assert_eq!(settings, DriveSettings::default());
+        }
+        assert_eq!(settings.set(index::CONTROLWORD, 0, 0), None);
+    }
+}

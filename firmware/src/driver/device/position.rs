@@ -1,0 +1,434 @@
+//! Position control of the device: CSP, PP, homing at a stop, and the software position limits.
+//!
+//! ```text
+//! velocity = reference velocity + gain (reference position - position),  limited by 607Dh and 6080h
+//! ```
+//! The position loop runs a step per report, above the velocity loop, once a millisecond. Its reference comes from
+//! [`crate::driver::trajectory`]. The friction compensator receives the velocity of the sum.
+//!
+//! *Limits* (607Dh) act on a known position in every mode. The speed towards a limit is at most the one from which
+//! 6084h stops at the limit. In torque mode the velocity loop's gain bounds the current accordingly.
+//!
+//! *Targets*: in CSP the joint holds its position until the first target after enabling, so that an old target moves
+//! nothing.
+
+use super::{Device, InputSource};
+use crate::control::Setpoint;
+use crate::control::velocity_loop::{VelocityCommand, VelocityGains};
+use crate::driver::loop_data::REPORT_PERIOD_S;
+use crate::driver::profile::{self, Homing, SetPoint};
+use crate::driver::trajectory::{Interpolation, MoveLimits, Reference};
+use crate::node::sdo::Abort;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Share of the homing torque that counts as reached: the loop's own limit.
+const CONTACT_SHARE: f32 = 0.95;
+/// Speed of a joint that stands at its stop, rad/s.
+const CONTACT_RAD_S: f32 = 0.02;
+/// Reports until a new position is in use: commands and report, with margin.
+const POSITION_REPORTS: u8 = 5;
+/// Speed at which a joint beyond its limit returns, rad/s.
+const RETURN_RAD_S: f32 = 0.5;
+
+/// A step of the velocity loop.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum VelocityTarget {
+    /// Velocity, rad/s, approached with the acceleration of the gains.
+    Slew(VelocityGains, f32),
+    /// Velocity, rad/s, as it is, and its change that the inertia needs, rad/s.
+    Track(f32, f32),
+}
+
+/// Progress of homing at a stop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum HomingStep {
+    #[default]
+    Idle,
+    /// Moves to the stop, from this position, rad from the arbitrary zero; `still_ms` at the stop.
+    Seeks { from_rad: f32, still_ms: u16 },
+    /// The position is set, and takes effect in this number of reports.
+    Sets(u8),
+    /// Moves to position 0.
+    Returns,
+}
+
+/// State of the position loop.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PositionControl {
+    /// The reference follows from the present position.
+    has_begun: bool,
+    reference: Reference,
+    interpolation: Interpolation,
+    /// A target was received since the drive was enabled (CSP).
+    has_target: bool,
+    homing: HomingStep,
+    error_rad: f32,
+    /// Time for which the following error has exceeded its window, ms.
+    exceeded_ms: u32,
+    /// Time for which the joint is within the window of its target, ms.
+    reached_ms: u32,
+    /// A limit acts on the reference.
+    pub is_limited: bool,
+    /// A limit changed the last target (CSP).
+    is_target_limited: bool,
+}
+
+impl<F: NorFlash> Device<F> {
+    /// Returns true if the position loop commands the velocity loop.
+    pub(super) fn is_in_position_control(&self) -> bool {
+        let is_mode = match self.profile.mode {
+            profile::CSP | profile::PP => true,
+            profile::HOMING => self.profile.homes_at_stop(),
+            _ => false,
+        };
+        is_mode && self.settings.source == InputSource::Sensors
+    }
+
+    /// Returns the position of 6064h, rad.
+    pub(super) fn position_rad(&self) -> f32 {
+        let report = &self.report;
+        if report.position_rad.is_nan() { report.turned_rad } else { report.position_rad }
+    }
+
+    /// Restarts position control, at every arming.
+    pub(super) fn begin_position(&mut self) {
+        self.position = PositionControl::default();
+        self.profile.set_points = SetPoint::default();
+        if self.profile.homing == Homing::Running {
+            self.profile.homing = Homing::Failed;
+        }
+    }
+
+    /// Interrupts the reference while something else moves the joint; it then begins at the present position.
+    pub(super) fn interrupt_position(&mut self) {
+        self.position.has_begun = false;
+        self.position.has_target = false;
+        self.position.is_target_limited = false;
+    }
+
+    /// Returns the current limit of a step as a share of that of 6072h.
+    pub(super) fn torque_share(&self) -> f32 {
+        match self.position.homing {
+            HomingStep::Seeks { .. } if self.is_in_position_control() => {
+                f32::from(self.settings.drive.homing_torque) * 1e-3
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// Runs a step of the position loop.
+    pub(super) fn position_target(&mut self) -> VelocityTarget {
+        let actual_rad = self.position_rad();
+        if !self.position.has_begun {
+            let velocity_rad_s = self.velocity_command.reference_rad_s;
+            let reference = Reference { position_rad: actual_rad.into(), velocity_rad_s };
+            self.position.reference = reference;
+            self.position.interpolation = Interpolation::begin(reference);
+            self.position.has_begun = true;
+        }
+        let before = self.position.reference;
+        self.position.is_limited = false;
+        match self.profile.mode {
+            profile::CSP => self.step_csp(),
+            profile::PP => self.step_pp(),
+            _ => {
+                if let Some(target) = self.step_homing() {
+                    self.interrupt_position();
+                    return target;
+                }
+            }
+        }
+        let reference = self.position.reference;
+        // The report shows the joint at the end of the step before, where that step's reference was due.
+        let error_rad = (before.position_rad - f64::from(actual_rad)) as f32;
+        self.watch_following(error_rad);
+        let gain = self.settings.drive.position_gain as f32 * 1e-3;
+        let most = self.max_speed_rad_s();
+        let wanted = (reference.velocity_rad_s + gain * error_rad).clamp(-most, most);
+        let velocity = self.bounded_velocity(wanted);
+        VelocityTarget::Track(velocity, reference.velocity_rad_s - before.velocity_rad_s)
+    }
+
+    fn step_csp(&mut self) {
+        let late = self.move_limits(self.settings.drive.quick_deceleration, self.max_speed_rad_s());
+        self.position.reference = if self.position.has_target {
+            self.position.interpolation.step(&late, REPORT_PERIOD_S)
+        } else {
+            let mut reference = self.position.reference;
+            let at_rad = reference.position_rad;
+            reference.move_towards(at_rad, &late, REPORT_PERIOD_S);
+            reference
+        };
+    }
+
+    fn step_pp(&mut self) {
+        let drive = &self.settings.drive;
+        let limits = MoveLimits {
+            speed_rad_s: (drive.profile_velocity as f32 * 1e-6).min(self.max_speed_rad_s()),
+            acceleration_rad_s2: drive.acceleration as f32 * 1e-6,
+            deceleration_rad_s2: drive.deceleration as f32 * 1e-6,
+        };
+        let (window_rad, window_ms) =
+            (drive.position_window as f32 * 1e-6, u32::from(drive.position_time_ms));
+        let at_rad = self.position.reference.position_rad;
+        let (target_rad, is_limited) = match self.profile.set_points.active_micro_rad {
+            Some(target) => self.bounded_target(target),
+            None => (at_rad, false),
+        };
+        self.position.is_limited = is_limited;
+        let has_ended = self.position.reference.move_towards(target_rad, &limits, REPORT_PERIOD_S);
+        let error_rad = (target_rad - f64::from(self.position_rad())) as f32;
+        let is_near = has_ended && error_rad.abs() <= window_rad;
+        let position = &mut self.position;
+        position.reached_ms = if is_near { position.reached_ms.saturating_add(1) } else { 0 };
+        let is_reached = is_near && position.reached_ms >= window_ms;
+        // The next set-point begins when the move to this one has ended.
+        if self.profile.set_points.step(has_ended, is_reached) {
+            self.position.reached_ms = 0;
+        }
+    }
+
+    /// Runs a step of homing at a stop. Returns the velocity if the reference does not give it.
+    fn step_homing(&mut self) -> Option<VelocityTarget> {
+        let drive = self.settings.drive;
+        let acceleration = drive.homing_acceleration as f32 * 1e-6;
+        let gains = self.velocity_gains.with_acceleration(acceleration, REPORT_PERIOD_S);
+        match self.position.homing {
+            HomingStep::Idle => None,
+            HomingStep::Seeks { from_rad, still_ms } => {
+                if (self.report.turned_rad - from_rad).abs() > drive.homing_way as f32 * 1e-6 {
+                    self.end_homing(Homing::Failed);
+                    return None;
+                }
+                let limit_a = self.rated().0 * self.profile.max_share() * self.torque_share();
+                let is_still = self.report.velocity_rad_s.abs() < CONTACT_RAD_S
+                    && self.velocity_command.current_a.abs() >= CONTACT_SHARE * limit_a;
+                let still_ms = if is_still { still_ms + 1 } else { 0 };
+                if still_ms < drive.homing_time_ms {
+                    self.position.homing = HomingStep::Seeks { from_rad, still_ms };
+                    let way = if self.profile.homing_method == -1 { -1.0 } else { 1.0 };
+                    let speed = way * drive.homing_speed as f32 * 1e-6;
+                    return Some(VelocityTarget::Slew(gains, speed));
+                }
+                // The torque ends; the position at the stop is minus the offset.
+                self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
+                let home_rad = -(f64::from(self.profile.home_offset_micro_rad) * 1e-6) as f32;
+                if self.set_position(home_rad).is_err() {
+                    self.end_homing(Homing::Failed);
+                } else {
+                    self.position.homing = HomingStep::Sets(POSITION_REPORTS);
+                }
+                Some(VelocityTarget::Slew(gains, 0.0))
+            }
+            HomingStep::Sets(left) => {
+                self.position.homing =
+                    if left == 0 { HomingStep::Returns } else { HomingStep::Sets(left - 1) };
+                Some(VelocityTarget::Slew(gains, 0.0))
+            }
+            HomingStep::Returns => {
+                let speed_rad_s = drive.homing_return_speed as f32 * 1e-6;
+                let limits = self.move_limits(drive.homing_acceleration, speed_rad_s);
+                if self.position.reference.move_towards(0.0, &limits, REPORT_PERIOD_S) {
+                    self.end_homing(Homing::Attained);
+                }
+                None
+            }
+        }
+    }
+
+    fn end_homing(&mut self, result: Homing) {
+        self.position.homing = HomingStep::Idle;
+        self.profile.homing = result;
+        if result == Homing::Failed {
+            let why = "homing found no stop within 2031h:3";
+            let _ = self.staging.refuse(Abort::State, why);
+        }
+    }
+
+    /// Starts homing at a stop.
+    pub(super) fn begin_homing(&mut self) {
+        let from_rad = self.report.turned_rad;
+        self.position.homing = HomingStep::Seeks { from_rad, still_ms: 0 };
+        self.profile.homing = Homing::Running;
+    }
+
+    /// Ends homing if the master withdraws its command.
+    pub(super) fn watch_homing(&mut self) {
+        if self.profile.homing == Homing::Running && !self.profile.wants_homing() {
+            self.position.homing = HomingStep::Idle;
+            self.profile.homing = Homing::NotBegun;
+        }
+    }
+
+    fn move_limits(&self, acceleration: u32, speed_rad_s: f32) -> MoveLimits {
+        let acceleration = acceleration as f32 * 1e-6;
+        MoveLimits {
+            speed_rad_s,
+            acceleration_rad_s2: acceleration,
+            deceleration_rad_s2: acceleration,
+        }
+    }
+
+    fn watch_following(&mut self, error_rad: f32) {
+        let window = self.settings.drive.following_window;
+        let exceeds = window != u32::MAX && error_rad.abs() > window as f32 * 1e-6;
+        let position = &mut self.position;
+        position.error_rad = error_rad;
+        position.exceeded_ms = if exceeds { position.exceeded_ms.saturating_add(1) } else { 0 };
+    }
+
+    /// Returns true if the following error exceeds its window, and whether for the time of 6066h.
+    pub(super) fn following_state(&self) -> (bool, bool) {
+        let is_controlled = self.is_in_position_control()
+            && self.profile.mode != profile::HOMING
+            && self.position.has_begun;
+        let ms = if is_controlled { self.position.exceeded_ms } else { 0 };
+        (ms > 0, ms > u32::from(self.settings.drive.following_time_ms))
+    }
+
+    /// Returns the limits of 607Dh, rad, if they act.
+    fn position_limits(&self) -> Option<[f64; 2]> {
+        let drive = &self.settings.drive;
+        let is_known = self.settings.source == InputSource::Sensors
+            && !self.report.position_rad.is_nan()
+            && self.profile.mode != profile::HOMING;
+        (is_known && drive.position_min < drive.position_max)
+            .then(|| [drive.position_min, drive.position_max].map(from_micro))
+    }
+
+    /// Returns a target within the limits, rad, and whether they changed it.
+    fn bounded_target(&self, target_micro_rad: i32) -> (f64, bool) {
+        let wanted_rad = from_micro(target_micro_rad);
+        let Some([least, most]) = self.position_limits() else { return (wanted_rad, false) };
+        let bounded = wanted_rad.clamp(least, most);
+        (bounded, bounded != wanted_rad)
+    }
+
+    /// Returns the velocities, rad/s, between which the joint stops at its limits.
+    fn velocity_bounds(&self) -> Option<[f32; 2]> {
+        let [least, most] = self.position_limits()?;
+        let (at_rad, drive) = (f64::from(self.report.position_rad), &self.settings.drive);
+        let deceleration = drive.deceleration as f32 * 1e-6;
+        let gain = drive.position_gain as f32 * 1e-3;
+        let speed = |left_rad: f32| {
+            if left_rad > 0.0 {
+                // Near the limit the position loop is slower than the ramp.
+                libm::sqrtf(2.0 * deceleration * left_rad).min(gain * left_rad)
+            } else {
+                (gain * left_rad).max(-RETURN_RAD_S)
+            }
+        };
+        Some([-speed((at_rad - least) as f32), speed((most - at_rad) as f32)])
+    }
+
+    /// Returns a velocity within the limits, rad/s.
+    pub(super) fn bounded_velocity(&mut self, wanted_rad_s: f32) -> f32 {
+        let Some([least, most]) = self.velocity_bounds() else { return wanted_rad_s };
+        let bounded = wanted_rad_s.max(least).min(most);
+        self.position.is_limited |= bounded != wanted_rad_s;
+        bounded
+    }
+
+    /// Returns a set-point of torque mode whose current does not drive the joint beyond its limits.
+    pub(super) fn bounded_setpoint(&self, setpoint: Setpoint) -> Setpoint {
+        let Some([lower_a, upper_a]) = self.current_bounds() else { return setpoint };
+        Setpoint { current_a: setpoint.current_a.max(lower_a).min(upper_a), ..setpoint }
+    }
+
+    /// Returns the currents, A, with which the velocity loop would keep the joint within its limits.
+    fn current_bounds(&self) -> Option<[f32; 2]> {
+        if self.profile.mode != profile::CST {
+            return None;
+        }
+        let motor = &self.set().motor;
+        let constant = self.set().friction.compensator.torque_constant_nm_per_a;
+        let deceleration = self.settings.drive.deceleration as f32 * 1e-6;
+        let braking_a = motor.inertia_kg_m2 * deceleration / constant;
+        let rated_a = self.rated().0;
+        let [least, most] = self.velocity_bounds()?;
+        let (gain, at) = (motor.velocity_gain_a_s_per_rad, self.report.velocity_rad_s);
+        // The current of the ramp is needed only by a joint that moves towards the limit.
+        let ramp =
+            |towards: f32| (braking_a * (towards / CONTACT_RAD_S).clamp(0.0, 1.0)).min(rated_a);
+        let upper_a = gain * (most - at) - ramp(at);
+        let lower_a = gain * (least - at) + ramp(-at);
+        Some([lower_a.clamp(-rated_a, rated_a), upper_a.clamp(-rated_a, rated_a)])
+    }
+
+    /// Returns true if a position limit acts.
+    pub(super) fn is_position_limited(&self) -> bool {
+        let wanted_a = self.profile.target_share() * self.rated().0;
+        let by_current = self
+            .current_bounds()
+            .is_some_and(|[lower_a, upper_a]| wanted_a < lower_a || wanted_a > upper_a);
+        by_current || self.position.is_limited || self.position.is_target_limited
+    }
+
+    /// 607Ah.
+    pub(in crate::driver) fn set_target_position(&mut self, target_micro_rad: i32) {
+        self.profile.target_position_micro_rad = target_micro_rad;
+        self.confirm_target(self.now_us);
+        if self.profile.mode != profile::CSP
+            || !self.supervisor.is_armed()
+            || !self.position.has_begun
+        {
+            return;
+        }
+        let (target_rad, is_limited) = self.bounded_target(target_micro_rad);
+        let steps = self.settings.drive.interpolation_ms();
+        let speed = self.max_speed_rad_s();
+        let is_slow =
+            self.position.interpolation.set_target(target_rad, steps, speed, REPORT_PERIOD_S);
+        self.position.has_target = true;
+        self.position.is_target_limited = is_limited || !is_slow;
+    }
+
+    /// Takes a set-point of mode 1.
+    pub(super) fn take_set_point(&mut self) {
+        let at = (self.position.reference.position_rad * 1e6) as i32;
+        let target = self.profile.target_position_micro_rad;
+        let (is_relative, at_once) = self.profile.set_point_kind();
+        self.profile.set_points.take(target, is_relative, at_once, at);
+        self.position.reached_ms = 0;
+    }
+
+    /// 6062h, 1e-6 rad.
+    pub(in crate::driver) fn position_demand(&self) -> i32 {
+        let begun = self.is_in_position_control() && self.position.has_begun;
+        if begun {
+            (self.position.reference.position_rad * 1e6) as i32
+        } else {
+            self.actual_position()
+        }
+    }
+
+    /// 60F4h, 1e-6 rad.
+    pub(in crate::driver) fn following_error(&self) -> i32 {
+        super::drive::micro(self.position.error_rad)
+    }
+
+    /// Returns the velocity command of a step.
+    pub(super) fn velocity_step(
+        &mut self,
+        target: VelocityTarget,
+        limit_a: f32,
+        withheld_a: f32,
+    ) -> VelocityCommand {
+        let velocity_rad_s = self.report.velocity_rad_s;
+        match target {
+            VelocityTarget::Slew(gains, target_rad_s) => {
+                self.velocity.step(&gains, target_rad_s, velocity_rad_s, limit_a, withheld_a)
+            }
+            VelocityTarget::Track(target_rad_s, change_rad_s) => {
+                let gains = &self.velocity_gains;
+                let reference = [target_rad_s, change_rad_s];
+                self.velocity.track(gains, reference, velocity_rad_s, limit_a, withheld_a)
+            }
+        }
+    }
+}
+
+/// Converts from millionths.
+fn from_micro(number: i32) -> f64 {
+    f64::from(number) * 1e-6
+}

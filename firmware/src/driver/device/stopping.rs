@@ -1,0 +1,291 @@
+//! A stop with a ramp: the velocity loop brings the joint to rest, then the bridge opens or holds it.
+//!
+//! A stop that ends with an open bridge needs no master: its set-point does not age, and it ends at the latest a
+//! second after the ramp would have. A stop that holds the joint (halt, *quick stop active*) needs one.
+//! [`crate::driver::profile::stop`] has the reactions.
+
+use super::{Device, InputSource};
+use crate::control::LoopFlags;
+use crate::control::velocity_loop::{VelocityGains, VelocityLoop};
+use crate::driver::holding_brake::BrakeInputs;
+use crate::driver::loop_data::REPORT_PERIOD_S;
+use crate::driver::profile::stop::{StopCause, StopReaction, fault_cause};
+use crate::driver::profile::{self, STANDSTILL_RAD_S};
+use crate::node::sdo::Abort;
+use crate::node_settings::SettingError;
+use crate::supervisor::CodeSet;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Time for which the joint must stand before the bridge opens, us: a few delays of velocity and current.
+const REST_US: u64 = 20_000;
+/// Maximum velocity towards the position that is held, rad/s.
+const HOLDING_RAD_S: f32 = 1.0;
+/// Motion within which the load of a braked joint is the same, rad.
+const BRAKE_PLAY_RAD: f32 = 0.05;
+/// Time after the ramp at which the stop ends although the joint moves, us.
+const MARGIN_US: u64 = 1_000_000;
+
+/// A stop under way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stop {
+    cause: StopCause,
+    deceleration_rad_s2: f32,
+    /// The joint is held afterwards.
+    holds: bool,
+    /// Time at which the stop ends at the latest, us.
+    until_us: u64,
+    /// Time since which the joint stands, us.
+    rest_us: Option<u64>,
+    /// The joint stands, and the holding brake closes.
+    closes_brake: bool,
+}
+
+/// Load of a joint when its brake closed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BrakedLoad {
+    /// Current that held it, A.
+    load_a: f32,
+    /// Its position from the arbitrary zero, rad.
+    at_rad: f32,
+}
+
+impl Stop {
+    /// Returns the gains of the velocity loop with the ramp of this stop.
+    pub(super) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
+        gains.with_acceleration(self.deceleration_rad_s2, REPORT_PERIOD_S)
+    }
+}
+
+impl<F: NorFlash> Device<F> {
+    /// Returns true if the bridge is in use: parameters must not change.
+    pub(in crate::driver) fn is_bridge_in_use(&self) -> bool {
+        self.is_armed() || self.supervisor.is_stopping()
+    }
+
+    /// Returns true if a stop that ends with an open bridge is under way.
+    pub(super) fn is_stopping_to_rest(&self) -> bool {
+        self.stop.is_some_and(|stop| !stop.holds)
+    }
+
+    /// Returns true if the joint stands, held by a halt.
+    pub(super) fn is_held(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.holds && stop.rest_us.is_some())
+    }
+
+    /// Returns true if the driver can stop the joint with a ramp: it drives the joint, and does not measure its motor.
+    fn can_ramp(&self) -> bool {
+        self.settings.source == InputSource::Sensors && !self.is_commissioning()
+    }
+
+    /// Prepares the reaction to a fault in the observation that follows.
+    pub(super) fn prepare_stops(&mut self, now_us: u64) {
+        let faults =
+            if self.can_ramp() { self.settings.drive.ramp_faults() } else { CodeSet::EMPTY };
+        self.supervisor.set_ramp_faults(faults);
+        if self.supervisor.is_armed() {
+            // The interrupt opens the bridge before the driver knows the fault.
+            let reaction = self.settings.drive.reaction(StopCause::Fault);
+            self.shorts_low_sides = reaction == StopReaction::Short;
+            if self.is_stopping_to_rest() {
+                self.supervisor.record_command(now_us);
+            }
+        }
+    }
+
+    /// Selects the reaction of the low sides to faults that opened the bridge.
+    pub(super) fn react_to_fault(&mut self) {
+        let faults = self.supervisor.faults();
+        if !faults.is_empty() {
+            let reaction = self.settings.drive.reaction(fault_cause(faults));
+            self.shorts_low_sides = reaction == StopReaction::Short;
+        }
+    }
+
+    /// Stops the joint because its network stops, with the reaction of 6007h.
+    pub(in crate::driver) fn stop_connection(&mut self) {
+        self.profile.stop_connection();
+        let reaction = self.settings.drive.reaction(StopCause::ConnectionLost);
+        match reaction {
+            StopReaction::Ramp(deceleration) if self.supervisor.is_armed() && self.can_ramp() => {
+                self.begin_stop(StopCause::ConnectionLost, deceleration);
+            }
+            _ => {
+                self.shorts_low_sides = reaction == StopReaction::Short;
+                self.disarm();
+            }
+        }
+    }
+
+    /// Begins, changes or ends a stop according to the supervisor and the controlword.
+    pub(super) fn update_stop(&mut self) {
+        if !self.supervisor.is_bridge_allowed() || !self.can_ramp() {
+            self.stop = None;
+            if self.profile.stop_cause().is_some_and(|cause| cause != StopCause::Halt) {
+                // A joint in HIL has no ramp.
+                self.profile.end_stop();
+                self.disarm();
+            }
+            return;
+        }
+        let cause = if self.supervisor.is_stopping() {
+            Some(fault_cause(self.supervisor.faults()))
+        } else if self.profile.is_active() {
+            // A drive without torque has nothing to halt.
+            let is_free = self.is_torque_free_homing();
+            self.profile.stop_cause().filter(|cause| *cause != StopCause::Halt || !is_free)
+        } else {
+            // Without the profile, only the network stops the joint.
+            self.stop.map(|stop| stop.cause)
+        };
+        if cause == self.stop.map(|stop| stop.cause) {
+            return;
+        }
+        let Some(cause) = cause else {
+            self.stop = None;
+            return;
+        };
+        match self.settings.drive.reaction(cause) {
+            StopReaction::Ramp(deceleration) => self.begin_stop(cause, deceleration),
+            reaction => {
+                self.shorts_low_sides = reaction == StopReaction::Short;
+                self.profile.end_stop();
+                self.disarm();
+            }
+        }
+    }
+
+    fn begin_stop(&mut self, cause: StopCause, deceleration: u32) {
+        if self.stop.is_none() && !self.is_in_csv() && !self.is_in_position_control() {
+            self.velocity = VelocityLoop::begin_loaded(self.report.velocity_rad_s, self.load_a());
+            self.velocity_command = self.velocity.command(0.0);
+        }
+        let deceleration_rad_s2 = deceleration as f32 * 1e-6;
+        let ramp_s = self.velocity_command.reference_rad_s.abs() / deceleration_rad_s2;
+        let until_us = self.now_us.saturating_add((ramp_s * 1e6) as u64 + MARGIN_US);
+        let holds = self.settings.drive.holds_after(cause);
+        self.stop = Some(Stop {
+            cause,
+            deceleration_rad_s2,
+            holds,
+            until_us,
+            rest_us: None,
+            closes_brake: false,
+        });
+        self.held_rad = None;
+    }
+
+    /// Returns the current that holds the load of a joint in torque mode, A. At rest it is the commanded current. In
+    /// motion it is the torque that inertia and friction do not explain, which needs the inertia; without it, 0.
+    fn load_a(&self) -> f32 {
+        let (report, set) = (&self.report, self.set());
+        if report.velocity_rad_s.abs() < STANDSTILL_RAD_S {
+            return report.current_reference_a - report.feed_forward_current_a;
+        }
+        if set.motor.inertia_kg_m2 > 0.0 && report.residual_torque_nm.is_finite() {
+            return report.residual_torque_nm / set.friction.compensator.torque_constant_nm_per_a;
+        }
+        0.0
+    }
+
+    /// Ends a stop when the joint stands, or when it does not stop in time.
+    pub(super) fn watch_stop(&mut self) {
+        let (now_us, speed_rad_s) = (self.now_us, self.report.velocity_rad_s.abs());
+        let is_down = self.held_rad.is_some();
+        let Some(stop) = &mut self.stop else { return };
+        if !is_down || speed_rad_s > STANDSTILL_RAD_S {
+            stop.rest_us = None;
+        } else if stop.rest_us.is_none() {
+            stop.rest_us = Some(now_us);
+        }
+        let stands = stop.rest_us.is_some_and(|since_us| now_us - since_us >= REST_US);
+        if stop.holds || !(stands || now_us >= stop.until_us) {
+            return;
+        }
+        // The motor holds the joint until the brake is closed.
+        stop.closes_brake = true;
+        if self.brake.is_closed(&self.settings.drive, now_us) {
+            if self.settings.drive.brake_output != 0 {
+                let (load_a, at_rad) = (self.velocity_command.current_a, self.report.turned_rad);
+                self.braked_load = Some(BrakedLoad { load_a, at_rad });
+            }
+            self.shorts_low_sides = false;
+            self.profile.end_stop();
+            self.disarm();
+        }
+    }
+
+    /// Runs a step of the holding brake.
+    pub(super) fn step_brake(&mut self) {
+        let report = &self.report;
+        let is_driven = self.supervisor.is_bridge_allowed()
+            && !report.loop_flags.contains(LoopFlags::BRIDGE_OFF)
+            && !self.is_measuring_motor();
+        let is_known = !report.loop_flags.contains(LoopFlags::ENCODER_LOST);
+        // Homing by the present position gives no torque, so that the brake must hold the joint.
+        let wants_closed = self.stop.is_some_and(|stop| stop.closes_brake)
+            || self.is_torque_free_homing() && !self.is_commissioning();
+        let inputs = BrakeInputs {
+            is_driven,
+            wants_closed,
+            speed_rad_s: is_known.then_some(report.velocity_rad_s.abs()),
+            now_us: self.now_us,
+        };
+        self.brake.step(&self.settings.drive, &inputs);
+    }
+
+    /// Returns true in homing by the present position, which gives no torque.
+    fn is_torque_free_homing(&self) -> bool {
+        self.profile.mode == profile::HOMING && !self.profile.homes_at_stop()
+    }
+
+    /// Returns true while the driver holds the joint: a stop, or a brake that is not yet open.
+    pub(super) fn holds_joint(&self) -> bool {
+        self.stop.is_some()
+            || self.supervisor.is_armed()
+                && self.can_ramp()
+                && !self.is_torque_free_homing()
+                && !self.brake.is_open(&self.settings.drive, self.now_us)
+    }
+
+    /// Starts the velocity loop with the current that held the joint when the brake closed, if it has not moved since.
+    pub(super) fn preload_brake(&mut self) {
+        self.held_rad = None;
+        let Some(BrakedLoad { load_a, at_rad }) = self.braked_load.take() else { return };
+        if (self.report.turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
+            self.velocity = VelocityLoop::begin_loaded(self.report.velocity_rad_s, load_a);
+        }
+    }
+
+    /// Returns the velocity that holds the joint, rad/s: 0 during a ramp, then a velocity towards the position at which
+    /// it ended.
+    pub(super) fn holding_velocity(&mut self) -> f32 {
+        let at_rad = self.report.turned_rad;
+        if self.held_rad.is_none() && self.velocity_command.reference_rad_s != 0.0 {
+            return 0.0;
+        }
+        let held_rad = *self.held_rad.get_or_insert(at_rad);
+        let gain = self.settings.drive.position_gain as f32 * 1e-3;
+        (gain * (held_rad - at_rad)).clamp(-HOLDING_RAD_S, HOLDING_RAD_S)
+    }
+
+    /// Writes a setting of the drive; `None` if the object is none.
+    pub(in crate::driver) fn set_drive_setting(
+        &mut self,
+        at_index: u16,
+        sub_index: u8,
+        word: u32,
+    ) -> Option<Result<(), Abort>> {
+        let mut changed = self.settings.drive;
+        let written = changed.set(at_index, sub_index, word)?;
+        if let Err((name, legal)) = written {
+            return Some(Err(self.staging.refuse(Abort::Value, SettingError { name, legal })));
+        }
+        if changed.has_short() && !self.set().motor.is_short_bounded() {
+            let why =
+                "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
+            return Some(Err(self.staging.refuse(Abort::Value, why)));
+        }
+        self.settings.drive = changed;
+        Some(Ok(()))
+    }
+}
