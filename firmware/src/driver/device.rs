@@ -7,6 +7,7 @@ mod drive;
 mod network;
 mod pdos;
 mod requests;
+mod scope;
 mod terms;
 mod values;
 mod velocity;
@@ -31,6 +32,7 @@ use crate::node::dictionary::ERROR_HISTORY_LENGTH;
 use crate::node::dictionary::records::{self, InputsObject};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
+use crate::scope::Scope;
 use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::Store;
@@ -126,6 +128,7 @@ pub struct Device<F> {
     report_seen: bool,
     can: CanState,
     pub(super) enclosure: enclosure::Readings,
+    pub(super) scope: Scope,
     blocking: u32,
     set_number: u32,
     gate_resets: u8,
@@ -380,6 +383,9 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.observe(&observation, now_us);
         let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
         self.profile.sync_with_supervisor(fault, armed);
+        if fault {
+            self.scope.record_fault();
+        }
         self.watch_commissioning();
         self.report_seen = true;
         if self.hil_armed && !self.hil_blocking_codes().is_empty() {
@@ -448,6 +454,7 @@ impl<F: NorFlash> Device<F> {
             gate_resets: self.gate_resets,
             home: self.home,
             probe: self.probe(),
+            scope: self.scope.order(),
         }
     }
 

@@ -13,6 +13,7 @@ pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
 use super::sdo::Abort;
 use crate::control::MotorParameters;
 use crate::driver::profile::HOMING_METHODS;
+use crate::scope::MAX_SIGNALS;
 use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
@@ -23,8 +24,8 @@ use compensator_core::term::MAX_TERMS;
 use records::{
     CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, EnclosureObject,
     IdentityObject, InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject,
-    PdoObject, SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry,
-    name_on_host,
+    PdoObject, ScopeObject, SdoServerObject, StateObject, TraceObject, TransmitPdoObject,
+    WatchObject, entry, name_on_host,
 };
 
 /// Structure of an object.
@@ -174,6 +175,9 @@ objects! {
     0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRunObject::ENTRIES);
     0x200D LIVE_TERMS variable("live_terms", Unsigned32, ReadOnly);
     0x2012 ENCLOSURE record("enclosure", EnclosureObject::ENTRIES);
+    0x2013 SCOPE record("scope", ScopeObject::ENTRIES);
+    0x2014 SCOPE_SIGNALS
+        array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX_SIGNALS);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);
