@@ -189,6 +189,7 @@ impl<F: NorFlash> Background<F> {
             return true;
         };
         link.reports(now_us, |report| self.report(state, &report));
+        link.scope_rows(|row| self.driver.take_scope_row(row));
         self.observe(state, now_us);
         let mut commands = self.driver.loop_commands(now_us);
         state.sensors.apply_newer(&mut commands.covariates, now_us);
@@ -213,6 +214,11 @@ impl<F: NorFlash> Background<F> {
         self.driver.bus_state(state.receiver_overrun, state.can);
         self.driver.set_enclosure(state.enclosure);
         self.driver.tick(now_us);
+    }
+
+    /// Gives the scope its memory, values of 32 bits.
+    pub fn set_scope_memory(&mut self, memory: &'static mut [f32]) {
+        self.driver.set_scope_memory(memory);
     }
 
     /// Returns the driver.

@@ -37,6 +37,7 @@ use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
+use crate::scope::{Scope, ScopeRow};
 use crate::sensors::enclosure;
 use crate::supervisor::{CanState, JointState, Supervisor};
 use compensator_core::can::{Frame, FrameError, Message, NodeId, cob_id};
@@ -234,6 +235,16 @@ impl<F: NorFlash> Driver<F> {
     /// Sets the state of the CAN controller, and whether received frames were lost.
     pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
         self.device.bus_state(receiver_overrun, can);
+    }
+
+    /// Gives the scope its memory. Without it, a capture is refused.
+    pub fn set_scope_memory(&mut self, memory: &'static mut [f32]) {
+        self.device.scope = Scope::new(memory);
+    }
+
+    /// Takes a row of the scope from the current loop.
+    pub fn take_scope_row(&mut self, row: &ScopeRow) {
+        self.device.scope.take(row);
     }
 
     /// Sets the last readings of the dry side, before a tick.

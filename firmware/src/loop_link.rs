@@ -10,6 +10,7 @@ use crate::control::probe::ProbeReport;
 use crate::driver::{LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus};
 use crate::loop_parts::{LoopParts, StageTraits};
 use crate::parameter_set::ParameterSet;
+use crate::scope::{QUEUE_ROWS, ScopeRow};
 use heapless::spsc::{Consumer, Producer, Queue};
 
 /// Time without a report after which the loop counts as stopped, us.
@@ -24,12 +25,18 @@ pub struct LoopQueues {
     commands: Queue<LoopCommands, 4>,
     parts: Queue<LoopParts, 2>,
     reports: ReportQueues,
+    scope: Queue<ScopeRow, QUEUE_ROWS>,
 }
 
 impl LoopQueues {
     /// Creates empty queues.
     pub const fn new() -> Self {
-        Self { commands: Queue::new(), parts: Queue::new(), reports: ReportQueues::new() }
+        Self {
+            commands: Queue::new(),
+            parts: Queue::new(),
+            reports: ReportQueues::new(),
+            scope: Queue::new(),
+        }
     }
 
     /// Returns both ends, for a loop on this stage that starts now.
@@ -37,12 +44,27 @@ impl LoopQueues {
         let (commands_out, commands_in) = self.commands.split();
         let (parts_out, parts_in) = self.parts.split();
         let (reports_out, reports_in) = self.reports.split();
-        let port = LoopPort { commands: commands_in, parts: parts_in, reports: reports_out };
+        let (scope_out, scope) = self.scope.split();
+        let port = LoopPort {
+            commands: commands_in,
+            parts: parts_in,
+            reports: reports_out,
+            scope: scope_out,
+        };
         let last = LoopReport::default();
         let (commands, parts, reports) = (commands_out, parts_out, reports_in);
         (
             port,
-            LoopLink { commands, parts, reports, last, reported_us: now_us, set_number: 0, stage },
+            LoopLink {
+                commands,
+                parts,
+                reports,
+                scope,
+                last,
+                reported_us: now_us,
+                set_number: 0,
+                stage,
+            },
         )
     }
 }
@@ -52,6 +74,7 @@ pub struct LoopPort<'q> {
     pub(crate) commands: Consumer<'q, LoopCommands>,
     pub(crate) parts: Consumer<'q, LoopParts>,
     pub(crate) reports: ReportSender<'q>,
+    pub(crate) scope: Producer<'q, ScopeRow>,
 }
 
 /// Queues of the parts of reports. A part is copied in fewer cycles than a whole report, and each is sent in another
@@ -106,6 +129,7 @@ pub struct LoopLink<'q> {
     commands: Producer<'q, LoopCommands>,
     parts: Producer<'q, LoopParts>,
     reports: ReportReceiver<'q>,
+    scope: Consumer<'q, ScopeRow>,
     last: LoopReport,
     reported_us: u64,
     /// Number of the parameter set that was last sent to the loop.
@@ -133,6 +157,13 @@ impl LoopLink<'_> {
                 residual_torque_nm: f32::NAN,
                 ..self.last
             });
+        }
+    }
+
+    /// Passes every row of the scope since the last call to `take`.
+    pub fn scope_rows(&mut self, mut take: impl FnMut(&ScopeRow)) {
+        while let Some(row) = self.scope.dequeue() {
+            take(&row);
         }
     }
 

@@ -24,6 +24,7 @@ use crate::deadline::{Deadline, DeadlineLimits};
 use crate::driver::{Home, LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus};
 use crate::loop_link::{LoopPort, ReportSender};
 use crate::loop_parts::{LimitedCompensator, LoopParts};
+use crate::scope::{ScopeOrder, ScopeRow, signal};
 use crate::stop_brake::{self, StopBrake};
 use compensator_core::Flags;
 
@@ -59,6 +60,7 @@ pub struct LoopTask {
     has_taken_measurements: bool,
     /// The present period takes parts or commands, so that it leaves reports to the next one.
     takes_input: bool,
+    scope: ScopeTap,
     period_s: f32,
     /// Periods since the values were recorded, and from one report to the next.
     since_report: u32,
@@ -78,6 +80,21 @@ enum ReportStep {
     SendStatus,
 }
 
+/// State of the scope between two periods.
+#[derive(Clone, Copy, Debug)]
+struct ScopeTap {
+    /// Periods since the last row.
+    since: u16,
+    /// The row of this period, if one is due.
+    row: Option<ScopeRow>,
+    /// The queue was full since the last row.
+    has_gap: bool,
+}
+
+impl ScopeTap {
+    const IDLE: Self = Self { since: u16::MAX, row: None, has_gap: false };
+}
+
 /// Commands before the first ones are received: everything is off.
 const NO_COMMANDS: LoopCommands = LoopCommands {
     setpoint: Setpoint::NONE,
@@ -92,6 +109,7 @@ const NO_COMMANDS: LoopCommands = LoopCommands {
     home: Home { position_rad: 0.0, number: 0 },
     gate_resets: 0,
     probe: None,
+    scope: ScopeOrder::OFF,
 };
 
 impl LoopTask {
@@ -119,6 +137,7 @@ impl LoopTask {
             has_sent_probe: false,
             has_taken_measurements: false,
             takes_input: false,
+            scope: ScopeTap::IDLE,
             period_s,
             since_report: 0,
             report_every: ((REPORT_PERIOD_S / period_s) as u32).max(1),
@@ -159,6 +178,7 @@ impl LoopTask {
             set_number,
             home,
             probe,
+            scope,
         } = commands;
         let own = &mut self.commands;
         own.setpoint = *setpoint;
@@ -171,6 +191,10 @@ impl LoopTask {
         own.set_number = *set_number;
         own.home = *home;
         own.probe = *probe;
+        if own.scope != *scope {
+            own.scope = *scope;
+            self.scope = ScopeTap::IDLE;
+        }
     }
 
     /// Takes what the commands say of the joint: covariates and network factors.
@@ -238,6 +262,9 @@ impl LoopTask {
         stage.apply(self.period(&sample, fault, triggered, now));
         stage.set_awake(permission.awake);
         self.end(stage.cycles());
+        if self.commands.scope.every != 0 {
+            self.send_scope_row(port);
+        }
         match report_step {
             ReportStep::Collect => {}
             ReportStep::SendValues => self.send_values(&mut port.reports),
@@ -248,6 +275,27 @@ impl LoopTask {
                 let _ = port.reports.statuses.enqueue(status);
                 self.begin_report();
             }
+        }
+    }
+
+    /// Records the row of this period, if one is due.
+    #[cold]
+    fn record_scope_row(&mut self, sample: &StageSample, cycle: &CycleResult) {
+        let order = &self.commands.scope;
+        self.scope.since = self.scope.since.saturating_add(1);
+        if self.scope.since < order.every {
+            return;
+        }
+        self.scope.since = 0;
+        let values = order.signals.map(|number| signal::value(number, sample, cycle));
+        let is_after_gap = self.scope.has_gap;
+        self.scope.row = Some(ScopeRow { values, capture: order.capture, is_after_gap });
+    }
+
+    #[cold]
+    fn send_scope_row(&mut self, port: &mut LoopPort<'_>) {
+        if let Some(row) = self.scope.row.take() {
+            self.scope.has_gap = port.scope.enqueue(row).is_err();
         }
     }
 
@@ -304,6 +352,9 @@ impl LoopTask {
         let bridge = self.step_brake(bridge, sample, &cycle, fault.is_some());
         self.age_inputs();
         self.record_cycle(sample, &cycle);
+        if self.commands.scope.every != 0 {
+            self.record_scope_row(sample, &cycle);
+        }
         bridge
     }
 

@@ -25,6 +25,7 @@ mod paper;
 mod parameters;
 mod predict;
 mod replay;
+mod scope;
 mod simulate;
 mod table;
 mod terminal;
@@ -69,6 +70,8 @@ enum Command {
     Predict(predict::PredictArguments),
     /// Replay a CAN trace to a joint driver and check every answer bit for bit
     Replay(replay::ReplayArguments),
+    /// Record signals of a joint's current loop at up to 20 kHz, around a trigger
+    Scope(scope::ScopeArguments),
     /// Simulate a machine: write its log and the true parameters
     Simulate(simulate::SimulateArguments),
 }
@@ -103,6 +106,7 @@ pub fn run() -> ExitCode {
         Command::Params(arguments) => parameters::run(&arguments),
         Command::Predict(arguments) => done(predict::run(&arguments)),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Scope(arguments) => done(scope::run(&arguments)),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
     };
     match outcome {

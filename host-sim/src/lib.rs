@@ -16,5 +16,7 @@ pub mod benchmark;
 pub mod cli;
 pub mod demo_joint;
 pub mod driver_file;
+#[cfg(feature = "cli")]
+mod moving_joint;
 
 pub use joint_rig::simulated;

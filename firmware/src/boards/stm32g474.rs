@@ -95,6 +95,9 @@ mod app {
     /// bus, 1 ms.
     const RECEIVE_QUEUE_FRAMES: usize = 64;
 
+    /// Values that the scope holds.
+    const SCOPE_VALUES: usize = 1536;
+
     #[shared]
     struct Shared {}
 
@@ -115,6 +118,7 @@ mod app {
         place: MaybeUninit<Background<StoreFlash>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
+        scope: [f32; SCOPE_VALUES] = [0.0; SCOPE_VALUES],
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
         let is_ram_kept = stack_guard::is_ram_kept();
@@ -146,6 +150,7 @@ mod app {
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
+        background.set_scope_memory(context.local.scope);
         let driver = background.driver();
         overcurrent::follow(driver.set().motor.overcurrent_a);
         let task = loop_task(driver.set());

@@ -9,6 +9,7 @@ mod network;
 mod pdos;
 mod position;
 mod requests;
+mod scope;
 mod stopping;
 mod terms;
 mod values;
@@ -34,6 +35,7 @@ use crate::node::dictionary::records::{self, InputsObject};
 use crate::node::lss::Lss;
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
+use crate::scope::Scope;
 use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::Store;
@@ -129,6 +131,7 @@ pub struct Device<F> {
     report_seen: bool,
     can: CanState,
     pub(super) enclosure: enclosure::Readings,
+    pub(super) scope: Scope,
     blocking: u32,
     set_number: u32,
     gate_resets: u8,
@@ -388,6 +391,9 @@ impl<F: NorFlash> Device<F> {
         self.react_to_fault();
         let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
         self.profile.sync_with_supervisor(fault, armed);
+        if fault {
+            self.scope.record_fault();
+        }
         self.update_stop();
         self.watch_stop();
         self.step_brake();
@@ -459,6 +465,7 @@ impl<F: NorFlash> Device<F> {
             gate_resets: self.gate_resets,
             home: self.home,
             probe: self.probe(),
+            scope: self.scope.order(),
         }
     }
 

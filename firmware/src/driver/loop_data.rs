@@ -6,6 +6,7 @@
 
 use crate::control::probe::{ProbeCommand, ProbeReport};
 use crate::control::{Covariates, LoopFlags, Setpoint};
+use crate::scope::ScopeOrder;
 use compensator_core::Flags;
 use compensator_core::network::Factors;
 
@@ -41,6 +42,8 @@ pub struct LoopCommands {
     /// Measurement of the motor: a voltage along a field replaces the current loop. It also ends with the age of
     /// the set-point.
     pub probe: Option<ProbeCommand>,
+    /// What the scope records.
+    pub scope: ScopeOrder,
 }
 
 /// Position of the joint, set by a caller who knows it. An encoder on the motor gives the angle within a motor

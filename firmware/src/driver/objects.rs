@@ -5,7 +5,7 @@ mod numbers;
 use super::device::Device;
 use crate::hil::NumberType;
 use crate::node::dictionary::records::{
-    CommissioningRunObject, CommitObject, OperationObject, StateObject, TraceObject,
+    CommissioningRunObject, CommitObject, OperationObject, ScopeObject, StateObject, TraceObject,
 };
 use crate::node::dictionary::{
     self, Access, ERROR_HISTORY_LENGTH, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index,
@@ -50,6 +50,8 @@ impl<F: NorFlash> Objects for Device<F> {
                 | (index::MAX_TORQUE | index::MAX_MOTOR_SPEED | index::HOME_OFFSET, _)
                 | (index::HEARTBEAT, _)
                 | (index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE, INHIBIT_TIME | EVENT_TIMER)
+                // A scope is for joints that move.
+                | (index::SCOPE | index::SCOPE_SIGNALS, _)
         );
         if !always && self.is_bridge_in_use() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -113,6 +115,24 @@ impl<F: NorFlash> Objects for Device<F> {
         let length = entry.data.length().unwrap_or(4);
         let bytes = number.to_le_bytes();
         value.extend_from_slice(bytes.get(..length).unwrap_or(&bytes)).map_err(|_| Abort::Memory)
+    }
+
+    fn stream_length(&mut self, at: Address) -> Result<Option<usize>, Abort> {
+        if (at.index, at.subindex) != (index::SCOPE, ScopeObject::DATA) {
+            return Ok(None);
+        }
+        match self.scope.readable_bytes() {
+            0 => Err(self.staging.refuse(Abort::Refused, "the scope has no complete capture")),
+            length => Ok(Some(length)),
+        }
+    }
+
+    fn read_part(&mut self, at: Address, offset: usize, part: &mut [u8]) -> Result<(), Abort> {
+        if (at.index, at.subindex) != (index::SCOPE, ScopeObject::DATA) {
+            return Err(Abort::Command);
+        }
+        self.scope.read(offset, part);
+        Ok(())
     }
 }
 
@@ -196,6 +216,7 @@ impl<F: NorFlash> Device<F> {
                 self.input(at.subindex, number);
                 Ok(())
             }
+            index::SCOPE | index::SCOPE_SIGNALS => self.write_scope(at.index, at.subindex, number),
             index::COMMISSIONING => self.commission(number),
             index::COMMISSIONING_RUN => self.write_commissioning(at.subindex, number),
             index::STATE => match at.subindex {

@@ -13,6 +13,7 @@ pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
 use super::sdo::Abort;
 use crate::control::MotorParameters;
 use crate::driver::profile::HOMING_METHODS;
+use crate::scope::MAX_SIGNALS;
 use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
@@ -24,8 +25,8 @@ use records::{
     CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, EnclosureObject,
     HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject, InputsObject,
     InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject,
-    PdoObject, PositionLimitsObject, PositionLoopObject, SdoServerObject, StateObject, TraceObject,
-    TransmitPdoObject, WatchObject, entry, name_on_host,
+    PdoObject, PositionLimitsObject, PositionLoopObject, ScopeObject, SdoServerObject, StateObject,
+    TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
 };
 
 /// Structure of an object.
@@ -180,6 +181,9 @@ objects! {
     0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRunObject::ENTRIES);
     0x200D LIVE_TERMS variable("live_terms", Unsigned32, ReadOnly);
     0x2012 ENCLOSURE record("enclosure", EnclosureObject::ENTRIES);
+    0x2013 SCOPE record("scope", ScopeObject::ENTRIES);
+    0x2014 SCOPE_SIGNALS
+        array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX_SIGNALS);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);

@@ -6,6 +6,7 @@
 //!  ├─ parameters  reads and writes the complete parameter set of a joint
 //!  ├─ joint       runs a joint: the firmware's driver on a bus
 //!  ├─ replay      sends a trace to a joint and compares every answer with the core, bit for bit
+//!  ├─ scope       records the current loop of a joint at 20 kHz
 //!  └─ monitor     shows the state of a joint
 //! ```
 //!
@@ -18,3 +19,4 @@ pub mod joint;
 pub mod monitor;
 pub mod parameters;
 pub mod replay;
+pub mod scope;

@@ -6,6 +6,7 @@
 //! - [`provenance`]: the header comments of `params.toml`.
 //! - [`ranking`]: the candidates of a diagnosis and why they were rejected.
 //! - `page` and `diagnosis_page`: the HTML pages, built from the blocks of `report`.
+//! - `scope`: captures of a joint's current loop.
 //! - `rows`: every row of a log with the prediction of a model, as Parquet or CSV.
 //! - [`write_atomically`]: writes a file completely or not at all.
 
@@ -30,6 +31,8 @@ pub mod ranking;
 pub mod report;
 #[cfg(feature = "rows")]
 pub mod rows;
+#[cfg(all(feature = "pages", feature = "rows"))]
+pub mod scope;
 #[cfg(feature = "rows")]
 pub mod table_file;
 mod write;

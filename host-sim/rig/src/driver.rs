@@ -102,6 +102,9 @@ pub struct LibraryDriver<'q> {
     is_reset: bool,
 }
 
+/// Values that the scope holds, as on the STM32G474 board.
+const SCOPE_VALUES: usize = 1536;
+
 impl<'q> LibraryDriver<'q> {
     /// Starts a driver on this stage.
     ///
@@ -124,8 +127,11 @@ impl<'q> LibraryDriver<'q> {
             DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000),
         );
         let (port, link) = queues.split(traits, 0);
+        let mut background = Background::new(driver, 0);
+        // The driver keeps this memory as long as a board would: for ever.
+        background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
         let mut driver = Self {
-            background: Background::new(driver, 0),
+            background,
             task,
             port,
             link,

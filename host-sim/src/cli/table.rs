@@ -7,6 +7,7 @@ use friction_identification::fit::{Outcome, State};
 use friction_identification::number::{figure, significant};
 use friction_identification::params::{unit, unit_in_words};
 use friction_results::ranking::{gain, left_out_in_words, ranking};
+use friction_results::scope::SignalSummary;
 use std::path::Path;
 
 /// Number of candidates that are listed if there is no finding.
@@ -50,6 +51,17 @@ pub fn models(fits: &[Outcome], data: &Dataset) -> String {
             format!("{:.0}", fit.bic),
             format!("{:.1} s", fit.seconds),
         ]);
+    }
+    printed(&table)
+}
+
+/// Returns a table with the statistics of each signal of a scope.
+pub fn scope(signals: &[SignalSummary]) -> String {
+    let mut table = table(&["signal", "min", "mean", "max", "RMS"], 1);
+    for of in signals {
+        let mut row = vec![of.signal.clone()];
+        row.extend([of.min, of.mean, of.max, of.rms].map(figure));
+        table.add_row(row);
     }
     printed(&table)
 }

@@ -25,6 +25,7 @@ mod report_browser;
 mod report_page;
 mod report_thin;
 mod scenarios;
+mod scope;
 mod several_joints;
 mod stochastic;
 mod unkind_worlds;

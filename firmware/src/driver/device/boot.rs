@@ -19,6 +19,7 @@ use crate::node::lss::Lss;
 use crate::node::sdo::Abort;
 use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, parse_block};
 use crate::parameter_set::ParameterSet;
+use crate::scope::Scope;
 use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::{LoadError, Store};
@@ -97,6 +98,7 @@ impl<F: NorFlash> Device<F> {
             report_seen: true,
             can: CanState::Active,
             enclosure: enclosure::Readings::default(),
+            scope: Scope::default(),
             blocking: 0,
             set_number: 0,
             gate_resets: 0,

@@ -137,6 +137,8 @@ impl<F: NorFlash> Device<F> {
             }
             index::WATCH => entry(&self.watch_state().words(), place),
             index::LIVE_TERMS => Ok(self.live_terms()),
+            index::SCOPE => entry(&self.scope_object().words(), place),
+            index::SCOPE_SIGNALS => self.scope_signal(place),
             index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
             index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
                 Ok(self.brake.is_released().into())

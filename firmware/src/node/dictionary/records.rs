@@ -407,6 +407,23 @@ record! {
     }
 }
 
+record! {
+    /// A scope: settings, state and rows of a capture of the current loop.
+    ScopeObject {
+        order: Unsigned8, WriteOnly, ORDER;
+        state: Unsigned8, ReadOnly, STATE;
+        every: Unsigned16, ReadWrite, EVERY;
+        rows_before: Unsigned16, ReadWrite, ROWS_BEFORE;
+        trigger_signal: Unsigned8, ReadWrite, TRIGGER_SIGNAL;
+        trigger_level: Real32, ReadWrite, TRIGGER_LEVEL;
+        is_falling: Unsigned8, ReadWrite, IS_FALLING;
+        memory_values: Unsigned16, ReadOnly, MEMORY_VALUES;
+        rows: Unsigned16, ReadOnly, ROWS;
+        trigger_row: Unsigned16, ReadOnly, TRIGGER_ROW;
+        data: Domain, ReadOnly, DATA;
+    }
+}
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
         /// Counters of received, sent, unusable and lost frames.

@@ -229,6 +229,7 @@ fn commands(inputs: &Inputs) -> LoopCommands {
         set_number: 0,
         home: Home { position_rad: 0.3, number: 1 },
         probe: None,
+        scope: firmware::scope::ScopeOrder::OFF,
     }
 }
 

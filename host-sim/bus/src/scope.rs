@@ -1,0 +1,181 @@
+//! Captures of a joint's scope over the bus: set up, wait for the trigger, read the rows in blocks.
+//!
+//! The joint records its current loop at 20 kHz into its memory, because the bus is too slow for that; see
+//! `firmware::scope`. A capture is therefore a fraction of a second long. Rows that the joint could not store make it
+//! fail, and it is repeated once.
+
+use crate::bus::Bus;
+use crate::canopen::{Client, SdoError};
+use canopen_rs::Address;
+use firmware::control::PERIOD_S;
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::ScopeObject;
+use firmware::scope::{MAX_SIGNALS, ScopeState, Signal, TRIGGER_FAULT};
+use std::time::Duration;
+
+/// Time between two looks at the state.
+const POLL_PERIOD: Duration = Duration::from_millis(20);
+
+/// What triggers a capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ScopeTrigger {
+    /// The start.
+    Now,
+    /// A fault of the supervisor.
+    Fault,
+    /// A signal crosses a level, in its unit.
+    Level {
+        /// The signal, one of the recorded ones.
+        signal: Signal,
+        /// Level.
+        level: f32,
+        /// True for a signal that falls.
+        is_falling: bool,
+    },
+}
+
+/// A capture to make.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScopeRequest {
+    /// Signals, 1 to 8.
+    pub signals: Vec<Signal>,
+    /// Periods of the current loop from one row to the next.
+    pub every: u16,
+    /// What triggers it.
+    pub trigger: ScopeTrigger,
+    /// Share of the rows before the trigger, from 0 to below 1.
+    pub before: f64,
+    /// Time to wait for the trigger.
+    pub timeout: Duration,
+}
+
+impl ScopeRequest {
+    /// Returns the time from one row to the next, s.
+    pub fn period_s(&self) -> f64 {
+        f64::from(PERIOD_S) * f64::from(self.every)
+    }
+}
+
+/// The rows of a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// Values of each signal, in the order of the request.
+    pub columns: Vec<Vec<f64>>,
+    /// Row of the trigger.
+    pub trigger_row: usize,
+}
+
+/// Reason why there is no capture.
+#[derive(Debug, thiserror::Error)]
+pub enum ScopeError {
+    /// An object was not read or written.
+    #[error(transparent)]
+    Object(#[from] SdoError),
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] crate::bus::BusError),
+    /// The trigger did not occur.
+    #[error("no trigger within {0:.1} s")]
+    NoTrigger(f64),
+    /// No rows came.
+    #[error("the joint records nothing: it has no current loop, as in HIL (2001h:1 = 1)")]
+    NoRows,
+    /// Rows were lost twice.
+    #[error("the joint lost rows of the capture; record fewer signals, or less often")]
+    Lost,
+    /// The caller asked to stop.
+    #[error("stopped")]
+    Stopped,
+}
+
+const fn at(sub_index: u8) -> Address {
+    Address::new(index::SCOPE, sub_index)
+}
+
+/// Makes a capture. `is_stopped` is asked while it waits.
+///
+/// # Errors
+/// See [`ScopeError`].
+pub fn capture<B: Bus>(
+    client: &mut Client<B>,
+    request: &ScopeRequest,
+    mut is_stopped: impl FnMut() -> bool,
+) -> Result<Capture, ScopeError> {
+    set_up(client, request)?;
+    for _ in 0..2 {
+        client.write(at(ScopeObject::ORDER), &[1])?;
+        let outcome = wait(client, request, &mut is_stopped);
+        if !matches!(outcome, Ok(ScopeState::Complete)) {
+            client.write(at(ScopeObject::ORDER), &[0])?;
+        }
+        if outcome? == ScopeState::Complete {
+            return read(client, request.signals.len());
+        }
+    }
+    Err(ScopeError::Lost)
+}
+
+fn set_up<B: Bus>(client: &mut Client<B>, request: &ScopeRequest) -> Result<(), SdoError> {
+    for place in 0..MAX_SIGNALS {
+        let number = request.signals.get(place).map_or(0, |signal| signal.number());
+        client.write(Address::new(index::SCOPE_SIGNALS, place as u8 + 1), &[number])?;
+    }
+    client.write(at(ScopeObject::EVERY), &request.every.to_le_bytes())?;
+    let values = client.read_number(at(ScopeObject::MEMORY_VALUES))?;
+    let rows = f64::from(values) / request.signals.len().max(1) as f64;
+    let before = (request.before * rows) as u16;
+    client.write(at(ScopeObject::ROWS_BEFORE), &before.to_le_bytes())?;
+    let (signal, level, is_falling) = match request.trigger {
+        ScopeTrigger::Now => (0, 0.0, false),
+        ScopeTrigger::Fault => (TRIGGER_FAULT, 0.0, false),
+        ScopeTrigger::Level { signal, level, is_falling } => (signal.number(), level, is_falling),
+    };
+    client.write(at(ScopeObject::TRIGGER_SIGNAL), &[signal])?;
+    client.write(at(ScopeObject::TRIGGER_LEVEL), &level.to_le_bytes())?;
+    client.write(at(ScopeObject::IS_FALLING), &[u8::from(is_falling)])
+}
+
+/// Waits until the capture is complete or has failed.
+fn wait<B: Bus>(
+    client: &mut Client<B>,
+    request: &ScopeRequest,
+    is_stopped: &mut impl FnMut() -> bool,
+) -> Result<ScopeState, ScopeError> {
+    let begin_ns = client.bus().now_ns();
+    // The whole memory at this rate, and some time for the joint to begin.
+    let values = client.read_number(at(ScopeObject::MEMORY_VALUES))?;
+    let longest_s = f64::from(values) * request.period_s() + 0.5;
+    loop {
+        let until_ns = client.bus().now_ns() + POLL_PERIOD.as_nanos() as u64;
+        // Frames of others are not of interest here.
+        while client.bus().receive(until_ns)?.is_some() {}
+        while client.next_other_frame().is_some() {}
+        let elapsed_s = (client.bus().now_ns() - begin_ns) as f64 * 1e-9;
+        match client.read_number(at(ScopeObject::STATE))? as u8 {
+            state if state == ScopeState::Complete as u8 => return Ok(ScopeState::Complete),
+            state if state == ScopeState::Failed as u8 => return Ok(ScopeState::Failed),
+            state if state == ScopeState::Filling as u8 && elapsed_s > longest_s => {
+                return Err(ScopeError::NoRows);
+            }
+            state
+                if state == ScopeState::Waiting as u8
+                    && elapsed_s > longest_s + request.timeout.as_secs_f64() =>
+            {
+                return Err(ScopeError::NoTrigger(request.timeout.as_secs_f64()));
+            }
+            _ => {}
+        }
+        if is_stopped() {
+            return Err(ScopeError::Stopped);
+        }
+    }
+}
+
+fn read<B: Bus>(client: &mut Client<B>, signals: usize) -> Result<Capture, ScopeError> {
+    let trigger_row = client.read_number(at(ScopeObject::TRIGGER_ROW))? as usize;
+    let bytes = client.read_blocks(at(ScopeObject::DATA), |_| ())?;
+    let values: Vec<f64> =
+        bytes.as_chunks::<4>().0.iter().map(|word| f64::from(f32::from_le_bytes(*word))).collect();
+    let column = |place: usize| values.iter().skip(place).step_by(signals).copied().collect();
+    Ok(Capture { columns: (0..signals).map(column).collect(), trigger_row })
+}
