@@ -1,7 +1,8 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
 //! The short form runs three families, `LONG_TESTS=1` all but the temperature of a stalled winding, which takes ten
-//! minutes of simulated time. Of commissioning and of the errors of the friction model it runs a part ([`driver`]).
+//! minutes of simulated time, and the errors of the friction model, which take eighteen. Of the motors to commission it
+//! runs the first ([`driver`]).
 //! `stops`, `holding_brake` and `position` run by name and have no results in the table yet.
 #![cfg(feature = "unicorn")]
 
