@@ -1,7 +1,7 @@
 //! The SDO server: tools read and write the objects of a driver through it (CiA 301, 7.2.4).
 //!
 //! A value of up to four bytes travels in one frame. A longer one travels in segments of seven bytes, each
-//! confirmed ([`segmented`]), or in blocks of up to 127 segments, each block confirmed ([`block`]).
+//! confirmed, or in blocks of up to 127 segments, each block confirmed.
 //! `canopen-rs` codes the frames of the first two. The server is our own, because it must ask the driver
 //! *before* it confirms a write: the driver refuses parameters while the joint is armed, out of range, or
 //! inconsistent with others, and the answer must contain that.

@@ -10,9 +10,7 @@ use canopen_rs::sdo::{
     decode_abort, decode_data_segment, encode_data_segment, encode_download_initiate_segmented,
     encode_upload_request, encode_upload_segment_request,
 };
-use firmware::node::sdo::{
-    Abort, MAX_VALUE_BYTES, Objects, SdoServer, TIMEOUT_US, ValueBuffer,
-};
+use firmware::node::sdo::{Abort, MAX_VALUE_BYTES, Objects, SdoServer, TIMEOUT_US, ValueBuffer};
 use libfuzzer_sys::fuzz_target;
 
 /// A dictionary: 2000h holds a value of any length, 2001h a value of four bytes, 2002h rejects every access.

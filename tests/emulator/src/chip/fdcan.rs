@@ -13,6 +13,7 @@ const RAM_WORDS: usize = 0xC00 / 4;
 
 const CREL: u32 = 0x00;
 const ENDN: u32 = 0x04;
+const DBTP: u32 = 0x0C;
 const CCCR: u32 = 0x18;
 const ECR: u32 = 0x40;
 const PSR: u32 = 0x44;
@@ -29,6 +30,7 @@ const TXBAR: u32 = 0xCC;
 const TXBTO: u32 = 0xD4;
 
 const INIT: u32 = 1;
+const FD_OPERATION: u32 = 1 << 8;
 const NEW_MESSAGE: u32 = 1;
 const FIFO_FULL: u32 = 1 << 1;
 const MESSAGE_LOST: u32 = 1 << 2;
@@ -116,6 +118,15 @@ fn frame_cycles(frame: &Frame) -> u64 {
 impl Fdcan {
     fn register(&self, offset: u32) -> u32 {
         self.registers[offset as usize / 4]
+    }
+
+    /// Returns the bit rate of the data of CAN FD frames that the controller can follow, bit/s; `None` if it would
+    /// destroy them.
+    pub fn data_bit_rate(&self) -> Option<u64> {
+        let timing = u64::from(self.register(DBTP));
+        let quanta = 3 + (timing >> 8 & 0x1F) + (timing >> 4 & 0xF);
+        let cycles = (1 + (timing >> 16 & 0x1F)) * quanta;
+        (self.register(CCCR) & FD_OPERATION != 0).then(|| BIT_CYCLES * 1_000_000 / cycles)
     }
 
     fn flag(&mut self, flags: u32) {
@@ -275,6 +286,10 @@ impl Fdcan {
         let count = (settings >> 16 & 0x1F) as usize;
         for word in &self.ram[..count] {
             let (first, second) = (word >> 16 & 0x7FF, word & 0x7FF);
+            let action = word >> 27 & 7;
+            if action == 0 {
+                continue;
+            }
             let matches = match word >> 30 {
                 0 => (first..=second).contains(&identifier),
                 1 => identifier == first || identifier == second,
@@ -282,7 +297,7 @@ impl Fdcan {
                 _ => false,
             };
             if matches {
-                return word >> 27 & 7 == 1;
+                return action == 1;
             }
         }
         settings >> 4 & 3 == 0

@@ -42,3 +42,60 @@ fn node_without_working_bus_goes_off_and_answers_again() {
     let sent = &machine.chip().can.sent;
     assert!(sent.iter().any(|(_, frame)| frame.identifier() == ANSWER), "{sent:?}");
 }
+
+/// Delivers a frame, runs for a time, and returns what the image has sent.
+fn exchange(
+    machine: &mut emulated_board::Machine<impl emulated_board::world::World>,
+    identifier: u16,
+    data: &[u8],
+    milliseconds: u64,
+) -> Vec<Frame> {
+    machine.chip_mut().can.sent.clear();
+    machine.chip_mut().deliver(Frame::new(identifier, data).expect("a frame"));
+    machine.run(milliseconds * MILLISECOND);
+    machine.chip().can.sent.iter().map(|(_, frame)| *frame).collect()
+}
+
+fn answers(frames: &[Frame], identifier: u16) -> Vec<&[u8]> {
+    frames.iter().filter(|frame| frame.identifier() == identifier).map(Frame::data).collect()
+}
+
+#[test]
+fn controller_accepts_moved_pdo_and_lss_and_follows_flexible_frames() {
+    let mut machine = started();
+    machine.run(100 * MILLISECOND);
+    assert_eq!(machine.chip().can.data_bit_rate(), Some(2_000_000));
+    // The Command frame comes with the identifier of another node.
+    let moved = [0x23, 0x01, 0x14, 1, 0x82, 0x01, 0, 0];
+    let current = 1.5f32.to_le_bytes();
+    let [a, b, c, d] = current;
+    let command = [a, b, c, d, 0, 0, 0, 1];
+    assert_eq!(answers(&exchange(&mut machine, 0x601, &moved, 3), ANSWER).len(), 1);
+    exchange(&mut machine, 0, &[1, 1], 3);
+    exchange(&mut machine, 0x182, &command, 3);
+    let read = [0x40, 0x04, 0x20, 9, 0, 0, 0, 0];
+    assert_eq!(answers(&exchange(&mut machine, 0x601, &read, 3), ANSWER)[0][4..], current);
+    // A joint without stored settings answers to LSS.
+    let unconfigured = exchange(&mut machine, 0x7E5, &[0x4C, 0, 0, 0, 0, 0, 0, 0], 3);
+    assert_eq!(answers(&unconfigured, 0x7E4), [[0x50, 0, 0, 0, 0, 0, 0, 0]]);
+}
+
+#[test]
+fn record_is_read_in_one_block_through_a_fifo_of_three_frames() {
+    let mut machine = started();
+    machine.run(100 * MILLISECOND);
+    let begin = exchange(&mut machine, 0x601, &[0xA4, 0x27, 0x20, 5, 127, 0, 0, 0], 3);
+    let begin = answers(&begin, ANSWER)[0];
+    let length = u32::from_le_bytes(begin[4..8].try_into().expect("four bytes")) as usize;
+    assert_eq!((begin[0], begin.len()), (0xC6, 8));
+    let segments = exchange(&mut machine, 0x601, &[0xA3, 0, 0, 0, 0, 0, 0, 0], 40);
+    let segments = answers(&segments, ANSWER);
+    assert_eq!(segments.len(), length.div_ceil(7));
+    for (place, segment) in segments.iter().enumerate() {
+        let last = if place + 1 == segments.len() { 0x80 } else { 0 };
+        assert_eq!(segment[0], (place as u8 + 1) | last);
+    }
+    let confirm = [0xA2, segments.len() as u8, 127, 0, 0, 0, 0, 0];
+    let end = exchange(&mut machine, 0x601, &confirm, 3);
+    assert_eq!(answers(&end, ANSWER)[0][0] & 0xE3, 0xC1);
+}
