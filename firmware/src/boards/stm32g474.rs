@@ -157,8 +157,9 @@ mod app {
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
-        let brake = Flex::new(wired.brake.output);
-        let board = JointBoard { controller, slow, frames, link, brake };
+        let mut brake = Flex::new(wired.brake.output);
+        brake.set_as_input(Pull::None);
+        let board = JointBoard { controller, slow, frames, link, brake, brake_output: None };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
 
@@ -233,6 +234,7 @@ mod app {
         link: LoopLink<'static>,
         /// Output of the holding brake; an input until the joint has one.
         brake: Flex<'static>,
+        brake_output: Option<bool>,
     }
 
     impl Board for JointBoard {
@@ -280,6 +282,11 @@ mod app {
         }
 
         fn set_holding_brake(&mut self, output: Option<bool>) {
+            // A change of the pin stops all interrupts for some cycles.
+            if output == self.brake_output {
+                return;
+            }
+            self.brake_output = output;
             match output {
                 None => self.brake.set_as_input(Pull::None),
                 Some(level) => {
