@@ -157,8 +157,8 @@ mod app {
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
-        let mut brake = Flex::new(wired.brake.output);
-        brake.set_as_input(Pull::None);
+        // Analog since the reset, so that it is not driven.
+        let brake = Flex::new(wired.brake.output);
         let board = JointBoard { controller, slow, frames, link, brake, brake_output: None };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
