@@ -167,8 +167,9 @@ mod app {
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
+        // Analog since the reset, so that it is not driven.
         let brake = Flex::new(wired.brake.output);
-        let board = JointBoard { controller, slow, frames, link, brake };
+        let board = JointBoard { controller, slow, frames, link, brake, brake_output: None };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
 
@@ -243,6 +244,7 @@ mod app {
         link: LoopLink<'static>,
         /// Output of the holding brake; an input until the joint has one.
         brake: Flex<'static>,
+        brake_output: Option<bool>,
     }
 
     impl Board for JointBoard {
@@ -295,6 +297,11 @@ mod app {
         }
 
         fn set_holding_brake(&mut self, output: Option<bool>) {
+            // A change of the pin stops all interrupts for some cycles.
+            if output == self.brake_output {
+                return;
+            }
+            self.brake_output = output;
             match output {
                 None => self.brake.set_as_input(Pull::None),
                 Some(level) => {

@@ -151,14 +151,17 @@ impl<F: NorFlash> Device<F> {
 
     fn step_csp(&mut self) {
         let late = self.move_limits(self.settings.drive.quick_deceleration, self.max_speed_rad_s());
-        self.position.reference = if self.position.has_target {
-            self.position.interpolation.step(&late, REPORT_PERIOD_S)
+        if self.position.has_target {
+            self.position.reference = self.position.interpolation.step(&late, REPORT_PERIOD_S);
         } else {
-            let mut reference = self.position.reference;
-            let at_rad = reference.position_rad;
-            reference.move_towards(at_rad, &late, REPORT_PERIOD_S);
-            reference
-        };
+            self.slow_down(&late);
+        }
+    }
+
+    /// Brings the reference to rest.
+    fn slow_down(&mut self, limits: &MoveLimits) {
+        let at_rad = self.position.reference.position_rad;
+        self.position.reference.move_towards(at_rad, limits, REPORT_PERIOD_S);
     }
 
     fn step_pp(&mut self) {
@@ -194,19 +197,24 @@ impl<F: NorFlash> Device<F> {
         let acceleration = drive.homing_acceleration as f32 * 1e-6;
         let gains = self.velocity_gains.with_acceleration(acceleration, REPORT_PERIOD_S);
         match self.position.homing {
-            HomingStep::Idle => None,
+            HomingStep::Idle => {
+                let limits = self.move_limits(drive.homing_acceleration, self.max_speed_rad_s());
+                self.slow_down(&limits);
+                None
+            }
             HomingStep::Seeks { from_rad, still_ms } => {
                 if (self.report.turned_rad - from_rad).abs() > drive.homing_way as f32 * 1e-6 {
                     self.end_homing(Homing::Failed);
                     return None;
                 }
-                let limit_a = self.rated().0 * self.profile.max_share() * self.torque_share();
+                let way = if self.profile.homing_method == -1 { -1.0 } else { 1.0 };
+                let share = self.torque_share() * self.supervisor.current_share();
+                let limit_a = self.rated().0 * self.profile.max_share() * share;
                 let is_still = self.report.velocity_rad_s.abs() < CONTACT_RAD_S
-                    && self.velocity_command.current_a.abs() >= CONTACT_SHARE * limit_a;
+                    && way * self.velocity_command.current_a >= CONTACT_SHARE * limit_a;
                 let still_ms = if is_still { still_ms + 1 } else { 0 };
                 if still_ms < drive.homing_time_ms {
                     self.position.homing = HomingStep::Seeks { from_rad, still_ms };
-                    let way = if self.profile.homing_method == -1 { -1.0 } else { 1.0 };
                     let speed = way * drive.homing_speed as f32 * 1e-6;
                     return Some(VelocityTarget::Slew(gains, speed));
                 }

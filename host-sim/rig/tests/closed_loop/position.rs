@@ -355,7 +355,7 @@ fn homing_without_stop() -> Vec<ScenarioRow> {
         let way = master.rig.plant().position_rad() - from;
         let status = status(master);
         vec![
-            row(20, name, "way, rad", way, 0.49..=0.54),
+            row(20, name, "way, rad", way, 0.49..=0.53),
             row(20, name, "homing error is reported", flag(status & 1 << 13 != 0), 1.0..=1.0),
             row(
                 20,
