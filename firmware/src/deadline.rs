@@ -55,9 +55,11 @@ impl Deadline {
     pub fn begin(&mut self, triggered: u32, now: u32) -> bool {
         let period = self.limits.period.max(1);
         if let Some(before) = self.triggered {
-            let since = triggered.wrapping_sub(before);
-            if since > period + period / 2 {
-                self.count_late((since - period / 2) / period);
+            // Signed: an interrupt that is late by a period is followed by one with the same trigger, whose time may read
+            // some cycles earlier.
+            let since = triggered.wrapping_sub(before).cast_signed();
+            if since > (period + period / 2).cast_signed() {
+                self.count_late((since.cast_unsigned() - period / 2) / period);
             }
         }
         self.triggered = Some(triggered);
@@ -152,6 +154,14 @@ mod tests {
         assert_eq!(next(4000), (false, true));
         assert_eq!(next(4000), (true, true));
         assert_eq!(guard.max_consecutive_overruns(), 1);
+    }
+
+    #[test]
+    fn trigger_that_reads_earlier_than_the_last_one_counts_no_missed_period() {
+        let mut guard = guard();
+        run(&mut guard, PERIOD, 100, 4000);
+        run(&mut guard, PERIOD - 3, PERIOD / 3, 4000);
+        assert_eq!(guard.max_consecutive_overruns(), 0);
     }
 
     #[test]
