@@ -85,14 +85,14 @@ enum ReportStep {
 struct ScopeTap {
     /// Periods since the last row.
     since: u16,
-    /// The row of this period, if one is due.
-    row: Option<ScopeRow>,
+    /// The present period records its values.
+    is_due: bool,
     /// The queue was full since the last row.
     has_gap: bool,
 }
 
 impl ScopeTap {
-    const IDLE: Self = Self { since: u16::MAX, row: None, has_gap: false };
+    const IDLE: Self = Self { since: u16::MAX, is_due: false, has_gap: false };
 }
 
 /// Commands before the first ones are received: everything is off.
@@ -263,7 +263,7 @@ impl LoopTask {
         stage.set_awake(permission.awake);
         self.end(stage.cycles());
         if self.commands.scope.every != 0 {
-            self.send_scope_row(port);
+            self.step_scope(port);
         }
         match report_step {
             ReportStep::Collect => {}
@@ -278,25 +278,20 @@ impl LoopTask {
         }
     }
 
-    /// Records the row of this period, if one is due.
+    /// Sends the row of this period, if one is due, and finds whether the next period records one. The values are those of
+    /// a report, which the period has recorded: the scope costs no period without it.
     #[cold]
-    fn record_scope_row(&mut self, sample: &StageSample, cycle: &CycleResult) {
+    fn step_scope(&mut self, port: &mut LoopPort<'_>) {
         let order = &self.commands.scope;
-        self.scope.since = self.scope.since.saturating_add(1);
-        if self.scope.since < order.every {
-            return;
-        }
-        self.scope.since = 0;
-        let values = order.signals.map(|number| signal::value(number, sample, cycle));
-        let is_after_gap = self.scope.has_gap;
-        self.scope.row = Some(ScopeRow { values, capture: order.capture, is_after_gap });
-    }
-
-    #[cold]
-    fn send_scope_row(&mut self, port: &mut LoopPort<'_>) {
-        if let Some(row) = self.scope.row.take() {
+        if self.scope.is_due {
+            let values = order.signals.map(|number| signal::value(number, &self.values));
+            let (capture, is_after_gap) = (order.capture, self.scope.has_gap);
+            let row = ScopeRow { values, capture, is_after_gap };
             self.scope.has_gap = port.scope.enqueue(row).is_err();
+            self.scope.since = 0;
         }
+        self.scope.since = self.scope.since.saturating_add(1);
+        self.scope.is_due = self.scope.since >= order.every;
     }
 
     #[inline(always)]
@@ -352,9 +347,6 @@ impl LoopTask {
         let bridge = self.step_brake(bridge, sample, &cycle, fault.is_some());
         self.age_inputs();
         self.record_cycle(sample, &cycle);
-        if self.commands.scope.every != 0 {
-            self.record_scope_row(sample, &cycle);
-        }
         bridge
     }
 
@@ -495,9 +487,12 @@ impl LoopTask {
         self.loop_flags |= cycle.flags;
         self.compensator_flags |= cycle.compensator;
         let is_due = self.since_report >= self.report_every && !self.takes_input;
-        if is_due && self.report_step == ReportStep::Collect {
+        let begins_report = is_due && self.report_step == ReportStep::Collect;
+        if begins_report {
             self.since_report = 0;
             self.report_step = ReportStep::SendValues;
+        }
+        if begins_report || self.scope.is_due {
             self.record_values(sample, cycle);
         }
     }

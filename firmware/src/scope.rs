@@ -20,8 +20,8 @@ pub use signal::Signal;
 /// Maximum number of signals in a row.
 pub const MAX_SIGNALS: usize = 8;
 
-/// Rows between two visits of the background: 2.4 ms at 20 kHz.
-pub const QUEUE_ROWS: usize = 48;
+/// Rows between two visits of the background: 2 ms at 20 kHz.
+pub const QUEUE_ROWS: usize = 40;
 
 /// What the interrupt records.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

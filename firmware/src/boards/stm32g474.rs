@@ -96,7 +96,7 @@ mod app {
     const RECEIVE_QUEUE_FRAMES: usize = 64;
 
     /// Values that the scope holds.
-    const SCOPE_VALUES: usize = 1536;
+    const SCOPE_VALUES: usize = 768;
 
     #[shared]
     struct Shared {}
@@ -118,6 +118,7 @@ mod app {
         place: MaybeUninit<Background<StoreFlash>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
+        #[unsafe(link_section = ".scope")]
         scope: [f32; SCOPE_VALUES] = [0.0; SCOPE_VALUES],
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {

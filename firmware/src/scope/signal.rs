@@ -1,9 +1,9 @@
 //! The signals of the current loop that a scope can record, in one table.
 
-use crate::control::{CycleResult, StageSample};
+use crate::driver::PeriodValues;
 
 macro_rules! signals {
-    ($($number:literal $name:ident $(#[$doc:meta])* |$sample:ident, $cycle:ident| $value:expr;)*) => {
+    ($($number:literal $name:ident |$values:ident| $value:expr;)*) => {
         /// A signal, by its number.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct Signal(u8);
@@ -36,29 +36,28 @@ macro_rules! signals {
 
         /// Returns the value of a signal in a period; NaN for a number without signal.
         #[inline(always)]
-        pub(crate) fn value(number: u8, sample: &StageSample, cycle: &CycleResult) -> f32 {
-            match number {
-                $($number => { let ($sample, $cycle) = (sample, cycle); $value })*
-                _ => f32::NAN,
-            }
+        pub(crate) fn value(number: u8, period: &PeriodValues) -> f32 {
+            // Numbers count from 1. An array in RAM, because a table of jumps would be read from flash.
+            let values = [$({ let $values = period; $value }),*];
+            values.get(usize::from(number).wrapping_sub(1)).copied().unwrap_or(f32::NAN)
         }
     };
 }
 
 // The names are those of a log's columns where a log has them.
 signals! {
-    1 current_a |_s, c| c.current_q_a;
-    2 current_d_a |_s, c| c.current_d_a;
-    3 current_reference_a |_s, c| c.current_reference_a;
-    4 voltage_d_v |_s, c| c.voltage_v[0];
-    5 voltage_q_v |_s, c| c.voltage_v[1];
-    6 bus_voltage_v |s, _c| s.bus_v;
-    7 phase_a_a |s, _c| s.currents_a[0];
-    8 phase_b_a |s, _c| s.currents_a[1];
-    9 velocity_rad_s |_s, c| c.velocity_rad_s;
-    10 position_rad |_s, c| c.position_rad;
-    11 torque_nm |_s, c| c.motor_torque_nm;
-    12 friction_torque_nm |_s, c| c.friction_torque_nm;
-    13 feed_forward_current_a |_s, c| c.feed_forward_current_a;
-    14 residual_torque_nm |_s, c| c.residual_torque_nm;
+    1 current_a |v| v.current_a;
+    2 current_d_a |v| v.current_d_a;
+    3 current_reference_a |v| v.current_reference_a;
+    4 voltage_q_v |v| v.voltage_q_v;
+    5 bus_voltage_v |v| v.bus_voltage_v;
+    6 phase_a_a |v| v.phase_currents_a[0];
+    7 phase_b_a |v| v.phase_currents_a[1];
+    8 phase_c_a |v| v.phase_currents_a[2];
+    9 velocity_rad_s |v| v.velocity_rad_s;
+    10 position_rad |v| v.turned_rad;
+    11 torque_nm |v| v.motor_torque_nm;
+    12 friction_torque_nm |v| v.friction_torque_nm;
+    13 feed_forward_current_a |v| v.feed_forward_current_a;
+    14 residual_torque_nm |v| v.residual_torque_nm;
 }

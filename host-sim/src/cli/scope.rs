@@ -22,8 +22,8 @@ use std::time::Duration;
 pub struct ScopeArguments {
     #[command(flatten)]
     bus: BusArguments,
-    /// Signals to record, 1 to 8, of current_a, current_d_a, current_reference_a, voltage_d_v, voltage_q_v, bus_voltage_v,
-    /// phase_a_a, phase_b_a, velocity_rad_s, position_rad, torque_nm, friction_torque_nm, feed_forward_current_a,
+    /// Signals to record, 1 to 8, of current_a, current_d_a, current_reference_a, voltage_q_v, bus_voltage_v,
+    /// phase_a_a, phase_b_a, phase_c_a, velocity_rad_s, position_rad, torque_nm, friction_torque_nm, feed_forward_current_a,
     /// residual_torque_nm
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = signal,
         default_value = "velocity_rad_s,torque_nm")]

@@ -22,7 +22,7 @@ fn scope_with_level_trigger_shows_what_led_to_it() {
     assert_eq!((code, stderr.as_str()), (Some(0), ""));
     let found: Value = serde_json::from_str(&out).unwrap();
     let at = |path: &str| found.pointer(path).unwrap_or_else(|| panic!("{path}: {out}")).clone();
-    assert_eq!((at("/rows"), at("/trigger_rows/0")), (512.into(), 256.into()));
+    assert_eq!((at("/rows"), at("/trigger_rows/0")), (256.into(), 128.into()));
     assert!((at("/period_s").as_f64().unwrap() - 5e-5).abs() < 1e-10);
     let number = |path: &str| at(path).as_f64().unwrap();
     // The joint reverses: its model's friction changes sign within the capture.
@@ -42,7 +42,7 @@ fn rows_of_several_captures_are_a_log_with_runs() {
     let (code, out, stderr) = run(folder.path(), &fit);
     assert_eq!(code, Some(0), "{stderr}");
     assert!(out.contains("coulomb_torque"), "{out}");
-    assert!(stderr.contains("4 runs, 3072 rows, 1000 Hz"), "{stderr}");
+    assert!(stderr.contains("4 runs, 1536 rows, 1000 Hz"), "{stderr}");
 }
 
 #[test]
