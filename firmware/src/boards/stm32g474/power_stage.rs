@@ -331,7 +331,8 @@ fn align_updates_to_top() -> bool {
             });
             while !TIMER.sr().read().uif() {}
         }
-        if TIMER.cr1().read().dir() == vals::Dir::DOWN {
+        // By the count, which is half a period away from the other turning point. The direction changes at this very point.
+        if TIMER.cnt().read().cnt() > PWM_TOP / 2 {
             return true;
         }
         // One repetition with the other count shifts the update by one turning point.
