@@ -3,7 +3,6 @@
 //! The short form runs three families, `LONG_TESTS=1` all but the temperature of a stalled winding, which takes ten
 //! minutes of simulated time, and the errors of the friction model, which take eighteen. Of the motors to commission it
 //! runs the first ([`driver`]).
-//! `stops`, `holding_brake` and `position` run by name and have no results in the table yet.
 #![cfg(feature = "unicorn")]
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
@@ -45,7 +44,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), stalls::rows(), commissioning::rows(), velocity::rows()]);
-        families.push(friction::rows());
+        families.extend([friction::rows(), stops::rows(), holding_brake::rows(), position::rows()]);
     }
     families
 }
