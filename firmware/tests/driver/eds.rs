@@ -51,6 +51,10 @@ fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> 
         _ if by_node(object.index, sub_index) => format!("$NODEID+0x{:X}", number - 1),
         // A float is written as its bits, because the tools of Lely accept no decimal number.
         DataType::Real32 => format!("0x{number:08X}"),
+        // Tools read a hexadecimal number as positive.
+        DataType::Integer8 if (number as i8) < 0 => (number as i8).to_string(),
+        DataType::Integer16 if (number as i16) < 0 => (number as i16).to_string(),
+        DataType::Integer32 if (number as i32) < 0 => (number as i32).to_string(),
         _ => format!("0x{number:X}"),
     })
 }
