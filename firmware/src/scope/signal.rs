@@ -14,7 +14,7 @@ macro_rules! signals {
 
             /// Returns the signal with this number.
             pub fn from_number(number: u8) -> Option<Self> {
-                matches!(number, $($number)|*).then_some(Self(number))
+                Self::ALL.iter().any(|(known, _)| *known == number).then_some(Self(number))
             }
 
             /// Returns the signal with this name.
