@@ -174,7 +174,7 @@ impl NodeSettings {
             data_bit_rate_kbit: match word(12)?.to_le_bytes()[1] {
                 // Settings of a driver without this one.
                 0 => DEFAULT_DATA_BIT_RATE_KBIT,
-                thousands => 1000 * u16::from(thousands),
+                thousands => u16::from(thousands).saturating_mul(1000),
             },
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
@@ -317,6 +317,10 @@ mod tests {
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
         assert_eq!(parse_block(&block[..10]), Err(BlockError::NodeSettings));
+        for thousands in 1..=u8::MAX {
+            block[13] = thousands;
+            assert_eq!(parse_block(&block).is_ok(), matches!(thousands, 1 | 2 | 5), "{thousands}");
+        }
         // Settings stored before the data bit rate existed have its default.
         block[13] = 0;
         let former = NodeSettings { data_bit_rate_kbit: 2000, ..settings };
