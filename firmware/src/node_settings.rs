@@ -174,7 +174,10 @@ impl NodeSettings {
             data_bit_rate_kbit: match word(12)?.to_le_bytes()[1] {
                 // Settings of a driver without this one.
                 0 => DEFAULT_DATA_BIT_RATE_KBIT,
-                thousands => u16::from(thousands).saturating_mul(1000),
+                1 => 1000,
+                2 => 2000,
+                5 => 5000,
+                _ => return None,
             },
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
