@@ -75,6 +75,15 @@ pub fn assess(readings: &Readings, parameters: &SensorParameters) -> Findings {
     found
 }
 
+/// Returns the pressure in the housing, Pa, from which the pressure difference at the seal counts: the measured one, or
+/// `closed_pa` if none is measured or it is outside the range of the parameters. A sensor that is wrong must not move the
+/// compensation.
+pub fn inside_pa(air: &Air, parameters: &SensorParameters, closed_pa: f32) -> f32 {
+    let range = parameters.housing_pressure_min_pa..=parameters.housing_pressure_max_pa;
+    let is_sound = parameters.air_connected != 0.0 && range.contains(&air.pressure_pa);
+    if is_sound { air.pressure_pa } else { closed_pa }
+}
+
 /// Last measurement of the air, with its age.
 #[derive(Clone, Copy, Debug)]
 pub struct LastAir {
@@ -165,6 +174,18 @@ mod tests {
         let continues = SensorParameters { leak_stops: 0.0, ..all_connected() };
         let wet = Readings { leak_share: Some(0.3), ..sound() };
         assert_eq!(assess(&wet, &continues), Findings { leak_is_reported: true, ..none });
+    }
+
+    #[test]
+    fn inside_pressure_that_is_implausible_is_not_used() {
+        let inside = |pressure_pa, parameters: &SensorParameters| {
+            inside_pa(&Air { pressure_pa, ..DRY }, parameters, 101_325.0)
+        };
+        assert_eq!(inside(9.5e4, &all_connected()), 9.5e4);
+        assert_eq!(inside(9.5e4, &SensorParameters::default()), 101_325.0);
+        for wrong in [0.0, 5e5, f32::NAN] {
+            assert_eq!(inside(wrong, &all_connected()), 101_325.0, "{wrong} Pa");
+        }
     }
 
     #[test]

@@ -80,8 +80,8 @@ impl SlowSensors {
         }
         // If the sensor fails, its last value ages and is reported as stale.
         if let Ok(Some(found)) = self.pressure.poll(now_us) {
-            let inside_pa = self.last_air.get(now_us).pressure_pa;
-            let inside_pa = if inside_pa.is_nan() { scales::INSIDE_PA } else { inside_pa };
+            let air = self.last_air.get(now_us);
+            let inside_pa = enclosure::inside_pa(&air, &self.constants, scales::INSIDE_PA);
             local.set_pressure_diff(found.pressure_pa - inside_pa, now_us);
             local.set_temperature(found.temperature_c, now_us);
         }
