@@ -1,0 +1,181 @@
+//! Changes to the machine between two periods, and its true state.
+//!
+//! A test changes the surroundings (supply, water, side load, a stand that holds the output), adds parts (brake, comparators,
+//! thermal model) and reads what no sensor of the joint measures.
+
+use super::{JointPlant, Rotor, phases};
+use crate::joint_plant::brake::HoldingBrake;
+use crate::joint_plant::comparators::Comparators;
+use crate::joint_plant::load::Load;
+use crate::joint_plant::seal::{Around, Seal};
+use crate::joint_plant::supply::Supply;
+use crate::joint_plant::winding::Winding;
+use std::f64::consts::TAU;
+
+impl JointPlant {
+    /// Sets the number of sub-steps per period.
+    pub fn set_substeps(&mut self, substeps: usize) {
+        self.substeps = substeps.max(1);
+        self.step_s = 0.0;
+    }
+
+    /// Lets an ideal actuator compensate this share of the friction with a delay of one sub-step.
+    ///
+    /// This is the upper bound of any model. The sum with the motor torque is limited to `max_torque_nm`, as in a driver
+    /// with a current limit.
+    pub fn cancel_friction(&mut self, share: f64, max_torque_nm: f64) {
+        (self.cancelled, self.max_torque_nm) = (share, max_torque_nm);
+    }
+
+    /// Sets whether a stand holds the output.
+    pub fn hold(&mut self, held: bool) {
+        self.held = held;
+    }
+
+    /// Moves the output to this position (rad) and sets its velocity to 0.
+    pub fn place(&mut self, position_rad: f64) {
+        (self.position, self.velocity) = (position_rad, 0.0);
+        if let Some(rotor) = &mut self.rotor {
+            *rotor = Rotor { position: position_rad, velocity: 0.0 };
+        }
+    }
+
+    /// Adds a holding brake, closed.
+    pub fn add_brake(&mut self, brake: HoldingBrake) {
+        self.brake = Some(brake);
+    }
+
+    /// Sets whether the coil of the holding brake has power, which releases it. Without a brake it has no effect.
+    pub fn energise_brake(&mut self, is_energised: bool) {
+        if let Some(brake) = &mut self.brake {
+            brake.energise(is_energised);
+        }
+    }
+
+    /// Replaces the stiff bus by a capacitor with a unidirectional supply.
+    pub fn charge_bus(&mut self) {
+        self.supply = Some(Supply::of(&self.p));
+    }
+
+    /// Sets the voltage of the supply, V: of a stiff bus, or of the source that charges the capacitor.
+    pub fn set_supply(&mut self, voltage_v: f64) {
+        match &mut self.supply {
+            Some(supply) => supply.set_v = voltage_v,
+            None => self.p.bus_voltage_v = voltage_v,
+        }
+    }
+
+    /// Returns the bus voltage, V.
+    pub fn bus_v(&self) -> f64 {
+        self.supply.map_or(self.p.bus_voltage_v, |supply| supply.bus_v())
+    }
+
+    /// Adds overcurrent comparators at the shunts.
+    pub fn watch_overcurrent(&mut self) {
+        self.comparators = Some(Comparators::of(&self.p));
+    }
+
+    /// Sets the nominal lower and upper level of the comparators, if there are any, A: of phase a, of phase b, and of the
+    /// sum of both. An infinite one never acts.
+    pub fn set_break_levels(&mut self, levels_a: [[f64; 2]; 3]) {
+        if let Some(watch) = &mut self.comparators {
+            watch.set_levels(levels_a, &self.p);
+        }
+    }
+
+    /// Returns true if the comparators have opened the bridge. It stays open until [`JointPlant::clear_break`].
+    pub fn is_overcurrent_tripped(&self) -> bool {
+        self.is_tripped
+    }
+
+    /// Clears the break flag of the timer, so that the bridge can close again.
+    pub fn clear_break(&mut self) {
+        self.is_tripped = false;
+    }
+
+    /// Returns the largest phase current near the level of the comparators since the last call, A.
+    ///
+    /// It is 0 if no current was near the level.
+    pub fn take_peak_a(&mut self) -> f64 {
+        std::mem::take(&mut self.peak_a)
+    }
+
+    /// Enables the thermal model of the winding, which starts at the water temperature.
+    pub fn heat_winding(&mut self) {
+        self.winding = Some(Winding::of(&self.p));
+        self.step_s = 0.0;
+    }
+
+    /// Returns the thermal state of the winding, if the thermal model is enabled.
+    pub fn winding(&self) -> Option<&Winding> {
+        self.winding.as_ref()
+    }
+
+    /// Sets an external side load, N. It is added to the side load of the load.
+    pub fn set_side_load(&mut self, radial_force_n: f64) {
+        self.pushed_n = radial_force_n;
+    }
+
+    /// Returns the true currents of phases a, b, c, A.
+    pub fn phase_currents_a(&self) -> [f64; 3] {
+        phases(self.current)
+    }
+
+    /// Returns the torque-producing current, A, positive for torque in positive direction.
+    pub fn torque_current_a(&self) -> f64 {
+        let angle = self.p.gear_ratio * self.p.pole_pairs * self.motor_position_rad();
+        let (sine, cosine) = angle.sin_cos();
+        self.current[1] * cosine - self.current[0] * sine
+    }
+
+    /// Sets the pressure difference, Pa.
+    pub fn set_pressure(&mut self, pressure_diff_pa: f64) {
+        self.around.pressure_diff_pa = pressure_diff_pa;
+    }
+
+    /// Returns the seal for changes of temperature or wear.
+    pub fn seal_mut(&mut self) -> &mut Seal {
+        &mut self.seal
+    }
+
+    /// Returns the seal.
+    pub fn seal(&self) -> &Seal {
+        &self.seal
+    }
+
+    /// Returns the load.
+    pub fn load(&self) -> &Load {
+        &self.load
+    }
+
+    /// Returns the joint position, rad.
+    pub fn position_rad(&self) -> f64 {
+        self.position
+    }
+
+    /// Returns the joint velocity, rad/s.
+    pub fn velocity_rad_s(&self) -> f64 {
+        self.velocity
+    }
+
+    /// Returns the operating conditions of the seal.
+    pub fn around(&self) -> Around {
+        self.around
+    }
+
+    /// Returns the inertia at the joint, kg m^2.
+    pub fn inertia_kg_m2(&self) -> f64 {
+        self.inertia
+    }
+
+    /// Returns the position of motor and gear in joint coordinates, rad.
+    pub(super) fn motor_position_rad(&self) -> f64 {
+        self.rotor.map_or(self.position, |rotor| rotor.position)
+    }
+
+    /// Returns the rotation of the encoder in `seconds` at the present velocity, turns of the motor.
+    pub fn motor_turns_in(&self, seconds: f64) -> f64 {
+        let velocity = self.rotor.map_or(self.velocity, |rotor| rotor.velocity);
+        self.p.encoder_direction * velocity * self.p.gear_ratio * seconds / TAU
+    }
+}
