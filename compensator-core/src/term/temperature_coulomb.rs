@@ -1,6 +1,6 @@
 //! `g *= exp(-b (T - T0))`: the seal stiffens at low temperature.
 
-use super::bounds::{Bounds, LEAST_SHARE, logarithm};
+use super::bounds::{Bounds, LEAST_SHARE, exponential, logarithm};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -60,7 +60,7 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        let [cold, hot] = exponents(values).map(libm::exp);
+        let [cold, hot] = exponents(values).map(exponential);
         bounds.scale_level(cold.min(hot), cold.max(hot));
     }
 
