@@ -34,6 +34,8 @@ pub struct Outbox {
 
 impl Outbox {
     /// Adds a frame. If the queue is full, the frame is dropped and counted.
+    // Not inlined: it has many callers.
+    #[inline(never)]
     pub fn push(&mut self, frame: Frame) {
         if self.frames.push_back(frame).is_err() {
             self.lost = self.lost.saturating_add(1);
@@ -85,13 +87,17 @@ pub struct Network {
 }
 
 impl Network {
+    /// Creates a node that has not booted.
+    pub fn new(node: NodeId, now_us: u64) -> Self {
+        Self { node, machine: NmtStateMachine::new(), sent_us: now_us, heartbeat_us: None }
+    }
+
     /// Sends the boot-up message and enters pre-operational.
     pub fn boot(node: NodeId, now_us: u64, outbox: &mut Outbox) -> Self {
-        let mut machine = NmtStateMachine::new();
-        let network = |machine| Self { node, machine, sent_us: now_us, heartbeat_us: None };
+        let mut network = Self::new(node, now_us);
         outbox.push(heartbeat(node, NmtState::Initialising));
-        machine.boot();
-        network(machine)
+        network.machine.boot();
+        network
     }
 
     /// Returns the node number.
