@@ -16,21 +16,21 @@ use std::path::{Path, PathBuf};
 #[derive(Args, Clone, Debug)]
 pub struct BusArguments {
     /// Bus: loop (in this process), a SocketCAN interface such as vcan0 or can0, slcan:PATH or slcan:HOST:PORT
-    #[arg(long, value_name = "BUS", default_value = "loop")]
+    #[arg(long, global = true, value_name = "BUS", default_value = "loop")]
     pub bus: BusName,
     /// Node number of the joint driver
-    #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
+    #[arg(long, global = true, value_name = "N", default_value = "1", value_parser = node)]
     pub node_id: NodeId,
     /// Bit rate of the bus, bit/s. It opens an slcan adapter and is the reference of the bus load. For a SocketCAN
     /// interface, set the bit rate with `ip link`
-    #[arg(long, value_name = "BIT/S", default_value = "1000000", value_parser = bit_rate)]
+    #[arg(long, global = true, value_name = "BIT/S", default_value = "1000000", value_parser = bit_rate)]
     pub bit_rate: BitRate,
     /// Write every sent and received frame to this file in the format of candump -L
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, global = true, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Key that unlocks the joint: a file with 32 hexadecimal digits. By default the file that FRICTION_JOINT_KEY names,
     /// or the public default key
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, global = true, value_name = "FILE")]
     pub key: Option<PathBuf>,
 }
 

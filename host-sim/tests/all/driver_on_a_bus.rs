@@ -105,6 +105,32 @@ fn params(arguments: &[&str]) -> Output {
 }
 
 #[test]
+fn access_shows_and_changes_the_lock_of_a_joint() {
+    let folder = tempfile::tempdir().unwrap();
+    let key = folder.path().join("joint.key");
+    let access = |arguments: &[&str]| host_sim(&[&["access"], arguments].concat());
+    std::fs::write(&key, "000102030405060708090a0b0c0d0e0f\n").unwrap();
+    let file = key.to_str().unwrap();
+    for (arguments, printed) in [
+        (&["status"][..], "node 1 on loop: locked, starts locked, wrong responses: 0\n"),
+        (&["set-key", file], "node 1 on loop: not locked, starts locked, wrong responses: 0\n"),
+        (&["policy", "open"], "node 1 on loop: not locked, starts open, wrong responses: 0\n"),
+        (&["lock", "--bus", "loop"], "node 1 on loop: locked, starts locked, wrong responses: 0\n"),
+    ] {
+        let done = access(arguments);
+        assert_eq!(text(&done.stdout), printed, "{}", text(&done.stderr));
+    }
+    // The joint has the default key.
+    let refused = params(&["save", "--key", file]);
+    let words = text(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{words}");
+    assert!(words.contains("node 1 is locked") && words.contains("FRICTION_JOINT_KEY"), "{words}");
+    std::fs::write(&key, "0001").unwrap();
+    let words = text(&access(&["status", "--key", file]).stderr);
+    assert!(words.ends_with("joint.key: expected 32 hexadecimal digits\n"), "{words}");
+}
+
+#[test]
 fn params_get_output_has_no_difference_to_driver() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("joint.toml");
