@@ -10,6 +10,7 @@
 //! a simulated bus, calls [`Background::receive`], [`Background::tick`] and [`Background::transmit`] instead.
 //! The current loop runs in an interrupt with higher priority; [`crate::loop_link`] connects the two.
 
+use crate::access::Key;
 use crate::driver::{Boot, Driver, LoopReport};
 use crate::loop_link::LoopLink;
 use crate::sensors::{LocalReadings, SensorParameters, enclosure};
@@ -224,6 +225,11 @@ impl<F: NorFlash> Background<F> {
     /// Gives the scope its memory, values of 32 bits.
     pub fn set_scope_memory(&mut self, memory: &'static mut [f32]) {
         self.driver.set_scope_memory(memory);
+    }
+
+    /// Sets the secret of the access challenges: see [`Driver::seed_challenges`].
+    pub fn seed_challenges(&mut self, seed: [u8; Key::LENGTH]) {
+        self.driver.seed_challenges(seed);
     }
 
     /// Returns the driver.

@@ -30,6 +30,7 @@ pub use device::{Boot, Identity};
 pub use loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
 pub(crate) use loop_data::{PeriodValues, ReportStatus};
 
+use crate::access::Key;
 use crate::control::Covariates;
 use crate::log::log;
 use crate::node::lss::LSS_REQUEST;
@@ -172,6 +173,7 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::Reset => self.is_reset_requested = true,
             NmtAction::ResetCommunication => {
                 self.device.stop_connection();
+                self.device.lock();
                 self.sdo = SdoServer::new();
                 self.device.reset_pdos();
                 let node = self.device.settings().node;
@@ -252,6 +254,12 @@ impl<F: NorFlash> Driver<F> {
     /// Sets the state of the CAN controller, and whether received frames were lost.
     pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
         self.device.bus_state(receiver_overrun, can);
+    }
+
+    /// Sets the secret of the access challenges: random bytes of the board, new at every start. Without them, the
+    /// challenges depend on the key and the time.
+    pub const fn seed_challenges(&mut self, seed: [u8; Key::LENGTH]) {
+        self.device.lock.seed(seed);
     }
 
     /// Gives the scope its memory. Without it, a capture is refused.

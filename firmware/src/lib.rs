@@ -13,6 +13,7 @@
 //! microcontroller. The binary `cost` counts instructions.
 #![cfg_attr(not(test), no_std)]
 
+pub mod access;
 pub mod background;
 pub mod bridge_guard;
 pub mod control;

@@ -4,6 +4,7 @@
 //! setting is an object of the dictionary (see [`crate::node::dictionary`]) and is refused out of range
 //! when it is written, not when it is used.
 
+use crate::access::AccessSettings;
 use crate::drive_settings::DriveSettings;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
@@ -64,6 +65,8 @@ pub struct NodeSettings {
     pub proven: u32,
     /// Settings of the CiA 402 drive.
     pub drive: DriveSettings,
+    /// Key and policy of the service level.
+    pub access: AccessSettings,
 }
 
 impl Default for NodeSettings {
@@ -83,16 +86,20 @@ impl Default for NodeSettings {
             commissioned: 0,
             proven: 0,
             drive: DriveSettings::default(),
+            access: AccessSettings::default(),
         }
     }
 }
 
 impl NodeSettings {
-    /// Length of the encoded settings without those of the drive, bytes.
+    /// Length of the encoded settings without those of drive and access, bytes.
     const HEAD: usize = 32;
+    /// Length of the encoded settings without those of the access, bytes.
+    const WITHOUT_ACCESS: usize = Self::HEAD + DriveSettings::LENGTH;
     /// Length of the encoded settings, bytes.
-    pub const LENGTH: usize = Self::HEAD + DriveSettings::LENGTH;
-    const VERSION: u8 = 4;
+    pub const LENGTH: usize = Self::WITHOUT_ACCESS + AccessSettings::LENGTH;
+    const VERSION: u8 = 5;
+    const VERSION_WITHOUT_ACCESS: u8 = 4;
     const VERSION_WITHOUT_DRIVE: u8 = 3;
 
     /// Returns the setup of a joint in HIL.
@@ -100,7 +107,8 @@ impl NodeSettings {
         HilSetup { number: self.number, period_s: self.period_s, campaign_h: self.campaign_h }
     }
 
-    /// Returns the settings as bytes, little-endian: a version, the fields in order, then those of the drive.
+    /// Returns the settings as bytes, little-endian: a version, the fields in order, then those of drive and
+    /// access.
     pub fn emit(&self) -> [u8; Self::LENGTH] {
         let mut bytes = [0; Self::LENGTH];
         let words = [
@@ -135,20 +143,38 @@ impl NodeSettings {
             }
         }
         if let Some(place) = bytes.last_chunk_mut() {
-            *place = self.drive.emit();
+            *place = self.access.emit();
+        }
+        if let Some(place) = bytes.get_mut(Self::HEAD..Self::WITHOUT_ACCESS) {
+            place.copy_from_slice(&self.drive.emit());
         }
         bytes
     }
 
     /// Parses settings; `None` for another version or a value out of range.
     pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
-        let drive = DriveSettings::parse(bytes.last_chunk()?)?;
-        Self::parse_head(bytes.first_chunk()?, Self::VERSION, drive)
+        let access = AccessSettings::parse(bytes.last_chunk()?)?;
+        let settings = Self::parse_with_drive(bytes.first_chunk()?, Self::VERSION)?;
+        Some(Self { access, ..settings })
     }
 
-    /// Parses settings of the version before those of the drive were stored; they have their defaults.
-    fn parse_without_drive(bytes: &[u8; Self::HEAD]) -> Option<Self> {
-        Self::parse_head(bytes, Self::VERSION_WITHOUT_DRIVE, DriveSettings::default())
+    /// Parses settings up to those of the drive.
+    fn parse_with_drive(bytes: &[u8; Self::WITHOUT_ACCESS], version: u8) -> Option<Self> {
+        let drive = DriveSettings::parse(bytes.last_chunk()?)?;
+        Self::parse_head(bytes.first_chunk()?, version, drive)
+    }
+
+    /// Parses settings of a version before some of today's were stored, which have their defaults. Returns the
+    /// rest of the block, too.
+    fn parse_older(block: &[u8]) -> Option<(Self, &[u8])> {
+        if let Some((bytes, set)) = block.split_first_chunk()
+            && let Some(settings) = Self::parse_with_drive(bytes, Self::VERSION_WITHOUT_ACCESS)
+        {
+            return Some((settings, set));
+        }
+        let (head, set) = block.split_first_chunk()?;
+        let drive = DriveSettings::default();
+        Some((Self::parse_head(head, Self::VERSION_WITHOUT_DRIVE, drive)?, set))
     }
 
     fn parse_head(
@@ -184,6 +210,7 @@ impl NodeSettings {
             commissioned: word(24)?,
             proven: word(28)?,
             drive,
+            access: AccessSettings::default(),
         };
         (version == expected_version && settings.validate().is_ok()).then_some(settings)
     }
@@ -282,11 +309,8 @@ pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BL
 /// # Errors
 /// Returns [`BlockError::NodeSettings`] if the settings are refused.
 pub fn split_block(block: &[u8]) -> Result<(NodeSettings, &[u8]), BlockError> {
-    let old = block.split_first_chunk::<{ NodeSettings::HEAD }>();
-    if let Some((head, set)) = old
-        && let Some(settings) = NodeSettings::parse_without_drive(head)
-    {
-        return Ok((settings, set));
+    if let Some(older) = NodeSettings::parse_older(block) {
+        return Ok(older);
     }
     let (head, set) =
         block.split_first_chunk::<{ NodeSettings::LENGTH }>().ok_or(BlockError::NodeSettings)?;
@@ -305,6 +329,7 @@ pub fn parse_block(block: &[u8]) -> Result<(NodeSettings, ParameterSet), BlockEr
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::access::Key;
     use compensator_core::record::RecordError;
 
     #[test]
@@ -324,6 +349,7 @@ mod tests {
             commissioned: 0x1234_5678,
             proven: 0x8765_4321,
             drive: DriveSettings { quick_stop_option: -1, ..DriveSettings::default() },
+            access: AccessSettings { key: Key::new([7; 16]), is_locked: false },
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
@@ -340,6 +366,16 @@ mod tests {
         assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));
         block[2] = 2;
         assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
+    }
+
+    #[test]
+    fn parse_of_a_block_without_access_settings_returns_a_locked_joint() {
+        let settings = NodeSettings { heartbeat_ms: 250, ..NodeSettings::default() };
+        let mut block = settings.emit()[..NodeSettings::WITHOUT_ACCESS].to_vec();
+        block[0] = NodeSettings::VERSION_WITHOUT_ACCESS;
+        block.extend_from_slice(&ParameterSet::default().emit());
+        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        assert!(settings.access.is_locked);
     }
 
     #[test]

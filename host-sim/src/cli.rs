@@ -5,6 +5,7 @@
 //! Exit codes: 0 success; 1 a requested check failed; 2 bad usage or bad input. Every error is one line on standard
 //! error. A command writes its files only after all computations succeeded, so a failed command leaves no file behind.
 
+mod access;
 mod bus;
 mod compare;
 mod demo;
@@ -45,6 +46,8 @@ struct CommandLine {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Show or change the lock of a joint: its state, its key
+    Access(access::AccessArguments),
     /// Fit one friction model to measured data
     Identify(identify::IdentifyArguments),
     /// Fit all friction models to measured data and compare them
@@ -93,6 +96,7 @@ pub fn run() -> ExitCode {
         Err(message) => return report_error(&message),
     }
     let outcome = match arguments.command {
+        Command::Access(arguments) => done(access::run(&arguments)),
         Command::Identify(arguments) => done(identify::run(&arguments)),
         Command::Compare(arguments) => done(compare::run(&arguments)),
         Command::Diagnose(arguments) => done(diagnose::run(&arguments)),

@@ -119,6 +119,13 @@ def flags(texts):
 TYPES = {1: "bool", 2: "i8", 3: "i16", 4: "i32", 5: "u8", 6: "u16", 7: "u32", 8: "f32", 9: "text", 15: "bytes"}
 
 
+def value_kind(values):
+    """Type and access of an entry of the EDS; its level stands in a comment."""
+    access = values.get("AccessType", "")
+    level = " **service**" if values.get(";AccessLevel") == "service" else ""
+    return TYPES.get(int(values.get("DataType", "0"), 16), "?"), access + level
+
+
 def objects(_):
     """One row for each object of the EDS; its entries are listed, numbered ones together."""
     found = {}
@@ -134,14 +141,14 @@ def objects(_):
         parts = []
         for sub, values in sorted((key, value) for key, value in subs.items() if key):
             base = re.sub(r"_\d+$", "", values["ParameterName"])
-            kind = (TYPES.get(int(values["DataType"], 16), "?"), values["AccessType"])
+            kind = value_kind(values)
             if parts and parts[-1][0] == base and parts[-1][3] == kind:
                 parts[-1][2] = sub
             else:
                 parts.append([base, sub, sub, kind])
         if not parts:
             values = subs[None]
-            parts = [[None, 0, 0, (TYPES.get(int(values.get("DataType", "0"), 16), "?"), values.get("AccessType", ""))]]
+            parts = [[None, 0, 0, value_kind(values)]]
         kinds = {part[3] for part in parts}
         shared = " ".join(kinds.pop()) if len(kinds) == 1 else ""
 

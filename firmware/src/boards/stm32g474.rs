@@ -23,6 +23,7 @@ mod overcurrent;
 mod pins;
 mod power_stage;
 mod pressure_bus;
+mod random;
 mod scales;
 mod slow;
 mod start;
@@ -73,7 +74,7 @@ mod app {
     use super::motor_stage::{MotorStage, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
-    use super::{fast_code, overcurrent, pins, scales, start, watchdog};
+    use super::{fast_code, overcurrent, pins, random, scales, start, watchdog};
     use compensator_core::can::Frame;
     use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
@@ -152,6 +153,10 @@ mod app {
         let store = StoreFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
         background.set_scope_memory(context.local.scope);
+        match random::seed() {
+            Some(seed) => background.seed_challenges(seed),
+            None => defmt::warn!("no random numbers: the challenges depend on key and time"),
+        }
         let driver = background.driver();
         overcurrent::follow(driver.set().motor.overcurrent_a);
         let task = loop_task(driver.set());

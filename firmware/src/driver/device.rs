@@ -1,5 +1,6 @@
 //! The device behind the object dictionary: state of a joint driver.
 
+mod access;
 mod boot;
 mod commissioning;
 mod compensation_share;
@@ -24,6 +25,7 @@ use super::over_compensation::OverCompensationWatch;
 use super::profile::{FaultState, Profile};
 use super::received::{CommandSequence, ReceivedInputs};
 use super::staging::Staging;
+use crate::access::Lock;
 use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::hil::{HilJoint, HilReply, HilStep};
@@ -169,6 +171,7 @@ pub struct Device<F> {
     /// Process data objects as a master has set them; reset with the communication.
     pdos: Pdos,
     lss: Lss,
+    pub(super) lock: Lock,
     /// The joint has started without stored settings: for LSS, it has no node number.
     is_blank: bool,
     /// Settings were stored since the start.
@@ -396,6 +399,7 @@ impl<F: NorFlash> Device<F> {
         self.watch_stop();
         self.step_brake();
         self.watch_commissioning();
+        self.watch_session();
         self.report_seen = true;
         if self.hil_armed && !self.hil_blocking_codes().is_empty() {
             // In HIL the supervisor is not armed and would not trip by itself.

@@ -5,7 +5,8 @@ mod numbers;
 use super::device::Device;
 use crate::hil::NumberType;
 use crate::node::dictionary::records::{
-    CommissioningRunObject, CommitObject, OperationObject, ScopeObject, StateObject, TraceObject,
+    AccessObject, CommissioningRunObject, CommitObject, OperationObject, ScopeObject, StateObject,
+    TraceObject,
 };
 use crate::node::dictionary::{
     self, Access, ERROR_HISTORY_LENGTH, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index,
@@ -36,6 +37,7 @@ impl<F: NorFlash> Objects for Device<F> {
                 return Err(Abort::TooShort);
             }
         }
+        self.check_level(at)?;
         // A request to disarm, entries of a trace, and inputs that also come in frames are always accepted.
         let always = matches!(
             (at.index, at.subindex),
@@ -50,6 +52,8 @@ impl<F: NorFlash> Objects for Device<F> {
                 | (index::MAX_TORQUE | index::MAX_MOTOR_SPEED | index::HOME_OFFSET, _)
                 | (index::HEARTBEAT, _)
                 | (index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE, INHIBIT_TIME | EVENT_TIMER)
+                // An unlock changes nothing by itself.
+                | (index::ACCESS, AccessObject::RESPONSE | AccessObject::LOCK)
                 // A scope is for joints that move.
                 | (index::SCOPE | index::SCOPE_SIGNALS, _)
         );
@@ -106,6 +110,9 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::COMMIT, CommitObject::DRIVE_RECORD) => {
                 let drive = self.staging.staged().emit_drive();
                 return value.extend_from_slice(&drive).map_err(|_| Abort::Memory);
+            }
+            (index::ACCESS, AccessObject::CHALLENGE) => {
+                return value.extend_from_slice(&self.challenge()).map_err(|_| Abort::Memory);
             }
             (staged, place) if is_staged(staged) => {
                 return self.staging.read(staged, place, value);
@@ -217,6 +224,7 @@ impl<F: NorFlash> Device<F> {
                 Ok(())
             }
             index::SCOPE | index::SCOPE_SIGNALS => self.write_scope(at.index, at.subindex, number),
+            index::ACCESS => self.write_access(at.subindex, value),
             index::COMMISSIONING => self.commission(number),
             index::COMMISSIONING_RUN => self.write_commissioning(at.subindex, number),
             index::STATE => match at.subindex {

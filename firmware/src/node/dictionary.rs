@@ -6,8 +6,10 @@
 //! manufacturer specific, from 6000h those of CiA 402. Parameters are not listed again: their names come
 //! from the core's tables, and a sub-index is the parameter's number in its table plus one.
 
+mod access_level;
 pub mod records;
 
+pub use access_level::level;
 pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
 
 use super::sdo::Abort;
@@ -22,11 +24,11 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, EnclosureObject,
-    HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject, InputsObject,
-    InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject,
-    PdoObject, PositionLimitsObject, PositionLoopObject, ScopeObject, SdoServerObject, StateObject,
-    TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
+    AccessObject, CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject,
+    EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject,
+    InputsObject, InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject,
+    OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject, ScopeObject,
+    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
 };
 
 /// Structure of an object.
@@ -201,6 +203,7 @@ objects! {
     0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
     0x2030 HOLDING_BRAKE record("holding_brake", HoldingBrakeObject::ENTRIES);
     0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);
+    0x2041 ACCESS record("access", AccessObject::ENTRIES);
     0x6007 ABORT_CONNECTION variable("abort_connection_option_code", Integer16, ReadWrite);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);

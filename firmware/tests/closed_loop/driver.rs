@@ -3,6 +3,7 @@
 use crate::plant::Machine;
 use crate::rig::{PERIOD_CYCLES, Stage};
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
+use firmware::access::AccessSettings;
 use firmware::background::{Background, Board, BoardState, RoundOutcome, TICK_US};
 use firmware::deadline::DeadlineLimits;
 use firmware::driver::{Boot, Driver, Identity};
@@ -87,6 +88,12 @@ pub struct Joint {
     pub commands: u8,
 }
 
+/// Returns the settings of a joint that needs no unlock: these tests write its objects as frames.
+fn open_settings() -> NodeSettings {
+    let access = AccessSettings { is_locked: false, ..AccessSettings::default() };
+    NodeSettings { access, ..NodeSettings::default() }
+}
+
 impl Joint {
     /// Returns a commissioned driver in NMT state operational, with the plant at rest.
     pub fn started() -> Self {
@@ -96,7 +103,7 @@ impl Joint {
     /// Returns a commissioned driver with this parameter set on this plant.
     pub fn with(machine: Machine, set: &ParameterSet) -> Self {
         let mut store = Store::open(MemoryFlash::new());
-        store.save(&emit_block(&NodeSettings::default(), set)).expect("the flash works");
+        store.save(&emit_block(&open_settings(), set)).expect("the flash works");
         Self::start(machine, store.into_flash())
     }
 
@@ -110,7 +117,7 @@ impl Joint {
     /// Starts a driver with this content of its flash, in NMT state operational.
     pub fn restarted(machine: Machine, flash: MemoryFlash<4>) -> Self {
         let identity = Identity { hardware: "bench", serial: 7, stage: StageTraits::NONE };
-        let driver = Driver::boot(NodeSettings::default(), flash, identity, &Boot::default(), 0);
+        let driver = Driver::boot(open_settings(), flash, identity, &Boot::default(), 0);
         let task = LoopTask::new(
             LoopParts::build_or_measure_only(driver.set(), StageTraits::NONE),
             DeadlineLimits::for_period(PERIOD_CYCLES, 2000),

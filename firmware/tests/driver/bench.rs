@@ -6,6 +6,7 @@ use canopen_rs::sdo::{
     encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
 };
 use compensator_core::can::{Frame, Message, NodeId};
+use firmware::access::Key;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
@@ -14,11 +15,16 @@ use firmware::store::memory::MemoryFlash;
 
 pub type Flash = MemoryFlash<4>;
 
+/// Abort code of a write that needs an unlock.
+pub const LOCKED: u32 = 0x0601_0000;
+
 pub const NODE: NodeId = NodeId::FIRST;
 
 pub struct Bench {
     pub driver: Driver<Flash>,
     pub now_us: u64,
+    /// Key with which a locked joint is unlocked when it refuses a write; `None` leaves it locked.
+    pub key: Option<Key>,
 }
 
 pub fn frame(identifier: u16, data: &[u8]) -> Frame {
@@ -50,13 +56,14 @@ impl Bench {
         let settings = NodeSettings { node: NODE, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial, stage: StageTraits::NONE };
         let driver = Driver::boot(settings, Flash::new(), identity, &Boot::default(), 0);
-        Self { driver, now_us: 0 }
+        Self { driver, now_us: 0, key: Some(Key::DEFAULT) }
     }
 
     fn boot_on(stage: StageTraits, source: InputSource, flash: Flash, boot: &Boot) -> Self {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7, stage };
-        Self { driver: Driver::boot(settings, flash, identity, boot, 0), now_us: 0 }
+        let driver = Driver::boot(settings, flash, identity, boot, 0);
+        Self { driver, now_us: 0, key: Some(Key::DEFAULT) }
     }
 
     /// Returns all frames that the driver sends.
@@ -133,8 +140,31 @@ impl Bench {
         String::from_utf8(self.read(index, 0).expect("can be read")).expect("text")
     }
 
-    /// Writes an object, or returns the abort code.
+    /// Writes an object, or returns the abort code. A locked joint is unlocked with the bench's key.
     pub fn write(&mut self, index: u16, sub_index: u8, value: &[u8]) -> Result<(), u32> {
+        match (self.write_once(index, sub_index, value), self.key) {
+            (Err(LOCKED), Some(key)) => {
+                self.unlock(&key)?;
+                self.write_once(index, sub_index, value)
+            }
+            (written, _) => written,
+        }
+    }
+
+    /// Answers a challenge of the joint.
+    pub fn unlock(&mut self, key: &Key) -> Result<(), u32> {
+        let response = self.response(key);
+        self.write_once(index::ACCESS, 3, &response)
+    }
+
+    /// Reads a challenge, and returns the response to it.
+    pub fn response(&mut self, key: &Key) -> [u8; 8] {
+        let challenge = self.read(index::ACCESS, 2).expect("can be read");
+        let serial = self.number(index::IDENTITY, 4);
+        key.response(challenge.try_into().expect("eight bytes"), serial, NODE.number())
+    }
+
+    fn write_once(&mut self, index: u16, sub_index: u8, value: &[u8]) -> Result<(), u32> {
         let at = Address::new(index, sub_index);
         if value.len() <= 4 {
             let mut request = [0x23 | ((4 - value.len()) as u8) << 2, 0, 0, sub_index, 0, 0, 0, 0];

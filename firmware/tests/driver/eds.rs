@@ -4,6 +4,7 @@
 //! `UPDATE_TABLES=1 cargo test -p firmware --test driver eds` writes it.
 
 use super::bench::Bench;
+use firmware::access::Level;
 use firmware::node::dictionary::{self, Access, DataType, Entry, OBJECTS, Object, Shape, index};
 use std::fmt::Write;
 
@@ -77,6 +78,11 @@ fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, e
         entry.data as u8,
         access(entry)
     );
+    // No key of the format: a comment, which tools pass over.
+    let is_written = !matches!(entry.access, Access::Const | Access::ReadOnly);
+    if is_written && dictionary::level(object.index, sub_index) == Level::Service {
+        text.push_str(";AccessLevel=service\n");
+    }
     if let Some(default) = default(bench, object, sub_index, entry) {
         let _ = writeln!(text, "DefaultValue={default}");
     }

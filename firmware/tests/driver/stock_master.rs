@@ -4,9 +4,11 @@
 //! master then boots the joint as CiA 302-2 says: check the identity, write the concise DCF, start the network. Its SYNC
 //! has no counter, and it sends all its PDOs at each SYNC, with zeros in those that nobody uses.
 
-use super::bench::{Bench, frame};
-use firmware::driver::LoopReport;
-use firmware::node::dictionary::index;
+use super::bench::{Bench, LOCKED, frame};
+use firmware::access::Key;
+use firmware::driver::{Boot, LoopReport};
+use firmware::node::dictionary::{SAVE_SIGNATURE, index};
+use firmware::node_settings::InputSource;
 
 /// Concise DCF of `tests/eds/bus/drive.yml`; `plain.yml` needs none, so `dcfgen` makes none.
 const DRIVE: &[u8] = include_bytes!("../../../tests/eds/bus/drive_joint_1.bin");
@@ -37,6 +39,9 @@ fn entries(mut concise: &[u8]) -> Vec<(u16, u8, &[u8])> {
 fn booted(concise: &[u8]) -> Bench {
     let mut bench = Bench::on_sensors();
     bench.commission();
+    // The master cannot unlock the joint.
+    bench.write(index::ACCESS, 4, &[1]).unwrap();
+    bench.key = None;
     assert_eq!(bench.number(index::DEVICE_TYPE, 0) & 0xFFFF, 402);
     assert_eq!(bench.number(index::IDENTITY, 2), u32::from_be_bytes(*b"FRIC"));
     for (index, sub_index, value) in entries(concise) {
@@ -145,4 +150,22 @@ fn concise_dcf_of_a_drive_maps_and_enables_the_joint() {
         bench.pass_ms(1);
     }
     assert!(!bench.driver.is_armed());
+}
+
+#[test]
+fn master_whose_configuration_has_service_objects_needs_an_open_joint() {
+    // 605Eh = 1, as a bus file may ask for it.
+    let concise = [&[1, 0, 0, 0][..], &[0x5E, 0x60, 0, 2, 0, 0, 0, 1, 0]].concat();
+    let (at_index, sub_index, value) = entries(&concise)[0];
+    let mut bench = Bench::on_sensors();
+    bench.key = None;
+    assert_eq!(bench.write(at_index, sub_index, value), Err(LOCKED));
+    // Stored once with 2041h:6 = 0, it starts open.
+    bench.unlock(&Key::DEFAULT).unwrap();
+    bench.write(index::ACCESS, 6, &[0]).unwrap();
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    let flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
+    bench.key = None;
+    assert_eq!(bench.write(at_index, sub_index, value), Ok(()));
 }

@@ -5,6 +5,7 @@
 //! [`Client::next_other_frame`]. Long values travel in blocks: [`Client::write_blocks`], [`Client::read_blocks`].
 
 mod block;
+mod unlock;
 
 use crate::bus::{Bus, BusError, Received};
 use canopen_rs::Address;
@@ -14,10 +15,14 @@ use canopen_rs::sdo::{
     encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
 };
 use compensator_core::can::{Frame, NodeId, cob_id};
+use firmware::access::Key;
 use firmware::node::dictionary::{Object, index};
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
 use std::time::Duration;
+use unlock::LOCKED;
+
+pub use unlock::KEY_VARIABLE;
 
 /// Time limit for the answer of a node.
 pub const ANSWER_TIMEOUT: Duration = Duration::from_millis(1000);
@@ -44,6 +49,19 @@ pub enum SdoError {
         object: String,
         /// Abort code of CiA 301.
         code: u32,
+        /// Reason given by the node; empty if none.
+        why: String,
+    },
+    /// The node is locked, and its key is another one.
+    #[error(
+        "{object}: node {node} is locked, and its key is not the one that was given{}; use --key FILE or {KEY_VARIABLE}",
+        reason(.why)
+    )]
+    WrongKey {
+        /// The object, by name and address.
+        object: String,
+        /// Number of the node.
+        node: u8,
         /// Reason given by the node; empty if none.
         why: String,
     },
@@ -89,6 +107,7 @@ fn abort_words(code: u32) -> &'static str {
         0x0504_0003 => "invalid sequence number",
         0x0504_0004 => "CRC error",
         0x0504_0005 => "out of memory",
+        LOCKED => "locked",
         0x0601_0001 => "write only",
         0x0601_0002 => "read only",
         0x0602_0000 => "no such object",
@@ -112,12 +131,19 @@ pub struct Client<B> {
     bus: B,
     node: NodeId,
     other_frames: VecDeque<Received>,
+    key: Key,
 }
 
 impl<B: Bus> Client<B> {
-    /// Creates a client of this node.
+    /// Creates a client of this node. It unlocks a locked node with the default key.
     pub fn new(bus: B, node: NodeId) -> Self {
-        Self { bus, node, other_frames: VecDeque::new() }
+        Self { bus, node, other_frames: VecDeque::new(), key: Key::DEFAULT }
+    }
+
+    /// Unlocks a locked node with this key.
+    #[must_use]
+    pub fn with_key(self, key: Key) -> Self {
+        Self { key, ..self }
     }
 
     /// Returns the bus.
@@ -186,12 +212,12 @@ impl<B: Bus> Client<B> {
         Ok(value)
     }
 
-    /// Writes a value.
+    /// Writes a value. If the node refuses it because it is locked, the client unlocks it and writes again.
     ///
     /// # Errors
     /// See [`SdoError`].
     pub fn write(&mut self, at: Address, value: &[u8]) -> Result<(), SdoError> {
-        let done = self.download(at, value);
+        let done = self.unlocked(at, |client| client.download(at, value));
         self.with_reason(done)
     }
 
@@ -261,7 +287,7 @@ impl<B: Bus> Client<B> {
             Err(SdoError::Refused { object, code, .. })
                 if matches!(
                     code,
-                    0x0606_0000 | 0x0609_0030..=0x0609_0032 | 0x0800_0020 | 0x0800_0022
+                    LOCKED | 0x0606_0000 | 0x0609_0030..=0x0609_0032 | 0x0800_0020 | 0x0800_0022
                 ) =>
             {
                 let text = self.upload(Address::new(index::REFUSAL, 0)).unwrap_or_default();

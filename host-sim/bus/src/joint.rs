@@ -12,6 +12,7 @@ use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
 use firmware::supervisor::ResetCause;
 use joint_trace::CanFrame;
+use std::hash::{BuildHasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
@@ -40,6 +41,21 @@ pub fn defaults(node: NodeId) -> NodeSettings {
     NodeSettings { node, source: InputSource::Bus, ..NodeSettings::default() }
 }
 
+/// Starts a driver and its background loop. The random numbers of the process are the secret of its challenges.
+fn start_background(
+    defaults: NodeSettings,
+    flash: MemoryFlash<FLASH_PAGES>,
+    boot: &Boot,
+    now_us: u64,
+) -> Background<MemoryFlash<FLASH_PAGES>> {
+    let driver = Driver::boot(defaults, flash, IDENTITY, boot, now_us);
+    let mut background = Background::new(driver, now_us);
+    let [low, high] = [0u8, 1].map(|half| RandomState::new().hash_one(half).to_le_bytes());
+    background
+        .seed_challenges(std::array::from_fn(|at| if at < 8 { low[at] } else { high[at - 8] }));
+    background
+}
+
 impl JointNode {
     /// Starts a driver with this node number. Its flash is kept in `file`, if given.
     ///
@@ -65,8 +81,7 @@ impl JointNode {
             }
         }
         let defaults = defaults(node);
-        let driver = Driver::boot(defaults, flash, IDENTITY, &Boot::default(), 0);
-        let background = Some(Background::new(driver, 0));
+        let background = Some(start_background(defaults, flash, &Boot::default(), 0));
         let file = file.map(Path::to_path_buf);
         Ok(Self { background, defaults, file, written, restarts: 0 })
     }
@@ -118,8 +133,7 @@ impl JointNode {
         {
             let boot = Boot { cause: ResetCause::Software, ..Boot::default() };
             let (flash, now_us) = (background.into_flash(), now_ns / 1000);
-            let driver = Driver::boot(self.defaults, flash, IDENTITY, &boot, now_us);
-            self.background = Some(Background::new(driver, now_us));
+            self.background = Some(start_background(self.defaults, flash, &boot, now_us));
             self.restarts += 1;
         }
     }

@@ -4,6 +4,7 @@
 
 use crate::{PERIODS_PER_MS, PowerUp, Stage};
 use compensator_core::can::Frame;
+use firmware::access::AccessSettings;
 use firmware::background::{Background, BoardState, TICK_US};
 use firmware::control::{PERIOD_S, PowerStage};
 use firmware::deadline::DeadlineLimits;
@@ -79,7 +80,9 @@ pub fn stored_flash(start: &PowerUp, traits: StageTraits) -> Result<MemoryFlash<
     if let Some(set) = start.set {
         LoopParts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
         let commissioned = if start.commissioned { set.wiring_crc() } else { 0 };
-        let settings = NodeSettings { commissioned, ..NodeSettings::default() };
+        // The scenarios test the control, not the access: a frame in between would shift them in time.
+        let access = AccessSettings { is_locked: false, ..AccessSettings::default() };
+        let settings = NodeSettings { commissioned, access, ..NodeSettings::default() };
         let block = emit_block(&settings, set);
         store.save(&block).map_err(|error| format!("flash: {error:?}"))?;
     }

@@ -225,6 +225,18 @@ impl JointRig<'_> {
         Err(format!("the driver does not arm: {}", reason.map_err(|error| error.to_string())?))
     }
 
+    /// Unlocks the objects of the service level with the default key, which takes some milliseconds. A joint with a
+    /// stored set is open already.
+    ///
+    /// # Errors
+    /// Returns one line if the driver refuses.
+    pub fn unlock(&mut self) -> Result<(), String> {
+        if self.read_object(index::ACCESS, 1) == Some(1) {
+            return Ok(());
+        }
+        Client::new(RigBus::new(self), NODE).unlock().map_err(|error| error.to_string())
+    }
+
     /// Runs 1 ms with a command: current before compensation, A, and reference velocity of the joint, rad/s.
     pub fn step_with_command(&mut self, current_a: f32, velocity_reference_rad_s: f32) {
         self.command_count = self.command_count.wrapping_add(1);

@@ -3,29 +3,48 @@
 use clap::Args;
 use compensator_core::can::NodeId;
 use compensator_core::can::slcan::BitRate;
+use firmware::access::Key;
 use joint_bus::bus::slcan::{Options, Slcan};
 use joint_bus::bus::{Bus, BusName, Hub, Recorder};
+use joint_bus::canopen::{Client, KEY_VARIABLE};
 use joint_trace::Fraction;
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The bus and the node on it.
 #[derive(Args, Clone, Debug)]
 pub struct BusArguments {
     /// Bus: loop (in this process), a SocketCAN interface such as vcan0 or can0, slcan:PATH or slcan:HOST:PORT
-    #[arg(long, value_name = "BUS", default_value = "loop")]
+    #[arg(long, global = true, value_name = "BUS", default_value = "loop")]
     pub bus: BusName,
     /// Node number of the joint driver
-    #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
+    #[arg(long, global = true, value_name = "N", default_value = "1", value_parser = node)]
     pub node_id: NodeId,
     /// Bit rate of the bus, bit/s. It opens an slcan adapter and is the reference of the bus load. For a SocketCAN
     /// interface, set the bit rate with `ip link`
-    #[arg(long, value_name = "BIT/S", default_value = "1000000", value_parser = bit_rate)]
+    #[arg(long, global = true, value_name = "BIT/S", default_value = "1000000", value_parser = bit_rate)]
     pub bit_rate: BitRate,
     /// Write every sent and received frame to this file in the format of candump -L
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, global = true, value_name = "FILE")]
     pub record: Option<PathBuf>,
+    /// Key that unlocks the joint: a file with 32 hexadecimal digits. By default the file that FRICTION_JOINT_KEY names,
+    /// or the public default key
+    #[arg(long, global = true, value_name = "FILE")]
+    pub key: Option<PathBuf>,
+}
+
+/// Reads the key of a joint from a file.
+///
+/// # Errors
+/// Returns one line if the file cannot be read or has other contents.
+pub(super) fn read_key(path: &Path) -> Result<Key, String> {
+    let name = path.display();
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
+    let number = Some(text.trim()).filter(|digits| digits.len() == 2 * Key::LENGTH);
+    let number = number.and_then(|digits| u128::from_str_radix(digits, 16).ok());
+    let number = number.ok_or_else(|| format!("{name}: expected 32 hexadecimal digits"))?;
+    Ok(Key::new(number.to_be_bytes()))
 }
 
 fn node(text: &str) -> Result<NodeId, String> {
@@ -63,6 +82,17 @@ impl BusArguments {
         };
         let bus = opened.map_err(|error| error.to_string())?;
         self.with_recorder(bus)
+    }
+
+    /// Returns a client of the node, which unlocks it with the key of the arguments.
+    ///
+    /// # Errors
+    /// Returns one line if the key cannot be read.
+    pub fn client<B: Bus>(&self, bus: B) -> Result<Client<B>, String> {
+        let named = std::env::var_os(KEY_VARIABLE).filter(|path| !path.is_empty());
+        let path = self.key.clone().or_else(|| named.map(PathBuf::from));
+        let key = path.map_or(Ok(Key::DEFAULT), |path| read_key(&path))?;
+        Ok(Client::new(bus, self.node_id).with_key(key))
     }
 
     /// Wraps the bus in a recorder if `--record` is given.

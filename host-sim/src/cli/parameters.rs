@@ -65,6 +65,10 @@ struct GlobalBus {
     /// Bit rate for an slcan adapter, bit/s
     #[arg(long, value_name = "BIT/S", default_value = "1000000", global = true, value_parser = super::bus::bit_rate)]
     bit_rate: BitRate,
+    /// Key that unlocks the joint: a file with 32 hexadecimal digits. By default the file that FRICTION_JOINT_KEY names,
+    /// or the public default key
+    #[arg(long, value_name = "FILE", global = true)]
+    key: Option<PathBuf>,
 }
 
 #[derive(Subcommand)]
@@ -128,7 +132,7 @@ enum Action {
 pub fn run(arguments: &ParamsArguments) -> Result<ExitCode, String> {
     let bus = bus_arguments(arguments)?;
     let hub = start_hub(&bus, arguments.bus.motor)?;
-    let mut driver = Driver { client: Client::new(bus.open(&hub)?, bus.node_id) };
+    let mut driver = Driver { client: bus.client(bus.open(&hub)?)? };
     let name = format!("node {} on {}", arguments.bus.node_id, bus.bus);
     match run_action(&mut driver, arguments, &name, bus.record.as_deref())? {
         ActionResult::Printed(code) => Ok(code),
@@ -160,7 +164,8 @@ fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments, String> {
         }
         _ => None,
     };
-    Ok(BusArguments { bus, node_id, bit_rate: arguments.bus.bit_rate, record })
+    let key = arguments.bus.key.clone();
+    Ok(BusArguments { bus, node_id, bit_rate: arguments.bus.bit_rate, record, key })
 }
 
 /// Returns the hub of the bus `loop`, with a driver attached to it. For any other bus, the hub stays empty.

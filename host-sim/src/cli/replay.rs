@@ -6,7 +6,6 @@ use super::output::{OutputArguments, print_text};
 use crate::driver_file;
 use firmware::hil::NumberType;
 use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
-use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
 use joint_bus::replay::play::ReplayProgress;
 use joint_bus::replay::real_time::request_real_time;
@@ -123,7 +122,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
     }
     let mut bus = arguments.bus.open(&hub)?;
     // The set-up runs without faults, because only the replay is under test.
-    let mut client = Client::new(&mut bus, node);
+    let mut client = arguments.bus.client(&mut bus)?;
     let setup = ReplaySetup {
         friction: file.map(|file| file.friction()),
         network,
@@ -154,7 +153,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
     bar.finish_and_clear();
     let played = played.map_err(|error| words(&error))?;
     // Disarm the driver, as it was before. The report shows a driver that stopped answering.
-    let mut client = Client::new(&mut bus, node);
+    let mut client = arguments.bus.client(&mut bus)?;
     let at = canopen_rs::Address::new(firmware::node::dictionary::index::STATE, 1);
     let disarmed = client.write(at, &[0]);
 

@@ -116,7 +116,7 @@ pub fn run(arguments: &ScopeArguments) -> Result<(), String> {
     let is_loop = arguments.bus.bus == BusName::Loop;
     let hub = if is_loop { moving_joint::start(arguments.bus.node_id)? } else { Hub::new() };
     let bus = arguments.bus.open(&hub)?;
-    let mut client = Client::new(bus, arguments.bus.node_id);
+    let mut client = arguments.bus.client(bus)?;
     if is_loop {
         moving_joint::bring_up(&mut client)?;
     }

@@ -6,8 +6,10 @@ use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use joint_bus::bus::{Bus, Hub, Port};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
+use std::cell::RefCell;
 use std::path::Path;
 use std::process::{Command, Output};
+use std::rc::Rc;
 use std::time::Duration;
 
 const NODE: NodeId = NodeId::FIRST;
@@ -62,27 +64,21 @@ fn saved_parameters_are_read_from_flash_file_after_restart() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flash.bin");
     let write = |value: f32| {
-        // `run` writes the flash file; a driver attached to the hub does not.
+        let joint = Rc::new(RefCell::new(JointNode::start(NODE, Some(&path)).unwrap()));
         let hub = Hub::new();
-        let (mut port, tool) = (hub.port(), hub.port());
-        let mut joint = JointNode::start(NODE, Some(&path)).unwrap();
-        let mut client = Client::new(tool, NODE);
-        // One thread serves two participants: after each request, the driver runs for 3 ms.
-        let mut step = |data: [u8; 8]| {
-            let frame = compensator_core::can::Frame::new(0x601, &data).unwrap();
-            client.bus().send(&frame.into()).unwrap();
-            let until = hub.now_ns() + 3_000_000;
-            let clock = hub.clone();
-            joint.run(&mut port, |_| clock.now_ns() >= until).unwrap();
-        };
-        let [a, b, c, d] = value.to_le_bytes();
-        step([0x23, 0x22, 0x20, 1, a, b, c, d]);
+        hub.attach(joint.clone());
+        let mut client = Client::new(hub.port(), NODE);
+        client.write(Address::new(index::COMPENSATOR, 1), &value.to_le_bytes()).unwrap();
         let mut set = firmware::parameter_set::ParameterSet::default();
         set.friction.compensator.scale = value;
-        let [a, b, c, d] = set.crc().to_le_bytes();
-        step([0x23, 0x27, 0x20, 3, a, b, c, d]);
-        let [a, b, c, d] = SAVE_SIGNATURE.to_le_bytes();
-        step([0x23, 0x10, 0x10, 1, a, b, c, d]);
+        client.write(Address::new(index::COMMIT, 3), &set.crc().to_le_bytes()).unwrap();
+        client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+        drop((client, hub));
+        // `run` writes the flash file; a driver attached to a hub does not.
+        let mut joint = Rc::into_inner(joint).expect("the hub is gone").into_inner();
+        let hub = Hub::new();
+        let until = hub.now_ns() + 3_000_000;
+        joint.run(&mut hub.port(), |_| hub.now_ns() >= until).unwrap();
     };
     write(0.625);
     let mut again = client(Some(&path));
@@ -106,6 +102,32 @@ fn reset_command_restarts_driver_with_default_parameters() {
 /// Runs `params` with a driver in the same process.
 fn params(arguments: &[&str]) -> Output {
     host_sim(&[&["params", "--bus", "loop"], arguments].concat())
+}
+
+#[test]
+fn access_shows_and_changes_the_lock_of_a_joint() {
+    let folder = tempfile::tempdir().unwrap();
+    let key = folder.path().join("joint.key");
+    let access = |arguments: &[&str]| host_sim(&[&["access"], arguments].concat());
+    std::fs::write(&key, "000102030405060708090a0b0c0d0e0f\n").unwrap();
+    let file = key.to_str().unwrap();
+    for (arguments, printed) in [
+        (&["status"][..], "node 1 on loop: locked, starts locked, wrong responses: 0\n"),
+        (&["set-key", file], "node 1 on loop: not locked, starts locked, wrong responses: 0\n"),
+        (&["policy", "open"], "node 1 on loop: not locked, starts open, wrong responses: 0\n"),
+        (&["lock", "--bus", "loop"], "node 1 on loop: locked, starts locked, wrong responses: 0\n"),
+    ] {
+        let done = access(arguments);
+        assert_eq!(text(&done.stdout), printed, "{}", text(&done.stderr));
+    }
+    // The joint has the default key.
+    let refused = params(&["save", "--key", file]);
+    let words = text(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{words}");
+    assert!(words.contains("node 1 is locked") && words.contains("FRICTION_JOINT_KEY"), "{words}");
+    std::fs::write(&key, "0001").unwrap();
+    let words = text(&access(&["status", "--key", file]).stderr);
+    assert!(words.ends_with("joint.key: expected 32 hexadecimal digits\n"), "{words}");
 }
 
 #[test]

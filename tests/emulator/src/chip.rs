@@ -10,6 +10,7 @@ pub mod flash;
 pub mod gpio;
 pub mod i2c;
 pub mod ms5837;
+pub mod random;
 pub mod spi;
 pub mod timer1;
 pub mod timer3;
@@ -28,6 +29,7 @@ use fdcan::Fdcan;
 use flash::Flash;
 use gpio::Gpio;
 use i2c::I2c;
+use random::Random;
 use spi::Spi;
 use std::collections::HashMap;
 use timer1::{Timer1, TimerEvent};
@@ -103,6 +105,8 @@ pub struct Chip<W> {
     pub watchdog: Watchdog,
     /// Reset flags and oscillators.
     pub clock: Clock,
+    /// Random number generator.
+    pub random: Random,
     i2c: I2c,
     /// Flash caches, for the cost of instructions.
     pub caches: FlashCaches,
@@ -147,6 +151,7 @@ impl<W: World> Chip<W> {
             break_levels: BreakLevels::default(),
             watchdog: Watchdog::default(),
             clock: Clock::default(),
+            random: Random::default(),
             i2c: I2c::default(),
             caches: FlashCaches::default(),
             flash_access: FlashAccess::from_register(0x600),

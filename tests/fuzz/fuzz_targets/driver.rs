@@ -10,6 +10,7 @@ use canopen_rs::Address;
 use canopen_rs::sdo::{encode_data_segment, encode_download_initiate_segmented};
 use compensator_core::can::{Frame, Message, NodeId};
 use compensator_core::{Flags, record};
+use firmware::access::AccessSettings;
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
 use firmware::loop_parts::StageTraits;
 use firmware::node::OUTBOX_CAPACITY;
@@ -376,8 +377,11 @@ fn loop_report(bytes: &mut Bytes) -> LoopReport {
 
 fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes(data);
-    let source = if bytes.byte() % 2 == 0 { InputSource::Bus } else { InputSource::Sensors };
-    let settings = NodeSettings { node: NodeId::FIRST, source, ..NodeSettings::default() };
+    let start = bytes.byte();
+    let source = if start % 2 == 0 { InputSource::Bus } else { InputSource::Sensors };
+    // A locked joint would refuse what is to be tested. The policy and the key are objects, too.
+    let access = AccessSettings { is_locked: start / 2 % 8 == 7, ..AccessSettings::default() };
+    let settings = NodeSettings { node: NodeId::FIRST, source, access, ..NodeSettings::default() };
     let driver = boot(settings, Flash::new(), ResetCause::PowerOn, 0);
     let mut world = World { driver, settings, now_us: 0, set: None };
     world.learn_node();

@@ -18,8 +18,20 @@ from bench import FOLDER, INTERFACE, REPO, Candump, Node, equal, host_sim, passe
 DBC = cantools.database.load_file(REPO / "compensator-core" / "joint.dbc")
 EDS = str(REPO / "firmware" / "joint.eds")
 
+LOCKED = 0x0601_0000
 READ_ONLY, TOO_LONG, TOO_SHORT = 0x0601_0002, 0x0607_0012, 0x0607_0013
 VALUE, HIGH, LOW, NOT_GRANTED, NOT_ARMED = 0x0609_0030, 0x0609_0031, 0x0609_0032, 0x0800_0020, 0x0800_0022
+
+
+def unlock_of_the_book():
+    """The function `unlock` that the book gives for python-canopen."""
+    page = (REPO / "docs" / "src" / "explanation" / "bus-security.md").read_text()
+    names = {}
+    exec(page.split("```python\n", 1)[1].split("```", 1)[0], names)
+    return names["unlock"]
+
+
+unlock = unlock_of_the_book()
 
 
 def float32(value):
@@ -31,15 +43,18 @@ def same(found, expected):
 
 
 class Joint:
-    """A node, and canopen's view of it."""
+    """A node, and canopen's view of it. It is unlocked, unless asked otherwise."""
 
-    def __init__(self, *arguments):
+    def __init__(self, *arguments, unlocked=True):
+        self.unlocked = unlocked
         self.process = Node(*arguments)
         self.network = canopen.Network()
         self.network.connect(interface="socketcan", channel=INTERFACE)
         self.node = self.network.add_node(1, EDS)
 
     def __enter__(self):
+        if self.unlocked:
+            unlock(self.node)
         return self.node
 
     def __exit__(self, *exception):
@@ -348,6 +363,21 @@ def what_is_refused_has_the_code_of_its_reason():
         equal(node.sdo["commit"]["active_crc"].raw, before)
         # Fourteenth of the counters: requests refused.
         assert node.sdo["frame_counters"][14].raw >= 20
+
+
+@test
+def a_locked_joint_is_unlocked_as_the_book_says():
+    with Joint(unlocked=False) as node:
+        window = node.sdo["following_error_time_out"]
+        refused(LOCKED, put, window, 5)
+        refused(LOCKED, node.store)
+        assert node.sdo["last_refusal"].raw.startswith("the joint is locked")
+        unlock(node)
+        equal(node.sdo["access"]["level"].raw, 1)
+        window.raw = 5
+        node.sdo["access"]["lock"].raw = 1
+        refused(LOCKED, put, window, 6)
+        equal(window.raw, 5)
 
 
 @test

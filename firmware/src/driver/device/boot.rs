@@ -5,6 +5,7 @@
 use super::network::LiveNetwork;
 use super::pdos::Pdos;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
+use crate::access::Lock;
 use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::driver::counters::Counters;
@@ -90,6 +91,7 @@ impl<F: NorFlash> Device<F> {
             drive_counter: 0,
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
+            lock: Lock::default(),
             is_blank: false,
             is_stored: false,
             now_us,

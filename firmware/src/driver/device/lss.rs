@@ -30,6 +30,8 @@ impl<F: NorFlash> Device<F> {
             }
             // An armed joint has a master that relies on its number.
             _ if self.is_armed() => REFUSED,
+            // Without a number, nobody relies on it, and a tool cannot reach the objects of one joint.
+            _ if !self.is_blank && !self.is_service() => REFUSED,
             LssAction::SetNode(number) => match NodeId::new(number) {
                 Some(node) => self.change_setting(|settings| settings.node = node),
                 None => ILLEGAL,

@@ -146,6 +146,7 @@ impl<F: NorFlash> Device<F> {
             index::HOLDING_BRAKE | index::HOMING_STOP => {
                 settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex)
             }
+            index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {
                 let (active_crc, staged_crc) =

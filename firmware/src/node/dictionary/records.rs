@@ -199,7 +199,7 @@ record! {
         campaign_h: Real32, ReadWrite, CAMPAIGN_H;
         telemetry_every: Unsigned8, ReadWrite, TELEMETRY_EVERY;
         node: Unsigned8, ReadWrite, NODE;
-        bit_rate_kbit: Unsigned16, ReadWrite;
+        bit_rate_kbit: Unsigned16, ReadWrite, BIT_RATE;
         data_bit_rate_kbit: Unsigned16, ReadWrite, DATA_BIT_RATE;
     }
 }
@@ -352,6 +352,19 @@ record! {
         housing_pressure_pa: Real32, ReadOnly;
         housing_temperature_c: Real32, ReadOnly;
         torque_allowed: Unsigned8, ReadOnly;
+    }
+}
+
+record! {
+    /// Access to the objects of the service level: see [`crate::access`].
+    AccessObject {
+        level: Unsigned8, ReadOnly;
+        challenge: Domain, ReadOnly, CHALLENGE;
+        response: Domain, WriteOnly, RESPONSE;
+        lock: Unsigned8, WriteOnly, LOCK;
+        new_key: Domain, WriteOnly, NEW_KEY;
+        locked_by_default: Unsigned8, ReadWrite, LOCKED_BY_DEFAULT;
+        wrong_responses: Unsigned16, ReadOnly;
     }
 }
 

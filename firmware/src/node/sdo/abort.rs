@@ -21,6 +21,8 @@ pub enum Abort {
     Crc = 0x0504_0004,
     /// The value exceeds the driver's buffer.
     Memory = 0x0504_0005,
+    /// The object needs the service level, and the joint is locked.
+    Locked = 0x0601_0000,
     /// The object can only be written.
     WriteOnly = 0x0601_0001,
     /// The object can only be read.

@@ -79,8 +79,10 @@ impl<B: Bus> Client<B> {
         value: &[u8],
         mut progress: impl FnMut(usize),
     ) -> Result<(), SdoError> {
-        let done = self.download_blocks(at, value, &mut progress);
-        let done = self.abort_after(at, done);
+        let done = self.unlocked(at, |client| {
+            let done = client.download_blocks(at, value, &mut progress);
+            client.abort_after(at, done)
+        });
         self.with_reason(done)
     }
 

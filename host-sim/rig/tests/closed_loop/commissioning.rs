@@ -49,6 +49,7 @@ struct RunOutcome {
 
 fn commission(master: &mut Master) -> RunOutcome {
     let run = index::COMMISSIONING_RUN;
+    master.rig.unlock().expect("the default key");
     let from = master.rig.plant().position_rad();
     master.rig.stage_mut().take_extremes();
     let (mut step, mut travel_rad, mut at) = (0, 0.0f64, 0);

@@ -82,6 +82,7 @@ fn blank() -> Vec<ScenarioRow> {
         let driven = master.rig.stage_mut().take_extremes().driven_periods;
         let moved = (master.rig.plant().position_rad() - from).abs();
         // Confirming the wiring must allow arming; otherwise the test above would show nothing.
+        master.rig.unlock().expect("the default key");
         let wiring = master.rig.read_object(0x200A, 2).expect("a CRC");
         master.rig.write_object(0x200A, 3, wiring.to_le_bytes());
         master.rig.request_state(2);

@@ -27,6 +27,9 @@ impl<W: World> Chip<W> {
             0x4002_2000..=0x4002_23FF if address != FLASH_ACR => self.flash.read(address & 0x3FF),
             0x4800_0000..=0x4800_1BFF => self.gpio.read(address),
             0x4002_1000..=0x4002_13FF => self.clock.read(address & 0x3FF),
+            0x5006_0800..=0x5006_0BFF => {
+                self.random.read(address & 0x3FF, self.clock.has_random_clock())
+            }
             0xE000_E100..=0xE000_E4FF | 0xE000_ED18..=0xE000_ED23 => {
                 self.nvic.read(address - 0xE000_E000)
             }
@@ -87,6 +90,7 @@ impl<W: World> Chip<W> {
             0x4002_2000..=0x4002_23FF => self.write_flash_register(aligned, word),
             0x4800_0000..=0x4800_1BFF => self.write_port(aligned, word),
             0x4002_1000..=0x4002_13FF => self.clock.write(aligned & 0x3FF, word),
+            0x5006_0800..=0x5006_0BFF => self.random.write(aligned & 0x3FF, word),
             0x4000_3000..=0x4000_33FF => self.watchdog.write(aligned & 0x3FF, word, now),
             0xE000_E100..=0xE000_E4FF | 0xE000_ED18..=0xE000_ED23 => {
                 self.nvic.write(address - 0xE000_E000, size, value);

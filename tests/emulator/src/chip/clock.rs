@@ -2,6 +2,7 @@
 
 const CR: u32 = 0x00;
 const CFGR: u32 = 0x08;
+const AHB2ENR: u32 = 0x4C;
 const CSR: u32 = 0x94;
 const CRRCR: u32 = 0x98;
 
@@ -41,6 +42,12 @@ impl Clock {
     /// Sets the reset flags.
     pub fn set_reset_flags(&mut self, flags: u32) {
         self.registers[CSR as usize / 4] = flags;
+    }
+
+    /// Returns true if the random number generator has its clocks: on the bus, and the oscillator of 48 MHz.
+    pub fn has_random_clock(&self) -> bool {
+        let is_on = |offset: u32, bit: u32| self.registers[offset as usize / 4] >> bit & 1 == 1;
+        is_on(CRRCR, 0) && is_on(AHB2ENR, 26)
     }
 
     /// Reads a register.

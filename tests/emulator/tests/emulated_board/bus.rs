@@ -44,7 +44,7 @@ fn node_without_working_bus_goes_off_and_answers_again() {
 }
 
 /// Delivers a frame, runs for a time, and returns what the image has sent.
-fn exchange(
+pub fn exchange(
     machine: &mut emulated_board::Machine<impl emulated_board::world::World>,
     identifier: u16,
     data: &[u8],

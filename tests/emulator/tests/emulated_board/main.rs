@@ -3,6 +3,7 @@
 //! `FIRMWARE_IMAGE` names another image, as for the mutations of `tests/emulator/run`.
 #![cfg(feature = "unicorn")]
 
+mod access;
 mod bus;
 #[path = "../common/mod.rs"]
 mod common;

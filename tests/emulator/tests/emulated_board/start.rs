@@ -1,6 +1,7 @@
 //! Start of the image, with constant inputs.
 
 use super::common::image;
+use emulated_board::chip::random::Random;
 use emulated_board::chip::{CORE_HZ, Chip};
 use emulated_board::cycles::FlashAccess;
 use emulated_board::world::{Bridge, World};
@@ -25,7 +26,13 @@ impl World for Constant {
 }
 
 pub fn started() -> Machine<Constant> {
-    let chip = Chip::new(Constant { was_driven: false });
+    started_with(Random::default())
+}
+
+/// Starts the image on a chip with these random numbers.
+pub fn started_with(random: Random) -> Machine<Constant> {
+    let mut chip = Chip::new(Constant { was_driven: false });
+    chip.random = random;
     Machine::new(image(), chip).expect("a machine")
 }
 

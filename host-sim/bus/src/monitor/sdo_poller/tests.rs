@@ -1,9 +1,12 @@
 //! Tests with the driver of the firmware, and without a driver.
 
 use super::*;
-use crate::bus::Participant;
+use crate::bus::{Hub, Participant};
+use crate::canopen::Client;
 use crate::joint::JointNode;
 use joint_trace::CanFrame;
+use std::cell::RefCell;
+use std::rc::Rc;
 
 const MS: u64 = 1_000_000;
 
@@ -92,9 +95,14 @@ fn poller_sends_requests_first_and_reports_their_result() {
 fn refused_request_reports_the_reason_of_the_joint() {
     let mut bench = Bench::new(false);
     // A PC has no sensors of its own, so arming is refused.
-    let write = Frame::new(0x601, &[0x2F, 0x01, 0x20, 1, 0, 0, 0, 0]).unwrap();
-    Participant::receive(&mut bench.joint, &CanFrame::from(write), 0);
-    while bench.joint.transmit().is_some() {}
+    let joint = JointNode::start(NodeId::FIRST, None).expect("starts without a file");
+    let joint = Rc::new(RefCell::new(joint));
+    let hub = Hub::new();
+    hub.attach(joint.clone());
+    let mut client = Client::new(hub.port(), NodeId::FIRST);
+    client.write(Address::new(index::OPERATION, 1), &[0]).expect("the client unlocks the joint");
+    drop((client, hub));
+    bench.joint = Rc::into_inner(joint).expect("the hub is gone").into_inner();
     bench.sdo_poller.request(Request::Arm);
     bench.run(5);
     let refused = bench.replies.iter().find_map(|reply| match reply {

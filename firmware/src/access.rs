@@ -1,0 +1,319 @@
+//! Access levels: what every node of the bus may write, and what needs an unlock.
+//!
+//! Reading, arming and motion are open, as every CANopen master expects. What decides how much harm they can do
+//! is not: wiring, limits, watches, stop reactions, node number, stored settings and the update need the *service*
+//! level ([`crate::node::dictionary::level`]). A tool reads a challenge (2041h:2), and answers it with
+//! [`Key::response`] (2041h:3). Every challenge is valid once. The level ends by a lock (2041h:4), a reset, or
+//! [`SESSION_US`] after the last write that needed it.
+//!
+//! A frame has no sender, so an unlock is valid for the whole bus. The default key is public: with it the lock
+//! prevents mistakes, not attacks. The page docs/src/explanation/bus-security.md lists what stays possible.
+
+/// Time after the last write at service level until the joint locks itself, us.
+pub const SESSION_US: u64 = 600_000_000;
+
+/// Wait after the first wrong response, us. It doubles with every further one.
+pub const FIRST_WAIT_US: u64 = 1_000_000;
+/// Longest wait after a wrong response, us.
+pub const LONGEST_WAIT_US: u64 = 60_000_000;
+/// Number of doublings until the longest wait.
+const DOUBLINGS: u16 = 6;
+
+/// Level that a write needs, or that a joint grants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// Every node of the bus.
+    Open,
+    /// After an unlock.
+    Service,
+}
+
+/// Key of a joint, for SipHash-2-4.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Key([u8; Key::LENGTH]);
+
+impl Key {
+    /// Length of a key, bytes.
+    pub const LENGTH: usize = 16;
+    /// Length of a challenge and of a response, bytes.
+    pub const RESPONSE_LENGTH: usize = 8;
+    /// The public key of a joint that has no other.
+    pub const DEFAULT: Self = Self(*b"friction default");
+
+    /// Returns the key with these bytes.
+    pub const fn new(bytes: [u8; Self::LENGTH]) -> Self {
+        Self(bytes)
+    }
+
+    /// Returns the bytes of the key.
+    pub const fn bytes(&self) -> [u8; Self::LENGTH] {
+        self.0
+    }
+
+    /// Returns the response to a challenge: SipHash-2-4 of challenge, serial number (1018h:4) and node number, as
+    /// 13 little-endian bytes. A response is thus of no use at another joint.
+    pub fn response(
+        &self,
+        challenge: [u8; Self::RESPONSE_LENGTH],
+        serial: u32,
+        node: u8,
+    ) -> [u8; 8] {
+        let rest = u64::from(serial) | u64::from(node) << 32;
+        self.hash(u64::from_le_bytes(challenge), rest, 13).to_le_bytes()
+    }
+
+    /// Returns SipHash-2-4 (Aumasson and Bernstein, "SipHash: a fast short-input PRF", 2.2) of a message of 8 to 15
+    /// bytes: its first eight, and the rest. A crate for messages of any length takes twice as much flash.
+    fn hash(&self, first: u64, rest: u64, length: u64) -> u64 {
+        let [low, high] = [self.0.first_chunk(), self.0.last_chunk()];
+        let [low, high] = [low, high].map(|half| half.map_or(0, |half| u64::from_le_bytes(*half)));
+        let mut state = [
+            low ^ 0x736f_6d65_7073_6575,
+            high ^ 0x646f_7261_6e64_6f6d,
+            low ^ 0x6c79_6765_6e65_7261,
+            high ^ 0x7465_6462_7974_6573,
+        ];
+        for word in [first, rest | length << 56] {
+            state[3] ^= word;
+            (0..2).for_each(|_| sip_round(&mut state));
+            state[0] ^= word;
+        }
+        state[2] ^= 0xff;
+        (0..4).for_each(|_| sip_round(&mut state));
+        state.into_iter().fold(0, |hash, word| hash ^ word)
+    }
+}
+
+// Not inlined, so that there is one copy of its 64-bit arithmetic.
+#[inline(never)]
+fn sip_round([a, b, c, d]: &mut [u64; 4]) {
+    *a = a.wrapping_add(*b);
+    *c = c.wrapping_add(*d);
+    *b = b.rotate_left(13) ^ *a;
+    *d = d.rotate_left(16) ^ *c;
+    *a = a.rotate_left(32).wrapping_add(*d);
+    *c = c.wrapping_add(*b);
+    *d = d.rotate_left(21) ^ *a;
+    *b = b.rotate_left(17) ^ *c;
+    *c = c.rotate_left(32);
+}
+
+impl core::fmt::Debug for Key {
+    /// Does not print the key.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(if *self == Self::DEFAULT { "Key(default)" } else { "Key(..)" })
+    }
+}
+
+/// Stored settings of the access.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AccessSettings {
+    /// Key of the joint.
+    pub key: Key,
+    /// The joint starts locked. Otherwise every node has the service level.
+    pub is_locked: bool,
+}
+
+impl Default for AccessSettings {
+    fn default() -> Self {
+        Self { key: Key::DEFAULT, is_locked: true }
+    }
+}
+
+impl AccessSettings {
+    /// Length of the encoded settings, bytes.
+    pub const LENGTH: usize = 20;
+
+    /// Returns the settings as bytes: the policy as a little-endian word, then the key.
+    pub fn emit(&self) -> [u8; Self::LENGTH] {
+        let mut bytes = [0; Self::LENGTH];
+        bytes[0] = self.is_locked.into();
+        if let Some(key) = bytes.last_chunk_mut() {
+            *key = self.key.0;
+        }
+        bytes
+    }
+
+    /// Parses settings; `None` for an unknown policy.
+    pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
+        let is_locked = match bytes.first_chunk()? {
+            [0, 0, 0, 0] => false,
+            [1, 0, 0, 0] => true,
+            _ => return None,
+        };
+        Some(Self { key: Key(*bytes.last_chunk()?), is_locked })
+    }
+}
+
+/// Why a response was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// No challenge is open, or the response to it is wrong.
+    Wrong,
+    /// A wait after a wrong response has not ended.
+    Wait,
+}
+
+/// State of the lock.
+#[derive(Debug, Default)]
+pub struct Lock {
+    /// Secret of the challenges; `None` if the board has no random numbers.
+    seed: Option<Key>,
+    /// Number of challenges since the start.
+    challenges: u32,
+    /// The challenge that was read last, until a response has used it.
+    open: Option<[u8; Key::RESPONSE_LENGTH]>,
+    /// Time of the last write at service level, us; `None` while the joint is locked.
+    used_us: Option<u64>,
+    /// Wrong responses since the last unlock.
+    failures: u16,
+    /// End of the wait after a wrong response, us.
+    wait_until_us: u64,
+}
+
+impl Lock {
+    /// Sets the secret of the challenges: random, and new at every start.
+    pub const fn seed(&mut self, seed: [u8; Key::LENGTH]) {
+        self.seed = Some(Key(seed));
+    }
+
+    /// Returns a new challenge. It replaces the previous one.
+    ///
+    /// Without random numbers the key replaces the secret. The time makes challenges of another run differ.
+    pub fn challenge(&mut self, settings: &AccessSettings, now_us: u64) -> [u8; 8] {
+        self.challenges = self.challenges.wrapping_add(1);
+        let secret = self.seed.unwrap_or(settings.key);
+        let challenge = secret.hash(now_us, self.challenges.into(), 12).to_le_bytes();
+        self.open = Some(challenge);
+        challenge
+    }
+
+    /// Checks a response to the open challenge, and unlocks the joint.
+    ///
+    /// # Errors
+    /// Returns why the joint stays locked.
+    pub fn unlock(
+        &mut self,
+        response: [u8; 8],
+        expected: impl FnOnce([u8; 8]) -> [u8; 8],
+        now_us: u64,
+    ) -> Result<(), Refusal> {
+        if now_us < self.wait_until_us {
+            return Err(Refusal::Wait);
+        }
+        // The time of a comparison as one number does not depend on the bytes.
+        let is_right = self.open.take().is_some_and(|challenge| {
+            u64::from_le_bytes(expected(challenge)) == u64::from_le_bytes(response)
+        });
+        if !is_right {
+            let wait_us = (FIRST_WAIT_US << self.failures.min(DOUBLINGS)).min(LONGEST_WAIT_US);
+            self.failures = self.failures.saturating_add(1);
+            self.wait_until_us = now_us.saturating_add(wait_us);
+            return Err(Refusal::Wrong);
+        }
+        self.failures = 0;
+        self.used_us = Some(now_us);
+        Ok(())
+    }
+
+    /// Locks the joint. Returns true if it was unlocked.
+    pub const fn lock(&mut self) -> bool {
+        self.used_us.take().is_some()
+    }
+
+    /// Returns true if the joint is unlocked.
+    pub const fn is_unlocked(&self) -> bool {
+        self.used_us.is_some()
+    }
+
+    /// Notes a write at service level.
+    pub const fn record_use(&mut self, now_us: u64) {
+        if self.used_us.is_some() {
+            self.used_us = Some(now_us);
+        }
+    }
+
+    /// Returns true if the session is over: no write has needed it for [`SESSION_US`].
+    pub fn is_expired(&self, now_us: u64) -> bool {
+        self.used_us.is_some_and(|used_us| now_us.saturating_sub(used_us) >= SESSION_US)
+    }
+
+    /// Returns the number of wrong responses since the last unlock.
+    pub const fn failures(&self) -> u16 {
+        self.failures
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hash_of_the_published_vector_is_its_result() {
+        // Appendix A of the paper: the message 00 to 0e, the key 00 to 0f.
+        let key = Key::new(core::array::from_fn(|place| place as u8));
+        let hash = key.hash(0x0706_0504_0302_0100, 0x000e_0d0c_0b0a_0908, 15);
+        assert_eq!(hash, 0xa129_ca61_49be_45e5);
+    }
+
+    #[test]
+    fn response_agrees_with_another_implementation() {
+        use siphasher::sip::SipHasher24;
+        for number in 0..1000u32 {
+            let word = number.wrapping_mul(0x9E37_79B9);
+            let key = core::array::from_fn(|place| (word >> (place % 5)) as u8 ^ place as u8);
+            let challenge: [u8; 8] = core::array::from_fn(|place| (word >> (3 * place)) as u8);
+            let node = (number % 127) as u8 + 1;
+            let message = [&challenge[..], &word.to_le_bytes(), &[node]].concat();
+            let expected = SipHasher24::new_with_key(&key).hash(&message).to_le_bytes();
+            assert_eq!(Key::new(key).response(challenge, word, node), expected, "{number}");
+        }
+    }
+
+    #[test]
+    fn response_depends_on_challenge_serial_node_and_key() {
+        let (key, challenge) = (Key::DEFAULT, [1, 2, 3, 4, 5, 6, 7, 8]);
+        let response = key.response(challenge, 7, 1);
+        assert_eq!(response, key.response(challenge, 7, 1));
+        assert_ne!(response, key.response([0; 8], 7, 1));
+        assert_ne!(response, key.response(challenge, 8, 1));
+        assert_ne!(response, key.response(challenge, 7, 2));
+        assert_ne!(response, Key::new([0; 16]).response(challenge, 7, 1));
+    }
+
+    #[test]
+    fn challenge_without_a_seed_never_repeats() {
+        let (mut lock, settings) = (Lock::default(), AccessSettings::default());
+        let mut seen = std::collections::HashSet::new();
+        assert!((0..10_000).all(|read| seen.insert(lock.challenge(&settings, read / 100))));
+        let mut seeded = Lock::default();
+        seeded.seed([7; 16]);
+        assert!(seen.insert(seeded.challenge(&settings, 0)), "another secret, another challenge");
+    }
+
+    #[test]
+    fn unlock_after_wrong_responses_waits_twice_as_long_up_to_a_minute() {
+        let (mut lock, settings) = (Lock::default(), AccessSettings::default());
+        let mut now_us = 0;
+        for wait_s in [1, 2, 4, 8, 16, 32, 60, 60] {
+            lock.challenge(&settings, now_us);
+            assert_eq!(lock.unlock([0; 8], |_| [1; 8], now_us), Err(Refusal::Wrong));
+            now_us += wait_s * 1_000_000;
+            assert_eq!(lock.unlock([1; 8], |_| [1; 8], now_us - 1), Err(Refusal::Wait));
+        }
+        assert_eq!(lock.failures(), 8);
+        lock.challenge(&settings, now_us);
+        assert_eq!(lock.unlock([1; 8], |_| [1; 8], now_us), Ok(()));
+        assert_eq!(lock.failures(), 0);
+    }
+
+    #[test]
+    fn parse_of_emitted_settings_returns_them_and_refuses_an_unknown_policy() {
+        let settings = AccessSettings { key: Key::new([9; 16]), is_locked: false };
+        assert_eq!(AccessSettings::parse(&settings.emit()), Some(settings));
+        let mut bytes = settings.emit();
+        bytes[0] = 2;
+        assert_eq!(AccessSettings::parse(&bytes), None);
+        assert_eq!(format!("{:?}", settings.key), "Key(..)");
+    }
+}

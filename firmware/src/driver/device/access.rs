@@ -1,0 +1,99 @@
+//! The object of the access levels (2041h): challenge, response, lock and key. [`crate::access`] has the rules.
+
+use super::Device;
+use crate::access::{Key, Level, Refusal};
+use crate::node::dictionary::{self, records::AccessObject};
+use crate::node::sdo::Abort;
+use canopen_rs::Address;
+use embedded_storage::nor_flash::NorFlash;
+
+impl<F: NorFlash> Device<F> {
+    /// Returns true if objects of the service level can be written.
+    pub(in crate::driver) const fn is_service(&self) -> bool {
+        !self.settings.access.is_locked || self.lock.is_unlocked()
+    }
+
+    /// Checks that the present level allows a write to an object.
+    ///
+    /// # Errors
+    /// [`Abort::Locked`].
+    pub(in crate::driver) fn check_level(&mut self, at: Address) -> Result<(), Abort> {
+        if dictionary::level(at.index, at.subindex) == Level::Open {
+            return Ok(());
+        }
+        if !self.is_service() {
+            let why = "the joint is locked: a response to its challenge unlocks it (2041h)";
+            return Err(self.staging.refuse(Abort::Locked, why));
+        }
+        self.lock.record_use(self.now_us);
+        Ok(())
+    }
+
+    /// Returns the present values.
+    pub(in crate::driver) fn access_object(&self) -> AccessObject {
+        AccessObject {
+            level: self.is_service().into(),
+            locked_by_default: self.settings.access.is_locked.into(),
+            wrong_responses: self.lock.failures().into(),
+            ..Default::default()
+        }
+    }
+
+    /// Returns a new challenge.
+    pub(in crate::driver) fn challenge(&mut self) -> [u8; Key::RESPONSE_LENGTH] {
+        self.lock.challenge(&self.settings.access, self.now_us)
+    }
+
+    pub(in crate::driver) fn write_access(&mut self, place: u8, value: &[u8]) -> Result<(), Abort> {
+        match place {
+            AccessObject::RESPONSE => self
+                .unlock(value.try_into().map_err(|_| wrong_length(value, Key::RESPONSE_LENGTH))?),
+            AccessObject::LOCK => {
+                self.lock();
+                Ok(())
+            }
+            AccessObject::NEW_KEY => {
+                let key = value.try_into().map_err(|_| wrong_length(value, Key::LENGTH))?;
+                self.settings.access.key = Key::new(key);
+                Ok(())
+            }
+            _ => match *value {
+                [policy @ (0 | 1)] => {
+                    self.settings.access.is_locked = policy == 1;
+                    Ok(())
+                }
+                _ => Err(self.staging.refuse(Abort::Value, "locked_by_default: must be 0 or 1")),
+            },
+        }
+    }
+
+    fn unlock(&mut self, response: [u8; Key::RESPONSE_LENGTH]) -> Result<(), Abort> {
+        let (key, serial) = (self.settings.access.key, self.identity.serial);
+        let node = self.node_in_use().number();
+        let expected = |challenge| key.response(challenge, serial, node);
+        self.lock.unlock(response, expected, self.now_us).map_err(|refusal| match refusal {
+            Refusal::Wrong => self.staging.refuse(Abort::Value, "the response is wrong"),
+            Refusal::Wait => {
+                self.staging.refuse(Abort::State, "a response was wrong: wait up to 60 s")
+            }
+        })
+    }
+
+    /// Ends the service level. What was staged with it is discarded: anyone may commit.
+    pub(in crate::driver) fn lock(&mut self) {
+        if self.lock.lock() && self.settings.access.is_locked {
+            self.staging.discard();
+        }
+    }
+
+    /// Ends a session that is not used.
+    pub(super) fn watch_session(&mut self) {
+        if self.lock.is_expired(self.now_us) {
+            self.lock();
+        }
+    }
+}
+
+const fn wrong_length(value: &[u8], expected: usize) -> Abort {
+    if value.len() < expected { Abort::TooShort } else { Abort::TooLong }
+}

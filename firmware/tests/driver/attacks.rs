@@ -1,0 +1,278 @@
+//! What an attacker on the bus can still do to a locked joint, a line of docs/src/explanation/bus-security.md each.
+//!
+//! The attacker sends any frame and receives all, and does not know the key of the joint. A test that fails here means
+//! that the page is wrong: the joint is better, or worse, than it says.
+
+use super::bench::{Bench, Flash, LOCKED, NODE, frame};
+use compensator_core::can::{CommandFrame, Frame, Message, SealFrame, TelemetryFrame};
+use firmware::access::Key;
+use firmware::driver::{Boot, LoopReport};
+use firmware::node::dictionary::{Access, DataType, OBJECTS, SAVE_SIGNATURE, index};
+use firmware::node_settings::InputSource;
+
+const OWN_KEY: Key = Key::new(*b"sixteen bytes !!");
+const RESPONSE: u8 = 3;
+const LOCK: u8 = 4;
+const NEW_KEY: u8 = 5;
+/// Default current limit, A.
+const CURRENT_LIMIT_A: f32 = 26.0;
+
+fn measured() -> LoopReport {
+    LoopReport {
+        bus_voltage_v: Some(48.0),
+        phase_currents_a: Some([0.0; 3]),
+        position_rad: 0.25,
+        ..LoopReport::default()
+    }
+}
+
+fn pass(bench: &mut Bench, milliseconds: u64) {
+    for _ in 0..milliseconds {
+        bench.driver.report(&measured());
+        bench.pass_ms(1);
+    }
+    bench.sent();
+}
+
+/// Starts a commissioned joint with a key of its own, locked, as it is installed.
+fn installed() -> Bench {
+    let mut bench = Bench::on_sensors();
+    bench.commission();
+    bench.write(index::ACCESS, NEW_KEY, &OWN_KEY.bytes()).unwrap();
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    restarted(bench)
+}
+
+fn restarted(bench: Bench) -> Bench {
+    let flash: Flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
+    bench.key = None;
+    pass(&mut bench, 5);
+    bench
+}
+
+fn command(bench: &mut Bench, current_a: f32, counter: u8) {
+    bench.give(Message::Command(NODE, CommandFrame::new(current_a, 0.0, counter)));
+}
+
+/// Starts an installed joint that its master has armed, and commands with the counters 0 to 19.
+fn armed() -> Bench {
+    let mut bench = installed();
+    bench.start();
+    for counter in 0..20 {
+        command(&mut bench, 1.0, counter);
+        pass(&mut bench, 1);
+    }
+    bench.write(index::STATE, 1, &[1]).expect("arming is open");
+    bench
+}
+
+fn commanded_a(bench: &Bench) -> f32 {
+    bench.driver.loop_commands(bench.now_us).setpoint.current_a
+}
+
+#[test]
+fn attacker_arms_a_locked_joint_and_drives_it_within_its_limits() {
+    let mut bench = installed();
+    bench.start();
+    bench.write(index::MODE, 0, &[10]).unwrap();
+    bench.write(index::MAX_TORQUE, 0, &[0xFF, 0xFF]).unwrap();
+    bench.write(index::TARGET_TORQUE, 0, &i16::MAX.to_le_bytes()).unwrap();
+    for controlword in [6u8, 7, 15] {
+        bench.write(index::CONTROLWORD, 0, &[controlword, 0]).unwrap();
+        pass(&mut bench, 2);
+    }
+    assert!(bench.driver.is_armed() && bench.driver.loop_commands(bench.now_us).bridge);
+    assert_eq!(commanded_a(&bench), CURRENT_LIMIT_A);
+    bench.write(index::CONTROLWORD, 0, &[7, 0]).unwrap();
+    assert_eq!(bench.write(index::MOTOR, 1, &99f32.to_le_bytes()), Err(LOCKED));
+}
+
+#[test]
+fn attacker_stops_disarms_and_resets_an_armed_joint() {
+    for command in [2, 0x80, 0x81, 0x82] {
+        let mut bench = armed();
+        bench.driver.receive(&frame(0, &[command, NODE.number()]), bench.now_us);
+        assert!(!bench.driver.is_armed() || bench.driver.is_reset_requested(), "{command:02X}");
+    }
+    let mut bench = armed();
+    bench.write(index::STATE, 1, &[0]).unwrap();
+    assert!(!bench.driver.is_armed());
+}
+
+#[test]
+fn attacker_replaces_the_set_points_of_the_master() {
+    let mut bench = armed();
+    // A counter ahead of the master's, whose next frames then are late.
+    command(&mut bench, -5.0, 40);
+    command(&mut bench, 1.0, 20);
+    assert_eq!(commanded_a(&bench), -5.0);
+    assert_eq!(bench.driver.counters().command_late, 1);
+}
+
+#[test]
+fn attacker_repeats_recorded_commands() {
+    let recorded: Vec<Frame> = (0..20u8)
+        .map(|counter| Message::Command(NODE, CommandFrame::new(3.0, 0.0, counter)).emit())
+        .collect();
+    let mut bench = installed();
+    bench.start();
+    for frame in &recorded {
+        bench.driver.receive(frame, bench.now_us);
+        pass(&mut bench, 1);
+    }
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    assert_eq!(commanded_a(&bench), 3.0);
+}
+
+#[test]
+fn attacker_sends_telemetry_in_the_name_of_the_joint() {
+    let forged = TelemetryFrame { current_a: 0.0, residual_torque_nm: 0.0 };
+    let forged = Message::Telemetry(NODE, forged).emit();
+    // A receiver has the identifier only.
+    assert_eq!(forged.identifier(), 0x381);
+    assert!(matches!(Message::parse(&forged), Ok(Message::Telemetry(NODE, _))));
+}
+
+#[test]
+fn attacker_sends_a_false_side_load() {
+    let mut bench = armed();
+    let seal = SealFrame { radial_force_n: 900.0, pressure_diff_pa: 0.0 };
+    bench.give(Message::Seal(NODE, seal));
+    let covariates = bench.driver.loop_commands(bench.now_us).covariates;
+    assert_eq!(covariates.radial_force_n.value, 900.0);
+}
+
+#[test]
+fn attacker_shifts_the_position_and_with_it_its_limits() {
+    let mut bench = installed();
+    let before = bench.driver.loop_commands(bench.now_us).home;
+    bench.write(index::STATE, 6, &3f32.to_le_bytes()).unwrap();
+    let home = bench.driver.loop_commands(bench.now_us).home;
+    assert_eq!((home.position_rad, home.number), (3.0, before.number.wrapping_add(1)));
+    assert_eq!(bench.write(index::POSITION_LIMITS, 2, &[0; 4]), Err(LOCKED));
+}
+
+#[test]
+fn attacker_changes_the_friction_model_until_the_next_start() {
+    let mut bench = installed();
+    let stored = bench.number(index::COMMIT, 1);
+    // compensator.scale
+    bench.write(index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
+    let staged = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    assert_ne!(bench.number(index::COMMIT, 1), stored);
+    // It is not stored, and the watch that bounds it stays.
+    assert_eq!(bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()), Err(LOCKED));
+    assert_eq!(bench.write(index::THRESHOLDS, 1, &[0; 4]), Err(LOCKED));
+    assert_eq!(restarted(bench).number(index::COMMIT, 1), stored);
+}
+
+#[test]
+fn attacker_redirects_the_process_data_of_a_disarmed_joint() {
+    let mut bench = installed();
+    bench.write(index::TRANSMIT_STATUS, 1, &0x8000_0281u32.to_le_bytes()).unwrap();
+    bench.write(index::TRANSMIT_STATUS, 1, &0x0000_0199u32.to_le_bytes()).unwrap();
+    assert_eq!(bench.number(index::TRANSMIT_STATUS, 1), 0x199);
+    // The defaults are back after a reset of the communication.
+    bench.driver.receive(&frame(0, &[0x82, NODE.number()]), bench.now_us);
+    bench.sent();
+    assert_eq!(bench.number(index::TRANSMIT_STATUS, 1), 0x281);
+}
+
+#[test]
+fn attacker_reads_every_object_but_the_key() {
+    let mut bench = installed();
+    for object in OBJECTS {
+        for sub_index in 0..=object.highest_sub_index() {
+            let entry = object.entry(sub_index).expect("within its last");
+            let read = bench.read(object.index, sub_index);
+            let is_empty = entry.data == DataType::Domain || object.index == index::ERROR_FIELD;
+            let at = format!("{:04X}h:{sub_index}", object.index);
+            match entry.access {
+                Access::WriteOnly => assert_eq!(read, Err(0x0601_0001), "{at}"),
+                _ => assert!(read.is_ok() || is_empty, "{at}: {read:?}"),
+            }
+            if let Ok(value) = read {
+                let leaks =
+                    value.windows(4).any(|part| OWN_KEY.bytes().windows(4).any(|key| key == part));
+                assert!(!leaks, "{at}");
+            }
+        }
+    }
+}
+
+#[test]
+fn attacker_uses_the_session_of_a_tool() {
+    let mut bench = installed();
+    assert_eq!(bench.write(index::FOLLOWING_TIME, 0, &[5, 0]), Err(LOCKED));
+    bench.unlock(&OWN_KEY).expect("the tool's key");
+    // The frames of the attacker do not differ from those of the tool.
+    bench.write(index::FOLLOWING_TIME, 0, &[5, 0]).unwrap();
+    bench.write(index::ACCESS, NEW_KEY, &[0; 16]).unwrap();
+    bench.write(index::ACCESS, LOCK, &[1]).unwrap();
+    assert_eq!(bench.write(index::FOLLOWING_TIME, 0, &[6, 0]), Err(LOCKED));
+}
+
+#[test]
+fn attacker_who_listens_to_a_key_change_has_the_key() {
+    // The frames of the tool: 2041h:5 with 16 bytes, in segments of seven.
+    let mut wire: Vec<[u8; 8]> = vec![[0x21, 0x41, 0x20, 5, 16, 0, 0, 0]];
+    for (place, part) in OWN_KEY.bytes().chunks(7).enumerate() {
+        let unused = 7 - part.len();
+        let mut segment = [0; 8];
+        segment[0] = (place as u8 % 2) << 4 | (unused as u8) << 1 | u8::from(unused > 0);
+        segment[1..=part.len()].copy_from_slice(part);
+        wire.push(segment);
+    }
+    let mut bench = Bench::on_sensors();
+    bench.unlock(&Key::DEFAULT).unwrap();
+    for request in &wire {
+        bench.driver.receive(&frame(0x601, request), bench.now_us);
+    }
+    bench.sent();
+    let heard: Vec<u8> = wire[1..].iter().flat_map(|segment| segment[1..].to_vec()).collect();
+    bench.write(index::ACCESS, LOCK, &[1]).unwrap();
+    bench.unlock(&Key::new(heard[..16].try_into().unwrap())).expect("the key that was heard");
+}
+
+#[test]
+fn attacker_unlocks_a_joint_that_has_the_default_key() {
+    let mut bench = Bench::on_sensors();
+    bench.key = None;
+    bench.unlock(&Key::DEFAULT).unwrap();
+    bench.write(index::MOTOR, 1, &8f32.to_le_bytes()).unwrap();
+}
+
+#[test]
+fn attacker_keeps_a_tool_out_with_wrong_responses() {
+    let mut bench = installed();
+    assert!(bench.write(index::ACCESS, RESPONSE, &[0; 8]).is_err());
+    assert_eq!(bench.unlock(&OWN_KEY), Err(super::STATE_REFUSED));
+    // A challenge that another node reads replaces that of the tool.
+    pass(&mut bench, 1000);
+    let response = bench.response(&OWN_KEY);
+    bench.read(index::ACCESS, 2).unwrap();
+    assert!(bench.write(index::ACCESS, RESPONSE, &response).is_err());
+}
+
+#[test]
+fn attacker_ends_the_transfer_of_a_tool() {
+    let mut bench = installed();
+    bench.unlock(&OWN_KEY).unwrap();
+    // The tool begins to write 2027h:6, and the attacker aborts it.
+    bench.driver.receive(&frame(0x601, &[0x21, 0x27, 0x20, 6, 0, 1, 0, 0]), bench.now_us);
+    bench.driver.receive(&frame(0x601, &[0x80, 0x27, 0x20, 6, 0, 0, 0, 8]), bench.now_us);
+    bench.sent();
+    bench.driver.receive(&frame(0x601, &[0x00; 8]), bench.now_us);
+    assert_eq!(bench.sent()[0].data()[0], 0x80);
+}
+
+#[test]
+fn attacker_gives_a_number_to_a_joint_without_stored_settings() {
+    let mut bench = Bench::blank(7);
+    bench.sent();
+    bench.driver.receive(&frame(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]), bench.now_us);
+    bench.driver.receive(&frame(0x7E5, &[0x11, 99, 0, 0, 0, 0, 0, 0]), bench.now_us);
+    assert_eq!(bench.number(index::OPERATION, 6), 99);
+}

@@ -1,0 +1,89 @@
+//! Access at service level: unlocking a node when it refuses a write, locking it, changing its key.
+//!
+//! A node that is locked refuses some writes. The client then reads a challenge, answers it with its key, and
+//! writes again. [`firmware::access`] has the rules. An unlock is valid for every node of the bus, so that a tool
+//! locks the node when it is done ([`Client::lock`]), or the node locks itself after ten minutes.
+
+use super::{Client, SdoError, name};
+use crate::bus::Bus;
+use canopen_rs::Address;
+use firmware::access::Key;
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::AccessObject;
+
+/// Abort code of a write that needs the service level.
+pub(super) const LOCKED: u32 = 0x0601_0000;
+
+/// Environment variable with the file of the key, for tools.
+pub const KEY_VARIABLE: &str = "FRICTION_JOINT_KEY";
+
+const fn at(sub_index: u8) -> Address {
+    Address::new(index::ACCESS, sub_index)
+}
+
+impl<B: Bus> Client<B> {
+    /// Runs a write; unlocks the node and repeats it if it needs the service level.
+    pub(super) fn unlocked(
+        &mut self,
+        object: Address,
+        mut write: impl FnMut(&mut Self) -> Result<(), SdoError>,
+    ) -> Result<(), SdoError> {
+        match write(self) {
+            Err(SdoError::Refused { code: LOCKED, .. }) => {}
+            done => return done,
+        }
+        match self.unlock() {
+            Ok(()) => write(self),
+            Err(SdoError::Refused { why, .. }) => {
+                let (object, node) = (name(object), self.node.number());
+                Err(SdoError::WrongKey { object, node, why })
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Answers a challenge of the node, which then accepts writes of the service level.
+    ///
+    /// # Errors
+    /// See [`SdoError`]. A refusal means a wrong key, or a wait after one.
+    pub fn unlock(&mut self) -> Result<(), SdoError> {
+        let serial = self.read_number(Address::new(index::IDENTITY, 4))?;
+        let challenge_at = at(AccessObject::CHALLENGE);
+        let challenge = self.read(challenge_at)?;
+        let challenge = challenge.try_into().map_err(|challenge: Vec<u8>| SdoError::Length {
+            object: name(challenge_at),
+            found: challenge.len(),
+            expected: Key::RESPONSE_LENGTH,
+        })?;
+        let response = self.key.response(challenge, serial, self.node.number());
+        let written = self.download(at(AccessObject::RESPONSE), &response);
+        self.with_reason(written)
+    }
+
+    /// Ends the service level of the node.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn lock(&mut self) -> Result<(), SdoError> {
+        self.write(at(AccessObject::LOCK), &[1])
+    }
+
+    /// Gives the node another key, which this client uses from now on. It is stored with the next save (1010h:1).
+    /// It travels in clear text: no other node may listen.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn set_key(&mut self, key: Key) -> Result<(), SdoError> {
+        self.write(at(AccessObject::NEW_KEY), &key.bytes())?;
+        self.key = key;
+        Ok(())
+    }
+
+    /// Sets whether the node starts locked. It is stored with the next save (1010h:1).
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn set_locked_by_default(&mut self, is_locked: bool) -> Result<(), SdoError> {
+        self.write(at(AccessObject::LOCKED_BY_DEFAULT), &[is_locked.into()])
+    }
+}

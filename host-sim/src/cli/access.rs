@@ -1,0 +1,97 @@
+//! `access`: the lock of a joint: its state, its key, and whether it starts locked.
+//!
+//! The other commands unlock a joint by themselves. This one locks it, and gives it another key.
+
+use super::bus::{BusArguments, read_key};
+use super::output::print_text;
+use canopen_rs::Address;
+use clap::{Args, Subcommand, ValueEnum};
+use firmware::node::dictionary::{SAVE_SIGNATURE, index};
+use joint_bus::bus::{Bus, BusName, Hub};
+use joint_bus::canopen::{Client, SdoError};
+use joint_bus::joint::JointNode;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Arguments of `access`.
+#[derive(Args)]
+pub struct AccessArguments {
+    #[command(flatten)]
+    bus: BusArguments,
+    #[command(subcommand)]
+    action: Action,
+    /// Print the result as JSON
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Show whether the joint is locked, and the wrong responses since the last unlock
+    Status,
+    /// Lock the joint; staged parameters are discarded
+    Lock,
+    /// Give the joint another key and save it. It travels in clear text: no other node may listen
+    SetKey {
+        /// File with the new key: 32 hexadecimal digits
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+    },
+    /// Set whether the joint starts locked, and save it
+    Policy {
+        /// locked: writes that can hurt need the key; open: every node may write everything
+        #[arg(value_name = "locked|open")]
+        policy: Policy,
+    },
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Policy {
+    Locked,
+    Open,
+}
+
+/// Runs the command.
+pub fn run(arguments: &AccessArguments) -> Result<(), String> {
+    let hub = Hub::new();
+    if arguments.bus.bus == BusName::Loop {
+        let joint = JointNode::start(arguments.bus.node_id, None);
+        hub.attach(joint.map_err(|error| error.to_string())?);
+    }
+    let mut client = arguments.bus.client(arguments.bus.open(&hub)?)?;
+    let words = |error: SdoError| error.to_string();
+    match &arguments.action {
+        Action::Status => {}
+        Action::Lock => client.lock().map_err(words)?,
+        Action::SetKey { file } => {
+            client.set_key(read_key(file)?).and_then(|()| save(&mut client)).map_err(words)?;
+        }
+        Action::Policy { policy } => {
+            let is_locked = matches!(policy, Policy::Locked);
+            let set = client.set_locked_by_default(is_locked);
+            set.and_then(|()| save(&mut client)).map_err(words)?;
+        }
+    }
+    report(&mut client, arguments).map_err(words).and_then(|text| print_text(&text))
+}
+
+fn save<B: Bus>(client: &mut Client<B>) -> Result<(), SdoError> {
+    client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes())
+}
+
+fn report<B: Bus>(client: &mut Client<B>, arguments: &AccessArguments) -> Result<String, SdoError> {
+    let mut number = |sub_index| client.read_number(Address::new(index::ACCESS, sub_index));
+    let (is_service, is_locked, wrong) = (number(1)? == 1, number(6)? == 1, number(7)?);
+    let node = arguments.bus.node_id.number();
+    if arguments.json {
+        let level = if is_service { "service" } else { "open" };
+        let object = json!({
+            "node": node, "level": level, "locked_by_default": is_locked, "wrong_responses": wrong,
+        });
+        return Ok(object.to_string() + "\n");
+    }
+    let state = if is_service { "not locked" } else { "locked" };
+    let start = if is_locked { "locked" } else { "open" };
+    let name = format!("node {node} on {}", arguments.bus.bus);
+    Ok(format!("{name}: {state}, starts {start}, wrong responses: {wrong}\n"))
+}
