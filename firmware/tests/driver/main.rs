@@ -4,6 +4,7 @@ mod bench;
 mod commissioning;
 mod drive;
 mod eds;
+mod fd_telemetry;
 mod hostile;
 mod life;
 mod lss;

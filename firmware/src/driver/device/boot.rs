@@ -89,6 +89,7 @@ impl<F: NorFlash> Device<F> {
             settings,
             supervisor,
             outbox: Outbox::default(),
+            sends_fd: false,
             hil,
             hil_armed: false,
             received: ReceivedInputs::default(),
