@@ -22,14 +22,18 @@
 //! | [`CommandFrame`], RPDO 2 | 0x300 + node | 8 | 0 current A, 4 velocity reference 1e-4 rad/s (24 bits), 7 counter |
 //! | [`TraceEntry`], SDO download | 0x600 + node | 8 | 0 0x23, 1 0x2000, 3 sub-index, 4 value |
 //!
+//! A joint may send its transmit PDOs of a sample in one frame of CAN FD instead ([`FdTelemetry`]).
+//!
 //! For a prismatic joint, read m for rad and N for Nm. `joint.dbc` describes the same frames for CAN tools.
 
 pub mod cob_id;
+pub mod fd;
 mod inbox;
 mod message;
 pub mod slcan;
 
 pub use crate::joint_kind::JointKind;
+pub use fd::FdTelemetry;
 pub use inbox::{SampleAssembler, SyncOutcome};
 pub use message::{
     AnswerFrame, CommandFrame, Message, MotionFrame, SealFrame, StatusFrame, SurroundingsFrame,

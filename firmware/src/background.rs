@@ -15,7 +15,7 @@ use crate::driver::{Boot, Driver, LoopReport};
 use crate::loop_link::LoopLink;
 use crate::sensors::{LocalReadings, SensorParameters, enclosure};
 use crate::supervisor::CanState;
-use compensator_core::can::Frame;
+use compensator_core::can::{FdTelemetry, Frame};
 use embedded_storage::nor_flash::NorFlash;
 
 /// Time between two ticks of the driver, us.
@@ -71,6 +71,9 @@ pub trait Board {
 
     /// Sends a frame; called only if there is room.
     fn send(&mut self, frame: &Frame);
+
+    /// Sends a frame of CAN FD; called only if there is room, and if the board allowed it ([`Driver::allow_fd`]).
+    fn send_fd(&mut self, _frame: &FdTelemetry) {}
 
     /// Returns true if every frame passed to [`Board::send`] has been sent.
     fn is_idle(&mut self) -> bool;
@@ -165,10 +168,14 @@ impl<F: NorFlash> Background<F> {
     // Called in several places: not inlined, to reduce the size of the image.
     #[inline(never)]
     fn send(&mut self, board: &mut impl Board) {
-        while board.has_room()
-            && let Some(frame) = self.driver.transmit()
-        {
-            board.send(&frame);
+        while board.has_room() {
+            if let Some(frame) = self.driver.transmit_fd() {
+                board.send_fd(&frame);
+            } else if let Some(frame) = self.driver.transmit() {
+                board.send(&frame);
+            } else {
+                break;
+            }
         }
     }
 
@@ -180,6 +187,16 @@ impl<F: NorFlash> Background<F> {
     /// Returns the next frame to send.
     pub fn transmit(&mut self) -> Option<Frame> {
         self.driver.transmit()
+    }
+
+    /// Returns the frame of CAN FD that waits to be sent.
+    pub fn transmit_fd(&mut self) -> Option<FdTelemetry> {
+        self.driver.transmit_fd()
+    }
+
+    /// States that the CAN controller sends frames of CAN FD.
+    pub const fn allow_fd(&mut self) {
+        self.driver.allow_fd();
     }
 
     /// Runs the work due every [`TICK_US`]. Returns true if the current loop reports, or if there is none.

@@ -41,7 +41,7 @@ use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
 use crate::sensors::enclosure;
 use crate::supervisor::{CanState, JointState, Supervisor};
-use compensator_core::can::{Frame, FrameError, Message, NodeId, cob_id};
+use compensator_core::can::{FdTelemetry, Frame, FrameError, Message, NodeId, cob_id};
 use compensator_core::network::Factors;
 use device::Device;
 use embedded_storage::nor_flash::NorFlash;
@@ -249,6 +249,16 @@ impl<F: NorFlash> Driver<F> {
             self.send_answer(segment, self.network.node());
         }
         self.device.outbox().pop()
+    }
+
+    /// States that the CAN controller sends frames of CAN FD. Without it, `fd_telemetry` (2001h:9) is refused.
+    pub const fn allow_fd(&mut self) {
+        self.device.sends_fd = true;
+    }
+
+    /// Returns the frame of CAN FD that waits to be sent; called when the controller has room for it.
+    pub fn transmit_fd(&mut self) -> Option<FdTelemetry> {
+        self.device.outbox().take_fd()
     }
 
     /// Sets the state of the CAN controller, and whether received frames were lost.

@@ -18,7 +18,7 @@ use canopen_rs::nmt::{
     HEARTBEAT_COB_BASE, NMT_COMMAND_COB_ID, decode_command, encode_heartbeat, heartbeat_cob_id,
 };
 use canopen_rs::{ErrorRegister, NmtCommand, NmtState, NmtStateMachine, NodeId as CanopenNodeId};
-use compensator_core::can::{Frame, NodeId};
+use compensator_core::can::{FdTelemetry, Frame, NodeId};
 use heapless::Deque;
 
 /// Maximum number of frames that wait to be sent. A sample produces three frames, an SDO request one.
@@ -28,6 +28,8 @@ pub const OUTBOX_CAPACITY: usize = 16;
 #[derive(Debug, Default)]
 pub struct Outbox {
     frames: Deque<Frame, OUTBOX_CAPACITY>,
+    /// Frame of CAN FD that waits.
+    fd: Option<FdTelemetry>,
     sent: u32,
     lost: u32,
 }
@@ -49,7 +51,21 @@ impl Outbox {
         Some(frame)
     }
 
-    /// Returns true if no frame waits.
+    /// Stores a frame of CAN FD. One that still waits is dropped and counted: it is of an earlier sample.
+    pub fn set_fd(&mut self, frame: FdTelemetry) {
+        if self.fd.replace(frame).is_some() {
+            self.lost = self.lost.saturating_add(1);
+        }
+    }
+
+    /// Removes and returns the frame of CAN FD.
+    pub fn take_fd(&mut self) -> Option<FdTelemetry> {
+        let frame = self.fd.take()?;
+        self.sent = self.sent.wrapping_add(1);
+        Some(frame)
+    }
+
+    /// Returns true if no classic frame waits.
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()
     }

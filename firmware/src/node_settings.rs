@@ -38,9 +38,11 @@ pub struct NodeSettings {
     /// Bit rate of the bus, kbit/s: one of [`BIT_RATES_KBIT`]. Node number and bit rate take effect at the
     /// next start.
     pub bit_rate_kbit: u16,
-    /// Bit rate of the data of CAN FD frames on the bus, kbit/s: one of [`DATA_BIT_RATES_KBIT`]. The driver sends
-    /// none, but must follow those of other nodes. Takes effect at the next start.
+    /// Bit rate of the data of CAN FD frames on the bus, kbit/s: one of [`DATA_BIT_RATES_KBIT`]. The controller must
+    /// follow those of other nodes. Takes effect at the next start.
     pub data_bit_rate_kbit: u16,
+    /// The transmit PDOs of a sample are sent in one frame of CAN FD, with switched bit rate.
+    pub fd_telemetry: bool,
     /// Period of the heartbeat, ms; 0 disables it.
     pub heartbeat_ms: u16,
     /// Monitored heartbeat in the format of CiA 301: node (bits 16 to 22) and timeout, ms (bits 0 to 15); 0
@@ -75,6 +77,7 @@ impl Default for NodeSettings {
             node: NodeId::FIRST,
             bit_rate_kbit: 1000,
             data_bit_rate_kbit: DEFAULT_DATA_BIT_RATE_KBIT,
+            fd_telemetry: false,
             heartbeat_ms: 1000,
             awaited_heartbeat: 0,
             target_timeout_ms: TARGET_TIMEOUT_MAX_MS,
@@ -127,7 +130,7 @@ impl NodeSettings {
                 12,
                 u32::from_le_bytes([
                     self.telemetry_every,
-                    (self.data_bit_rate_kbit / 1000) as u8,
+                    (self.data_bit_rate_kbit / 1000) as u8 | u8::from(self.fd_telemetry) << 7,
                     self.target_timeout_ms.to_le_bytes()[0],
                     self.target_timeout_ms.to_le_bytes()[1],
                 ]),
@@ -197,7 +200,8 @@ impl NodeSettings {
             },
             number: NumberType::from_code(number)?,
             telemetry_every: word(12)? as u8,
-            data_bit_rate_kbit: match word(12)?.to_le_bytes()[1] {
+            fd_telemetry: word(12)? >> 15 & 1 == 1,
+            data_bit_rate_kbit: match word(12)?.to_le_bytes()[1] & 0x7F {
                 // Settings of a driver without this one.
                 0 => DEFAULT_DATA_BIT_RATE_KBIT,
                 1 => 1000,
@@ -338,6 +342,7 @@ mod tests {
             node: NodeId::new(17).unwrap(),
             bit_rate_kbit: 250,
             data_bit_rate_kbit: 5000,
+            fd_telemetry: true,
             heartbeat_ms: 250,
             awaited_heartbeat: 3 << 16 | 500,
             target_timeout_ms: 45,
@@ -356,11 +361,12 @@ mod tests {
         assert_eq!(parse_block(&block[..10]), Err(BlockError::NodeSettings));
         for thousands in 1..=u8::MAX {
             block[13] = thousands;
-            assert_eq!(parse_block(&block).is_ok(), matches!(thousands, 1 | 2 | 5), "{thousands}");
+            let is_legal = matches!(thousands & 0x7F, 0 | 1 | 2 | 5);
+            assert_eq!(parse_block(&block).is_ok(), is_legal, "{thousands}");
         }
         // Settings stored before the data bit rate existed have its default.
         block[13] = 0;
-        let former = NodeSettings { data_bit_rate_kbit: 2000, ..settings };
+        let former = NodeSettings { data_bit_rate_kbit: 2000, fd_telemetry: false, ..settings };
         assert_eq!(parse_block(&block), Ok((former, ParameterSet::default())));
         block[NodeSettings::LENGTH + 90] ^= 1;
         assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));

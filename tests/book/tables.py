@@ -171,6 +171,17 @@ def frame_bits(data_bytes):
     return stuffable + (stuffable - 1) // 4 + 10 + 3
 
 
+def fd_frame_seconds(data_bit_rate):
+    """Longest CAN FD frame of 64 bytes with an 11-bit identifier and switched bit rate, s: 17 bits of head that can be
+    stuffed, 9 bits of trailer and 3 between two frames at 1 Mbit/s. At the data bit rate: 5 bits of head and the data,
+    which can be stuffed; stuff count and checksum of 25 bits with 7 fixed stuff bits; a delimiter."""
+
+    def stuffed(bits):
+        return bits + (bits - 1) // 4
+
+    return (stuffed(17) + 9 + 3) / BIT_RATE + (stuffed(5 + 8 * 64) + 25 + 7 + 1) / data_bit_rate
+
+
 # Bytes of the frames in a cycle: of the SYNC, from the master to a joint, from a joint.
 CYCLES = {
     # SYNC with counter, receive PDO 1, transmit PDOs 1 to 5.
@@ -180,6 +191,8 @@ CYCLES = {
     # Plain SYNC; controlword and target torque, statusword, torque and position.
     "bus-load-least": (0, [4], [8]),
 }
+# Data bit rates of the cycle with one CAN FD frame from a joint, bit/s.
+FD_CYCLES = {"bus-load-fd-2": 2_000_000, "bus-load-fd-5": 5_000_000}
 BIT_RATE = 1_000_000
 RATES_HZ = [100, 200, 500, 1000]
 HEARTBEATS_HZ = 10
@@ -189,13 +202,16 @@ def bus_load(name):
     """Share of the time at 1 Mbit/s that the frames of a cycle and the heartbeats take, for 1 to 8 joints."""
 
     def made(_):
-        sync, received, sent = CYCLES[name]
-        of_joint = sum(frame_bits(length) for length in received + sent)
+        sync, received, sent = CYCLES["bus-load-default" if name in FD_CYCLES else name]
+        if name in FD_CYCLES:
+            of_joint = sum(map(frame_bits, received)) / BIT_RATE + fd_frame_seconds(FD_CYCLES[name])
+        else:
+            of_joint = sum(map(frame_bits, received + sent)) / BIT_RATE
         lines = []
         for joints in range(1, 9):
-            cycle = frame_bits(sync) + joints * of_joint
-            heartbeats = HEARTBEATS_HZ * (joints + 1) * frame_bits(1)
-            loads = [100 * (rate * cycle + heartbeats) / BIT_RATE for rate in RATES_HZ]
+            cycle = frame_bits(sync) / BIT_RATE + joints * of_joint
+            heartbeats = HEARTBEATS_HZ * (joints + 1) * frame_bits(1) / BIT_RATE
+            loads = [100 * (rate * cycle + heartbeats) for rate in RATES_HZ]
             lines.append([str(joints)] + ["–" if load > 100 else f"{load:.0f} %" for load in loads])
         return rows(["joints"] + [f"{rate} Hz" for rate in RATES_HZ], lines)
 
@@ -214,7 +230,7 @@ MADE = {
     "limits": codes(False),
     "flags": flags,
     "objects": objects,
-    **{name: bus_load(name) for name in CYCLES},
+    **{name: bus_load(name) for name in CYCLES | FD_CYCLES},
 }
 
 

@@ -75,7 +75,7 @@ mod app {
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{fast_code, overcurrent, pins, random, scales, start, watchdog};
-    use compensator_core::can::Frame;
+    use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
     use embassy_stm32::gpio::{Flex, Pull, Speed};
@@ -153,6 +153,7 @@ mod app {
         let store = StoreFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
         background.set_scope_memory(context.local.scope);
+        background.allow_fd();
         match random::seed() {
             Some(seed) => background.seed_challenges(seed),
             None => defmt::warn!("no random numbers: the challenges depend on key and time"),
@@ -283,6 +284,10 @@ mod app {
 
         fn send(&mut self, frame: &Frame) {
             self.controller.send(frame);
+        }
+
+        fn send_fd(&mut self, frame: &FdTelemetry) {
+            self.controller.send_fd(frame);
         }
 
         fn is_idle(&mut self) -> bool {

@@ -121,6 +121,8 @@ pub struct Device<F> {
     settings: NodeSettings,
     supervisor: Supervisor,
     outbox: Outbox,
+    /// The CAN controller of this board sends frames of CAN FD.
+    pub(super) sends_fd: bool,
     hil: HilJoint,
     hil_armed: bool,
     received: ReceivedInputs,

@@ -291,6 +291,14 @@ impl<F: NorFlash> Device<F> {
                     NodeId::new(byte).ok_or_else(|| self.refuse_setting("node", "1 to 127"))?;
             }
             (_, OperationObject::DATA_BIT_RATE) => changed.data_bit_rate_kbit = number as u16,
+            (_, OperationObject::FD_TELEMETRY) => {
+                let most = u8::from(self.sends_fd);
+                if byte > most {
+                    let legal = "0, or 1 with a controller that sends CAN FD";
+                    return Err(self.refuse_setting("fd_telemetry", legal));
+                }
+                changed.fd_telemetry = byte == 1;
+            }
             _ => changed.bit_rate_kbit = number as u16,
         }
         changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))?;

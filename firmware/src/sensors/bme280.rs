@@ -1,7 +1,8 @@
 //! Humidity, pressure and temperature of the air in the housing from a BME280 on I2C.
 //!
 //! Once a second the sensor measures all three on request (forced mode), which takes 9.3 ms, and sleeps otherwise,
-//! so that it does not warm the air that it measures. The raw values are corrected by 18 calibration constants
+//! so that it does not warm the air that it measures. A sensor that lost its power has forgotten that it measures the
+//! humidity. So this is set before every measurement, and raw values that were not measured are discarded. The raw values are corrected by 18 calibration constants
 //! (data sheet BST-BME280-DS002, 4.2.3; pressure in 64 bits). The constants have no check sum. Words of zeros or
 //! ones, as a bus without the sensor gives them, are refused.
 //!
@@ -37,6 +38,11 @@ const MEASURE: u8 = 0x25;
 const RESET_US: u64 = 5_000;
 /// Wait for a measurement, us; it takes at most 9.3 ms (data sheet, 9.1).
 const MEASUREMENT_US: u64 = 12_000;
+/// Time between two polls, us.
+const POLL_US: u64 = 1_000;
+/// Raw values that were not measured: pressure and temperature, and humidity (data sheet, 5.4.7 to 5.4.9).
+const NOT_MEASURED: [u8; 3] = [0x80, 0, 0];
+const HUMIDITY_NOT_MEASURED: [u8; 2] = [0x80, 0];
 
 /// State of the air.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -242,15 +248,22 @@ impl Bme280 {
             }
             Step::Read => {
                 let raw = receive(bus, register::DATA)?;
-                self.step = Step::Measure;
-                self.due_us = now_us + PERIOD_US - MEASUREMENT_US;
-                return Ok(self.calibration.map(|calibration| calibration.air(&raw)));
+                self.step = Step::SetHumidity;
+                self.due_us = now_us + PERIOD_US - MEASUREMENT_US - POLL_US;
+                let calibration = self.calibration.filter(|_| is_measured(&raw));
+                return Ok(calibration.map(|calibration| calibration.air(&raw)));
             }
         };
         self.step = next;
         self.due_us = now_us + wait_us;
         Ok(None)
     }
+}
+
+/// Returns true if the sensor has measured all three quantities.
+fn is_measured(raw: &[u8; 8]) -> bool {
+    let [a, b, c, d, e, f, g, h] = *raw;
+    [a, b, c] != NOT_MEASURED && [d, e, f] != NOT_MEASURED && [g, h] != HUMIDITY_NOT_MEASURED
 }
 
 fn send<B: SensorBus>(bus: &mut B, register: u8, word: u8) -> Result<(), AirError<B::Error>> {

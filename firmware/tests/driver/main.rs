@@ -6,6 +6,7 @@ mod bench;
 mod commissioning;
 mod drive;
 mod eds;
+mod fd_telemetry;
 mod hostile;
 mod life;
 mod lss;

@@ -36,6 +36,18 @@ pub struct JointNode {
 const IDENTITY: Identity =
     Identity { hardware: "PC, host-sim node", serial: 0, stage: StageTraits::NONE };
 
+fn start_background(
+    defaults: NodeSettings,
+    flash: MemoryFlash<FLASH_PAGES>,
+    boot: &Boot,
+    now_us: u64,
+) -> Background<MemoryFlash<FLASH_PAGES>> {
+    let driver = Driver::boot(defaults, flash, IDENTITY, boot, now_us);
+    let mut background = Background::new(driver, now_us);
+    background.allow_fd();
+    background
+}
+
 /// Returns the settings of a driver without stored ones: inputs from the bus, and this node number.
 pub fn defaults(node: NodeId) -> NodeSettings {
     NodeSettings { node, source: InputSource::Bus, ..NodeSettings::default() }
@@ -162,7 +174,7 @@ pub fn run_participant<P: Participant>(
         }
         // All answers are sent before the next frame is read, so that they do not accumulate.
         while let Some(frame) = node.transmit() {
-            bus.send(&frame)?;
+            send(bus, &frame)?;
         }
         // The time stamp of a frame is the time. The clock is read only if no frame came.
         now_ns = match bus.receive(due_ns)? {
@@ -173,6 +185,16 @@ pub fn run_participant<P: Participant>(
             }
             None => bus.now_ns(),
         };
+    }
+}
+
+/// Sends a frame. On a bus without CAN FD, telemetry is sent in the classic frames that it contains.
+fn send(bus: &mut dyn Bus, frame: &CanFrame) -> Result<(), BusError> {
+    match (bus.send(frame), frame.to_telemetry()) {
+        (Err(BusError::Unsupported { .. }), Some(telemetry)) => {
+            telemetry.frames().try_for_each(|frame| bus.send(&frame.into()))
+        }
+        (result, _) => result,
     }
 }
 
@@ -197,6 +219,10 @@ impl Participant for JointNode {
     }
 
     fn transmit(&mut self) -> Option<CanFrame> {
-        self.background.as_mut()?.transmit().map(CanFrame::from)
+        let background = self.background.as_mut()?;
+        if let Some(telemetry) = background.transmit_fd() {
+            return Some(telemetry.into());
+        }
+        background.transmit().map(CanFrame::from)
     }
 }

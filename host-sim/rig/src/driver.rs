@@ -16,6 +16,7 @@ use firmware::node_settings::{NodeSettings, emit_block};
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::{Code, CodeSet};
+use joint_trace::CanFrame;
 use std::collections::VecDeque;
 
 /// Timeout of the board's watchdog, ms.
@@ -36,7 +37,7 @@ pub trait RigDriver {
     fn receive(&mut self, frame: &Frame);
 
     /// Runs 1 ms. `sync` arrives at its start. Frames from the driver go to `sent`.
-    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(Frame));
+    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(CanFrame));
 
     /// Stalls the background loop for this time, ms; the interrupt continues.
     fn stall_background(&mut self, milliseconds: u32);
@@ -132,6 +133,7 @@ impl<'q> LibraryDriver<'q> {
         let (port, link) = queues.split(traits, 0);
         let mut background = Background::new(driver, 0);
         // The driver keeps this memory as long as a board would: for ever.
+        background.allow_fd();
         background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
         let mut driver = Self {
             background,
@@ -183,7 +185,7 @@ impl RigDriver for LibraryDriver<'_> {
         }
     }
 
-    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(Frame)) {
+    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(CanFrame)) {
         self.now_us += TICK_US;
         if self.stalled_ms == 0 && !self.is_reset {
             while let Some(frame) = self.deferred_frames.pop_front() {
@@ -199,10 +201,11 @@ impl RigDriver for LibraryDriver<'_> {
         if let Some(sync) = sync {
             self.receive(&sync);
         }
-        while self.stalled_ms == 0
-            && let Some(frame) = self.background.transmit()
-        {
-            sent(frame);
+        if self.stalled_ms == 0 {
+            self.background.transmit_fd().map(CanFrame::from).into_iter().for_each(&mut *sent);
+            while let Some(frame) = self.background.transmit() {
+                sent(frame.into());
+            }
         }
         self.stalled_ms = self.stalled_ms.saturating_sub(1);
         self.watchdog_unserviced_ms += 1;

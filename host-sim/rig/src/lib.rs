@@ -42,6 +42,7 @@ use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::CodeSet;
 use joint_bus::canopen::Client;
+use joint_trace::CanFrame;
 use simulated_machines::joint_plant::JointPlant;
 use std::collections::VecDeque;
 
@@ -103,7 +104,7 @@ struct Received {
     view: MasterView,
     answers: Vec<Frame>,
     /// Frames from the driver for an external bus; `None` if the rig's own master receives them.
-    outgoing_frames: Option<VecDeque<Frame>>,
+    outgoing_frames: Option<VecDeque<CanFrame>>,
 }
 
 /// State of the driver at power-up.
@@ -411,10 +412,14 @@ impl JointRig<'_> {
 }
 
 impl Received {
-    fn take(&mut self, frame: &Frame) {
-        if let Some(outgoing_frames) = &mut self.outgoing_frames {
-            return outgoing_frames.push_back(*frame);
+    fn take(&mut self, frame: &CanFrame) {
+        match &mut self.outgoing_frames {
+            Some(outgoing_frames) => outgoing_frames.push_back(*frame),
+            None => frame.joint_frames().for_each(|frame| self.take_joint_frame(&frame)),
         }
+    }
+
+    fn take_joint_frame(&mut self, frame: &Frame) {
         match Message::parse(frame) {
             Ok(Message::Motion(_, motion)) => {
                 self.view.velocity_rad_s = motion.velocity_rad_s;

@@ -80,6 +80,6 @@ impl Participant for MotorNode {
     }
 
     fn transmit(&mut self) -> Option<CanFrame> {
-        self.rig.received.outgoing_frames.as_mut()?.pop_front().map(CanFrame::from)
+        self.rig.received.outgoing_frames.as_mut()?.pop_front()
     }
 }

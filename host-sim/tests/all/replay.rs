@@ -1,17 +1,21 @@
 //! Replay of a trace to a driver in this process: answers are bit-identical to the core, and every fault is detected.
 
+use canopen_rs::Address;
 use compensator_core::can::{Message, MotionFrame, NodeId, SealFrame, SyncFrame};
 use compensator_core::configuration::Configuration;
 use compensator_core::{LawKind, ParameterId, TermKind};
 use firmware::hil::NumberType;
+use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
-use joint_bus::bus::{FaultInjector, FaultPlan, Faults, Hub, Port};
+use joint_bus::bus::{FaultInjector, FaultPlan, Faults, Hub, Port, Recorder};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
 use joint_bus::replay::{Check, Plan, PlayResult, Rate, ReplaySetup, play, set_up};
 use joint_trace::{CanFrame, Fraction, Line, candump};
 
 const NODE: NodeId = NodeId::FIRST;
+/// Entry of the operation object.
+const FD_TELEMETRY: u8 = 9;
 
 /// A trace of a joint that moves back and forth under pressure, `count` samples at 1 kHz.
 fn log(count: u32) -> Vec<u8> {
@@ -78,6 +82,23 @@ fn replay_with_any_number_type_and_rate_is_bit_identical() {
             assert_eq!(played.round_trips_ns.len(), 5000);
         }
     }
+}
+
+#[test]
+fn replay_to_a_driver_with_fd_telemetry_is_bit_identical() {
+    let plan = Plan::parse(&log(1000), NODE).expect("a log");
+    let mut client = client(FaultPlan::default(), 1);
+    client.write(Address::new(index::OPERATION, FD_TELEMETRY), &[1]).expect("a setting");
+    let core = set_up(&mut client, NODE, &setup(NumberType::Float)).expect("answers");
+    let mut recorded = Vec::new();
+    let mut bus = Recorder::new(client.into_bus(), &mut recorded, "can0", Fraction::Nanoseconds);
+    let played = play(&mut bus, &plan, Rate::Times(1.0), Check::new(NODE, core), &mut |_| {})
+        .expect("a bus");
+    drop(bus);
+    let recorded = String::from_utf8(recorded).expect("text");
+    assert!(recorded.contains("381##1") && !recorded.contains("181#"));
+    assert!(played.tally.holds(), "{:?}", played.tally);
+    assert_eq!((played.tally.equal, played.tally.telemetry_equal), (1000, 1000));
 }
 
 #[test]

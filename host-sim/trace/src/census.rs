@@ -35,10 +35,11 @@ impl Census {
             if log.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line)? == 0 {
                 return Ok(census);
             }
-            if let Frames::Line(found) = reader.read(&line)
-                && let CanFrame::Data { identifier, .. } = found.frame
-            {
-                *census.counts.entry(identifier).or_default() += 1;
+            let Frames::Line(found) = reader.read(&line) else { continue };
+            let mut count = |identifier| *census.counts.entry(identifier).or_default() += 1;
+            match found.frame {
+                CanFrame::Data { identifier, .. } => count(identifier),
+                frame => frame.joint_frames().for_each(|own| count(own.identifier().into())),
             }
         }
     }

@@ -1,7 +1,10 @@
 //! Conversion between a joint's frames and general CAN frames.
 
 use crate::candump::CanFrame;
-use compensator_core::can::Frame;
+use compensator_core::can::{FdTelemetry, Frame};
+
+/// Flag of a CAN FD frame: switched bit rate.
+const SWITCHED_RATE: u8 = 1;
 
 impl From<Frame> for CanFrame {
     fn from(frame: Frame) -> Self {
@@ -13,7 +16,27 @@ impl From<Frame> for CanFrame {
     }
 }
 
+impl From<FdTelemetry> for CanFrame {
+    fn from(telemetry: FdTelemetry) -> Self {
+        let bytes = *telemetry.data();
+        let (identifier, length) = (u32::from(telemetry.identifier()), bytes.len() as u8);
+        Self::Flexible { identifier, extended: false, flags: SWITCHED_RATE, length, bytes }
+    }
+}
+
 impl CanFrame {
+    /// Returns the joint's frames in this frame: itself, or those in a CAN FD frame of telemetry ([`FdTelemetry`]).
+    pub fn joint_frames(&self) -> impl Iterator<Item = Frame> + use<> {
+        let telemetry = self.to_telemetry().into_iter().flat_map(|telemetry| telemetry.frames());
+        self.to_joint().into_iter().chain(telemetry)
+    }
+
+    /// Converts to a CAN FD frame of telemetry. Returns `None` for all other frames.
+    pub fn to_telemetry(&self) -> Option<FdTelemetry> {
+        let Self::Flexible { identifier, extended: false, .. } = self else { return None };
+        FdTelemetry::parse(u16::try_from(*identifier).ok()?, self.data())
+    }
+
     /// Converts to a joint frame. Returns `None` unless the frame is classic data with an 11-bit identifier.
     pub fn to_joint(&self) -> Option<Frame> {
         let Self::Data { identifier, extended: false, length, bytes } = self else { return None };
@@ -50,6 +73,7 @@ impl CanFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use compensator_core::can::NodeId;
 
     #[test]
     fn joint_frame_converted_both_ways_is_unchanged() {
@@ -58,6 +82,28 @@ mod tests {
             let converted = CanFrame::from(frame);
             assert_eq!((converted.to_joint(), converted.data()), (Some(frame), data));
         }
+    }
+
+    #[test]
+    fn joint_frames_of_fd_telemetry_returns_the_frames_in_it() {
+        let mut telemetry = FdTelemetry::new(NodeId::FIRST, 1, 0);
+        telemetry.put(0, [1; 8]);
+        telemetry.put(4, [5; 8]);
+        let frame = CanFrame::from(telemetry);
+        assert_eq!((frame.to_telemetry(), frame.to_joint()), (Some(telemetry), None));
+        let found: Vec<Frame> = frame.joint_frames().collect();
+        assert_eq!(found, telemetry.frames().collect::<Vec<_>>());
+        assert_eq!(found.len(), 2);
+        // A frame of 48 bytes, and one with 29 bits.
+        let CanFrame::Flexible { bytes, flags, identifier, .. } = frame else {
+            panic!("{frame:?}")
+        };
+        for (extended, length) in [(false, 48), (true, 64)] {
+            let other = CanFrame::Flexible { identifier, extended, flags, length, bytes };
+            assert_eq!(other.joint_frames().count(), 0);
+        }
+        let classic = Frame::new(0x181, &[1; 8]).expect("legal");
+        assert!(CanFrame::from(classic).joint_frames().eq([classic]));
     }
 
     #[test]

@@ -10,8 +10,8 @@
 
 use super::candump::{CanFrame, Line};
 use compensator_core::can::{
-    AnswerFrame, Frame, FrameError, JointKind, Message, MotionFrame, NodeId, SealFrame,
-    StatusFrame, SurroundingsFrame, SyncFrame, TorqueFrame, TraceEntry,
+    AnswerFrame, FdTelemetry, Frame, FrameError, JointKind, Message, MotionFrame, NodeId,
+    SealFrame, StatusFrame, SurroundingsFrame, SyncFrame, TorqueFrame, TraceEntry,
 };
 use compensator_core::quantity::Quantity;
 
@@ -166,8 +166,30 @@ impl Assembler {
                 self.summary.errors += 1;
                 return None;
             }
-            _ => None,
+            frame => match frame.to_telemetry() {
+                Some(telemetry) => return self.telemetry(number, line, &telemetry),
+                None => None,
+            },
         };
+        self.frame(number, line, frame)
+    }
+
+    /// Processes the frames in a CAN FD frame.
+    fn telemetry(
+        &mut self,
+        number: u64,
+        line: &Line,
+        telemetry: &FdTelemetry,
+    ) -> Option<TraceSample> {
+        // The first frame of a sample completes the one before, so at most one is returned.
+        telemetry.frames().fold(None, |completed, frame| {
+            let sample = self.frame(number, line, Some(frame));
+            completed.or(sample)
+        })
+    }
+
+    #[inline]
+    fn frame(&mut self, number: u64, line: &Line, frame: Option<Frame>) -> Option<TraceSample> {
         let message = frame.map(|frame| (Message::parse(&frame), frame));
         match message {
             Some((Ok(message), _)) => self.message(number, line, message),
@@ -438,6 +460,47 @@ mod tests {
         assert!(samples[2].motion.velocity_rad_s.is_nan() && samples[3].fault.is_none());
         assert!(samples[3].torque.torque_nm.is_nan(), "a missing fast PDO is NaN");
         assert!(samples[4].torque.torque_nm == 1.0);
+    }
+
+    /// Returns a log of a joint on its sensors, with its answers in classic frames or in one of CAN FD.
+    fn log_of_sensors(is_fd: bool) -> String {
+        let mut out = Vec::new();
+        let mut emit = |time_ns, frame| {
+            let line = Line { time_ns, interface: b"can0", frame, direction: None };
+            candump::emit(&line, candump::Fraction::Microseconds, &mut out);
+        };
+        for sequence in 0..5u32 {
+            let time_ns = 1_000_000 * u64::from(sequence);
+            let sync = SyncFrame::of(sequence);
+            emit(time_ns, CanFrame::from(Message::Sync(sync).emit()));
+            let mut telemetry = FdTelemetry::new(NodeId::FIRST, sync.counter, 0);
+            for pdo in 0..6 {
+                telemetry.put(
+                    pdo,
+                    [f32::to_le_bytes(sequence as f32 + 0.5); 2].concat().try_into().unwrap(),
+                );
+            }
+            if is_fd {
+                emit(time_ns + 300_000, CanFrame::from(telemetry));
+            } else {
+                telemetry.frames().for_each(|frame| emit(time_ns + 300_000, frame.into()));
+            }
+        }
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn assembler_with_fd_telemetry_returns_the_samples_of_the_classic_frames() {
+        let of = |is_fd| {
+            let (mut samples, summary) = assemble(&log_of_sensors(is_fd));
+            samples.iter_mut().for_each(|sample| sample.line = 0);
+            let summary = Summary { frames: 0, ..summary };
+            (samples.len(), format!("{samples:?} {summary:?}"))
+        };
+        let classic = of(false);
+        assert_eq!(of(true), classic);
+        assert_eq!(classic.0, 4);
+        assert!(log_of_sensors(true).contains("381##1"));
     }
 
     #[test]

@@ -19,6 +19,7 @@ use joint_rig::{
     BOARD_TRAITS, InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, Stage, codes_from_bits,
     current_a, stored_flash,
 };
+use joint_trace::CanFrame;
 use simulated_machines::joint_plant::Measured;
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -358,7 +359,7 @@ impl RigDriver for BoardDriver {
         self.machine.chip_mut().deliver(*frame);
     }
 
-    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(Frame)) {
+    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(CanFrame)) {
         let chip = self.machine.chip_mut();
         chip.world.state = *state;
         let can = state.can;
@@ -380,7 +381,7 @@ impl RigDriver for BoardDriver {
         if self.is_reset {
             self.stage_mut().run_driven(cycles as f64 / CORE_HZ as f64, None);
         }
-        self.frames.drain(..).for_each(sent);
+        self.frames.drain(..).map(CanFrame::from).for_each(sent);
     }
 
     fn stall_background(&mut self, milliseconds: u32) {

@@ -1,4 +1,4 @@
-//! FDCAN1 with classic frames, on a bus that may carry CAN FD frames of other nodes.
+//! FDCAN1 with classic frames, and a frame of CAN FD per sample if the joint is set to it.
 //!
 //! embassy sets up the controller: clock, pins, bit timing, filters. This module moves the frames, because
 //! embassy's queues take a critical section per frame, which would delay the current loop. The layout of
@@ -7,13 +7,18 @@
 //! transmit FIFO holds three frames in order.
 //!
 //! The controller understands CAN FD: otherwise it would destroy each such frame by an error frame. It needs the bit rate
-//! of their data for it (2001h:8). Received ones are discarded, and all sent frames are classic.
+//! of their data for it (2001h:8). Received ones are discarded. The only sent one is [`FdTelemetry`] (2001h:9).
+//!
+//! A sender compares its bits with those on the bus. At 5 Mbit/s a bit is shorter than the way through the transceiver
+//! and back. The controller then measures that delay (RM0440, 44.3.3). It can do so with a prescaler of at most 2, which
+//! the lower bit rates exceed and do not need: they sample 400 ns after the begin of a bit, and a transceiver takes at most
+//! 255 ns (ISO 11898-2).
 //!
 //! Filters are masks and pairs (embassy 0.6 swaps the bounds of a range). A controller that is *bus-off*
 //! recovers when INIT is cleared: it then waits for 128 x 11 recessive bits.
 
 use super::{pins, scales};
-use compensator_core::can::{Frame, NodeId};
+use compensator_core::can::{FdTelemetry, Frame, NodeId};
 use core::num::{NonZeroU8, NonZeroU16};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::can::config::{
@@ -40,9 +45,15 @@ const HEADER_WORDS: usize = 2;
 const EXTENDED_ID: u32 = 1 << 30;
 const REMOTE_FRAME: u32 = 1 << 29;
 const IDENTIFIER_SHIFT: u32 = 18;
-/// Second word: position of the length, and the flag of a CAN FD frame.
+/// Second word: position of the length, and the flags of a CAN FD frame and of its switched bit rate.
 const LENGTH_SHIFT: u32 = 16;
 const FD_FRAME: u32 = 1 << 21;
+const SWITCHED_RATE: u32 = 1 << 20;
+/// Length code of 64 bytes.
+const LENGTH_64: u32 = 15;
+
+/// Largest prescaler with which the controller measures the delay of the transceiver.
+const LAST_COMPENSATED_PRESCALER: u16 = 2;
 
 /// Declares to embassy that the interrupts are handled; tasks of the board do so.
 #[derive(Clone, Copy)]
@@ -95,8 +106,9 @@ impl Controller {
         if let Some(timing) = data_timing(data_bit_rate_kbit) {
             config.dbtr = timing;
         }
-        // FDOE: frames in the FD format are followed to their end. The format of a sent frame is in its header.
-        config.frame_transmit = FrameTransmissionConfig::AllowFdCan;
+        // FDOE: frames in the FD format are followed to their end. BRSE permits a switched bit rate. The format of a sent
+        // frame is in its header.
+        config.frame_transmit = FrameTransmissionConfig::AllowFdCanAndBRS;
         config.tx_buffer_mode = TxBufferMode::Fifo;
         // `state` requests the recovery, so that it is also reported.
         config.automatic_bus_off_recovery = false;
@@ -128,6 +140,7 @@ impl Controller {
             setup.properties().set_standard_filter(slot, filter);
         }
         let can = setup.into_normal_mode();
+        compensate_delay(data_bit_rate_kbit);
         // Enable only the source that the interrupt clears; any other would raise it for ever.
         CONTROLLER.ie().write(|w| w.set_rfne(0, true));
         Self { can, accepted: [0; 7] }
@@ -184,21 +197,56 @@ impl Controller {
 
     /// Sends a frame. Check [`Controller::has_room`] first.
     pub fn send(&mut self, frame: &Frame) {
-        let place = usize::from(CONTROLLER.txfqs().read().tfqpi()).min(2);
-        let word = |at: usize| MESSAGE_MEMORY.txbuf(ELEMENT_WORDS * place + at);
-        word(0).write_value(u32::from(frame.identifier()) << IDENTIFIER_SHIFT);
-        word(1).write_value((frame.data().len() as u32) << LENGTH_SHIFT);
         let mut bytes = [0; 8];
         for (place, byte) in bytes.iter_mut().zip(frame.data()) {
             *place = *byte;
         }
-        for (at, bytes) in bytes.as_chunks::<4>().0.iter().enumerate() {
-            word(HEADER_WORDS + at).write_value(u32::from_le_bytes(*bytes));
-        }
-        // The frame must be in memory before the controller reads it.
-        cortex_m::asm::dmb();
-        CONTROLLER.txbar().write(|w| w.set_ar(place, true));
+        transmit(frame.identifier(), frame.data().len() as u32, &bytes);
     }
+
+    /// Sends a frame of CAN FD. Check [`Controller::has_room`] first.
+    pub fn send_fd(&mut self, frame: &FdTelemetry) {
+        transmit(
+            frame.identifier(),
+            LENGTH_64 | (FD_FRAME | SWITCHED_RATE) >> LENGTH_SHIFT,
+            frame.data(),
+        );
+    }
+}
+
+/// Writes the next element of the transmit FIFO and requests its transmission. `format` is the upper half of its second
+/// word.
+#[inline(never)]
+fn transmit(identifier: u16, format: u32, data: &[u8]) {
+    let place = usize::from(CONTROLLER.txfqs().read().tfqpi()).min(2);
+    let word = |at: usize| MESSAGE_MEMORY.txbuf(ELEMENT_WORDS * place + at);
+    word(0).write_value(u32::from(identifier) << IDENTIFIER_SHIFT);
+    word(1).write_value(format << LENGTH_SHIFT);
+    for (at, bytes) in data.as_chunks::<4>().0.iter().enumerate() {
+        word(HEADER_WORDS + at).write_value(u32::from_le_bytes(*bytes));
+    }
+    // The frame must be in memory before the controller reads it.
+    cortex_m::asm::dmb();
+    CONTROLLER.txbar().write(|w| w.set_ar(place, true));
+}
+
+/// Lets the controller measure the delay of the transceiver, at data bit rates that need it. embassy does not offer it.
+fn compensate_delay(data_bit_rate_kbit: u16) {
+    let timing = BitTiming::for_rate(scales::CAN_HZ, u32::from(data_bit_rate_kbit) * 1000);
+    let Some(timing) = timing.filter(|timing| timing.prescaler <= LAST_COMPENSATED_PRESCALER)
+    else {
+        return;
+    };
+    // The registers can be written only while the controller is off the bus, where it just came from.
+    CONTROLLER.cccr().modify(|w| w.set_init(true));
+    while !CONTROLLER.cccr().read().init() {}
+    CONTROLLER.cccr().modify(|w| w.set_cce(true));
+    // The second sample point is as far behind the measured delay as the first is in a bit.
+    let offset = timing.prescaler as u8 * (1 + timing.seg1);
+    CONTROLLER.tdcr().write(|w| w.set_tdco(offset));
+    CONTROLLER.dbtp().modify(|w| w.set_tdc(true));
+    // Clearing INIT clears CCE.
+    CONTROLLER.cccr().modify(|w| w.set_init(false));
 }
 
 /// Converts a bit rate to the timing of the controller.
@@ -212,7 +260,7 @@ fn timing(bit_rate_kbit: u16) -> Option<NominalBitTiming> {
     })
 }
 
-/// Converts a bit rate of CAN FD data to the timing of the controller. The delay compensation is for sent frames.
+/// Converts a bit rate of CAN FD data to the timing of the controller. embassy ignores the field of the delay.
 fn data_timing(bit_rate_kbit: u16) -> Option<DataBitTiming> {
     let timing = BitTiming::for_rate(scales::CAN_HZ, u32::from(bit_rate_kbit) * 1000)?;
     Some(DataBitTiming {

@@ -54,6 +54,7 @@ impl<F: NorFlash> Device<F> {
             settings: defaults,
             supervisor: Supervisor::default(),
             outbox: Outbox::default(),
+            sends_fd: false,
             hil: HilJoint::without_model(defaults.node, defaults.hil_setup()),
             hil_armed: false,
             received: ReceivedInputs::default(),

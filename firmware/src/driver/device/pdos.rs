@@ -14,7 +14,7 @@ use crate::driver::counters::count;
 use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, Objects};
 use canopen_rs::Address;
-use compensator_core::can::{Frame, FrameError, cob_id};
+use compensator_core::can::{FdTelemetry, Frame, FrameError, SyncFrame, cob_id};
 use embedded_storage::nor_flash::NorFlash;
 use mapping::{Direction, Mapping};
 use sync::SyncState;
@@ -31,6 +31,9 @@ const LAST_EVENT_DRIVEN: usize = 1;
 
 /// Transmit PDO with every n-th sample (2001h:5).
 const TELEMETRY: usize = 2;
+
+/// Transmit PDO of the CiA 402 drive, which has no identifier by default.
+const DRIVE: usize = 5;
 
 /// Order of the transmit PDOs at a SYNC: what was measured, then what was computed.
 const SYNC_ORDER: [usize; PDOS] = [3, 4, 0, 1, 2, 5];
@@ -312,10 +315,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns true if all frames are those of `joint.dbc`.
     pub(in crate::driver) fn has_own_identifiers(&self) -> bool {
-        let mut pdos = self.pdos.transmit.iter().enumerate();
-        pdos.all(|(slot, pdo)| {
-            pdo.identifier.is_none() && pdo.mapping == Mapping::of_transmit(slot)
-        })
+        (0..PDOS).all(|slot| self.has_default_frame(slot))
     }
 
     /// Processes a frame of a receive PDO.
@@ -387,40 +387,94 @@ impl<F: NorFlash> Device<F> {
             }
         }
         if let Some(sequence) = self.sync(sync) {
-            self.transmit_at_sync(counter, sequence, now_us);
+            self.transmit_at_sync(counter, sync, sequence);
         }
     }
 
-    fn transmit_at_sync(&mut self, counter: Option<u8>, sequence: u32, now_us: u64) {
+    fn transmit_at_sync(&mut self, counter: Option<u8>, sync: SyncFrame, sequence: u32) {
+        let now_us = self.now_us;
         let every = u32::from(self.settings.telemetry_every);
         let has_telemetry = every > 0 && sequence.is_multiple_of(every);
+        let mut fd = self.sends_fd_telemetry().then(|| {
+            // The lower half of the time.
+            FdTelemetry::new(self.pdos.node, sync.counter, now_us as u32)
+        });
+        let mut is_empty = true;
         for slot in SYNC_ORDER {
             if slot == TELEMETRY && !has_telemetry {
                 continue;
             }
-            self.transmit_if_due(slot, Some(counter), now_us);
+            let Some((data, frame)) = self.due_frame(slot, Some(counter), now_us) else { continue };
+            match &mut fd {
+                Some(fd) if self.has_default_frame(slot) => {
+                    fd.put(slot, data);
+                    is_empty = false;
+                }
+                _ => self.outbox.push(frame),
+            }
         }
+        if let Some(mut fd) = fd
+            && !is_empty
+        {
+            fd.put(DRIVE, self.mapped_data(&Mapping::of_transmit(DRIVE)));
+            self.outbox.set_fd(fd);
+        }
+    }
+
+    /// Returns true if the transmit PDOs go into a frame of CAN FD. A master that moves Telemetry, whose identifier this
+    /// frame has, gets classic frames.
+    fn sends_fd_telemetry(&self) -> bool {
+        self.settings.fd_telemetry && self.sends_fd && self.has_default_frame(TELEMETRY)
+    }
+
+    /// Returns true if no master has changed identifier or content of a transmit PDO.
+    fn has_default_frame(&self, slot: usize) -> bool {
+        self.pdos.transmit.get(slot).is_some_and(|pdo| {
+            pdo.identifier.is_none() && pdo.mapping == Mapping::of_transmit(slot)
+        })
     }
 
     /// Sends the event-driven PDOs that are due: once per tick while the network is operational.
     pub(in crate::driver) fn transmit_events(&mut self, now_us: u64) {
         for slot in 0..PDOS {
-            if self.pdos.transmit.get(slot).is_some_and(|pdo| pdo.kind > LAST_SYNCHRONOUS) {
-                self.transmit_if_due(slot, None, now_us);
+            if self.pdos.transmit.get(slot).is_some_and(|pdo| pdo.kind > LAST_SYNCHRONOUS)
+                && let Some((_, frame)) = self.due_frame(slot, None, now_us)
+            {
+                self.outbox.push(frame);
             }
         }
     }
 
-    /// Sends a transmit PDO with its identifier, if it is in use and due: at a SYNC, with its counter if it has one, or
+    /// Returns data and frame of a transmit PDO, if it is in use and due: at a SYNC, with its counter if it has one, or
     /// between two.
     #[inline(never)]
-    fn transmit_if_due(&mut self, slot: usize, sync: Option<Option<u8>>, now_us: u64) {
+    fn due_frame(
+        &mut self,
+        slot: usize,
+        sync: Option<Option<u8>>,
+        now_us: u64,
+    ) -> Option<([u8; 8], Frame)> {
         let identifier = self.transmit_identifier(slot);
-        let Some(mapping) = self.pdos.transmit.get(slot).map(|pdo| pdo.mapping) else { return };
+        let mapping = self.pdos.transmit.get(slot)?.mapping;
         let length = mapping.length();
         if identifier & PDO_UNUSED != 0 || length == 0 {
-            return;
+            return None;
         }
+        let data = self.mapped_data(&mapping);
+        let pdo = self.pdos.transmit.get_mut(slot)?;
+        let is_due = match sync {
+            Some(counter) => pdo.is_due_at_sync(counter, data, now_us),
+            None => pdo.is_due_by_event(data, now_us),
+        };
+        if !is_due {
+            return None;
+        }
+        let identifier = identifier as u16 & Frame::MAX_IDENTIFIER;
+        Some((data, Frame::new(identifier, data.get(..length).unwrap_or(&data))?))
+    }
+
+    /// Returns the values of the mapped objects, one after the other.
+    fn mapped_data(&self, mapping: &Mapping) -> [u8; 8] {
         let mut data = [0; 8];
         let mut rest = &mut data[..];
         for object in mapping.objects() {
@@ -431,17 +485,6 @@ impl<F: NorFlash> Device<F> {
             }
             rest = after;
         }
-        let is_due = self.pdos.transmit.get_mut(slot).is_some_and(|pdo| match sync {
-            Some(counter) => pdo.is_due_at_sync(counter, data, now_us),
-            None => pdo.is_due_by_event(data, now_us),
-        });
-        if is_due
-            && let Some(frame) = Frame::new(
-                identifier as u16 & Frame::MAX_IDENTIFIER,
-                data.get(..length).unwrap_or(&data),
-            )
-        {
-            self.outbox.push(frame);
-        }
+        data
     }
 }

@@ -111,6 +111,7 @@ impl<F: NorFlash> Device<F> {
                     node: settings.node.number().into(),
                     bit_rate_kbit: settings.bit_rate_kbit.into(),
                     data_bit_rate_kbit: settings.data_bit_rate_kbit.into(),
+                    fd_telemetry: settings.fd_telemetry.into(),
                 }
                 .words(),
                 place,

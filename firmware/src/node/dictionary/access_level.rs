@@ -21,7 +21,8 @@ pub const fn level(at_index: u16, sub_index: u8) -> Level {
             OperationObject::SOURCE
             | OperationObject::NODE
             | OperationObject::BIT_RATE
-            | OperationObject::DATA_BIT_RATE,
+            | OperationObject::DATA_BIT_RATE
+            | OperationObject::FD_TELEMETRY,
         )
         // The confirmation of the wiring; a run that moves the motor while its wiring is unknown.
         | (index::COMMISSIONING | index::COMMISSIONING_RUN, _)

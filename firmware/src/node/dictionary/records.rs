@@ -201,6 +201,7 @@ record! {
         node: Unsigned8, ReadWrite, NODE;
         bit_rate_kbit: Unsigned16, ReadWrite, BIT_RATE;
         data_bit_rate_kbit: Unsigned16, ReadWrite, DATA_BIT_RATE;
+        fd_telemetry: Unsigned8, ReadWrite, FD_TELEMETRY;
     }
 }
 

@@ -123,7 +123,14 @@ impl JointView {
             self.error_frames += 1;
             return false;
         }
-        let Some(frame) = frame.to_joint() else { return false };
+        let mut has_news = false;
+        for frame in frame.joint_frames() {
+            has_news |= self.receive_own(&frame, time_ns);
+        }
+        has_news
+    }
+
+    fn receive_own(&mut self, frame: &Frame, time_ns: u64) -> bool {
         let number = u16::from(self.node.number());
         let identifier = frame.identifier();
         let is_joints = matches!(identifier.wrapping_sub(number), 0x080 | 0x180 | 0x280 | 0x380)
@@ -137,13 +144,13 @@ impl JointView {
             (self.last_frame_ns, self.silent) = (Some(time_ns), false);
         }
         if identifier == 0x700 + number {
-            return self.heartbeat(&frame, time_ns) || has_news;
+            return self.heartbeat(frame, time_ns) || has_news;
         }
         if identifier == 0x080 + number {
-            self.emergency(&frame, time_ns);
+            self.emergency(frame, time_ns);
             return true;
         }
-        if let Ok(message) = Message::parse(&frame) {
+        if let Ok(message) = Message::parse(frame) {
             self.message(&message, time_ns);
         }
         has_news

@@ -8,7 +8,7 @@ use compensator_core::can::{
     AnswerFrame, Frame, FrameError, Message, NodeId, SampleAssembler, StatusFrame, SyncOutcome,
     TraceEntry,
 };
-use joint_trace::{CanFrame, Census, Frames, LineError, TextFormat, TextReader};
+use joint_trace::{CanFrame, Census, Frames, Line, LineError, TextFormat, TextReader};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -227,17 +227,26 @@ impl Builder {
             }
         };
         let frame = match line.frame {
-            CanFrame::Flexible { .. } => return over.flexible += 1,
+            CanFrame::Flexible { .. } => {
+                let Some(telemetry) = line.frame.to_telemetry() else {
+                    return over.flexible += 1;
+                };
+                return telemetry.frames().for_each(|frame| self.frame(&frame, &line));
+            }
             CanFrame::Remote { .. } => return over.remote += 1,
             CanFrame::Error { .. } => return over.error += 1,
             CanFrame::Data { .. } => line.frame.to_joint(),
         };
         let Some(frame) = frame else { return over.foreign += 1 };
-        match Message::parse(&frame) {
+        self.frame(&frame, &line);
+    }
+
+    fn frame(&mut self, frame: &Frame, line: &Line) {
+        match Message::parse(frame) {
             Ok(message) => self.message(message, line.interface, line.time_ns),
-            Err(FrameError::Foreign(_)) => over.foreign += 1,
+            Err(FrameError::Foreign(_)) => self.plan.skipped.foreign += 1,
             Err(_) => {
-                let is_own = self.is_own_frame(&frame, line.interface);
+                let is_own = self.is_own_frame(frame, line.interface);
                 let over = &mut self.plan.skipped;
                 *if is_own { &mut over.damaged } else { &mut over.foreign } += 1;
             }

@@ -11,6 +11,7 @@
 use super::check::{Check, Tally};
 use super::plan::Plan;
 use crate::bus::{Bus, BusError, Received};
+use compensator_core::can::Frame;
 use joint_trace::CanFrame;
 use std::time::Instant;
 
@@ -296,8 +297,13 @@ impl<'a> Player<'a> {
 
     fn take(&mut self, check: &mut Check, received: &Received) {
         self.result.wire_ns += crate::bus::BitRates::FASTEST.duration_ns(&received.frame);
-        let Some(frame) = received.frame.to_joint() else { return };
-        let Some((sample, answer, status)) = check.received(&frame, received.time_ns) else {
+        for frame in received.frame.joint_frames() {
+            self.take_frame(check, &frame, received.time_ns);
+        }
+    }
+
+    fn take_frame(&mut self, check: &mut Check, frame: &Frame, time_ns: u64) {
+        let Some((sample, answer, status)) = check.received(frame, time_ns) else {
             return;
         };
         self.silent_windows = 0;

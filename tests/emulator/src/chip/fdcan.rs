@@ -1,10 +1,10 @@
 //! FDCAN1: message RAM, filters, receive FIFO 0, transmit FIFO, and a bus of its own (RM0440, 44).
 //!
-//! A frame occupies the bus for its bits at 1 Mbit/s, with a stuff bit in ten. Where several wait, the lowest identifier
+//! A frame occupies the bus for its bits at 1 Mbit/s, with a stuff bit in ten, and those of CAN FD data at their own rate. Where several wait, the lowest identifier
 //! wins. A share of the frames may be destroyed by bit errors: they are repeated, and the error counters rise as ISO
 //! 11898-1 states, to error passive and bus-off. Frames of others are never lost.
 
-use compensator_core::can::Frame;
+use compensator_core::can::{FdTelemetry, Frame};
 use std::collections::VecDeque;
 
 const BASE: u32 = 0x4000_6400;
@@ -31,6 +31,7 @@ const TXBTO: u32 = 0xD4;
 
 const INIT: u32 = 1;
 const FD_OPERATION: u32 = 1 << 8;
+const RATE_SWITCHING: u32 = 1 << 9;
 const NEW_MESSAGE: u32 = 1;
 const FIFO_FULL: u32 = 1 << 1;
 const MESSAGE_LOST: u32 = 1 << 2;
@@ -79,8 +80,25 @@ pub struct Fdcan {
     /// Share of the frames that bit errors destroy, from 0 to 1.
     pub destroyed_share: f64,
     random: u64,
-    /// Frames that the driver has sent, with their end.
+    /// Classic frames that the driver has sent, with their end, and those in its frames of CAN FD.
     pub sent: VecDeque<(u64, Frame)>,
+    /// Frames of CAN FD that the driver has sent, with their end.
+    pub sent_fd: VecDeque<(u64, FdTelemetry)>,
+}
+
+/// A frame in a transmit element.
+enum Outgoing {
+    Classic(Frame),
+    Fd(FdTelemetry),
+}
+
+impl Outgoing {
+    fn identifier(&self) -> u16 {
+        match self {
+            Self::Classic(frame) => frame.identifier(),
+            Self::Fd(frame) => frame.identifier(),
+        }
+    }
 }
 
 impl Default for Fdcan {
@@ -106,6 +124,7 @@ impl Default for Fdcan {
             destroyed_share: 0.0,
             random: 1,
             sent: VecDeque::new(),
+            sent_fd: VecDeque::new(),
         }
     }
 }
@@ -184,7 +203,11 @@ impl Fdcan {
         if others_win && let Some((from, frame)) = arrives {
             self.arrival = Some(start.max(*from) + frame_cycles(frame));
         } else if let Some((element, frame)) = own {
-            self.on_bus = Some((start + frame_cycles(&frame), element));
+            let cycles = match &frame {
+                Outgoing::Classic(frame) => frame_cycles(frame),
+                Outgoing::Fd(_) => self.fd_cycles(),
+            };
+            self.on_bus = Some((start + cycles, element));
         }
     }
 
@@ -237,8 +260,13 @@ impl Fdcan {
         self.errors[0] = self.errors[0].saturating_sub(1);
         self.bus_free = end;
         self.waiting.retain(|waiting| *waiting != element);
-        if let Some(frame) = self.outgoing(element) {
-            self.sent.push_back((end, frame));
+        match self.outgoing(element) {
+            Some(Outgoing::Classic(frame)) => self.sent.push_back((end, frame)),
+            Some(Outgoing::Fd(frame)) => {
+                self.sent.extend(frame.frames().map(|classic| (end, classic)));
+                self.sent_fd.push_back((end, frame));
+            }
+            None => {}
         }
         self.registers[TXBRP as usize / 4] &= !(1 << element);
         self.registers[TXBTO as usize / 4] |= 1 << element;
@@ -268,16 +296,37 @@ impl Fdcan {
         self.set_errors(is_off, self.errors.iter().any(|&count| count > PASSIVE_ABOVE));
     }
 
-    /// Returns the frame of a transmit element; `None` if it is not a classic frame of eleven bits.
-    fn outgoing(&self, element: usize) -> Option<Frame> {
+    /// Returns the duration of a frame of CAN FD with 64 bytes: bits of the arbitration and the end at 1 Mbit/s; the others,
+    /// with a stuff bit in ten, at their own rate.
+    fn fd_cycles(&self) -> u64 {
+        let data_rate = self.data_bit_rate().unwrap_or(1_000_000);
+        let bits = 5 + 8 * 64;
+        let data_bits = bits + bits / 10 + 4 + 21 + 7;
+        30 * BIT_CYCLES + data_bits * BIT_CYCLES * 1_000_000 / data_rate
+    }
+
+    /// Returns the frame of a transmit element; `None` if it is neither a classic frame of eleven bits nor telemetry of
+    /// CAN FD with switched bit rate, or if the controller may not send that.
+    fn outgoing(&self, element: usize) -> Option<Outgoing> {
         let words = &self.ram[TRANSMIT + ELEMENT_WORDS * element..];
         let (head, second) = (words[0], words[1]);
-        if head >> 30 & 1 == 1 || second >> 21 & 1 == 1 {
+        if head >> 30 & 1 == 1 {
             return None;
+        }
+        let is_fd = second >> 21 & 1 == 1;
+        if is_fd {
+            let needed = FD_OPERATION | RATE_SWITCHING;
+            let bytes: Vec<u8> =
+                words[2..ELEMENT_WORDS].iter().flat_map(|word| word.to_le_bytes()).collect();
+            let is_whole = second >> 16 & 0x1F == 0x1F;
+            let frame = FdTelemetry::parse((head >> 18) as u16 & 0x7FF, &bytes);
+            return frame
+                .filter(|_| is_whole && self.register(CCCR) & needed == needed)
+                .map(Outgoing::Fd);
         }
         let length = (second >> 16 & 0xF).min(8) as usize;
         let bytes: Vec<u8> = words[2..4].iter().flat_map(|word| word.to_le_bytes()).collect();
-        Frame::new((head >> 18) as u16 & 0x7FF, &bytes[..length])
+        Frame::new((head >> 18) as u16 & 0x7FF, &bytes[..length]).map(Outgoing::Classic)
     }
 
     /// Returns true if a filter accepts the identifier into FIFO 0.

@@ -81,6 +81,30 @@ fn controller_accepts_moved_pdo_and_lss_and_follows_flexible_frames() {
 }
 
 #[test]
+fn telemetry_in_a_frame_of_can_fd_contains_the_classic_frames() {
+    let mut machine = started();
+    machine.run(100 * MILLISECOND);
+    exchange(&mut machine, 0, &[1, 1], 3);
+    let identifiers = |frames: Vec<Frame>| -> Vec<u16> {
+        let sent = frames.iter().map(Frame::identifier);
+        sent.filter(|identifier| !matches!(identifier & 0x780, 0x080 | 0x700)).collect()
+    };
+    let classic = identifiers(exchange(&mut machine, 0x080, &[1], 3));
+    assert_eq!(classic, [0x481, 0x681, 0x181, 0x281, 0x381]);
+    assert!(machine.chip().can.sent_fd.is_empty());
+    let on = [0x2F, 0x01, 0x20, 9, 1, 0, 0, 0];
+    let answer = exchange(&mut machine, 0x601, &on, 20);
+    assert_eq!(answers(&answer, ANSWER)[0][0], 0x60);
+    // The frames are those in the frame of CAN FD.
+    assert_eq!(identifiers(exchange(&mut machine, 0x080, &[2], 3)), classic);
+    let sent = &machine.chip().can.sent_fd;
+    let [(_, frame)] = sent.iter().collect::<Vec<_>>()[..] else { panic!("{sent:?}") };
+    assert_eq!((frame.identifier(), frame.counter()), (0x381, 2));
+    assert!((100_000..300_000).contains(&frame.time_us()), "{} us", frame.time_us());
+    assert!(frame.get(5).is_some(), "the drive");
+}
+
+#[test]
 fn record_is_read_in_one_block_through_a_fifo_of_three_frames() {
     let mut machine = started();
     machine.run(100 * MILLISECOND);
