@@ -4,12 +4,12 @@
 //! with a page of *marks* ([`marks`]): double words that are each written once after an erase of that page.
 //!
 //! ```text
-//! clear            receive            verify              start             self-test passed
-//! marks erased -> header, image -> mark VERIFIED -> [boot] mark TRIAL -> [driver] mark CONFIRMED
-//!                                                     | reset by watchdog or software: mark REJECTED
+//! clear           receive          hash right       [boot] signature right    [driver] self-test passed
+//! marks erased -> header, image -> mark RECEIVED -> mark TRIAL -----------> mark CONFIRMED
+//!                                                    | signature wrong, or reset by watchdog or software: mark REJECTED
 //! ```
-//! [`boot::select`] chooses the slot at every start: the newest one that is verified, intact, and confirmed or with a
-//! start left. Every step leaves at most one torn double word or page, and each reading of it is safe: a torn VERIFIED
+//! [`boot::select`] chooses the slot at every start: the newest one that is signed, intact, and confirmed or with a
+//! start left. Every step leaves at most one torn double word or page, and each reading of it is safe: a torn RECEIVED
 //! is no image, a torn TRIAL counts as used, a torn CONFIRMED is written again in the next place. The running image is
 //! never written, so one image always starts. [`receiver`] is the receiving side, [`signature`] checks who signed.
 
@@ -17,6 +17,8 @@ pub mod boot;
 pub mod marks;
 pub mod package;
 pub mod receiver;
+pub mod recovery;
+pub mod session;
 pub mod signature;
 
 use core::ops::Range;
@@ -56,4 +58,18 @@ pub struct Program {
     pub own: Slot,
     /// Slot that receives updates.
     pub other: Slot,
+    /// Offsets of the parameter stores: in the bank of the running image, and in the other one. Both have
+    /// [`Program::store_bytes`].
+    pub stores: [u32; 2],
+    /// Length of a parameter store, bytes.
+    pub store_bytes: u32,
+}
+
+impl Program {
+    /// Returns the two slots of the parameter store in the bank of the running image, or in the other one.
+    pub const fn store_slots(&self, in_own_bank: bool) -> [Range<u32>; 2] {
+        let start = self.stores[if in_own_bank { 0 } else { 1 }];
+        let half = start + self.store_bytes / 2;
+        [start..half, half..start + self.store_bytes]
+    }
 }

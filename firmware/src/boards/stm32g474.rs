@@ -148,7 +148,13 @@ mod app {
             && shunts.iter().all(Option::is_some);
         start::check_brown_out_level();
 
-        let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
+        let boot = Boot {
+            cause,
+            panic: panicked.as_deref(),
+            stack_overflowed,
+            self_test_passed,
+            program: None,
+        };
         let store = StoreFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
         background.set_scope_memory(context.local.scope);

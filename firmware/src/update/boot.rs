@@ -1,12 +1,13 @@
 //! The choice of the image at a start.
 //!
-//! Images are ordered by the number of their update, the newest first. The first one starts that is bare, or verified,
+//! Images are ordered by the number of their update, the newest first. The first one starts that is bare, or signed,
 //! intact, not rejected, and confirmed or with a start left. An unconfirmed image that was reset by the watchdog or by
 //! software is rejected: it hung, or panicked. A loss of power only uses one of its starts.
 
 use super::Slot;
 use super::marks::{self, ImageState, SlotState, TRIALS};
 use super::package::{CRC, HEADER_BYTES};
+use super::signature;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Result of [`select`].
@@ -28,11 +29,12 @@ const CHUNK_BYTES: usize = 256;
 
 /// Selects the image to start, and writes the marks of a trial or a rejection.
 ///
-/// `has_failed`: the last run ended by the watchdog or by software. `is_plausible` checks the start of an image in a slot,
-/// such as its stack pointer.
+/// `has_failed`: the last run ended by the watchdog or by software. `public_key` is that of [`signature`]; it is needed
+/// before the first start of an image. `is_plausible` checks the start of an image in a slot, such as its stack pointer.
 pub fn select<F: NorFlash>(
     flash: &mut F,
     slots: &[Slot; 2],
+    public_key: &[u8; 32],
     has_failed: bool,
     mut is_plausible: impl FnMut(&mut F, usize) -> bool,
 ) -> Selection {
@@ -52,7 +54,11 @@ pub fn select<F: NorFlash>(
         if image.is_confirmed {
             return Selection::Start { slot: number, is_trial: false };
         }
-        if image.trials >= TRIALS || image.trials > 0 && has_failed {
+        let is_refused = match image.trials {
+            0 => !signature::is_authentic(flash, slot, &image, public_key),
+            used => has_failed || used >= TRIALS,
+        };
+        if is_refused {
             // If the mark fails, the next start decides again.
             let _ = marks::reject(flash, slot, &image);
             continue;
@@ -93,8 +99,10 @@ pub fn next_sequence(states: [SlotState; 2]) -> u16 {
 
 fn newest_first(states: [SlotState; 2]) -> [usize; 2] {
     match states {
-        [SlotState::Image(first), SlotState::Image(second)] => {
-            if is_newer(second.sequence, first.sequence) { [1, 0] } else { [0, 1] }
+        [SlotState::Image(first), SlotState::Image(second)]
+            if !is_newer(second.sequence, first.sequence) =>
+        {
+            [0, 1]
         }
         // What a debugger wrote is older than any update that followed it.
         [_, SlotState::Image(_)] => [1, 0],

@@ -5,8 +5,8 @@
 //!
 //! | place | mark | a torn one means |
 //! |---|---|---|
-//! | 0 | VERIFIED with the sequence number | no image |
-//! | 1 to 3 | TRIAL: this start was begun | the start is used |
+//! | 0 | RECEIVED with the sequence number | no image |
+//! | 1 to 3 | TRIAL: this start was begun, after the check of the signature | the start is used |
 //! | 4 | REJECTED | rejected |
 //! | 8 to 15 | CONFIRMED | not confirmed; the next place is written |
 //! | 16 | BARE: written by a debugger together with an image without a header | not bare |
@@ -20,7 +20,7 @@ use embedded_storage::nor_flash::NorFlash;
 /// Number of starts without a confirmation. More than one, because a loss of power is not the image's fault.
 pub const TRIALS: u32 = 3;
 
-const VERIFIED: u32 = 0;
+const RECEIVED: u32 = 0;
 const FIRST_TRIAL: u32 = 1;
 const REJECTED: u32 = 4;
 const CONFIRMED: core::ops::Range<u32> = 8..16;
@@ -34,7 +34,7 @@ const ERASED: [u8; 8] = [0xFF; 8];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 enum Kind {
-    Verified = 1,
+    Received = 1,
     Trial = 2,
     Rejected = 3,
     Confirmed = 4,
@@ -43,15 +43,15 @@ enum Kind {
 /// State of a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SlotState {
-    /// There is no verified image.
+    /// There is no complete image.
     Empty,
     /// A debugger wrote the image: nothing is known of it.
     Bare,
-    /// An image was verified.
+    /// An image was received completely.
     Image(ImageState),
 }
 
-/// State of a verified image.
+/// State of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageState {
     /// Its header.
@@ -84,7 +84,7 @@ pub fn state<F: NorFlash>(flash: &mut F, slot: &Slot) -> SlotState {
     let mark = |flash: &mut F, place: u32, kind: Kind| {
         unit(flash, slot, place).and_then(|bytes| parse(&bytes, kind, identity))
     };
-    let Some(sequence) = mark(flash, VERIFIED, Kind::Verified) else { return SlotState::Empty };
+    let Some(sequence) = mark(flash, RECEIVED, Kind::Received) else { return SlotState::Empty };
     // A used start is any place that is not erased, because a torn mark was begun.
     let is_used = |flash: &mut F, place: u32| unit(flash, slot, place) != Some(ERASED);
     SlotState::Image(ImageState {
@@ -98,17 +98,17 @@ pub fn state<F: NorFlash>(flash: &mut F, slot: &Slot) -> SlotState {
     })
 }
 
-/// Marks an image as verified. The page of marks must be erased.
+/// Marks an image as received completely. The page of marks must be erased.
 ///
 /// # Errors
 /// The flash refuses the mark, or reads it back differently.
-pub fn verify<F: NorFlash>(
+pub fn receive<F: NorFlash>(
     flash: &mut F,
     slot: &Slot,
     header: &Header,
     sequence: u16,
 ) -> Result<(), MarkError> {
-    write(flash, slot, VERIFIED, Kind::Verified, sequence, header)
+    write(flash, slot, RECEIVED, Kind::Received, sequence, header)
 }
 
 /// Marks the begin of a start without a confirmation.

@@ -1,16 +1,17 @@
-//! The receiving side of an update: it writes a package to the other slot and verifies it.
+//! The receiving side of an update: it writes a package to the other slot and checks what arrived.
 //!
-//! [`Receiver::clear`] erases the marks of that slot, so it holds no image until the package is verified. Pages are erased
-//! when their first byte arrives. The header is checked as soon as it is complete. Once all bytes have arrived,
-//! [`Receiver::step`] reads the image back in small parts and compares hash and signature; then it writes the mark.
+//! [`Receiver::clear`] erases the marks of that slot, so it holds no image until the package is complete. A page is erased
+//! when the page before it begins. The header is checked as soon as it is complete. Once all bytes have arrived,
+//! [`Receiver::step`] reads the image back in small parts and compares its hash; then it writes the mark. The signature is
+//! checked by the boot program, before the first start.
 //!
 //! A transfer that stops can go on at [`Receiver::received`]. After a loss of power this number comes from the flash: the
-//! start of the last page that is not blank, which is then erased and written again.
+//! start of the page before the first blank one, which is then erased and written again. If that is wrong, as after a torn
+//! erase, the hash differs, and the transfer begins again.
 
 use super::boot::next_sequence;
 use super::marks::{self, SlotState};
 use super::package::{HEADER_BYTES, Header, USED_BYTES, Version};
-use super::signature::is_signed;
 use super::{Program, Slot, UNIT_BYTES};
 use embedded_storage::nor_flash::NorFlash;
 use sha2::{Digest, Sha512};
@@ -37,8 +38,6 @@ pub enum Refusal {
     NotCleared,
     /// The hash of the image differs: bytes were changed, or come from two packages.
     Hash,
-    /// The holder of the key did not sign this package.
-    Signature,
     /// The flash reported an error.
     Flash,
 }
@@ -55,7 +54,6 @@ impl core::fmt::Display for Refusal {
             Self::Excess => f.write_str("more bytes than the package has"),
             Self::NotCleared => f.write_str("clear the program first (1F51h:1 = 3)"),
             Self::Hash => f.write_str("the image differs from its hash"),
-            Self::Signature => f.write_str("the signature is not of this board's key"),
             Self::Flash => f.write_str("the flash reported an error"),
         }
     }
@@ -63,11 +61,11 @@ impl core::fmt::Display for Refusal {
 
 /// Progress of an update.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one receiver, and no heap to box it")]
 enum Stage {
     Idle,
     Receiving,
     Verifying { header: Header, at: u32, hash: Sha512 },
-    Signing { header: Header },
     Ready,
     Refused(Refusal),
 }
@@ -121,7 +119,7 @@ impl Receiver {
 
     /// Returns true while the package is verified.
     pub const fn is_verifying(&self) -> bool {
-        matches!(self.stage, Stage::Verifying { .. } | Stage::Signing { .. })
+        matches!(self.stage, Stage::Verifying { .. })
     }
 
     /// Returns true if a verified image waits for its start.
@@ -170,11 +168,13 @@ impl Receiver {
         // The marks may be half-erased.
         let page = slot.marks_page(F::ERASE_SIZE as u32);
         flash.erase(page.start, page.end).ok()?;
+        // The page behind the last one that was begun is blank; what follows is of an earlier image.
         let mut last = slot.start;
         for at in (slot.start..slot.start + header.package_bytes()).step_by(F::ERASE_SIZE) {
-            if !is_blank(flash, at, F::ERASE_SIZE as u32) {
-                last = at;
+            if is_blank(flash, at, F::ERASE_SIZE as u32) {
+                break;
             }
+            last = at;
         }
         if last == slot.start {
             return None;
@@ -239,18 +239,20 @@ impl Receiver {
         Ok(whole)
     }
 
-    /// Programs double words of one page, which is erased before if it was not.
+    /// Programs double words of one page. This page and the next one are erased before, so that [`Receiver::resume`] finds
+    /// the end.
     fn program_at<F: NorFlash>(
         &mut self,
         flash: &mut F,
         at: u32,
         units: &[u8],
     ) -> Result<(), Refusal> {
-        if at >= self.erased_until {
-            let page = at / F::ERASE_SIZE as u32 * F::ERASE_SIZE as u32;
-            let end = page + F::ERASE_SIZE as u32;
-            flash.erase(page, end).map_err(|_| self.refuse(Refusal::Flash))?;
-            self.erased_until = end;
+        let page = F::ERASE_SIZE as u32;
+        let ahead = (at / page * page + 2 * page).min(self.program.other.marks);
+        while self.erased_until < ahead {
+            let (from, to) = (self.erased_until, self.erased_until + page);
+            flash.erase(from, to).map_err(|_| self.refuse(Refusal::Flash))?;
+            self.erased_until = to;
         }
         flash.write(at, units).map_err(|_| self.refuse(Refusal::Flash))
     }
@@ -300,52 +302,38 @@ impl Receiver {
         }
     }
 
-    /// Does a part of the verification, less than a millisecond; the check of the signature takes longer. Call it once per
-    /// tick while [`Receiver::is_verifying`].
+    /// Does a part of the verification, less than a millisecond. Call it once per tick while [`Receiver::is_verifying`].
     pub fn step<F: NorFlash>(&mut self, flash: &mut F) {
         let slot = self.program.other;
-        let outcome = match &mut self.stage {
-            Stage::Verifying { header, at, hash } => {
-                if *at == slot.start {
-                    match marks::header(flash, &slot) {
-                        Some(found) => (*header, *at) = (found, slot.start + HEADER_BYTES as u32),
-                        None => return self.stage = Stage::Refused(Refusal::NoPackage),
-                    }
-                }
-                let end = slot.start + header.package_bytes();
-                let until = end.min(*at + STEP_BYTES);
-                match hash_part(flash, *at..until, hash) {
-                    Ok(()) => *at = until,
-                    Err(refusal) => return self.stage = Stage::Refused(refusal),
-                }
-                if until < end {
-                    return;
-                }
-                let is_same = hash.clone().finalize().as_slice() == header.hash;
-                if is_same {
-                    Stage::Signing { header: *header }
-                } else {
-                    Stage::Refused(Refusal::Hash)
-                }
+        let Stage::Verifying { header, at, hash } = &mut self.stage else { return };
+        if *at == slot.start {
+            match marks::header(flash, &slot) {
+                Some(found) => (*header, *at) = (found, slot.start + HEADER_BYTES as u32),
+                None => return self.stage = Stage::Refused(Refusal::NoPackage),
             }
-            Stage::Signing { header } => {
-                let header = *header;
-                self.accept(flash, &header).map_or_else(Stage::Refused, |()| Stage::Ready)
-            }
-            _ => return,
+        }
+        let end = slot.start + header.package_bytes();
+        let until = end.min(*at + STEP_BYTES);
+        if hash_part(flash, *at..until, hash).is_err() {
+            return self.stage = Stage::Refused(Refusal::Hash);
+        }
+        *at = until;
+        if until < end {
+            return;
+        }
+        let (header, is_same) = (*header, hash.clone().finalize().as_slice() == header.hash);
+        self.stage = match is_same {
+            true => self.accept(flash, &header).map_or_else(Stage::Refused, |()| Stage::Ready),
+            false => Stage::Refused(Refusal::Hash),
         };
-        self.stage = outcome;
     }
 
-    /// Checks the signature and the header again, and writes the mark.
+    /// Checks the header again, and writes the mark.
     fn accept<F: NorFlash>(&mut self, flash: &mut F, header: &Header) -> Result<(), Refusal> {
         self.check(flash, header)?;
-        if !is_signed(header, &self.program.public_key) {
-            return Err(Refusal::Signature);
-        }
         let own = marks::state(flash, &self.program.own);
         let sequence = next_sequence([own, SlotState::Empty]);
-        marks::verify(flash, &self.program.other, header, sequence).map_err(|_| Refusal::Flash)
+        marks::receive(flash, &self.program.other, header, sequence).map_err(|_| Refusal::Flash)
     }
 
     fn refuse(&mut self, refusal: Refusal) -> Refusal {
@@ -362,7 +350,8 @@ fn least_counter<F: NorFlash>(flash: &mut F, own: &Slot) -> u32 {
     }
 }
 
-fn hash_part<F: NorFlash>(
+/// Adds a part of the flash to a hash; an unreadable double word is a damaged image.
+pub(super) fn hash_part<F: NorFlash>(
     flash: &mut F,
     part: core::ops::Range<u32>,
     hash: &mut Sha512,
@@ -372,7 +361,6 @@ fn hash_part<F: NorFlash>(
     while at < part.end {
         let length = CHUNK_BYTES.min((part.end - at) as usize);
         let Some(chunk) = bytes.get_mut(..length) else { break };
-        // An unreadable double word is a damaged image.
         flash.read(at, chunk).map_err(|_| Refusal::Flash)?;
         hash.update(&*chunk);
         at += length as u32;

@@ -26,7 +26,9 @@ pub fn key() -> SigningKey {
 /// The device's view: it runs from slot `own`, 0 or 1.
 pub fn program(own: usize) -> Program {
     let (own, other) = if own == 0 { (OWN, OTHER) } else { (OTHER, OWN) };
-    Program { board: BOARD, public_key: key().verifying_key().to_bytes(), own, other }
+    let public_key = key().verifying_key().to_bytes();
+    // The parameter store is not used here.
+    Program { board: BOARD, public_key, own, other, stores: [0; 2], store_bytes: 0 }
 }
 
 pub struct Package {
@@ -114,7 +116,7 @@ fn ended(flash: &Flash, refusal: Refusal) -> End {
 
 /// Starts the device.
 pub fn start(flash: &mut Flash, has_failed: bool) -> Selection {
-    select(flash, &[OWN, OTHER], has_failed, |_, _| true)
+    select(flash, &[OWN, OTHER], &program(0).public_key, has_failed, |_, _| true)
 }
 
 /// Confirms the image of a slot.

@@ -2,6 +2,7 @@
 
 use super::network::LiveNetwork;
 use super::pdos::Pdos;
+use super::program::ProgramState;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
 use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
@@ -22,7 +23,7 @@ use crate::parameter_set::ParameterSet;
 use crate::scope::Scope;
 use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
-use crate::store::{LoadError, Store};
+use crate::store::{LoadError, Store, mirror};
 use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
 use compensator_core::can::JointKind;
 use embedded_storage::nor_flash::NorFlash;
@@ -37,7 +38,12 @@ impl<F: NorFlash> Device<F> {
         boot: &Boot,
         now_us: u64,
     ) -> Self {
-        let mut store = Store::open(flash);
+        let mut store = match &boot.program {
+            Some(program) => {
+                mirror::open(flash, program.store_slots(true), program.store_slots(false))
+            }
+            None => Store::open(flash),
+        };
         let mut loaded = LoadedSet::load(&mut store, defaults);
         let hil = loaded.build_hil();
         Self::assemble(store, loaded, hil, defaults, identity, boot, now_us)
@@ -46,7 +52,7 @@ impl<F: NorFlash> Device<F> {
     // Not inlined, so that its stack is not needed while the set is loaded.
     #[inline(never)]
     fn assemble(
-        store: Store<F>,
+        mut store: Store<F>,
         loaded: LoadedSet,
         hil: HilJoint,
         defaults: NodeSettings,
@@ -73,11 +79,13 @@ impl<F: NorFlash> Device<F> {
         if let Some(error) = refusal {
             staging.refuse(Abort::Value, error);
         }
+        let program = ProgramState::new(&mut store, boot.program, now_us);
         // The value of the function, not a local one, which would be another 14 KB of stack.
         Self {
             counters: Counters::default(),
             watch,
             network,
+            program,
             staging,
             identity,
             errors: Deque::new(),
