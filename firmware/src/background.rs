@@ -10,7 +10,7 @@
 //! a simulated bus, calls [`Background::receive`], [`Background::tick`] and [`Background::transmit`] instead.
 //! The current loop runs in an interrupt with higher priority; [`crate::loop_link`] connects the two.
 
-use crate::driver::{Driver, LoopReport};
+use crate::driver::{Boot, Driver, LoopReport};
 use crate::loop_link::LoopLink;
 use crate::sensors::{LocalReadings, SensorParameters, enclosure};
 use crate::supervisor::CanState;
@@ -118,6 +118,11 @@ impl<F: NorFlash> Background<F> {
     /// Creates a loop whose first tick is due now.
     pub const fn new(driver: Driver<F>, now_us: u64) -> Self {
         Self { driver, due_us: now_us }
+    }
+
+    /// Completes the start of a driver that has loaded nothing: see [`Driver::load`].
+    pub fn load(&mut self, boot: &Boot, now_us: u64) {
+        self.driver.load(boot, now_us);
     }
 
     /// Runs all work that is due.

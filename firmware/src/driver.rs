@@ -71,23 +71,40 @@ impl<F: NorFlash> Driver<F> {
         boot: &Boot,
         now_us: u64,
     ) -> Self {
-        let mut device = Device::boot(settings, flash, identity, boot, now_us);
-        let node = device.settings().node;
-        let network = Network::boot(node, now_us, device.outbox());
-        let mut driver = Self {
-            network,
+        let mut driver = Self::with_defaults(settings, flash, identity, now_us);
+        driver.load(boot, now_us);
+        driver
+    }
+
+    /// Creates a driver that has loaded nothing yet. [`Self::load`] completes its start; a board with little stack
+    /// calls it once the driver is at its place. `settings` apply if none are stored.
+    pub fn with_defaults(
+        settings: NodeSettings,
+        flash: F,
+        identity: Identity,
+        now_us: u64,
+    ) -> Self {
+        Self {
+            network: Network::new(settings.node, now_us),
             sdo: SdoServer::new(),
-            device,
+            device: Device::with_defaults(settings, flash, identity, now_us),
             is_reset_requested: false,
             logged: JointState::Safe,
             model_log_us: Some(now_us.saturating_add(MODEL_LOG_DELAY_US)),
-        };
-        log!(info, "start as node {=u8} on {=str}", node.number(), identity.hardware);
+        }
+    }
+
+    /// Loads settings and parameters, reports how the previous run ended and sends the boot-up message.
+    pub fn load(&mut self, boot: &Boot, now_us: u64) {
+        self.device.load(boot);
+        let node = self.device.settings().node;
+        self.network = Network::boot(node, now_us, self.device.outbox());
+        let _hardware = self.device.identity.hardware;
+        log!(info, "start as node {=u8} on {=str}", node.number(), _hardware);
         if let Some(_text) = boot.panic {
             log!(error, "the last life ended with: {=str}", _text);
         }
-        driver.publish_events();
-        driver
+        self.publish_events();
     }
 
     /// Processes a received frame.

@@ -85,13 +85,17 @@ pub struct Network {
 }
 
 impl Network {
+    /// Creates a node that has not booted.
+    pub fn new(node: NodeId, now_us: u64) -> Self {
+        Self { node, machine: NmtStateMachine::new(), sent_us: now_us, heartbeat_us: None }
+    }
+
     /// Sends the boot-up message and enters pre-operational.
     pub fn boot(node: NodeId, now_us: u64, outbox: &mut Outbox) -> Self {
-        let mut machine = NmtStateMachine::new();
-        let network = |machine| Self { node, machine, sent_us: now_us, heartbeat_us: None };
+        let mut network = Self::new(node, now_us);
         outbox.push(heartbeat(node, NmtState::Initialising));
-        machine.boot();
-        network(machine)
+        network.machine.boot();
+        network
     }
 
     /// Returns the node number.

@@ -277,20 +277,28 @@ pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BL
     block
 }
 
+/// Splits a stored block into its settings and the encoded parameter set, which is not parsed.
+///
+/// # Errors
+/// Returns [`BlockError::NodeSettings`] if the settings are refused.
+pub fn split_block(block: &[u8]) -> Result<(NodeSettings, &[u8]), BlockError> {
+    let old = block.split_first_chunk::<{ NodeSettings::HEAD }>();
+    if let Some((head, set)) = old
+        && let Some(settings) = NodeSettings::parse_without_drive(head)
+    {
+        return Ok((settings, set));
+    }
+    let (head, set) =
+        block.split_first_chunk::<{ NodeSettings::LENGTH }>().ok_or(BlockError::NodeSettings)?;
+    Ok((NodeSettings::parse(head).ok_or(BlockError::NodeSettings)?, set))
+}
+
 /// Parses a stored block.
 ///
 /// # Errors
 /// Returns which part is refused and, for parameters, which one and why.
 pub fn parse_block(block: &[u8]) -> Result<(NodeSettings, ParameterSet), BlockError> {
-    let old = block.split_first_chunk::<{ NodeSettings::HEAD }>();
-    if let Some((head, set)) = old
-        && let Some(settings) = NodeSettings::parse_without_drive(head)
-    {
-        return Ok((settings, ParameterSet::parse(set).map_err(BlockError::Set)?));
-    }
-    let (head, set) =
-        block.split_first_chunk::<{ NodeSettings::LENGTH }>().ok_or(BlockError::NodeSettings)?;
-    let settings = NodeSettings::parse(head).ok_or(BlockError::NodeSettings)?;
+    let (settings, set) = split_block(block)?;
     Ok((settings, ParameterSet::parse(set).map_err(BlockError::Set)?))
 }
 

@@ -34,7 +34,7 @@ pub const MAX_SET_BYTES: usize = SET_BYTES + network_record::LENGTH;
 const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
 /// The complete parameters of a joint driver.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct ParameterSet {
     /// Friction model and compensator.
     pub friction: Configuration,
@@ -48,6 +48,24 @@ pub struct ParameterSet {
     pub watch: WatchParameters,
     /// Constants of the sensors.
     pub sensors: SensorParameters,
+}
+
+impl Clone for ParameterSet {
+    fn clone(&self) -> Self {
+        let mut copy = Self::default();
+        copy.clone_from(self);
+        copy
+    }
+
+    /// Copies part by part: a temporary set would take 3 KB of the driver's stack.
+    fn clone_from(&mut self, from: &Self) {
+        self.friction.clone_from(&from.friction);
+        self.network.clone_from(&from.network);
+        self.motor = from.motor;
+        self.thresholds = from.thresholds;
+        self.watch = from.watch;
+        self.sensors = from.sensors;
+    }
 }
 
 impl Default for ParameterSet {
@@ -195,19 +213,31 @@ impl ParameterSet {
     /// # Errors
     /// Returns what is wrong with the encoding, or the refused parameter and the reason.
     pub fn parse(bytes: &[u8]) -> Result<Self, SetError> {
+        let mut set = Self::default();
+        set.read(bytes).map(|()| set)
+    }
+
+    /// Replaces all parts by those of an encoded set, and validates them.
+    ///
+    /// # Errors
+    /// As [`Self::parse`]. Some parts may have been replaced then.
+    pub fn read(&mut self, bytes: &[u8]) -> Result<(), SetError> {
         let wrong_length = SetError::Length(bytes.len());
         let split = bytes.split_last_chunk::<{ network_record::LENGTH }>();
-        let (own, network) = match split.filter(|(_, last)| network_record::claims(*last)) {
+        let own = match split.filter(|(_, last)| network_record::claims(*last)) {
             Some((own, network)) => {
-                (own, network_record::parse(network).map_err(SetError::Network)?)
+                self.network = network_record::parse(network).map_err(SetError::Network)?;
+                own
             }
-            None => (bytes, None),
+            None => {
+                self.network = None;
+                bytes
+            }
         };
         let (friction, drive) = own.split_last_chunk::<DRIVE_RECORD_BYTES>().ok_or(wrong_length)?;
-        let friction = record::parse(friction).map_err(SetError::Record)?;
-        let set = Self::with_drive(friction, network, drive);
-        set.validate().map_err(SetError::Drive)?;
-        Ok(set)
+        self.friction = record::parse(friction).map_err(SetError::Record)?;
+        self.set_drive(drive);
+        self.validate().map_err(SetError::Drive)
     }
 
     /// Builds a set from a friction model, a network and the encoded other values. Nothing is checked.
@@ -216,6 +246,13 @@ impl ParameterSet {
         network: Option<JointNetwork>,
         drive: &[u8; DRIVE_RECORD_BYTES],
     ) -> Self {
+        let mut set = Self { friction, network, ..Self::default() };
+        set.set_drive(drive);
+        set
+    }
+
+    /// Replaces motor, thresholds, watch and sensors by their encoded values. Nothing is checked.
+    pub fn set_drive(&mut self, drive: &[u8; DRIVE_RECORD_BYTES]) {
         let mut motor = [0.0; MotorParameters::FIELDS];
         let mut thresholds = [0.0; Thresholds::FIELDS];
         let mut watch = [0.0; WatchParameters::FIELDS];
@@ -225,14 +262,10 @@ impl ParameterSet {
         for (place, word) in places.zip(words) {
             *place = f32::from_le_bytes(*word);
         }
-        Self {
-            friction,
-            network,
-            motor: MotorParameters::from_array(motor),
-            thresholds: Thresholds::from_array(thresholds),
-            watch: WatchParameters::from_array(watch),
-            sensors: SensorParameters::from_array(sensors),
-        }
+        self.motor = MotorParameters::from_array(motor);
+        self.thresholds = Thresholds::from_array(thresholds);
+        self.watch = WatchParameters::from_array(watch);
+        self.sensors = SensorParameters::from_array(sensors);
     }
 
     /// Returns the CRC-32 that identifies the set. The CRCs of the contained records are left out: a CRC

@@ -15,7 +15,7 @@
 
 pub mod image;
 pub mod memory;
-pub mod mirror;
+mod mirror;
 
 use core::fmt;
 use core::ops::Range;

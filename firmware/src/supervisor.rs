@@ -116,13 +116,11 @@ pub struct Supervisor {
     current_share: f32,
 }
 
-impl Supervisor {
-    /// Starts in the safe state and records how the previous run ended. If `thresholds` are refused, the
-    /// defaults apply and [`Code::ParametersRefused`] is raised.
-    pub fn boot(thresholds: &Thresholds, boot: &SupervisorBoot) -> Self {
-        let is_valid = thresholds.validate().is_ok();
-        let mut supervisor = Self {
-            thresholds: if is_valid { *thresholds } else { Thresholds::default() },
+impl Default for Supervisor {
+    /// Safe, with default thresholds, before its start.
+    fn default() -> Self {
+        Self {
+            thresholds: Thresholds::default(),
             armed: false,
             stopping: false,
             ramp_faults: CodeSet::EMPTY,
@@ -140,7 +138,22 @@ impl Supervisor {
             overruns_in_a_row: 0,
             overrun_since_observed: false,
             current_share: 1.0,
-        };
+        }
+    }
+}
+
+impl Supervisor {
+    /// Starts in the safe state: see [`Self::start`].
+    pub fn boot(thresholds: &Thresholds, boot: &SupervisorBoot) -> Self {
+        let mut supervisor = Self::default();
+        supervisor.start(thresholds, boot);
+        supervisor
+    }
+
+    /// Records how the previous run ended. If `thresholds` are refused, the defaults stay and
+    /// [`Code::ParametersRefused`] is raised.
+    pub fn start(&mut self, thresholds: &Thresholds, boot: &SupervisorBoot) {
+        let is_valid = self.configure(thresholds).is_ok();
         // These causes lie in the past, so only the fault itself is recorded.
         for (happened, code) in [
             (boot.reset == ResetCause::Watchdog, Code::WatchdogReset),
@@ -148,18 +161,17 @@ impl Supervisor {
             (boot.stack_overflowed, Code::StackOverflow),
         ] {
             if happened {
-                supervisor.trip(code);
+                self.trip(code);
             }
         }
-        supervisor.set_self_test_result(boot.self_test_passed);
-        supervisor.set_store_health(boot.store);
-        supervisor.set_commissioned(boot.commissioned);
-        supervisor.set_parameter_source(if is_valid {
+        self.set_self_test_result(boot.self_test_passed);
+        self.set_store_health(boot.store);
+        self.set_commissioned(boot.commissioned);
+        self.set_parameter_source(if is_valid {
             boot.parameters
         } else {
             ParameterSource::DefaultRefused
         });
-        supervisor
     }
 
     /// Replaces all thresholds.

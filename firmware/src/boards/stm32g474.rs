@@ -181,26 +181,37 @@ mod app {
     }
 
     /// Starts the driver and its background loop in place.
-    ///
-    /// It is not inlined, and the loop is not moved: a value of 14 KB in the frame of `init`, once per move, would
-    /// take most of the stack.
-    #[inline(never)]
     fn boot_background(
         place: &'static mut MaybeUninit<Background<StoreFlash>>,
         store: StoreFlash,
         boot: &Boot<'_>,
     ) -> &'static mut Background<StoreFlash> {
         let now_us = Instant::now().as_micros();
+        let background = place_background(place, store, now_us);
+        background.load(boot, now_us);
+        background
+    }
+
+    /// Creates the background loop with defaults.
+    ///
+    /// It is not inlined, and only then the driver loads its parameters: both a value of 14 KB and the loading take
+    /// much of the stack.
+    #[inline(never)]
+    fn place_background(
+        place: &'static mut MaybeUninit<Background<StoreFlash>>,
+        store: StoreFlash,
+        now_us: u64,
+    ) -> &'static mut Background<StoreFlash> {
         let identity = Identity {
             hardware: "STM32G474 joint driver",
             serial: start::serial(),
             stage: scales::STAGE,
         };
-        let driver = Driver::boot(NodeSettings::default(), store, identity, boot, now_us);
+        let driver = Driver::with_defaults(NodeSettings::default(), store, identity, now_us);
         place.write(Background::new(driver, now_us))
     }
 
-    // Not inlined, for the same reason.
+    // Not inlined: its stack is free again during the rest of the start.
     #[inline(never)]
     fn loop_task(set: &ParameterSet) -> LoopTask {
         LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)

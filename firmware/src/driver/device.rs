@@ -224,8 +224,6 @@ impl<F: NorFlash> Device<F> {
         // A joint on its own sensors sends Motion and Torque itself and receives neither.
         let is_from_bus = self.settings.source == InputSource::Bus;
         let places = match message {
-            // A SYNC has a producer and a timer of its own, so it does not confirm the target.
-            Message::Sync(sync) => return self.take_sync(Some(sync.counter), now_us),
             Message::Motion(of, _) if *of == node && is_from_bus => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }

@@ -9,7 +9,7 @@ use crate::control::MotorParameters;
 use crate::log::log;
 use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, ValueBuffer};
-use crate::parameter_set::{DRIVE_RECORD_BYTES, ParameterSet};
+use crate::parameter_set::{DRIVE_RECORD_BYTES, ParameterSet, SetError};
 use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
@@ -38,17 +38,30 @@ pub struct Staging {
     reason: String<MAX_REASON_BYTES>,
 }
 
-impl Staging {
-    /// Creates a staging area whose staged set is the active one.
-    pub fn new(active: ParameterSet) -> Self {
-        let mut staging = Self {
-            staged: active.clone(),
-            active,
+impl Default for Staging {
+    /// The default set, active and staged.
+    fn default() -> Self {
+        Self {
+            active: ParameterSet::default(),
+            staged: ParameterSet::default(),
             terms: [NO_TERM; MAX_TERMS],
             reason: String::new(),
-        };
-        staging.discard();
-        staging
+        }
+    }
+}
+
+impl Staging {
+    /// Loads an encoded set, active and staged.
+    ///
+    /// # Errors
+    /// Returns why the set is refused; the default set is loaded then.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<(), SetError> {
+        let read = self.active.read(bytes);
+        if read.is_err() {
+            self.active = ParameterSet::default();
+        }
+        self.discard();
+        read
     }
 
     /// Returns the set in use.
@@ -57,27 +70,38 @@ impl Staging {
     }
 
     /// Returns the staged set, with its terms sorted.
-    pub fn staged(&self) -> ParameterSet {
-        let mut staged = self.staged.clone();
-        staged.friction.model.terms.clear();
-        for kind in self.terms.iter().filter_map(|code| TermKind::from_number(*code)) {
-            staged.friction.model.add_term(kind);
-        }
-        staged
+    pub const fn staged(&self) -> &ParameterSet {
+        &self.staged
+    }
+
+    /// Returns the staged set, to change other values than law and terms.
+    pub fn staged_mut(&mut self) -> &mut ParameterSet {
+        self.list_terms();
+        &mut self.staged
     }
 
     /// Replaces the staged set by the active one.
     pub fn discard(&mut self) {
-        self.stage(self.active.clone());
+        self.staged.clone_from(&self.active);
+        self.list_terms();
     }
 
-    /// Stages a whole set.
-    pub fn stage(&mut self, set: ParameterSet) {
+    /// Lists the terms of the staged set, and sorts them.
+    fn list_terms(&mut self) {
         self.terms = [NO_TERM; MAX_TERMS];
-        for (place, term) in self.terms.iter_mut().zip(&set.friction.model.terms) {
+        for (place, term) in self.terms.iter_mut().zip(&self.staged.friction.model.terms) {
             *place = *term as u8;
         }
-        self.staged = set;
+        self.sort_terms();
+    }
+
+    /// Gives the staged set the terms of the list that its law does not include.
+    fn sort_terms(&mut self) {
+        let model = &mut self.staged.friction.model;
+        model.terms.clear();
+        for kind in self.terms.iter().filter_map(|code| TermKind::from_number(*code)) {
+            model.add_term(kind);
+        }
     }
 
     /// Returns the reason of the last refusal.
@@ -186,6 +210,7 @@ impl Staging {
                     self.refuse(Abort::Value, format_args!("law = {byte}: there is no such law"))
                 })?;
                 self.staged.friction.model.law = law;
+                self.sort_terms();
             }
             1 => {
                 self.staged.friction.model.choices = choices_from_bits(byte).ok_or_else(|| {
@@ -198,6 +223,7 @@ impl Staging {
                     return Err(self.refuse(Abort::Value, why));
                 }
                 *self.terms.get_mut(place - 2).ok_or(Abort::NoSubIndex)? = byte;
+                self.sort_terms();
             }
         }
         Ok(())
@@ -243,7 +269,8 @@ impl Staging {
     /// The record is damaged, or its parameters are refused.
     pub fn write_record(&mut self, bytes: &[u8]) -> Result<(), Abort> {
         let friction = record::parse(bytes).map_err(|error| self.refuse(Abort::Value, error))?;
-        self.stage(ParameterSet { friction, ..self.staged.clone() });
+        self.staged.friction = friction;
+        self.list_terms();
         Ok(())
     }
 
@@ -263,33 +290,36 @@ impl Staging {
     /// The length is wrong, or a value is refused.
     pub fn write_drive(&mut self, bytes: &[u8]) -> Result<(), Abort> {
         let drive: &[u8; DRIVE_RECORD_BYTES] = bytes.try_into().map_err(|_| Abort::TooShort)?;
-        let ParameterSet { friction, network, .. } = self.staged();
-        let set = ParameterSet::with_drive(friction, network, drive);
-        set.validate_drive().map_err(|error| self.refuse(Abort::Value, error))?;
-        self.stage(set);
+        let set = &mut self.staged;
+        let before = (set.motor, set.thresholds, set.watch, set.sensors);
+        set.set_drive(drive);
+        let valid = set.validate_drive();
+        if valid.is_err() {
+            (set.motor, set.thresholds, set.watch, set.sensors) = before;
+        }
+        valid.map_err(|error| self.refuse(Abort::Value, error))?;
+        self.list_terms();
         Ok(())
     }
 
-    /// Returns the staged set if it has this CRC and is valid. It becomes active with [`Staging::activate`]; the
+    /// Checks that the staged set has this CRC and is valid. It becomes active with [`Staging::activate`]; the
     /// driver builds it first.
     ///
     /// # Errors
     /// The CRC differs, or parameters are refused.
-    pub fn validate_commit(&mut self, meant: u32) -> Result<ParameterSet, Abort> {
-        let staged = self.staged();
-        let found = staged.crc();
+    pub fn validate_commit(&mut self, meant: u32) -> Result<(), Abort> {
+        let found = self.staged.crc();
         if found != meant {
             let why = format_args!("commit of {meant:08x}, but the staged set is {found:08x}");
             return Err(self.refuse(Abort::Refused, why));
         }
-        staged.validate().map_err(|error| self.refuse(Abort::Value, error))?;
-        Ok(staged)
+        self.staged.validate().map_err(|error| self.refuse(Abort::Value, error))
     }
 
-    /// Makes a set both the active and the staged one.
-    pub fn activate(&mut self, set: ParameterSet) {
-        self.active = set;
-        self.discard();
+    /// Makes the staged set the active one.
+    pub fn activate(&mut self) {
+        self.active.clone_from(&self.staged);
+        self.list_terms();
         self.reason.clear();
     }
 }
@@ -330,7 +360,7 @@ mod tests {
 
     #[test]
     fn staged_values_become_active_together_at_the_commit() {
-        let mut staging = Staging::new(ParameterSet::default());
+        let mut staging = Staging::default();
         // In between, the static level is below the Coulomb level: a single write must not refuse that.
         float(&mut staging, ParameterId::CoulombTorque, 1.5).unwrap();
         float(&mut staging, ParameterId::StaticTorque, 2.0).unwrap();
@@ -341,8 +371,8 @@ mod tests {
         assert_eq!(wrong, Err(Abort::Refused));
         assert!(staging.reason().starts_with("commit of 00000001, but"), "{}", staging.reason());
         let meant = staging.staged().crc();
-        let set = staging.validate_commit(meant).unwrap();
-        staging.activate(set);
+        staging.validate_commit(meant).unwrap();
+        staging.activate();
         assert_eq!(staging.active().friction.model.get(ParameterId::StaticTorque), 2.0);
         assert_eq!(staging.active().friction.model.terms.as_slice(), [TermKind::PositionRipple]);
         assert_eq!(staging.active().crc(), meant);
@@ -350,8 +380,8 @@ mod tests {
 
     #[test]
     fn staged_write_with_invalid_value_names_the_field_and_changes_nothing() {
-        let mut staging = Staging::new(ParameterSet::default());
-        let before = staging.staged();
+        let mut staging = Staging::default();
+        let before = staging.staged().clone();
         let cases: [(u16, u8, &[u8], Abort, &str); 8] = [
             (
                 index::PARAMETERS,
@@ -401,19 +431,19 @@ mod tests {
         for (at, sub_index, bytes, abort, reason) in cases {
             assert_eq!(staging.write(at, sub_index, bytes), Err(abort));
             assert!(staging.reason().starts_with(reason), "{}", staging.reason());
-            assert_eq!(staging.staged(), before);
+            assert_eq!(staging.staged(), &before);
         }
     }
 
     #[test]
     fn staged_values_that_are_inconsistent_are_refused_at_the_commit() {
-        let mut staging = Staging::new(ParameterSet::default());
+        let mut staging = Staging::default();
         float(&mut staging, ParameterId::CoulombTorque, 3.0).unwrap();
         let meant = staging.staged().crc();
         assert_eq!(staging.validate_commit(meant), Err(Abort::Value));
         assert!(staging.reason().starts_with("static_torque = 1: must be at least 3"));
         staging.discard();
-        assert_eq!(staging.staged(), ParameterSet::default());
+        assert_eq!(staging.staged(), &ParameterSet::default());
         staging.write(index::THRESHOLDS, 1, &2e5f32.to_le_bytes()).unwrap();
         let meant = staging.staged().crc();
         assert_eq!(staging.validate_commit(meant), Err(Abort::Value));
@@ -424,22 +454,22 @@ mod tests {
 
     #[test]
     fn staged_record_that_is_damaged_changes_nothing() {
-        let mut staging = Staging::new(ParameterSet::default());
+        let mut staging = Staging::default();
         let mut other = ParameterSet::default();
         other.friction.model.set(ParameterId::ViscousFriction, 0.5);
         other.friction.model.add_term(TermKind::TorqueOffset);
         let mut record = record::emit(&other.friction);
         staging.write_record(&record).unwrap();
-        assert_eq!(staging.staged(), other);
+        assert_eq!(staging.staged(), &other);
         record[90] ^= 1;
         assert_eq!(staging.write_record(&record), Err(Abort::Value));
         assert_eq!(staging.reason(), "record is damaged (CRC)");
-        assert_eq!(staging.staged(), other);
+        assert_eq!(staging.staged(), &other);
     }
 
     #[test]
     fn refuse_with_long_reason_truncates_it() {
-        let mut staging = Staging::new(ParameterSet::default());
+        let mut staging = Staging::default();
         staging.refuse(Abort::Value, "x".repeat(400));
         assert_eq!(staging.reason().len(), MAX_REASON_BYTES);
     }

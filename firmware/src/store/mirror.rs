@@ -9,27 +9,31 @@ use super::{MAX_PAYLOAD, Store, newer};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
-/// Opens the store in the other bank. If the newest set that this firmware can read is in the own bank, it is copied
-/// before; if the copy fails, the own bank's store is used.
-// Not inlined: its buffer is free again when the set is loaded.
-#[inline(never)]
-pub fn open<F: NorFlash>(flash: F, own: [Range<u32>; 2], other: [Range<u32>; 2]) -> Store<F> {
-    let source = Store::inspected(flash, own.clone());
-    let newest = source.current();
-    let mut store = Store::inspected(source.into_flash(), other.clone());
-    let Some((_, sequence, _)) = newest else { return store };
-    if store.current().is_some_and(|(_, present, _)| !newer(sequence, present)) {
-        return store;
-    }
-    let mut payload = [0; MAX_PAYLOAD];
-    let mut source = Store::inspected(store.into_flash(), own.clone());
-    let loaded = source.load(&mut payload);
-    store = Store::inspected(source.into_flash(), other);
-    let copied = loaded.is_ok_and(|set| store.adopt(set.sequence, payload.get(..set.length)));
-    if copied { store } else { Store::inspected(store.into_flash(), own) }
-}
-
 impl<F: NorFlash> Store<F> {
+    /// Opens the store in the other bank. If the newest set that this firmware can read is in the own bank, it is copied
+    /// before; if the copy fails, the own bank's store is used.
+    // Not inlined: its buffer is free again when the set is loaded.
+    #[inline(never)]
+    pub fn open_mirrored(&mut self, own: [Range<u32>; 2], other: [Range<u32>; 2]) {
+        self.move_to(own.clone());
+        let Some((_, newest, _)) = self.current() else { return self.move_to(other) };
+        let mut payload = [0; MAX_PAYLOAD];
+        let loaded = self.load(&mut payload);
+        self.move_to(other);
+        if self.current().is_some_and(|(_, present, _)| !newer(newest, present)) {
+            return;
+        }
+        let is_copied = loaded.is_ok_and(|set| self.adopt(set.sequence, payload.get(..set.length)));
+        if !is_copied {
+            self.move_to(own);
+        }
+    }
+
+    fn move_to(&mut self, slots: [Range<u32>; 2]) {
+        self.slots = slots;
+        self.inspect();
+    }
+
     /// Writes a set with this sequence number to the slot that is not current. Returns true if it is intact.
     fn adopt(&mut self, sequence: u32, payload: Option<&[u8]>) -> bool {
         let slot = self.current().map_or(0, |(slot, ..)| 1 - slot);

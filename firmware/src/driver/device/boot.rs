@@ -1,4 +1,6 @@
 //! Start of a device: from the flash or the defaults, with the result of the previous run.
+//!
+//! A device takes 14 KB. It is therefore created with defaults first, without deep calls, and completed in place.
 
 use super::network::LiveNetwork;
 use super::pdos::Pdos;
@@ -18,86 +20,42 @@ use crate::hil::{HilJoint, HilReply};
 use crate::node::Outbox;
 use crate::node::lss::Lss;
 use crate::node::sdo::Abort;
-use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, parse_block};
-use crate::parameter_set::ParameterSet;
+use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::scope::Scope;
 use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
-use crate::store::{LoadError, Store, mirror};
+use crate::store::{LoadError, Store};
 use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
 use compensator_core::can::JointKind;
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
 
 impl<F: NorFlash> Device<F> {
-    #[inline]
-    pub(in crate::driver) fn boot(
+    /// Creates a device with default parameters, to be completed by [`Self::load`].
+    pub(in crate::driver) fn with_defaults(
         defaults: NodeSettings,
         flash: F,
         identity: Identity,
-        boot: &Boot,
         now_us: u64,
     ) -> Self {
-        let mut store = match &boot.program {
-            Some(program) => {
-                mirror::open(flash, program.store_slots(true), program.store_slots(false))
-            }
-            None => Store::open(flash),
-        };
-        let mut loaded = LoadedSet::load(&mut store, defaults);
-        let hil = loaded.build_hil();
-        Self::assemble(store, loaded, hil, defaults, identity, boot, now_us)
-    }
-
-    // Not inlined, so that its stack is not needed while the set is loaded.
-    #[inline(never)]
-    fn assemble(
-        mut store: Store<F>,
-        loaded: LoadedSet,
-        hil: HilJoint,
-        defaults: NodeSettings,
-        identity: Identity,
-        boot: &Boot,
-        now_us: u64,
-    ) -> Self {
-        let LoadedSet { settings, set, parameters, refusal } = loaded;
-        let is_blank = parameters == ParameterSource::Default;
-        let supervisor = Supervisor::boot(
-            &set.thresholds,
-            &supervisor::SupervisorBoot {
-                reset: boot.cause,
-                panicked: boot.panic.is_some(),
-                stack_overflowed: boot.stack_overflowed,
-                store: store.health(),
-                parameters,
-                commissioned: settings.commissioned == set.wiring_crc(),
-                self_test_passed: boot.self_test_passed,
-            },
-        );
-        let (watch, network) = (watch(&set.watch, &settings), LiveNetwork::of(&set, &settings));
-        let mut staging = Staging::new(set);
-        if let Some(error) = refusal {
-            staging.refuse(Abort::Value, error);
-        }
-        let program = ProgramState::new(&mut store, boot.program, now_us);
         // The value of the function, not a local one, which would be another 14 KB of stack.
         Self {
             counters: Counters::default(),
-            watch,
-            network,
-            program,
-            staging,
+            watch: None,
+            network: LiveNetwork::default(),
+            staging: Staging::default(),
+            program: ProgramState::default(),
             identity,
             errors: Deque::new(),
-            last_panic: truncated(boot.panic.unwrap_or_default()),
+            last_panic: String::new(),
             run: 0,
             joint_kind: JointKind::default(),
-            store,
+            store: Store::open(flash),
             defaults,
-            settings,
-            supervisor,
+            settings: defaults,
+            supervisor: Supervisor::default(),
             outbox: Outbox::default(),
-            hil,
+            hil: HilJoint::without_model(defaults.node, defaults.hil_setup()),
             hil_armed: false,
             received: ReceivedInputs::default(),
             inputs: NOT_RECEIVED,
@@ -132,62 +90,84 @@ impl<F: NorFlash> Device<F> {
             measured_wiring: None,
             target_us: 0,
             drive_counter: 0,
-            pdos: Pdos::new(settings.node),
+            pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
-            is_blank,
+            is_blank: false,
             is_stored: false,
             now_us,
         }
     }
-}
 
-/// Settings and parameters at the start.
-struct LoadedSet {
-    settings: NodeSettings,
-    set: ParameterSet,
-    parameters: ParameterSource,
-    /// Why the stored block was refused.
-    refusal: Option<BlockError>,
-}
-
-impl LoadedSet {
-    /// Loads settings and parameters from the store; the defaults replace a block that is missing or refused.
-    // Not inlined: its 20 KB of stack are free again when the rest of the start needs as much.
+    /// Loads settings and parameters from the store and records how the previous run ended.
     #[inline(never)]
-    fn load<F: NorFlash>(store: &mut Store<F>, defaults: NodeSettings) -> Self {
-        let mut block = [0; MAX_BLOCK_BYTES];
-        let default = |parameters, refusal| Self {
-            settings: defaults,
-            set: ParameterSet::default(),
-            parameters,
-            refusal,
-        };
-        match store.load(&mut block).map(|loaded| loaded.length) {
-            Ok(length) => match parse_block(block.get(..length).unwrap_or_default()) {
-                Ok((settings, set)) => {
-                    Self { settings, set, parameters: ParameterSource::Set, refusal: None }
-                }
-                Err(error) => default(ParameterSource::DefaultRefused, Some(error)),
+    pub(in crate::driver) fn load(&mut self, boot: &Boot) {
+        if let Some(program) = boot.program {
+            self.store.open_mirrored(program.store_slots(true), program.store_slots(false));
+            self.program = ProgramState::new(self.store.flash_mut(), program, self.now_us);
+        }
+        let mut parameters = self.load_block();
+        if !self.build_hil() {
+            parameters = ParameterSource::DefaultRefused;
+        }
+        self.is_blank = parameters == ParameterSource::Default;
+        let set = self.staging.active();
+        self.supervisor.start(
+            &set.thresholds,
+            &supervisor::SupervisorBoot {
+                reset: boot.cause,
+                panicked: boot.panic.is_some(),
+                stack_overflowed: boot.stack_overflowed,
+                store: self.store.health(),
+                parameters,
+                commissioned: self.settings.commissioned == set.wiring_crc(),
+                self_test_passed: boot.self_test_passed,
             },
-            Err(LoadError::Empty | LoadError::Damaged) => default(ParameterSource::Default, None),
+        );
+        self.watch = watch(&set.watch, &self.settings);
+        self.network = LiveNetwork::of(set, &self.settings);
+        self.last_panic = truncated(boot.panic.unwrap_or_default());
+        self.pdos.set_node(self.settings.node);
+    }
+
+    /// Loads settings and parameters; the defaults stay if no block is stored or if it is refused.
+    // Not inlined: its stack is free again when the rest of the start needs as much.
+    #[inline(never)]
+    fn load_block(&mut self) -> ParameterSource {
+        let mut block = [0; MAX_BLOCK_BYTES];
+        let length = match self.store.load(&mut block) {
+            Ok(loaded) => loaded.length,
+            Err(LoadError::Empty | LoadError::Damaged) => return ParameterSource::Default,
             // A set of another firmware is stored.
             Err(LoadError::Foreign(_) | LoadError::TooSmall { .. }) => {
-                default(ParameterSource::DefaultRefused, None)
+                return ParameterSource::DefaultRefused;
+            }
+        };
+        let block = block.get(..length).unwrap_or_default();
+        let loaded = split_block(block).and_then(|(settings, set)| {
+            self.staging.load(set).map_err(BlockError::Set)?;
+            Ok(settings)
+        });
+        match loaded {
+            Ok(settings) => {
+                self.settings = settings;
+                ParameterSource::Set
+            }
+            Err(error) => {
+                self.staging.refuse(Abort::Value, error);
+                ParameterSource::DefaultRefused
             }
         }
     }
-}
 
-impl LoadedSet {
-    /// Builds the joint in HIL. A stored set that cannot be built for its period counts as refused.
+    /// Builds the joint in HIL. Returns false if the set cannot be built for its period; there is no model then.
     #[inline(never)]
-    fn build_hil(&mut self) -> HilJoint {
+    fn build_hil(&mut self) -> bool {
         let (node, setup) = (self.settings.node, self.settings.hil_setup());
-        let network = self.set.network.as_ref();
-        HilJoint::build(node, &self.set.friction, network, setup).unwrap_or_else(|_refused| {
-            self.parameters = ParameterSource::DefaultRefused;
-            HilJoint::without_model(node, setup)
-        })
+        let set = self.staging.active();
+        let built = HilJoint::build(node, &set.friction, set.network.as_ref(), setup);
+        let is_built = built.is_ok();
+        self.hil = built.unwrap_or_else(|_refused| HilJoint::without_model(node, setup));
+        is_built
     }
 }
 

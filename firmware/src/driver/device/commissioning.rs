@@ -257,7 +257,7 @@ impl<F: NorFlash> Device<F> {
     /// Stages the measured values. The joint's positive direction and the efficiency of the gear are kept.
     fn stage_found(&mut self) {
         let found = *self.commissioning.run.found();
-        let mut set = self.staging.staged();
+        let set = self.staging.staged_mut();
         let (motor, joint) = (&mut set.motor, &mut set.friction.compensator);
         let direction = f32::from(found.encoder_direction);
         let constant = found.torque_constant_nm_per_a();
@@ -270,7 +270,6 @@ impl<F: NorFlash> Device<F> {
         joint.torque_constant_nm_per_a *= constant / motor.torque_constant_nm_per_a;
         motor.torque_constant_nm_per_a = constant;
         self.measured_wiring = Some(set.wiring_crc());
-        self.staging.stage(set);
     }
 
     pub(in crate::driver) fn commissioning_object(&self) -> CommissioningRunObject {

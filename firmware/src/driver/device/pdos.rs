@@ -72,6 +72,10 @@ impl Pdos {
             sync: SyncState::new(),
         }
     }
+
+    pub const fn set_node(&mut self, node: NodeId) {
+        self.node = node;
+    }
 }
 
 /// Returns the slot and direction of the PDO whose parameters or mapping an object holds.

@@ -8,7 +8,6 @@ use super::Device;
 use crate::log::log;
 use crate::node::dictionary::records::ProgramObject;
 use crate::node::sdo::Abort;
-use crate::store::Store;
 use crate::supervisor::Code;
 use crate::update::Program;
 use crate::update::marks::{self, ImageState, SlotState};
@@ -34,17 +33,18 @@ pub const BLOCKING_CODES: [Code; 9] = [
 ];
 
 /// State of the running program, as object 2040h reports it. 3 is the boot program in recovery.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 enum RunningState {
     /// A debugger wrote it, or the board has no updates.
+    #[default]
     Bare = 0,
     Trial = 1,
     Confirmed = 2,
 }
 
 /// State of the program update.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(in crate::driver) struct ProgramState {
     /// `None` on a board without a second slot.
     session: Option<Session>,
@@ -57,23 +57,18 @@ pub(in crate::driver) struct ProgramState {
 }
 
 impl ProgramState {
-    pub(super) fn new<F: NorFlash>(
-        store: &mut Store<F>,
-        program: Option<Program>,
-        now_us: u64,
-    ) -> Self {
-        let flash = store.flash_mut();
-        let image = program.and_then(|program| match marks::state(flash, &program.own) {
+    pub(super) fn new<F: NorFlash>(flash: &mut F, program: Program, now_us: u64) -> Self {
+        let image = match marks::state(flash, &program.own) {
             SlotState::Image(image) => Some(image),
             SlotState::Empty | SlotState::Bare => None,
-        });
+        };
         let running = match &image {
             None => RunningState::Bare,
             Some(image) if image.is_confirmed => RunningState::Confirmed,
             Some(_) => RunningState::Trial,
         };
         Self {
-            session: program.map(|program| Session::new(flash, program, now_us)),
+            session: Some(Session::new(flash, program, now_us)),
             running,
             image,
             booted_us: now_us,

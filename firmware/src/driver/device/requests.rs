@@ -102,25 +102,29 @@ impl<F: NorFlash> Device<F> {
 
     /// Makes the staged set the active one.
     pub(in crate::driver) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
-        let set = self.staging.validate_commit(meant)?;
-        let network = set.network.as_ref();
-        let setup = self.settings.hil_setup();
-        let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
+        self.staging.validate_commit(meant)?;
+        let hil = {
+            let set = self.staging.staged();
+            let (network, setup) = (set.network.as_ref(), self.settings.hil_setup());
+            HilJoint::build(self.settings.node, &set.friction, network, setup)
+        };
         let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        let set = self.staging.staged();
         if self.settings.drive.has_short() && !set.motor.is_short_bounded() {
             let why = "overcurrent_a: the shorted motor would exceed it, and a reaction to a stop is -1 (605Ah to 605Eh)";
             return Err(self.staging.refuse(Abort::Value, why));
         }
-        set.check_buildable().map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        let buildable = set.check_buildable();
         // The loop receives the same parts after the commit.
-        let parts = LoopParts::build(&set, self.identity.stage, PERIOD_S).map(drop);
-        parts.map_err(|error| self.staging.refuse(Abort::Value, error))?;
-        let thresholds = self.supervisor.configure(&set.thresholds);
-        thresholds.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        let buildable =
+            buildable.and_then(|()| LoopParts::build(set, self.identity.stage, PERIOD_S).map(drop));
+        let accepted = buildable.and_then(|()| self.supervisor.configure(&set.thresholds));
+        accepted.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.hil = hil;
+        self.staging.activate();
+        let set = self.staging.active();
         self.watch = watch(&set.watch, &self.settings);
-        self.network = LiveNetwork::of(&set, &self.settings);
-        self.staging.activate(set);
+        self.network = LiveNetwork::of(set, &self.settings);
         self.reset_over_compensation();
         self.supervisor.set_parameter_source(ParameterSource::Set);
         self.update_commissioned();
