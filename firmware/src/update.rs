@@ -1,10 +1,11 @@
 //! Program update with two image slots: receive, verify, try once, confirm, or fall back.
 //!
-//! A flash holds two *slots*. The driver runs from one (`own`) and receives a [`package`] into the other. A slot ends
-//! with a page of *marks* ([`marks`]): double words that are each written once after an erase of that page.
+//! A flash holds two *slots*. The driver runs from one (`own`) and receives a [`package`] into the other. Its image is
+//! linked for that slot, so a release has one for each. A slot ends with a page of *marks* ([`marks`]): double words that
+//! are each written once after an erase of that page.
 //!
 //! ```text
-//! clear           receive          hash right       [boot] signature right    [driver] self-test passed
+//! clear           receive          CRC right        [boot] signature right    [driver] self-test passed
 //! marks erased -> header, image -> mark RECEIVED -> mark TRIAL -----------> mark CONFIRMED
 //!                                                    | signature wrong, or reset by watchdog or software: mark REJECTED
 //! ```
@@ -47,13 +48,15 @@ impl Slot {
     }
 }
 
-/// What a board tells the update about itself.
+/// Description of a board for the update.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
     /// Number of the board type; a package for another board is refused.
     pub board: u32,
     /// Ed25519 public key whose signatures are accepted.
     pub public_key: [u8; 32],
+    /// Address of the flash in the processor's memory.
+    pub base: u32,
     /// Slot of the running image.
     pub own: Slot,
     /// Slot that receives updates.
@@ -66,6 +69,11 @@ pub struct Program {
 }
 
 impl Program {
+    /// Returns the address of the image in a slot, which is that of its vector table.
+    pub const fn image_address(&self, slot: &Slot) -> u32 {
+        self.base + slot.start + package::HEADER_BYTES as u32
+    }
+
     /// Returns the two slots of the parameter store in the bank of the running image, or in the other one.
     pub const fn store_slots(&self, in_own_bank: bool) -> [Range<u32>; 2] {
         let start = self.stores[if in_own_bank { 0 } else { 1 }];

@@ -6,7 +6,8 @@
 
 use super::Slot;
 use super::marks::{self, ImageState, SlotState, TRIALS};
-use super::package::{CRC, HEADER_BYTES};
+use super::package::{HEADER_BYTES, continue_crc};
+use super::receiver::read_chunks;
 use super::signature;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -23,9 +24,6 @@ pub enum Selection {
     /// No image can be started.
     Recover,
 }
-
-/// Bytes that are read at once.
-const CHUNK_BYTES: usize = 256;
 
 /// Selects the image to start, and writes the marks of a trial or a rejection.
 ///
@@ -72,19 +70,10 @@ pub fn select<F: NorFlash>(
 
 /// Returns true if the image has the CRC of its header.
 pub fn is_intact<F: NorFlash>(flash: &mut F, slot: &Slot, image: &ImageState) -> bool {
-    let mut digest = CRC.digest();
-    let mut bytes = [0; CHUNK_BYTES];
-    let mut at = slot.start + HEADER_BYTES as u32;
-    let end = at + image.header.length;
-    while at < end {
-        let Some(chunk) = bytes.get_mut(..CHUNK_BYTES.min((end - at) as usize)) else { break };
-        if flash.read(at, chunk).is_err() {
-            return false;
-        }
-        digest.update(chunk);
-        at += chunk.len() as u32;
-    }
-    digest.finalize() == image.header.crc
+    let mut crc = 0;
+    let start = slot.start + HEADER_BYTES as u32;
+    read_chunks(flash, start..start + image.header.length, |chunk| crc = continue_crc(crc, chunk))
+        && crc == image.header.crc
 }
 
 /// Returns the sequence number of the next update.

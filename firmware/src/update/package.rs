@@ -11,9 +11,9 @@
 //! | 12 | 4 | version of the image: major (8 bits), minor (8 bits), patch (16 bits), major in the highest bits |
 //! | 16 | 4 | anti-rollback counter |
 //! | 20 | 4 | length of the image, bytes; a multiple of 8 |
-//! | 24 | 4 | CRC-32 (ISO-HDLC) of the image, checked at every start |
-//! | 28 | 4 | 0 |
-//! | 32 | 64 | SHA-512 of the image, checked once after the transfer |
+//! | 24 | 4 | CRC-32 (ISO-HDLC) of the image, checked after the transfer and at every start |
+//! | 28 | 4 | load address of the image, which is linked for one slot |
+//! | 32 | 64 | SHA-512 of the image, checked with the signature |
 //! | 96 | 64 | Ed25519 signature of the bytes 0 to 95 |
 //! | 160 | 352 | 0 |
 //!
@@ -35,6 +35,14 @@ const MAGIC: [u8; 4] = *b"JIMG";
 
 /// CRC of images and marks.
 pub static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+/// Returns the CRC of bytes that follow others with this CRC; that of no bytes is 0.
+pub fn continue_crc(crc: u32, bytes: &[u8]) -> u32 {
+    // The digest begins with its state, before the last inversion and in the other order of bits.
+    let mut digest = CRC.digest_with_initial((!crc).reverse_bits());
+    digest.update(bytes);
+    digest.finalize()
+}
 
 /// Version of an image: major.minor.patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -69,6 +77,8 @@ pub struct Header {
     pub length: u32,
     /// CRC-32 of the image.
     pub crc: u32,
+    /// Load address of the image.
+    pub address: u32,
     /// SHA-512 of the image.
     pub hash: [u8; 64],
     /// Ed25519 signature of the first [`SIGNED_BYTES`].
@@ -101,7 +111,7 @@ impl Header {
             long
         };
         let layout = u32::from(LAYOUT) | (HEADER_BYTES as u32) << 16;
-        if word(0) != u32::from_le_bytes(MAGIC) || word(4) != layout || word(28) != 0 {
+        if word(0) != u32::from_le_bytes(MAGIC) || word(4) != layout {
             return Err(HeaderError::Unknown);
         }
         let length = word(20);
@@ -114,6 +124,7 @@ impl Header {
             counter: word(16),
             length,
             crc: word(24),
+            address: word(28),
             hash: long(32),
             signature: long(96),
         })
@@ -131,7 +142,7 @@ impl Header {
             self.counter,
             self.length,
             self.crc,
-            0,
+            self.address,
         ];
         let words = words.into_iter().flat_map(u32::to_le_bytes);
         let content = words.chain(self.hash).chain(self.signature);
@@ -167,6 +178,7 @@ mod tests {
         counter: 4,
         length: 800,
         crc: 5,
+        address: 0x0800_0200,
         hash: [6; 64],
         signature: [9; 64],
     };
@@ -187,13 +199,19 @@ mod tests {
             (0, HeaderError::Unknown),
             (4, HeaderError::Unknown),
             (6, HeaderError::Unknown),
-            (28, HeaderError::Unknown),
             (20, HeaderError::Length),
         ] {
             let mut bytes = used(&HEADER);
             bytes[at] ^= 1;
             assert_eq!(Header::parse(&bytes), Err(error), "{at}");
         }
+    }
+
+    #[test]
+    fn crc_continued_over_parts_is_that_of_the_whole() {
+        let bytes: [u8; 40] = core::array::from_fn(|at| at as u8 * 7);
+        let parts = continue_crc(continue_crc(0, &bytes[..13]), &bytes[13..]);
+        assert_eq!(parts, CRC.checksum(&bytes));
     }
 
     #[test]

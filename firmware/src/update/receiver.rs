@@ -2,19 +2,18 @@
 //!
 //! [`Receiver::clear`] erases the marks of that slot, so it holds no image until the package is complete. A page is erased
 //! when the page before it begins. The header is checked as soon as it is complete. Once all bytes have arrived,
-//! [`Receiver::step`] reads the image back in small parts and compares its hash; then it writes the mark. The signature is
-//! checked by the boot program, before the first start.
+//! [`Receiver::step`] reads the image back in small parts and compares its CRC; then it writes the mark. The signature is
+//! checked by the boot program, before the first start, with the hash that it covers.
 //!
 //! A transfer that stops can go on at [`Receiver::received`]. After a loss of power this number comes from the flash: the
 //! start of the page before the first blank one, which is then erased and written again. If that is wrong, as after a torn
-//! erase, the hash differs, and the transfer begins again.
+//! erase, the CRC differs, and the transfer begins again.
 
 use super::boot::next_sequence;
 use super::marks::{self, SlotState};
-use super::package::{HEADER_BYTES, Header, USED_BYTES, Version};
+use super::package::{HEADER_BYTES, Header, USED_BYTES, continue_crc};
 use super::{Program, Slot, UNIT_BYTES};
 use embedded_storage::nor_flash::NorFlash;
-use sha2::{Digest, Sha512};
 
 /// Bytes of the image that one step reads back.
 const STEP_BYTES: u32 = 1024;
@@ -28,6 +27,8 @@ pub enum Refusal {
     NoPackage,
     /// The package is for this board type.
     Board(u32),
+    /// Its image is linked for this address, which is not that of the slot.
+    Address(u32),
     /// Its counter, and the smallest one that is accepted.
     Counter(u32, u32),
     /// The image has this length, more than the slot.
@@ -36,8 +37,8 @@ pub enum Refusal {
     Excess,
     /// Nothing was cleared before the first byte.
     NotCleared,
-    /// The hash of the image differs: bytes were changed, or come from two packages.
-    Hash,
+    /// The CRC of the image differs: bytes were changed, or come from two packages.
+    Crc,
     /// The flash reported an error.
     Flash,
 }
@@ -47,13 +48,16 @@ impl core::fmt::Display for Refusal {
         match self {
             Self::NoPackage => f.write_str("no package of this firmware (host-sim sign makes one)"),
             Self::Board(board) => write!(f, "a package for board {board:08x}"),
+            Self::Address(found) => {
+                write!(f, "an image for address {found:08x}, which is the other slot")
+            }
             Self::Counter(found, least) => {
                 write!(f, "anti-rollback counter {found}: must be at least {least}")
             }
             Self::TooLong(length) => write!(f, "an image of {length} bytes, more than the slot"),
             Self::Excess => f.write_str("more bytes than the package has"),
             Self::NotCleared => f.write_str("clear the program first (1F51h:1 = 3)"),
-            Self::Hash => f.write_str("the image differs from its hash"),
+            Self::Crc => f.write_str("the image differs from its CRC"),
             Self::Flash => f.write_str("the flash reported an error"),
         }
     }
@@ -61,11 +65,10 @@ impl core::fmt::Display for Refusal {
 
 /// Progress of an update.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "one receiver, and no heap to box it")]
 enum Stage {
     Idle,
     Receiving,
-    Verifying { header: Header, at: u32, hash: Sha512 },
+    Verifying { at: u32, crc: u32 },
     Ready,
     Refused(Refusal),
 }
@@ -275,6 +278,9 @@ impl Receiver {
         if header.board != self.program.board {
             return Err(Refusal::Board(header.board));
         }
+        if header.address != self.program.image_address(&self.program.other) {
+            return Err(Refusal::Address(header.address));
+        }
         let least = least_counter(flash, &self.program.own);
         if header.counter < least {
             return Err(Refusal::Counter(header.counter, least));
@@ -286,45 +292,32 @@ impl Receiver {
     }
 
     fn begin_verification(&mut self) {
-        // The header is read again by the first step.
         if self.length.is_some_and(|length| self.received >= length) {
-            let at = self.program.other.start;
-            let header = Header {
-                board: 0,
-                version: Version(0),
-                counter: 0,
-                length: 0,
-                crc: 0,
-                hash: [0; 64],
-                signature: [0; 64],
-            };
-            self.stage = Stage::Verifying { header, at, hash: Sha512::new() };
+            let at = self.program.other.start + HEADER_BYTES as u32;
+            self.stage = Stage::Verifying { at, crc: 0 };
         }
     }
 
     /// Does a part of the verification, less than a millisecond. Call it once per tick while [`Receiver::is_verifying`].
     pub fn step<F: NorFlash>(&mut self, flash: &mut F) {
         let slot = self.program.other;
-        let Stage::Verifying { header, at, hash } = &mut self.stage else { return };
-        if *at == slot.start {
-            match marks::header(flash, &slot) {
-                Some(found) => (*header, *at) = (found, slot.start + HEADER_BYTES as u32),
-                None => return self.stage = Stage::Refused(Refusal::NoPackage),
-            }
-        }
+        let Stage::Verifying { at, crc } = &mut self.stage else { return };
+        let Some(header) = marks::header(flash, &slot) else {
+            return self.stage = Stage::Refused(Refusal::NoPackage);
+        };
         let end = slot.start + header.package_bytes();
         let until = end.min(*at + STEP_BYTES);
-        if hash_part(flash, *at..until, hash).is_err() {
-            return self.stage = Stage::Refused(Refusal::Hash);
+        if !read_chunks(flash, *at..until, |chunk| *crc = continue_crc(*crc, chunk)) {
+            return self.stage = Stage::Refused(Refusal::Crc);
         }
         *at = until;
         if until < end {
             return;
         }
-        let (header, is_same) = (*header, hash.clone().finalize().as_slice() == header.hash);
+        let is_same = *crc == header.crc;
         self.stage = match is_same {
             true => self.accept(flash, &header).map_or_else(Stage::Refused, |()| Stage::Ready),
-            false => Stage::Refused(Refusal::Hash),
+            false => Stage::Refused(Refusal::Crc),
         };
     }
 
@@ -350,22 +343,24 @@ fn least_counter<F: NorFlash>(flash: &mut F, own: &Slot) -> u32 {
     }
 }
 
-/// Adds a part of the flash to a hash; an unreadable double word is a damaged image.
-pub(super) fn hash_part<F: NorFlash>(
+/// Passes a part of the flash on in chunks. Returns false at an unreadable double word: the image is damaged.
+pub(super) fn read_chunks<F: NorFlash>(
     flash: &mut F,
     part: core::ops::Range<u32>,
-    hash: &mut Sha512,
-) -> Result<(), Refusal> {
+    mut pass_on: impl FnMut(&[u8]),
+) -> bool {
     let mut bytes = [0; CHUNK_BYTES];
     let mut at = part.start;
     while at < part.end {
         let length = CHUNK_BYTES.min((part.end - at) as usize);
         let Some(chunk) = bytes.get_mut(..length) else { break };
-        flash.read(at, chunk).map_err(|_| Refusal::Flash)?;
-        hash.update(&*chunk);
+        if flash.read(at, chunk).is_err() {
+            return false;
+        }
+        pass_on(chunk);
         at += length as u32;
     }
-    Ok(())
+    true
 }
 
 /// Returns true if every byte reads as erased.

@@ -131,6 +131,7 @@ impl<F: NorFlash> RecoveryObjects<F> {
             receiving,
             received_bytes,
             identity: 0,
+            accepted_address: self.session.accepted_address(),
         }
     }
 }

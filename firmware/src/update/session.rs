@@ -112,6 +112,12 @@ impl Session {
         self.receiver.program()
     }
 
+    /// Returns the load address that the image of a package must have.
+    pub const fn accepted_address(&self) -> u32 {
+        let program = self.receiver.program();
+        program.image_address(&program.other)
+    }
+
     /// Requests a restart at this time, us.
     pub fn request_restart(&mut self, at_us: u64) {
         self.restart_us.get_or_insert(at_us);
@@ -221,13 +227,14 @@ impl Session {
         let Some(refusal) = self.receiver.refusal() else { return 0 };
         let (error, number) = match refusal {
             Refusal::NoPackage => (2, 1),
-            Refusal::Hash => (3, 2),
+            Refusal::Crc => (3, 2),
             Refusal::NotCleared => (4, 4),
             Refusal::Flash => (5, 5),
             Refusal::TooLong(_) => (6, 6),
             Refusal::Excess => (6, 7),
             Refusal::Board(_) => (63, 8),
             Refusal::Counter(..) => (63, 9),
+            Refusal::Address(_) => (63, 10),
         };
         error << 1 | number << 16
     }

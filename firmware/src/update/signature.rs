@@ -7,7 +7,7 @@
 use super::Slot;
 use super::marks::ImageState;
 use super::package::{HEADER_BYTES, Header};
-use super::receiver::hash_part;
+use super::receiver::read_chunks;
 use ed25519_dalek::{Signature, VerifyingKey};
 use embedded_storage::nor_flash::NorFlash;
 use sha2::{Digest, Sha512};
@@ -29,7 +29,7 @@ pub fn is_authentic<F: NorFlash>(
     let header = &image.header;
     let mut hash = Sha512::new();
     let part = slot.start + HEADER_BYTES as u32..slot.start + header.package_bytes();
-    hash_part(flash, part, &mut hash).is_ok()
+    read_chunks(flash, part, |chunk| hash.update(chunk))
         && hash.finalize().as_slice() == header.hash
         && is_signed(header, public_key)
 }

@@ -14,6 +14,7 @@ pub type Flash = MemoryFlash<8>;
 
 const PAGE: u32 = PAGE_BYTES as u32;
 pub const BOARD: u32 = 0x4734_3734;
+const BASE: u32 = 0x0800_0000;
 pub const OWN: Slot = Slot { start: 0, marks: 3 * PAGE };
 pub const OTHER: Slot = Slot { start: 4 * PAGE, marks: 7 * PAGE };
 /// Length of the images: not whole pages.
@@ -28,12 +29,29 @@ pub fn program(own: usize) -> Program {
     let (own, other) = if own == 0 { (OWN, OTHER) } else { (OTHER, OWN) };
     let public_key = key().verifying_key().to_bytes();
     // The parameter store is not used here.
-    Program { board: BOARD, public_key, own, other, stores: [0; 2], store_bytes: 0 }
+    Program { board: BOARD, public_key, base: BASE, own, other, stores: [0; 2], store_bytes: 0 }
 }
 
+/// A package whose image is linked for slot 1, unless [`Package::linked_for`] changes it.
 pub struct Package {
     pub header: Header,
     pub bytes: Vec<u8>,
+    key: SigningKey,
+}
+
+impl Package {
+    /// Returns the package of the same image for this slot. One for slot 1 is not changed.
+    fn linked_for(&self, slot: usize) -> Self {
+        let key = self.key.clone();
+        let address = program(1 - slot).image_address(&[OWN, OTHER][slot]);
+        if self.header.address == address {
+            return Self { header: self.header, bytes: self.bytes.clone(), key };
+        }
+        let mut header = Header { address, ..self.header };
+        header.signature = key.sign(&header.signed()).to_bytes();
+        let bytes = [&header.emit()[..], &self.bytes[HEADER_BYTES..]].concat();
+        Self { header, bytes, key }
+    }
 }
 
 pub fn package(version: u32, counter: u32) -> Package {
@@ -50,12 +68,13 @@ pub fn signed(key: &SigningKey, board: u32, version: u32, counter: u32, length: 
         counter,
         length: length as u32,
         crc: CRC.checksum(&image),
+        address: program(0).image_address(&OTHER),
         hash: Sha512::digest(&image).into(),
         signature: [0; 64],
     };
     header.signature = key.sign(&header.signed()).to_bytes();
     let bytes = [&header.emit()[..], &image].concat();
-    Package { header, bytes }
+    Package { header, bytes, key: key.clone() }
 }
 
 /// Reason why a run of the device ended.
@@ -78,6 +97,7 @@ pub fn flash_with(package: &Package) -> Flash {
 
 /// Receives and verifies a package, resuming if the flash holds a part of it.
 pub fn receive(flash: &mut Flash, own: usize, package: &Package) -> End {
+    let package = package.linked_for(1 - own);
     let mut receiver = Receiver::new(program(own));
     let resumed = receiver.resume(flash);
     if resumed.map(|header| header.identity()) != Some(package.header.identity())

@@ -10,7 +10,7 @@ use ed25519_dalek::SigningKey;
 use firmware::store::memory::TornStep;
 use firmware::update::boot::Selection;
 use firmware::update::marks::{self, SlotState};
-use firmware::update::package::HEADER_BYTES;
+use firmware::update::package::{CRC, HEADER_BYTES};
 use firmware::update::receiver::{Receiver, Refusal};
 use proptest::prelude::*;
 
@@ -92,6 +92,13 @@ fn receiver_with_foreign_package_names_the_reason() {
         assert_eq!(receive(&mut flash, 0, &package), End::Refused(refusal));
         assert_eq!(start(&mut flash, false), started(0, false));
     }
+    // The image of the other slot.
+    let mut receiver = Receiver::new(program(1));
+    receiver.clear(&mut flash).unwrap();
+    let new = package(2, 5);
+    let end = finish(&mut flash, &mut receiver, &new.bytes);
+    assert_eq!(end, End::Refused(Refusal::Address(new.header.address)));
+    let mut flash = flash_with(&package(1, 5));
     let mut receiver = Receiver::new(program(0));
     assert_eq!(receiver.write(&mut flash, &[0; 8]), Err(Refusal::NotCleared));
     receiver.clear(&mut flash).unwrap();
@@ -120,15 +127,18 @@ fn select_with_changed_image_and_its_crc_rejects_it() {
     let mut flash = flash_with(&package(1, 5));
     let mut forged = package(2, 5);
     forged.bytes[HEADER_BYTES + 100] ^= 1;
-    // As if a faulty image had accepted it: marks and CRC fit, the signed hash does not.
-    let mut header = forged.header;
-    header.crc = firmware::update::package::CRC.checksum(&forged.bytes[HEADER_BYTES..]);
-    forged.bytes[..HEADER_BYTES].copy_from_slice(&header.emit());
     let mut receiver = Receiver::new(program(0));
     receiver.clear(&mut flash).unwrap();
-    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Refused(Refusal::Hash));
-    marks::receive(&mut flash, &OTHER, &header, 9).unwrap();
+    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Refused(Refusal::Crc));
+    // Marks and CRC fit, the signed hash does not.
+    let mut header = forged.header;
+    header.crc = CRC.checksum(&forged.bytes[HEADER_BYTES..]);
+    forged.bytes[..HEADER_BYTES].copy_from_slice(&header.emit());
+    receiver.clear(&mut flash).unwrap();
+    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Done);
     assert_eq!(start(&mut flash, false), started(0, false));
+    let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
+    assert!(image.is_rejected && image.trials == 0);
 }
 
 #[test]

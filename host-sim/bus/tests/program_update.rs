@@ -3,13 +3,12 @@
 use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId};
 use ed25519_dalek::SigningKey;
-use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{OperationObject, ProgramObject, StateObject};
 use firmware::node_settings::NodeSettings;
-use firmware::store::memory::{MemoryError, MemoryFlash, PAGE_BYTES, TornStep};
+use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
 use firmware::supervisor::ResetCause;
 use firmware::update::boot::{Selection, select};
 use firmware::update::package::Version;
@@ -18,7 +17,7 @@ use firmware::update::session::OtherState;
 use firmware::update::{Program, Slot};
 use joint_bus::bus::{BitRates, Hub, Participant, Port};
 use joint_bus::canopen::Client;
-use joint_bus::program::package::{Package, Statement};
+use joint_bus::program::package::{Code, Package, Release, Statement};
 use joint_bus::program::update::{Outcome, Update, UpdateError};
 use joint_trace::CanFrame;
 use std::cell::RefCell;
@@ -28,6 +27,7 @@ const PAGE: u32 = PAGE_BYTES as u32;
 const SLOT_PAGES: u32 = 12;
 const STORE_PAGES: u32 = 4;
 const BANK: u32 = (SLOT_PAGES + 1 + STORE_PAGES) * PAGE;
+const BASE: u32 = 0x0800_0000;
 const BOARD: u32 = u32::from_be_bytes(*b"TEST");
 const IMAGE_BYTES: usize = 20_000;
 const KEY: [u8; 32] = [7; 32];
@@ -38,75 +38,44 @@ const fn slot(bank: u32) -> Slot {
     Slot { start: bank * BANK, marks: bank * BANK + SLOT_PAGES * PAGE }
 }
 
-fn program() -> Program {
+/// The board's description for a driver that runs from this slot.
+fn program(own: u32) -> Program {
     let store = (SLOT_PAGES + 1) * PAGE;
     Program {
         board: BOARD,
         public_key: SigningKey::from_bytes(&KEY).verifying_key().to_bytes(),
-        own: slot(0),
-        other: slot(1),
-        stores: [store, BANK + store],
+        base: BASE,
+        own: slot(own),
+        other: slot(1 - own),
+        stores: [own * BANK + store, (1 - own) * BANK + store],
         store_bytes: STORE_PAGES * PAGE,
     }
 }
 
-fn package_of(board: u32, version: &str, counter: u32, key: &[u8; 32]) -> Package {
+fn package_of(board: u32, version: &str, counter: u32, key: &[u8; 32]) -> Release {
     let version = Version::parse(version).unwrap();
-    let image: Vec<u8> = (0..IMAGE_BYTES).map(|at| (at * 31) as u8 ^ version.0 as u8).collect();
-    Package::sign(&image, Statement { board, version, counter }, &SigningKey::from_bytes(key))
+    let statement = Statement { board, version, counter };
+    let packages = [0, 1].map(|number| {
+        let seed = version.0 as u8 ^ number as u8;
+        let code = Code {
+            address: program(0).image_address(&slot(number)),
+            bytes: (0..IMAGE_BYTES).map(|at| (at * 31) as u8 ^ seed).collect(),
+        };
+        Package::sign(&code, statement, &SigningKey::from_bytes(key))
+    });
+    Release::new(packages.to_vec()).unwrap()
 }
 
-fn package(version: &str) -> Package {
+fn package(version: &str) -> Release {
     package_of(BOARD, version, 3, &KEY)
 }
 
-/// Two banks, of which the running one comes first.
-#[derive(Clone)]
-struct Mapped {
-    flash: MemoryFlash<34>,
-    is_swapped: bool,
-}
-
-impl Mapped {
-    fn physical(&self, offset: u32) -> u32 {
-        if self.is_swapped { (offset + BANK) % (2 * BANK) } else { offset }
-    }
-}
-
-impl ErrorType for Mapped {
-    type Error = MemoryError;
-}
-
-impl ReadNorFlash for Mapped {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), MemoryError> {
-        self.flash.read(self.physical(offset), bytes)
-    }
-
-    fn capacity(&self) -> usize {
-        self.flash.capacity()
-    }
-}
-
-impl NorFlash for Mapped {
-    const WRITE_SIZE: usize = 8;
-    const ERASE_SIZE: usize = PAGE_BYTES;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), MemoryError> {
-        let start = self.physical(from);
-        self.flash.erase(start, start + (to - from))
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), MemoryError> {
-        self.flash.write(self.physical(offset), bytes)
-    }
-}
+type Flash = MemoryFlash<34>;
 
 enum Running {
-    Driver(Box<Driver<Mapped>>),
-    Recovery(Box<Recovery<Mapped>>),
-    Off(Box<Mapped>),
+    Driver(Box<Driver<Flash>>),
+    Recovery(Box<Recovery<Flash>>),
+    Off(Box<Flash>),
 }
 
 /// A joint with a boot program.
@@ -117,37 +86,35 @@ struct Joint {
 }
 
 impl Joint {
-    fn power_up(flash: MemoryFlash<34>, now_ns: u64) -> Running {
+    fn power_up(flash: Flash, now_ns: u64) -> Running {
         Self::start(flash, ResetCause::PowerOn, false, now_ns)
     }
 
-    fn start(mut flash: MemoryFlash<34>, cause: ResetCause, fails: bool, now_ns: u64) -> Running {
+    fn start(mut flash: Flash, cause: ResetCause, fails: bool, now_ns: u64) -> Running {
         let has_failed = matches!(cause, ResetCause::Watchdog | ResetCause::Software);
-        let key = program().public_key;
+        let key = program(0).public_key;
         let now_us = now_ns / 1000;
         match select(&mut flash, &[slot(0), slot(1)], &key, has_failed, |_, _| true) {
             Selection::Start { slot, .. } => {
-                let flash = Mapped { flash, is_swapped: slot == 1 };
                 let self_test_passed = !(fails && slot == 1);
-                let program = Some(program());
+                let program = Some(program(slot as u32));
                 let boot = Boot { cause, self_test_passed, program, ..Boot::default() };
                 let node = Identity { hardware: "test", serial: 9, stage: StageTraits::NONE };
                 let driver = Driver::boot(NodeSettings::default(), flash, node, &boot, now_us);
                 Running::Driver(Box::new(driver))
             }
             Selection::Recover => {
-                let flash = Mapped { flash, is_swapped: false };
-                let recovery = Recovery::boot(NODE, flash, program(), identity(9), now_us);
+                let recovery = Recovery::boot(NODE, flash, program(0), identity(9), now_us);
                 Running::Recovery(Box::new(recovery))
             }
         }
     }
 
-    fn flash(&self) -> MemoryFlash<34> {
+    fn flash(&self) -> Flash {
         match &self.running {
-            Running::Driver(driver) => driver.flash().flash.clone(),
-            Running::Recovery(recovery) => recovery.flash().flash.clone(),
-            Running::Off(flash) => flash.flash.clone(),
+            Running::Driver(driver) => driver.flash().clone(),
+            Running::Recovery(recovery) => recovery.flash().clone(),
+            Running::Off(flash) => Flash::clone(flash),
         }
     }
 
@@ -159,7 +126,7 @@ impl Joint {
             Running::Off(_) => return,
         };
         if !flash.has_power() {
-            self.running = Running::Off(Box::new(Mapped { flash, is_swapped: false }));
+            self.running = Running::Off(Box::new(flash));
         } else if is_reset {
             self.running =
                 Self::start(flash, ResetCause::Software, self.fails_in_second_bank, now_ns);
@@ -224,7 +191,7 @@ impl Bench {
         bench
     }
 
-    fn update(&mut self, package: &Package) -> Result<Outcome, UpdateError> {
+    fn update(&mut self, package: &Release) -> Result<Outcome, UpdateError> {
         Update::new(&mut self.client, NODE.number(), package).run(&mut |_, _| ())
     }
 
@@ -245,7 +212,7 @@ impl Bench {
 
     fn cut_power(&mut self, step: u32, torn: TornStep) {
         match &mut self.joint.borrow_mut().running {
-            Running::Driver(driver) => driver.flash_mut().flash.cut_power(step, torn),
+            Running::Driver(driver) => driver.flash_mut().cut_power(step, torn),
             _ => panic!("the driver does not run"),
         }
     }

@@ -5,7 +5,7 @@ use super::input::counted_progress;
 use super::output::print_text;
 use joint_bus::bus::{BusName, Hub};
 use joint_bus::canopen::Client;
-use joint_bus::program::package::Package;
+use joint_bus::program::package::Release;
 use joint_bus::program::update::{Outcome, Stage, Update};
 use serde_json::json;
 use std::path::PathBuf;
@@ -13,8 +13,8 @@ use std::path::PathBuf;
 /// Arguments of `update`.
 #[derive(clap::Args)]
 pub struct UpdateArguments {
-    /// Package that `host-sim sign` made
-    #[arg(value_name = "PACKAGE")]
+    /// File of packages that `host-sim sign` made
+    #[arg(value_name = "FILE")]
     package: PathBuf,
     #[command(flatten)]
     bus: BusArguments,
@@ -28,7 +28,7 @@ pub struct UpdateArguments {
 
 /// Runs the command.
 pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
-    let package = Package::read(&arguments.package).map_err(|error| error.to_string())?;
+    let release = Release::read(&arguments.package).map_err(|error| error.to_string())?;
     let (bus, node) = (&arguments.bus, arguments.bus.node_id);
     if bus.bus == BusName::Loop {
         return Err(
@@ -37,8 +37,9 @@ pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
         );
     }
     let mut client = Client::new(bus.open(&Hub::new())?, node);
-    let bar = counted_progress("transfer", "bytes", package.bytes.len() as u64);
-    let mut update = Update::new(&mut client, node.number(), &package);
+    let bytes = release.packages().iter().map(|part| part.bytes.len()).max().unwrap_or_default();
+    let bar = counted_progress("transfer", "bytes", bytes as u64);
+    let mut update = Update::new(&mut client, node.number(), &release);
     update.allow_older = arguments.allow_older;
     let outcome = update.run(&mut |stage, done| {
         bar.set_position(done.into());
@@ -50,12 +51,12 @@ pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
     });
     bar.finish_and_clear();
     let outcome = outcome.map_err(|error| error.to_string())?;
-    print_text(&(described(arguments, &outcome, package.bytes.len()) + "\n"))
+    print_text(&(described(arguments, &outcome) + "\n"))
 }
 
-fn described(arguments: &UpdateArguments, outcome: &Outcome, bytes: usize) -> String {
+fn described(arguments: &UpdateArguments, outcome: &Outcome) -> String {
     let (bus, node) = (&arguments.bus.bus, arguments.bus.node_id.number());
-    let version = outcome.version;
+    let (version, bytes) = (outcome.version, outcome.bytes);
     if arguments.json {
         return json!({
             "node": node,

@@ -112,6 +112,7 @@ impl ProgramState {
             receiving,
             received_bytes,
             identity: header.map_or(0, |header| header.identity()),
+            accepted_address: session.map_or(0, Session::accepted_address),
         }
     }
 }

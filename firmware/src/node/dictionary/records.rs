@@ -308,6 +308,7 @@ record! {
         receiving: Unsigned32, ReadOnly, RECEIVING;
         received_bytes: Unsigned32, ReadOnly, RECEIVED;
         identity: Unsigned32, ReadOnly, IDENTITY;
+        accepted_address: Unsigned32, ReadOnly, ACCEPTED_ADDRESS;
     }
 }
 

@@ -1,4 +1,7 @@
-//! Packages on the PC: an image and its signed header.
+//! Packages on the PC: an image and its signed header, and the file that holds those of a release.
+//!
+//! An image is linked for one slot of a joint. A file begins with [`FILE_MAGIC`], followed by one package per slot. Their
+//! headers state the load addresses. The version, the board and the anti-rollback counter are the same in all.
 
 use ed25519_dalek::{Signer, SigningKey};
 use firmware::update::package::{CRC, HEADER_BYTES, Header, USED_BYTES, Version};
@@ -9,9 +12,11 @@ use sha2::{Digest, Sha512};
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// First bytes of a file of packages.
+pub const FILE_MAGIC: [u8; 8] = *b"JPACKS01";
 /// First bytes of an ELF file.
 const ELF_MAGIC: [u8; 4] = [0x7F, b'E', b'L', b'F'];
-/// Longest gap between two parts of the code, bytes. What lies behind a longer one is for a debugger.
+/// Longest gap between two parts of the code, bytes. What lies beyond a longer one is for a debugger.
 const MAX_GAP_BYTES: usize = 64;
 /// Alignment of the image's length, bytes: a double word.
 const ALIGNMENT: usize = 8;
@@ -27,9 +32,12 @@ pub enum PackageError {
         /// The error.
         source: io::Error,
     },
-    /// The file is no package.
-    #[error("{0}: no package; host-sim sign makes one from an image")]
+    /// The file holds no packages.
+    #[error("{0}: no packages; host-sim sign makes a file of them from images")]
     NoPackage(PathBuf),
+    /// The packages are not of one release.
+    #[error("{0}: the packages differ in board, version or counter, or are for the same slot")]
+    Mixed(PathBuf),
     /// The package is damaged.
     #[error("{0}: the image differs from its hash; the file is damaged")]
     Damaged(PathBuf),
@@ -41,6 +49,15 @@ pub enum PackageError {
         /// The reason.
         why: String,
     },
+}
+
+/// Code of an image as it lies in flash.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// Load address.
+    pub address: u32,
+    /// Content.
+    pub bytes: Vec<u8>,
 }
 
 /// A package.
@@ -65,8 +82,8 @@ pub struct Statement {
 
 impl Package {
     /// Signs an image.
-    pub fn sign(image: &[u8], statement: Statement, key: &SigningKey) -> Self {
-        let mut image = image.to_vec();
+    pub fn sign(image: &Code, statement: Statement, key: &SigningKey) -> Self {
+        let Code { address, bytes: mut image } = image.clone();
         image.resize(image.len().next_multiple_of(ALIGNMENT).max(ALIGNMENT), 0);
         let Statement { board, version, counter } = statement;
         let mut header = Header {
@@ -75,6 +92,7 @@ impl Package {
             counter,
             length: image.len() as u32,
             crc: CRC.checksum(&image),
+            address,
             hash: Sha512::digest(&image).into(),
             signature: [0; 64],
         };
@@ -83,35 +101,91 @@ impl Package {
         Self { header, bytes }
     }
 
-    /// Reads a package, and checks that it is complete. The boot program checks the signature.
-    ///
-    /// # Errors
-    /// The file cannot be read, is no package, or is damaged.
-    pub fn read(path: &Path) -> Result<Self, PackageError> {
-        let bytes = read(path)?;
-        let head = bytes.first_chunk::<USED_BYTES>();
-        let header = head.and_then(|head| Header::parse(head).ok());
-        let header = header.ok_or_else(|| PackageError::NoPackage(path.to_owned()))?;
-        let image = bytes.get(HEADER_BYTES..).unwrap_or_default();
-        if bytes.len() != header.package_bytes() as usize
-            || Sha512::digest(image).as_slice() != header.hash
-        {
-            return Err(PackageError::Damaged(path.to_owned()));
-        }
-        Ok(Self { header, bytes })
+    /// Parses the package at the start of these bytes; returns the rest. `None` if there is none, or it is damaged.
+    fn parse(bytes: &[u8]) -> Option<(Self, &[u8])> {
+        let header = Header::parse(bytes.first_chunk::<USED_BYTES>()?).ok()?;
+        let (package, rest) = bytes.split_at_checked(header.package_bytes() as usize)?;
+        let image = package.get(HEADER_BYTES..)?;
+        (Sha512::digest(image).as_slice() == header.hash)
+            .then(|| (Self { header, bytes: package.to_vec() }, rest))
     }
 }
 
-/// Reads an image: the code of an ELF file as it lies in flash, or a binary file.
+/// The packages of a release: one for each slot.
+#[derive(Clone, Debug)]
+pub struct Release {
+    packages: Vec<Package>,
+}
+
+impl Release {
+    /// Returns a release of these packages; `None` if there are none, they differ in board, version or counter, or two are
+    /// for the same slot.
+    pub fn new(packages: Vec<Package>) -> Option<Self> {
+        let first = packages.first()?.header;
+        let stated = |header: &Header| (header.board, header.version, header.counter);
+        let mut addresses: Vec<u32> = packages.iter().map(|part| part.header.address).collect();
+        addresses.sort_unstable();
+        addresses.dedup();
+        let is_one = packages.iter().all(|part| stated(&part.header) == stated(&first));
+        (is_one && addresses.len() == packages.len()).then_some(Self { packages })
+    }
+
+    /// Returns the packages, at least one.
+    pub fn packages(&self) -> &[Package] {
+        &self.packages
+    }
+
+    /// Returns the header of the first package, whose board, version and counter are those of all.
+    pub fn header(&self) -> &Header {
+        &self.packages[0].header
+    }
+
+    /// Returns the package whose image is linked for this address.
+    pub fn for_address(&self, address: u32) -> Option<&Package> {
+        self.packages.iter().find(|part| part.header.address == address)
+    }
+
+    /// Returns true if one of the packages has this identity.
+    pub fn contains(&self, identity: u32) -> bool {
+        self.packages.iter().any(|part| part.header.identity() == identity)
+    }
+
+    /// Returns the bytes of the file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let parts = self.packages.iter().map(|part| part.bytes.as_slice());
+        std::iter::once(&FILE_MAGIC[..]).chain(parts).collect::<Vec<_>>().concat()
+    }
+
+    /// Reads a file, and checks that its packages are complete. The boot program of the joint checks the signatures.
+    ///
+    /// # Errors
+    /// The file cannot be read, holds no packages, or is damaged.
+    pub fn read(path: &Path) -> Result<Self, PackageError> {
+        let bytes = read(path)?;
+        let Some(mut rest) = bytes.strip_prefix(&FILE_MAGIC) else {
+            return Err(PackageError::NoPackage(path.to_owned()));
+        };
+        let mut packages = Vec::new();
+        while !rest.is_empty() {
+            let parsed = Package::parse(rest);
+            let (package, left) = parsed.ok_or_else(|| PackageError::Damaged(path.to_owned()))?;
+            packages.push(package);
+            rest = left;
+        }
+        Self::new(packages).ok_or_else(|| PackageError::Mixed(path.to_owned()))
+    }
+}
+
+/// Reads the code of an image, an ELF file, as it lies in flash.
 ///
 /// # Errors
 /// The file cannot be read, or its ELF structure cannot be used.
-pub fn read_image(path: &Path) -> Result<Vec<u8>, PackageError> {
+pub fn read_image(path: &Path) -> Result<Code, PackageError> {
     let data = read(path)?;
-    if !data.starts_with(&ELF_MAGIC) {
-        return Ok(data);
-    }
     let failed = |why: String| PackageError::Elf { path: path.to_owned(), why };
+    if !data.starts_with(&ELF_MAGIC) {
+        return Err(failed("no ELF file, as cargo builds an image".into()));
+    }
     code_of(&data)
         .map_err(|error| failed(error.to_string()))?
         .ok_or_else(|| failed("no code".into()))
@@ -121,8 +195,8 @@ fn read(path: &Path) -> Result<Vec<u8>, PackageError> {
     std::fs::read(path).map_err(|source| PackageError::Io { path: path.to_owned(), source })
 }
 
-/// Returns the loaded parts of an ELF file up to the first long gap.
-fn code_of(data: &[u8]) -> Result<Option<Vec<u8>>, object::Error> {
+/// Returns the code of an ELF file: the longest run of its loaded parts.
+fn code_of(data: &[u8]) -> Result<Option<Code>, object::Error> {
     let file = ElfFile32::<Endianness>::parse(data)?;
     let endian = file.endian();
     let mut parts = Vec::new();
@@ -133,15 +207,16 @@ fn code_of(data: &[u8]) -> Result<Option<Vec<u8>>, object::Error> {
         }
     }
     parts.sort_by_key(|(address, _)| *address);
-    let Some(&(first, _)) = parts.first() else { return Ok(None) };
-    let mut code: Vec<u8> = Vec::new();
+    let mut runs: Vec<Code> = Vec::new();
     for (address, bytes) in parts {
-        let at = (address - first) as usize;
-        if at < code.len() || at > code.len() + MAX_GAP_BYTES {
-            break;
+        let end = runs.last().map(|run| run.address as usize + run.bytes.len());
+        match (runs.last_mut(), end) {
+            (Some(run), Some(end)) if (end..=end + MAX_GAP_BYTES).contains(&(address as usize)) => {
+                run.bytes.resize((address - run.address) as usize, 0);
+                run.bytes.extend(bytes);
+            }
+            _ => runs.push(Code { address, bytes: bytes.to_vec() }),
         }
-        code.resize(at, 0);
-        code.extend(bytes);
     }
-    Ok(Some(code))
+    Ok(runs.into_iter().max_by_key(|run| run.bytes.len()))
 }

@@ -4,7 +4,7 @@
 //! another master cleared or changed it, the transfer begins again. Only a signed package that arrived completely can
 //! replace the program, so nothing here protects the joint; it only saves time and reports reasons.
 
-use super::package::Package;
+use super::package::{Package, Release};
 use crate::bus::{Bus, BusError};
 use crate::canopen::{Client, SdoError};
 use canopen_rs::Address;
@@ -49,9 +49,9 @@ const UNKNOWN_COMMAND: u32 = 0x0504_0001;
 const NO_OBJECT: u32 = 0x0602_0000;
 
 /// Reasons of a refusal, by their number in object 1F57h.
-const REFUSALS: [&str; 9] = [
+const REFUSALS: [&str; 10] = [
     "no package",
-    "the image differs from its hash",
+    "the image differs from its CRC",
     "the signature is not of this board's key",
     "nothing was cleared before",
     "the flash reported an error",
@@ -59,8 +59,9 @@ const REFUSALS: [&str; 9] = [
     "more bytes than the package has",
     "a package for another board",
     "its anti-rollback counter is smaller than that of the running program",
+    "its image is linked for the slot of the running program",
 ];
-const HASH_REFUSAL: u32 = 2;
+const CRC_REFUSAL: u32 = 2;
 
 /// Error of an update; its message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -93,6 +94,16 @@ pub enum UpdateError {
         node: u8,
         /// Running version.
         running: Version,
+    },
+    /// The release has no image for the slot that the node receives into.
+    #[error(
+        "the file has no image for address {address:#010x}, where node {node} receives one; host-sim sign takes the images of both slots"
+    )]
+    Slot {
+        /// Number of the node.
+        node: u8,
+        /// Load address that the node accepts.
+        address: u32,
     },
     /// The counter is too small; the node would refuse it.
     #[error("anti-rollback counter {package}: node {node} requires at least {least}")]
@@ -161,7 +172,7 @@ pub fn board_name(board: u32) -> String {
 pub enum Stage {
     /// Bytes are transferred.
     Transfer,
-    /// The node compares the hash.
+    /// The node compares the CRC.
     Verification,
     /// The node restarts, checks the signature, and tries the program.
     Trial,
@@ -174,6 +185,8 @@ pub struct Outcome {
     pub previous: Option<Version>,
     /// Version that runs now.
     pub version: Version,
+    /// Length of the package, bytes.
+    pub bytes: u32,
     /// Offset at which the transfer went on, bytes.
     pub resumed_at: u32,
     /// The program was there already.
@@ -186,6 +199,8 @@ pub struct Outcome {
 pub struct Update<'a, B> {
     client: &'a mut Client<B>,
     node: u8,
+    release: &'a Release,
+    /// The package for the slot that the node does not run from.
     package: &'a Package,
     /// Installs an older version.
     pub allow_older: bool,
@@ -193,8 +208,9 @@ pub struct Update<'a, B> {
 
 impl<'a, B: Bus> Update<'a, B> {
     /// Returns an update of this node with this package.
-    pub fn new(client: &'a mut Client<B>, node: u8, package: &'a Package) -> Self {
-        Self { client, node, package, allow_older: false }
+    pub fn new(client: &'a mut Client<B>, node: u8, release: &'a Release) -> Self {
+        let package = &release.packages()[0];
+        Self { client, node, release, package, allow_older: false }
     }
 
     /// Runs the update. `progress` receives the stage and the bytes that the node has confirmed.
@@ -206,21 +222,32 @@ impl<'a, B: Bus> Update<'a, B> {
         let previous = self.check()?;
         let mut outcome = Outcome {
             previous,
-            version: self.package.header.version,
+            version: self.release.header().version,
+            bytes: 0,
             resumed_at: 0,
             was_present: false,
             duration_ms: 0,
         };
-        if self.entry(ProgramObject::IDENTITY)? == self.package.header.identity() {
+        if self.release.contains(self.entry(ProgramObject::IDENTITY)?) {
             outcome.was_present = true;
             return Ok(outcome);
         }
+        self.select_package()?;
+        outcome.bytes = self.length();
         outcome.resumed_at = self.transfer(progress)?;
         progress(Stage::Trial, self.length());
         self.client.write(CONTROL, &[command::START])?;
         self.await_trial()?;
         outcome.duration_ms = (self.client.bus().now_ns() - start_ns) / 1_000_000;
         Ok(outcome)
+    }
+
+    /// Selects the package that is linked for the slot that the node receives into.
+    fn select_package(&mut self) -> Result<(), UpdateError> {
+        let (node, address) = (self.node, self.entry(ProgramObject::ACCEPTED_ADDRESS)?);
+        let package = self.release.for_address(address);
+        self.package = package.ok_or(UpdateError::Slot { node, address })?;
+        Ok(())
     }
 
     fn length(&self) -> u32 {
@@ -233,7 +260,7 @@ impl<'a, B: Bus> Update<'a, B> {
 
     /// Checks that the node may receive this package; returns its version.
     fn check(&mut self) -> Result<Option<Version>, UpdateError> {
-        let (node, header) = (self.node, self.package.header);
+        let (node, header) = (self.node, *self.release.header());
         let found = match self.entry(ProgramObject::BOARD) {
             Ok(0) | Err(SdoError::Refused { code: NO_OBJECT, .. }) => {
                 return Err(UpdateError::NoUpdates(node));
@@ -274,7 +301,7 @@ impl<'a, B: Bus> Update<'a, B> {
             match self.await_verification()? {
                 None => return Ok(resumed_at.unwrap_or_default()),
                 // Bytes of another master are in it.
-                Some(HASH_REFUSAL) => {}
+                Some(CRC_REFUSAL) => {}
                 Some(number) => return Err(self.refused(number)),
             }
         }
@@ -363,7 +390,7 @@ impl<'a, B: Bus> Update<'a, B> {
         }
     }
 
-    /// Waits until the node has compared the hash; returns the number of a refusal.
+    /// Waits until the node has compared the CRC; returns the number of a refusal.
     fn await_verification(&mut self) -> Result<Option<u32>, UpdateError> {
         let until_ns = self.client.bus().now_ns() + VERIFY_TIMEOUT.as_nanos() as u64;
         loop {

@@ -3,6 +3,7 @@
 //! `FIRMWARE_IMAGE` names another image, as for the mutations of `tests/emulator/run`.
 #![cfg(feature = "unicorn")]
 
+mod board_bus;
 mod bus;
 #[path = "../common/mod.rs"]
 mod common;
@@ -10,4 +11,6 @@ mod cost;
 mod course;
 mod power_cut;
 mod pressure;
+mod slots;
 mod start;
+mod update;

@@ -7,6 +7,7 @@ use emulated_board::world::{Bridge, World};
 use emulated_board::{Machine, StopReason};
 
 /// A board at rest: 48 V, no current, and an encoder that shows one angle.
+#[derive(Default)]
 pub struct Constant {
     was_driven: bool,
 }
@@ -25,7 +26,7 @@ impl World for Constant {
 }
 
 pub fn started() -> Machine<Constant> {
-    let chip = Chip::new(Constant { was_driven: false });
+    let chip = Chip::new(Constant::default());
     Machine::new(image(), chip).expect("a machine")
 }
 
