@@ -6,9 +6,10 @@
 
 use super::Slot;
 use super::marks::{self, ImageState, SlotState, TRIALS};
-use super::package::{HEADER_BYTES, continue_crc};
+use super::package::HEADER_BYTES;
 use super::receiver::read_chunks;
 use super::signature;
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 
 /// Result of [`select`].
@@ -24,6 +25,9 @@ pub enum Selection {
     /// No image can be started.
     Recover,
 }
+
+/// The CRC of images, fast: it is computed at every start.
+static CRC_WITH_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// Selects the image to start, and writes the marks of a trial or a rejection.
 ///
@@ -70,10 +74,10 @@ pub fn select<F: NorFlash>(
 
 /// Returns true if the image has the CRC of its header.
 pub fn is_intact<F: NorFlash>(flash: &mut F, slot: &Slot, image: &ImageState) -> bool {
-    let mut crc = 0;
+    let mut digest = CRC_WITH_TABLE.digest();
     let start = slot.start + HEADER_BYTES as u32;
-    read_chunks(flash, start..start + image.header.length, |chunk| crc = continue_crc(crc, chunk))
-        && crc == image.header.crc
+    read_chunks(flash, start..start + image.header.length, |chunk| digest.update(chunk))
+        && digest.finalize() == image.header.crc
 }
 
 /// Returns the sequence number of the next update.

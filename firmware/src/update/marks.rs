@@ -80,7 +80,7 @@ pub fn state<F: NorFlash>(flash: &mut F, slot: &Slot) -> SlotState {
         return SlotState::Bare;
     }
     let Some(header) = header(flash, slot) else { return SlotState::Empty };
-    let identity = header.identity();
+    let identity = header.identity;
     let mark = |flash: &mut F, place: u32, kind: Kind| {
         unit(flash, slot, place).and_then(|bytes| parse(&bytes, kind, identity))
     };
@@ -183,7 +183,7 @@ fn write<F: NorFlash>(
     sequence: u16,
     header: &Header,
 ) -> Result<(), MarkError> {
-    let bytes = emit(kind, sequence, header.identity());
+    let bytes = emit(kind, sequence, header.identity);
     flash.write(slot.marks + UNIT_BYTES * place, &bytes).map_err(|_| MarkError::Flash)?;
     if unit(flash, slot, place) == Some(bytes) { Ok(()) } else { Err(MarkError::Flash) }
 }

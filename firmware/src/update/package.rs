@@ -20,7 +20,7 @@
 //! The signature covers the hash, so the signature of the header is a signature of the image.
 
 use core::fmt;
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 
 /// Length of the header, bytes.
 pub const HEADER_BYTES: usize = 512;
@@ -31,10 +31,17 @@ pub const SIGNED_BYTES: usize = 96;
 /// Version of the layout.
 pub const LAYOUT: u16 = 1;
 
-const MAGIC: [u8; 4] = *b"JIMG";
+/// Offset of the hash in a header, and of the signature behind it.
+pub const HASH_AT: usize = 32;
 
-/// CRC of images and marks.
-pub static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+const MAGIC: u32 = u32::from_le_bytes(*b"JIMG");
+/// Version of the layout, and length of the header.
+const LAYOUT_WORD: u32 = LAYOUT as u32 | (HEADER_BYTES as u32) << 16;
+/// Words in front of the hash.
+const WORDS: usize = HASH_AT / 4;
+
+/// CRC of headers, marks, and images while they arrive. Without a table, which would take 1 KB of the image.
+pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Returns the CRC of bytes that follow others with this CRC; that of no bytes is 0.
 pub fn continue_crc(crc: u32, bytes: &[u8]) -> u32 {
@@ -64,7 +71,7 @@ impl fmt::Display for Version {
     }
 }
 
-/// Header of a package.
+/// Header of a package, without its hash and signature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Number of the board type.
@@ -79,10 +86,8 @@ pub struct Header {
     pub crc: u32,
     /// Load address of the image.
     pub address: u32,
-    /// SHA-512 of the image.
-    pub hash: [u8; 64],
-    /// Ed25519 signature of the first [`SIGNED_BYTES`].
-    pub signature: [u8; 64],
+    /// Number that identifies this package: the CRC-32 of its header. [`Header::signed`] does not use it.
+    pub identity: u32,
 }
 
 /// Reason why bytes are no header.
@@ -100,43 +105,26 @@ impl Header {
     /// # Errors
     /// The magic, the layout or the length is wrong.
     pub fn parse(bytes: &[u8; USED_BYTES]) -> Result<Self, HeaderError> {
-        let word = |at: usize| {
-            let mut word = [0; 4];
-            word.iter_mut().zip(bytes.iter().skip(at)).for_each(|(to, from)| *to = *from);
-            u32::from_le_bytes(word)
-        };
-        let long = |at: usize| {
-            let mut long = [0; 64];
-            long.iter_mut().zip(bytes.iter().skip(at)).for_each(|(to, from)| *to = *from);
-            long
-        };
-        let layout = u32::from(LAYOUT) | (HEADER_BYTES as u32) << 16;
-        if word(0) != u32::from_le_bytes(MAGIC) || word(4) != layout {
+        let mut words = [0; WORDS];
+        for (word, part) in words.iter_mut().zip(bytes.as_chunks().0) {
+            *word = u32::from_le_bytes(*part);
+        }
+        let [magic, layout, board, version, counter, length, crc, address] = words;
+        if magic != MAGIC || layout != LAYOUT_WORD {
             return Err(HeaderError::Unknown);
         }
-        let length = word(20);
         if length == 0 || !length.is_multiple_of(super::UNIT_BYTES) {
             return Err(HeaderError::Length);
         }
-        Ok(Self {
-            board: word(8),
-            version: Version(word(12)),
-            counter: word(16),
-            length,
-            crc: word(24),
-            address: word(28),
-            hash: long(32),
-            signature: long(96),
-        })
+        let (version, identity) = (Version(version), CRC.checksum(bytes));
+        Ok(Self { board, version, counter, length, crc, address, identity })
     }
 
-    /// Returns the bytes of the header.
-    pub fn emit(&self) -> [u8; HEADER_BYTES] {
-        let mut bytes = [0; HEADER_BYTES];
-        let layout = u32::from(LAYOUT) | (HEADER_BYTES as u32) << 16;
+    /// Returns the bytes that the signature covers, with the SHA-512 of the image.
+    pub fn signed(&self, hash: &[u8; 64]) -> [u8; SIGNED_BYTES] {
         let words = [
-            u32::from_le_bytes(MAGIC),
-            layout,
+            MAGIC,
+            LAYOUT_WORD,
             self.board,
             self.version.0,
             self.counter,
@@ -144,28 +132,24 @@ impl Header {
             self.crc,
             self.address,
         ];
-        let words = words.into_iter().flat_map(u32::to_le_bytes);
-        let content = words.chain(self.hash).chain(self.signature);
+        let mut bytes = [0; SIGNED_BYTES];
+        let content = words.into_iter().flat_map(u32::to_le_bytes).chain(*hash);
         bytes.iter_mut().zip(content).for_each(|(to, from)| *to = from);
         bytes
-    }
-
-    /// Returns the bytes that the signature covers.
-    pub fn signed(&self) -> [u8; SIGNED_BYTES] {
-        let mut signed = [0; SIGNED_BYTES];
-        signed.iter_mut().zip(self.emit()).for_each(|(to, from)| *to = from);
-        signed
-    }
-
-    /// Returns the number that identifies this package: the CRC-32 of its header.
-    pub fn identity(&self) -> u32 {
-        CRC.checksum(self.emit().get(..USED_BYTES).unwrap_or_default())
     }
 
     /// Returns the length of the whole package, bytes.
     pub const fn package_bytes(&self) -> u32 {
         self.length.saturating_add(HEADER_BYTES as u32)
     }
+}
+
+/// Returns the bytes of a header: what the signature covers, the signature, and zeros.
+pub fn emit(signed: &[u8; SIGNED_BYTES], signature: &[u8; 64]) -> [u8; HEADER_BYTES] {
+    let mut bytes = [0; HEADER_BYTES];
+    let content = signed.iter().chain(signature);
+    bytes.iter_mut().zip(content).for_each(|(to, from)| *to = *from);
+    bytes
 }
 
 #[cfg(test)]
@@ -179,17 +163,18 @@ mod tests {
         length: 800,
         crc: 5,
         address: 0x0800_0200,
-        hash: [6; 64],
-        signature: [9; 64],
+        identity: 0,
     };
 
     fn used(header: &Header) -> [u8; USED_BYTES] {
-        header.emit()[..USED_BYTES].try_into().unwrap()
+        emit(&header.signed(&[6; 64]), &[9; 64])[..USED_BYTES].try_into().unwrap()
     }
 
     #[test]
     fn header_emit_then_parse_returns_the_same() {
-        assert_eq!(Header::parse(&used(&HEADER)), Ok(HEADER));
+        let bytes = used(&HEADER);
+        let expected = Header { identity: CRC.checksum(&bytes), ..HEADER };
+        assert_eq!(Header::parse(&bytes), Ok(expected));
         assert_eq!(HEADER.package_bytes(), 1312);
     }
 
@@ -209,7 +194,7 @@ mod tests {
 
     #[test]
     fn crc_continued_over_parts_is_that_of_the_whole() {
-        let bytes: [u8; 40] = core::array::from_fn(|at| at as u8 * 7);
+        let bytes: [u8; 40] = core::array::from_fn(|at| at as u8 ^ 0x5A);
         let parts = continue_crc(continue_crc(0, &bytes[..13]), &bytes[13..]);
         assert_eq!(parts, CRC.checksum(&bytes));
     }

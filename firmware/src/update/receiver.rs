@@ -43,22 +43,21 @@ pub enum Refusal {
     Flash,
 }
 
-impl core::fmt::Display for Refusal {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+impl Refusal {
+    /// Returns the reason as a text.
+    pub const fn text(self) -> &'static str {
         match self {
-            Self::NoPackage => f.write_str("no package of this firmware (host-sim sign makes one)"),
-            Self::Board(board) => write!(f, "a package for board {board:08x}"),
-            Self::Address(found) => {
-                write!(f, "an image for address {found:08x}, which is the other slot")
+            Self::NoPackage => "no package of this firmware",
+            Self::Board(_) => "a package for another board",
+            Self::Address(_) => "an image for the slot that runs",
+            Self::Counter(..) => {
+                "anti-rollback counter: smaller than that of the program that runs"
             }
-            Self::Counter(found, least) => {
-                write!(f, "anti-rollback counter {found}: must be at least {least}")
-            }
-            Self::TooLong(length) => write!(f, "an image of {length} bytes, more than the slot"),
-            Self::Excess => f.write_str("more bytes than the package has"),
-            Self::NotCleared => f.write_str("clear the program first (1F51h:1 = 3)"),
-            Self::Crc => f.write_str("the image differs from its CRC"),
-            Self::Flash => f.write_str("the flash reported an error"),
+            Self::TooLong(_) => "an image longer than the slot",
+            Self::Excess => "more bytes than the package has",
+            Self::NotCleared => "clear the program first (1F51h:1 = 3)",
+            Self::Crc => "the image differs from its CRC",
+            Self::Flash => "the flash reported an error",
         }
     }
 }

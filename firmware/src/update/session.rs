@@ -41,17 +41,13 @@ impl RequestError {
             Self::Command(_) | Self::Package(_) => Abort::Value,
         }
     }
-}
 
-impl core::fmt::Display for RequestError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+    /// Returns the reason as a text.
+    pub const fn text(self) -> &'static str {
         match self {
-            Self::Package(refusal) => refusal.fmt(f),
-            Self::NotReady => f.write_str("the package is not complete or not accepted (1F57h)"),
-            Self::Command(found) => write!(
-                f,
-                "program control = {found}: must be 0 (prepare), 1 (start), 2 (reset) or 3 (clear)"
-            ),
+            Self::Package(refusal) => refusal.text(),
+            Self::NotReady => "the package is not complete or not accepted (1F57h)",
+            Self::Command(_) => "program control: must be 0 prepare, 1 start, 2 reset or 3 clear",
         }
     }
 }
@@ -163,7 +159,7 @@ impl Session {
         match command {
             0 => {
                 let resumed = self.receiver.resume(flash);
-                self.receiving = resumed.map_or(0, |header| header.identity());
+                self.receiving = resumed.map_or(0, |header| header.identity);
                 Ok(())
             }
             1 if self.receiver.is_ready() => {

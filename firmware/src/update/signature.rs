@@ -6,18 +6,11 @@
 
 use super::Slot;
 use super::marks::ImageState;
-use super::package::{HEADER_BYTES, Header};
+use super::package::{HASH_AT, HEADER_BYTES, Header, SIGNED_BYTES, USED_BYTES};
 use super::receiver::read_chunks;
 use ed25519_dalek::{Signature, VerifyingKey};
 use embedded_storage::nor_flash::NorFlash;
 use sha2::{Digest, Sha512};
-
-/// Returns true if the holder of the private key signed this header.
-pub fn is_signed(header: &Header, public_key: &[u8; 32]) -> bool {
-    let signature = Signature::from_bytes(&header.signature);
-    VerifyingKey::from_bytes(public_key)
-        .is_ok_and(|key| key.verify_strict(&header.signed(), &signature).is_ok())
-}
 
 /// Returns true if the image in a slot is what the holder of the private key signed.
 pub fn is_authentic<F: NorFlash>(
@@ -26,10 +19,16 @@ pub fn is_authentic<F: NorFlash>(
     image: &ImageState,
     public_key: &[u8; 32],
 ) -> bool {
-    let header = &image.header;
+    let mut bytes = [0; USED_BYTES];
+    if flash.read(slot.start, &mut bytes).is_err() || Header::parse(&bytes) != Ok(image.header) {
+        return false;
+    }
+    let Some((signed, signature)) = bytes.split_first_chunk::<SIGNED_BYTES>() else { return false };
+    let Ok(signature) = Signature::from_slice(signature) else { return false };
     let mut hash = Sha512::new();
-    let part = slot.start + HEADER_BYTES as u32..slot.start + header.package_bytes();
+    let part = slot.start + HEADER_BYTES as u32..slot.start + image.header.package_bytes();
     read_chunks(flash, part, |chunk| hash.update(chunk))
-        && hash.finalize().as_slice() == header.hash
-        && is_signed(header, public_key)
+        && signed.get(HASH_AT..) == Some(hash.finalize().as_slice())
+        && VerifyingKey::from_bytes(public_key)
+            .is_ok_and(|key| key.verify_strict(signed, &signature).is_ok())
 }

@@ -5,7 +5,7 @@ use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
 use firmware::update::boot::{Selection, select};
 use firmware::update::marks::{self, SlotState};
-use firmware::update::package::{CRC, HEADER_BYTES, Header, Version};
+use firmware::update::package::{CRC, HEADER_BYTES, Header, USED_BYTES, Version, emit};
 use firmware::update::receiver::{Receiver, Refusal};
 use firmware::update::{Program, Slot};
 use sha2::{Digest, Sha512};
@@ -47,10 +47,15 @@ impl Package {
         if self.header.address == address {
             return Self { header: self.header, bytes: self.bytes.clone(), key };
         }
-        let mut header = Header { address, ..self.header };
-        header.signature = key.sign(&header.signed()).to_bytes();
-        let bytes = [&header.emit()[..], &self.bytes[HEADER_BYTES..]].concat();
-        Self { header, bytes, key }
+        Self::sign(Header { address, ..self.header }, &self.bytes[HEADER_BYTES..], key)
+    }
+
+    fn sign(header: Header, image: &[u8], key: SigningKey) -> Self {
+        let signed = header.signed(&Sha512::digest(image).into());
+        let emitted = emit(&signed, &key.sign(&signed).to_bytes());
+        let identity = CRC.checksum(&emitted[..USED_BYTES]);
+        let bytes = [&emitted[..], image].concat();
+        Self { header: Header { identity, ..header }, bytes, key }
     }
 }
 
@@ -62,19 +67,16 @@ pub fn signed(key: &SigningKey, board: u32, version: u32, counter: u32, length: 
     let seed = version as u8;
     let image: Vec<u8> =
         (0..length).map(|at| (at as u8).wrapping_mul(37).wrapping_add(seed)).collect();
-    let mut header = Header {
+    let header = Header {
         board,
         version: Version(version),
         counter,
         length: length as u32,
         crc: CRC.checksum(&image),
         address: program(0).image_address(&OTHER),
-        hash: Sha512::digest(&image).into(),
-        signature: [0; 64],
+        identity: 0,
     };
-    header.signature = key.sign(&header.signed()).to_bytes();
-    let bytes = [&header.emit()[..], &image].concat();
-    Package { header, bytes, key: key.clone() }
+    Package::sign(header, &image, key.clone())
 }
 
 /// Reason why a run of the device ended.
@@ -100,7 +102,7 @@ pub fn receive(flash: &mut Flash, own: usize, package: &Package) -> End {
     let package = package.linked_for(1 - own);
     let mut receiver = Receiver::new(program(own));
     let resumed = receiver.resume(flash);
-    if resumed.map(|header| header.identity()) != Some(package.header.identity())
+    if resumed.map(|header| header.identity) != Some(package.header.identity)
         && let Err(refusal) = receiver.clear(flash)
     {
         return ended(flash, refusal);

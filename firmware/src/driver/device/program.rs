@@ -111,7 +111,7 @@ impl ProgramState {
             other_state: session.map_or(0, |session| session.other().2 as u32),
             receiving,
             received_bytes,
-            identity: header.map_or(0, |header| header.identity()),
+            identity: header.map_or(0, |header| header.identity),
             accepted_address: session.map_or(0, Session::accepted_address),
         }
     }
@@ -133,14 +133,14 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn write_program(&mut self, bytes: &[u8]) -> Result<(), Abort> {
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
         let written = session.write(self.store.flash_mut(), bytes, self.now_us);
-        written.map_err(|error| self.staging.refuse(error.abort(), error))
+        written.map_err(|error| self.staging.refuse(error.abort(), error.text()))
     }
 
     /// Executes a command of object 1F51h.
     pub(in crate::driver) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
         let done = session.control(self.store.flash_mut(), command, self.now_us);
-        done.map_err(|error| self.staging.refuse(error.abort(), error))
+        done.map_err(|error| self.staging.refuse(error.abort(), error.text()))
     }
 
     fn no_updates(&mut self) -> Abort {
@@ -151,7 +151,7 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn tick_program(&mut self, now_us: u64) {
         let Some(session) = &mut self.program.session else { return };
         if let Err(error) = session.tick(self.store.flash_mut(), now_us) {
-            self.staging.refuse(error.abort(), error);
+            self.staging.refuse(error.abort(), error.text());
         }
         if self.program.running == RunningState::Trial {
             self.tick_trial(now_us);

@@ -4,7 +4,7 @@
 //! headers state the load addresses. The version, the board and the anti-rollback counter are the same in all.
 
 use ed25519_dalek::{Signer, SigningKey};
-use firmware::update::package::{CRC, HEADER_BYTES, Header, USED_BYTES, Version};
+use firmware::update::package::{CRC, HASH_AT, HEADER_BYTES, Header, USED_BYTES, Version, emit};
 use object::Endianness;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
@@ -86,19 +86,20 @@ impl Package {
         let Code { address, bytes: mut image } = image.clone();
         image.resize(image.len().next_multiple_of(ALIGNMENT).max(ALIGNMENT), 0);
         let Statement { board, version, counter } = statement;
-        let mut header = Header {
+        let header = Header {
             board,
             version,
             counter,
             length: image.len() as u32,
             crc: CRC.checksum(&image),
             address,
-            hash: Sha512::digest(&image).into(),
-            signature: [0; 64],
+            identity: 0,
         };
-        header.signature = key.sign(&header.signed()).to_bytes();
-        let bytes = [&header.emit()[..], &image].concat();
-        Self { header, bytes }
+        let signed = header.signed(&Sha512::digest(&image).into());
+        let emitted = emit(&signed, &key.sign(&signed).to_bytes());
+        let identity = CRC.checksum(&emitted[..USED_BYTES]);
+        let bytes = [&emitted[..], &image].concat();
+        Self { header: Header { identity, ..header }, bytes }
     }
 
     /// Parses the package at the start of these bytes; returns the rest. `None` if there is none, or it is damaged.
@@ -106,7 +107,8 @@ impl Package {
         let header = Header::parse(bytes.first_chunk::<USED_BYTES>()?).ok()?;
         let (package, rest) = bytes.split_at_checked(header.package_bytes() as usize)?;
         let image = package.get(HEADER_BYTES..)?;
-        (Sha512::digest(image).as_slice() == header.hash)
+        let hash = package.get(HASH_AT..HASH_AT + 64)?;
+        (Sha512::digest(image).as_slice() == hash)
             .then(|| (Self { header, bytes: package.to_vec() }, rest))
     }
 }
@@ -147,7 +149,7 @@ impl Release {
 
     /// Returns true if one of the packages has this identity.
     pub fn contains(&self, identity: u32) -> bool {
-        self.packages.iter().any(|part| part.header.identity() == identity)
+        self.packages.iter().any(|part| part.header.identity == identity)
     }
 
     /// Returns the bytes of the file.

@@ -326,7 +326,7 @@ impl<'a, B: Bus> Update<'a, B> {
     /// Returns the number of bytes of this package that the node has; `None` if it receives another one or none.
     fn standing(&mut self) -> Result<Option<u32>, SdoError> {
         self.client.write(CONTROL, &[command::PREPARE])?;
-        let is_same = self.entry(ProgramObject::RECEIVING)? == self.package.header.identity();
+        let is_same = self.entry(ProgramObject::RECEIVING)? == self.package.header.identity;
         if is_same { self.entry(ProgramObject::RECEIVED).map(Some) } else { Ok(None) }
     }
 
@@ -408,7 +408,7 @@ impl<'a, B: Bus> Update<'a, B> {
     /// Waits until the program is confirmed, or the old one runs again.
     fn await_trial(&mut self) -> Result<(), UpdateError> {
         let until_ns = self.client.bus().now_ns() + TRIAL_TIMEOUT.as_nanos() as u64;
-        let wanted = self.package.header.identity();
+        let wanted = self.package.header.identity;
         while self.client.bus().now_ns() < until_ns {
             self.pause()?;
             // During the restart there is no answer, or the old program still answers.

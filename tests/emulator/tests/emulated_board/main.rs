@@ -9,6 +9,7 @@ mod bus;
 mod common;
 mod cost;
 mod course;
+mod interruptions;
 mod power_cut;
 mod pressure;
 mod slots;

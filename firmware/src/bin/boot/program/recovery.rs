@@ -5,7 +5,7 @@ use super::flash::ChipFlash;
 use super::{can, clocks, pins};
 use compensator_core::can::Frame;
 use cortex_m::peripheral::DWT;
-use firmware::node_settings::NodeSettings;
+use firmware::node_settings::BusSettings;
 use firmware::store::{MAX_PAYLOAD, Store};
 use firmware::update::recovery::{Recovery, identity};
 use heapless::Deque;
@@ -85,19 +85,19 @@ fn send(controller: &mut can::Controller, node: &mut Recovery<ChipFlash>) {
 
 /// Reads node number and bit rate from the newest parameter store; the defaults if there are none.
 #[inline(never)]
-fn stored_settings(flash: ChipFlash) -> (NodeSettings, ChipFlash) {
+fn stored_settings(flash: ChipFlash) -> (BusSettings, ChipFlash) {
     let mut newest = None;
     let mut flash = flash;
     for in_own_bank in [false, true] {
         let mut block = [0; MAX_PAYLOAD];
         let mut store = Store::open_within(flash, PROGRAM.store_slots(in_own_bank));
         if let Ok(loaded) = store.load(&mut block)
-            && let Some(settings) = block.first_chunk().and_then(NodeSettings::parse)
+            && let Some(settings) = block.first_chunk().and_then(BusSettings::parse)
             && newest.as_ref().is_none_or(|(sequence, _)| loaded.sequence > *sequence)
         {
             newest = Some((loaded.sequence, settings));
         }
         flash = store.into_flash();
     }
-    (newest.map_or_else(NodeSettings::default, |(_, settings)| settings), flash)
+    (newest.map_or_else(BusSettings::default, |(_, settings)| settings), flash)
 }
