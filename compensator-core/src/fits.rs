@@ -7,6 +7,8 @@ use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Refuses a coefficient the number type would round too coarsely, or has no room for.
+// Not inlined: a build checks many values, and is in every image.
+#[inline(never)]
 pub(crate) fn coefficient<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
     if T::represents(value) {
         return Ok(());
@@ -17,6 +19,7 @@ pub(crate) fn coefficient<T: Real>(field: &'static str, value: f64) -> Result<()
 
 /// Refuses a product the number type has no room for, with two percent to spare for the rounding of
 /// its factors. A small product may round to nothing.
+#[inline(never)]
 pub(crate) fn product<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
     if T::represents((1.02 * value.abs()).max(1.0)) {
         return Ok(());

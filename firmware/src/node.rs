@@ -34,6 +34,8 @@ pub struct Outbox {
 
 impl Outbox {
     /// Adds a frame. If the queue is full, the frame is dropped and counted.
+    // Not inlined: it has many callers.
+    #[inline(never)]
     pub fn push(&mut self, frame: Frame) {
         if self.frames.push_back(frame).is_err() {
             self.lost = self.lost.saturating_add(1);

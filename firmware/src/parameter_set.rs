@@ -60,7 +60,7 @@ impl Clone for ParameterSet {
     /// Copies part by part: a temporary set would take 3 KB of the driver's stack.
     fn clone_from(&mut self, from: &Self) {
         self.friction.clone_from(&from.friction);
-        self.network.clone_from(&from.network);
+        self.network = from.network.clone();
         self.motor = from.motor;
         self.thresholds = from.thresholds;
         self.watch = from.watch;
@@ -70,6 +70,8 @@ impl Clone for ParameterSet {
 
 impl Default for ParameterSet {
     /// The set in use if nothing is stored: the plain LuGre law with default values.
+    // Not inlined: every call would add 800 bytes of constants to an image.
+    #[inline(never)]
     fn default() -> Self {
         Self {
             friction: Configuration {

@@ -273,12 +273,7 @@ impl<F: NorFlash> Store<F> {
             let Some(place) = into.get_mut(..length) else {
                 return Err(LoadError::TooSmall { needed: length, given });
             };
-            let mut bytes = place.iter_mut();
-            let found = self.scan(slot, |byte| {
-                if let Some(place) = bytes.next() {
-                    *place = byte;
-                }
-            });
+            let found = self.scan(slot, Payload::Copied(place));
             if found == (SlotState::Whole { sequence, length }) {
                 return Ok(LoadedSet { length, slot, sequence });
             }
@@ -332,7 +327,7 @@ impl<F: NorFlash> Store<F> {
         payload: &[u8],
     ) -> Result<SaveOutcome, StoreError> {
         let written = self.write(slot, sequence, payload);
-        let state = self.scan(slot, |_| ());
+        let state = self.scan(slot, Payload::Ignored);
         self.set_state(slot, state);
         written?;
         let start = self.slots.get(slot).map_or(0, |slot| slot.start);
@@ -376,7 +371,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     fn inspect(&mut self) {
-        self.states = [self.scan(0, |_| ()), self.scan(1, |_| ())];
+        self.states = [0, 1].map(|slot| self.scan(slot, Payload::Ignored));
     }
 
     fn set_state(&mut self, slot: usize, state: SlotState) {
@@ -385,8 +380,10 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Reads a whole slot and returns its state. `sink` receives the payload byte by byte.
-    fn scan(&mut self, slot: usize, mut sink: impl FnMut(u8)) -> SlotState {
+    /// Reads a whole slot and returns its state.
+    // Neither generic nor inlined: its several callers would each add 500 bytes to an image.
+    #[inline(never)]
+    fn scan(&mut self, slot: usize, mut payload: Payload<'_>) -> SlotState {
         let Some(Range { start, end }) = self.slots.get(slot).cloned() else {
             return SlotState::Damaged;
         };
@@ -416,7 +413,7 @@ impl<F: NorFlash> Store<F> {
         while left > 0 {
             let Some(unit) = self.unit(at) else { return SlotState::Damaged };
             commit.update(&unit);
-            unit.iter().take(left).for_each(|byte| sink(*byte));
+            payload.take(unit.get(..left).unwrap_or(&unit));
             left = left.saturating_sub(UNIT_BYTES);
             at += UNIT_BYTES as u32;
         }
@@ -432,10 +429,9 @@ impl<F: NorFlash> Store<F> {
 
     /// Returns true if the slot holds exactly these bytes, intact.
     fn holds_exactly(&mut self, slot: usize, payload: &[u8]) -> bool {
-        let mut expected = payload.iter();
-        let mut same = true;
-        let state = self.scan(slot, |byte| same &= expected.next() == Some(&byte));
-        matches!(state, SlotState::Whole { .. }) && same && expected.next().is_none()
+        let mut is_same = true;
+        let state = self.scan(slot, Payload::Compared(payload, &mut is_same));
+        matches!(state, SlotState::Whole { length, .. } if length == payload.len()) && is_same
     }
 
     /// Returns slot, sequence number and length of the newest set that this firmware can read.
@@ -461,6 +457,35 @@ impl<F: NorFlash> Store<F> {
         match (whole(0), whole(1)) {
             (Some(first), Some(second)) if newer(second.1, first.1) => Some(second),
             (first, second) => first.or(second),
+        }
+    }
+}
+
+/// Use of the payload of a slot while the slot is read.
+enum Payload<'a> {
+    /// None: only the state of the slot is needed.
+    Ignored,
+    /// Copied to a place.
+    Copied(&'a mut [u8]),
+    /// Compared with bytes; the flag is cleared if a byte differs.
+    Compared(&'a [u8], &'a mut bool),
+}
+
+impl Payload<'_> {
+    /// Takes the next bytes.
+    fn take(&mut self, bytes: &[u8]) {
+        match self {
+            Self::Ignored => {}
+            Self::Copied(place) => {
+                for (place, byte) in place.iter_mut().zip(bytes) {
+                    *place = *byte;
+                }
+                *place = core::mem::take(place).get_mut(bytes.len()..).unwrap_or_default();
+            }
+            Self::Compared(expected, is_same) => {
+                **is_same &= expected.starts_with(bytes);
+                *expected = expected.get(bytes.len()..).unwrap_or_default();
+            }
         }
     }
 }

@@ -110,7 +110,14 @@ impl Staging {
     }
 
     /// Stores a reason, truncated if necessary, and returns the abort code.
+    #[inline]
     pub fn refuse(&mut self, abort: Abort, why: impl Display) -> Abort {
+        self.refuse_for(abort, &why)
+    }
+
+    // One function for all types of a reason, to reduce the size of an image.
+    #[inline(never)]
+    fn refuse_for(&mut self, abort: Abort, why: &dyn Display) -> Abort {
         self.reason.clear();
         let mut cut = TruncatedWriter(&mut self.reason);
         // A reason that is too long is truncated.
