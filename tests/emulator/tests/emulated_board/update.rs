@@ -128,8 +128,7 @@ fn update_of_whole_image_takes_less_than_a_minute_and_is_confirmed() {
     assert!(seconds < 60.0, "{seconds} s");
 }
 
-/// Runs an update from a confirmed image in this slot to the other one, of which only the start of the transfer and the
-/// trial are run: the package is in the flash already.
+/// Starts a board that has received 1.0.1 in this slot, beside a confirmed 1.0.0 in the other one.
 fn trial_of(slot: usize) -> Client<BoardBus> {
     let mut content = confirmed(&[(1 - slot, "1.0.0")]);
     install(&mut content, slot, &signed(&codes()[slot], "1.0.1", &KEY), 8);
@@ -137,16 +136,13 @@ fn trial_of(slot: usize) -> Client<BoardBus> {
 }
 
 #[test]
-fn trial_in_either_slot_is_confirmed_after_its_self_test() {
-    for slot in [0, 1] {
-        let mut client = trial_of(slot);
-        assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.1"), "slot {slot}");
-        assert_eq!(entry(&mut client, ProgramObject::STATE), TRIAL, "slot {slot}");
-        client.bus().run(3 * CORE_HZ);
-        assert_eq!(entry(&mut client, ProgramObject::STATE), CONFIRMED, "slot {slot}");
-        let other = entry(&mut client, ProgramObject::OTHER_STATE);
-        assert_eq!(other, OtherState::Confirmed as u32, "slot {slot}");
-    }
+fn trial_in_slot_a_is_confirmed_after_its_self_test() {
+    let mut client = trial_of(0);
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.1"));
+    assert_eq!(entry(&mut client, ProgramObject::STATE), TRIAL);
+    client.bus().run(CORE_HZ * 5 / 2);
+    assert_eq!(entry(&mut client, ProgramObject::STATE), CONFIRMED);
+    assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Confirmed as u32);
 }
 
 #[test]
@@ -218,7 +214,7 @@ fn image_with_flipped_bits_in_flash_does_not_start() {
 
 #[test]
 fn board_without_good_image_receives_one_in_recovery() {
-    // Half of an update is there, and the old image is damaged.
+    // Most of an update is there, and the old image is lost.
     let mut content = interrupted(if is_long() { 0 } else { 95 });
     content.bytes[SLOTS[0].marks as usize..][..2048].fill(0xFF);
     let mut client = started(content);
