@@ -12,10 +12,6 @@ use crate::quantity::Quantity;
 pub struct ParameterInfo {
     /// Name in files, on the command line and in reports.
     pub name: &'static str,
-    /// Unit for a revolute joint.
-    pub unit: &'static str,
-    /// Unit for a prismatic joint.
-    pub unit_prismatic: &'static str,
     /// Minimum legal value.
     pub lower: f64,
     /// Maximum legal value.
@@ -42,9 +38,12 @@ macro_rules! parameters {
 
         /// Description of each parameter, ordered by number.
         pub static TABLE: [ParameterInfo; COUNT] = [$(ParameterInfo {
-            name: $name, unit: $unit, unit_prismatic: $prismatic,
-            lower: $lower, upper: $upper, default: $default,
+            name: $name, lower: $lower, upper: $upper, default: $default,
         }),*];
+
+        /// Units of each parameter, for a revolute and a prismatic joint. A table of its own, because the image of a
+        /// driver does not need it.
+        static UNITS: [[&str; 2]; COUNT] = [$([$unit, $prismatic]),*];
     };
 }
 
@@ -265,6 +264,16 @@ impl ParameterId {
     /// Returns the name in files and reports.
     pub fn name(self) -> &'static str {
         self.info().name
+    }
+
+    /// Returns the unit for a revolute joint.
+    pub fn unit(self) -> &'static str {
+        UNITS[self as usize][0]
+    }
+
+    /// Returns the unit for a prismatic joint.
+    pub fn unit_prismatic(self) -> &'static str {
+        UNITS[self as usize][1]
     }
 
     /// Returns the parameter with this name.

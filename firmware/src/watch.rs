@@ -24,6 +24,7 @@
 
 use compensator_core::Real;
 use compensator_core::parameters::{Bound, ParameterError, check_ranges};
+use libm::sqrtf;
 
 compensator_core::named_fields! {
     /// Parameters of the monitoring, as they are written.
@@ -103,8 +104,8 @@ impl WatchParameters {
         }
         // The number of samples is rounded: this changes `independent_s` by at most a third.
         let samples = ((samples + 0.5) as u32).max(1);
-        let share = f64::from(period_s) * f64::from(samples) / f64::from(self.memory_s);
-        Ok(ResidualWatch::new(self, BandLimits::of(self, share), samples, share as f32))
+        let share = period_s * samples as f32 / self.memory_s;
+        Ok(ResidualWatch::new(self, BandLimits::of(self, share), samples, share))
     }
 }
 
@@ -117,20 +118,16 @@ struct BandLimits {
     square_back: f32,
 }
 
-fn square_root(x: f64) -> f64 {
-    if x > 0.0 { Real::exp(0.5 * Real::ln(x)) } else { 0.0 }
-}
-
 /// Returns `L` of the module documentation: five one-sided crossings in `rest` memories.
-fn deviations(rest: f64) -> f64 {
-    const SIDES: f64 = 5.0;
-    const ROOT_OF_TWO_PI: f64 = 2.506_628_274_631_000_5;
-    let rate = |deviations: f64| {
+fn deviations(rest: f32) -> f32 {
+    const SIDES: f32 = 5.0;
+    const ROOT_OF_TWO_PI: f32 = 2.506_628_3;
+    let rate = |deviations: f32| {
         SIDES * deviations * Real::exp(-0.5 * deviations * deviations) / ROOT_OF_TWO_PI
     };
     // The rate falls from 1 on, and is below one in 1e24 memories at 11.
     let (mut low, mut high) = (1.0, 11.0);
-    for _ in 0..50 {
+    for _ in 0..30 {
         let middle = 0.5 * (low + high);
         if rate(middle) * rest > 1.0 { low = middle } else { high = middle }
     }
@@ -138,28 +135,29 @@ fn deviations(rest: f64) -> f64 {
 }
 
 impl BandLimits {
-    fn of(parameters: &WatchParameters, share: f64) -> Self {
-        let tolerance = f64::from(parameters.tolerance);
-        let rest = f64::from(parameters.false_alarm_h) * 3600.0 / f64::from(parameters.memory_s);
+    fn of(parameters: &WatchParameters, share: f32) -> Self {
+        let tolerance = parameters.tolerance;
+        let rest = parameters.false_alarm_h * 3600.0 / parameters.memory_s;
         let deviations = deviations(rest);
         let scatter = share / (2.0 - share);
-        let mean_scatter = square_root(scatter);
+        let mean_scatter = sqrtf(scatter);
         let biased = tolerance * tolerance;
-        let square_scatter = square_root((2.0 + 4.0 * biased) * scatter);
+        let square_scatter = sqrtf((2.0 + 4.0 * biased) * scatter);
         // For squares of a normal draw, the skewness of the mean is 8/3 sqrt(share). A chi-squared variable of
         // `freedom` degrees has the same skewness, and the Wilson-Hilferty cube gives its tail.
         let freedom = 1.125 / share;
         let ninth = 2.0 / (9.0 * freedom);
-        let tail = |deviations: f64| {
-            let root = 1.0 - ninth + deviations * square_root(ninth);
-            (root * root * root - 1.0) * square_root(0.5 * freedom)
+        let tail = |deviations: f32| {
+            // The cube less one, expanded: a difference to 1 would lose digits.
+            let beyond = deviations * sqrtf(ninth) - ninth;
+            beyond * (3.0 + beyond * (3.0 + beyond)) * sqrtf(0.5 * freedom)
         };
         let half = 0.5 * deviations;
         Self {
-            mean: (tolerance + deviations * mean_scatter) as f32,
-            mean_back: (tolerance + half * mean_scatter) as f32,
-            square: (1.0 + biased + tail(deviations) * square_scatter) as f32,
-            square_back: (1.0 + biased + tail(half) * square_scatter) as f32,
+            mean: tolerance + deviations * mean_scatter,
+            mean_back: tolerance + half * mean_scatter,
+            square: 1.0 + biased + tail(deviations) * square_scatter,
+            square_back: 1.0 + biased + tail(half) * square_scatter,
         }
     }
 }

@@ -82,7 +82,7 @@ impl Model {
     ) -> Vec<(&'static str, f64, &'static str, Option<f64>, Option<&'static str>)> {
         let row = |id: ParameterId| {
             let estimate = self.estimates.iter().find(|(own, ..)| *own == id);
-            let unit = params::unit(id.info(), self.joint);
+            let unit = params::unit(id, self.joint);
             let error = estimate.and_then(|(_, error, _)| *error);
             (id.name(), self.parameters.get(id), unit, error, estimate.map(|(.., state)| *state))
         };

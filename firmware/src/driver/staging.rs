@@ -129,16 +129,17 @@ impl Staging {
     /// Reads a staged value.
     pub fn read(&self, at_index: u16, sub_index: u8, value: &mut ValueBuffer) -> Result<(), Abort> {
         let place = usize::from(sub_index).checked_sub(1).ok_or(Abort::NoSubIndex)?;
-        let ParameterSet { friction, motor, thresholds, watch, sensors, .. } = &self.staged;
+        let friction = &self.staged.friction;
         let model = &friction.model;
         let float = |numbers: &[f32]| numbers.get(place).copied().ok_or(Abort::NoSubIndex);
         let bytes = match at_index {
             index::ENVELOPE => float(&model.envelope.to_array())?.to_le_bytes(),
             index::COMPENSATOR => float(&friction.compensator.to_array())?.to_le_bytes(),
-            index::MOTOR => float(&motor.to_array())?.to_le_bytes(),
-            index::THRESHOLDS => float(&thresholds.to_array())?.to_le_bytes(),
-            index::WATCH_PARAMETERS => float(&watch.to_array())?.to_le_bytes(),
-            index::SENSORS => float(&sensors.to_array())?.to_le_bytes(),
+            index::MOTOR | index::THRESHOLDS | index::WATCH_PARAMETERS | index::SENSORS => {
+                let (at, _) = drive_value(at_index, place).ok_or(Abort::NoSubIndex)?;
+                let values = self.staged.emit_drive();
+                *values.as_chunks().0.get(at).ok_or(Abort::NoSubIndex)?
+            }
             index::PARAMETERS => {
                 let id = ParameterId::ALL.get(place).ok_or(Abort::NoSubIndex)?;
                 model.get(*id).to_le_bytes()
@@ -170,7 +171,9 @@ impl Staging {
         match at_index {
             index::ENVELOPE => {
                 let mut fields = self.staged.friction.model.envelope.to_array();
-                self.set_field(&mut fields, place, number, &Envelope::NAMES)?;
+                let name = *Envelope::NAMES.get(place).ok_or(Abort::NoSubIndex)?;
+                self.check_finite(name, number)?;
+                *fields.get_mut(place).ok_or(Abort::NoSubIndex)? = number;
                 self.staged.friction.model.envelope = Envelope::from_array(fields);
             }
             index::COMPENSATOR => {
@@ -180,25 +183,13 @@ impl Staging {
                 changed.validate().map_err(|error| self.refuse(Abort::Value, error))?;
                 self.staged.friction.compensator = changed;
             }
-            index::MOTOR => {
-                let mut fields = self.staged.motor.to_array();
-                self.set_field(&mut fields, place, number, &MotorParameters::NAMES)?;
-                self.staged.motor = MotorParameters::from_array(fields);
-            }
-            index::THRESHOLDS => {
-                let mut fields = self.staged.thresholds.to_array();
-                self.set_field(&mut fields, place, number, &Thresholds::NAMES)?;
-                self.staged.thresholds = Thresholds::from_array(fields);
-            }
-            index::WATCH_PARAMETERS => {
-                let mut fields = self.staged.watch.to_array();
-                self.set_field(&mut fields, place, number, &WatchParameters::NAMES)?;
-                self.staged.watch = WatchParameters::from_array(fields);
-            }
-            index::SENSORS => {
-                let mut fields = self.staged.sensors.to_array();
-                self.set_field(&mut fields, place, number, &SensorParameters::NAMES)?;
-                self.staged.sensors = SensorParameters::from_array(fields);
+            index::MOTOR | index::THRESHOLDS | index::WATCH_PARAMETERS | index::SENSORS => {
+                let (at, name) = drive_value(at_index, place).ok_or(Abort::NoSubIndex)?;
+                self.check_finite(name, number)?;
+                let mut values = self.staged.emit_drive();
+                *values.as_chunks_mut().0.get_mut(at).ok_or(Abort::NoSubIndex)? =
+                    number.to_le_bytes();
+                self.staged.set_drive(&values);
             }
             _ => {
                 let id = *ParameterId::ALL.get(place).ok_or(Abort::NoSubIndex)?;
@@ -236,21 +227,9 @@ impl Staging {
         Ok(())
     }
 
-    /// Sets a field in a list. Here the value must be finite; the commit checks the ranges, because they depend
-    /// on each other.
-    fn set_field(
-        &mut self,
-        fields: &mut [f32],
-        place: usize,
-        number: f32,
-        names: &[&str],
-    ) -> Result<(), Abort> {
-        let (Some(name), Some(field)) = (names.get(place), fields.get_mut(place)) else {
-            return Err(Abort::NoSubIndex);
-        };
-        self.check(name, number, f64::from(f32::MIN), f64::from(f32::MAX))?;
-        *field = number;
-        Ok(())
+    /// Checks that a value is finite. The commit checks the ranges, because they depend on each other.
+    fn check_finite(&mut self, name: &str, number: f32) -> Result<(), Abort> {
+        self.check(name, number, f64::from(f32::MIN), f64::from(f32::MAX))
     }
 
     fn check(&mut self, name: &str, number: f32, least: f64, most: f64) -> Result<(), Abort> {
@@ -329,6 +308,20 @@ impl Staging {
         self.list_terms();
         self.reason.clear();
     }
+}
+
+/// Returns the place of a value of motor, thresholds, watch or sensors in their common encoding, and its name.
+fn drive_value(at_index: u16, place: usize) -> Option<(usize, &'static str)> {
+    const THRESHOLDS: usize = MotorParameters::FIELDS;
+    const WATCH: usize = THRESHOLDS + Thresholds::FIELDS;
+    const SENSORS: usize = WATCH + WatchParameters::FIELDS;
+    let (first, names): (usize, &[&'static str]) = match at_index {
+        index::MOTOR => (0, &MotorParameters::NAMES),
+        index::THRESHOLDS => (THRESHOLDS, &Thresholds::NAMES),
+        index::WATCH_PARAMETERS => (WATCH, &WatchParameters::NAMES),
+        _ => (SENSORS, &SensorParameters::NAMES),
+    };
+    names.get(place).map(|name| (first + place, *name))
 }
 
 fn choices_to_bits(choices: Choices) -> u8 {

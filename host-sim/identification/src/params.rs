@@ -39,7 +39,7 @@ use crate::network::{BASE, NetworkFile, checksum};
 use crate::spec::Spec;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
-use compensator_core::parameters::{Choices, Envelope, ParameterInfo};
+use compensator_core::parameters::{Choices, Envelope};
 use compensator_core::{LawKind, ParameterId, Parameters};
 use std::fmt::Write;
 use std::path::Path;
@@ -89,10 +89,10 @@ pub struct ParameterFileError {
 }
 
 /// Returns the unit of a parameter for a joint kind.
-pub fn unit(info: &ParameterInfo, joint: JointKind) -> &'static str {
+pub fn unit(id: ParameterId, joint: JointKind) -> &'static str {
     match joint {
-        JointKind::Revolute => info.unit,
-        JointKind::Prismatic => info.unit_prismatic,
+        JointKind::Revolute => id.unit(),
+        JointKind::Prismatic => id.unit_prismatic(),
     }
 }
 
@@ -109,7 +109,7 @@ pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> Strin
     // Writing to a string does not fail.
     for estimate in &outcome.estimates {
         let (info, value) = (estimate.id.info(), estimate.value);
-        let unit = unit(info, joint);
+        let unit = unit(estimate.id, joint);
         let _ = write!(text, "{} = {{ value = {value:?}, unit = \"{unit}\"", info.name);
         if let Some(error) = estimate.std_error {
             let _ = write!(text, ", std_error = {error:?}, state = \"{}\"", estimate.state.name());
@@ -127,7 +127,7 @@ pub fn emit_model(model: &Parameters<f32>, joint: JointKind) -> String {
     let mut text = head(joint, &spec.full_name());
     for id in model.active() {
         let (info, value) = (id.info(), model.get(id));
-        let unit = unit(info, joint);
+        let unit = unit(id, joint);
         let _ = writeln!(text, "{} = {{ value = {value:?}, unit = \"{unit}\" }}", info.name);
     }
     emit_limits(&model.envelope, model.choices, &mut text);
@@ -268,7 +268,7 @@ fn understand(
             let known: Vec<_> = active.iter().map(|id| id.name()).collect();
             format!("parameters.{key}: not a parameter of {spec}, expected of {}", known.join(", "))
         })?;
-        parameters.set(id, value(key, item, unit(id.info(), joint))?);
+        parameters.set(id, value(key, item, unit(id, joint))?);
     }
     let mut envelope = parameters.envelope.to_array();
     fields(root, "envelope", &Envelope::NAMES, &mut envelope)?;

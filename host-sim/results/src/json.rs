@@ -73,7 +73,7 @@ pub(super) fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) 
     let info = estimate.id.info();
     let value = json!({
         "value": estimate.value,
-        "unit": unit(info, data.joint),
+        "unit": unit(estimate.id, data.joint),
         "std_error": estimate.std_error,
         "state": estimate.state.name(),
     });

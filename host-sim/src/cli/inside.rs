@@ -101,7 +101,7 @@ fn model_json(fit: &InsideFit, names: &[&str]) -> Value {
     let joint = |(at, name): (usize, &&str)| {
         let parameters = &fit.fitted.parameters[at];
         let values = parameters.active().map(|id| {
-            let about = json!({"value": parameters.get(id), "unit": id.info().unit});
+            let about = json!({"value": parameters.get(id), "unit": id.unit()});
             (id.info().name.to_owned(), about)
         });
         json!({

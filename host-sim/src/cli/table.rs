@@ -104,7 +104,7 @@ pub fn parameters(fit: &Outcome, data: &Dataset) -> String {
             estimate.id.name().to_owned(),
             figure(estimate.value),
             error,
-            unit_in_words(unit(estimate.id.info(), data.joint)).to_owned(),
+            unit_in_words(unit(estimate.id, data.joint)).to_owned(),
             state.to_owned(),
         ]);
     }

@@ -398,7 +398,7 @@ impl<F: NorFlash> Device<F> {
             if slot == TELEMETRY && !has_telemetry {
                 continue;
             }
-            self.transmit_if(slot, |pdo, data| pdo.is_due_at_sync(counter, data, now_us));
+            self.transmit_if_due(slot, Some(counter), now_us);
         }
     }
 
@@ -406,13 +406,15 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn transmit_events(&mut self, now_us: u64) {
         for slot in 0..PDOS {
             if self.pdos.transmit.get(slot).is_some_and(|pdo| pdo.kind > LAST_SYNCHRONOUS) {
-                self.transmit_if(slot, |pdo, data| pdo.is_due_by_event(data, now_us));
+                self.transmit_if_due(slot, None, now_us);
             }
         }
     }
 
-    /// Sends a transmit PDO with its identifier, if it is in use and due.
-    fn transmit_if(&mut self, slot: usize, is_due: impl FnOnce(&mut TransmitPdo, [u8; 8]) -> bool) {
+    /// Sends a transmit PDO with its identifier, if it is in use and due: at a SYNC, with its counter if it has one, or
+    /// between two.
+    #[inline(never)]
+    fn transmit_if_due(&mut self, slot: usize, sync: Option<Option<u8>>, now_us: u64) {
         let identifier = self.transmit_identifier(slot);
         let Some(mapping) = self.pdos.transmit.get(slot).map(|pdo| pdo.mapping) else { return };
         let length = mapping.length();
@@ -429,7 +431,11 @@ impl<F: NorFlash> Device<F> {
             }
             rest = after;
         }
-        if self.pdos.transmit.get_mut(slot).is_some_and(|pdo| is_due(pdo, data))
+        let is_due = self.pdos.transmit.get_mut(slot).is_some_and(|pdo| match sync {
+            Some(counter) => pdo.is_due_at_sync(counter, data, now_us),
+            None => pdo.is_due_by_event(data, now_us),
+        });
+        if is_due
             && let Some(frame) = Frame::new(
                 identifier as u16 & Frame::MAX_IDENTIFIER,
                 data.get(..length).unwrap_or(&data),

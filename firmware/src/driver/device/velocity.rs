@@ -122,6 +122,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the maximum speed of the joint, rad/s, within its plausible range.
+    #[inline(never)]
     pub(super) fn max_speed_rad_s(&self) -> f32 {
         let motor = &self.set().motor;
         let limit_rad_s =

@@ -85,7 +85,7 @@ impl Extended<'_> {
 
     /// Its unit on this joint.
     pub fn unit(&self, id: Id) -> &'static str {
-        unit(id.info(), self.joint())
+        unit(id, self.joint())
     }
 
     /// A parameter as a size.

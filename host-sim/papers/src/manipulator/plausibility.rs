@@ -159,7 +159,7 @@ pub fn check_units(model: &PrintedModel, printed_form: bool) -> Option<String> {
         let ours = match of.id {
             // The even term of the printed form multiplies a speed, not its square.
             Some(Id::QuadraticFriction) if printed_form => "Nm s/rad",
-            Some(id) => id.info().unit,
+            Some(id) => id.unit(),
             None => "rad",
         };
         (dimension(of.unit)? != dimension(ours)?)

@@ -117,7 +117,7 @@ fn coefficients(study: &ModelStudy) -> Vec<ResultRow> {
                     .map_or(fitted.deflection_rad[joint], |id| fitted.parameters[joint].get(id));
                 let unit = match of.id {
                     Some(Id::QuadraticFriction) if way == "as printed" => "Nm s/rad",
-                    Some(id) => id.info().unit,
+                    Some(id) => id.unit(),
                     None => "rad",
                 };
                 let row = ResultRow::simulated(&table, &name, way, unit, value);
@@ -132,7 +132,7 @@ fn coefficients(study: &ModelStudy) -> Vec<ResultRow> {
                 &table,
                 &name,
                 "properly",
-                Id::TorqueOffset.info().unit,
+                Id::TorqueOffset.unit(),
                 offset,
             ));
         }

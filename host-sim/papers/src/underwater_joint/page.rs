@@ -79,7 +79,7 @@ fn models(study: &JointStudy) -> Block {
     let rows = study.arms.iter().filter_map(|arm| {
         let fit = arm.fit.as_ref()?;
         let values = fit.estimates.iter().map(|of| {
-            format!("{} {} {}", of.id.info().name, significant(of.value, 3), of.id.info().unit)
+            format!("{} {} {}", of.id.info().name, significant(of.value, 3), of.id.unit())
         });
         Some(vec![
             Cell::from(arm.name),

@@ -136,7 +136,7 @@ fn printed_form(study: &JointStudy) -> Vec<ResultRow> {
         for (at, (class, values)) in certificate.classes.iter().zip(&classes).enumerate() {
             for (id, value) in certificate.parameters.iter().zip(values) {
                 let info = id.info();
-                let row = ResultRow::simulated(&table, info.name, class, info.unit, *value);
+                let row = ResultRow::simulated(&table, info.name, class, id.unit(), *value);
                 let plain = TABLE_III.iter().find(|(own, _)| own == id && *arm == PUBLISHED);
                 rows.push(plain.map_or(row.clone(), |(_, all)| row.printed(all[at.min(2)])));
             }

@@ -158,7 +158,7 @@ pub(super) fn parameters(scene: &Scene) -> Table {
 }
 
 fn row(found: &Diagnosis, id: ParameterId, joint: JointKind, extended: bool) -> Vec<Cell> {
-    let mut cells = vec![id.name().into(), unit(id.info(), joint).into()];
+    let mut cells = vec![id.name().into(), unit(id, joint).into()];
     let outcomes = [&found.baseline, &found.extended];
     for outcome in &outcomes[..if extended { 2 } else { 1 }] {
         match outcome.estimates.iter().find(|estimate| estimate.id == id) {

@@ -83,13 +83,8 @@ fn head(file: &ParameterFile, source: &str, has_bristles: bool) -> String {
     text += " *\n * Parameters:\n *\n";
     for id in model.active() {
         // Writing to a string does not fail.
-        let _ = writeln!(
-            text,
-            " *   {:<28} {:?} {}",
-            id.name(),
-            model.get(id),
-            unit(id.info(), file.joint)
-        );
+        let _ =
+            writeln!(text, " *   {:<28} {:?} {}", id.name(), model.get(id), unit(id, file.joint));
     }
     text
 }

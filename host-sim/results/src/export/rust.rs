@@ -75,7 +75,7 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> ExportedModel {
         active.len()
     );
     for id in &active {
-        let unit = unit(id.info(), file.joint);
+        let unit = unit(*id, file.joint);
         let _ = writeln!(text, "    (ParameterId::{id:?}, {:?}), // {unit}", model.get(*id));
     }
     text.push_str("];\n");

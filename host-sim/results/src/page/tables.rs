@@ -103,7 +103,7 @@ fn values(view: &View, index: usize) -> Table {
             None if *state == State::AtBound => (Cell::Number(*value), state.name()),
             None => (Cell::Number(*value), "kept constant"),
         };
-        let unit = unit_in_words(unit(id.info(), view.study.data.joint));
+        let unit = unit_in_words(unit(*id, view.study.data.joint));
         vec![id.name().into(), value, unit.into(), state.replace('-', " ").into()]
     };
     Table {

@@ -105,7 +105,7 @@ impl Cause for PositionRipple {
             size.in_words(),
             figure(order),
             figure(2.0 * error),
-            unit(Id::RippleOrder.info(), extended.joint())
+            unit(Id::RippleOrder, extended.joint())
         )
     }
 

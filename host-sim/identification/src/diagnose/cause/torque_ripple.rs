@@ -84,7 +84,7 @@ impl Cause for TorqueRipple {
 
     fn in_words(&self, size: &Size, extended: &Extended) -> String {
         let waves = waves(extended);
-        let of = |id: Id| unit(id.info(), extended.joint());
+        let of = |id: Id| unit(id, extended.joint());
         let [first, ..] = waves[0];
         let mut text = format!(
             "{}: {}, of order {} ± {} {}",
