@@ -273,8 +273,6 @@ impl Flash {
     /// Writes a word. The second word of a double word programs both.
     pub fn program(&mut self, address: u32, word: u32, now: u64) {
         let offset = address.wrapping_sub(BASE) & !7;
-        // The core's memory may have taken the word already.
-        self.changes.push(offset..offset + 8);
         if self.register(CR) & 1 == 0 || self.register(CR) & LOCKED != 0 {
             return self.set_status(SEQUENCE_ERROR);
         }
