@@ -23,12 +23,9 @@ mod pins;
 mod recovery;
 mod start;
 
-/// Values of the board: see `boards/stm32g474/scales.rs`, which a test compares.
+/// What the modules of the board use of its values.
 mod scales {
-    /// Crystal, Hz.
-    pub const CRYSTAL_HZ: u32 = 24_000_000;
-    /// Clock of the CAN controller, Hz.
-    pub const CAN_HZ: u32 = 170_000_000;
+    pub use super::clocks::CORE_HZ as CAN_HZ;
 }
 
 /// The flash driver refreshes the watchdog, which does not run yet.

@@ -1,6 +1,5 @@
 //! Clocks and serial number, as the driver and the boot program use them.
 
-use super::scales;
 use embassy_stm32::Config;
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPreDiv, PllRDiv, PllSource, Sysclk,
@@ -8,12 +7,17 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 
+/// Crystal, Hz. CAN at 1 Mbit/s requires one; the internal oscillator is not accurate enough.
+pub const CRYSTAL_HZ: u32 = 24_000_000;
+/// Processor, timers and converter clock source, Hz: 24 MHz / 6 x 85 / 2.
+pub const CORE_HZ: u32 = 170_000_000;
+
 /// Returns the clock configuration: 170 MHz for core and buses.
 pub fn clocks() -> Config {
     let mut config = Config::default();
     let rcc = &mut config.rcc;
     rcc.hsi = false;
-    rcc.hse = Some(Hse { freq: Hertz(scales::CRYSTAL_HZ), mode: HseMode::Oscillator });
+    rcc.hse = Some(Hse { freq: Hertz(CRYSTAL_HZ), mode: HseMode::Oscillator });
     rcc.pll = Some(Pll {
         source: PllSource::HSE,
         prediv: PllPreDiv::DIV6,
