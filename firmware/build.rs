@@ -2,9 +2,10 @@
 //!
 //! All link arguments are here, so that a PC's linker never receives `-T`. cortex-m-rt's `link.x` includes
 //! `memory.x`, which a linker looks up in its working directory (the top of the workspace) before the
-//! search path. That file includes `board.x`. Each board has its map next to its source, in
-//! `src/boards/NAME/` for the feature `board-NAME`; the selected one is copied to the search path. A copy
-//! of `memory.x` there serves builds from other directories.
+//! search path. That file includes `map.x`. Each board has its map next to its source, in
+//! `src/boards/NAME/` for the feature `board-NAME`; the selected one is copied to the search path of the
+//! images, and `boot.x` of the board to that of its boot program. An image of the STM32G474 also includes the
+//! map of its slot; there is one image for each. A copy of `memory.x` there serves builds from other directories.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,22 +18,48 @@ fn main() {
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let on = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
-    let map = format!("src/boards/{}/memory.x", board());
-    println!("cargo::rerun-if-changed={map}");
-    println!("cargo::rerun-if-changed=../memory.x");
-    for (from, to) in [(map.as_str(), "board.x"), ("../memory.x", "memory.x")] {
-        fs::copy(from, out.join(to)).unwrap_or_else(|error| panic!("{from}: {error}"));
+    let board = board();
+    let sources = Path::new("src/boards").join(&board);
+    for (from, to) in [
+        (Path::new("../memory.x").to_owned(), "memory.x"),
+        (sources.join("memory.x"), "slot_a/map.x"),
+        (sources.join("slot_a.x"), "slot_a/slot.x"),
+        (sources.join("memory.x"), "slot_b/map.x"),
+        (sources.join("slot_b.x"), "slot_b/slot.x"),
+        (sources.join("boot.x"), "boot/map.x"),
+    ] {
+        copy(&from, &out.join(to));
     }
+    // The boot program has another map, so the search paths differ by binary.
+    for (binary, map) in [
+        ("firmware", "slot_a"),
+        ("firmware-b", "slot_b"),
+        ("boot", "boot"),
+        ("cost", "slot_a"),
+        ("footprint", "slot_a"),
+    ] {
+        println!("cargo::rustc-link-arg-bin={binary}=-L{}", out.join(map).display());
+    }
+    write_update_key(&out);
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     println!("cargo::rustc-link-arg-bins=--nmagic");
     // The other binaries log nothing, and this script requires a logger.
     if on("DEFMT") {
         println!("cargo::rustc-link-arg-bin=firmware=-Tdefmt.x");
+        println!("cargo::rustc-link-arg-bin=firmware-b=-Tdefmt.x");
     }
     if on("C_REFERENCE") {
         build_c_reference(&out);
     }
+}
+
+/// Copies a map, if the board has it.
+fn copy(from: &Path, to: &Path) {
+    let Some(folder) = to.parent().filter(|_| from.exists()) else { return };
+    println!("cargo::rerun-if-changed={}", from.display());
+    fs::create_dir_all(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    fs::copy(from, to).unwrap_or_else(|error| panic!("{}: {error}", from.display()));
 }
 
 /// Returns the board that the features select.
@@ -45,6 +72,23 @@ fn board() -> String {
         [] => panic!("no board selected: enable feature board-stm32g474 or another board"),
         _ => panic!("several boards selected: add --no-default-features to select another one"),
     }
+}
+
+/// Writes the public key whose updates the image accepts: the file in `JOINT_UPDATE_KEY`, or the published test key.
+fn write_update_key(out: &Path) {
+    println!("cargo::rerun-if-env-changed=JOINT_UPDATE_KEY");
+    let path = env::var("JOINT_UPDATE_KEY").unwrap_or_else(|_| "keys/test.pub".to_owned());
+    println!("cargo::rerun-if-changed={path}");
+    let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let digits = text.trim().strip_prefix("ed25519-public ").unwrap_or_default();
+    let key: Vec<u8> = (0..digits.len() / 2)
+        .filter_map(|at| u8::from_str_radix(digits.get(2 * at..2 * at + 2)?, 16).ok())
+        .collect();
+    assert!(
+        key.len() == 32 && digits.len() == 64,
+        "{path}: no public key of host-sim sign --new-key"
+    );
+    fs::write(out.join("update_key.rs"), format!("{key:?}")).expect("OUT_DIR can be written");
 }
 
 /// Compiles the C laws for the comparison table, with a C programmer's options for this core.

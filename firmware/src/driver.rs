@@ -218,6 +218,7 @@ impl<F: NorFlash> Driver<F> {
             let frame = self.sdo.tick(now_us, &mut self.device);
             self.send_answer(frame, self.network.node());
         }
+        self.is_reset_requested |= self.device.program.is_restart_due(now_us);
         if self.model_log_us.is_some_and(|log_us| now_us >= log_us) {
             self.model_log_us = None;
             self.device.log_model();
@@ -374,6 +375,11 @@ impl<F: NorFlash> Driver<F> {
     /// Returns the flash.
     pub fn flash(&self) -> &F {
         self.device.flash()
+    }
+
+    /// Returns the flash, for a simulated fault.
+    pub fn flash_mut(&mut self) -> &mut F {
+        self.device.flash_mut()
     }
 
     /// Returns the flash by value, as a power cut leaves it.

@@ -36,6 +36,7 @@ pub mod sensors;
 pub mod stop_brake;
 pub mod store;
 pub mod supervisor;
+pub mod update;
 pub mod watch;
 
 #[cfg(target_os = "none")]

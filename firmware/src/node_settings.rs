@@ -94,6 +94,48 @@ impl Default for NodeSettings {
     }
 }
 
+/// The settings that a node needs to answer on its bus.
+///
+/// The boot program reads them from a store that a newer image may have written. Their places are therefore the same in all
+/// versions, and must stay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusSettings {
+    /// Node number.
+    pub node: NodeId,
+    /// Bit rate, kbit/s.
+    pub bit_rate_kbit: u16,
+    /// Bit rate of the data of CAN FD frames, kbit/s.
+    pub data_bit_rate_kbit: u16,
+}
+
+impl BusSettings {
+    /// Parses the begin of encoded settings, of this or a later version; `None` for a value out of range.
+    pub fn parse(bytes: &[u8; 16]) -> Option<Self> {
+        let [version, node, _, _, _, _, rate_low, rate_high, .., data_rate, _, _] = *bytes;
+        let bit_rate_kbit = u16::from_le_bytes([rate_low, rate_high]);
+        let is_known = version >= NodeSettings::VERSION_WITHOUT_DRIVE
+            && BIT_RATES_KBIT.contains(&bit_rate_kbit);
+        // The highest bit is that of the telemetry.
+        let data_bit_rate_kbit = match data_rate & 0x7F {
+            // Settings of a driver without this one.
+            0 => DEFAULT_DATA_BIT_RATE_KBIT,
+            1 => 1000,
+            2 => 2000,
+            5 => 5000,
+            _ => return None,
+        };
+        let node = NodeId::new(node)?;
+        is_known.then_some(Self { node, bit_rate_kbit, data_bit_rate_kbit })
+    }
+}
+
+impl Default for BusSettings {
+    fn default() -> Self {
+        let NodeSettings { node, bit_rate_kbit, data_bit_rate_kbit, .. } = NodeSettings::default();
+        Self { node, bit_rate_kbit, data_bit_rate_kbit }
+    }
+}
+
 impl NodeSettings {
     /// Length of the encoded settings without those of drive and access, bytes.
     const HEAD: usize = 32;
@@ -186,10 +228,11 @@ impl NodeSettings {
         drive: DriveSettings,
     ) -> Option<Self> {
         let word = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
-        let [version, node, source, number] = word(0)?.to_le_bytes();
+        let [version, _, source, number] = word(0)?.to_le_bytes();
+        let bus = BusSettings::parse(bytes.first_chunk()?)?;
         let settings = Self {
-            node: NodeId::new(node)?,
-            bit_rate_kbit: (word(4)? >> 16) as u16,
+            node: bus.node,
+            bit_rate_kbit: bus.bit_rate_kbit,
             heartbeat_ms: word(4)? as u16,
             awaited_heartbeat: word(8)?,
             target_timeout_ms: (word(12)? >> 16) as u16,
@@ -201,14 +244,7 @@ impl NodeSettings {
             number: NumberType::from_code(number)?,
             telemetry_every: word(12)? as u8,
             fd_telemetry: word(12)? >> 15 & 1 == 1,
-            data_bit_rate_kbit: match word(12)?.to_le_bytes()[1] & 0x7F {
-                // Settings of a driver without this one.
-                0 => DEFAULT_DATA_BIT_RATE_KBIT,
-                1 => 1000,
-                2 => 2000,
-                5 => 5000,
-                _ => return None,
-            },
+            data_bit_rate_kbit: bus.data_bit_rate_kbit,
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
             commissioned: word(24)?,

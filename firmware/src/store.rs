@@ -15,6 +15,7 @@
 
 pub mod image;
 pub mod memory;
+mod mirror;
 
 use core::fmt;
 use core::ops::Range;
@@ -209,6 +210,11 @@ impl<F: NorFlash> Store<F> {
         Ok(Self::inspected(flash, slots))
     }
 
+    /// Opens a store in two slots that are known to be legal. It only reads.
+    pub fn open_within(flash: F, slots: [Range<u32>; 2]) -> Self {
+        Self::inspected(flash, slots)
+    }
+
     fn inspected(flash: F, slots: [Range<u32>; 2]) -> Self {
         let () = Self::IS_FLASH_SUITABLE;
         let mut store = Self { flash, slots, states: [SlotState::Blank; 2] };
@@ -224,6 +230,11 @@ impl<F: NorFlash> Store<F> {
     /// Returns the flash.
     pub fn flash(&self) -> &F {
         &self.flash
+    }
+
+    /// Returns the flash for what lies beside the store.
+    pub(crate) const fn flash_mut(&mut self) -> &mut F {
+        &mut self.flash
     }
 
     /// Returns the maximum length of a payload, bytes; never more than [`MAX_PAYLOAD`].
@@ -306,6 +317,15 @@ impl<F: NorFlash> Store<F> {
             // No set to keep: an undamaged slot is preferred.
             None => (usize::from(self.states[0] == SlotState::Damaged), 1),
         };
+        self.write_checked(slot, sequence, payload)
+    }
+
+    fn write_checked(
+        &mut self,
+        slot: usize,
+        sequence: u32,
+        payload: &[u8],
+    ) -> Result<SaveOutcome, StoreError> {
         let written = self.write(slot, sequence, payload);
         let state = self.scan(slot, Payload::Ignored);
         self.set_state(slot, state);

@@ -27,9 +27,11 @@ mod parameters;
 mod predict;
 mod replay;
 mod scope;
+mod sign;
 mod simulate;
 mod table;
 mod terminal;
+mod update;
 mod words;
 
 use clap::error::ErrorKind;
@@ -75,8 +77,12 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Record signals of a joint's current loop at up to 20 kHz, around a trigger
     Scope(scope::ScopeArguments),
+    /// Make a signed package of a program for `update`, or a key pair
+    Sign(sign::SignArguments),
     /// Simulate a machine: write its log and the true parameters
     Simulate(simulate::SimulateArguments),
+    /// Install a signed package on a joint over its bus
+    Update(update::UpdateArguments),
 }
 
 /// Runs the command line and returns the exit code.
@@ -111,7 +117,9 @@ pub fn run() -> ExitCode {
         Command::Predict(arguments) => done(predict::run(&arguments)),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Scope(arguments) => done(scope::run(&arguments)),
+        Command::Sign(arguments) => done(sign::run(&arguments)),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
+        Command::Update(arguments) => done(update::run(&arguments)),
     };
     match outcome {
         Ok(code) => code,

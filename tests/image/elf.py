@@ -35,6 +35,8 @@ class Image:
                 self.symbols[name] = (value, size)
                 if kind & 0xF == FUNCTION:
                     self.functions.append((name, value, size))
+        # Start of the vector table, which is that of the image.
+        self.vectors = self.symbols["__vector_table"][0]
         # At one address the mark of code comes last and holds.
         marks.sort()
         self.mark_places, self.mark_kinds = [place for place, _ in marks], [kind for _, kind in marks]

@@ -47,7 +47,7 @@ def flash(image):
 
 def targets(graph):
     """Functions that a call through a register may reach."""
-    handlers = {graph.image.word(0x0800_0000 + 4 * number) & ~1 for number in range(1, 118)}
+    handlers = {graph.image.word(graph.image.vectors + 4 * number) & ~1 for number in range(1, 118)}
     stored = set()
     for _, content, _ in graph.image.segments:
         for at in range(0, len(content) - 3, 4):
@@ -118,7 +118,7 @@ def stack(image, graph):
     def of(part):
         return max(size for address, size in worst.items() if part in graph.functions[address].name)
 
-    rows = {name: EXCEPTION_FRAME + worst[image.word(0x0800_0000 + 4 * number) & ~1] for name, number in HANDLERS.items()}
+    rows = {name: EXCEPTION_FRAME + worst[image.word(image.vectors + 4 * number) & ~1] for name, number in HANDLERS.items()}
     start, background, fault = of("__rtic_init_resources"), of("3app4idle"), rows["fault (HardFault)"]
     available = image.symbols["_stack_start"][0] - image.symbols["_stack_end"][0]
     return [

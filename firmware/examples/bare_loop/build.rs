@@ -2,7 +2,7 @@
 //! linker.
 //!
 //! Your own board only needs a `memory.x` next to this file. The top of this workspace has its own
-//! `memory.x`, which a linker finds first and which includes `board.x`, so the map is written under both
+//! `memory.x`, which a linker finds first and which includes `map.x`, so the map is written under both
 //! names.
 
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ fn main() {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    for name in ["memory.x", "board.x"] {
+    for name in ["memory.x", "map.x"] {
         fs::write(out.join(name), MAP).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
     println!("cargo::rustc-link-search={}", out.display());

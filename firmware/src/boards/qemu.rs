@@ -64,7 +64,7 @@ fn main() -> ! {
     let panic = panic.as_deref();
     defmt::info!("started, {=str}", if warm { "after a reset" } else { "switched on" });
     // QEMU would not run with faulty memory or registers, so the self-test always passes.
-    let boot = Boot { cause, panic, stack_overflowed, self_test_passed: true };
+    let boot = Boot { cause, panic, stack_overflowed, self_test_passed: true, program: None };
     let now_us = clock.now_us();
     let driver = Driver::boot(settings, flash, identity, &boot, now_us);
     let bus = SerialBus::new(Uart::start());

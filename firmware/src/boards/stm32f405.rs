@@ -204,6 +204,7 @@ fn start<'state>(
         stack_overflowed,
         // There is nothing to test on this board.
         self_test_passed: true,
+        program: None,
     };
     let (background, board) = state;
     let background = background.insert(driver(flash, identity, &boot, now_us));

@@ -14,7 +14,9 @@
 #![allow(unsafe_code)] // Expansion of RTIC's app, embassy's bindings, and one exception handler.
 #![allow(missing_docs)] // Code that RTIC generates.
 
+mod banks;
 mod can;
+mod clocks;
 mod encoder;
 mod fast_code;
 mod flash;
@@ -68,13 +70,14 @@ unsafe fn DefaultHandler(number: i16) -> ! {
 
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
+    use super::banks::PROGRAM;
     use super::can::{self, Controller};
     use super::encoder::{self, Encoder};
-    use super::flash::StoreFlash;
+    use super::flash::ChipFlash;
     use super::motor_stage::{MotorStage, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
-    use super::{fast_code, overcurrent, pins, random, scales, start, watchdog};
+    use super::{clocks, fast_code, overcurrent, pins, random, scales, start, watchdog};
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
@@ -111,12 +114,12 @@ mod app {
         // Owned by the receive interrupt.
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
-        background: &'static mut Background<StoreFlash>,
+        background: &'static mut Background<ChipFlash>,
         board: JointBoard,
     }
 
     #[init(local = [
-        place: MaybeUninit<Background<StoreFlash>> = MaybeUninit::uninit(),
+        place: MaybeUninit<Background<ChipFlash>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
         #[unsafe(link_section = ".scope")]
@@ -128,7 +131,7 @@ mod app {
         stack_guard::paint();
         let panicked = panic::take();
         let cause = start::reset_cause(is_ram_kept);
-        let wired = pins::wiring(embassy_stm32::init(start::clocks()));
+        let wired = pins::wiring(embassy_stm32::init(clocks::clocks()));
         fast_code::enable_flash_prefetch();
         fast_code::protect();
         // The rest of the start takes 30 ms; then the background refreshes the watchdog regularly.
@@ -149,8 +152,14 @@ mod app {
             && shunts.iter().all(Option::is_some);
         start::check_brown_out_level();
 
-        let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
-        let store = StoreFlash::new(wired.inside.flash);
+        let boot = Boot {
+            cause,
+            panic: panicked.as_deref(),
+            stack_overflowed,
+            self_test_passed,
+            program: Some(PROGRAM),
+        };
+        let store = ChipFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
         background.set_scope_memory(context.local.scope);
         background.allow_fd();
@@ -182,10 +191,10 @@ mod app {
 
     /// Starts the driver and its background loop in place.
     fn boot_background(
-        place: &'static mut MaybeUninit<Background<StoreFlash>>,
-        store: StoreFlash,
+        place: &'static mut MaybeUninit<Background<ChipFlash>>,
+        store: ChipFlash,
         boot: &Boot<'_>,
-    ) -> &'static mut Background<StoreFlash> {
+    ) -> &'static mut Background<ChipFlash> {
         let now_us = Instant::now().as_micros();
         let background = place_background(place, store, now_us);
         background.load(boot, now_us);
@@ -198,13 +207,13 @@ mod app {
     /// much of the stack.
     #[inline(never)]
     fn place_background(
-        place: &'static mut MaybeUninit<Background<StoreFlash>>,
-        store: StoreFlash,
+        place: &'static mut MaybeUninit<Background<ChipFlash>>,
+        store: ChipFlash,
         now_us: u64,
-    ) -> &'static mut Background<StoreFlash> {
+    ) -> &'static mut Background<ChipFlash> {
         let identity = Identity {
             hardware: "STM32G474 joint driver",
-            serial: start::serial(),
+            serial: clocks::serial(),
             stage: scales::STAGE,
         };
         let driver = Driver::with_defaults(NodeSettings::default(), store, identity, now_us);

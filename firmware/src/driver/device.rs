@@ -9,6 +9,7 @@ mod lss;
 mod network;
 mod pdos;
 mod position;
+mod program;
 mod requests;
 mod scope;
 mod stopping;
@@ -42,6 +43,7 @@ use crate::sensors::enclosure;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::Store;
 use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
+use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
 use compensator_core::can::{
     AnswerFrame, CommandFrame, Frame, JointKind, Message, MotionFrame, NodeId, SealFrame,
@@ -51,6 +53,9 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
 use network::LiveNetwork;
 use pdos::Pdos;
+
+/// Maximum number of overruns of a report that are counted: more would delay the background.
+const MAX_OVERRUNS: u32 = 100;
 
 /// Maximum length of a stored panic text, bytes.
 pub const MAX_PANIC_BYTES: usize = 160;
@@ -69,17 +74,11 @@ pub struct Identity {
 impl Identity {
     /// Returns the identity object of the dictionary.
     pub fn object(&self) -> records::IdentityObject {
-        records::IdentityObject {
-            // No vendor number is registered.
-            vendor_id: 0,
-            product_code: u32::from_be_bytes(*b"FRIC"),
-            revision_number: compensator_core::record::VERSION.into(),
-            serial_number: self.serial,
-        }
+        crate::update::recovery::identity(self.serial)
     }
 }
 
-/// How the previous run ended.
+/// State of the board at the start, and how the previous run ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Boot<'a> {
     /// Cause of the reset.
@@ -90,6 +89,9 @@ pub struct Boot<'a> {
     pub stack_overflowed: bool,
     /// The board's start-up tests passed.
     pub self_test_passed: bool,
+    /// Places of images and parameters, if the board has two banks. Otherwise the parameters use the whole flash, and
+    /// there are no updates.
+    pub program: Option<Program>,
 }
 
 impl Default for Boot<'_> {
@@ -100,6 +102,7 @@ impl Default for Boot<'_> {
             panic: None,
             stack_overflowed: false,
             self_test_passed: true,
+            program: None,
         }
     }
 }
@@ -127,6 +130,7 @@ pub struct Device<F> {
     hil_armed: bool,
     received: ReceivedInputs,
     network: LiveNetwork,
+    pub(super) program: program::ProgramState,
     watch: Option<ResidualWatch>,
     inputs: InputsObject,
     reply: HilReply,
@@ -200,6 +204,10 @@ impl<F: NorFlash> Device<F> {
 
     pub(super) fn flash(&self) -> &F {
         self.store.flash()
+    }
+
+    pub(super) fn flash_mut(&mut self) -> &mut F {
+        self.store.flash_mut()
     }
 
     pub(super) fn into_flash(self) -> F {
@@ -402,6 +410,7 @@ impl<F: NorFlash> Device<F> {
         self.step_brake();
         self.watch_commissioning();
         self.watch_session();
+        self.tick_program(now_us);
         self.report_seen = true;
         if self.hil_armed && !self.hil_blocking_codes().is_empty() {
             // In HIL the supervisor is not armed and would not trip by itself.
@@ -430,7 +439,7 @@ impl<F: NorFlash> Device<F> {
         self.step_over_compensation();
         self.step_commissioning();
         self.step_velocity();
-        for _ in 0..report.overruns_in_a_row {
+        for _ in 0..report.overruns_in_a_row.min(MAX_OVERRUNS) {
             self.supervisor.record_loop_overrun();
         }
         self.supervisor.record_loop_on_time();

@@ -77,10 +77,25 @@ impl<F: NorFlash> Objects for Device<F> {
         }
         let number = u32::from_le_bytes(word);
         match Area::of(at.index) {
+            Area::Communication if at.index == index::PROGRAM_DATA => self.write_program(value),
             Area::Communication => self.write_communication(at, number),
             Area::Joint => self.write_joint(at, number, value),
             Area::Profile => self.write_profile(at, number),
         }
+    }
+
+    fn begin_stream(&mut self, at: Address, _declared: Option<usize>) -> Result<bool, Abort> {
+        Ok(at.index == index::PROGRAM_DATA)
+    }
+
+    fn write_part(&mut self, at: Address, _offset: usize, part: &[u8]) -> Result<(), Abort> {
+        // The joint may have been armed since the begin of the transfer.
+        self.check_write(at, None)?;
+        self.write_program(part)
+    }
+
+    fn end_stream(&mut self, _at: Address, _length: usize) -> Result<(), Abort> {
+        Ok(())
     }
 
     fn read(&mut self, at: Address, value: &mut ValueBuffer) -> Result<(), Abort> {
@@ -194,6 +209,7 @@ impl<F: NorFlash> Device<F> {
                 Ok(())
             }
             index::ERROR_FIELD => Err(Abort::Value),
+            index::PROGRAM_CONTROL => self.control_program(number as u8),
             index::STORE if number == SAVE_SIGNATURE => self.save(),
             index::RESTORE if number == LOAD_SIGNATURE => self.restore_defaults(),
             index::STORE | index::RESTORE => Err(self.staging.refuse(

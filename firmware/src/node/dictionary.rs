@@ -27,7 +27,7 @@ use records::{
     AccessObject, CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject,
     EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject,
     InputsObject, InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject,
-    OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject, ScopeObject,
+    OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject, ProgramObject, ScopeObject,
     SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
 };
 
@@ -62,9 +62,10 @@ pub const SAVE_SIGNATURE: u32 = u32::from_le_bytes(*b"save");
 /// Value that must be written to [`index::RESTORE`]: "load".
 pub const LOAD_SIGNATURE: u32 = u32::from_le_bytes(*b"load");
 
-use Access::{Const, Input, ReadOnly, ReadWrite};
+use Access::{Const, Input, ReadOnly, ReadWrite, WriteOnly};
 use DataType::{
-    Integer8, Integer16, Integer32, Real32, Unsigned8, Unsigned16, Unsigned32, VisibleString,
+    Domain, Integer8, Integer16, Integer32, Real32, Unsigned8, Unsigned16, Unsigned32,
+    VisibleString,
 };
 
 const fn variable(name: &'static str, data: DataType, access: Access) -> (&'static str, Shape) {
@@ -167,6 +168,10 @@ objects! {
     0x1A03 MAPPING_MOTION mapping("mapping_motion");
     0x1A04 MAPPING_TORQUE mapping("mapping_torque");
     0x1A05 MAPPING_DRIVE mapping("mapping_drive");
+    0x1F50 PROGRAM_DATA array_of("program_data", entry("program_data", Domain, WriteOnly), 1);
+    0x1F51 PROGRAM_CONTROL array_of("program_control", entry("program_control", Unsigned8, ReadWrite), 1);
+    0x1F56 PROGRAM_IDENTIFICATION array("program_software_identification", "program_crc", ReadOnly, 2);
+    0x1F57 FLASH_STATUS array("flash_status_identification", "flash_status", ReadOnly, 1);
     0x2000 TRACE record("trace", TraceObject::ENTRIES);
     0x2001 OPERATION record("operation", OperationObject::ENTRIES);
     0x2002 STATE record("state", StateObject::ENTRIES);
@@ -203,6 +208,7 @@ objects! {
     0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
     0x2030 HOLDING_BRAKE record("holding_brake", HoldingBrakeObject::ENTRIES);
     0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);
+    0x2040 PROGRAM record("program", ProgramObject::ENTRIES);
     0x2041 ACCESS record("access", AccessObject::ENTRIES);
     0x6007 ABORT_CONNECTION variable("abort_connection_option_code", Integer16, ReadWrite);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);

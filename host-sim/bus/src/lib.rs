@@ -4,6 +4,7 @@
 //! bus (a hub in virtual time, SocketCAN, slcan; each with an optional recorder and fault injector)
 //!  ├─ canopen     reads and writes the objects of a joint
 //!  ├─ parameters  reads and writes the complete parameter set of a joint
+//!  ├─ program     signs programs and updates a joint with them
 //!  ├─ joint       runs a joint: the firmware's driver on a bus
 //!  ├─ replay      sends a trace to a joint and compares every answer with the core, bit for bit
 //!  ├─ scope       records the current loop of a joint at 20 kHz
@@ -18,5 +19,6 @@ pub mod joint;
 #[cfg(feature = "monitor")]
 pub mod monitor;
 pub mod parameters;
+pub mod program;
 pub mod replay;
 pub mod scope;

@@ -40,14 +40,9 @@ use watchdog::Watchdog;
 /// Core clock, Hz.
 pub const CORE_HZ: u64 = 170_000_000;
 
-/// Regions of registers: start and length. The second bank of the flash is among them, so that its controller sees
-/// every access.
-pub const REGISTER_REGIONS: [(u32, u32); 4] = [
-    (flash::BANK_2, flash::BANK_BYTES),
-    (0x1FFF_0000, 0x1_0000),
-    (0x4000_0000, 0x2000_0000),
-    (0xE000_0000, 0x10_0000),
-];
+/// Regions of registers: start and length.
+pub const REGISTER_REGIONS: [(u32, u32); 3] =
+    [(0x1FFF_0000, 0x1_0000), (0x4000_0000, 0x2000_0000), (0xE000_0000, 0x10_0000)];
 
 /// Interrupt numbers (RM0440, table 97).
 mod interrupt {
@@ -95,7 +90,7 @@ pub struct Chip<W> {
     pub spi: Spi,
     /// CAN controller.
     pub can: Fdcan,
-    /// Flash controller and the second bank.
+    /// Flash controller and both banks.
     pub flash: Flash,
     /// Ports.
     pub gpio: Gpio,
@@ -185,6 +180,11 @@ impl<W: World> Chip<W> {
     /// Returns true if the watchdog requested the reset.
     pub fn is_watchdog_reset(&self) -> bool {
         self.watchdog_reset
+    }
+
+    /// Starts with another vector table than that at the start of the flash, as a boot program does.
+    pub fn set_vector_table(&mut self, address: u32) {
+        self.write(VTOR, 4, address);
     }
 
     /// Start of the vector table.

@@ -273,14 +273,14 @@ impl FlashAccess {
     }
 }
 
-/// Lines of the first bank of the flash, which holds the image.
-const BANK_LINES: usize = (256 << 10) / LINE_BYTES as usize;
+/// Lines of the flash.
+const FLASH_LINES: usize = (512 << 10) / LINE_BYTES as usize;
 
 /// Lines of a cache, which replaces the least recently used one. They form a ring from the latest to the least recently
 /// used, so that an access takes the same short time for a hit and a miss.
 #[derive(Clone, Debug)]
 struct Lines {
-    /// Place in the ring of each line of the bank, plus one; 0 if it is not cached.
+    /// Place in the ring of each line of the flash, plus one; 0 if it is not cached.
     places: Vec<u8>,
     ring: Vec<RingLine>,
     latest: usize,
@@ -288,7 +288,7 @@ struct Lines {
 
 #[derive(Clone, Copy, Debug)]
 struct RingLine {
-    /// Line of the bank; `None` if it is empty.
+    /// Line of the flash; `None` if it is empty.
     line: Option<u16>,
     /// Places of the lines that were used before it and after it.
     before: u8,
@@ -302,11 +302,11 @@ impl Lines {
             before: (at + 1) % capacity,
             after: (at + capacity - 1) % capacity,
         });
-        Self { places: vec![0; BANK_LINES], ring: ring.collect(), latest: 0 }
+        Self { places: vec![0; FLASH_LINES], ring: ring.collect(), latest: 0 }
     }
 
     fn touch(&mut self, address: u32) -> bool {
-        let line = (address / LINE_BYTES) as usize % BANK_LINES;
+        let line = (address / LINE_BYTES) as usize % FLASH_LINES;
         let known = usize::from(self.places[line]);
         if known == self.latest + 1 {
             return true;

@@ -3,7 +3,6 @@
 use crate::chip::dma::Memory;
 use crate::chip::{Chip, REGISTER_REGIONS};
 use crate::cycles::{self, Block, Cost};
-use crate::image::Image;
 use crate::machine::{CCM, FLASH, HandlerRun, RAM, RETURN_BASE};
 use crate::nvic::NMI;
 use crate::world::World;
@@ -107,11 +106,23 @@ pub(crate) fn map_memory<W: World>(
                     let context = core.get_data_mut();
                     let cost = context.chip.write(start + offset as u32, size, value as u32);
                     context.charge(cost);
+                    follow_flash(core);
                 },
             ),
         )?;
     }
     Ok(())
+}
+
+/// Copies what changed in the flash to the core's memory.
+pub(crate) fn follow_flash<W: World>(core: &mut Unicorn<'_, Context<W>>) {
+    while let Some(part) = core.get_data_mut().chip.flash.take_change() {
+        let range = part.start as usize..part.end as usize;
+        let context = core.get_data_mut();
+        context.places[0][range.start / 2..range.end / 2].fill(0);
+        let bytes = context.chip.flash.content.bytes[range].to_vec();
+        let _ = core.mem_write((FLASH.0 + part.start).into(), &bytes);
+    }
 }
 
 impl<W: World> Context<W> {
@@ -193,6 +204,7 @@ pub(crate) fn is_allowed<W: World>(core: &Unicorn<'_, Context<W>>, exception: us
 
 pub(crate) fn add_hooks<W: World>(core: &mut Unicorn<'static, Context<W>>) -> Result<(), uc_error> {
     core.add_block_hook(1, 0, |core, address, size| {
+        follow_flash(core);
         let context = core.get_data_mut();
         if context.chip.now >= context.chip.next_event() {
             let mut memory = CoreMemory(core.clone());
@@ -225,7 +237,12 @@ pub(crate) fn add_hooks<W: World>(core: &mut Unicorn<'static, Context<W>>) -> Re
     })?;
     // Not for RAM: a hook on its addresses would make each of its stores a call.
     for (from, to) in [(0, RAM_ADDRESSES.start - 1), (RAM_ADDRESSES.end, u64::from(u32::MAX))] {
-        core.add_mem_hook(HookType::MEM_INVALID, from, to, |core, kind, address, _, _| {
+        core.add_mem_hook(HookType::MEM_INVALID, from, to, |core, kind, address, _, value| {
+            let is_flash = (FLASH.0..FLASH.0 + FLASH.1).contains(&(address as u32));
+            if kind == MemType::WRITE_PROT && is_flash {
+                core.get_data_mut().chip.program_flash(address as u32, value as u32);
+                return true;
+            }
             let at = core.reg_read(RegisterARM::PC).unwrap_or(0);
             if address < u64::from(RETURN_BASE) {
                 core.get_data_mut().fault = Some(format!("{kind:?} of {address:#x} at {at:#x}"));
@@ -236,23 +253,37 @@ pub(crate) fn add_hooks<W: World>(core: &mut Unicorn<'static, Context<W>>) -> Re
     Ok(())
 }
 
-/// Makes the non-maskable interrupt precede the barriers (DSB) of the image, which wait for the access that causes it: an
+/// Makes the non-maskable interrupt precede the barriers (DSB) of the images, which wait for the access that causes it: an
 /// ECC error of the flash. Everything else is taken between two blocks.
 pub(crate) fn add_barrier_hooks<W: World>(
     core: &mut Unicorn<'static, Context<W>>,
-    image: &Image,
 ) -> Result<(), uc_error> {
-    for segment in &image.segments {
-        for (at, code) in segment.bytes.windows(4).enumerate().step_by(2) {
-            if code == DSB {
-                let address = u64::from(segment.address) + at as u64;
-                core.add_code_hook(address, address, |core, _, _| {
-                    if core.get_data().chip.ready_exception() == Some(NMI) {
-                        let _ = core.emu_stop();
-                    }
-                })?;
+    let bytes = &core.get_data().chip.flash.content.bytes;
+    let halves = (0..bytes.len() - DSB.len()).step_by(2);
+    let places: Vec<u64> =
+        halves.filter(|&at| bytes[at..].starts_with(&DSB)).map(|at| at as u64).collect();
+    for offset in places {
+        let address = u64::from(FLASH.0) + offset;
+        core.add_code_hook(address, address, |core, _, _| {
+            if core.get_data().chip.ready_exception() == Some(NMI) {
+                let _ = core.emu_stop();
             }
-        }
+        })?;
+    }
+    Ok(())
+}
+
+/// Watches the torn double words, whose reads raise an error.
+pub(crate) fn watch_torn<W: World>(
+    core: &mut Unicorn<'static, Context<W>>,
+) -> Result<(), uc_error> {
+    let torn = core.get_data().chip.flash.content.torn.clone();
+    for offset in torn {
+        let first = u64::from(FLASH.0 + offset);
+        core.add_mem_hook(HookType::MEM_READ, first, first + 7, |core, _, address, _, _| {
+            core.get_data_mut().chip.check_flash(address as u32);
+            true
+        })?;
     }
     Ok(())
 }

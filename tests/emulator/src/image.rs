@@ -1,5 +1,6 @@
 //! The image: its loaded segments, its symbols, and patches for mutations.
 
+use crate::chip::flash::Content;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol};
@@ -71,6 +72,11 @@ impl Image {
             .collect();
         symbols.sort_by_key(|symbol| symbol.address);
         Ok(Self { segments, symbols })
+    }
+
+    /// Writes the image to a flash, as a debugger does.
+    pub fn load(&self, flash: &mut Content) {
+        self.segments.iter().for_each(|segment| flash.load(segment.address, &segment.bytes));
     }
 
     /// Returns the first symbol whose name contains this text.

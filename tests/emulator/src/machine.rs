@@ -6,14 +6,17 @@
 
 use crate::chip::Chip;
 use crate::cycles::{self, Cost};
-use crate::execution::{Context, CoreMemory, add_barrier_hooks, add_hooks, is_allowed, map_memory};
+use crate::execution::{
+    Context, CoreMemory, add_barrier_hooks, add_hooks, follow_flash, is_allowed, map_memory,
+    watch_torn,
+};
 use crate::image::Image;
 use crate::nvic::HARD_FAULT;
 use crate::world::World;
 use unicorn_engine::{Arch, ArmCpuModel, Mode, RegisterARM, Unicorn, uc_error};
 
-/// Start of the flash, and length of its first bank.
-pub const FLASH: (u32, u32) = (0x0800_0000, 256 << 10);
+/// Start of the flash, and its length.
+pub const FLASH: (u32, u32) = (0x0800_0000, 512 << 10);
 /// Start of the RAM, and its length with the alias of CCM behind it.
 pub const RAM: (u32, u32) = (0x2000_0000, 96 << 10);
 /// Start of CCM on the instruction bus, and its length.
@@ -66,11 +69,26 @@ pub struct Machine<W: World + 'static> {
 }
 
 impl<W: World + 'static> Machine<W> {
-    /// Loads an image, and resets the core.
+    /// Loads an image, and starts it as a boot program does.
     ///
     /// # Errors
-    /// Returns one line if the emulator cannot be set up or the image does not fit.
-    pub fn new(image: &Image, chip: Chip<W>) -> Result<Self, String> {
+    /// Returns one line if the emulator cannot be set up or the image has no code.
+    pub fn new(image: &Image, mut chip: Chip<W>) -> Result<Self, String> {
+        image.load(&mut chip.flash.content);
+        let first = image.segments.iter().map(|segment| segment.address).min();
+        Self::start(chip, first.ok_or("the image has no code")?)
+    }
+
+    /// Powers a chip up: the core begins at the start of the flash.
+    ///
+    /// # Errors
+    /// Returns one line if the emulator cannot be set up.
+    pub fn power_up(chip: Chip<W>) -> Result<Self, String> {
+        Self::start(chip, FLASH.0)
+    }
+
+    fn start(mut chip: Chip<W>, vectors: u32) -> Result<Self, String> {
+        chip.set_vector_table(vectors);
         let context = Context {
             chip,
             blocks: Vec::new(),
@@ -94,13 +112,12 @@ impl<W: World + 'static> Machine<W> {
         let mut ccm = vec![0u8; CCM.1 as usize].into_boxed_slice();
         map_memory(&mut core, &mut ccm).map_err(failed)?;
         add_hooks(&mut core).map_err(failed)?;
-        add_barrier_hooks(&mut core, image).map_err(failed)?;
+        add_barrier_hooks(&mut core).map_err(failed)?;
+        watch_torn(&mut core).map_err(failed)?;
         // No address ends the execution: Unicorn would otherwise discard its code after each run.
         core.ctl_exits_enable().map_err(failed)?;
-        for segment in &image.segments {
-            core.mem_write(segment.address.into(), &segment.bytes)
-                .map_err(|error| format!("segment at {:#x}: {error:?}", segment.address))?;
-        }
+        let content = core.get_data().chip.flash.content.bytes.clone();
+        core.mem_write(FLASH.0.into(), &content).map_err(failed)?;
         let mut machine = Self {
             core,
             _ccm: ccm,
@@ -110,9 +127,9 @@ impl<W: World + 'static> Machine<W> {
             thread_stalled_until: 0,
         };
         machine.write_memory(RAM.0, &PAINT.to_le_bytes().repeat(RAM.1 as usize / 4));
-        let stack = machine.word(FLASH.0);
+        let stack = machine.word(vectors);
         machine.set(RegisterARM::SP, stack);
-        machine.pc = machine.word(FLASH.0 + 4) & !1;
+        machine.pc = machine.word(vectors + 4) & !1;
         Ok(machine)
     }
 
@@ -265,6 +282,7 @@ impl<W: World + 'static> Machine<W> {
         self.core.get_data_mut().stop_at = until;
         let result = self.core.emu_start(start, 0, 0, 0);
         self.pc = self.get(RegisterARM::PC) & !1;
+        follow_flash(&mut self.core);
         let context = self.core.get_data_mut();
         context.chip.update_lines();
         if let Some(reason) = context.fault.take() {

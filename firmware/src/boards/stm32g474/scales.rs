@@ -1,5 +1,6 @@
 //! Frequencies, scales and levels of this board: the values to change with its parts.
 
+pub use super::clocks::CORE_HZ;
 use super::encoder::LEAD_CYCLES;
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
@@ -11,10 +12,6 @@ use firmware::sensors::comparator::ComparatorLevels;
 use firmware::sensors::quiet::QuietWindow;
 use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, measurable_a};
 
-/// Crystal, Hz. CAN at 1 Mbit/s requires one; the internal oscillator is not accurate enough.
-pub const CRYSTAL_HZ: u32 = 24_000_000;
-/// Processor, timers and converter clock source, Hz: 24 MHz / 6 x 85 / 2.
-pub const CORE_HZ: u32 = 170_000_000;
 /// Loop rate, Hz.
 pub const LOOP_HZ: u32 = 20_000;
 const _: () =

@@ -1,40 +1,8 @@
-//! Clocks, reset cause and serial number.
+//! Reset cause and brown-out level.
 
-use super::scales;
+use embassy_stm32::pac;
 use embassy_stm32::pac::rcc::regs::Csr;
-use embassy_stm32::rcc::{
-    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPreDiv, PllRDiv, PllSource, Sysclk,
-    mux,
-};
-use embassy_stm32::time::Hertz;
-use embassy_stm32::{Config, pac};
 use firmware::supervisor::ResetCause;
-
-/// Returns the clock configuration: 170 MHz for core and buses.
-pub fn clocks() -> Config {
-    let mut config = Config::default();
-    let rcc = &mut config.rcc;
-    rcc.hsi = false;
-    rcc.hse = Some(Hse { freq: Hertz(scales::CRYSTAL_HZ), mode: HseMode::Oscillator });
-    rcc.pll = Some(Pll {
-        source: PllSource::HSE,
-        prediv: PllPreDiv::DIV6,
-        mul: PllMul::MUL85,
-        divp: None,
-        divq: None,
-        divr: Some(PllRDiv::DIV2),
-    });
-    rcc.sys = Sysclk::PLL1_R;
-    rcc.ahb_pre = AHBPrescaler::DIV1;
-    rcc.apb1_pre = APBPrescaler::DIV1;
-    rcc.apb2_pre = APBPrescaler::DIV1;
-    // The core voltage must be boosted above 150 MHz.
-    rcc.boost = true;
-    rcc.mux.fdcansel = mux::Fdcansel::PCLK1;
-    rcc.mux.adc12sel = mux::Adcsel::SYS;
-    rcc.mux.adc345sel = mux::Adcsel::SYS;
-    config
-}
 
 /// Returns the reset cause and clears its flags. `is_ram_kept`: RAM holds the contents of the previous run.
 pub fn reset_cause(is_ram_kept: bool) -> ResetCause {
@@ -79,9 +47,4 @@ pub fn check_brown_out_level() {
             BROWN_OUT_LEVEL
         );
     }
-}
-
-/// Returns a serial number: the CRC of the chip's 96-bit unique ID.
-pub fn serial() -> u32 {
-    crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC).checksum(&embassy_stm32::uid::uid())
 }

@@ -26,10 +26,11 @@ pub fn start(watchdog: Peri<'static, peripherals::IWDG>) {
     IndependentWatchdog::new(watchdog, scales::WATCHDOG_US).unleash();
 }
 
-/// Refreshes the watchdog if the loop has counted a period since the last call. The background calls it.
+/// Refreshes the watchdog if the loop has counted a period since the last call, or has not begun: the start may copy a
+/// parameter set. The background calls it.
 pub fn refresh_if_loop_runs() {
     let periods = LOOP_PERIODS.load(Ordering::Relaxed);
-    if periods != PERIODS_AT_REFRESH.load(Ordering::Relaxed) {
+    if periods == 0 || periods != PERIODS_AT_REFRESH.load(Ordering::Relaxed) {
         PERIODS_AT_REFRESH.store(periods, Ordering::Relaxed);
         pac::IWDG.kr().write(|w| w.set_key(pac::iwdg::vals::Key::RESET));
     }

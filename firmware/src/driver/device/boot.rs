@@ -4,6 +4,7 @@
 
 use super::network::LiveNetwork;
 use super::pdos::Pdos;
+use super::program::ProgramState;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
 use crate::access::Lock;
 use crate::control::Covariates;
@@ -44,6 +45,7 @@ impl<F: NorFlash> Device<F> {
             watch: None,
             network: LiveNetwork::default(),
             staging: Staging::default(),
+            program: ProgramState::default(),
             identity,
             errors: Deque::new(),
             last_panic: String::new(),
@@ -102,6 +104,10 @@ impl<F: NorFlash> Device<F> {
     /// Loads settings and parameters from the store and records how the previous run ended.
     #[inline(never)]
     pub(in crate::driver) fn load(&mut self, boot: &Boot) {
+        if let Some(program) = boot.program {
+            self.store.open_mirrored(program.store_slots(true), program.store_slots(false));
+            self.program = ProgramState::new(self.store.flash_mut(), program, self.now_us);
+        }
         let mut parameters = self.load_block();
         if !self.build_hil() {
             parameters = ParameterSource::DefaultRefused;

@@ -183,6 +183,9 @@ impl<F: NorFlash> Device<F> {
             let why = "the joint is armed: disarm first";
             return Err(self.staging.refuse(Abort::State, why));
         }
+        if let Some(why) = self.update_blocks_arming() {
+            return Err(self.staging.refuse(Abort::State, why));
+        }
         self.confirm_master();
         Ok(())
     }

@@ -68,6 +68,9 @@ impl<F: NorFlash> Device<F> {
             let why = "commissioning is running: wait until it has ended, or stop it (200Ch:1 = 0)";
             return Err(self.staging.refuse(Abort::State, why));
         }
+        if let Some(why) = self.update_blocks_arming() {
+            return Err(self.staging.refuse(Abort::State, why));
+        }
         if self.settings.source == InputSource::Sensors {
             self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
             self.preload_brake();

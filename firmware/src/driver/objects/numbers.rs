@@ -42,6 +42,9 @@ impl<F: NorFlash> Device<F> {
             index::AWAITED_HEARTBEAT => Ok(self.settings().awaited_heartbeat),
             index::HEARTBEAT => Ok(u32::from(self.settings().heartbeat_ms)),
             index::IDENTITY => entry(&self.identity.object().words(), place),
+            index::PROGRAM_CONTROL => Ok(self.program.control()),
+            index::PROGRAM_IDENTIFICATION => entry(&self.program.crcs(), place),
+            index::FLASH_STATUS => Ok(self.program.flash_status()),
             index::SDO_SERVER => entry(
                 &records::SdoServerObject {
                     client_to_server: self.own_identifier(cob_id::SDO_REQUEST),
@@ -147,6 +150,7 @@ impl<F: NorFlash> Device<F> {
             index::HOLDING_BRAKE | index::HOMING_STOP => {
                 settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex)
             }
+            index::PROGRAM => entry(&self.program.object().words(), place),
             index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {

@@ -298,6 +298,22 @@ record! {
 }
 
 record! {
+    /// The running program, and the one that is being received (1F50h). `board` is 0 if there are no updates.
+    ProgramObject {
+        board: Unsigned32, ReadOnly, BOARD;
+        version: Unsigned32, ReadOnly, VERSION;
+        rollback_counter: Unsigned32, ReadOnly, COUNTER;
+        state: Unsigned8, ReadOnly, STATE;
+        other_version: Unsigned32, ReadOnly, OTHER_VERSION;
+        other_state: Unsigned8, ReadOnly, OTHER_STATE;
+        receiving: Unsigned32, ReadOnly, RECEIVING;
+        received_bytes: Unsigned32, ReadOnly, RECEIVED;
+        identity: Unsigned32, ReadOnly, IDENTITY;
+        accepted_address: Unsigned32, ReadOnly, ACCEPTED_ADDRESS;
+    }
+}
+
+record! {
     /// The staged parameter set, with the commands to commit or discard it.
     CommitObject {
         active_crc: Unsigned32, ReadOnly;

@@ -1,6 +1,6 @@
 //! Reads and writes of registers, by their addresses (RM0440, 2.2).
 
-use super::{AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, adc, comparators, flash, timer1};
+use super::{AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, VTOR, adc, comparators, flash, timer1};
 use crate::cycles::{Cost, FlashAccess};
 use crate::world::World;
 
@@ -15,7 +15,6 @@ impl<W: World> Chip<W> {
     fn read_word(&mut self, address: u32) -> u32 {
         let now = self.now;
         match address {
-            flash::BANK_2..flash::BANK_2_END => self.read_flash(address),
             0x4001_2C00..=0x4001_2FFF => self.timer1.read(address & 0x3FF, now),
             0x4000_0400..=0x4000_07FF => self.timer3.read(address & 0x3FF, now),
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.read(address),
@@ -39,10 +38,23 @@ impl<W: World> Chip<W> {
         }
     }
 
-    fn read_flash(&mut self, address: u32) -> u32 {
-        let word = self.flash.read_bank(address);
+    /// Writes a word of the flash, which is plain memory of the machine.
+    pub fn program_flash(&mut self, address: u32, word: u32) {
+        self.flash.program(address, word, self.now);
+        self.after_flash();
+    }
+
+    /// A double word of the flash is read, which is plain memory of the machine.
+    pub fn check_flash(&mut self, address: u32) {
+        self.flash.check_bits(address);
         self.update_lines();
-        word
+    }
+
+    /// The core waits while its own bank is busy.
+    fn after_flash(&mut self) {
+        self.now += self.flash.take_stall();
+        self.schedule();
+        self.update_lines();
     }
 
     fn read_converter(&self, address: u32) -> u32 {
@@ -71,7 +83,6 @@ impl<W: World> Chip<W> {
     fn write_word(&mut self, aligned: u32, address: u32, size: usize, word: u32, value: u32) {
         let now = self.now;
         match aligned {
-            flash::BANK_2..flash::BANK_2_END => self.flash.program(address, value, now),
             0x4001_2C00..=0x4001_2FFF => self.write_timer(aligned & 0x3FF, word),
             0x4000_0C00..=0x4000_0FFF => self.timer5.write(aligned & 0x3FF, word, now),
             0x5000_0000..=0x5000_07FF => self.write_converter(aligned, word),
@@ -95,6 +106,10 @@ impl<W: World> Chip<W> {
             0xE000_E100..=0xE000_E4FF | 0xE000_ED18..=0xE000_ED23 => {
                 self.nvic.write(address - 0xE000_E000, size, value);
             }
+            VTOR => {
+                self.flash.own_bank = word.wrapping_sub(flash::BASE) / flash::BANK_BYTES;
+                self.memory.insert(aligned, word);
+            }
             AIRCR if word & 0xFFFF_0004 == 0x05FA_0004 => self.request_reset(),
             DWT_CYCCNT => {}
             _ => {
@@ -112,6 +127,7 @@ impl<W: World> Chip<W> {
             self.memory.insert(address, word);
         } else {
             self.flash.write(address & 0x3FF, word, self.now);
+            self.after_flash();
         }
     }
 
@@ -185,7 +201,6 @@ const fn bus_cost(address: u32) -> Cost {
     let upper = match address {
         0x4002_0000..=0x5FFF_FFFF => 1,
         0x4000_0000..=0x4001_FFFF => 3,
-        flash::BANK_2..flash::BANK_2_END => 4,
         _ => 0,
     };
     Cost { lower: 0, upper }

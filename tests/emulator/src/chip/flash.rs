@@ -1,18 +1,22 @@
-//! Flash controller and second bank: lock, program, erase, errors, check bits (RM0440, 3).
+//! Flash controller and both banks: lock, program, erase, errors, check bits (RM0440, 3).
 //!
-//! The first bank holds the image and is plain memory of the machine. A power cut ends the operation that runs: what it
-//! wrote then has wrong check bits. The content that a cut would leave is recorded for every operation, so that one run
-//! of the image shows all cuts: [`Flash::record_cuts`].
+//! [`Flash::content`] is what the banks hold. The core executes and reads a plain copy of it, which the machine updates
+//! after each operation ([`Flash::take_change`]). A power cut ends the operation that runs: what it wrote then has wrong
+//! check bits. [`Flash::record_cuts`] records what each operation would leave of the parameter store of the second bank.
+//! [`Flash::record_operations`] records the operations themselves, from which [`Content::apply`] and [`Content::tear`] make
+//! the content of both banks for any cut. So one run of an image shows all cuts.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::ops::Range;
 use std::rc::Rc;
 
-/// Start of the second bank.
-pub const BANK_2: u32 = 0x0804_0000;
+/// Start of the flash.
+pub const BASE: u32 = 0x0800_0000;
 /// Length of a bank, bytes.
 pub const BANK_BYTES: u32 = 256 << 10;
-/// End of the second bank.
-pub const BANK_2_END: u32 = BANK_2 + BANK_BYTES;
+/// Length of both banks, bytes.
+pub const FLASH_BYTES: u32 = 2 * BANK_BYTES;
 const PAGE_BYTES: u32 = 2048;
 
 const KEYR: u32 = 0x08;
@@ -38,29 +42,101 @@ const PROGRAM_CYCLES: u64 = 85 * 170;
 
 /// Length of the parameter store, at the end of the bank, bytes.
 pub const STORE_BYTES: usize = 4 * PAGE_BYTES as usize;
-const STORE_AT: usize = BANK_BYTES as usize - STORE_BYTES;
+const STORE_AT: usize = FLASH_BYTES as usize - STORE_BYTES;
 
-/// Content of the parameter store.
+/// Content of the parameter store in the second bank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoreContent {
     /// Its bytes.
     pub bytes: Vec<u8>,
-    /// Double words with wrong check bits, by their offset in the bank.
+    /// Double words with wrong check bits, by their offset in the flash.
     pub torn: Vec<u32>,
+}
+
+/// Content of both banks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Content {
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// Double words with wrong check bits, by their offsets.
+    pub torn: BTreeSet<u32>,
+}
+
+/// An operation of the controller. Offsets are from the start of the flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// Erase of the page at this offset.
+    Erase(u32),
+    /// Programming of a double word.
+    Program(u32, [u8; 8]),
+}
+
+impl Default for Content {
+    fn default() -> Self {
+        Self { bytes: vec![0xFF; FLASH_BYTES as usize], torn: BTreeSet::new() }
+    }
+}
+
+impl Content {
+    /// Writes bytes at an address, as a debugger does.
+    ///
+    /// # Panics
+    /// They are not in the flash.
+    pub fn load(&mut self, address: u32, bytes: &[u8]) {
+        let at = (address - BASE) as usize;
+        self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn part(&mut self, offset: u32, length: u32) -> &mut [u8] {
+        let range = offset as usize..(offset + length) as usize;
+        self.bytes.get_mut(range).unwrap_or_default()
+    }
+
+    /// Carries out an operation.
+    pub fn apply(&mut self, operation: &Operation) {
+        match operation {
+            Operation::Erase(page) => {
+                self.part(*page, PAGE_BYTES).fill(0xFF);
+                self.torn.retain(|at| !(*page..page + PAGE_BYTES).contains(at));
+            }
+            Operation::Program(at, unit) => self.part(*at, 8).copy_from_slice(unit),
+        }
+    }
+
+    /// Begins an operation, during which the power is cut.
+    pub fn tear(&mut self, operation: &Operation) {
+        match operation {
+            Operation::Erase(page) => {
+                // Half of the page is erased; the double word between is undefined.
+                self.part(*page, PAGE_BYTES / 2).fill(0xFF);
+                self.torn.insert(page + PAGE_BYTES / 2);
+            }
+            Operation::Program(at, unit) => {
+                self.part(*at, 4).copy_from_slice(&unit[..4]);
+                self.torn.insert(*at);
+            }
+        }
+    }
 }
 
 /// The controller.
 #[derive(Clone, Debug)]
 pub struct Flash {
-    /// Content of the second bank.
-    pub bank: Vec<u8>,
-    torn: Vec<u32>,
+    /// Content of the banks.
+    pub content: Content,
+    /// Bank from which the core executes: it waits for the operations there.
+    pub own_bank: u32,
     registers: [u32; 32],
     keys_seen: usize,
     first_word: Option<(u32, u32)>,
     busy_until: u64,
     ecc_error: bool,
+    /// Parts that changed, which the core's memory must follow.
+    changes: Vec<Range<u32>>,
+    /// Time for which the core waits, cycles.
+    stall: u64,
     cuts: Option<Rc<RefCell<Vec<StoreContent>>>>,
+    operations: Option<Rc<RefCell<Vec<Operation>>>>,
 }
 
 impl Default for Flash {
@@ -69,14 +145,17 @@ impl Default for Flash {
         registers[CR as usize / 4] = LOCKED | 1 << 30;
         registers[OPTR as usize / 4] = OPTIONS;
         Self {
-            bank: vec![0xFF; BANK_BYTES as usize],
-            torn: Vec::new(),
+            content: Content::default(),
+            own_bank: 0,
             registers,
             keys_seen: 0,
             first_word: None,
             busy_until: 0,
             ecc_error: false,
+            changes: Vec::new(),
+            stall: 0,
             cuts: None,
+            operations: None,
         }
     }
 }
@@ -109,17 +188,38 @@ impl Flash {
         std::mem::take(&mut self.ecc_error)
     }
 
-    /// Reads a word of the second bank. A torn double word raises an error.
-    pub fn read_bank(&mut self, address: u32) -> u32 {
-        let offset = (address - BANK_2) & !3;
-        if self.torn.contains(&(offset & !7)) {
+    /// Returns the flash with this content after power-on.
+    pub fn with(content: Content) -> Self {
+        Self { content, ..Self::default() }
+    }
+
+    /// Returns the flash after a reset, with the content and the records of this one.
+    pub fn after_reset(&self) -> Self {
+        let (content, operations) = (self.content.clone(), self.operations.clone());
+        Self { content, operations, ..Self::default() }
+    }
+
+    /// Takes a part that changed since the last call.
+    pub fn take_change(&mut self) -> Option<Range<u32>> {
+        self.changes.pop()
+    }
+
+    /// Takes the time for which the core waits for its own bank, cycles.
+    pub fn take_stall(&mut self) -> u64 {
+        std::mem::take(&mut self.stall)
+    }
+
+    /// Checks the double word at an address, which is read. A torn one raises an error.
+    pub fn check_bits(&mut self, address: u32) {
+        if self.content.torn.contains(&(address.wrapping_sub(BASE) & !7)) {
             self.registers[ECCR as usize / 4] |= ECC_DETECTED;
             self.ecc_error = true;
         }
-        let at = offset as usize;
-        self.bank
-            .get(at..at + 4)
-            .map_or(u32::MAX, |bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+    }
+
+    /// Records the operations from now on.
+    pub fn record_operations(&mut self) -> Rc<RefCell<Vec<Operation>>> {
+        Rc::clone(self.operations.insert(Rc::default()))
     }
 
     /// Records from now on what the store holds if the power is cut: during each operation, and after it.
@@ -127,40 +227,52 @@ impl Flash {
         Rc::clone(self.cuts.insert(Rc::default()))
     }
 
-    /// Returns the content of the parameter store.
+    /// Returns the content of the parameter store in the second bank.
     pub fn store(&self) -> StoreContent {
-        StoreContent { bytes: self.bank[STORE_AT..].to_vec(), torn: self.torn.clone() }
+        let torn = self.content.torn.iter().copied().collect();
+        StoreContent { bytes: self.content.bytes[STORE_AT..].to_vec(), torn }
     }
 
-    /// Sets the content of the parameter store.
+    /// Sets the content of the parameter store in the second bank.
     pub fn set_store(&mut self, content: &StoreContent) {
-        self.bank[STORE_AT..].copy_from_slice(&content.bytes);
-        self.torn.clone_from(&content.torn);
+        self.content.bytes[STORE_AT..].copy_from_slice(&content.bytes);
+        self.content.torn = content.torn.iter().copied().collect();
     }
 
-    /// Records a cut during an operation, which writes these bytes and leaves the double word at `torn` undefined. Both
-    /// are offsets in the bank.
-    fn record_cut(&self, at: usize, written: &[u8], torn: u32) {
-        let Some(cuts) = &self.cuts else { return };
-        let mut content = self.store();
-        if let Some(at) = at.checked_sub(STORE_AT) {
-            content.bytes[at..at + written.len()].copy_from_slice(written);
+    /// Carries an operation out, and records it and the cuts during it and after it.
+    fn carry_out(&mut self, operation: Operation, now: u64) {
+        if let Some(operations) = &self.operations {
+            operations.borrow_mut().push(operation);
         }
-        content.torn.push(torn);
-        cuts.borrow_mut().push(content);
-    }
-
-    /// Begins the time of an operation, whose effect is there.
-    fn begin(&mut self, now: u64, cycles: u64) {
-        if let Some(cuts) = &self.cuts {
-            cuts.borrow_mut().push(self.store());
+        let (part, cycles) = match operation {
+            Operation::Erase(page) => (page..page + PAGE_BYTES, ERASE_CYCLES),
+            Operation::Program(at, _) => (at..at + 8, PROGRAM_CYCLES),
+        };
+        if self.cuts.is_some() {
+            let before = self.content.clone();
+            self.content.tear(&operation);
+            self.record_cut();
+            self.content = before;
         }
+        self.content.apply(&operation);
+        self.record_cut();
+        if part.start / BANK_BYTES == self.own_bank {
+            self.stall += cycles;
+        }
+        self.changes.push(part);
         self.set_status(BUSY);
         self.busy_until = now + cycles;
     }
 
-    /// Writes a word of the second bank. The second word of a double word programs both.
+    fn record_cut(&self) {
+        if let Some(cuts) = &self.cuts {
+            cuts.borrow_mut().push(self.store());
+        }
+    }
+
+    /// Writes a word. The second word of a double word programs both.
     pub fn program(&mut self, address: u32, word: u32, now: u64) {
+        let offset = address.wrapping_sub(BASE) & !7;
         if self.register(CR) & 1 == 0 || self.register(CR) & LOCKED != 0 {
             return self.set_status(SEQUENCE_ERROR);
         }
@@ -171,17 +283,14 @@ impl Flash {
         if first_at & 7 != 0 || address != first_at + 4 {
             return self.set_status(SEQUENCE_ERROR);
         }
-        let offset = first_at - BANK_2;
-        let at = offset as usize;
-        let bytes = [first.to_le_bytes(), word.to_le_bytes()].concat();
-        let is_erased = self.bank[at..at + 8].iter().all(|byte| *byte == 0xFF);
+        let unit = (u64::from(first) | u64::from(word) << 32).to_le_bytes();
+        let is_erased = self.content.part(offset, 8).iter().all(|byte| *byte == 0xFF)
+            && !self.content.torn.contains(&offset);
         // Zeros may be written over anything.
-        if !is_erased && bytes.iter().any(|byte| *byte != 0) {
+        if !is_erased && unit != [0; 8] {
             return self.set_status(PROGRAM_ERROR);
         }
-        self.record_cut(at, &bytes[..4], offset);
-        self.bank[at..at + 8].copy_from_slice(&bytes);
-        self.begin(now, PROGRAM_CYCLES);
+        self.carry_out(Operation::Program(offset, unit), now);
     }
 
     /// Reads a register.
@@ -225,18 +334,8 @@ impl Flash {
     }
 
     fn erase(&mut self, control: u32, now: u64) {
-        let (page, is_second_bank) = (control >> 3 & 0x7F, control >> 11 & 1 == 1);
-        if !is_second_bank {
-            return self.set_status(SEQUENCE_ERROR);
-        }
-        let start = (page * PAGE_BYTES) as usize;
-        let offsets = page * PAGE_BYTES..(page + 1) * PAGE_BYTES;
-        // Half of the page is erased; the double word between is undefined.
-        let half = PAGE_BYTES / 2;
-        self.record_cut(start, &[0xFF; PAGE_BYTES as usize / 2], page * PAGE_BYTES + half);
-        self.bank[start..start + PAGE_BYTES as usize].fill(0xFF);
-        self.torn.retain(|offset| !offsets.contains(offset));
-        self.begin(now, ERASE_CYCLES);
+        let (page, bank) = (control >> 3 & 0x7F, control >> 11 & 1);
+        self.carry_out(Operation::Erase(bank * BANK_BYTES + page * PAGE_BYTES), now);
     }
 }
 
@@ -256,11 +355,11 @@ mod tests {
         let mut flash = unlocked();
         flash.write(CR, 1, 0);
         for (value, expected) in [(0x1122_3344, 0), (5, PROGRAM_ERROR)] {
-            flash.program(BANK_2 + 8, value, 0);
-            flash.program(BANK_2 + 12, value, 0);
+            flash.program(BASE + 8, value, 0);
+            flash.program(BASE + 12, value, 0);
             assert_eq!(flash.read(SR) & PROGRAM_ERROR, expected);
         }
-        assert_eq!(flash.read_bank(BANK_2 + 8), 0x1122_3344);
+        assert_eq!(flash.content.bytes[8..12], 0x1122_3344u32.to_le_bytes());
         assert_ne!(flash.read(SR) & BUSY, 0);
         flash.process(PROGRAM_CYCLES);
         assert_eq!(flash.read(SR) & BUSY, 0);
@@ -271,27 +370,37 @@ mod tests {
         let mut flash = unlocked();
         let cuts = flash.record_cuts();
         flash.write(CR, 1, 0);
-        let at = BANK_2 + STORE_AT as u32 + 16;
+        let at = BASE + STORE_AT as u32 + 16;
         flash.program(at, 1, 0);
         flash.program(at + 4, 2, 0);
         let cuts = cuts.take();
         assert_eq!(cuts.len(), 2);
         for (cut, has_error) in cuts.iter().zip([true, false]) {
             flash.set_store(cut);
-            flash.read_bank(at);
+            flash.check_bits(at);
             assert_eq!(flash.take_ecc_error(), has_error);
+        }
+    }
+
+    #[test]
+    fn operation_in_own_bank_stalls_the_core() {
+        for (own_bank, is_stalled) in [(1, true), (0, false)] {
+            let mut flash = unlocked();
+            flash.own_bank = own_bank;
+            flash.write(CR, 1 << 1 | 1 << 11 | START, 0);
+            assert_eq!(flash.take_stall() > 0, is_stalled);
         }
     }
 
     #[test]
     fn erase_while_locked_changes_nothing() {
         let mut flash = Flash::default();
-        flash.bank[0] = 7;
+        flash.content.bytes[BANK_BYTES as usize] = 7;
         flash.write(CR, 1 << 1 | 1 << 11 | START, 0);
-        assert_eq!(flash.bank[0], 7);
+        assert_eq!(flash.content.bytes[BANK_BYTES as usize], 7);
         let mut flash = unlocked();
-        flash.bank[0] = 7;
+        flash.content.bytes[BANK_BYTES as usize] = 7;
         flash.write(CR, 1 << 1 | 1 << 11 | START, 0);
-        assert_eq!(flash.bank[0], 0xFF);
+        assert_eq!(flash.content.bytes[BANK_BYTES as usize], 0xFF);
     }
 }

@@ -1,17 +1,32 @@
-//! The image of the tests.
+//! The images of the tests.
 
 use emulated_board::Image;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-/// Returns the image: that of `FIRMWARE_IMAGE`, or the one that cargo builds for the board.
+/// Returns the path of an image that cargo builds for the board. `FIRMWARE_IMAGE` names another one for slot A, with the
+/// images for slot B and the boot program beside it.
+pub fn image_path(name: &str) -> PathBuf {
+    let built =
+        [env!("CARGO_MANIFEST_DIR"), "../../target/thumbv7em-none-eabihf/firmware/firmware"];
+    let path =
+        std::env::var_os("FIRMWARE_IMAGE").map_or_else(|| built.iter().collect(), PathBuf::from);
+    path.with_file_name(name)
+}
+
+/// Returns the image for slot A.
 pub fn image() -> &'static Image {
     static IMAGE: LazyLock<Image> = LazyLock::new(|| {
-        let built =
-            [env!("CARGO_MANIFEST_DIR"), "../../target/thumbv7em-none-eabihf/firmware/firmware"];
-        let path = std::env::var_os("FIRMWARE_IMAGE")
-            .map_or_else(|| built.iter().collect(), PathBuf::from);
-        Image::read(&path).expect("an image; tests/emulator/run builds it")
+        Image::read(&image_path("firmware")).expect("an image; tests/emulator/run builds it")
+    });
+    &IMAGE
+}
+
+/// Returns the boot program.
+#[allow(dead_code)] // The scenarios start the image without it.
+pub fn boot_program() -> &'static Image {
+    static IMAGE: LazyLock<Image> = LazyLock::new(|| {
+        Image::read(&image_path("boot")).expect("a boot program; tests/emulator/run builds it")
     });
     &IMAGE
 }

@@ -4,11 +4,15 @@
 #![cfg(feature = "unicorn")]
 
 mod access;
+mod board_bus;
 mod bus;
 #[path = "../common/mod.rs"]
 mod common;
 mod cost;
 mod course;
+mod interruptions;
 mod power_cut;
 mod pressure;
+mod slots;
 mod start;
+mod update;

@@ -8,6 +8,7 @@ use emulated_board::world::{Bridge, World};
 use emulated_board::{Machine, StopReason};
 
 /// A board at rest: 48 V, no current, and an encoder that shows one angle.
+#[derive(Default)]
 pub struct Constant {
     was_driven: bool,
 }
@@ -31,7 +32,7 @@ pub fn started() -> Machine<Constant> {
 
 /// Starts the image on a chip with these random numbers.
 pub fn started_with(random: Random) -> Machine<Constant> {
-    let mut chip = Chip::new(Constant { was_driven: false });
+    let mut chip = Chip::new(Constant::default());
     chip.random = random;
     Machine::new(image(), chip).expect("a machine")
 }

@@ -1,0 +1,103 @@
+//! The loop of the node in recovery: frames by polling, and a clock from the cycle counter.
+
+use super::banks::PROGRAM;
+use super::flash::ChipFlash;
+use super::{can, clocks, pins};
+use compensator_core::can::Frame;
+use cortex_m::peripheral::DWT;
+use firmware::node_settings::BusSettings;
+use firmware::store::{MAX_PAYLOAD, Store};
+use firmware::update::recovery::{Recovery, identity};
+use heapless::Deque;
+
+const CYCLES_PER_US: u32 = super::scales::CAN_HZ / 1_000_000;
+const TICK_US: u64 = 1000;
+/// Frames that arrive while one is processed, such as during an erase.
+const QUEUE_FRAMES: usize = 64;
+/// Longest wait for the last answer before a restart, us.
+const FLUSH_US: u64 = 20_000;
+
+/// Time since the start of the loop, us. It must be read at least every 25 s.
+struct Clock {
+    last: u32,
+    us: u64,
+}
+
+impl Clock {
+    fn now_us(&mut self) -> u64 {
+        let passed = DWT::cycle_count().wrapping_sub(self.last) / CYCLES_PER_US;
+        self.last = self.last.wrapping_add(passed * CYCLES_PER_US);
+        self.us += u64::from(passed);
+        self.us
+    }
+}
+
+/// Answers on the bus until a restart is requested.
+pub fn run(flash: ChipFlash) -> ! {
+    let (settings, flash) = stored_settings(flash);
+    let wired = pins::wiring(embassy_stm32::init(clocks::clocks()));
+    cortex_m::interrupt::disable();
+    // SAFETY: embassy does not use these two.
+    let mut core = unsafe { cortex_m::Peripherals::steal() };
+    core.DCB.enable_trace();
+    core.DWT.enable_cycle_counter();
+    let mut clock = Clock { last: DWT::cycle_count(), us: 0 };
+    let mut controller = can::Controller::start(
+        wired.can,
+        settings.node,
+        settings.bit_rate_kbit,
+        settings.data_bit_rate_kbit,
+    );
+    let mut node =
+        Recovery::boot(settings.node, flash, PROGRAM, identity(clocks::serial()), clock.now_us());
+    let mut frames = Deque::<Frame, QUEUE_FRAMES>::new();
+    let mut due_us = 0;
+    loop {
+        // A frame that does not fit is lost, and its sender repeats it.
+        can::receive(|frame| _ = frames.push_back(frame));
+        let now_us = clock.now_us();
+        if let Some(frame) = frames.pop_front() {
+            node.receive(&frame, now_us);
+        }
+        if now_us >= due_us {
+            due_us = now_us + TICK_US;
+            controller.state();
+            node.tick(now_us);
+        }
+        send(&mut controller, &mut node);
+        if node.is_reset_requested() {
+            let until_us = clock.now_us() + FLUSH_US;
+            while !controller.is_idle() && clock.now_us() < until_us {
+                send(&mut controller, &mut node);
+            }
+            cortex_m::peripheral::SCB::sys_reset();
+        }
+    }
+}
+
+fn send(controller: &mut can::Controller, node: &mut Recovery<ChipFlash>) {
+    while controller.has_room()
+        && let Some(frame) = node.transmit()
+    {
+        controller.send(&frame);
+    }
+}
+
+/// Reads node number and bit rate from the newest parameter store; the defaults if there are none.
+#[inline(never)]
+fn stored_settings(flash: ChipFlash) -> (BusSettings, ChipFlash) {
+    let mut newest = None;
+    let mut flash = flash;
+    for in_own_bank in [false, true] {
+        let mut block = [0; MAX_PAYLOAD];
+        let mut store = Store::open_within(flash, PROGRAM.store_slots(in_own_bank));
+        if let Ok(loaded) = store.load(&mut block)
+            && let Some(settings) = block.first_chunk().and_then(BusSettings::parse)
+            && newest.as_ref().is_none_or(|(sequence, _)| loaded.sequence > *sequence)
+        {
+            newest = Some((loaded.sequence, settings));
+        }
+        flash = store.into_flash();
+    }
+    (newest.map_or_else(BusSettings::default, |(_, settings)| settings), flash)
+}

@@ -1,0 +1,44 @@
+//! Layout of the two banks, as offsets from the start of the flash: see `memory.x`.
+//!
+//! An image is linked for one slot, [`crate::SLOT`]. The boot program counts as the first, so in recovery it receives into
+//! the second.
+
+use crate::SLOT;
+use firmware::update::{Program, Slot};
+
+/// Number of this board type in packages: "G474".
+pub const BOARD: u32 = u32::from_be_bytes(*b"G474");
+/// Address of the flash.
+pub const FLASH_BASE: u32 = 0x0800_0000;
+/// Length of a bank, bytes.
+pub const BANK_BYTES: u32 = 256 * 1024;
+/// Offset of a package in its bank: behind a part of the boot program.
+pub const PACKAGE_OFFSET: u32 = 0x5000;
+const MARKS_OFFSET: u32 = 0x3_D800;
+const STORE_OFFSET: u32 = 0x3_E000;
+const STORE_BYTES: u32 = BANK_BYTES - STORE_OFFSET;
+/// The slot that does not run.
+const OTHER: usize = 1 - SLOT;
+
+const fn slot(bank: u32) -> Slot {
+    let start = bank * BANK_BYTES;
+    Slot { start: start + PACKAGE_OFFSET, marks: start + MARKS_OFFSET }
+}
+
+const fn store(bank: usize) -> u32 {
+    bank as u32 * BANK_BYTES + STORE_OFFSET
+}
+
+/// Slots A and B.
+pub const SLOTS: [Slot; 2] = [slot(0), slot(1)];
+
+/// What the update knows of this board.
+pub const PROGRAM: Program = Program {
+    board: BOARD,
+    public_key: include!(concat!(env!("OUT_DIR"), "/update_key.rs")),
+    base: FLASH_BASE,
+    own: SLOTS[SLOT],
+    other: SLOTS[OTHER],
+    stores: [store(SLOT), store(OTHER)],
+    store_bytes: STORE_BYTES,
+};

@@ -1,0 +1,44 @@
+//! Clocks and serial number, as the driver and the boot program use them.
+
+use embassy_stm32::Config;
+use embassy_stm32::rcc::{
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPreDiv, PllRDiv, PllSource, Sysclk,
+    mux,
+};
+use embassy_stm32::time::Hertz;
+
+/// Crystal, Hz. CAN at 1 Mbit/s requires one; the internal oscillator is not accurate enough.
+pub const CRYSTAL_HZ: u32 = 24_000_000;
+/// Processor, timers and converter clock source, Hz: 24 MHz / 6 x 85 / 2.
+pub const CORE_HZ: u32 = 170_000_000;
+
+/// Returns the clock configuration: 170 MHz for core and buses.
+pub fn clocks() -> Config {
+    let mut config = Config::default();
+    let rcc = &mut config.rcc;
+    rcc.hsi = false;
+    rcc.hse = Some(Hse { freq: Hertz(CRYSTAL_HZ), mode: HseMode::Oscillator });
+    rcc.pll = Some(Pll {
+        source: PllSource::HSE,
+        prediv: PllPreDiv::DIV6,
+        mul: PllMul::MUL85,
+        divp: None,
+        divq: None,
+        divr: Some(PllRDiv::DIV2),
+    });
+    rcc.sys = Sysclk::PLL1_R;
+    rcc.ahb_pre = AHBPrescaler::DIV1;
+    rcc.apb1_pre = APBPrescaler::DIV1;
+    rcc.apb2_pre = APBPrescaler::DIV1;
+    // The core voltage must be boosted above 150 MHz.
+    rcc.boost = true;
+    rcc.mux.fdcansel = mux::Fdcansel::PCLK1;
+    rcc.mux.adc12sel = mux::Adcsel::SYS;
+    rcc.mux.adc345sel = mux::Adcsel::SYS;
+    config
+}
+
+/// Returns a serial number: the CRC of the chip's 96-bit unique ID.
+pub fn serial() -> u32 {
+    crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC).checksum(&embassy_stm32::uid::uid())
+}

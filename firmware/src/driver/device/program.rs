@@ -1,0 +1,191 @@
+//! Program update over the bus (CiA 302-3): objects 1F50h, 1F51h, 1F56h, 1F57h, and 2040h.
+//!
+//! [`crate::update::session`] lists the commands. All of them are refused while the joint is armed, and the joint is not
+//! armed meanwhile, nor during a trial. A trial is confirmed after [`CONFIRM_US`] without any of [`BLOCKING_CODES`]. After
+//! [`TRIAL_US`] without a confirmation the driver restarts, and the boot program returns to the previous image.
+
+use super::Device;
+use crate::log::log;
+use crate::node::dictionary::records::ProgramObject;
+use crate::node::sdo::Abort;
+use crate::supervisor::Code;
+use crate::update::Program;
+use crate::update::marks::{self, ImageState, SlotState};
+use crate::update::session::Session;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Time that a trial must run without a blocking code, us.
+pub const CONFIRM_US: u64 = 2_000_000;
+/// Time after which an unconfirmed trial ends, us.
+pub const TRIAL_US: u64 = 10_000_000;
+
+/// Codes during which a trial is not confirmed: the self-test, the loop, memory, parameters, the bus.
+pub const BLOCKING_CODES: [Code; 9] = [
+    Code::SelfTestFailed,
+    Code::StackOverflow,
+    Code::Internal,
+    Code::LoopOverrun,
+    Code::AdcTimeout,
+    Code::SystemBreak,
+    Code::StoreDamaged,
+    Code::ParametersRefused,
+    Code::CanBusOff,
+];
+
+/// State of the running program, as object 2040h reports it. 3 is the boot program in recovery.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+enum RunningState {
+    /// A debugger wrote it, or the board has no updates.
+    #[default]
+    Bare = 0,
+    Trial = 1,
+    Confirmed = 2,
+}
+
+/// State of the program update.
+#[derive(Debug, Default)]
+pub(in crate::driver) struct ProgramState {
+    /// `None` on a board without a second slot.
+    session: Option<Session>,
+    running: RunningState,
+    /// The running image, if it has a header.
+    image: Option<ImageState>,
+    booted_us: u64,
+    /// Time since which no blocking code is present, us.
+    sound_since_us: u64,
+}
+
+impl ProgramState {
+    pub(super) fn new<F: NorFlash>(flash: &mut F, program: Program, now_us: u64) -> Self {
+        let image = match marks::state(flash, &program.own) {
+            SlotState::Image(image) => Some(image),
+            SlotState::Empty | SlotState::Bare => None,
+        };
+        let running = match &image {
+            None => RunningState::Bare,
+            Some(image) if image.is_confirmed => RunningState::Confirmed,
+            Some(_) => RunningState::Trial,
+        };
+        Self {
+            session: Some(Session::new(flash, program, now_us)),
+            running,
+            image,
+            booted_us: now_us,
+            sound_since_us: now_us,
+        }
+    }
+
+    /// Returns true once the restart into a new program, or out of a failed trial, is due.
+    pub(in crate::driver) fn is_restart_due(&self, now_us: u64) -> bool {
+        self.session.as_ref().is_some_and(|session| session.is_restart_due(now_us))
+    }
+
+    /// Returns object 1F51h: 1 if the program runs, 0 while an update is in progress.
+    pub(in crate::driver) fn control(&self) -> u32 {
+        u32::from(!self.session.as_ref().is_some_and(Session::is_active))
+    }
+
+    /// Returns object 1F56h: CRC-32 of the running image and of the one in the other slot; 0 if unknown.
+    pub(in crate::driver) fn crcs(&self) -> [u32; 2] {
+        let other = self.session.as_ref().map_or(0, |session| session.other().0);
+        [self.image.map_or(0, |image| image.header.crc), other]
+    }
+
+    /// Returns object 1F57h.
+    pub(in crate::driver) fn flash_status(&self) -> u32 {
+        self.session.as_ref().map_or(63 << 1, Session::flash_status)
+    }
+
+    /// Returns object 2040h.
+    pub(in crate::driver) fn object(&self) -> ProgramObject {
+        let session = self.session.as_ref();
+        let header = self.image.map(|image| image.header);
+        let (received_bytes, receiving) = session.map_or((0, 0), Session::received);
+        ProgramObject {
+            board: session.map_or(0, |session| session.program().board),
+            version: header.map_or(0, |header| header.version.0),
+            rollback_counter: header.map_or(0, |header| header.counter),
+            state: self.running as u32,
+            other_version: session.map_or(0, |session| session.other().1),
+            other_state: session.map_or(0, |session| session.other().2 as u32),
+            receiving,
+            received_bytes,
+            identity: header.map_or(0, |header| header.identity),
+            accepted_address: session.map_or(0, Session::accepted_address),
+        }
+    }
+}
+
+impl<F: NorFlash> Device<F> {
+    /// Returns why the joint cannot be armed, if a program update is the reason.
+    pub(super) fn update_blocks_arming(&self) -> Option<&'static str> {
+        if self.program.session.as_ref().is_some_and(Session::is_active) {
+            Some("a program update is in progress: finish it, or wait 10 s")
+        } else if self.program.running == RunningState::Trial {
+            Some("this program is on trial: wait for its confirmation, 2 s after the start")
+        } else {
+            None
+        }
+    }
+
+    /// Writes the next part of a package.
+    pub(in crate::driver) fn write_program(&mut self, bytes: &[u8]) -> Result<(), Abort> {
+        let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
+        let written = session.write(self.store.flash_mut(), bytes, self.now_us);
+        written.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+    }
+
+    /// Executes a command of object 1F51h.
+    pub(in crate::driver) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
+        let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
+        let done = session.control(self.store.flash_mut(), command, self.now_us);
+        done.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+    }
+
+    fn no_updates(&mut self) -> Abort {
+        self.staging.refuse(Abort::Refused, "this board has no place for a second program")
+    }
+
+    /// Verifies a package in parts, and confirms or ends a trial. Called once per tick.
+    pub(super) fn tick_program(&mut self, now_us: u64) {
+        let Some(session) = &mut self.program.session else { return };
+        if let Err(error) = session.tick(self.store.flash_mut(), now_us) {
+            self.staging.refuse(error.abort(), error.text());
+        }
+        if self.program.running == RunningState::Trial {
+            self.tick_trial(now_us);
+        }
+    }
+
+    fn tick_trial(&mut self, now_us: u64) {
+        let causes = self.supervisor.causes();
+        if BLOCKING_CODES.iter().any(|code| causes.contains(*code)) {
+            self.program.sound_since_us = now_us;
+        }
+        let elapsed = |since_us: u64| now_us.saturating_sub(since_us);
+        if elapsed(self.program.sound_since_us) >= CONFIRM_US {
+            self.confirm_trial();
+        } else if elapsed(self.program.booted_us) >= TRIAL_US
+            && let Some(session) = &mut self.program.session
+        {
+            log!(error, "the trial of this program failed");
+            session.request_restart(now_us);
+        }
+    }
+
+    /// Confirms the running image. The double word stalls the loop for 85 us; the bridge is open.
+    fn confirm_trial(&mut self) {
+        let ProgramState { session: Some(session), image: Some(image), running, .. } =
+            &mut self.program
+        else {
+            return;
+        };
+        let own = session.program().own;
+        if marks::confirm(self.store.flash_mut(), &own, image).is_ok() {
+            image.is_confirmed = true;
+            *running = RunningState::Confirmed;
+            log!(info, "this program is confirmed");
+        }
+    }
+}

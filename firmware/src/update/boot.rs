@@ -1,0 +1,110 @@
+//! The choice of the image at a start.
+//!
+//! Images are ordered by the number of their update, the newest first. The first one starts that is bare, or signed,
+//! intact, not rejected, and confirmed or with a start left. An unconfirmed image that was reset by the watchdog or by
+//! software is rejected: it hung, or panicked. A loss of power only uses one of its starts.
+
+use super::Slot;
+use super::marks::{self, ImageState, SlotState, TRIALS};
+use super::package::HEADER_BYTES;
+use super::receiver::read_chunks;
+use super::signature;
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use embedded_storage::nor_flash::NorFlash;
+
+/// Result of [`select`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// Start the image of this slot, 0 or 1.
+    Start {
+        /// Number of the slot.
+        slot: usize,
+        /// It is not confirmed yet.
+        is_trial: bool,
+    },
+    /// No image can be started.
+    Recover,
+}
+
+/// The CRC of images, fast: it is computed at every start.
+static CRC_WITH_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+/// Selects the image to start, and writes the marks of a trial or a rejection.
+///
+/// `has_failed`: the last run ended by the watchdog or by software. `public_key` is that of [`signature`]; it is needed
+/// before the first start of an image. `is_plausible` checks the start of an image in a slot, such as its stack pointer.
+pub fn select<F: NorFlash>(
+    flash: &mut F,
+    slots: &[Slot; 2],
+    public_key: &[u8; 32],
+    has_failed: bool,
+    mut is_plausible: impl FnMut(&mut F, usize) -> bool,
+) -> Selection {
+    for number in newest_first(slots.each_ref().map(|slot| marks::state(flash, slot))) {
+        let Some(slot) = slots.get(number) else { continue };
+        let image = match marks::state(flash, slot) {
+            SlotState::Empty => continue,
+            SlotState::Bare if is_plausible(flash, number) => {
+                return Selection::Start { slot: number, is_trial: false };
+            }
+            SlotState::Bare => continue,
+            SlotState::Image(image) => image,
+        };
+        if image.is_rejected || !is_intact(flash, slot, &image) || !is_plausible(flash, number) {
+            continue;
+        }
+        if image.is_confirmed {
+            return Selection::Start { slot: number, is_trial: false };
+        }
+        let is_refused = match image.trials {
+            0 => !signature::is_authentic(flash, slot, &image, public_key),
+            used => has_failed || used >= TRIALS,
+        };
+        if is_refused {
+            // If the mark fails, the next start decides again.
+            let _ = marks::reject(flash, slot, &image);
+            continue;
+        }
+        if marks::begin_trial(flash, slot, &image).is_ok() {
+            return Selection::Start { slot: number, is_trial: true };
+        }
+    }
+    Selection::Recover
+}
+
+/// Returns true if the image has the CRC of its header.
+pub fn is_intact<F: NorFlash>(flash: &mut F, slot: &Slot, image: &ImageState) -> bool {
+    let mut digest = CRC_WITH_TABLE.digest();
+    let start = slot.start + HEADER_BYTES as u32;
+    read_chunks(flash, start..start + image.header.length, |chunk| digest.update(chunk))
+        && digest.finalize() == image.header.crc
+}
+
+/// Returns the sequence number of the next update.
+pub fn next_sequence(states: [SlotState; 2]) -> u16 {
+    let number = |state: &SlotState| match state {
+        SlotState::Image(image) => image.sequence,
+        SlotState::Empty | SlotState::Bare => 0,
+    };
+    let [first, second] = [number(&states[0]), number(&states[1])];
+    (if is_newer(second, first) { second } else { first }).wrapping_add(1)
+}
+
+fn newest_first(states: [SlotState; 2]) -> [usize; 2] {
+    match states {
+        [SlotState::Image(first), SlotState::Image(second)]
+            if !is_newer(second.sequence, first.sequence) =>
+        {
+            [0, 1]
+        }
+        // What a debugger wrote is older than any update that followed it.
+        [_, SlotState::Image(_)] => [1, 0],
+        _ => [0, 1],
+    }
+}
+
+/// Returns true if number `a` is newer than `b`, modulo wrapping.
+const fn is_newer(a: u16, b: u16) -> bool {
+    let ahead = a.wrapping_sub(b);
+    ahead > 0 && ahead < 0x8000
+}

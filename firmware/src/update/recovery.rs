@@ -1,0 +1,192 @@
+//! The driver's bus side without an image: the boot program answers if neither slot can be started.
+//!
+//! It has the identity, the program download and a heartbeat, all by CiA 301 and 302-3, and no process frames. It never
+//! drives a bridge. A package is received into the second slot.
+
+use super::Program;
+use super::package::Version;
+use super::session::{RequestError, Session};
+use crate::node::dictionary::index;
+use crate::node::dictionary::records::{IdentityObject, ProgramObject};
+use crate::node::sdo::{Abort, Objects, SdoServer, ValueBuffer};
+use crate::node::{Network, NmtAction, Outbox};
+use canopen_rs::Address;
+use compensator_core::can::{Frame, NodeId, cob_id};
+use embedded_storage::nor_flash::NorFlash;
+
+/// State in object 2040h:4 that means recovery.
+pub const RECOVERY_STATE: u32 = 3;
+const HEARTBEAT_MS: u16 = 1000;
+
+/// Returns the identity object of a driver with this serial number.
+pub fn identity(serial_number: u32) -> IdentityObject {
+    IdentityObject {
+        // No vendor number is registered.
+        vendor_id: 0,
+        product_code: u32::from_be_bytes(*b"FRIC"),
+        revision_number: compensator_core::record::VERSION.into(),
+        serial_number,
+    }
+}
+
+/// The node in recovery.
+#[derive(Debug)]
+pub struct Recovery<F> {
+    network: Network,
+    server: SdoServer,
+    outbox: Outbox,
+    objects: RecoveryObjects<F>,
+    is_reset_requested: bool,
+}
+
+#[derive(Debug)]
+struct RecoveryObjects<F> {
+    flash: F,
+    session: Session,
+    identity: IdentityObject,
+    now_us: u64,
+}
+
+impl<F: NorFlash> Recovery<F> {
+    /// Starts the node: it sends the boot-up message.
+    pub fn boot(
+        node: NodeId,
+        mut flash: F,
+        program: Program,
+        identity: IdentityObject,
+        now_us: u64,
+    ) -> Self {
+        let mut outbox = Outbox::default();
+        let network = Network::boot(node, now_us, &mut outbox);
+        let session = Session::new(&mut flash, program, now_us);
+        let objects = RecoveryObjects { flash, session, identity, now_us };
+        Self { network, server: SdoServer::new(), outbox, objects, is_reset_requested: false }
+    }
+
+    /// Processes a received frame.
+    pub fn receive(&mut self, frame: &Frame, now_us: u64) {
+        self.objects.now_us = now_us;
+        if let Some(action) = self.network.on_nmt_frame(frame) {
+            self.is_reset_requested |= action == NmtAction::Reset;
+            return;
+        }
+        let node = u16::from(self.network.node().number());
+        if frame.identifier() != cob_id::SDO_REQUEST + node || !self.network.can_serve_objects() {
+            return;
+        }
+        if let Ok(request) = <&[u8; 8]>::try_from(frame.data()) {
+            let answer = self.server.answer(request, now_us, &mut self.objects);
+            self.send_answer(answer);
+        }
+    }
+
+    fn send_answer(&mut self, answer: Option<[u8; 8]>) {
+        let identifier = cob_id::SDO_ANSWER + u16::from(self.network.node().number());
+        if let Some(frame) = answer.and_then(|answer| Frame::new(identifier, &answer)) {
+            self.outbox.push(frame);
+        }
+    }
+
+    /// Runs the periodic work: call it about once a millisecond.
+    pub fn tick(&mut self, now_us: u64) {
+        self.network.tick(HEARTBEAT_MS, now_us, &mut self.outbox);
+        let answer = self.server.tick(now_us, &mut self.objects);
+        self.send_answer(answer);
+        let objects = &mut self.objects;
+        // Object 1F57h has the reason of a refusal.
+        let _ = objects.session.tick(&mut objects.flash, now_us);
+        self.is_reset_requested |= self.objects.session.is_restart_due(now_us);
+    }
+
+    /// Returns the next frame to send.
+    pub fn transmit(&mut self) -> Option<Frame> {
+        if self.outbox.is_empty() {
+            let segment = self.server.next_segment(&mut self.objects);
+            self.send_answer(segment);
+        }
+        self.outbox.pop()
+    }
+
+    /// Returns true if a restart is requested.
+    pub const fn is_reset_requested(&self) -> bool {
+        self.is_reset_requested
+    }
+
+    /// Returns the flash.
+    pub const fn flash(&self) -> &F {
+        &self.objects.flash
+    }
+}
+
+impl<F: NorFlash> RecoveryObjects<F> {
+    fn program(&self) -> ProgramObject {
+        let (received_bytes, receiving) = self.session.received();
+        ProgramObject {
+            board: self.session.program().board,
+            version: Version(0).0,
+            rollback_counter: 0,
+            state: RECOVERY_STATE,
+            other_version: self.session.other().1,
+            other_state: self.session.other().2 as u32,
+            receiving,
+            received_bytes,
+            identity: 0,
+            accepted_address: self.session.accepted_address(),
+        }
+    }
+}
+
+impl<F: NorFlash> Objects for RecoveryObjects<F> {
+    fn check_write(&mut self, at: Address, _length: Option<usize>) -> Result<(), Abort> {
+        match (at.index, at.subindex) {
+            (index::PROGRAM_DATA | index::PROGRAM_CONTROL, 1) => Ok(()),
+            _ => Err(Abort::NoObject),
+        }
+    }
+
+    fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
+        self.check_write(at, None)?;
+        let now_us = self.now_us;
+        let done = if at.index == index::PROGRAM_DATA {
+            self.session.write(&mut self.flash, value, now_us)
+        } else {
+            let command = *value.first().ok_or(Abort::TooShort)?;
+            self.session.control(&mut self.flash, command, now_us)
+        };
+        done.map_err(RequestError::abort)
+    }
+
+    fn begin_stream(&mut self, at: Address, _declared: Option<usize>) -> Result<bool, Abort> {
+        Ok(at.index == index::PROGRAM_DATA)
+    }
+
+    fn write_part(&mut self, at: Address, _offset: usize, part: &[u8]) -> Result<(), Abort> {
+        self.write(at, part)
+    }
+
+    fn end_stream(&mut self, _at: Address, _length: usize) -> Result<(), Abort> {
+        Ok(())
+    }
+
+    fn read(&mut self, at: Address, value: &mut ValueBuffer) -> Result<(), Abort> {
+        let place = usize::from(at.subindex).wrapping_sub(1);
+        let words: &[u32] = match at.index {
+            index::IDENTITY => &self.identity.words(),
+            index::PROGRAM_CONTROL => &[u32::from(!self.session.is_active())],
+            index::PROGRAM_IDENTIFICATION => &[0, self.session.other().0],
+            index::FLASH_STATUS => &[self.session.flash_status()],
+            index::PROGRAM => &self.program().words(),
+            index::DEVICE_NAME => {
+                return value.extend_from_slice(b"recovery").map_err(|_| Abort::Memory);
+            }
+            _ => return Err(Abort::NoObject),
+        };
+        let word = words.get(place).ok_or(Abort::NoSubIndex)?;
+        let bytes = word.to_le_bytes();
+        let is_byte = at.index == index::PROGRAM_CONTROL
+            || at.index == index::PROGRAM
+                && matches!(at.subindex, ProgramObject::STATE | ProgramObject::OTHER_STATE);
+        let length = if is_byte { 1 } else { bytes.len() };
+        value.extend_from_slice(bytes.get(..length).unwrap_or(&bytes)).map_err(|_| Abort::Memory)
+    }
+}

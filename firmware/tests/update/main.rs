@@ -1,0 +1,282 @@
+//! Tests of the program update: power cuts, bit flips, foreign packages, failed trials.
+
+mod bench;
+
+use bench::{
+    BOARD, End, Flash, IMAGE_BYTES, OTHER, Package, assert_starts_one_of, confirm, erase_marks,
+    finish, flash_with, image, key, package, program, receive, signed, start,
+};
+use ed25519_dalek::SigningKey;
+use firmware::store::memory::TornStep;
+use firmware::update::boot::Selection;
+use firmware::update::marks::{self, SlotState};
+use firmware::update::package::{CRC, HEADER_BYTES};
+use firmware::update::receiver::{Receiver, Refusal};
+use proptest::prelude::*;
+
+const fn started(slot: usize, is_trial: bool) -> Selection {
+    Selection::Start { slot, is_trial }
+}
+
+fn torn_variants() -> Vec<TornStep> {
+    let mut variants =
+        vec![TornStep::Nothing, TornStep::FirstHalf, TornStep::LastHalf, TornStep::Done];
+    for seed in 0..2 {
+        variants.extend([
+            TornStep::Partly(seed),
+            TornStep::Garbage(seed),
+            TornStep::Unreadable(seed),
+        ]);
+    }
+    variants
+}
+
+#[test]
+fn update_without_interruption_tries_and_then_keeps_the_new_image() {
+    let (old, new) = (package(1, 5), package(2, 5));
+    let mut flash = flash_with(&old);
+    assert_eq!(receive(&mut flash, 0, &new), End::Done);
+    assert_eq!(start(&mut flash, false), started(1, true));
+    assert_eq!(image(&mut flash, 1, IMAGE_BYTES), new.bytes[HEADER_BYTES..]);
+    confirm(&mut flash, 1).unwrap();
+    // Confirmed: a watchdog reset does not return to the old image.
+    assert_eq!(start(&mut flash, true), started(1, false));
+    // The next update goes to the first slot.
+    let next = package(3, 6);
+    assert_eq!(receive(&mut flash, 1, &next), End::Done);
+    assert_eq!(start(&mut flash, false), started(0, true));
+}
+
+#[test]
+fn trial_with_watchdog_reset_returns_to_the_old_image_for_good() {
+    let mut flash = flash_with(&package(1, 5));
+    assert_eq!(receive(&mut flash, 0, &package(2, 5)), End::Done);
+    // The restart into the trial is one by software, and the trial has not begun then.
+    assert_eq!(start(&mut flash, true), started(1, true));
+    assert_eq!(start(&mut flash, true), started(0, false));
+    assert_eq!(start(&mut flash, false), started(0, false));
+    let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
+    assert!(image.is_rejected && !image.is_confirmed);
+}
+
+#[test]
+fn trial_with_three_losses_of_power_returns_to_the_old_image() {
+    let mut flash = flash_with(&package(1, 5));
+    assert_eq!(receive(&mut flash, 0, &package(2, 5)), End::Done);
+    for _ in 0..marks::TRIALS {
+        assert_eq!(start(&mut flash, false), started(1, true));
+    }
+    assert_eq!(start(&mut flash, false), started(0, false));
+}
+
+#[test]
+fn select_without_intact_image_recovers() {
+    let mut flash = flash_with(&package(1, 5));
+    erase_marks(&mut flash, 0);
+    assert_eq!(start(&mut flash, false), Selection::Recover);
+    assert_eq!(start(&mut Flash::new(), false), Selection::Recover);
+    // In recovery the device receives an image for either slot.
+    assert_eq!(receive(&mut flash, 1, &package(2, 0)), End::Done);
+    assert_eq!(start(&mut flash, false), started(0, true));
+}
+
+#[test]
+fn receiver_with_foreign_package_names_the_reason() {
+    let mut flash = flash_with(&package(1, 5));
+    let cases: [(Package, Refusal); 3] = [
+        (signed(&key(), BOARD + 1, 2, 5, 800), Refusal::Board(BOARD + 1)),
+        (signed(&key(), BOARD, 2, 4, 800), Refusal::Counter(4, 5)),
+        (signed(&key(), BOARD, 2, 5, 5640), Refusal::TooLong(5640)),
+    ];
+    for (package, refusal) in cases {
+        assert_eq!(receive(&mut flash, 0, &package), End::Refused(refusal));
+        assert_eq!(start(&mut flash, false), started(0, false));
+    }
+    // The image of the other slot.
+    let mut receiver = Receiver::new(program(1));
+    receiver.clear(&mut flash).unwrap();
+    let new = package(2, 5);
+    let end = finish(&mut flash, &mut receiver, &new.bytes);
+    assert_eq!(end, End::Refused(Refusal::Address(new.header.address)));
+    let mut flash = flash_with(&package(1, 5));
+    let mut receiver = Receiver::new(program(0));
+    assert_eq!(receiver.write(&mut flash, &[0; 8]), Err(Refusal::NotCleared));
+    receiver.clear(&mut flash).unwrap();
+    let junk = finish(&mut flash, &mut receiver, &[0x55; 600]);
+    assert_eq!(junk, End::Refused(Refusal::NoPackage));
+    receiver.clear(&mut flash).unwrap();
+    let long = [&package(2, 5).bytes[..], &[0]].concat();
+    let excess = finish(&mut flash, &mut receiver, &long);
+    assert!(matches!(excess, End::Refused(Refusal::Excess | Refusal::NotCleared)), "{excess:?}");
+    assert_eq!(start(&mut flash, false), started(0, false));
+}
+
+#[test]
+fn select_with_image_of_another_key_rejects_it_before_its_first_start() {
+    let mut flash = flash_with(&package(1, 5));
+    let other_key = SigningKey::from_bytes(&[8; 32]);
+    let foreign = signed(&other_key, BOARD, 2, 5, 800);
+    assert_eq!(receive(&mut flash, 0, &foreign), End::Done);
+    assert_eq!(start(&mut flash, true), started(0, false));
+    let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
+    assert!(image.is_rejected && image.trials == 0);
+}
+
+#[test]
+fn select_with_changed_image_and_its_crc_rejects_it() {
+    let mut flash = flash_with(&package(1, 5));
+    let mut forged = package(2, 5);
+    forged.bytes[HEADER_BYTES + 100] ^= 1;
+    let mut receiver = Receiver::new(program(0));
+    receiver.clear(&mut flash).unwrap();
+    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Refused(Refusal::Crc));
+    // Marks and CRC fit, the signed hash does not.
+    let crc = CRC.checksum(&forged.bytes[HEADER_BYTES..]);
+    forged.bytes[24..28].copy_from_slice(&crc.to_le_bytes());
+    receiver.clear(&mut flash).unwrap();
+    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Done);
+    assert_eq!(start(&mut flash, false), started(0, false));
+    let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
+    assert!(image.is_rejected && image.trials == 0);
+}
+
+#[test]
+fn receiver_with_any_flipped_bit_of_the_header_refuses_it() {
+    let mut flash = flash_with(&package(1, 5));
+    let new = package(2, 5);
+    for bit in 0..8 * firmware::update::package::USED_BYTES {
+        let mut bytes = new.bytes.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        let mut receiver = Receiver::new(program(0));
+        receiver.clear(&mut flash).unwrap();
+        let mut refused = receiver.write(&mut flash, &bytes).err();
+        while receiver.is_verifying() {
+            receiver.step(&mut flash);
+        }
+        refused = refused.or(receiver.refusal());
+        // A longer length waits for bytes that do not come. What only the signature protects is left to the start.
+        let is_ready = refused.is_none() && receiver.is_ready();
+        assert!(refused.is_some() || receiver.is_receiving() || is_ready, "bit {bit}");
+        assert_eq!(start(&mut flash, false), started(0, false), "bit {bit}");
+    }
+}
+
+#[test]
+fn select_with_any_flipped_bit_of_marks_or_header_starts_one_of_the_images() {
+    let (old, new) = (package(1, 5), package(2, 5));
+    let mut flash = flash_with(&old);
+    assert_eq!(receive(&mut flash, 0, &new), End::Done);
+    assert_eq!(start(&mut flash, false), started(1, true));
+    confirm(&mut flash, 1).unwrap();
+    let header = 8 * OTHER.start as usize..8 * (OTHER.start as usize + 160);
+    let marks = 8 * OTHER.marks as usize..8 * (OTHER.marks as usize + 160);
+    for bit in header.chain(marks) {
+        let mut flipped = flash.clone();
+        flipped.flip_bit(bit);
+        for has_failed in [false, true] {
+            let selection = start(&mut flipped, has_failed);
+            assert_starts_one_of(&mut flipped, selection, &[&old, &new]);
+        }
+    }
+}
+
+/// Receives, tries and confirms a package with one power cut; then finishes the update.
+fn update_with_cut(initial: &Flash, packages: [&Package; 2], step: u32, torn: TornStep) -> bool {
+    let [old, new] = packages;
+    let mut flash = initial.clone();
+    flash.cut_power(step, torn);
+    if receive(&mut flash, 0, new) == End::Done
+        && start(&mut flash, true) == started(1, true)
+        && flash.has_power()
+    {
+        let _ = confirm(&mut flash, 1);
+    }
+    let was_cut = !flash.has_power();
+    flash.power_on();
+    // The joint starts, and the update can be repeated or is done.
+    for _ in 0..2 {
+        let selection = start(&mut flash, false);
+        if assert_starts_one_of(&mut flash, selection, packages.as_slice()) == 0 {
+            assert_eq!(selection, started(0, false), "step {step}, {torn:?}");
+            assert_eq!(receive(&mut flash, 0, new), End::Done, "step {step}, {torn:?}");
+            assert_eq!(start(&mut flash, true), started(1, true), "step {step}, {torn:?}");
+        }
+    }
+    if let SlotState::Image(image) = marks::state(&mut flash, &OTHER)
+        && !image.is_confirmed
+    {
+        confirm(&mut flash, 1).unwrap();
+    }
+    assert_eq!(start(&mut flash, true), started(1, false), "step {step}, {torn:?}");
+    assert_eq!(image(&mut flash, 0, IMAGE_BYTES), old.bytes[HEADER_BYTES..]);
+    was_cut
+}
+
+#[test]
+fn update_with_power_cut_at_every_step_starts_one_of_the_images_and_can_be_repeated() {
+    let (old, new) = (package(1, 5), package(2, 5));
+    let initial = flash_with(&old);
+    for torn in torn_variants() {
+        let mut step = 0;
+        while update_with_cut(&initial, [&old, &new], step, torn) {
+            step += 1;
+        }
+        // Four erases, 614 double words, and the marks.
+        assert!(step > 600, "{step} steps");
+    }
+}
+
+/// One interruption of a random update.
+#[derive(Clone, Debug)]
+struct Interruption {
+    step: u32,
+    torn: TornStep,
+    has_failed: bool,
+    flipped: Option<usize>,
+}
+
+fn interruption() -> impl Strategy<Value = Interruption> {
+    let torn = (0..7usize, any::<u32>()).prop_map(|(kind, seed)| match kind {
+        0 => TornStep::Nothing,
+        1 => TornStep::FirstHalf,
+        2 => TornStep::LastHalf,
+        3 => TornStep::Partly(seed),
+        4 => TornStep::Garbage(seed),
+        5 => TornStep::Unreadable(seed),
+        _ => TornStep::Done,
+    });
+    let flipped = proptest::option::of(0..8 * (HEADER_BYTES + IMAGE_BYTES));
+    (0..1300u32, torn, any::<bool>(), flipped).prop_map(|(step, torn, has_failed, flipped)| {
+        Interruption { step, torn, has_failed, flipped }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    #[test]
+    fn update_with_random_interruptions_always_starts_one_of_the_images(
+        interruptions in proptest::collection::vec(interruption(), 1..5),
+        confirms in any::<bool>(),
+    ) {
+        let (old, new) = (package(1, 5), package(2, 5));
+        let mut flash = flash_with(&old);
+        let mut running = 0;
+        for Interruption { step, torn, has_failed, flipped } in interruptions {
+            flash.cut_power(step, torn);
+            if running == 0 {
+                let mut sent = package(2, 5);
+                if let Some(bit) = flipped {
+                    sent.bytes[bit / 8] ^= 1 << (bit % 8);
+                }
+                receive(&mut flash, 0, &sent);
+            } else if confirms {
+                let _ = confirm(&mut flash, 1);
+            }
+            flash.power_on();
+            let selection = start(&mut flash, has_failed);
+            running = assert_starts_one_of(&mut flash, selection, &[&old, &new]);
+            prop_assert_eq!(image(&mut flash, 0, IMAGE_BYTES), &old.bytes[HEADER_BYTES..]);
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Packages on the PC: an image and its signed header, and the file that holds those of a release.
+//!
+//! An image is linked for one slot of a joint. A file begins with [`FILE_MAGIC`], followed by one package per slot. Their
+//! headers state the load addresses. The version, the board and the anti-rollback counter are the same in all.
+
+use ed25519_dalek::{Signer, SigningKey};
+use firmware::update::package::{CRC, HASH_AT, HEADER_BYTES, Header, USED_BYTES, Version, emit};
+use object::Endianness;
+use object::elf::PT_LOAD;
+use object::read::elf::{ElfFile32, ProgramHeader};
+use sha2::{Digest, Sha512};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// First bytes of a file of packages.
+pub const FILE_MAGIC: [u8; 8] = *b"JPACKS01";
+/// First bytes of an ELF file.
+const ELF_MAGIC: [u8; 4] = [0x7F, b'E', b'L', b'F'];
+/// Longest gap between two parts of the code, bytes. What lies beyond a longer one is for a debugger.
+const MAX_GAP_BYTES: usize = 64;
+/// Alignment of the image's length, bytes: a double word.
+const ALIGNMENT: usize = 8;
+
+/// Error of a package or image; its message is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum PackageError {
+    /// It cannot be read.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The error.
+        source: io::Error,
+    },
+    /// The file holds no packages.
+    #[error("{0}: no packages; host-sim sign makes a file of them from images")]
+    NoPackage(PathBuf),
+    /// The packages are not of one release.
+    #[error("{0}: the packages differ in board, version or counter, or are for the same slot")]
+    Mixed(PathBuf),
+    /// The package is damaged.
+    #[error("{0}: the image differs from its hash; the file is damaged")]
+    Damaged(PathBuf),
+    /// The ELF file cannot be used.
+    #[error("{path}: {why}")]
+    Elf {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        why: String,
+    },
+}
+
+/// Code of an image as it lies in flash.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// Load address.
+    pub address: u32,
+    /// Content.
+    pub bytes: Vec<u8>,
+}
+
+/// A package.
+#[derive(Clone, Debug)]
+pub struct Package {
+    /// Its header.
+    pub header: Header,
+    /// All its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// What the maker of a package states about its image.
+#[derive(Clone, Copy, Debug)]
+pub struct Statement {
+    /// Number of the board type.
+    pub board: u32,
+    /// Version of the image.
+    pub version: Version,
+    /// Anti-rollback counter.
+    pub counter: u32,
+}
+
+impl Package {
+    /// Signs an image.
+    pub fn sign(image: &Code, statement: Statement, key: &SigningKey) -> Self {
+        let Code { address, bytes: mut image } = image.clone();
+        image.resize(image.len().next_multiple_of(ALIGNMENT).max(ALIGNMENT), 0);
+        let Statement { board, version, counter } = statement;
+        let header = Header {
+            board,
+            version,
+            counter,
+            length: image.len() as u32,
+            crc: CRC.checksum(&image),
+            address,
+            identity: 0,
+        };
+        let signed = header.signed(&Sha512::digest(&image).into());
+        let emitted = emit(&signed, &key.sign(&signed).to_bytes());
+        let identity = CRC.checksum(&emitted[..USED_BYTES]);
+        let bytes = [&emitted[..], &image].concat();
+        Self { header: Header { identity, ..header }, bytes }
+    }
+
+    /// Parses the package at the start of these bytes; returns the rest. `None` if there is none, or it is damaged.
+    fn parse(bytes: &[u8]) -> Option<(Self, &[u8])> {
+        let header = Header::parse(bytes.first_chunk::<USED_BYTES>()?).ok()?;
+        let (package, rest) = bytes.split_at_checked(header.package_bytes() as usize)?;
+        let image = package.get(HEADER_BYTES..)?;
+        let hash = package.get(HASH_AT..HASH_AT + 64)?;
+        (Sha512::digest(image).as_slice() == hash)
+            .then(|| (Self { header, bytes: package.to_vec() }, rest))
+    }
+}
+
+/// The packages of a release: one for each slot.
+#[derive(Clone, Debug)]
+pub struct Release {
+    packages: Vec<Package>,
+}
+
+impl Release {
+    /// Returns a release of these packages; `None` if there are none, they differ in board, version or counter, or two are
+    /// for the same slot.
+    pub fn new(packages: Vec<Package>) -> Option<Self> {
+        let first = packages.first()?.header;
+        let stated = |header: &Header| (header.board, header.version, header.counter);
+        let mut addresses: Vec<u32> = packages.iter().map(|part| part.header.address).collect();
+        addresses.sort_unstable();
+        addresses.dedup();
+        let is_one = packages.iter().all(|part| stated(&part.header) == stated(&first));
+        (is_one && addresses.len() == packages.len()).then_some(Self { packages })
+    }
+
+    /// Returns the packages, at least one.
+    pub fn packages(&self) -> &[Package] {
+        &self.packages
+    }
+
+    /// Returns the header of the first package, whose board, version and counter are those of all.
+    pub fn header(&self) -> &Header {
+        &self.packages[0].header
+    }
+
+    /// Returns the package whose image is linked for this address.
+    pub fn for_address(&self, address: u32) -> Option<&Package> {
+        self.packages.iter().find(|part| part.header.address == address)
+    }
+
+    /// Returns true if one of the packages has this identity.
+    pub fn contains(&self, identity: u32) -> bool {
+        self.packages.iter().any(|part| part.header.identity == identity)
+    }
+
+    /// Returns the bytes of the file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let parts = self.packages.iter().map(|part| part.bytes.as_slice());
+        std::iter::once(&FILE_MAGIC[..]).chain(parts).collect::<Vec<_>>().concat()
+    }
+
+    /// Reads a file, and checks that its packages are complete. The boot program of the joint checks the signatures.
+    ///
+    /// # Errors
+    /// The file cannot be read, holds no packages, or is damaged.
+    pub fn read(path: &Path) -> Result<Self, PackageError> {
+        let bytes = read(path)?;
+        let Some(mut rest) = bytes.strip_prefix(&FILE_MAGIC) else {
+            return Err(PackageError::NoPackage(path.to_owned()));
+        };
+        let mut packages = Vec::new();
+        while !rest.is_empty() {
+            let parsed = Package::parse(rest);
+            let (package, left) = parsed.ok_or_else(|| PackageError::Damaged(path.to_owned()))?;
+            packages.push(package);
+            rest = left;
+        }
+        Self::new(packages).ok_or_else(|| PackageError::Mixed(path.to_owned()))
+    }
+}
+
+/// Reads the code of an image, an ELF file, as it lies in flash.
+///
+/// # Errors
+/// The file cannot be read, or its ELF structure cannot be used.
+pub fn read_image(path: &Path) -> Result<Code, PackageError> {
+    let data = read(path)?;
+    let failed = |why: String| PackageError::Elf { path: path.to_owned(), why };
+    if !data.starts_with(&ELF_MAGIC) {
+        return Err(failed("no ELF file, as cargo builds an image".into()));
+    }
+    code_of(&data)
+        .map_err(|error| failed(error.to_string()))?
+        .ok_or_else(|| failed("no code".into()))
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, PackageError> {
+    std::fs::read(path).map_err(|source| PackageError::Io { path: path.to_owned(), source })
+}
+
+/// Returns the code of an ELF file: the longest run of its loaded parts.
+fn code_of(data: &[u8]) -> Result<Option<Code>, object::Error> {
+    let file = ElfFile32::<Endianness>::parse(data)?;
+    let endian = file.endian();
+    let mut parts = Vec::new();
+    for segment in file.elf_program_headers() {
+        if segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0 {
+            let bytes = segment.data(endian, data).unwrap_or_default();
+            parts.push((segment.p_paddr(endian), bytes));
+        }
+    }
+    parts.sort_by_key(|(address, _)| *address);
+    let mut runs: Vec<Code> = Vec::new();
+    for (address, bytes) in parts {
+        let end = runs.last().map(|run| run.address as usize + run.bytes.len());
+        match (runs.last_mut(), end) {
+            (Some(run), Some(end)) if (end..=end + MAX_GAP_BYTES).contains(&(address as usize)) => {
+                run.bytes.resize((address - run.address) as usize, 0);
+                run.bytes.extend(bytes);
+            }
+            _ => runs.push(Code { address, bytes: bytes.to_vec() }),
+        }
+    }
+    Ok(runs.into_iter().max_by_key(|run| run.bytes.len()))
+}

@@ -1,0 +1,109 @@
+//! `sign`: makes a key pair, or a file of signed packages for `update` from the images of a release.
+
+use super::output::print_text;
+use firmware::update::package::Version;
+use joint_bus::program::key;
+use joint_bus::program::package::{Package, Release, Statement, read_image};
+use joint_bus::program::update::board_name;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Arguments of `sign`.
+#[derive(clap::Args)]
+pub struct SignArguments {
+    /// Images for slot A and slot B: the ELF files that cargo builds
+    #[arg(value_name = "IMAGE", required_unless_present = "new_key", num_args = 1..=2)]
+    images: Vec<PathBuf>,
+    /// Make a key pair: the private key in FILE, the public one in FILE.pub
+    #[arg(long, value_name = "FILE", exclusive = true)]
+    new_key: Option<PathBuf>,
+    /// File of the private key
+    #[arg(long, value_name = "FILE", required_unless_present = "new_key")]
+    key: Option<PathBuf>,
+    /// Version of the images, MAJOR.MINOR.PATCH
+    #[arg(long, value_name = "X.Y.Z", default_value = env!("CARGO_PKG_VERSION"), value_parser = version)]
+    version: Version,
+    /// Anti-rollback counter: joints that confirmed this package refuse all with a smaller one
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    counter: u32,
+    /// Board of the images, four letters
+    #[arg(long, value_name = "BOARD", default_value = "G474", value_parser = board)]
+    board: u32,
+    /// File of the packages
+    #[arg(long, value_name = "FILE", default_value = "joint.package")]
+    out: PathBuf,
+    /// Print the result as JSON
+    #[arg(long, exclusive = false)]
+    json: bool,
+}
+
+fn version(text: &str) -> Result<Version, String> {
+    Version::parse(text).ok_or_else(|| "expected MAJOR.MINOR.PATCH, such as 1.2.0".to_owned())
+}
+
+fn board(text: &str) -> Result<u32, String> {
+    let bytes = text.as_bytes().try_into().map(u32::from_be_bytes);
+    bytes.map_err(|_| "expected four letters, such as G474".to_owned())
+}
+
+/// Runs the command.
+pub fn run(arguments: &SignArguments) -> Result<(), String> {
+    if let Some(path) = &arguments.new_key {
+        let public = key::create(path).map_err(|error| error.to_string())?;
+        return print_text(&format!(
+            "written: {}, {}\nnote: keep the private key offline; whoever has it can install any program\n",
+            path.display(),
+            public.display()
+        ));
+    }
+    let Some(key) = &arguments.key else { return Err("sign needs --key".to_owned()) };
+    let key = key::read(key).map_err(|error| error.to_string())?;
+    let SignArguments { board, version, counter, .. } = *arguments;
+    let mut packages = Vec::new();
+    for image in &arguments.images {
+        let code = read_image(image).map_err(|error| error.to_string())?;
+        packages.push(Package::sign(&code, Statement { board, version, counter }, &key));
+    }
+    let release = Release::new(packages)
+        .ok_or("the images are linked for the same slot: build the second one for slot B")?;
+    let out = &arguments.out;
+    let bytes = release.to_bytes();
+    std::fs::write(out, &bytes).map_err(|error| format!("{}: {error}", out.display()))?;
+    print_text(&(described(arguments, &release) + "\n"))
+}
+
+fn described(arguments: &SignArguments, release: &Release) -> String {
+    let SignArguments { board, version, counter, .. } = *arguments;
+    let (out, board) = (arguments.out.display().to_string(), board_name(board));
+    let parts = release.packages().iter();
+    if arguments.json {
+        let packages: Vec<_> = parts
+            .map(|part| {
+                json!({
+                    "address": format!("{:#010x}", part.header.address),
+                    "bytes": part.bytes.len(),
+                    "crc": format!("{:08x}", part.header.crc),
+                })
+            })
+            .collect();
+        return json!({
+            "file": out,
+            "board": board,
+            "version": version.to_string(),
+            "counter": counter,
+            "packages": packages,
+        })
+        .to_string();
+    }
+    let listed: Vec<String> = parts
+        .map(|part| format!("{} bytes for {:#010x}", part.bytes.len(), part.header.address))
+        .collect();
+    let mut text = format!(
+        "written: {out}: board {board}, version {version}, counter {counter}, {}",
+        listed.join(", ")
+    );
+    if release.packages().len() == 1 {
+        text += "\nnote: joints that run from this slot cannot install it; sign the images of both slots";
+    }
+    text
+}

@@ -1,0 +1,78 @@
+//! `update`: installs a signed package on a joint over its bus.
+
+use super::bus::BusArguments;
+use super::input::counted_progress;
+use super::output::print_text;
+use joint_bus::bus::{BusName, Hub};
+use joint_bus::canopen::Client;
+use joint_bus::program::package::Release;
+use joint_bus::program::update::{Outcome, Stage, Update};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Arguments of `update`.
+#[derive(clap::Args)]
+pub struct UpdateArguments {
+    /// File of packages that `host-sim sign` made
+    #[arg(value_name = "FILE")]
+    package: PathBuf,
+    #[command(flatten)]
+    bus: BusArguments,
+    /// Install a version that is older than the running one. The anti-rollback counter still applies
+    #[arg(long)]
+    allow_older: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
+    let release = Release::read(&arguments.package).map_err(|error| error.to_string())?;
+    let (bus, node) = (&arguments.bus, arguments.bus.node_id);
+    if bus.bus == BusName::Loop {
+        return Err(
+            "--bus: a driver in this process has no second program; name a bus, such as can0"
+                .into(),
+        );
+    }
+    let mut client = Client::new(bus.open(&Hub::new())?, node);
+    let bytes = release.packages().iter().map(|part| part.bytes.len()).max().unwrap_or_default();
+    let bar = counted_progress("transfer", "bytes", bytes as u64);
+    let mut update = Update::new(&mut client, node.number(), &release);
+    update.allow_older = arguments.allow_older;
+    let outcome = update.run(&mut |stage, done| {
+        bar.set_position(done.into());
+        match stage {
+            Stage::Transfer => {}
+            Stage::Verification => bar.set_message("verification"),
+            Stage::Trial => bar.set_message("restart and trial"),
+        }
+    });
+    bar.finish_and_clear();
+    let outcome = outcome.map_err(|error| error.to_string())?;
+    print_text(&(described(arguments, &outcome) + "\n"))
+}
+
+fn described(arguments: &UpdateArguments, outcome: &Outcome) -> String {
+    let (bus, node) = (&arguments.bus.bus, arguments.bus.node_id.number());
+    let (version, bytes) = (outcome.version, outcome.bytes);
+    if arguments.json {
+        return json!({
+            "node": node,
+            "bus": bus.to_string(),
+            "previous_version": outcome.previous.map(|version| version.to_string()),
+            "version": version.to_string(),
+            "was_present": outcome.was_present,
+            "bytes": bytes,
+            "resumed_at": outcome.resumed_at,
+            "duration_s": outcome.duration_ms as f64 * 1e-3,
+        })
+        .to_string();
+    }
+    if outcome.was_present {
+        return format!("node {node} on {bus}: runs version {version} already");
+    }
+    let seconds = outcome.duration_ms as f64 * 1e-3;
+    format!("node {node} on {bus}: version {version} is confirmed, {bytes} bytes in {seconds:.1} s")
+}

@@ -1,0 +1,253 @@
+//! Program updates of the emulated board: the shipped boot program and images, and the client of host-sim.
+
+use super::board_bus::{BoardBus, NODE, blank_board, entry, new_board, started};
+use super::common::image_path;
+use super::slots::{SLOTS, confirm, install};
+use canopen_rs::Address;
+use ed25519_dalek::SigningKey;
+use emulated_board::chip::CORE_HZ;
+use emulated_board::chip::flash::{Content, Operation};
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::ProgramObject;
+use firmware::update::package::{HEADER_BYTES, Version};
+use firmware::update::recovery::RECOVERY_STATE;
+use firmware::update::session::OtherState;
+use joint_bus::canopen::Client;
+use joint_bus::program::package::{Code, Package, Release, Statement, read_image};
+use joint_bus::program::update::{Outcome, Update, UpdateError};
+use std::sync::LazyLock;
+
+const BOARD: u32 = u32::from_be_bytes(*b"G474");
+/// The published test key, firmware/keys/test.key.
+const KEY: [u8; 32] = [7; 32];
+/// Running states in object 2040h.
+const TRIAL: u32 = 1;
+const CONFIRMED: u32 = 2;
+
+/// Returns true in the long form of the tests.
+pub fn is_long() -> bool {
+    std::env::var_os("LONG_TESTS").is_some()
+}
+
+/// Returns the code of the images for slots A and B.
+fn codes() -> &'static [Code; 2] {
+    static CODES: LazyLock<[Code; 2]> = LazyLock::new(|| {
+        ["firmware", "firmware-b"].map(|name| read_image(&image_path(name)).expect("an image"))
+    });
+    &CODES
+}
+
+fn signed(code: &Code, version: &str, key: &[u8; 32]) -> Package {
+    let version = Version::parse(version).expect("a version");
+    let statement = Statement { board: BOARD, version, counter: 0 };
+    Package::sign(code, statement, &SigningKey::from_bytes(key))
+}
+
+/// Returns the shipped images as a release.
+pub fn release(version: &str) -> Release {
+    let packages = codes().each_ref().map(|code| signed(code, version, &KEY));
+    Release::new(packages.to_vec()).expect("a release")
+}
+
+pub fn number(version: &str) -> u32 {
+    Version::parse(version).expect("a version").0
+}
+
+pub fn update(client: &mut Client<BoardBus>, release: &Release) -> Result<Outcome, UpdateError> {
+    Update::new(client, NODE.number(), release).run(&mut |_, _| ())
+}
+
+/// Returns a flash with a confirmed image in each of these slots, the last one newest.
+pub fn confirmed(versions: &[(usize, &str)]) -> Content {
+    let mut content = blank_board();
+    for (sequence, (slot, version)) in versions.iter().enumerate() {
+        let package = signed(&codes()[*slot], version, &KEY);
+        install(&mut content, *slot, &package, sequence as u16 + 1);
+        confirm(&mut content, *slot);
+    }
+    content
+}
+
+/// A whole update of a new board to 1.0.0 in slot B, over the bus.
+pub struct RecordedUpdate {
+    /// Flash before it, with saved parameters.
+    pub before: Content,
+    /// CRC of these parameters (2027h:1).
+    pub parameters: u32,
+    /// Its flash operations, up to the confirmation.
+    pub operations: Vec<Operation>,
+    /// Duration, ms, and length of the package, bytes.
+    pub duration_ms: u64,
+    pub bytes: u32,
+}
+
+pub fn parameters_crc(client: &mut Client<BoardBus>) -> u32 {
+    client.read_number(Address::new(index::COMMIT, 1)).expect("an answer")
+}
+
+/// Returns the update, which is run once per process.
+pub fn recorded_update() -> &'static RecordedUpdate {
+    static UPDATE: LazyLock<RecordedUpdate> = LazyLock::new(|| {
+        let mut client = started(new_board());
+        let heartbeat = Address::new(index::HEARTBEAT, 0);
+        client.write(heartbeat, &700u16.to_le_bytes()).expect("a setting");
+        client.write(Address::new(index::STORE, 1), b"save").expect("a save");
+        let before = client.bus().flash().content.clone();
+        let operations = client.bus().flash().record_operations();
+        let outcome = update(&mut client, &release("1.0.0")).expect("an update");
+        assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+        assert_eq!(client.read_number(heartbeat).expect("an answer"), 700);
+        assert_eq!(client.bus().resets, 1);
+        RecordedUpdate {
+            before,
+            parameters: parameters_crc(&mut client),
+            operations: operations.take(),
+            duration_ms: outcome.duration_ms,
+            bytes: outcome.bytes,
+        }
+    });
+    &UPDATE
+}
+
+/// Returns the flash after this share of the transfer.
+pub fn interrupted(percent: usize) -> Content {
+    let update = recorded_update();
+    let mut content = update.before.clone();
+    let count = update.bytes as usize / 8 * percent / 100;
+    update.operations[..count].iter().for_each(|operation| content.apply(operation));
+    content
+}
+
+#[test]
+fn update_of_whole_image_takes_less_than_a_minute_and_is_confirmed() {
+    let update = recorded_update();
+    let seconds = update.duration_ms as f64 * 1e-3;
+    println!("measured: update of {} bytes in {seconds:.1} s", update.bytes);
+    let scaled = seconds * 180e3 / f64::from(update.bytes);
+    println!("measured: {scaled:.1} s for 180 KB at that rate, with 2 s of trial");
+    assert!(seconds < 60.0, "{seconds} s");
+}
+
+/// Starts a board that has received 1.0.1 in this slot, beside a confirmed 1.0.0 in the other one.
+fn trial_of(slot: usize) -> Client<BoardBus> {
+    let mut content = confirmed(&[(1 - slot, "1.0.0")]);
+    install(&mut content, slot, &signed(&codes()[slot], "1.0.1", &KEY), 8);
+    started(content)
+}
+
+#[test]
+fn trial_in_slot_a_is_confirmed_after_its_self_test() {
+    let mut client = trial_of(0);
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.1"));
+    assert_eq!(entry(&mut client, ProgramObject::STATE), TRIAL);
+    client.bus().run(CORE_HZ * 5 / 2);
+    assert_eq!(entry(&mut client, ProgramObject::STATE), CONFIRMED);
+    assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Confirmed as u32);
+}
+
+#[test]
+fn trial_with_watchdog_reset_returns_to_the_old_image() {
+    let mut client = trial_of(1);
+    client.bus().machine().chip_mut().hold_loop_interrupt(CORE_HZ);
+    client.bus().await_boot_up();
+    assert_eq!(client.bus().resets, 1);
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+    assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Failed as u32);
+}
+
+#[test]
+fn trial_that_hangs_at_its_start_returns_to_the_old_image() {
+    let mut content = confirmed(&[(0, "1.0.0")]);
+    let mut code = codes()[1].clone();
+    let reset = u32::from_le_bytes(code.bytes[4..8].try_into().expect("a vector"));
+    let at = (reset - 1 - code.address) as usize;
+    // A branch to itself.
+    code.bytes[at..at + 2].copy_from_slice(&[0xFE, 0xE7]);
+    install(&mut content, 1, &signed(&code, "1.0.1", &KEY), 8);
+    let mut client = started(content);
+    assert_eq!(client.bus().resets, 1, "the watchdog of the boot program");
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+    assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Failed as u32);
+}
+
+#[test]
+fn image_of_another_key_is_not_started() {
+    let mut content = confirmed(&[(0, "1.0.0")]);
+    install(&mut content, 1, &signed(&codes()[1], "1.0.1", &[8; 32]), 8);
+    let mut client = started(content);
+    assert_eq!(client.bus().resets, 0);
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+    assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::NotSigned as u32);
+}
+
+#[test]
+fn image_linked_for_the_other_slot_is_not_started() {
+    let mut content = confirmed(&[(0, "1.0.0")]);
+    install(&mut content, 1, &signed(&codes()[0], "1.0.1", &KEY), 8);
+    let mut client = started(content);
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+}
+
+/// Returns the offset of a byte of this slot, from the start of its package.
+fn offset(slot: usize, at: usize) -> usize {
+    SLOTS[slot].start as usize + at
+}
+
+#[test]
+fn image_with_flipped_bits_in_flash_does_not_start() {
+    let content = confirmed(&[(0, "1.0.0"), (1, "1.0.1")]);
+    let last = codes()[1].bytes.len() + HEADER_BYTES - 1;
+    let mark = SLOTS[1].marks as usize;
+    let step = if is_long() { last / 200 } else { last / 3 };
+    let body = (HEADER_BYTES..last).step_by(step).map(|at| offset(1, at));
+    let header = [0, 12, 24, 28].map(|at| offset(1, at));
+    let mut flips = 0;
+    for at in header.into_iter().chain(body).chain([offset(1, last), mark]) {
+        let mut flipped = content.clone();
+        flipped.bytes[at] ^= 1 << (at % 8);
+        let mut client = started(flipped);
+        assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"), "{at:#x}");
+        flips += 1;
+    }
+    println!("measured: {flips} flipped bits of an image in flash");
+}
+
+#[test]
+fn board_without_good_image_receives_one_in_recovery() {
+    // Most of an update is there, and the old image is lost.
+    let mut content = interrupted(if is_long() { 0 } else { 95 });
+    content.bytes[SLOTS[0].marks as usize..][..2048].fill(0xFF);
+    let mut client = started(content);
+    assert_eq!(entry(&mut client, ProgramObject::STATE), RECOVERY_STATE);
+    let product = client.read_number(Address::new(index::IDENTITY, 2)).expect("an answer");
+    assert_eq!(product, u32::from_be_bytes(*b"FRIC"));
+    let outcome = update(&mut client, &release("1.0.0")).expect("an update");
+    assert_eq!(outcome.previous, None);
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+    assert_eq!(parameters_crc(&mut client), recorded_update().parameters);
+    println!(
+        "measured: recovery from byte {} on in {} ms",
+        outcome.resumed_at, outcome.duration_ms
+    );
+}
+
+#[test]
+fn board_with_two_damaged_images_is_in_recovery() {
+    let mut content = confirmed(&[(0, "1.0.0"), (1, "1.0.1")]);
+    for slot in [0, 1] {
+        content.bytes[offset(slot, 5000)] ^= 1;
+    }
+    let mut client = started(content);
+    assert_eq!(entry(&mut client, ProgramObject::STATE), RECOVERY_STATE);
+}
+
+#[test]
+fn update_from_slot_b_to_slot_a_is_confirmed() {
+    if !is_long() {
+        return println!("skipped: the update from slot B to slot A: tests/emulator/run --all");
+    }
+    let mut client = started(confirmed(&[(1, "1.0.0")]));
+    let outcome = update(&mut client, &release("1.0.1")).expect("an update");
+    assert_eq!(outcome.previous, Version::parse("1.0.0"));
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.1"));
+}
