@@ -36,18 +36,6 @@ pub struct JointNode {
 const IDENTITY: Identity =
     Identity { hardware: "PC, host-sim node", serial: 0, stage: StageTraits::NONE };
 
-fn start_background(
-    defaults: NodeSettings,
-    flash: MemoryFlash<FLASH_PAGES>,
-    boot: &Boot,
-    now_us: u64,
-) -> Background<MemoryFlash<FLASH_PAGES>> {
-    let driver = Driver::boot(defaults, flash, IDENTITY, boot, now_us);
-    let mut background = Background::new(driver, now_us);
-    background.allow_fd();
-    background
-}
-
 /// Returns the settings of a driver without stored ones: inputs from the bus, and this node number.
 pub fn defaults(node: NodeId) -> NodeSettings {
     NodeSettings { node, source: InputSource::Bus, ..NodeSettings::default() }
@@ -62,6 +50,7 @@ fn start_background(
 ) -> Background<MemoryFlash<FLASH_PAGES>> {
     let driver = Driver::boot(defaults, flash, IDENTITY, boot, now_us);
     let mut background = Background::new(driver, now_us);
+    background.allow_fd();
     let [low, high] = [0u8, 1].map(|half| RandomState::new().hash_one(half).to_le_bytes());
     background
         .seed_challenges(std::array::from_fn(|at| if at < 8 { low[at] } else { high[at - 8] }));
