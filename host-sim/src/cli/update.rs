@@ -4,7 +4,6 @@ use super::bus::BusArguments;
 use super::input::counted_progress;
 use super::output::print_text;
 use joint_bus::bus::{BusName, Hub};
-use joint_bus::canopen::Client;
 use joint_bus::program::package::Release;
 use joint_bus::program::update::{Outcome, Stage, Update};
 use serde_json::json;
@@ -36,7 +35,7 @@ pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
                 .into(),
         );
     }
-    let mut client = Client::new(bus.open(&Hub::new())?, node);
+    let mut client = bus.client(bus.open(&Hub::new())?)?;
     let bytes = release.packages().iter().map(|part| part.bytes.len()).max().unwrap_or_default();
     let bar = counted_progress("transfer", "bytes", bytes as u64);
     let mut update = Update::new(&mut client, node.number(), &release);
