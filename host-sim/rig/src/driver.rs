@@ -132,8 +132,8 @@ impl<'q> LibraryDriver<'q> {
         );
         let (port, link) = queues.split(traits, 0);
         let mut background = Background::new(driver, 0);
-        // The driver keeps this memory as long as a board would: for ever.
         background.allow_fd();
+        // The driver keeps this memory as long as a board would: for ever.
         background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
         let mut driver = Self {
             background,
