@@ -1,5 +1,6 @@
 //! The image on a bus with bit errors.
 
+use super::access::unlock;
 use super::start::started;
 use compensator_core::can::Frame;
 use emulated_board::chip::CORE_HZ;
@@ -92,6 +93,7 @@ fn telemetry_in_a_frame_of_can_fd_contains_the_classic_frames() {
     let classic = identifiers(exchange(&mut machine, 0x080, &[1], 3));
     assert_eq!(classic, [0x481, 0x681, 0x181, 0x281, 0x381]);
     assert!(machine.chip().can.sent_fd.is_empty());
+    unlock(&mut machine);
     let on = [0x2F, 0x01, 0x20, 9, 1, 0, 0, 0];
     let answer = exchange(&mut machine, 0x601, &on, 20);
     assert_eq!(answers(&answer, ANSWER)[0][0], 0x60);
