@@ -6,6 +6,9 @@
 
 #![no_main]
 
+mod bytes;
+
+use bytes::Bytes;
 use canopen_rs::Address;
 use canopen_rs::sdo::{encode_data_segment, encode_download_initiate_segmented};
 use compensator_core::can::{Frame, Message, NodeId};
@@ -25,20 +28,7 @@ type Flash = MemoryFlash<4>;
 
 const IDENTITY: Identity = Identity { hardware: "fuzz", serial: 1, stage: StageTraits::NONE };
 
-/// Reader of the fuzzer's input. Returns 0 after its end.
-struct Bytes<'a>(&'a [u8]);
-
 impl Bytes<'_> {
-    fn next(&mut self) -> Option<u8> {
-        let (first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn byte(&mut self) -> u8 {
-        self.next().unwrap_or(0)
-    }
-
     fn word(&mut self) -> u32 {
         u32::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }

@@ -9,6 +9,9 @@
 
 #![no_main]
 
+mod bytes;
+
+use bytes::Bytes;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, Operation};
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
@@ -29,20 +32,7 @@ const LONGEST_MS: u64 = 12_000;
 /// Time between two ticks while readings are held for long, ms; otherwise 1 ms.
 const COARSE_MS: u64 = 10;
 
-/// Reader of the fuzzer's input. Returns 0 after its end.
-struct Bytes<'a>(&'a [u8]);
-
 impl Bytes<'_> {
-    fn next(&mut self) -> Option<u8> {
-        let (first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn byte(&mut self) -> u8 {
-        self.next().unwrap_or(0)
-    }
-
     /// Returns a share of 0 to 1, or NaN.
     fn share(&mut self) -> f32 {
         match self.byte() {

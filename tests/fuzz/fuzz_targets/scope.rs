@@ -6,6 +6,9 @@
 
 #![no_main]
 
+mod bytes;
+
+use bytes::Bytes;
 use compensator_core::can::{Frame, NodeId};
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
 use firmware::loop_parts::StageTraits;
@@ -234,20 +237,7 @@ impl Bench {
     }
 }
 
-/// Reader of the fuzzer's input. Returns 0 after its end.
-struct Bytes<'a>(&'a [u8]);
-
 impl Bytes<'_> {
-    fn next(&mut self) -> Option<u8> {
-        let (first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn byte(&mut self) -> u8 {
-        self.next().unwrap_or(0)
-    }
-
     /// Returns a small number, which crosses small levels, or NaN.
     fn value(&mut self) -> f32 {
         match self.byte() {
