@@ -14,6 +14,7 @@ mod bytes;
 use bytes::Bytes;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, Operation};
+use firmware::access::AccessSettings;
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
@@ -251,7 +252,10 @@ struct Joint {
 impl Joint {
     fn new(bytes: &mut Bytes) -> Self {
         let source = InputSource::Sensors;
-        let settings = NodeSettings { node: NodeId::FIRST, source, ..NodeSettings::default() };
+        // The switches are of the service level.
+        let access = AccessSettings { is_locked: false, ..AccessSettings::default() };
+        let settings =
+            NodeSettings { node: NodeId::FIRST, source, access, ..NodeSettings::default() };
         let identity = Identity { hardware: "fuzz", serial: 1, stage: StageTraits::NONE };
         let driver = Driver::boot(settings, MemoryFlash::new(), identity, &Boot::default(), 0);
         let (readings, since) = (Readings::default(), std::array::from_fn(|_| Since::default()));
