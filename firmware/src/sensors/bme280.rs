@@ -2,9 +2,10 @@
 //!
 //! Once a second the sensor measures all three on request (forced mode), which takes 9.3 ms, and sleeps otherwise,
 //! so that it does not warm the air that it measures. A sensor that lost its power has forgotten that it measures the
-//! humidity. So this is set before every measurement, and raw values that were not measured are discarded. The raw values are corrected by 18 calibration constants
-//! (data sheet BST-BME280-DS002, 4.2.3; pressure in 64 bits). The constants have no check sum. Words of zeros or
-//! ones, as a bus without the sensor gives them, are refused.
+//! humidity. So this is set before every measurement, and raw values that were not measured are discarded.
+//!
+//! The raw values are corrected by 18 calibration constants (data sheet BST-BME280-DS002, 4.2.3; pressure in 64 bits).
+//! The constants have no check sum. Words of zeros or ones, as a bus without the sensor gives them, are refused.
 //!
 //! The published drivers for this sensor wait for it. [`Bme280::poll`] does at most one transfer and never waits,
 //! as [`super::ms5837`] does, with which it shares a bus. Call it once a millisecond with the time.
