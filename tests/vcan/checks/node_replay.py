@@ -210,19 +210,21 @@ def what_is_saved_outlives_the_process_and_what_is_not_does_not():
 @test
 def a_monitor_beside_a_replay_sees_what_goes_on():
     with Node():
-        watcher = [HOST_SIM, "monitor", "--bus", INTERFACE, "--json", "--seconds", "30"]
+        watcher = [HOST_SIM, "monitor", "--bus", INTERFACE, "--json", "--seconds", "60"]
         with Program(watcher, FOLDER / "monitor.out") as monitor:
             until(lambda: "{" in monitor.text(), "the monitor's first second", 20)
-            holds(replay())
-            # It tells once a second: of the two of the replay one is whole. On a busy machine it tells it late.
-            until(lambda: '"state":"armed"' in monitor.text(), "the replay's second", 20)
+            # 8 s at 250 Hz. Its queries pause for 1 s after another master's, and longer after an answer that a busy
+            # machine delayed; such a machine cannot keep up 8 s at 1 kHz.
+            holds(replay("--rate", "0.25"))
+            until(lambda: '"state":"armed"' in monitor.text(), "a line during the replay", 20)
             until(lambda: '"state":"safe"' in monitor.text().splitlines()[-1], "the end of the replay", 20)
         told = [json.loads(line) for line in monitor.text().splitlines() if line.endswith("}")]
-    busy = max(told, key=lambda one: one["samples_per_s"])
-    equal((busy["state"], busy["input_source"], busy["nmt"]), ("armed", "the bus", "operational"))
-    # A thousand, of which a second of a busy machine may hold a third more or less.
-    assert 667 < busy["samples_per_s"] < 1333 and 667 < busy["answers_per_s"] < 1333, busy
-    assert busy["frames_per_s"] > 3000 and 0 < busy["bus_load"] < 1, busy
+    armed = [one for one in told if one["state"] == "armed"]
+    busy = max(armed, key=lambda one: one["samples_per_s"])
+    equal((busy["input_source"], busy["nmt"]), ("the bus", "operational"))
+    # 250, of which a second of a busy machine may hold a third more or less.
+    assert 167 < busy["samples_per_s"] < 333 and 167 < busy["answers_per_s"] < 333, busy
+    assert busy["frames_per_s"] > 750 and 0 < busy["bus_load"] < 1, busy
     moved = busy["quantities"]["velocity_rad_s"]
     assert moved["min"] < moved["max"], busy
     equal((busy["sync_lost"], busy["error_frames"], busy["faults"]), (0, 0, []))
