@@ -99,8 +99,8 @@ mod app {
     /// bus, 1 ms.
     const RECEIVE_QUEUE_FRAMES: usize = 64;
 
-    /// Values that the scope holds.
-    const SCOPE_VALUES: usize = 768;
+    /// Values that the scope holds: the SRAM that statics and worst stack leave, but for 5 KB.
+    const SCOPE_VALUES: usize = 6144;
 
     #[shared]
     struct Shared {}
@@ -122,7 +122,6 @@ mod app {
         place: MaybeUninit<Background<ChipFlash>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
-        #[unsafe(link_section = ".scope")]
         scope: [f32; SCOPE_VALUES] = [0.0; SCOPE_VALUES],
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {

@@ -107,7 +107,7 @@ pub struct LibraryDriver<'q> {
 }
 
 /// Values that the scope holds, as on the STM32G474 board.
-const SCOPE_VALUES: usize = 768;
+const SCOPE_VALUES: usize = 6144;
 
 impl<'q> LibraryDriver<'q> {
     /// Starts a driver on this stage.

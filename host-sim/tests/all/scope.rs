@@ -22,7 +22,7 @@ fn scope_with_level_trigger_shows_what_led_to_it() {
     assert_eq!((code, stderr.as_str()), (Some(0), ""));
     let found: Value = serde_json::from_str(&out).unwrap();
     let at = |path: &str| found.pointer(path).unwrap_or_else(|| panic!("{path}: {out}")).clone();
-    assert_eq!((at("/rows"), at("/trigger_rows/0")), (256.into(), 128.into()));
+    assert_eq!((at("/rows"), at("/trigger_rows/0")), (2048.into(), 1024.into()));
     assert!((at("/period_s").as_f64().unwrap() - 5e-5).abs() < 1e-10);
     let number = |path: &str| at(path).as_f64().unwrap();
     // The joint reverses: its model's friction changes sign within the capture.
@@ -35,14 +35,14 @@ fn scope_with_level_trigger_shows_what_led_to_it() {
 #[test]
 fn rows_of_several_captures_are_a_log_with_runs() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = ["scope", "--rate", "1000", "--captures", "4", "--out", "runs"];
+    let arguments = ["scope", "--rate", "1000", "--captures", "2", "--out", "runs"];
     let (code, _, stderr) = run(folder.path(), &arguments);
     assert_eq!((code, stderr.as_str()), (Some(0), ""));
     let fit = ["identify", "runs/scope.parquet", "--model", "linear", "--json", "--out", "fit"];
     let (code, out, stderr) = run(folder.path(), &fit);
     assert_eq!(code, Some(0), "{stderr}");
     assert!(out.contains("coulomb_torque"), "{out}");
-    assert!(stderr.contains("4 runs, 1536 rows, 1000 Hz"), "{stderr}");
+    assert!(stderr.contains("2 runs, 6144 rows, 1000 Hz"), "{stderr}");
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod course;
 mod interruptions;
 mod power_cut;
 mod pressure;
+mod scope;
 mod slots;
 mod start;
 mod update;
