@@ -24,7 +24,8 @@
 //!
 //! A joint may send its transmit PDOs of a sample in one frame of CAN FD instead ([`FdTelemetry`]).
 //!
-//! For a prismatic joint, read m for rad and N for Nm. `joint.dbc` describes the same frames for CAN tools.
+//! For a prismatic joint, read m for rad and N for Nm. `joint.dbc` describes the same frames for CAN tools;
+//! `joint-fd.dbc` describes those with [`FdTelemetry`].
 
 pub mod cob_id;
 pub mod fd;

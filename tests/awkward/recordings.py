@@ -197,8 +197,32 @@ TRC = """;$FILEVERSION=2.1
 error(
     "a PEAK trace with a line cut off",
     {"log.trc": TRC},
-    'log.trc: row 4, column (all): found "2         2.234 DT 1      0244 Rx -  8  ..", expected hexadecimal data after the '
-    "identifier, two digits a byte (1 of 2 rows are bad, this is the first; at most 5 % may be)",
+    'log.trc: row 4, column (all): found "2         2.234 DT 1      0244 Rx -  8  ..", expected a word for each '
+    "byte of the stated length (1 of 2 rows are bad, this is the first; at most 5 % may be)",
+)
+# Events of CAN FD, of which the second has the length of no frame.
+FD_ASC = """date Wed May 1 12:00:00.000 pm 2024
+base hex  timestamps absolute
+   0.001234 CANFD   1 Rx        381  Telemetry   1 0 9 12 01 02 03 04 05 06 07 08 09 0A 0B 0C  104812  132   323000
+   0.002234 CANFD   1 Rx        381  Telemetry   1 0 9 13 01 02 03 04 05 06 07 08 09 0A 0B 0C  104812  132   323000
+"""
+FD_LENGTHS = "a length up to 8; of CAN FD also 12, 16, 20, 24, 32, 48 or 64 (TRC, column L: its code up to 15)"
+error(
+    "a Vector trace with a CAN FD frame of 13 bytes",
+    {"log.asc": FD_ASC},
+    f'log.asc: row 4, column (all): found "0.002234 CANFD   1 Rx        381  Teleme..", expected {FD_LENGTHS} (1 of 2 rows are bad, '
+    "this is the first; at most 5 % may be)",
+)
+FD_TRC = """;$FILEVERSION=2.1
+;$COLUMNS=N,O,T,B,I,d,R,L,D
+      1         1.234 FB 1      0381 Rx -  9    01 02 03 04 05 06 07 08 09 0A 0B 0C
+      2         2.234 FB 1      0381 Rx -  9    01 02 03 04 05 06 07 08 09 0A 0B
+"""
+error(
+    "a PEAK trace with a CAN FD frame cut off",
+    {"log.trc": FD_TRC},
+    'log.trc: row 4, column (all): found "2         2.234 FB 1      0381 Rx -  9  ..", expected a word for each byte of the '
+    "stated length (1 of 2 rows are bad, this is the first; at most 5 % may be)",
 )
 
 __all__ = ["CASES"]

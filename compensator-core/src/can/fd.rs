@@ -25,6 +25,9 @@ pub const FORMAT: u8 = 1;
 /// Length of the frame, bytes.
 pub const LENGTH: usize = 64;
 
+/// Data lengths of CAN FD by length code (DLC), bytes (ISO 11898-1:2015).
+pub const LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+
 /// Identifiers of transmit PDO 1 to 5.
 const IDENTIFIERS: [u16; 5] =
     [cob_id::TPDO_1, cob_id::TPDO_2, cob_id::TPDO_3, cob_id::TPDO_4, cob_id::TPDO_5];

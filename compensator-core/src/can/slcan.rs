@@ -20,6 +20,7 @@ pub use adapter::{Adapter, AdapterReply};
 pub use splitter::{LinePiece, LineSplitter};
 
 use super::Frame;
+use super::fd::LENGTHS;
 use core::fmt;
 
 /// Maximum length of a line without its end, bytes: CAN FD, 29 bits, 64 data bytes, a time stamp.
@@ -34,9 +35,6 @@ pub const REFUSED: u8 = 7;
 
 const LAST_STANDARD: u32 = 0x7FF;
 const LAST_EXTENDED: u32 = 0x1FFF_FFFF;
-
-/// Data length of CAN FD by length code, bytes.
-const LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
 /// Kind of the frame in a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,6 +13,7 @@
 //! millions of lines. The parser of the `socketcan` crate is not used: it reads microseconds only, allocates for each
 //! line, and depends on the socket code.
 
+use crate::text::TextFormat;
 use std::fmt;
 
 /// Flag of an error frame in an identifier of eight digits.
@@ -114,6 +115,8 @@ pub enum LineError {
     Interface,
     /// The identifier.
     Identifier,
+    /// The length, in the formats that state it.
+    Length,
     /// The data.
     Data,
     /// The text after the frame.
@@ -121,21 +124,32 @@ pub enum LineError {
 }
 
 impl LineError {
-    /// Returns a description of the expected text.
-    pub const fn expected(self) -> &'static str {
-        match self {
-            Self::Time => "a time stamp such as (1436509052.249713)",
-            Self::Interface => "an interface such as can0 after the time stamp",
-            Self::Identifier => "an identifier of three or eight hexadecimal digits and #",
-            Self::Data => "hexadecimal data after the identifier, two digits a byte",
-            Self::Direction => "nothing, R or T after the frame",
+    /// Returns a description of the text that this format expects.
+    pub const fn expected(self, format: TextFormat) -> &'static str {
+        match (self, format) {
+            (Self::Time, TextFormat::Candump) => "a time stamp such as (1436509052.249713)",
+            (Self::Time, TextFormat::Asc) => "a time stamp in s",
+            (Self::Time, TextFormat::Trc) => "a time stamp in ms",
+            (Self::Interface, _) => "an interface such as can0 after the time stamp",
+            (Self::Identifier, TextFormat::Candump) => {
+                "an identifier of three or eight hexadecimal digits and #"
+            }
+            (Self::Identifier, _) => "an identifier up to 7FF, or up to 1FFFFFFF with 29 bits",
+            (Self::Length, _) => {
+                "a length up to 8; of CAN FD also 12, 16, 20, 24, 32, 48 or 64 (TRC, column L: its code up to 15)"
+            }
+            (Self::Data, TextFormat::Candump) => {
+                "hexadecimal data after the identifier, two digits a byte"
+            }
+            (Self::Data, _) => "a word for each byte of the stated length",
+            (Self::Direction, _) => "nothing, R or T after the frame",
         }
     }
 }
 
 impl fmt::Display for LineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "expected {}", self.expected())
+        write!(f, "expected {}", self.expected(TextFormat::Candump))
     }
 }
 

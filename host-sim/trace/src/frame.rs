@@ -3,8 +3,11 @@
 use crate::candump::CanFrame;
 use compensator_core::can::{FdTelemetry, Frame};
 
-/// Flag of a CAN FD frame: switched bit rate.
-const SWITCHED_RATE: u8 = 1;
+/// Flag of a CAN FD frame: switched bit rate (BRS).
+pub(crate) const SWITCHED_RATE: u8 = 1;
+
+/// Flag of a CAN FD frame: the sender is error-passive (ESI).
+pub(crate) const ERROR_PASSIVE: u8 = 2;
 
 impl From<Frame> for CanFrame {
     fn from(frame: Frame) -> Self {

@@ -23,5 +23,5 @@ pub mod writer;
 pub use candump::{CanFrame, Direction, Fraction, Line, LineError};
 pub use census::Census;
 pub use samples::{Assembler, Summary, TraceSample};
-pub use text::{Frames, TextFormat, TextReader};
+pub use text::{Frames, TextFormat, TextReader, TextWriter};
 pub use writer::Writer;

@@ -5,6 +5,8 @@
 
 use crate::candump::{self, CanFrame, Fraction, Line, LineError};
 use crate::{asc, trc};
+use compensator_core::can::fd::LENGTHS;
+use std::io::Write;
 
 /// A text format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,36 +88,44 @@ impl TextReader {
 
 /// Writes lines in order.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct TextWriter {
-    pub format: TextFormat,
+pub struct TextWriter {
+    format: TextFormat,
     lines: u64,
 }
 
 impl TextWriter {
+    /// Creates a writer for this format.
     pub fn new(format: TextFormat) -> Self {
         Self { format, lines: 0 }
     }
 
+    /// Appends a line. The first one is preceded by the header of the file.
+    ///
+    /// ASC and TRC have numbers instead of names of interfaces: every interface is channel 1. A CAN FD frame is padded
+    /// to the next data length that its code can state. TRC has no error frame without its details, so none is written.
     pub fn emit(&mut self, line: &Line, fraction: Fraction, out: &mut Vec<u8>) {
-        let is_first = self.lines == 0;
-        self.lines += 1;
         match self.format {
             TextFormat::Candump => candump::emit(line, fraction, out),
             TextFormat::Asc => {
-                if is_first {
+                if self.lines == 0 {
                     asc::emit_header(out);
                 }
                 asc::emit(line, fraction, out);
             }
             TextFormat::Trc => {
-                if is_first {
+                if matches!(line.frame, CanFrame::Error { .. }) {
+                    return;
+                }
+                if self.lines == 0 {
                     trc::emit_header(out);
                 }
-                trc::emit(line, self.lines, fraction, out);
+                trc::emit(line, self.lines + 1, fraction, out);
             }
         }
+        self.lines += 1;
     }
 
+    /// Appends the end of the file.
     pub fn end(&self, out: &mut Vec<u8>) {
         if self.format == TextFormat::Asc && self.lines > 0 {
             asc::emit_footer(out);
@@ -156,156 +166,49 @@ pub(crate) fn fraction_digits(nanoseconds: u64, fraction: Fraction) -> (usize, u
     }
 }
 
-/// Parses the frame after its identifier: `d` or `r`, the length, the bytes.
-pub(crate) fn data_frame<'a>(
-    identifier: &[u8],
-    extended: bool,
-    radix: u32,
-    words: &mut impl Iterator<Item = &'a [u8]>,
-) -> Result<CanFrame, LineError> {
-    let number = |text: &[u8], radix: u32| {
-        std::str::from_utf8(text).ok().and_then(|text| u32::from_str_radix(text, radix).ok())
-    };
+/// Parses a number.
+pub(crate) fn number(text: &[u8], radix: u32) -> Option<u32> {
+    std::str::from_utf8(text).ok().and_then(|text| u32::from_str_radix(text, radix).ok())
+}
+
+/// Parses an identifier of 11 or 29 bits.
+pub(crate) fn identifier(text: &[u8], extended: bool, radix: u32) -> Result<u32, LineError> {
     let last = if extended { 0x1FFF_FFFF } else { 0x7FF };
-    let identifier = number(identifier, radix).filter(|id| *id <= last);
-    let identifier = identifier.ok_or(LineError::Identifier)?;
-    let kind = words.next().ok_or(LineError::Data)?;
-    let length = words.next().map_or(Some(0), |text| number(text, radix));
-    let length = length.filter(|length| *length <= 8).ok_or(LineError::Data)? as u8;
-    match kind {
-        b"r" => Ok(CanFrame::Remote { identifier, extended, length }),
-        b"d" => {
-            let bytes = payload_in(length, radix, words)?;
-            Ok(CanFrame::Data { identifier, extended, length, bytes })
-        }
-        _ => Err(LineError::Data),
-    }
+    number(text, radix).filter(|id| *id <= last).ok_or(LineError::Identifier)
 }
 
-/// Parses `length` bytes, each a hexadecimal word.
-pub(crate) fn payload<'a>(
-    length: u8,
-    words: &mut impl Iterator<Item = &'a [u8]>,
-) -> Result<[u8; 8], LineError> {
-    payload_in(length, 16, words)
+/// Returns the length code of CAN FD for a number of bytes; for a length without a code, that of the next one.
+pub(crate) fn length_code(bytes: u8) -> usize {
+    LENGTHS.iter().position(|length| bytes <= *length).unwrap_or(LENGTHS.len() - 1)
 }
 
-fn payload_in<'a>(
+/// Returns the data of a CAN FD frame, padded with 0 to the next length that has a code.
+pub(crate) fn padded(bytes: &[u8; 64], length: u8) -> &[u8] {
+    bytes.get(..usize::from(LENGTHS[length_code(length)])).unwrap_or(bytes)
+}
+
+/// Parses `length` bytes, each a word.
+pub(crate) fn payload<'a, const N: usize>(
     length: u8,
     radix: u32,
     words: &mut impl Iterator<Item = &'a [u8]>,
-) -> Result<[u8; 8], LineError> {
-    let mut bytes = [0; 8];
-    let places = bytes.get_mut(..usize::from(length)).ok_or(LineError::Data)?;
+) -> Result<[u8; N], LineError> {
+    let mut bytes = [0; N];
+    let places = bytes.get_mut(..usize::from(length)).ok_or(LineError::Length)?;
     for byte in places {
-        let word = words.next().and_then(|word| std::str::from_utf8(word).ok());
-        let number = word.and_then(|word| u8::from_str_radix(word, radix).ok());
-        *byte = number.ok_or(LineError::Data)?;
+        let number = words.next().and_then(|word| number(word, radix));
+        *byte = number.and_then(|number| u8::try_from(number).ok()).ok_or(LineError::Data)?;
     }
     Ok(bytes)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::candump::Direction;
-
-    fn frames<'a>(format: TextFormat, text: &'a str) -> Vec<Frames<'a>> {
-        let mut reader = TextReader::new(format);
-        text.lines().map(|line| reader.read(line.as_bytes())).collect()
-    }
-
-    /// Returns a frame with identifier 0x201 and two bytes, received at 1.234 ms on bus 1.
-    fn example() -> Line<'static> {
-        let bytes = [0x80, 0x3F, 0, 0, 0, 0, 0, 0];
-        let frame = CanFrame::Data { identifier: 0x201, extended: false, length: 2, bytes };
-        let direction = Some(Direction::Received);
-        Line { time_ns: 1_234_000, interface: b"1", frame, direction }
-    }
-
-    #[test]
-    fn reader_with_asc_file_returns_its_frames() {
-        let text = "date Wed May 1 12:00:00.000 pm 2024\nbase hex  timestamps absolute\n\
-            Begin Triggerblock Wed May 1\n   0.000000 Start of measurement\n\
-            0.001234 1  201             Rx   d 2 80 3F  Length = 230000 BitCount = 120 ID = 513\n\
-            0.002000 1  18FF1234x       Tx   d 0\n0.003000 1  ErrorFrame\n0.003 1 123 Rx r 8\n\
-            0.004000 1  201 Rx d 2 80 zz\n0.005 CANFD 1 Rx 201 1 0 8 8 01\nEnd TriggerBlock";
-        assert_eq!(TextFormat::of(text.as_bytes()), Some(TextFormat::Asc));
-        let found = frames(TextFormat::Asc, text);
-        assert_eq!(found[4], Frames::Line(example()));
-        assert!(matches!(
-            found[5],
-            Frames::Line(Line {
-                frame: CanFrame::Data { identifier: 0x18FF_1234, extended: true, .. },
-                ..
-            })
-        ));
-        assert!(matches!(found[6], Frames::Line(Line { frame: CanFrame::Error { .. }, .. })));
-        assert!(matches!(
-            found[7],
-            Frames::Line(Line { frame: CanFrame::Remote { length: 8, .. }, .. })
-        ));
-        assert_eq!(found[8], Frames::Bad(LineError::Data));
-        for other in [0, 1, 2, 3, 9, 10] {
-            assert_eq!(found[other], Frames::None, "{other}");
-        }
-        let relative =
-            "base dec timestamps relative\n0.001 1 513 Rx d 2 128 63\n0.000234 1 513 Rx d 2 128 63";
-        assert_eq!(frames(TextFormat::Asc, relative)[2], Frames::Line(example()));
-    }
-
-    #[test]
-    fn reader_with_each_trc_version_returns_the_same_frame() {
-        for text in [
-            ";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n 1 1.234 DT 1 0201 Rx - 2 80 3F",
-            ";$FILEVERSION=2.0\n;$COLUMNS=N,O,T,I,d,l,D\n 1 1.234 DT 0201 Rx 2 80 3F",
-            ";$FILEVERSION=1.3\n;\n 1) 1.234 1 Rx 0201 - 2 80 3F",
-            ";$FILEVERSION=1.1\n;\n 1) 1.234 Rx 0201 2 80 3F",
-        ] {
-            assert_eq!(TextFormat::of(text.as_bytes()), Some(TextFormat::Trc));
-            assert_eq!(frames(TextFormat::Trc, text)[2], Frames::Line(example()), "{text}");
-        }
-        let text = ";$FILEVERSION=1.1\n 1) 1.2 Rx 0201 8 RTR\n 2) 1.2 Warng 0 8 BUSLIGHT\n 3) 1.2 Rx 0201 2 8";
-        let found = frames(TextFormat::Trc, text);
-        assert!(matches!(found[1], Frames::Line(Line { frame: CanFrame::Remote { .. }, .. })));
-        assert_eq!(found[2..], [Frames::None, Frames::Bad(LineError::Data)]);
-    }
-
-    #[test]
-    fn reader_after_writer_returns_the_same_lines() {
-        for format in [TextFormat::Candump, TextFormat::Asc, TextFormat::Trc] {
-            for (fraction, time_ns) in
-                [(Fraction::Microseconds, 12_345_678_000), (Fraction::Nanoseconds, 12_345_678_901)]
-            {
-                let mut writer = TextWriter::new(format);
-                let mut text = Vec::new();
-                let wide = CanFrame::Data {
-                    identifier: 0x18FF_1234,
-                    extended: true,
-                    length: 8,
-                    bytes: [1, 2, 3, 4, 5, 6, 7, 255],
-                };
-                let lines = [
-                    Line { time_ns: 0, ..example() },
-                    Line { time_ns, ..example() },
-                    Line { time_ns, frame: wide, ..example() },
-                ];
-                lines.iter().for_each(|line| writer.emit(line, fraction, &mut text));
-                writer.end(&mut text);
-                assert_eq!(TextFormat::of(&text), Some(format));
-                let mut reader = TextReader::new(format);
-                let read = text.split(|byte| *byte == b'\n').map(|line| reader.read(line));
-                let read: Vec<Line> = read
-                    .filter_map(|frames| match frames {
-                        Frames::Line(line) => Some(line),
-                        Frames::None => None,
-                        Frames::Bad(error) => panic!("{error}"),
-                    })
-                    .collect();
-                let plain = |line: &Line| (line.time_ns, line.frame);
-                let expected: Vec<_> = lines.iter().map(plain).collect();
-                assert_eq!(read.iter().map(plain).collect::<Vec<_>>(), expected, "{format:?}");
-            }
-        }
+/// Appends the bytes in hexadecimal, each after a blank.
+pub(crate) fn emit_bytes(bytes: &[u8], out: &mut Vec<u8>) {
+    for byte in bytes {
+        // Writing to memory does not fail.
+        let _ = write!(out, " {byte:02X}");
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,16 +4,25 @@
 //! ;$FILEVERSION=2.1
 //! ;$COLUMNS=N,O,T,B,I,d,R,L,D
 //!       1         1.234 DT 1      0201 Rx -  8    00 00 80 3F 00 00 00 40
+//!       2         2.234 FB 1      0381 Rx -  9    01 02 03 04 05 06 07 08 09 0A 0B 0C
 //! ;$FILEVERSION=1.1
 //!      1)         1.2  Rx         0201  8  00 00 80 3F 00 00 00 40
 //! ```
 //!
 //! Times are in ms since the start. The version defines the columns of a line. From version 2.0 on, the file names them
-//! with one letter each: N number, O time, T type (DT data, RR remote), B bus, I identifier, d direction, R reserved,
-//! L or l length, D data. An identifier of more than four digits has 29 bits.
+//! with one letter each: N number, O time, T type, B bus, I identifier, d direction, R reserved, L length code or
+//! l length in bytes, D data. An identifier of more than four digits has 29 bits.
+//!
+//! Types are DT (classic data), RR (remote), FD (CAN FD), FB (with BRS), FE (with ESI) and BI (with both). All others
+//! (errors, states, events) are skipped. Source: PEAK-System, "PEAK CAN TRC File Format", versions 2.0 and 2.1.
 
 use crate::candump::{CanFrame, Direction, Fraction, Line, LineError};
-use crate::text::{Frames, fraction_digits, nanoseconds, payload, words};
+use crate::frame::{ERROR_PASSIVE, SWITCHED_RATE};
+use crate::text::{
+    self, Frames, emit_bytes, fraction_digits, length_code, nanoseconds, number, padded, payload,
+    words,
+};
+use compensator_core::can::fd::LENGTHS;
 use std::io::Write;
 
 /// Columns of a line in order, as the letters of `$COLUMNS`.
@@ -68,49 +77,84 @@ pub(crate) fn parse<'a>(line: &'a [u8], state: &mut State) -> Frames<'a> {
     frame(line, state).unwrap_or_else(Frames::Bad)
 }
 
+/// Kind of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Data,
+    Remote,
+    /// CAN FD with these flags.
+    Flexible(u8),
+}
+
+/// Types of frames, as in column T.
+const KINDS: [(&str, Kind); 6] = [
+    ("DT", Kind::Data),
+    ("RR", Kind::Remote),
+    ("FD", Kind::Flexible(0)),
+    ("FB", Kind::Flexible(SWITCHED_RATE)),
+    ("FE", Kind::Flexible(ERROR_PASSIVE)),
+    ("BI", Kind::Flexible(SWITCHED_RATE | ERROR_PASSIVE)),
+];
+
 fn frame<'a>(line: &'a [u8], state: &State) -> Result<Frames<'a>, LineError> {
     let mut words = words(line);
-    let mut next = || words.next().ok_or(LineError::Data);
     let (mut time_ns, mut interface, mut direction) = (0, &b"1"[..], None);
-    let (mut identifier, mut extended, mut length, mut remote) = (0, false, 0u8, false);
-    for column in state.columns.iter().take_while(|column| **column != 0) {
-        if *column == b'D' {
-            break;
-        }
-        let word = next()?;
+    let (mut identifier, mut extended, mut length, mut kind) = (0, false, 0, Kind::Data);
+    for column in state.columns.iter().take_while(|column| !matches!(column, 0 | b'D')) {
+        let word = words.next().ok_or(LineError::Data)?;
         match column {
             b'O' => time_ns = nanoseconds(word, 1_000_000).ok_or(LineError::Time)?,
             b'B' => interface = word,
-            b'T' if word == b"RR" => remote = true,
-            b'T' if word == b"DT" => {}
-            // CAN FD, error counters, events.
-            b'T' => return Ok(Frames::None),
+            b'T' => match KINDS.iter().find(|(of, _)| of.as_bytes() == word) {
+                Some((_, of)) => kind = *of,
+                // Errors, states, events.
+                None => return Ok(Frames::None),
+            },
             b'd' if word == b"Rx" => direction = Some(Direction::Received),
             b'd' if word == b"Tx" => direction = Some(Direction::Sent),
             b'd' => return Ok(Frames::None),
+            // A warning of version 1.0.
+            b'I' if word == b"FFFFFFFF" => return Ok(Frames::None),
             b'I' => {
                 extended = word.len() > 4;
-                let text = std::str::from_utf8(word).map_err(|_| LineError::Identifier)?;
-                identifier = u32::from_str_radix(text, 16).map_err(|_| LineError::Identifier)?;
+                identifier = text::identifier(word, extended, 16)?;
             }
-            b'L' | b'l' => {
-                let text = std::str::from_utf8(word).map_err(|_| LineError::Data)?;
-                length = text.parse().ok().filter(|of| *of <= 8).ok_or(LineError::Data)?;
-            }
+            b'L' => length = length_of_code(word, kind)?,
+            b'l' => length = length_in_bytes(word, kind)?,
             _ => {}
         }
     }
-    let last = if extended { 0x1FFF_FFFF } else { 0x7FF };
-    if identifier > last {
-        return Err(LineError::Identifier);
+    // Before version 2.0, the first word of the data marks other frames.
+    match words.clone().next() {
+        Some(b"RTR") if kind == Kind::Data => kind = Kind::Remote,
+        Some(b"ERROR") if kind == Kind::Data => return Ok(Frames::None),
+        _ => {}
     }
-    let is_remote = |word: Option<&[u8]>| word == Some(b"RTR");
-    let frame = if remote || is_remote(words.clone().next()) {
-        CanFrame::Remote { identifier, extended, length }
-    } else {
-        CanFrame::Data { identifier, extended, length, bytes: payload(length, &mut words)? }
+    let frame = match kind {
+        Kind::Remote => CanFrame::Remote { identifier, extended, length },
+        Kind::Data => {
+            let bytes = payload(length, 16, &mut words)?;
+            CanFrame::Data { identifier, extended, length, bytes }
+        }
+        Kind::Flexible(flags) => {
+            let bytes = payload(length, 16, &mut words)?;
+            CanFrame::Flexible { identifier, extended, flags, length, bytes }
+        }
     };
     Ok(Frames::Line(Line { time_ns, interface, frame, direction }))
+}
+
+/// Returns the length that a length code states. Codes above 8 mean eight bytes in a classic frame.
+fn length_of_code(word: &[u8], kind: Kind) -> Result<u8, LineError> {
+    let code = number(word, 10).and_then(|code| LENGTHS.get(code as usize));
+    let length = *code.ok_or(LineError::Length)?;
+    Ok(if matches!(kind, Kind::Flexible(_)) { length } else { length.min(8) })
+}
+
+fn length_in_bytes(word: &[u8], kind: Kind) -> Result<u8, LineError> {
+    let last = if matches!(kind, Kind::Flexible(_)) { 64 } else { 8 };
+    let length = number(word, 10).and_then(|length| u8::try_from(length).ok());
+    length.filter(|length| *length <= last && LENGTHS.contains(length)).ok_or(LineError::Length)
 }
 
 /// Appends the header of the file.
@@ -124,21 +168,34 @@ pub(crate) fn emit_header(out: &mut Vec<u8>) {
     lines.iter().for_each(|line| out.extend_from_slice(line));
 }
 
-/// Appends the line with this number. Only classic data frames are written. Every interface is bus 1.
+/// Appends the line with this number, for all frames but an error frame. Every interface is bus 1.
 pub(crate) fn emit(line: &Line, number: u64, fraction: Fraction, out: &mut Vec<u8>) {
-    let CanFrame::Data { identifier, extended, length, bytes } = line.frame else { return };
+    let (kind, identifier, extended, code, bytes): (_, _, _, _, &[u8]) = match &line.frame {
+        CanFrame::Data { identifier, extended, length, bytes } => {
+            let bytes = bytes.get(..usize::from(*length)).unwrap_or(bytes);
+            (Kind::Data, identifier, extended, bytes.len(), bytes)
+        }
+        CanFrame::Remote { identifier, extended, length } => {
+            (Kind::Remote, identifier, extended, usize::from(*length), &[])
+        }
+        CanFrame::Flexible { identifier, extended, flags, length, bytes } => {
+            let kind = Kind::Flexible(flags & (SWITCHED_RATE | ERROR_PASSIVE));
+            (kind, identifier, extended, length_code(*length), padded(bytes, *length))
+        }
+        CanFrame::Error { .. } => return,
+    };
+    let name = KINDS.iter().find(|(_, of)| *of == kind).map_or("DT", |(name, _)| name);
     let (milliseconds, rest) = (line.time_ns / 1_000_000, line.time_ns % 1_000_000);
     let (digits, rest) = fraction_digits(rest, fraction);
     let digits = digits - 3;
-    let wide = if extended { 8 } else { 4 };
+    let wide = if *extended { 8 } else { 4 };
+    let identifier = format!("{identifier:0wide$X}");
+    let direction = if line.direction == Some(Direction::Sent) { "Tx" } else { "Rx" };
     // Writing to memory does not fail.
     let _ = write!(
         out,
-        "{number:7} {milliseconds:9}.{rest:0digits$} DT 1  {:>8} Rx -  {length}   ",
-        format!("{identifier:0wide$X}")
+        "{number:7} {milliseconds:9}.{rest:0digits$} {name} 1  {identifier:>8} {direction} -  {code:<2}  "
     );
-    for byte in bytes.iter().take(usize::from(length)) {
-        let _ = write!(out, " {byte:02X}");
-    }
+    emit_bytes(bytes, out);
     out.push(b'\n');
 }

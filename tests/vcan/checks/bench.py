@@ -66,6 +66,14 @@ def simulate(name, *arguments):
     return folder / "trace.log"
 
 
+def unlock_of_the_book():
+    """The function `unlock` that the book gives for python-canopen."""
+    page = (REPO / "docs" / "src" / "explanation" / "bus-security.md").read_text()
+    names = {}
+    exec(page.split("```python\n", 1)[1].split("```", 1)[0], names)
+    return names["unlock"]
+
+
 def cansend(*frames):
     for frame in frames:
         subprocess.run(["cansend", INTERFACE, frame], check=True, timeout=10)

@@ -13,7 +13,7 @@ import time
 import can
 import canopen
 import cantools
-from bench import FOLDER, INTERFACE, REPO, Candump, Node, equal, host_sim, passed, simulate, test, until
+from bench import FOLDER, INTERFACE, REPO, Candump, Node, equal, host_sim, passed, simulate, test, unlock_of_the_book, until
 
 DBC = cantools.database.load_file(REPO / "compensator-core" / "joint.dbc")
 EDS = str(REPO / "firmware" / "joint.eds")
@@ -21,14 +21,6 @@ EDS = str(REPO / "firmware" / "joint.eds")
 LOCKED = 0x0601_0000
 READ_ONLY, TOO_LONG, TOO_SHORT = 0x0601_0002, 0x0607_0012, 0x0607_0013
 VALUE, HIGH, LOW, NOT_GRANTED, NOT_ARMED = 0x0609_0030, 0x0609_0031, 0x0609_0032, 0x0800_0020, 0x0800_0022
-
-
-def unlock_of_the_book():
-    """The function `unlock` that the book gives for python-canopen."""
-    page = (REPO / "docs" / "src" / "explanation" / "bus-security.md").read_text()
-    names = {}
-    exec(page.split("```python\n", 1)[1].split("```", 1)[0], names)
-    return names["unlock"]
 
 
 unlock = unlock_of_the_book()

@@ -7,6 +7,7 @@
 //! needed. The bits of CAN FD between BRS and the end of the checksum use the data rate. Every frame is assumed to be
 //! acknowledged and free of errors.
 
+use compensator_core::can::fd::LENGTHS;
 use joint_trace::CanFrame;
 
 /// Bits after the checksum: CRC delimiter, ACK, its delimiter, 7 EOF, 3 gap.
@@ -75,17 +76,14 @@ fn length(frame: &CanFrame) -> (u64, u64) {
     }
 }
 
-/// Data lengths of CAN FD by length code, in bytes.
-const FD_LENGTHS_BYTES: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-
 /// Returns the smallest length code of CAN FD for a number of bytes up to 64.
 fn length_code(bytes: usize) -> u32 {
-    FD_LENGTHS_BYTES.iter().position(|length| bytes <= usize::from(*length)).unwrap_or(15) as u32
+    LENGTHS.iter().position(|length| bytes <= usize::from(*length)).unwrap_or(15) as u32
 }
 
 /// Returns the padded data length of CAN FD for a number of bytes up to 64.
 pub(super) fn padded(bytes: u8) -> u8 {
-    FD_LENGTHS_BYTES[length_code(usize::from(bytes)) as usize]
+    LENGTHS[length_code(usize::from(bytes)) as usize]
 }
 
 /// The bits on the wire, stuffing included.

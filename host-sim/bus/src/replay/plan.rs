@@ -161,8 +161,7 @@ impl Plan {
 struct Builder {
     node: NodeId,
     reader: TextReader,
-    /// True if every line must be a frame, as in candump logs.
-    is_candump: bool,
+    format: TextFormat,
     /// Interface and node of the followed joint: the first one with inputs.
     joint: Option<(Vec<u8>, NodeId)>,
     /// Counts the samples as the joint does.
@@ -196,7 +195,7 @@ impl Builder {
         Self {
             node,
             reader: TextReader::new(format),
-            is_candump: format == TextFormat::Candump,
+            format,
             joint: None,
             inbox: SampleAssembler::new(node),
             has_sample_numbers: false,
@@ -218,11 +217,12 @@ impl Builder {
         let over = &mut self.plan.skipped;
         let line = match self.reader.read(text) {
             Frames::Line(line) => line,
-            Frames::None if !self.is_candump => return,
+            // In candump logs, every line is a frame.
+            Frames::None if self.format != TextFormat::Candump => return,
             found => {
                 let error = if let Frames::Bad(error) = found { error } else { LineError::Time };
                 over.bad_lines += 1;
-                self.plan.first_bad.get_or_insert((self.plan.lines, error.expected()));
+                self.plan.first_bad.get_or_insert((self.plan.lines, error.expected(self.format)));
                 return;
             }
         };

@@ -159,7 +159,7 @@ fn scan(
             bad.count += 1;
             if bad.first.len() < NAMED_BAD_ROWS {
                 let (column, found) = ("(all)".into(), quoted(line));
-                let expected = error.expected().into();
+                let expected = error.expected(format).into();
                 bad.first.push(BadCell { file: path.into(), row, column, found, expected });
             }
         }
