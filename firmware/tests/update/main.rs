@@ -69,6 +69,60 @@ fn trial_with_three_losses_of_power_returns_to_the_old_image() {
     assert_eq!(start(&mut flash, false), started(0, false));
 }
 
+/// Marks the restart that follows as ordered by the bus.
+fn order_restart(flash: &mut Flash) {
+    let SlotState::Image(image) = marks::state(flash, &OTHER) else { panic!("no image") };
+    let _ = marks::order_restart(flash, &OTHER, &image);
+}
+
+#[test]
+fn trial_with_restarts_ordered_by_the_bus_goes_on_until_its_starts_are_used() {
+    let mut flash = flash_with(&package(1, 5));
+    assert_eq!(receive(&mut flash, 0, &package(2, 5)), End::Done);
+    for _ in 1..marks::TRIALS {
+        assert_eq!(start(&mut flash, true), started(1, true));
+        order_restart(&mut flash);
+    }
+    assert_eq!(start(&mut flash, true), started(1, true));
+    let mut confirmed = flash.clone();
+    confirm(&mut confirmed, 1).unwrap();
+    assert_eq!(start(&mut confirmed, true), started(1, false));
+    // The last start ended by an order, too.
+    order_restart(&mut flash);
+    assert_eq!(start(&mut flash, true), started(0, false));
+}
+
+#[test]
+fn trial_with_watchdog_reset_after_an_ordered_restart_returns_to_the_old_image() {
+    let mut flash = flash_with(&package(1, 5));
+    assert_eq!(receive(&mut flash, 0, &package(2, 5)), End::Done);
+    assert_eq!(start(&mut flash, true), started(1, true));
+    order_restart(&mut flash);
+    assert_eq!(start(&mut flash, true), started(1, true));
+    assert_eq!(start(&mut flash, true), started(0, false));
+}
+
+#[test]
+fn order_of_a_restart_with_power_cut_starts_one_of_the_images() {
+    let (old, new) = (package(1, 5), package(2, 5));
+    let mut initial = flash_with(&old);
+    assert_eq!(receive(&mut initial, 0, &new), End::Done);
+    assert_eq!(start(&mut initial, true), started(1, true));
+    for (torn, has_failed) in
+        torn_variants().into_iter().flat_map(|torn| [(torn, false), (torn, true)])
+    {
+        let mut flash = initial.clone();
+        flash.cut_power(0, torn);
+        order_restart(&mut flash);
+        assert!(!flash.has_power());
+        flash.power_on();
+        let selection = start(&mut flash, has_failed);
+        let found = assert_starts_one_of(&mut flash, selection, &[&old, &new]);
+        // A loss of power is no failure, whatever is left of the mark.
+        assert!(found == 1 || has_failed, "{torn:?}");
+    }
+}
+
 #[test]
 fn select_without_intact_image_recovers() {
     let mut flash = flash_with(&package(1, 5));

@@ -2,7 +2,8 @@
 //!
 //! [`crate::update::session`] lists the commands. All of them are refused while the joint is armed, and the joint is not
 //! armed meanwhile, nor during a trial. A trial is confirmed after [`CONFIRM_US`] without any of [`BLOCKING_CODES`]. After
-//! [`TRIAL_US`] without a confirmation the driver restarts, and the boot program returns to the previous image.
+//! [`TRIAL_US`] without a confirmation the driver restarts, and the boot program returns to the previous image. Until the
+//! confirmation, the previous image is not cleared, and a restart that the bus orders is marked as such.
 
 use super::Device;
 use crate::log::log;
@@ -11,7 +12,7 @@ use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use crate::update::Program;
 use crate::update::marks::{self, ImageState, SlotState};
-use crate::update::session::Session;
+use crate::update::session::{CLEAR, RESTART, Session};
 use embedded_storage::nor_flash::NorFlash;
 
 /// Time that a trial must run without a blocking code, us.
@@ -138,9 +139,32 @@ impl<F: NorFlash> Device<F> {
 
     /// Executes a command of object 1F51h.
     pub(in crate::driver) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
+        if command == CLEAR && self.program.running == RunningState::Trial {
+            // The other slot holds the only program that is known to work.
+            let why = "this program is on trial: clear the other one after its confirmation";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        if command == RESTART {
+            self.note_ordered_restart();
+        }
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
         let done = session.control(self.store.flash_mut(), command, self.now_us);
         done.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+    }
+
+    /// Notes that the bus orders the restart that follows: it does not count as a failure of a trial. If the mark fails,
+    /// it does.
+    pub(in crate::driver) fn note_ordered_restart(&mut self) {
+        if let ProgramState {
+            session: Some(session),
+            image: Some(image),
+            running: RunningState::Trial,
+            ..
+        } = &self.program
+        {
+            let own = session.program().own;
+            let _ = marks::order_restart(self.store.flash_mut(), &own, image);
+        }
     }
 
     fn no_updates(&mut self) -> Abort {
