@@ -21,6 +21,7 @@ pub mod receiver;
 pub mod recovery;
 pub mod session;
 pub mod signature;
+pub mod trial;
 
 use core::ops::Range;
 

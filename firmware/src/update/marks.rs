@@ -18,7 +18,7 @@ use super::package::{CRC, Header, USED_BYTES};
 use super::{Slot, UNIT_BYTES};
 use embedded_storage::nor_flash::NorFlash;
 
-/// Number of starts without a confirmation. More than one, because a loss of power is not the image's fault.
+/// Number of starts without a confirmation. Three, so that a restart by a master and a loss of power reject no good image.
 pub const TRIALS: u32 = 3;
 
 const RECEIVED: u32 = 0;

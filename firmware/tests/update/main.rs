@@ -1,6 +1,7 @@
 //! Tests of the program update: power cuts, bit flips, foreign packages, failed trials.
 
 mod bench;
+mod trial;
 
 use bench::{
     BOARD, End, Flash, IMAGE_BYTES, OTHER, Package, assert_starts_one_of, confirm, erase_marks,
