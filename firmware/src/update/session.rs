@@ -236,6 +236,7 @@ impl Session {
             Refusal::Board(_) => (63, 8),
             Refusal::Counter(..) => (63, 9),
             Refusal::Address(_) => (63, 10),
+            Refusal::Hash => (3, 11),
         };
         error << 1 | number << 16
     }

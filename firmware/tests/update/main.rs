@@ -8,10 +8,11 @@ use bench::{
     finish, flash_with, image, key, package, program, receive, signed, start,
 };
 use ed25519_dalek::SigningKey;
+use embedded_storage::nor_flash::NorFlash;
 use firmware::store::memory::TornStep;
 use firmware::update::boot::Selection;
 use firmware::update::marks::{self, SlotState};
-use firmware::update::package::{CRC, HEADER_BYTES};
+use firmware::update::package::{CRC, HASH_AT, HEADER_BYTES};
 use firmware::update::receiver::{Receiver, Refusal};
 use proptest::prelude::*;
 
@@ -177,19 +178,41 @@ fn select_with_image_of_another_key_rejects_it_before_its_first_start() {
     assert!(image.is_rejected && image.trials == 0);
 }
 
+/// Returns a package with a changed byte of the image, and a CRC that fits.
+fn forged() -> Package {
+    let mut forged = package(2, 5);
+    forged.bytes[HEADER_BYTES + 100] ^= 1;
+    let crc = CRC.checksum(&forged.bytes[HEADER_BYTES..]);
+    forged.bytes[24..28].copy_from_slice(&crc.to_le_bytes());
+    forged
+}
+
+#[test]
+fn receiver_with_changed_image_or_hash_refuses_it_before_the_restart() {
+    let mut flash = flash_with(&package(1, 5));
+    let mut receiver = Receiver::new(program(0));
+    for (change, refusal) in [(HEADER_BYTES + 100, Refusal::Crc), (HASH_AT + 5, Refusal::Hash)] {
+        let mut changed = package(2, 5);
+        changed.bytes[change] ^= 1;
+        receiver.clear(&mut flash).unwrap();
+        let end = finish(&mut flash, &mut receiver, &changed.bytes);
+        assert_eq!(end, End::Refused(refusal));
+    }
+    receiver.clear(&mut flash).unwrap();
+    let end = finish(&mut flash, &mut receiver, &forged().bytes);
+    assert_eq!(end, End::Refused(Refusal::Hash));
+    assert_eq!(marks::state(&mut flash, &OTHER), SlotState::Empty);
+    assert_eq!(start(&mut flash, false), started(0, false));
+}
+
 #[test]
 fn select_with_changed_image_and_its_crc_rejects_it() {
     let mut flash = flash_with(&package(1, 5));
-    let mut forged = package(2, 5);
-    forged.bytes[HEADER_BYTES + 100] ^= 1;
-    let mut receiver = Receiver::new(program(0));
-    receiver.clear(&mut flash).unwrap();
-    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Refused(Refusal::Crc));
-    // Marks and CRC fit, the signed hash does not.
-    let crc = CRC.checksum(&forged.bytes[HEADER_BYTES..]);
-    forged.bytes[24..28].copy_from_slice(&crc.to_le_bytes());
-    receiver.clear(&mut flash).unwrap();
-    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Done);
+    // As a receiver that does not check the hash leaves it.
+    flash.erase(OTHER.start, OTHER.marks).unwrap();
+    flash.write(OTHER.start, &forged().bytes).unwrap();
+    let header = marks::header(&mut flash, &OTHER).unwrap();
+    marks::receive(&mut flash, &OTHER, &header, 7).unwrap();
     assert_eq!(start(&mut flash, false), started(0, false));
     let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
     assert!(image.is_rejected && image.trials == 0);
