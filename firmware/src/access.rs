@@ -271,6 +271,35 @@ mod tests {
         assert_eq!(lock.failures(), 0);
     }
 
+    /// Sends wrong responses as soon as they are taken; returns the times of the first, us. All waits are changed by the
+    /// factor `numerator / 2`, which is the same as another unit of time.
+    fn times_of_guesses(numerator: u64, until_us: u64) -> std::vec::Vec<u64> {
+        let (mut lock, settings) = (Lock::default(), AccessSettings::default());
+        let (mut times, mut at_us) = (std::vec::Vec::new(), 0);
+        while at_us * numerator / 2 < until_us {
+            lock.challenge(&settings, at_us);
+            assert_eq!(lock.unlock([0; 8], |_| [1; 8], at_us), Err(Refusal::Wrong));
+            times.push(at_us * numerator / 2);
+            at_us = lock.wait_until_us;
+        }
+        times
+    }
+
+    /// No wait protects a response of 64 bits: guesses of a century do not reach it. The waits bound the guesses of keys
+    /// that a person chose: some thousand a day with half of them. Twice the waits lock out for 14 s who mistyped thrice.
+    #[test]
+    fn waits_halved_and_doubled_change_guesses_of_a_day_and_the_wait_of_a_user() {
+        let day_us = 86_400_000_000;
+        for (numerator, guesses, wait_us) in
+            [(1, 2885, 3_500_000), (2, 1445, 7_000_000), (4, 725, 14_000_000)]
+        {
+            let times = times_of_guesses(numerator, day_us);
+            assert_eq!((times.len(), times[3]), (guesses, wait_us), "waits times {numerator} / 2");
+            let century = 36_525.0 * times.len() as f64;
+            assert!(century / 2f64.powi(64) < 1e-10);
+        }
+    }
+
     #[test]
     fn parse_of_emitted_settings_returns_them_and_refuses_an_unknown_policy() {
         let settings = AccessSettings { key: Key::new([9; 16]), is_locked: false };

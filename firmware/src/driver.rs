@@ -170,7 +170,11 @@ impl<F: NorFlash> Driver<F> {
                     self.device.stop_connection();
                 }
             }
-            NmtAction::Reset => self.is_reset_requested = true,
+            NmtAction::Reset if self.is_reset_requested => {}
+            NmtAction::Reset => {
+                self.device.note_ordered_restart();
+                self.is_reset_requested = true;
+            }
             NmtAction::ResetCommunication => {
                 self.device.stop_connection();
                 self.device.lock();

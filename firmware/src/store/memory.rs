@@ -249,14 +249,23 @@ impl<const PAGES: usize> ReadNorFlash for MemoryFlash<PAGES> {
         if !self.power {
             return Err(MemoryError::PowerLost);
         }
-        for (at, byte) in (offset as usize..).zip(bytes) {
+        let (mut at, mut rest) = (offset as usize, bytes);
+        while !rest.is_empty() {
             let Some(page) = self.pages.get(at / PAGE_BYTES) else {
                 return Err(MemoryError::OutOfBounds);
             };
-            if is_bit_set(&page.unreadable, at % PAGE_BYTES / DOUBLE_WORD_BYTES) {
+            let within = at % PAGE_BYTES;
+            if is_bit_set(&page.unreadable, within / DOUBLE_WORD_BYTES) {
                 return Err(MemoryError::Unreadable);
             }
-            *byte = page.bytes.get(at % PAGE_BYTES).copied().unwrap_or(0);
+            // To the end of the page, or of the double word if another one is torn.
+            let is_readable = page.unreadable.iter().all(|bits| *bits == 0);
+            let unit = if is_readable { PAGE_BYTES } else { DOUBLE_WORD_BYTES };
+            let length = (unit - within % unit).min(rest.len());
+            let (part, left) = rest.split_at_mut(length);
+            let found = page.bytes.get(within..within + length);
+            part.copy_from_slice(found.ok_or(MemoryError::OutOfBounds)?);
+            (at, rest) = (at + length, left);
         }
         Ok(())
     }

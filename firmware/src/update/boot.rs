@@ -2,7 +2,8 @@
 //!
 //! Images are ordered by the number of their update, the newest first. The first one starts that is bare, or signed,
 //! intact, not rejected, and confirmed or with a start left. An unconfirmed image that was reset by the watchdog or by
-//! software is rejected: it hung, or panicked. A loss of power only uses one of its starts.
+//! software is rejected: it hung, or panicked. A loss of power, and a restart that the bus ordered, only use one of its
+//! starts.
 
 use super::Slot;
 use super::marks::{self, ImageState, SlotState, TRIALS};
@@ -58,7 +59,7 @@ pub fn select<F: NorFlash>(
         }
         let is_refused = match image.trials {
             0 => !signature::is_authentic(flash, slot, &image, public_key),
-            used => has_failed || used >= TRIALS,
+            used => has_failed && !image.is_restart_ordered || used >= TRIALS,
         };
         if is_refused {
             // If the mark fails, the next start decides again.

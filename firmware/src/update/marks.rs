@@ -8,6 +8,7 @@
 //! | 0 | RECEIVED with the sequence number | no image |
 //! | 1 to 3 | TRIAL: this start was begun, after the check of the signature | the start is used |
 //! | 4 | REJECTED | rejected |
+//! | 5 to 7 | ORDERED: the bus ordered the restart that ends this start | the start ended by itself |
 //! | 8 to 15 | CONFIRMED | not confirmed; the next place is written |
 //! | 16 | BARE: written by a debugger together with an image without a header | not bare |
 //!
@@ -17,12 +18,13 @@ use super::package::{CRC, Header, USED_BYTES};
 use super::{Slot, UNIT_BYTES};
 use embedded_storage::nor_flash::NorFlash;
 
-/// Number of starts without a confirmation. More than one, because a loss of power is not the image's fault.
+/// Number of starts without a confirmation. Three, so that a restart by a master and a loss of power reject no good image.
 pub const TRIALS: u32 = 3;
 
 const RECEIVED: u32 = 0;
 const FIRST_TRIAL: u32 = 1;
 const REJECTED: u32 = 4;
+const FIRST_ORDERED: u32 = 5;
 const CONFIRMED: core::ops::Range<u32> = 8..16;
 const BARE: u32 = 16;
 
@@ -38,6 +40,7 @@ enum Kind {
     Trial = 2,
     Rejected = 3,
     Confirmed = 4,
+    Ordered = 5,
 }
 
 /// State of a slot.
@@ -60,6 +63,8 @@ pub struct ImageState {
     pub sequence: u16,
     /// Number of starts begun before a confirmation.
     pub trials: u32,
+    /// The bus ordered the restart that ended the last of them.
+    pub is_restart_ordered: bool,
     /// It failed, and is not started again.
     pub is_rejected: bool,
     /// It passed its self-test.
@@ -87,10 +92,13 @@ pub fn state<F: NorFlash>(flash: &mut F, slot: &Slot) -> SlotState {
     let Some(sequence) = mark(flash, RECEIVED, Kind::Received) else { return SlotState::Empty };
     // A used start is any place that is not erased, because a torn mark was begun.
     let is_used = |flash: &mut F, place: u32| unit(flash, slot, place) != Some(ERASED);
+    let trials = (0..TRIALS).filter(|at| is_used(flash, FIRST_TRIAL + at)).count() as u32;
     SlotState::Image(ImageState {
         header,
         sequence,
-        trials: (0..TRIALS).filter(|at| is_used(flash, FIRST_TRIAL + at)).count() as u32,
+        trials,
+        is_restart_ordered: ordered_place(trials)
+            .is_some_and(|place| mark(flash, place, Kind::Ordered).is_some()),
         is_rejected: is_used(flash, REJECTED),
         is_confirmed: CONFIRMED
             .into_iter()
@@ -125,6 +133,24 @@ pub fn begin_trial<F: NorFlash>(
         .find(|place| unit(flash, slot, *place) == Some(ERASED))
         .ok_or(MarkError::Full)?;
     write(flash, slot, place, Kind::Trial, image.sequence, &image.header)
+}
+
+/// Returns the place of the mark that belongs to the last of so many starts.
+fn ordered_place(trials: u32) -> Option<u32> {
+    trials.checked_sub(1).map(|last| FIRST_ORDERED + last.min(TRIALS - 1))
+}
+
+/// Marks the restart that follows as ordered by the bus: it is no failure of the image.
+///
+/// # Errors
+/// The flash refuses the mark, or no start was begun.
+pub fn order_restart<F: NorFlash>(
+    flash: &mut F,
+    slot: &Slot,
+    image: &ImageState,
+) -> Result<(), MarkError> {
+    let place = ordered_place(image.trials).ok_or(MarkError::Full)?;
+    write(flash, slot, place, Kind::Ordered, image.sequence, &image.header)
 }
 
 /// Marks an image as failed.

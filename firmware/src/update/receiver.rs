@@ -2,8 +2,8 @@
 //!
 //! [`Receiver::clear`] erases the marks of that slot, so it holds no image until the package is complete. A page is erased
 //! when the page before it begins. The header is checked as soon as it is complete. Once all bytes have arrived,
-//! [`Receiver::step`] reads the image back in small parts and compares its CRC; then it writes the mark. The signature is
-//! checked by the boot program, before the first start, with the hash that it covers.
+//! [`Receiver::step`] reads the image back in small parts and compares its CRC and SHA-512; then it writes the mark. The
+//! signature of the hash is checked by the boot program, before the first start.
 //!
 //! A transfer that stops can go on at [`Receiver::received`]. After a loss of power this number comes from the flash: the
 //! start of the page before the first blank one, which is then erased and written again. If that is wrong, as after a torn
@@ -11,12 +11,13 @@
 
 use super::boot::next_sequence;
 use super::marks::{self, SlotState};
-use super::package::{HEADER_BYTES, Header, USED_BYTES, continue_crc};
+use super::package::{HASH_AT, HEADER_BYTES, Header, USED_BYTES, continue_crc};
 use super::{Program, Slot, UNIT_BYTES};
 use embedded_storage::nor_flash::NorFlash;
+use sha2::{Digest, Sha512};
 
-/// Bytes of the image that one step reads back.
-const STEP_BYTES: u32 = 1024;
+/// Bytes of the image that one step reads back: two blocks of SHA-512.
+const STEP_BYTES: u32 = 256;
 const CHUNK_BYTES: usize = 256;
 const UNIT: usize = UNIT_BYTES as usize;
 
@@ -39,6 +40,8 @@ pub enum Refusal {
     NotCleared,
     /// The CRC of the image differs: bytes were changed, or come from two packages.
     Crc,
+    /// The SHA-512 of the image differs: image and header are not of one package.
+    Hash,
     /// The flash reported an error.
     Flash,
 }
@@ -57,6 +60,7 @@ impl Refusal {
             Self::Excess => "more bytes than the package has",
             Self::NotCleared => "clear the program first (1F51h:1 = 3)",
             Self::Crc => "the image differs from its CRC",
+            Self::Hash => "the image differs from its SHA-512",
             Self::Flash => "the flash reported an error",
         }
     }
@@ -84,6 +88,8 @@ pub struct Receiver {
     erased_until: u32,
     /// Length of the package, once its header is known.
     length: Option<u32>,
+    /// SHA-512 of the image as far as it is verified.
+    hash: Option<Sha512>,
 }
 
 impl Receiver {
@@ -96,6 +102,7 @@ impl Receiver {
             pending: [0xFF; UNIT],
             erased_until: 0,
             length: None,
+            hash: None,
         }
     }
 
@@ -294,34 +301,47 @@ impl Receiver {
         if self.length.is_some_and(|length| self.received >= length) {
             let at = self.program.other.start + HEADER_BYTES as u32;
             self.stage = Stage::Verifying { at, crc: 0 };
+            self.hash = Some(Sha512::new());
         }
     }
 
     /// Does a part of the verification, less than a millisecond. Call it once per tick while [`Receiver::is_verifying`].
     pub fn step<F: NorFlash>(&mut self, flash: &mut F) {
         let slot = self.program.other;
-        let Stage::Verifying { at, crc } = &mut self.stage else { return };
+        let (Stage::Verifying { at, crc }, Some(hash)) = (&mut self.stage, &mut self.hash) else {
+            return;
+        };
         let Some(header) = marks::header(flash, &slot) else {
             return self.stage = Stage::Refused(Refusal::NoPackage);
         };
         let end = slot.start + header.package_bytes();
         let until = end.min(*at + STEP_BYTES);
-        if !read_chunks(flash, *at..until, |chunk| *crc = continue_crc(*crc, chunk)) {
+        let is_read = read_chunks(flash, *at..until, |chunk| {
+            *crc = continue_crc(*crc, chunk);
+            hash.update(chunk);
+        });
+        if !is_read {
             return self.stage = Stage::Refused(Refusal::Crc);
         }
         *at = until;
         if until < end {
             return;
         }
-        let is_same = *crc == header.crc;
-        self.stage = match is_same {
-            true => self.accept(flash, &header).map_or_else(Stage::Refused, |()| Stage::Ready),
-            false => Stage::Refused(Refusal::Crc),
+        self.stage = if *crc == header.crc {
+            self.accept(flash, &header).map_or_else(Stage::Refused, |()| Stage::Ready)
+        } else {
+            Stage::Refused(Refusal::Crc)
         };
     }
 
-    /// Checks the header again, and writes the mark.
+    /// Checks hash and header, and writes the mark.
     fn accept<F: NorFlash>(&mut self, flash: &mut F, header: &Header) -> Result<(), Refusal> {
+        let mut expected = [0; 64];
+        let at = self.program.other.start + HASH_AT as u32;
+        flash.read(at, &mut expected).map_err(|_| Refusal::Flash)?;
+        if self.hash.take().is_none_or(|hash| hash.finalize().as_slice() != expected) {
+            return Err(Refusal::Hash);
+        }
         self.check(flash, header)?;
         let own = marks::state(flash, &self.program.own);
         let sequence = next_sequence([own, SlotState::Empty]);

@@ -20,6 +20,11 @@ pub const SESSION_US: u64 = 10_000_000;
 /// Time between the request to start a program and the restart, us: the answer is sent.
 const RESTART_DELAY_US: u64 = 5_000;
 
+/// Command to restart.
+pub const RESTART: u8 = 2;
+/// Command to begin a new package.
+pub const CLEAR: u8 = 3;
+
 /// Reason why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestError {
@@ -169,11 +174,11 @@ impl Session {
             // The running program is started already.
             1 if !self.receiver.is_busy() && self.receiver.refusal().is_none() => Ok(()),
             1 => Err(RequestError::NotReady),
-            2 => {
+            RESTART => {
                 self.request_restart(now_us + RESTART_DELAY_US);
                 Ok(())
             }
-            3 => {
+            CLEAR => {
                 (self.receiving, self.other) = (0, None);
                 self.receiver.clear(flash).map_err(RequestError::Package)
             }
@@ -231,6 +236,7 @@ impl Session {
             Refusal::Board(_) => (63, 8),
             Refusal::Counter(..) => (63, 9),
             Refusal::Address(_) => (63, 10),
+            Refusal::Hash => (3, 11),
         };
         error << 1 | number << 16
     }

@@ -1,16 +1,18 @@
 //! Tests of the program update: power cuts, bit flips, foreign packages, failed trials.
 
 mod bench;
+mod trial;
 
 use bench::{
     BOARD, End, Flash, IMAGE_BYTES, OTHER, Package, assert_starts_one_of, confirm, erase_marks,
     finish, flash_with, image, key, package, program, receive, signed, start,
 };
 use ed25519_dalek::SigningKey;
+use embedded_storage::nor_flash::NorFlash;
 use firmware::store::memory::TornStep;
 use firmware::update::boot::Selection;
 use firmware::update::marks::{self, SlotState};
-use firmware::update::package::{CRC, HEADER_BYTES};
+use firmware::update::package::{CRC, HASH_AT, HEADER_BYTES};
 use firmware::update::receiver::{Receiver, Refusal};
 use proptest::prelude::*;
 
@@ -69,6 +71,60 @@ fn trial_with_three_losses_of_power_returns_to_the_old_image() {
     assert_eq!(start(&mut flash, false), started(0, false));
 }
 
+/// Marks the restart that follows as ordered by the bus.
+fn order_restart(flash: &mut Flash) {
+    let SlotState::Image(image) = marks::state(flash, &OTHER) else { panic!("no image") };
+    let _ = marks::order_restart(flash, &OTHER, &image);
+}
+
+#[test]
+fn trial_with_restarts_ordered_by_the_bus_goes_on_until_its_starts_are_used() {
+    let mut flash = flash_with(&package(1, 5));
+    assert_eq!(receive(&mut flash, 0, &package(2, 5)), End::Done);
+    for _ in 1..marks::TRIALS {
+        assert_eq!(start(&mut flash, true), started(1, true));
+        order_restart(&mut flash);
+    }
+    assert_eq!(start(&mut flash, true), started(1, true));
+    let mut confirmed = flash.clone();
+    confirm(&mut confirmed, 1).unwrap();
+    assert_eq!(start(&mut confirmed, true), started(1, false));
+    // The last start ended by an order, too.
+    order_restart(&mut flash);
+    assert_eq!(start(&mut flash, true), started(0, false));
+}
+
+#[test]
+fn trial_with_watchdog_reset_after_an_ordered_restart_returns_to_the_old_image() {
+    let mut flash = flash_with(&package(1, 5));
+    assert_eq!(receive(&mut flash, 0, &package(2, 5)), End::Done);
+    assert_eq!(start(&mut flash, true), started(1, true));
+    order_restart(&mut flash);
+    assert_eq!(start(&mut flash, true), started(1, true));
+    assert_eq!(start(&mut flash, true), started(0, false));
+}
+
+#[test]
+fn order_of_a_restart_with_power_cut_starts_one_of_the_images() {
+    let (old, new) = (package(1, 5), package(2, 5));
+    let mut initial = flash_with(&old);
+    assert_eq!(receive(&mut initial, 0, &new), End::Done);
+    assert_eq!(start(&mut initial, true), started(1, true));
+    for (torn, has_failed) in
+        torn_variants().into_iter().flat_map(|torn| [(torn, false), (torn, true)])
+    {
+        let mut flash = initial.clone();
+        flash.cut_power(0, torn);
+        order_restart(&mut flash);
+        assert!(!flash.has_power());
+        flash.power_on();
+        let selection = start(&mut flash, has_failed);
+        let found = assert_starts_one_of(&mut flash, selection, &[&old, &new]);
+        // A loss of power is no failure, whatever is left of the mark.
+        assert!(found == 1 || has_failed, "{torn:?}");
+    }
+}
+
 #[test]
 fn select_without_intact_image_recovers() {
     let mut flash = flash_with(&package(1, 5));
@@ -122,19 +178,41 @@ fn select_with_image_of_another_key_rejects_it_before_its_first_start() {
     assert!(image.is_rejected && image.trials == 0);
 }
 
+/// Returns a package with a changed byte of the image, and a CRC that fits.
+fn forged() -> Package {
+    let mut forged = package(2, 5);
+    forged.bytes[HEADER_BYTES + 100] ^= 1;
+    let crc = CRC.checksum(&forged.bytes[HEADER_BYTES..]);
+    forged.bytes[24..28].copy_from_slice(&crc.to_le_bytes());
+    forged
+}
+
+#[test]
+fn receiver_with_changed_image_or_hash_refuses_it_before_the_restart() {
+    let mut flash = flash_with(&package(1, 5));
+    let mut receiver = Receiver::new(program(0));
+    for (change, refusal) in [(HEADER_BYTES + 100, Refusal::Crc), (HASH_AT + 5, Refusal::Hash)] {
+        let mut changed = package(2, 5);
+        changed.bytes[change] ^= 1;
+        receiver.clear(&mut flash).unwrap();
+        let end = finish(&mut flash, &mut receiver, &changed.bytes);
+        assert_eq!(end, End::Refused(refusal));
+    }
+    receiver.clear(&mut flash).unwrap();
+    let end = finish(&mut flash, &mut receiver, &forged().bytes);
+    assert_eq!(end, End::Refused(Refusal::Hash));
+    assert_eq!(marks::state(&mut flash, &OTHER), SlotState::Empty);
+    assert_eq!(start(&mut flash, false), started(0, false));
+}
+
 #[test]
 fn select_with_changed_image_and_its_crc_rejects_it() {
     let mut flash = flash_with(&package(1, 5));
-    let mut forged = package(2, 5);
-    forged.bytes[HEADER_BYTES + 100] ^= 1;
-    let mut receiver = Receiver::new(program(0));
-    receiver.clear(&mut flash).unwrap();
-    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Refused(Refusal::Crc));
-    // Marks and CRC fit, the signed hash does not.
-    let crc = CRC.checksum(&forged.bytes[HEADER_BYTES..]);
-    forged.bytes[24..28].copy_from_slice(&crc.to_le_bytes());
-    receiver.clear(&mut flash).unwrap();
-    assert_eq!(finish(&mut flash, &mut receiver, &forged.bytes), End::Done);
+    // As a receiver that does not check the hash leaves it.
+    flash.erase(OTHER.start, OTHER.marks).unwrap();
+    flash.write(OTHER.start, &forged().bytes).unwrap();
+    let header = marks::header(&mut flash, &OTHER).unwrap();
+    marks::receive(&mut flash, &OTHER, &header, 7).unwrap();
     assert_eq!(start(&mut flash, false), started(0, false));
     let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
     assert!(image.is_rejected && image.trials == 0);

@@ -11,6 +11,7 @@ use firmware::node_settings::NodeSettings;
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
 use firmware::supervisor::ResetCause;
 use firmware::update::boot::{Selection, select};
+use firmware::update::marks::TRIALS;
 use firmware::update::package::Version;
 use firmware::update::recovery::{RECOVERY_STATE, Recovery, identity};
 use firmware::update::session::OtherState;
@@ -320,6 +321,76 @@ fn update_after_a_power_cut_goes_on_where_it_stopped() {
         assert!(outcome.resumed_at > 0, "{outcome:?}");
         assert_eq!(bench.version(), version);
     }
+}
+
+/// A master that answers boot-up messages by a reset of the node, so often.
+struct ResettingMaster {
+    resets: u32,
+    is_due: bool,
+}
+
+impl Participant for ResettingMaster {
+    fn receive(&mut self, frame: &CanFrame, _: u64) {
+        let is_boot_up = frame
+            .to_joint()
+            .is_some_and(|frame| frame.identifier() == 0x701 && frame.data() == [0]);
+        if is_boot_up && self.resets > 0 {
+            self.resets -= 1;
+            self.is_due = true;
+        }
+    }
+
+    fn tick(&mut self, _: u64) -> Option<u64> {
+        None
+    }
+
+    fn transmit(&mut self) -> Option<CanFrame> {
+        let request = std::mem::take(&mut self.is_due).then_some([0x81, 1])?;
+        Frame::new(0, &request).map(CanFrame::from)
+    }
+}
+
+#[test]
+fn update_beside_a_master_that_resets_the_node_at_boot_up_is_confirmed() {
+    for resets in [1, TRIALS - 1, TRIALS] {
+        let mut bench = Bench::running();
+        bench.hub.attach(Rc::new(RefCell::new(ResettingMaster { resets, is_due: false })));
+        let outcome = bench.update(&package("1.1.0"));
+        // Each reset uses a start. After the last one the joint returns, so that it does not restart for ever.
+        let expected = if resets < TRIALS { "1.1.0" } else { "1.0.0" };
+        assert_eq!(bench.version(), expected, "{resets} resets: {outcome:?}");
+        assert_eq!(outcome.is_ok(), resets < TRIALS, "{outcome:?}");
+    }
+}
+
+/// Starts an image in the second bank, beside 1.0.0 in the first one.
+fn on_trial() -> Bench {
+    let mut bench = Bench::running();
+    let release = package("1.1.0");
+    bench.client.write(CONTROL, &[3]).unwrap();
+    let data = Address::new(index::PROGRAM_DATA, 1);
+    let sent = release.for_address(program(0).image_address(&slot(1))).unwrap();
+    bench.client.write_blocks(data, &sent.bytes, |_| ()).unwrap();
+    bench.hub.run_until(bench.hub.now_ns() + 100_000_000).unwrap();
+    bench.client.write(CONTROL, &[1]).unwrap();
+    bench.hub.run_until(bench.hub.now_ns() + 50_000_000).unwrap();
+    assert_eq!((bench.version().as_str(), bench.entry(ProgramObject::STATE)), ("1.1.0", 1));
+    bench
+}
+
+#[test]
+fn restart_by_object_during_a_trial_is_no_failure_and_clear_is_refused() {
+    let mut bench = on_trial();
+    bench.client.write(CONTROL, &[2]).unwrap();
+    bench.hub.run_until(bench.hub.now_ns() + 50_000_000).unwrap();
+    assert_eq!(bench.version(), "1.1.0");
+    // The image before it is the only one that is known to work.
+    let error = bench.client.write(CONTROL, &[3]).unwrap_err().to_string();
+    assert!(error.contains("this program is on trial"), "{error}");
+    assert_eq!(bench.entry(ProgramObject::OTHER_STATE), OtherState::Confirmed as u32);
+    bench.hub.run_until(bench.hub.now_ns() + 2_100_000_000).unwrap();
+    assert_eq!(bench.entry(ProgramObject::STATE), 2);
+    bench.client.write(CONTROL, &[3]).unwrap();
 }
 
 /// A second master that clears, or adds bytes to, a program that it does not own.

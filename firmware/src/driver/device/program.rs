@@ -1,8 +1,9 @@
 //! Program update over the bus (CiA 302-3): objects 1F50h, 1F51h, 1F56h, 1F57h, and 2040h.
 //!
 //! [`crate::update::session`] lists the commands. All of them are refused while the joint is armed, and the joint is not
-//! armed meanwhile, nor during a trial. A trial is confirmed after [`CONFIRM_US`] without any of [`BLOCKING_CODES`]. After
-//! [`TRIAL_US`] without a confirmation the driver restarts, and the boot program returns to the previous image.
+//! armed meanwhile, nor during a trial. [`crate::update::trial`] has its times; [`BLOCKING_CODES`]
+//! delay its confirmation. A trial without one ends by a restart, and the boot program returns to the previous image. Until
+//! the confirmation, the previous image is not cleared, and a restart that the bus orders is marked as such.
 
 use super::Device;
 use crate::log::log;
@@ -11,13 +12,9 @@ use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use crate::update::Program;
 use crate::update::marks::{self, ImageState, SlotState};
-use crate::update::session::Session;
+use crate::update::session::{CLEAR, RESTART, Session};
+use crate::update::trial::{Times, Trial, Verdict};
 use embedded_storage::nor_flash::NorFlash;
-
-/// Time that a trial must run without a blocking code, us.
-pub const CONFIRM_US: u64 = 2_000_000;
-/// Time after which an unconfirmed trial ends, us.
-pub const TRIAL_US: u64 = 10_000_000;
 
 /// Codes during which a trial is not confirmed: the self-test, the loop, memory, parameters, the bus.
 pub const BLOCKING_CODES: [Code; 9] = [
@@ -51,9 +48,7 @@ pub(in crate::driver) struct ProgramState {
     running: RunningState,
     /// The running image, if it has a header.
     image: Option<ImageState>,
-    booted_us: u64,
-    /// Time since which no blocking code is present, us.
-    sound_since_us: u64,
+    trial: Trial,
 }
 
 impl ProgramState {
@@ -71,8 +66,7 @@ impl ProgramState {
             session: Some(Session::new(flash, program, now_us)),
             running,
             image,
-            booted_us: now_us,
-            sound_since_us: now_us,
+            trial: Trial::begin(now_us),
         }
     }
 
@@ -138,9 +132,32 @@ impl<F: NorFlash> Device<F> {
 
     /// Executes a command of object 1F51h.
     pub(in crate::driver) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
+        if command == CLEAR && self.program.running == RunningState::Trial {
+            // The other slot holds the only program that is known to work.
+            let why = "this program is on trial: clear the other one after its confirmation";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        if command == RESTART {
+            self.note_ordered_restart();
+        }
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
         let done = session.control(self.store.flash_mut(), command, self.now_us);
         done.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+    }
+
+    /// Notes that the bus orders the restart that follows: it does not count as a failure of a trial. If the mark fails,
+    /// it does.
+    pub(in crate::driver) fn note_ordered_restart(&mut self) {
+        if let ProgramState {
+            session: Some(session),
+            image: Some(image),
+            running: RunningState::Trial,
+            ..
+        } = &self.program
+        {
+            let own = session.program().own;
+            let _ = marks::order_restart(self.store.flash_mut(), &own, image);
+        }
     }
 
     fn no_updates(&mut self) -> Abort {
@@ -160,17 +177,16 @@ impl<F: NorFlash> Device<F> {
 
     fn tick_trial(&mut self, now_us: u64) {
         let causes = self.supervisor.causes();
-        if BLOCKING_CODES.iter().any(|code| causes.contains(*code)) {
-            self.program.sound_since_us = now_us;
-        }
-        let elapsed = |since_us: u64| now_us.saturating_sub(since_us);
-        if elapsed(self.program.sound_since_us) >= CONFIRM_US {
-            self.confirm_trial();
-        } else if elapsed(self.program.booted_us) >= TRIAL_US
-            && let Some(session) = &mut self.program.session
-        {
-            log!(error, "the trial of this program failed");
-            session.request_restart(now_us);
+        let is_blocked = BLOCKING_CODES.iter().any(|code| causes.contains(*code));
+        match self.program.trial.step(&Times::DEFAULT, is_blocked, now_us) {
+            Verdict::Runs => {}
+            Verdict::Confirm => self.confirm_trial(),
+            Verdict::End => {
+                if let Some(session) = &mut self.program.session {
+                    log!(error, "the trial of this program failed");
+                    session.request_restart(now_us);
+                }
+            }
         }
     }
 

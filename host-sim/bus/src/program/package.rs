@@ -39,7 +39,7 @@ pub enum PackageError {
     #[error("{0}: the packages differ in board, version or counter, or are for the same slot")]
     Mixed(PathBuf),
     /// The package is damaged.
-    #[error("{0}: the image differs from its hash; the file is damaged")]
+    #[error("{0}: a package differs from its hash or CRC; the file is damaged")]
     Damaged(PathBuf),
     /// The ELF file cannot be used.
     #[error("{path}: {why}")]
@@ -106,10 +106,14 @@ impl Package {
     fn parse(bytes: &[u8]) -> Option<(Self, &[u8])> {
         let header = Header::parse(bytes.first_chunk::<USED_BYTES>()?).ok()?;
         let (package, rest) = bytes.split_at_checked(header.package_bytes() as usize)?;
-        let image = package.get(HEADER_BYTES..)?;
-        let hash = package.get(HASH_AT..HASH_AT + 64)?;
-        (Sha512::digest(image).as_slice() == hash)
-            .then(|| (Self { header, bytes: package.to_vec() }, rest))
+        let (head, image) = package.split_at_checked(HEADER_BYTES)?;
+        let hash = head.get(HASH_AT..HASH_AT + 64)?;
+        // Neither hash nor signature covers the end of the header.
+        let is_padded = head.get(USED_BYTES..)?.iter().all(|byte| *byte == 0);
+        let is_whole = is_padded
+            && CRC.checksum(image) == header.crc
+            && Sha512::digest(image).as_slice() == hash;
+        is_whole.then(|| (Self { header, bytes: package.to_vec() }, rest))
     }
 }
 
@@ -158,12 +162,20 @@ impl Release {
         std::iter::once(&FILE_MAGIC[..]).chain(parts).collect::<Vec<_>>().concat()
     }
 
-    /// Reads a file, and checks that its packages are complete. The boot program of the joint checks the signatures.
+    /// Reads a file as [`Release::parse`] does.
     ///
     /// # Errors
     /// The file cannot be read, holds no packages, or is damaged.
     pub fn read(path: &Path) -> Result<Self, PackageError> {
-        let bytes = read(path)?;
+        Self::parse(path, &read(path)?)
+    }
+
+    /// Parses the bytes of a file, and checks that its packages are complete. The boot program of the joint checks the
+    /// signatures. The path is for the message of an error.
+    ///
+    /// # Errors
+    /// The bytes hold no packages, or are damaged.
+    pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self, PackageError> {
         let Some(mut rest) = bytes.strip_prefix(&FILE_MAGIC) else {
             return Err(PackageError::NoPackage(path.to_owned()));
         };
@@ -183,14 +195,19 @@ impl Release {
 /// # Errors
 /// The file cannot be read, or its ELF structure cannot be used.
 pub fn read_image(path: &Path) -> Result<Code, PackageError> {
-    let data = read(path)?;
+    parse_image(path, &read(path)?)
+}
+
+/// Parses the code of an image, an ELF file. The path is for the message of an error.
+///
+/// # Errors
+/// Its ELF structure cannot be used.
+pub fn parse_image(path: &Path, data: &[u8]) -> Result<Code, PackageError> {
     let failed = |why: String| PackageError::Elf { path: path.to_owned(), why };
     if !data.starts_with(&ELF_MAGIC) {
         return Err(failed("no ELF file, as cargo builds an image".into()));
     }
-    code_of(&data)
-        .map_err(|error| failed(error.to_string()))?
-        .ok_or_else(|| failed("no code".into()))
+    code_of(data).map_err(failed)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, PackageError> {
@@ -198,13 +215,13 @@ fn read(path: &Path) -> Result<Vec<u8>, PackageError> {
 }
 
 /// Returns the code of an ELF file: the longest run of its loaded parts.
-fn code_of(data: &[u8]) -> Result<Option<Code>, object::Error> {
-    let file = ElfFile32::<Endianness>::parse(data)?;
+fn code_of(data: &[u8]) -> Result<Code, String> {
+    let file = ElfFile32::<Endianness>::parse(data).map_err(|error| error.to_string())?;
     let endian = file.endian();
     let mut parts = Vec::new();
     for segment in file.elf_program_headers() {
         if segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0 {
-            let bytes = segment.data(endian, data).unwrap_or_default();
+            let bytes = segment.data(endian, data).map_err(|()| "a part of it is missing")?;
             parts.push((segment.p_paddr(endian), bytes));
         }
     }
@@ -220,5 +237,57 @@ fn code_of(data: &[u8]) -> Result<Option<Code>, object::Error> {
             _ => runs.push(Code { address, bytes: bytes.to_vec() }),
         }
     }
-    Ok(runs.into_iter().max_by_key(|run| run.bytes.len()))
+    runs.into_iter().max_by_key(|run| run.bytes.len()).ok_or_else(|| "no code".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An ELF file of one part of 16 bytes, of which it states this length.
+    fn elf(stated: u32) -> Vec<u8> {
+        let mut file = b"\x7FELF\x01\x01\x01".to_vec();
+        file.resize(16, 0);
+        let halves = |file: &mut Vec<u8>, halves: &[u16]| {
+            halves.iter().for_each(|half| file.extend(half.to_le_bytes()));
+        };
+        let words = |file: &mut Vec<u8>, words: &[u32]| {
+            words.iter().for_each(|word| file.extend(word.to_le_bytes()));
+        };
+        halves(&mut file, &[2, 40]);
+        words(&mut file, &[1, 0x0800_0200, 52, 0, 0]);
+        halves(&mut file, &[52, 32, 1, 40, 0, 0]);
+        words(&mut file, &[PT_LOAD.0, 84, 0x0800_0400, 0x0800_0400, stated, stated, 5, 4]);
+        file.extend(0..16);
+        file
+    }
+
+    fn file() -> Vec<u8> {
+        let code = parse_image(Path::new("firmware"), &elf(16)).unwrap();
+        let statement = Statement { board: 1, version: Version(2), counter: 3 };
+        let package = Package::sign(&code, statement, &SigningKey::from_bytes(&[7; 32]));
+        Release::new(vec![package]).unwrap().to_bytes()
+    }
+
+    #[test]
+    fn image_whose_part_ends_beyond_the_file_is_refused() {
+        let code = parse_image(Path::new("firmware"), &elf(16)).unwrap();
+        assert_eq!((code.address, code.bytes), (0x0800_0400, (0..16).collect()));
+        let error = parse_image(Path::new("firmware"), &elf(17)).unwrap_err().to_string();
+        assert_eq!(error, "firmware: a part of it is missing");
+    }
+
+    #[test]
+    fn file_with_a_changed_byte_outside_the_signature_is_refused() {
+        let path = Path::new("joint.package");
+        let (whole, start) = (file(), FILE_MAGIC.len());
+        assert_eq!(Release::parse(path, &whole).unwrap().to_bytes(), whole);
+        // The CRC, the hash, the end of the header, which is not signed, and the image.
+        for at in [24, HASH_AT, USED_BYTES, HEADER_BYTES - 1, HEADER_BYTES] {
+            let mut changed = whole.clone();
+            changed[start + at] ^= 1;
+            let error = Release::parse(path, &changed).unwrap_err();
+            assert!(matches!(error, PackageError::Damaged(_)), "{at}: {error}");
+        }
+    }
 }

@@ -49,7 +49,7 @@ const UNKNOWN_COMMAND: u32 = 0x0504_0001;
 const NO_OBJECT: u32 = 0x0602_0000;
 
 /// Reasons of a refusal, by their number in object 1F57h.
-const REFUSALS: [&str; 10] = [
+const REFUSALS: [&str; 11] = [
     "no package",
     "the image differs from its CRC",
     "the signature is not of this board's key",
@@ -60,6 +60,7 @@ const REFUSALS: [&str; 10] = [
     "a package for another board",
     "its anti-rollback counter is smaller than that of the running program",
     "its image is linked for the slot of the running program",
+    "the image differs from its SHA-512",
 ];
 const CRC_REFUSAL: u32 = 2;
 

@@ -4,6 +4,7 @@ use super::board_bus::{BoardBus, NODE, blank_board, entry, new_board, started};
 use super::common::image_path;
 use super::slots::{SLOTS, confirm, install};
 use canopen_rs::Address;
+use compensator_core::can::Frame;
 use ed25519_dalek::SigningKey;
 use emulated_board::chip::CORE_HZ;
 use emulated_board::chip::flash::{Content, Operation};
@@ -12,9 +13,11 @@ use firmware::node::dictionary::records::ProgramObject;
 use firmware::update::package::{HEADER_BYTES, Version};
 use firmware::update::recovery::RECOVERY_STATE;
 use firmware::update::session::OtherState;
+use joint_bus::bus::Bus;
 use joint_bus::canopen::Client;
 use joint_bus::program::package::{Code, Package, Release, Statement, read_image};
 use joint_bus::program::update::{Outcome, Update, UpdateError};
+use joint_trace::CanFrame;
 use std::sync::LazyLock;
 
 const BOARD: u32 = u32::from_be_bytes(*b"G474");
@@ -153,6 +156,19 @@ fn trial_with_watchdog_reset_returns_to_the_old_image() {
     assert_eq!(client.bus().resets, 1);
     assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
     assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Failed as u32);
+}
+
+#[test]
+fn trial_with_reset_ordered_by_a_master_is_tried_again_and_confirmed() {
+    let mut client = trial_of(1);
+    let reset = Frame::new(0, &[0x81, NODE.number()]).expect("an NMT command");
+    client.bus().send(&CanFrame::from(reset)).expect("room");
+    client.bus().await_boot_up();
+    assert_eq!(client.bus().resets, 1);
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.1"));
+    assert_eq!(entry(&mut client, ProgramObject::STATE), TRIAL);
+    client.bus().run(CORE_HZ * 5 / 2);
+    assert_eq!(entry(&mut client, ProgramObject::STATE), CONFIRMED);
 }
 
 #[test]
