@@ -14,6 +14,7 @@
 
 #[cfg_attr(not(feature = "terms"), path = "compensator/no_covariates.rs")]
 mod covariates;
+mod guards;
 mod parameters;
 
 pub use crate::configuration::CompensatorParameters;
@@ -23,9 +24,10 @@ pub use crate::quantity::{Inputs, Reading};
 use crate::configuration::Configuration;
 use crate::model::{FrictionModel, ModelState, Sample};
 use crate::network::Factors;
-use crate::number::{Mask, Real};
+use crate::number::Real;
 use crate::parameters::ParameterError;
 use covariates::Covariates;
+use guards::Held;
 use parameters::BuiltParameters;
 
 /// Result of one compensator sample. All values are finite.
@@ -39,64 +41,6 @@ pub struct CompensatorOutput<T> {
     pub feed_forward_current_a: T,
     /// Guards and limits that acted in this sample.
     pub flags: Flags,
-}
-
-/// The last valid value of a covariate, and its age in s.
-#[derive(Clone, Copy, Debug)]
-struct Held<T> {
-    value: T,
-    age_s: T,
-}
-
-/// Guard of a covariate: the valid range and the two flags.
-struct Guard<T> {
-    /// Middle of the valid range.
-    middle: T,
-    /// Half the width of the valid range.
-    half_width: T,
-    invalid: Flags,
-    stale: Flags,
-}
-
-impl<T: Real> Held<T> {
-    /// Returns a value that was never measured: 0, with weight 0.
-    fn unmeasured(built: &BuiltParameters<T>) -> Self {
-        Self { value: T::zero(), age_s: built.faded_s }
-    }
-
-    /// Updates the held value from a reading. Returns its weight, from 0 (expired) to 1 (fresh).
-    #[inline(always)]
-    fn update(
-        &mut self,
-        reading: Reading<T>,
-        guard: &Guard<T>,
-        built: &BuiltParameters<T>,
-        flags: &mut Flags,
-    ) -> T {
-        // Masks keep the code free of branches that depend on inputs.
-        let is_invalid = (reading.value - guard.middle).abs_gt_mask(guard.half_width);
-        let is_missing = reading.age_s.negative_or_nan_mask();
-        *flags |= guard.invalid.when(is_invalid & !is_missing);
-        self.value = T::select(is_invalid | is_missing, self.value, reading.value);
-        let age_s = T::select(is_invalid | is_missing, self.age_s + built.period_s, reading.age_s);
-        self.age_s = age_s.within_level(built.faded_s);
-        *flags |= guard.stale.when(built.hold_s.lt_mask(self.age_s));
-        self.weight(built)
-    }
-
-    /// Ages the held value by one sample period. Returns its weight, from 0 to 1.
-    #[inline(always)]
-    fn age(&mut self, built: &BuiltParameters<T>) -> T {
-        self.age_s = (self.age_s + built.period_s).within_level(built.faded_s);
-        self.weight(built)
-    }
-
-    /// Returns the weight: 1 up to an age of `hold_s`, then linear to 0 at `hold_s + fade_s`.
-    #[inline(always)]
-    fn weight(&self, built: &BuiltParameters<T>) -> T {
-        let faded = (self.age_s - built.hold_s).positive_part() * built.fade_per_s;
-        (T::one() - faded).positive_part()
-    }
 }
 
 /// The compensator of one joint: the model, the input guards and the output limits.
@@ -115,31 +59,6 @@ pub struct Compensator<T: Real> {
     radial_force: Held<T>,
     pressure: Held<T>,
     covariates: Covariates<T>,
-}
-
-/// Weights of the held side load and pressure, from 0 (expired) to 1 (fresh).
-#[cfg_attr(not(feature = "terms"), allow(dead_code))]
-#[derive(Clone, Copy)]
-struct SealWeights<T> {
-    force: T,
-    pressure: T,
-}
-
-/// Side load and pressure after the guards, with their weights.
-struct Seal<T> {
-    force_n: T,
-    force_change_n: T,
-    pressure_mpa: T,
-    weight: SealWeights<T>,
-}
-
-/// Inputs of a sample after the guards.
-struct GuardedInputs<T> {
-    velocity_rad_s: T,
-    /// 1 if a valid velocity exists, otherwise 0.
-    velocity_weight: T,
-    seal: Seal<T>,
-    flags: Flags,
 }
 
 impl<T: Real> Compensator<T> {
@@ -285,37 +204,6 @@ impl<T: Real> Compensator<T> {
         self.finish_limited(friction, weight, flags)
     }
 
-    /// Guards the inputs. Each mask is set if the velocities, or side load and pressure, need a guard.
-    #[inline(never)]
-    fn guard_inputs(
-        &mut self,
-        inputs: &Inputs<T>,
-        velocities: Mask,
-        seal: Mask,
-    ) -> GuardedInputs<T> {
-        let mut flags = Flags::empty();
-        let measured = inputs.velocity_rad_s.value;
-        let mut velocity = (measured, inputs.velocity_reference_rad_s.value, T::one());
-        if velocities.is_set() {
-            velocity = self.replaced_velocities(inputs, &mut flags);
-        }
-        let (measured, reference, velocity_weight) = velocity;
-        let seal = if !seal.is_set() {
-            let change = inputs.radial_force_n.value - self.radial_force.value;
-            self.accept_seal(inputs, change)
-        } else if self.no_seal_sensors_mask(inputs).is_set() {
-            self.seal_inputs_missing(&mut flags)
-        } else {
-            self.guarded_seal(inputs, &mut flags)
-        };
-        GuardedInputs {
-            velocity_rad_s: self.blended(measured, reference),
-            velocity_weight,
-            seal,
-            flags,
-        }
-    }
-
     /// Converts the friction torque, Nm, to the output. Calls [`Self::finish_limited`] if a limit acts.
     #[inline(always)]
     fn finish_unlimited(&mut self, friction: T, weight: T, flags: Flags) -> CompensatorOutput<T> {
@@ -397,141 +285,6 @@ impl<T: Real> Compensator<T> {
         let limited = sum.within_level(self.built.current_limit);
         flags |= Flags::CURRENT_LIMITED.when(sum.abs_gt_mask(self.built.current_limit));
         (limited, flags)
-    }
-
-    /// Sets the mask if a velocity is NaN, outside the envelope or too old.
-    #[inline(always)]
-    fn velocity_guard_mask(&self, reading: &Reading<T>) -> Mask {
-        reading.value.abs_gt_mask(self.built.velocity_limit)
-            | reading.age_s.outside_mask(self.built.hold_s)
-    }
-
-    /// Sets the mask if the measured or the reference velocity needs a guard.
-    #[inline(always)]
-    fn velocities_guard_mask(&self, inputs: &Inputs<T>) -> Mask {
-        self.velocity_guard_mask(&inputs.velocity_rad_s)
-            | self.velocity_guard_mask(&inputs.velocity_reference_rad_s)
-    }
-
-    /// Returns the measured and the reference velocity, rad/s, and their weight.
-    ///
-    /// A valid velocity replaces an invalid one. The weight is 0 if both are invalid, otherwise 1.
-    #[inline(always)]
-    fn replaced_velocities(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T, T) {
-        let (measured, reference) = (&inputs.velocity_rad_s, &inputs.velocity_reference_rad_s);
-        let (measured_invalid, reference_invalid) =
-            (self.velocity_guard_mask(measured), self.velocity_guard_mask(reference));
-        *flags |= Flags::VELOCITY_INVALID.when(measured_invalid);
-        *flags |= Flags::REFERENCE_INVALID.when(reference_invalid);
-        // If one velocity replaces the other, both are equal. Blending equal velocities returns that value.
-        let (zero, one) = (T::zero(), T::one());
-        let substitute = T::select(reference_invalid, zero, reference.value);
-        let measured = T::select(measured_invalid, substitute, measured.value);
-        let reference = T::select(reference_invalid, measured, reference.value);
-        (measured, reference, T::select(measured_invalid & reference_invalid, zero, one))
-    }
-
-    /// Returns the blend of reference (near standstill) and measured velocity (above the blend velocity), rad/s.
-    #[inline(always)]
-    fn blended(&self, measured: T, reference: T) -> T {
-        let built = &self.built;
-        // At and above the blend velocity the weight is 1. The product may exceed the fixed-point range there, and
-        // is discarded.
-        let speed = measured.abs();
-        let blended = speed * built.blend_per_velocity;
-        let weight = T::select(speed.lt_mask(built.blend_velocity), blended, T::one());
-        reference + (measured - reference) * weight
-    }
-
-    /// Sets the mask if side load or pressure needs a guard.
-    ///
-    /// A guard is needed if a value is invalid, negative or too old, or if the side load changed by more than
-    /// `radial_force_step`. `change` is the change of the side load since the last sample, N.
-    #[inline(always)]
-    fn seal_guard_mask(&self, inputs: &Inputs<T>, change: T) -> Mask {
-        let built = &self.built;
-        let (force, pressure) = (&inputs.radial_force_n, &inputs.pressure_diff_mpa);
-        force.value.outside_mask(built.radial_force_max)
-            | pressure.value.outside_mask(built.pressure_max_mpa)
-            | force.age_s.outside_mask(built.hold_s)
-            | pressure.age_s.outside_mask(built.hold_s)
-            | built.hold_s.lt_mask(self.radial_force.age_s)
-            | change.past_level_mask(built.radial_force_step)
-    }
-
-    /// Accepts side load and pressure without a guard. `change` is the change of the side load since the last
-    /// sample, N.
-    #[inline(always)]
-    fn accept_seal(&mut self, inputs: &Inputs<T>, change: T) -> Seal<T> {
-        let (force, pressure) = (&inputs.radial_force_n, &inputs.pressure_diff_mpa);
-        self.radial_force = Held { value: force.value, age_s: force.age_s };
-        self.pressure = Held { value: pressure.value, age_s: pressure.age_s };
-        Seal {
-            force_n: force.value,
-            force_change_n: change,
-            pressure_mpa: pressure.value,
-            weight: SealWeights { force: T::one(), pressure: T::one() },
-        }
-    }
-
-    /// Sets the mask if neither side load nor pressure was ever received: the joint has no such sensors.
-    #[inline(always)]
-    fn no_seal_sensors_mask(&self, inputs: &Inputs<T>) -> Mask {
-        let (force, pressure) = (&self.radial_force, &self.pressure);
-        !(!inputs.radial_force_n.age_s.negative_or_nan_mask()
-            | !inputs.pressure_diff_mpa.age_s.negative_or_nan_mask()
-            | force.value.outside_mask(T::zero())
-            | pressure.value.outside_mask(T::zero())
-            | !self.built.hold_s.lt_mask(force.age_s)
-            | !self.built.hold_s.lt_mask(pressure.age_s))
-    }
-
-    /// Ages the missing side load and pressure. Returns 0 for both.
-    #[inline(always)]
-    fn seal_inputs_missing(&mut self, flags: &mut Flags) -> Seal<T> {
-        *flags |= Flags::RADIAL_FORCE_STALE.union(Flags::PRESSURE_STALE);
-        let (built, zero) = (&self.built, T::zero());
-        let (force, pressure) = (self.radial_force.age(built), self.pressure.age(built));
-        let weight = SealWeights { force, pressure };
-        Seal { force_n: zero, force_change_n: zero, pressure_mpa: zero, weight }
-    }
-
-    /// Returns side load and pressure, replaced, aged and faded where necessary.
-    #[inline(always)]
-    fn guarded_seal(&mut self, inputs: &Inputs<T>, flags: &mut Flags) -> Seal<T> {
-        let built = &self.built;
-        let force = Guard {
-            middle: built.radial_force_middle,
-            half_width: built.radial_force_middle,
-            invalid: Flags::RADIAL_FORCE_INVALID,
-            stale: Flags::RADIAL_FORCE_STALE,
-        };
-        // A change counts only between two valid values. Neither the first reading nor the fade deflects a bristle.
-        let before = self.radial_force.value;
-        let is_expired = built.hold_s.lt_mask(self.radial_force.age_s);
-        let force_weight = self.radial_force.update(inputs.radial_force_n, &force, built, flags);
-        let change = self.radial_force.value - before;
-        // Frames arrive less often than samples. A change between two frames is therefore spread over several samples.
-        let bounded = change.within_level(built.radial_force_step);
-        let is_too_fast = change.abs_gt_mask(built.radial_force_step) & !is_expired;
-        self.radial_force.value = T::select(is_too_fast, before + bounded, self.radial_force.value);
-
-        let pressure = Guard {
-            middle: T::zero(),
-            half_width: built.pressure_max_mpa,
-            invalid: Flags::PRESSURE_INVALID,
-            stale: Flags::PRESSURE_STALE,
-        };
-        let pressure_weight =
-            self.pressure.update(inputs.pressure_diff_mpa, &pressure, built, flags);
-        // A sensor's zero error can give a small negative value, and rounding in the guard can let a negative side load
-        // pass. The levels are proven from 0 upwards.
-        Seal {
-            force_n: (self.radial_force.value * force_weight).positive_part(),
-            force_change_n: T::select(is_expired, T::zero(), bounded),
-            pressure_mpa: (self.pressure.value * pressure_weight).positive_part(),
-            weight: SealWeights { force: force_weight, pressure: pressure_weight },
-        }
     }
 }
 

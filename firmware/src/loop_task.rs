@@ -5,7 +5,7 @@
 //! background: LoopLink <- reports;  Driver -> commands, parts -> LoopLink
 //! ```
 //! The interrupt owns a [`LoopTask`] and all its state. Whole values pass through queues ([`crate::loop_link`]):
-//! [`LoopCommands`] and, after a commit, [`LoopParts`] come in; [`LoopReport`]s go out. The ages of all inputs
+//! [`LoopCommands`] and, after a commit, [`LoopParts`] come in; reports go out (`reports`). The ages of all inputs
 //! from the bus grow here between two commands. If the background stops, the set-point goes stale and the
 //! current becomes zero.
 //!
@@ -14,19 +14,22 @@
 //! instead ([`crate::stop_brake`]). Until then every
 //! report repeats the fault, so that a late supervisor does not miss it.
 
+mod reports;
+
 use crate::bridge_guard::BridgeGuard;
-use crate::control::probe::{Probe, ProbeReport};
+use crate::control::probe::Probe;
 use crate::control::{
-    Bridge, BridgeFault, Compensate, Covariates, CurrentLoop, CycleResult, LoopFlags, PowerStage,
-    Setpoint, StageSample, ValidChannels,
+    Bridge, BridgeFault, Covariates, CurrentLoop, CycleResult, LoopFlags, PowerStage, Setpoint,
+    StageSample,
 };
 use crate::deadline::{Deadline, DeadlineLimits};
-use crate::driver::{Home, LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus};
-use crate::loop_link::{LoopPort, ReportSender};
+use crate::driver::{Home, LoopCommands, PeriodValues, REPORT_PERIOD_S};
+use crate::loop_link::LoopPort;
 use crate::loop_parts::{LimitedCompensator, LoopParts};
-use crate::scope::{ScopeOrder, ScopeRow, signal};
+use crate::scope::ScopeOrder;
 use crate::stop_brake::{self, StopBrake};
 use compensator_core::Flags;
+use reports::{ReportStep, ScopeTap};
 
 /// State of the current loop's interrupt.
 #[derive(Clone, Debug)]
@@ -65,34 +68,6 @@ pub struct LoopTask {
     /// Periods since the values were recorded, and from one report to the next.
     since_report: u32,
     report_every: u32,
-}
-
-/// Progress of a report. Every step is taken in another period, because one period with all of them would be the longest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum ReportStep {
-    /// The values are recorded when a report is due.
-    Collect,
-    /// The values are recorded, and sent next.
-    SendValues,
-    /// A result of a motor measurement is sent next.
-    SendProbe,
-    /// The status is sent next.
-    SendStatus,
-}
-
-/// State of the scope between two periods.
-#[derive(Clone, Copy, Debug)]
-struct ScopeTap {
-    /// Periods since the last row.
-    since: u16,
-    /// The present period records its values.
-    is_due: bool,
-    /// The queue was full since the last row.
-    has_gap: bool,
-}
-
-impl ScopeTap {
-    const IDLE: Self = Self { since: u16::MAX, is_due: false, has_gap: false };
 }
 
 /// Commands before the first ones are received: everything is off.
@@ -278,39 +253,6 @@ impl LoopTask {
         }
     }
 
-    /// Sends the row of this period, if one is due, and finds whether the next period records one. The values are those of
-    /// a report, which the period has recorded: the scope costs no period without it.
-    #[cold]
-    fn step_scope(&mut self, port: &mut LoopPort<'_>) {
-        let order = &self.commands.scope;
-        if self.scope.is_due {
-            let values = order.signals.map(|number| signal::value(number, &self.values));
-            let (capture, is_after_gap) = (order.capture, self.scope.has_gap);
-            let row = ScopeRow { values, capture, is_after_gap };
-            self.scope.has_gap = port.scope.enqueue(row).is_err();
-            self.scope.since = 0;
-        }
-        self.scope.since = self.scope.since.saturating_add(1);
-        self.scope.is_due = self.scope.since >= order.every;
-    }
-
-    #[inline(always)]
-    fn send_values(&mut self, reports: &mut ReportSender<'_>) {
-        let is_sent = reports.values.enqueue(self.values).is_ok();
-        self.report_step = match (is_sent, self.commands.probe.is_some()) {
-            // The queue is full: the values of a later period replace them.
-            (false, _) => ReportStep::Collect,
-            (true, false) => ReportStep::SendStatus,
-            (true, true) => ReportStep::SendProbe,
-        };
-    }
-
-    #[cold]
-    fn send_probe(&mut self, reports: &mut ReportSender<'_>) {
-        self.has_sent_probe = reports.probes.enqueue(self.probe_report()).is_ok();
-        self.report_step = ReportStep::SendStatus;
-    }
-
     /// Runs one period with a sample and any hardware fault. `triggered` is the time of the sample and `now` the
     /// present time, in cycles. Returns the state of the bridge.
     #[inline]
@@ -418,55 +360,6 @@ impl LoopTask {
         self.tripped
     }
 
-    /// Returns a report if its values are recorded. Its flags are kept until [`LoopTask::clear_report`].
-    pub fn report(&self) -> Option<LoopReport> {
-        let probe = self.commands.probe.map_or_else(Default::default, |_| self.probe_report());
-        (self.report_step != ReportStep::Collect)
-            .then(|| LoopReport::join(&self.values, &self.status(false), probe))
-    }
-
-    fn probe_report(&self) -> ProbeReport {
-        let [a, b, _] = self.guard.offset_a();
-        ProbeReport { offset_a: [a, b], ..self.probe.report() }
-    }
-
-    #[inline(always)]
-    fn status(&self, magnet_fault: bool) -> ReportStatus {
-        let mut loop_flags = self.loop_flags | self.tripped;
-        if !self.may_drive {
-            // The supervisor treats this flag as a firmware error and does not arm.
-            loop_flags |= LoopFlags::NOT_FINITE;
-        }
-        ReportStatus {
-            loop_flags,
-            flags: self.compensator_flags,
-            bristle_torque_nm: self.current_loop.compensator().bristle_torque_nm(),
-            overruns_in_a_row: self.deadline.max_consecutive_overruns(),
-            gate_driver_fault: self.gate_fault || self.held_by_hardware && !self.held_by_system,
-            system_break: self.system_break || self.held_by_system,
-            magnet_fault,
-            bridge_shorted: self.brake.is_shorted(),
-            has_probe: self.has_sent_probe,
-        }
-    }
-
-    /// Discards a report that was recorded but not sent; the next one begins.
-    pub fn clear_report(&mut self) {
-        self.begin_report();
-        self.since_report = 0;
-    }
-
-    /// Begins the flags and counts of the next report.
-    fn begin_report(&mut self) {
-        self.loop_flags = LoopFlags::empty();
-        self.compensator_flags = Flags::empty();
-        self.deadline.reset_max_overruns();
-        self.gate_fault = false;
-        self.system_break = false;
-        self.has_sent_probe = false;
-        self.report_step = ReportStep::Collect;
-    }
-
     /// Adds a period to the age of every input from the bus.
     fn age_inputs(&mut self) {
         let LoopCommands { setpoint, covariates, .. } = &mut self.commands;
@@ -479,49 +372,6 @@ impl LoopTask {
         };
         age(&mut setpoint.age_s);
         covariates.for_each_age(age);
-    }
-
-    #[inline]
-    fn record_cycle(&mut self, sample: &StageSample, cycle: &CycleResult) {
-        self.since_report = self.since_report.saturating_add(1);
-        self.loop_flags |= cycle.flags;
-        self.compensator_flags |= cycle.compensator;
-        let is_due = self.since_report >= self.report_every && !self.takes_input;
-        let begins_report = is_due && self.report_step == ReportStep::Collect;
-        if begins_report {
-            self.since_report = 0;
-            self.report_step = ReportStep::SendValues;
-        }
-        if begins_report || self.scope.is_due {
-            self.record_values(sample, cycle);
-        }
-    }
-
-    #[inline(always)]
-    fn record_values(&mut self, sample: &StageSample, cycle: &CycleResult) {
-        let valid = sample.valid;
-        let [a, b, c] = sample.currents_a;
-        let two = valid.contains(ValidChannels::CURRENT_A | ValidChannels::CURRENT_B);
-        let known = |value: f32, valid: bool| if valid { value } else { f32::NAN };
-        self.values = PeriodValues {
-            bus_voltage_v: known(sample.bus_v, valid.contains(ValidChannels::BUS)),
-            phase_currents_a: match (two, valid.contains(ValidChannels::CURRENT_C)) {
-                (true, true) => [a, b, c],
-                (true, false) => [a, b, -a - b],
-                (false, _) => [f32::NAN; 3],
-            },
-            current_a: cycle.current_q_a,
-            current_d_a: cycle.current_d_a,
-            current_reference_a: cycle.current_reference_a,
-            voltage_q_v: cycle.voltage_v[1],
-            velocity_rad_s: cycle.velocity_rad_s,
-            turned_rad: cycle.position_rad,
-            motor_torque_nm: cycle.motor_torque_nm,
-            friction_torque_nm: cycle.friction_torque_nm,
-            feed_forward_current_a: cycle.feed_forward_current_a,
-            residual_torque_nm: known(cycle.residual_torque_nm, cycle.residual_valid),
-            is_referenced: !cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED),
-        };
     }
 }
 

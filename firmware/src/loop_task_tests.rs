@@ -1,8 +1,9 @@
 //! Tests of the interrupt's work, without its registers.
 
 use super::*;
-use crate::control::PERIOD_S;
-use crate::control::probe::{BLOCK_PERIODS, ProbeCommand};
+use crate::control::probe::{BLOCK_PERIODS, ProbeCommand, ProbeReport};
+use crate::control::{PERIOD_S, ValidChannels};
+use crate::driver::LoopReport;
 use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;

@@ -18,11 +18,13 @@
 //! [`Supervisor::trip`] opens the bridge. If observations stop, the hardware watchdog acts, because the
 //! supervisor does not run then.
 
+mod arming;
 pub mod codes;
 mod conditions;
 pub mod observation;
 pub mod thresholds;
 
+pub use arming::{ArmRefusal, MAX_OBSERVATION_AGE_US};
 pub use codes::{CODE_COUNT, Code, CodeDescription, CodeInfo, CodeSet, Effect, Watched};
 pub use observation::{CanState, Observation, ParameterSource, ResetCause, SupervisorBoot};
 pub use thresholds::Thresholds;
@@ -30,14 +32,10 @@ pub use thresholds::Thresholds;
 use crate::store::StoreHealth;
 use compensator_core::parameters::ParameterError;
 use conditions::CauseState;
-use core::fmt;
 use heapless::Deque;
 
 /// Maximum number of pending events. If the queue is full, the oldest event is dropped.
 pub const MAX_PENDING_EVENTS: usize = 32;
-
-/// Maximum age of the last observation when arming, us.
-pub const MAX_OBSERVATION_AGE_US: u64 = 20_000;
 
 /// State of the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,35 +56,6 @@ pub struct Event {
     /// True if the code was raised. A fault is cleared on request, a limit when its cause has gone.
     pub raised: bool,
 }
-
-/// The reasons a request to arm was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ArmRefusal {
-    /// Latched faults, and causes of faults that are present.
-    pub causes: CodeSet,
-    /// No observation arrived in the last [`MAX_OBSERVATION_AGE_US`].
-    pub unobserved: bool,
-    /// The board does not measure the bus voltage or the phase currents.
-    pub unmeasured: bool,
-}
-
-impl fmt::Display for ArmRefusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("not armed:")?;
-        for code in self.causes.iter() {
-            write!(f, " {}", code.info().name)?;
-        }
-        if self.unobserved {
-            f.write_str(" unobserved")?;
-        }
-        if self.unmeasured {
-            f.write_str(" unmeasured")?;
-        }
-        Ok(())
-    }
-}
-
-impl core::error::Error for ArmRefusal {}
 
 /// The supervisor of one joint.
 #[derive(Clone, Debug)]
@@ -284,59 +253,6 @@ impl Supervisor {
         self.command_us = Some(now_us);
     }
 
-    /// Arms the joint, which allows the bridge to be on. A joint that is armed stays armed.
-    ///
-    /// # Errors
-    /// Returns every reason against arming. The state is then unchanged.
-    pub fn arm(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
-        self.arm_ignoring(CodeSet::EMPTY, now_us)
-    }
-
-    /// Arms the joint for commissioning. Unlike [`Supervisor::arm`], it ignores [`Code::NotCommissioned`],
-    /// because commissioning determines the wiring that this code asks to be confirmed, and
-    /// [`Code::PositionUnknown`], because the position has no meaning before.
-    ///
-    /// # Errors
-    /// See [`Supervisor::arm`].
-    pub fn arm_to_commission(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
-        let mut unconfirmed = CodeSet::EMPTY;
-        unconfirmed.insert(Code::NotCommissioned);
-        unconfirmed.insert(Code::PositionUnknown);
-        self.arm_ignoring(unconfirmed, now_us)
-    }
-
-    fn arm_ignoring(&mut self, ignored: CodeSet, now_us: u64) -> Result<(), ArmRefusal> {
-        if self.armed {
-            return Ok(());
-        }
-        let stopping = |code: &Code| code.info().effect == Effect::Stops;
-        let mut causes = self.latched;
-        let present = self.present.without(ignored);
-        present.iter().filter(stopping).for_each(|code| causes.insert(code));
-        // The command timeout is evaluated now, not as of the last observation.
-        if self.command_is_late(now_us) {
-            causes.insert(Code::CommandTimeout);
-        } else if !self.latched.contains(Code::CommandTimeout) {
-            self.set_present(Code::CommandTimeout, false);
-            causes.remove(Code::CommandTimeout);
-        }
-        let fresh = self
-            .last_us
-            .is_some_and(|last_us| now_us >= last_us && now_us - last_us <= MAX_OBSERVATION_AGE_US);
-        let refusal = ArmRefusal { causes, unobserved: !fresh, unmeasured: !self.measured };
-        if !causes.is_empty() || refusal.unobserved || refusal.unmeasured {
-            return Err(refusal);
-        }
-        self.armed = true;
-        Ok(())
-    }
-
-    /// Disarms the joint, which opens the bridge. It is accepted in every state.
-    pub fn disarm(&mut self) {
-        self.armed = false;
-        self.stopping = false;
-    }
-
     /// Sets the faults after which the bridge stays on for a ramp. The driver then stops the joint and calls
     /// [`Supervisor::disarm`]. A fault that is not in the set opens the bridge at once, also during a ramp.
     pub fn set_ramp_faults(&mut self, codes: CodeSet) {
@@ -505,10 +421,5 @@ impl Supervisor {
     /// Returns the number of events that were dropped because the queue was full.
     pub fn events_lost(&self) -> u32 {
         self.events_lost
-    }
-
-    fn command_is_late(&self, now_us: u64) -> bool {
-        let timeout_us = u64::from(self.thresholds.command_timeout_us);
-        self.command_us.is_none_or(|command_us| now_us.saturating_sub(command_us) >= timeout_us)
     }
 }

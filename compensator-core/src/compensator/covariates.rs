@@ -3,7 +3,8 @@
 //! A macro generates them from the rows with a `guard` in the table of [`crate::quantity`]. A model without
 //! terms skips this code. Without the feature `terms`, the module `no_covariates` replaces this one.
 
-use super::{BuiltParameters, Guard, Held, SealWeights, limit};
+use super::guards::{Guard, Held, SealWeights};
+use super::{BuiltParameters, limit};
 use crate::envelope::Envelope;
 use crate::flags::Flags;
 use crate::model::FrictionModel;

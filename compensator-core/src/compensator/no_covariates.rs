@@ -1,6 +1,7 @@
 //! Replaces `covariates` in builds without the feature `terms`: the same interface, no data and no cost.
 
-use super::{BuiltParameters, SealWeights};
+use super::BuiltParameters;
+use super::guards::SealWeights;
 use crate::envelope::Envelope;
 use crate::flags::Flags;
 use crate::model::FrictionModel;

@@ -7,39 +7,6 @@
 
 use crate::envelope::Envelope;
 
-/// Returns the length of `(a, b)` to 1e-14 of it, between 1e-19 and 1e19. A longer one is infinite, so that a bound is
-/// refused; one below 1e-22 is 0. The function of `libm` would add 1 KB to the image of a driver.
-pub(super) fn length(a: f64, b: f64) -> f64 {
-    if a == 0.0 || b == 0.0 {
-        return a.abs() + b.abs();
-    }
-    let square = a * a + b * b;
-    let near = f64::from(libm::sqrtf(square as f32));
-    // One step of Newton.
-    if near > 0.0 { 0.5 * (near + square / near) } else { near }
-}
-
-/// Returns `e^x` to 1e-13 of it, for `x` limited to -700..=700. The function of `libm` would add 1 KB to the image of a
-/// driver.
-pub(super) fn exponential(x: f64) -> f64 {
-    use core::f64::consts::LN_2;
-    let x = x.clamp(-700.0, 700.0);
-    let doublings = (x / LN_2 + 0.5_f64.copysign(x)) as i32;
-    let rest = x - f64::from(doublings) * LN_2;
-    // The rest is at most `ln 2 / 2`: the first term left out is below 1e-17.
-    let series = (1..=13).rev().fold(1.0, |sum, term| 1.0 + sum * rest / f64::from(term));
-    // A power of two: the exponent of a double is stored plus 1023.
-    series * f64::from_bits(((1023 + doublings) as u64) << 52)
-}
-
-/// Returns the logarithm of a number from 1 on, to 1e-14. The function of `libm` would add 700 bytes to the image of a
-/// driver.
-pub(super) fn logarithm(x: f64) -> f64 {
-    let near = f64::from(libm::logf(x as f32));
-    // One step of Newton.
-    near + (x * exponential(-near) - 1.0)
-}
-
 /// Minimum share of a level that must remain under load, pressure or wear. It is large enough that rounding in
 /// the number type of the step cannot make the level 0.
 pub(crate) const LEAST_SHARE: f64 = 1e-3;
@@ -127,29 +94,5 @@ impl Bounds {
                 .plus(self.per_pascal, at(1, envelope.pressure_diff_max_pa))
                 .plus(self.per_load_torque, at(2, envelope.load_torque_max_nm))
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn length_logarithm_and_exponential_agree_with_libm() {
-        let numbers = [1e-12, 3e-7, 0.1, 0.7, 0.99, 1.0, 2.5, 123.456, 7.7e8, 1e15];
-        for a in numbers {
-            assert_eq!((length(a, 0.0), length(0.0, -a)), (a, a));
-            for b in numbers {
-                let expected = libm::hypot(a, b);
-                assert!((length(-a, b) - expected).abs() <= 1e-14 * expected, "{a} {b}");
-            }
-            for x in [a, -a] {
-                let expected = libm::exp(x.clamp(-700.0, 700.0));
-                assert!((exponential(x) - expected).abs() <= 1e-13 * expected, "{x}");
-            }
-            let expected = libm::log(1.0 + a);
-            let difference = logarithm(1.0 + a) - expected;
-            assert!(difference.abs() <= 1e-13 * expected.max(1.0), "{a}: {difference}");
-        }
     }
 }

@@ -3,7 +3,7 @@
 //! The age of the contact follows Dieterich (1979): `d(age)/dt = 1 - |v| age / travel`. The implicit step keeps
 //! the age positive. The age decays within one `travel`.
 
-use super::bounds::{Bounds, logarithm};
+use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -71,12 +71,12 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
         let speed = f64::from(envelope.velocity_max_rad_s);
         let size = |coefficient: T| coefficient.value().abs();
         let aged = size(self.per_time) * CONTACT_AGE_MAX_S;
-        (size(self.gain) * logarithm(1.0 + aged)).max(size(self.renewal) * speed).max(aged)
+        (size(self.gain) * libm::log(1.0 + aged)).max(size(self.renewal) * speed).max(aged)
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let ages = CONTACT_AGE_MAX_S / values.value(Id::DwellTime);
-        bounds.static_level += values.value(Id::DwellGain) * logarithm(1.0 + ages);
+        bounds.static_level += values.value(Id::DwellGain) * libm::log(1.0 + ages);
     }
 
     fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {

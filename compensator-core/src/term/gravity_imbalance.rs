@@ -1,7 +1,7 @@
 //! `+ m sin(q + phi)`: a torque that depends on the angle, not on the direction of motion.
 
 use super::angle::over_angle;
-use super::bounds::{Bounds, length};
+use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -53,7 +53,7 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (sine, cosine) = (values.value(Id::GravitySine), values.value(Id::GravityCosine));
-        bounds.torque += length(sine, cosine);
+        bounds.torque += libm::hypot(sine, cosine);
     }
 
     fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {

@@ -1,7 +1,7 @@
 //! `g *= 1 + a sin(n q + phi)`: friction depends on the shaft angle.
 
 use super::angle::over_angle;
-use super::bounds::{Bounds, length};
+use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -26,7 +26,7 @@ const AMPLITUDE_MAX: f64 = 0.99;
 
 /// Returns the amplitude of the ripple.
 fn amplitude<S: Real>(values: &ParameterValues<S>) -> f64 {
-    length(values.value(Id::RippleSine), values.value(Id::RippleCosine))
+    libm::hypot(values.value(Id::RippleSine), values.value(Id::RippleCosine))
 }
 
 impl<T: Real> Term<T> for PositionRipple<T> {

@@ -1,6 +1,6 @@
 //! `g *= exp(-b (T - T0))`: the seal stiffens at low temperature.
 
-use super::bounds::{Bounds, LEAST_SHARE, exponential, logarithm};
+use super::bounds::{Bounds, LEAST_SHARE};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -60,13 +60,13 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        let [cold, hot] = exponents(values).map(exponential);
+        let [cold, hot] = exponents(values).map(libm::exp);
         bounds.scale_level(cold.min(hot), cold.max(hot));
     }
 
     fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         let steepest = exponents(values).into_iter().map(f64::abs).fold(0.0, f64::max);
-        let most = logarithm(1.0 / LEAST_SHARE);
+        let most = -libm::log(LEAST_SHARE);
         if steepest > most {
             let rate = values.value(Id::TemperatureCoulomb);
             let why = "the level must stay positive, and sane, from -50 to 150 deg C";

@@ -1,6 +1,6 @@
 //! `sigma2 *= exp(-b (T - T0))`: the viscosity of the lubricant decreases with temperature.
 
-use super::bounds::{Bounds, exponential};
+use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -55,7 +55,7 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (rate, reference) =
             (values.value(Id::TemperatureViscosity), values.value(Id::TemperatureReference));
-        let factor = TEMPERATURE_RANGE_C.map(|end| exponential(-rate * (end - reference)));
+        let factor = TEMPERATURE_RANGE_C.map(|end| libm::exp(-rate * (end - reference)));
         bounds.viscous_factor *= factor[0].max(factor[1]);
     }
 

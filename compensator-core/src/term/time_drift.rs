@@ -1,6 +1,6 @@
 //! `g *= 1 + a exp(-t/T) + r t`: run-in and wear.
 
-use super::bounds::{Bounds, LEAST_SHARE, exponential};
+use super::bounds::{Bounds, LEAST_SHARE};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -26,7 +26,7 @@ fn range<S: Real>(values: &ParameterValues<S>, envelope: &Envelope) -> (f64, f64
     let amplitude = values.value(Id::DriftAmplitude);
     let start = 1.0 + amplitude;
     let end = 1.0
-        + amplitude * exponential(-end_s / values.value(Id::DriftTime))
+        + amplitude * libm::exp(-end_s / values.value(Id::DriftTime))
         + values.value(Id::DriftRate) * end_s;
     (start.min(end).min(1.0), start.max(end).max(1.0))
 }

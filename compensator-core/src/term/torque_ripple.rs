@@ -6,7 +6,7 @@
 //! costs one comparison.
 
 use super::angle::over_angle;
-use super::bounds::{Bounds, length};
+use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -78,7 +78,7 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         for [_, sine, cosine] in TORQUE_RIPPLE_PARAMETERS {
-            bounds.torque += length(values.value(sine), values.value(cosine));
+            bounds.torque += libm::hypot(values.value(sine), values.value(cosine));
         }
     }
 

@@ -22,11 +22,14 @@
 //! period that hardware has exchanged: the second one answers the first, so its angle was latched between
 //! the two, microseconds before the period's sample.
 
+mod frames;
 mod pairs;
 
+pub use frames::{EncoderError, EncoderType, STUCK_AFTER_FRAMES};
 pub use pairs::FramePairs;
 
 use embedded_hal::spi::{Operation, SpiDevice};
+use frames::{AnswerCheck, Awaited, READ_ANGLE, READ_ERRORS};
 
 /// Bits of an angle.
 pub const ANGLE_BITS: u32 = 14;
@@ -50,46 +53,10 @@ pub const fn clock_divider(source_hz: u32) -> u32 {
     divider
 }
 
-/// Command to read the angle; both types have this address.
-const READ_ANGLE: u16 = command(0x3FFF);
-/// Command to read the error register, which clears it.
-const READ_ERRORS: u16 = command(0x0001);
-
 /// Frames from one reading of the diagnostics to the next: a second at 20 kHz.
 const DIAGNOSE_EVERY_FRAMES: u16 = 20_000;
 /// Frames from the start to the first reading: 50 ms.
 const DIAGNOSE_AFTER_FRAMES: u16 = 1000;
-
-/// Faults of the magnet in the diagnostics of both types: 9 CORDIC overflow, 10 field too strong, 11 too weak.
-const MAGNET_FAULTS: u16 = 0b1110 << 8;
-
-/// Type of the encoder, which differ in the address of their diagnostics.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EncoderType {
-    /// AS5047P: DIAAGC at 3FFCh.
-    #[default]
-    As5047p,
-    /// AS5048A: diagnostics and AGC at 3FFDh.
-    As5048a,
-}
-
-impl EncoderType {
-    const fn read_diagnostics(self) -> u16 {
-        match self {
-            Self::As5047p => command(0x3FFC),
-            Self::As5048a => command(0x3FFD),
-        }
-    }
-}
-
-const ERROR: u16 = 1 << 14;
-const DATA: u16 = ERROR - 1;
-
-/// Number of identical frames after which the angle counts as stuck: 0.2 s at 20 kHz.
-///
-/// With a noise of three counts at most every eighth sample repeats the previous one. Even with a tenth of
-/// that noise and the angle in the middle of a count, the value still changes within this time.
-pub const STUCK_AFTER_FRAMES: u16 = 4000;
 
 /// Delays from chip select to the first clock, and from the last clock to its release, ns (data sheet: t_L,
 /// t_H).
@@ -98,92 +65,6 @@ pub const SELECT_NS: u32 = 350;
 pub const RELEASE_NS: u32 = 100;
 /// Minimum time between two frames in which the chip is not selected, ns (data sheet: t_CSn).
 pub const DESELECTED_NS: u32 = 350;
-
-/// Returns a read command, with even parity in the top bit.
-const fn command(register: u16) -> u16 {
-    let word = ERROR | (register & DATA);
-    word | ((word.count_ones() as u16 & 1) << 15)
-}
-
-/// Reason why a frame contains no angle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EncoderError<E> {
-    /// The SPI transfer failed.
-    Spi(E),
-    /// The parity is wrong.
-    Parity,
-    /// The angle has not changed for [`STUCK_AFTER_FRAMES`] frames.
-    Stuck,
-    /// The encoder reports an error. The error register is being read, which clears the flag.
-    Flagged,
-    /// The frame carries no angle: it is the first one, or the answer about errors or diagnostics.
-    NoAngle,
-    /// The frames of this period were not exchanged in time.
-    Missing,
-}
-
-/// Content of the next answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Awaited {
-    Unknown,
-    Angle,
-    Errors,
-    Diagnostics,
-}
-
-/// Evaluates answers: parity, flag, and whether the angle still changes.
-#[derive(Debug)]
-struct AnswerCheck {
-    errors: u16,
-    /// Last diagnostics.
-    diagnostics: u16,
-    /// Last angle, and number of frames since it changed.
-    last: u16,
-    identical_frames: u16,
-}
-
-impl AnswerCheck {
-    const fn new() -> Self {
-        Self { errors: 0, diagnostics: 0, last: 0, identical_frames: 0 }
-    }
-
-    const fn has_magnet_fault(&self) -> bool {
-        self.diagnostics & MAGNET_FAULTS != 0
-    }
-
-    /// Returns the angle of an answer of which `awaited` is expected.
-    #[inline(always)]
-    fn angle<E>(&mut self, awaited: Awaited, answer: u16) -> Result<u16, EncoderError<E>> {
-        if !answer.count_ones().is_multiple_of(2) {
-            return Err(EncoderError::Parity);
-        }
-        match awaited {
-            Awaited::Unknown => Err(EncoderError::NoAngle),
-            Awaited::Errors => {
-                self.errors |= answer & DATA;
-                Err(EncoderError::NoAngle)
-            }
-            Awaited::Angle | Awaited::Diagnostics if answer & ERROR != 0 => {
-                Err(EncoderError::Flagged)
-            }
-            Awaited::Diagnostics => {
-                self.diagnostics = answer & DATA;
-                Err(EncoderError::NoAngle)
-            }
-            Awaited::Angle => {
-                let angle = answer & DATA;
-                self.identical_frames =
-                    if angle == self.last { self.identical_frames.saturating_add(1) } else { 0 };
-                self.last = angle;
-                if self.identical_frames < STUCK_AFTER_FRAMES {
-                    Ok(angle)
-                } else {
-                    Err(EncoderError::Stuck)
-                }
-            }
-        }
-    }
-}
 
 /// One encoder.
 #[derive(Debug)]
@@ -283,6 +164,7 @@ impl<S: SpiDevice<u16>> As504x<S> {
 
 #[cfg(test)]
 mod tests {
+    use super::frames::{DATA, ERROR};
     use super::*;
     use core::convert::Infallible;
     use embedded_hal::spi::ErrorType;

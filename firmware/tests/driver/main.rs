@@ -15,6 +15,7 @@ mod parameters;
 mod pdos;
 mod sensors;
 mod stock_master;
+mod target_deadline;
 
 use bench::{Bench, NODE, frame};
 use compensator_core::can::{Message, MotionFrame, SealFrame, SyncFrame};

@@ -52,9 +52,9 @@ pub enum SdoError {
         /// Reason given by the node; empty if none.
         why: String,
     },
-    /// The node is locked, and its key is another one.
+    /// The object needs the service level, and the key of the node is another one.
     #[error(
-        "{object}: node {node} is locked, and its key is not the one that was given{}; use --key FILE or {KEY_VARIABLE}",
+        "{object}: needs the service level, and the key of node {node} is not the one that was given{}; use --key FILE or {KEY_VARIABLE}",
         reason(.why)
     )]
     WrongKey {
@@ -64,6 +64,16 @@ pub enum SdoError {
         node: u8,
         /// Reason given by the node; empty if none.
         why: String,
+    },
+    /// The object needs the service level, and the node accepts no response for a while after a wrong one.
+    #[error(
+        "{object}: needs the service level, and node {node} accepts no response now, because the last one was wrong; repeat in up to 60 s"
+    )]
+    UnlockDelayed {
+        /// The object, by name and address.
+        object: String,
+        /// Number of the node.
+        node: u8,
     },
     /// The answer does not follow the protocol.
     #[error("{object}: the answer of node {node} violates CiA 301")]

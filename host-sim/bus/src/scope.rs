@@ -75,11 +75,14 @@ pub enum ScopeError {
     #[error(transparent)]
     Bus(#[from] crate::bus::BusError),
     /// The trigger did not occur.
-    #[error("no trigger within {0:.1} s")]
+    #[error("no trigger within {0:.1} s; check --trigger, or wait longer by --timeout")]
     NoTrigger(f64),
     /// No rows came.
     #[error("the joint records nothing: it has no current loop, as in HIL (2001h:1 = 1)")]
     NoRows,
+    /// The joint has no memory for a capture.
+    #[error("the joint has no memory for captures, as `host-sim node` without --motor")]
+    NoMemory,
     /// Rows were lost twice.
     #[error("the joint lost rows of the capture; record fewer signals, or less often")]
     Lost,
@@ -115,13 +118,16 @@ pub fn capture<B: Bus>(
     Err(ScopeError::Lost)
 }
 
-fn set_up<B: Bus>(client: &mut Client<B>, request: &ScopeRequest) -> Result<(), SdoError> {
+fn set_up<B: Bus>(client: &mut Client<B>, request: &ScopeRequest) -> Result<(), ScopeError> {
     for place in 0..MAX_SIGNALS {
         let number = request.signals.get(place).map_or(0, |signal| signal.number());
         client.write(Address::new(index::SCOPE_SIGNALS, place as u8 + 1), &[number])?;
     }
     client.write(at(ScopeObject::EVERY), &request.every.to_le_bytes())?;
     let values = client.read_number(at(ScopeObject::MEMORY_VALUES))?;
+    if values == 0 {
+        return Err(ScopeError::NoMemory);
+    }
     let rows = f64::from(values) / request.signals.len().max(1) as f64;
     let before = (request.before * rows) as u16;
     client.write(at(ScopeObject::ROWS_BEFORE), &before.to_le_bytes())?;
@@ -132,7 +138,8 @@ fn set_up<B: Bus>(client: &mut Client<B>, request: &ScopeRequest) -> Result<(), 
     };
     client.write(at(ScopeObject::TRIGGER_SIGNAL), &[signal])?;
     client.write(at(ScopeObject::TRIGGER_LEVEL), &level.to_le_bytes())?;
-    client.write(at(ScopeObject::IS_FALLING), &[u8::from(is_falling)])
+    client.write(at(ScopeObject::IS_FALLING), &[u8::from(is_falling)])?;
+    Ok(())
 }
 
 /// Waits until the capture is complete or has failed.
@@ -178,4 +185,28 @@ fn read<B: Bus>(client: &mut Client<B>, signals: usize) -> Result<Capture, Scope
         bytes.as_chunks::<4>().0.iter().map(|word| f64::from(f32::from_le_bytes(*word))).collect();
     let column = |place: usize| values.iter().skip(place).step_by(signals).copied().collect();
     Ok(Capture { columns: (0..signals).map(column).collect(), trigger_row })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bus::Hub;
+    use crate::joint::JointNode;
+    use compensator_core::can::NodeId;
+
+    #[test]
+    fn capture_of_a_joint_without_memory_reports_it() {
+        let hub = Hub::new();
+        hub.attach(JointNode::start(NodeId::FIRST, None).expect("starts without a file"));
+        let request = ScopeRequest {
+            signals: vec![Signal::from_number(1).expect("a signal")],
+            every: 1,
+            trigger: ScopeTrigger::Now,
+            before: 0.0,
+            timeout: Duration::from_secs(1),
+        };
+        let mut client = Client::new(hub.port(), NodeId::FIRST);
+        let error = capture(&mut client, &request, || false).expect_err("no memory");
+        assert!(error.to_string().contains("no memory for captures"), "{error}");
+    }
 }

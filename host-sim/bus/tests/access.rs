@@ -66,7 +66,8 @@ fn wrong_key_is_reported_with_the_object_and_the_remedy() {
         assert!(words.contains(part), "{words}");
     }
     let words = stranger.write(FOLLOWING_TIME, &[6, 0]).unwrap_err().to_string();
-    assert!(words.contains("wait up to 60 s"), "{words}");
+    assert!(words.contains("repeat in up to 60 s"), "{words}");
+    assert!(!words.contains("--key"), "the key may be right: {words}");
     assert_eq!(stranger.read_number(FOLLOWING_TIME).unwrap(), 5);
 }
 
@@ -78,4 +79,16 @@ fn joint_that_starts_open_needs_no_key() {
     client.lock().unwrap();
     let mut stranger = Client::new(hub.port(), NodeId::FIRST).with_key(OWN_KEY);
     stranger.write(FOLLOWING_TIME, &[6, 0]).unwrap();
+}
+
+#[test]
+fn open_joint_whose_key_is_unknown_is_not_locked() {
+    let hub = joint();
+    let mut client = Client::new(hub.port(), NodeId::FIRST);
+    client.set_key(OWN_KEY).unwrap();
+    client.set_locked_by_default(false).unwrap();
+    let mut stranger = Client::new(hub.port(), NodeId::FIRST);
+    let error = stranger.set_locked_by_default(true).unwrap_err();
+    assert!(matches!(error, SdoError::WrongKey { .. }), "{error}");
+    stranger.write(FOLLOWING_TIME, &[6, 0]).expect("still open");
 }

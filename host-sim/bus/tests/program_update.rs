@@ -6,7 +6,9 @@ use ed25519_dalek::SigningKey;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{OperationObject, ProgramObject, StateObject};
+use firmware::node::dictionary::records::{
+    CommitObject, OperationObject, ProgramObject, StateObject,
+};
 use firmware::node_settings::NodeSettings;
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
 use firmware::supervisor::ResetCause;
@@ -16,13 +18,14 @@ use firmware::update::package::Version;
 use firmware::update::recovery::{RECOVERY_STATE, Recovery, identity};
 use firmware::update::session::OtherState;
 use firmware::update::{Program, Slot};
-use joint_bus::bus::{BitRates, Hub, Participant, Port};
+use joint_bus::bus::{BitRates, Bus, Hub, Participant, Port};
 use joint_bus::canopen::Client;
 use joint_bus::program::package::{Code, Package, Release, Statement};
 use joint_bus::program::update::{Outcome, Update, UpdateError};
 use joint_trace::CanFrame;
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::time::Duration;
 
 const PAGE: u32 = PAGE_BYTES as u32;
 const SLOT_PAGES: u32 = 12;
@@ -412,6 +415,19 @@ impl Participant for SecondMaster {
         let request = self.due.take()?;
         Frame::new(0x601, &request).map(CanFrame::from)
     }
+}
+
+/// As after Ctrl-C in a transfer: the joint awaits the next segment, and takes a question for it.
+#[test]
+fn update_after_a_master_that_ended_within_a_block_is_confirmed() {
+    let mut bench = Bench::running();
+    let network = CommitObject::NETWORK_RECORD;
+    for data in [[0xC6, 0x27, 0x20, network, 100, 0, 0, 0], [1, 0, 0, 0, 0, 0, 0, 0]] {
+        bench.client.bus().send(&Frame::new(0x601, &data).unwrap().into()).unwrap();
+        while bench.client.bus().receive_within(Duration::from_millis(2)).unwrap().is_some() {}
+    }
+    bench.update(&package("1.1.0")).unwrap();
+    assert_eq!(bench.version(), "1.1.0");
 }
 
 #[test]

@@ -140,16 +140,21 @@ impl ScopeResult {
         table
     }
 
-    fn page(&self) -> Page {
+    /// Returns one line: the joint, the captures, their rows and rate, and the trigger. The rate is the one that was used,
+    /// because only whole multiples of the loop's period exist.
+    pub fn headline(&self) -> String {
         let rate = format!("{:.0}", 1.0 / self.period_s);
         let rows = self.captures.first().map_or(0, |first| self.times(first).len());
-        let subtitle = format!(
+        format!(
             "{}: {} of {rows} rows at {rate} Hz, trigger: {}",
             self.joint,
             plural(self.captures.len(), "capture"),
             self.trigger
-        );
-        let mut page = Page::new("Scope of the current loop", subtitle);
+        )
+    }
+
+    fn page(&self) -> Page {
+        let mut page = Page::new("Scope of the current loop", self.headline());
         page.push(Block::Paragraph("Time counts from the trigger.".to_owned()));
         let mut units: Vec<&str> = self.signals.iter().map(|name| unit(name)).collect();
         units.dedup();

@@ -6,6 +6,7 @@ use super::bus::{BusArguments, read_key};
 use super::output::print_text;
 use canopen_rs::Address;
 use clap::{Args, Subcommand, ValueEnum};
+use firmware::node::dictionary::records::AccessObject;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
@@ -62,7 +63,10 @@ pub fn run(arguments: &AccessArguments) -> Result<(), String> {
     let words = |error: SdoError| error.to_string();
     match &arguments.action {
         Action::Status => {}
-        Action::Lock => client.lock().map_err(words)?,
+        Action::Lock => {
+            client.lock().map_err(words)?;
+            require_policy(&mut client, arguments)?;
+        }
         Action::SetKey { file } => {
             client.set_key(read_key(file)?).and_then(|()| save(&mut client)).map_err(words)?;
         }
@@ -70,9 +74,27 @@ pub fn run(arguments: &AccessArguments) -> Result<(), String> {
             let is_locked = matches!(policy, Policy::Locked);
             let set = client.set_locked_by_default(is_locked);
             set.and_then(|()| save(&mut client)).map_err(words)?;
+            if is_locked {
+                client.lock().map_err(words)?;
+            }
         }
     }
     report(&mut client, arguments).map_err(words).and_then(|text| print_text(&text))
+}
+
+/// Returns an error if the joint cannot be locked, because every node may write everything.
+fn require_policy<B: Bus>(
+    client: &mut Client<B>,
+    arguments: &AccessArguments,
+) -> Result<(), String> {
+    let policy = client.read_number(Address::new(index::ACCESS, AccessObject::LOCKED_BY_DEFAULT));
+    if policy.map_err(|error| error.to_string())? == 1 {
+        return Ok(());
+    }
+    let (node, bus) = (arguments.bus.node_id.number(), &arguments.bus.bus);
+    Err(format!(
+        "node {node} on {bus}: not locked, because its policy is open; set it with `host-sim access policy locked`"
+    ))
 }
 
 fn save<B: Bus>(client: &mut Client<B>) -> Result<(), SdoError> {
@@ -94,4 +116,30 @@ fn report<B: Bus>(client: &mut Client<B>, arguments: &AccessArguments) -> Result
     let start = if is_locked { "locked" } else { "open" };
     let name = format!("node {node} on {}", arguments.bus.bus);
     Ok(format!("{name}: {state}, starts {start}, wrong responses: {wrong}\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use compensator_core::can::NodeId;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        access: AccessArguments,
+    }
+
+    #[test]
+    fn lock_of_a_joint_with_an_open_policy_is_an_error_with_the_remedy() {
+        let hub = Hub::new();
+        hub.attach(JointNode::start(NodeId::FIRST, None).expect("starts without a file"));
+        let mut client = Client::new(hub.port(), NodeId::FIRST);
+        let arguments = Line::parse_from(["access", "lock"]).access;
+        assert_eq!(require_policy(&mut client, &arguments), Ok(()));
+        client.set_locked_by_default(false).expect("unlocks by the default key");
+        let words = require_policy(&mut client, &arguments).expect_err("not locked");
+        assert!(words.starts_with("node 1 on loop: not locked"), "{words}");
+        assert!(words.contains("access policy locked"), "{words}");
+    }
 }

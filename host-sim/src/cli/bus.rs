@@ -40,10 +40,19 @@ pub struct BusArguments {
 /// Returns one line if the file cannot be read or has other contents.
 pub(super) fn read_key(path: &Path) -> Result<Key, String> {
     let name = path.display();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
-    let number = Some(text.trim()).filter(|digits| digits.len() == 2 * Key::LENGTH);
-    let number = number.and_then(|digits| u128::from_str_radix(digits, 16).ok());
-    let number = number.ok_or_else(|| format!("{name}: expected 32 hexadecimal digits"))?;
+    let bytes = std::fs::read(path).map_err(|error| format!("key {name}: {error}"))?;
+    let text = str::from_utf8(&bytes).unwrap_or_default().trim();
+    let is_key = text.len() == 2 * Key::LENGTH && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let number = u128::from_str_radix(text, 16).ok().filter(|_| is_key);
+    let number = number.ok_or_else(|| {
+        if text.starts_with("ed25519-") {
+            return format!("key {name}: a key that signs programs; expected the key of the joint, 32 hexadecimal digits");
+        }
+        let found = bytes.len();
+        format!(
+            "key {name}: {found} bytes that are no key; expected 32 hexadecimal digits, as of `head -c 16 /dev/urandom | xxd -p`"
+        )
+    })?;
     Ok(Key::new(number.to_be_bytes()))
 }
 

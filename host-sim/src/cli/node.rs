@@ -19,7 +19,8 @@ pub struct NodeArguments {
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
     /// Simulate a motor and a joint in real time. The driver is commissioned, uses its own sensors, and can move the joint.
-    /// Node 1 only; saved parameters are lost when the process ends
+    /// It starts with open access. Node 1 only; saved parameters are lost when the process ends, and a restart over the bus
+    /// is not simulated
     #[arg(long, conflicts_with = "flash")]
     motor: bool,
     /// Stop after this time, s; by default at Ctrl-C

@@ -23,6 +23,7 @@ use compensator_core::can::slcan::BitRate;
 use firmware::node::dictionary::records::TraceObject;
 use firmware::node::dictionary::{LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
+use firmware::supervisor::Code;
 use friction_identification::data::JointKind;
 use friction_identification::params::{self, ParameterFile};
 use friction_results::loop_cost::late_loop_warning;
@@ -265,6 +266,21 @@ fn sdo_message(error: SdoError) -> String {
     error.to_string()
 }
 
+/// Adds to a refusal what ends the cause of each code that it names.
+fn with_remedies(refusal: &str) -> String {
+    let mut text = refusal.to_owned();
+    for &code in Code::ALL {
+        let name = code.info().name;
+        if refusal.split([' ', ':']).any(|word| word == name) {
+            text += &format!("; {name} ends by: {}", code.description().cleared_by);
+        }
+    }
+    if refusal.contains(Code::CommandTimeout.info().name) {
+        text += " (a Command or a CiA 402 target of a master, in the network state operational)";
+    }
+    text
+}
+
 impl Driver {
     fn number(&mut self, at_index: u16, place: u8) -> Result<u32, String> {
         self.client.read_number(Address::new(at_index, place)).map_err(sdo_message)
@@ -371,6 +387,11 @@ impl Driver {
         for item in what {
             match item.split_once('=') {
                 Some((name, value)) => put(&mut set, name.trim(), value.trim())?,
+                None if !Path::new(item).exists() => {
+                    return Err(format!(
+                        "{item}: No such file; expected a parameter file or NAME=VALUE"
+                    ));
+                }
                 None => {
                     let file = self.read_file(Path::new(item))?;
                     let with_name = |error| format!("{item}: {error}");
@@ -434,7 +455,8 @@ impl Driver {
 
     /// Requests a state change and returns the resulting state.
     fn request(&mut self, request: u8) -> Result<String, String> {
-        self.client.write(Address::new(index::STATE, 1), &[request]).map_err(sdo_message)?;
+        let requested = self.client.write(Address::new(index::STATE, 1), &[request]);
+        requested.map_err(|error| with_remedies(&error.to_string()))?;
         self.state().map(str::to_owned)
     }
 
@@ -445,5 +467,20 @@ impl Driver {
             2 => "fault",
             _ => "unknown",
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusal_with_codes_states_what_ends_each_of_them() {
+        let text = with_remedies("refused: not armed: command-timeout can-bus-off");
+        assert!(text.starts_with("refused: not armed: command-timeout can-bus-off; "), "{text}");
+        assert!(text.contains("command-timeout ends by: a set-point; "), "{text}");
+        assert!(text.contains("can-bus-off ends by: it is back on the bus"), "{text}");
+        assert!(text.ends_with("in the network state operational)"), "{text}");
+        assert_eq!(with_remedies("no code: the joint moves"), "no code: the joint moves");
     }
 }

@@ -138,7 +138,8 @@ pub fn run(arguments: &ScopeArguments) -> Result<(), String> {
     let names: Vec<&str> = all.iter().map(|(name, _)| *name).collect();
     let folder = arguments.output.folder().display();
     print_formatted(&format!(
-        "{}\n\nWritten to {folder}: {}\n",
+        "{}\n\n{}\n\nWritten to {folder}: {}\n",
+        result.headline(),
         table::scope(&result.summary()),
         names.join(", ")
     ))

@@ -15,7 +15,7 @@ pub struct SignArguments {
     #[arg(value_name = "IMAGE", required_unless_present = "new_key", num_args = 1..=2)]
     images: Vec<PathBuf>,
     /// Make a key pair: the private key in FILE, the public one in FILE.pub
-    #[arg(long, value_name = "FILE", exclusive = true)]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["images", "key", "version", "counter", "board", "out"])]
     new_key: Option<PathBuf>,
     /// File of the private key
     #[arg(long, value_name = "FILE", required_unless_present = "new_key")]
@@ -33,7 +33,7 @@ pub struct SignArguments {
     #[arg(long, value_name = "FILE", default_value = "joint.package")]
     out: PathBuf,
     /// Print the result as JSON
-    #[arg(long, exclusive = false)]
+    #[arg(long)]
     json: bool,
 }
 
@@ -50,10 +50,14 @@ fn board(text: &str) -> Result<u32, String> {
 pub fn run(arguments: &SignArguments) -> Result<(), String> {
     if let Some(path) = &arguments.new_key {
         let public = key::create(path).map_err(|error| error.to_string())?;
+        let (private, public) = (path.display().to_string(), public.display().to_string());
+        if arguments.json {
+            return print_text(
+                &(json!({ "private_key": private, "public_key": public }).to_string() + "\n"),
+            );
+        }
         return print_text(&format!(
-            "written: {}, {}\nnote: keep the private key offline; whoever has it can install any program\n",
-            path.display(),
-            public.display()
+            "written: {private}, {public}\nnote: keep the private key offline; its holder can install any program\n"
         ));
     }
     let Some(key) = &arguments.key else { return Err("sign needs --key".to_owned()) };
@@ -65,14 +69,15 @@ pub fn run(arguments: &SignArguments) -> Result<(), String> {
         packages.push(Package::sign(&code, Statement { board, version, counter }, &key));
     }
     let release = Release::new(packages)
-        .ok_or("the images are linked for the same slot: build the second one for slot B")?;
+        .ok_or("the images are linked for the same slot; expected one of `cargo firmware` and one of `cargo firmware-b`")?;
     let out = &arguments.out;
     let bytes = release.to_bytes();
     std::fs::write(out, &bytes).map_err(|error| format!("{}: {error}", out.display()))?;
-    print_text(&(described(arguments, &release) + "\n"))
+    let is_published = key::is_published(&key);
+    print_text(&(described(arguments, &release, is_published) + "\n"))
 }
 
-fn described(arguments: &SignArguments, release: &Release) -> String {
+fn described(arguments: &SignArguments, release: &Release, is_published: bool) -> String {
     let SignArguments { board, version, counter, .. } = *arguments;
     let (out, board) = (arguments.out.display().to_string(), board_name(board));
     let parts = release.packages().iter();
@@ -91,6 +96,7 @@ fn described(arguments: &SignArguments, release: &Release) -> String {
             "board": board,
             "version": version.to_string(),
             "counter": counter,
+            "is_test_key": is_published,
             "packages": packages,
         })
         .to_string();
@@ -104,6 +110,9 @@ fn described(arguments: &SignArguments, release: &Release) -> String {
     );
     if release.packages().len() == 1 {
         text += "\nnote: joints that run from this slot cannot install it; sign the images of both slots";
+    }
+    if is_published {
+        text += "\nnote: this is the published test key, so anyone can sign a program that such joints accept";
     }
     text
 }

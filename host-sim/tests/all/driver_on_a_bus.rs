@@ -124,10 +124,24 @@ fn access_shows_and_changes_the_lock_of_a_joint() {
     let refused = params(&["save", "--key", file]);
     let words = text(&refused.stderr);
     assert_eq!(refused.status.code(), Some(2), "{words}");
-    assert!(words.contains("node 1 is locked") && words.contains("FRICTION_JOINT_KEY"), "{words}");
+    assert!(
+        words.contains("the key of node 1 is not") && words.contains("FRICTION_JOINT_KEY"),
+        "{words}"
+    );
     std::fs::write(&key, "0001").unwrap();
     let words = text(&access(&["status", "--key", file]).stderr);
-    assert!(words.ends_with("joint.key: expected 32 hexadecimal digits\n"), "{words}");
+    assert!(
+        words.contains("joint.key: 4 bytes that are no key; expected 32 hexadecimal"),
+        "{words}"
+    );
+    std::fs::write(&key, "ed25519-private 0707").unwrap();
+    let words = text(&access(&["status", "--key", file]).stderr);
+    assert!(words.contains("joint.key: a key that signs programs; expected"), "{words}");
+    std::fs::write(&key, [0xFF; 16]).unwrap();
+    let words = text(&access(&["status", "--key", file]).stderr);
+    assert!(words.contains("joint.key: 16 bytes that are no key"), "{words}");
+    let words = text(&access(&["status", "--key", "none.key"]).stderr);
+    assert!(words.starts_with("error: key none.key: No such file"), "{words}");
 }
 
 #[test]
@@ -232,7 +246,7 @@ fn params_get_and_set_use_names_and_reject_unknown_ones() {
         ("scale=1", "scale: no such parameter; did you mean unknown_scale or compensator.scale?"),
         ("static_torque=much", "static_torque: found \"much\", expected a number"),
         ("choices.passive=true", "choices.passive: no such choice, expected one of damping_fades"),
-        ("nowhere.toml", "nowhere.toml: No such file"),
+        ("nowhere.toml", "nowhere.toml: No such file; expected a parameter file or NAME=VALUE"),
     ] {
         let refused = params(&["set", what]);
         let error = text(&refused.stderr);

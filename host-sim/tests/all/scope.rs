@@ -36,8 +36,9 @@ fn scope_with_level_trigger_shows_what_led_to_it() {
 fn rows_of_several_captures_are_a_log_with_runs() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["scope", "--rate", "1000", "--captures", "2", "--out", "runs"];
-    let (code, _, stderr) = run(folder.path(), &arguments);
+    let (code, out, stderr) = run(folder.path(), &arguments);
     assert_eq!((code, stderr.as_str()), (Some(0), ""));
+    assert!(out.contains("2 captures of 3072 rows at 1000 Hz, trigger: now"), "{out}");
     let fit = ["identify", "runs/scope.parquet", "--model", "linear", "--json", "--out", "fit"];
     let (code, out, stderr) = run(folder.path(), &fit);
     assert_eq!(code, Some(0), "{stderr}");

@@ -4,10 +4,8 @@
 //! answers the second command of the previous period: the diagnostics, once a second, which therefore cost no
 //! angle.
 
-use super::{
-    AnswerCheck, Awaited, DIAGNOSE_AFTER_FRAMES, DIAGNOSE_EVERY_FRAMES, EncoderError, EncoderType,
-    READ_ANGLE, READ_ERRORS,
-};
+use super::frames::{AnswerCheck, Awaited, EncoderError, EncoderType, READ_ANGLE, READ_ERRORS};
+use super::{DIAGNOSE_AFTER_FRAMES, DIAGNOSE_EVERY_FRAMES};
 use core::convert::Infallible;
 
 /// Evaluates pairs of frames.

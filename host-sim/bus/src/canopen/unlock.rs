@@ -14,6 +14,9 @@ use firmware::node::dictionary::records::AccessObject;
 /// Abort code of a write that needs the service level.
 pub(super) const LOCKED: u32 = 0x0601_0000;
 
+/// Abort code of a response during the wait after a wrong one.
+const WAIT: u32 = 0x0800_0022;
+
 /// Environment variable with the file of the key, for tools.
 pub const KEY_VARIABLE: &str = "FRICTION_JOINT_KEY";
 
@@ -32,14 +35,19 @@ impl<B: Bus> Client<B> {
             Err(SdoError::Refused { code: LOCKED, .. }) => {}
             done => return done,
         }
-        match self.unlock() {
-            Ok(()) => write(self),
-            Err(SdoError::Refused { why, .. }) => {
-                let (object, node) = (name(object), self.node.number());
-                Err(SdoError::WrongKey { object, node, why })
-            }
-            Err(error) => Err(error),
-        }
+        self.unlock_for(object)?;
+        write(self)
+    }
+
+    /// Unlocks the node for a write of an object, which the error names.
+    fn unlock_for(&mut self, object: Address) -> Result<(), SdoError> {
+        let unlocked = self.unlock();
+        let (object, node) = (name(object), self.node.number());
+        unlocked.map_err(|error| match error {
+            SdoError::Refused { code: WAIT, .. } => SdoError::UnlockDelayed { object, node },
+            SdoError::Refused { why, .. } => SdoError::WrongKey { object, node, why },
+            other => other,
+        })
     }
 
     /// Answers a challenge of the node, which then accepts writes of the service level.
@@ -81,9 +89,14 @@ impl<B: Bus> Client<B> {
 
     /// Sets whether the node starts locked. It is stored with the next save (1010h:1).
     ///
+    /// To lock a node, the key must be the node's: with another one, nobody could unlock it again over the bus.
+    ///
     /// # Errors
-    /// See [`SdoError`].
+    /// See [`SdoError`]. With a wrong key, nothing is changed.
     pub fn set_locked_by_default(&mut self, is_locked: bool) -> Result<(), SdoError> {
+        if is_locked {
+            self.unlock_for(at(AccessObject::LOCKED_BY_DEFAULT))?;
+        }
         self.write(at(AccessObject::LOCKED_BY_DEFAULT), &[is_locked.into()])
     }
 }

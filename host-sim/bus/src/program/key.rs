@@ -21,9 +21,22 @@ pub enum KeyError {
         /// The error.
         source: io::Error,
     },
+    /// The file exists, and a key is never replaced.
+    #[error("key {0}: exists already, and no key is replaced; choose another name")]
+    Exists(PathBuf),
     /// It holds no private key.
     #[error("key {0}: no private key; host-sim sign --new-key makes one")]
     Format(PathBuf),
+}
+
+/// Public key of `firmware/keys/test.key`, which is published. A boot program that was built without `JOINT_UPDATE_KEY`
+/// accepts it.
+const PUBLISHED: &str = "ea4a6c63e29c520abef5507b132ec5f9954776aebebe7b92421eea691446d22c";
+
+/// Returns true if the key is the published test key, so that its signature protects nothing.
+#[must_use]
+pub fn is_published(key: &SigningKey) -> bool {
+    hex(&key.verifying_key().to_bytes()) == PUBLISHED
 }
 
 /// Reads a private key.
@@ -46,26 +59,37 @@ pub fn read(path: &Path) -> Result<SigningKey, KeyError> {
 pub fn create(path: &Path) -> Result<PathBuf, KeyError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
-        move |source| KeyError::Io { path, source }
+        move |source: io::Error| match source.kind() {
+            io::ErrorKind::AlreadyExists => KeyError::Exists(path),
+            _ => KeyError::Io { path, source },
+        }
     };
     let random = Path::new("/dev/urandom");
     let mut seed = [0; 32];
     let read = std::fs::File::open(random).and_then(|mut file| file.read_exact(&mut seed));
     read.map_err(failed(random))?;
     let public_path = PathBuf::from(format!("{}.pub", path.display()));
+    let line = format!("{PRIVATE}{}\n", hex(&seed));
+    write_new(path, &line, true).map_err(failed(path))?;
+    let public = SigningKey::from_bytes(&seed).verifying_key().to_bytes();
+    let line = format!("{PUBLIC}{}\n", hex(&public));
+    if let Err(error) = write_new(&public_path, &line, false) {
+        // Half a pair would be taken for the whole one.
+        let _ = std::fs::remove_file(path);
+        return Err(failed(&public_path)(error));
+    }
+    Ok(public_path)
+}
+
+/// Writes a file that must not exist; a private one can be read by its owner only.
+fn write_new(path: &Path, line: &str, is_private: bool) -> io::Result<()> {
     let mut options = OpenOptions::new();
     options.write(true).create_new(true);
-    let public = SigningKey::from_bytes(&seed).verifying_key().to_bytes();
-    let public_line = format!("{PUBLIC}{}\n", hex(&public));
-    let written =
-        options.open(&public_path).and_then(|mut file| file.write_all(public_line.as_bytes()));
-    written.map_err(failed(&public_path))?;
     #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-    let line = format!("{PRIVATE}{}\n", hex(&seed));
-    let written = options.open(path).and_then(|mut file| file.write_all(line.as_bytes()));
-    written.map_err(failed(path))?;
-    Ok(public_path)
+    if is_private {
+        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    }
+    options.open(path)?.write_all(line.as_bytes())
 }
 
 fn hex(bytes: &[u8]) -> String {
@@ -95,8 +119,31 @@ mod tests {
         let key = read(&path).unwrap();
         let public = std::fs::read_to_string(public_path).unwrap();
         assert_eq!(public.trim(), format!("{PUBLIC}{}", hex(&key.verifying_key().to_bytes())));
-        // An existing key is never replaced.
-        assert!(create(&path).is_err());
+    }
+
+    #[test]
+    fn key_create_beside_an_existing_half_replaces_nothing_and_leaves_no_half() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("joint.key");
+        let public_path = folder.path().join("joint.key.pub");
+        for (taken, absent) in [(&path, &public_path), (&public_path, &path)] {
+            std::fs::write(taken, "kept").unwrap();
+            let error = create(&path).unwrap_err();
+            assert!(matches!(error, KeyError::Exists(_)), "{error}");
+            assert!(error.to_string().contains("choose another name"), "{error}");
+            assert_eq!(std::fs::read_to_string(taken).unwrap(), "kept");
+            assert!(!absent.exists());
+            std::fs::remove_file(taken).unwrap();
+        }
+    }
+
+    #[test]
+    fn key_of_the_tests_is_the_published_one_and_a_new_key_is_not() {
+        let keys = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/keys");
+        assert!(is_published(&read(&keys.join("test.key")).unwrap()));
+        let folder = tempfile::tempdir().unwrap();
+        create(&folder.path().join("joint.key")).unwrap();
+        assert!(!is_published(&read(&folder.path().join("joint.key")).unwrap()));
     }
 
     #[test]

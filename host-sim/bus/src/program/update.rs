@@ -220,6 +220,9 @@ impl<'a, B: Bus> Update<'a, B> {
     /// See [`UpdateError`]. The node keeps its program unless the result is `Ok`.
     pub fn run(mut self, progress: &mut dyn FnMut(Stage, u32)) -> Result<Outcome, UpdateError> {
         let start_ns = self.client.bus().now_ns();
+        // The node may still await the rest of a transfer whose master ended, and takes the first question for a part of
+        // it. It ends that transfer while the answer is awaited.
+        let _ = self.entry(ProgramObject::STATE);
         let previous = self.check()?;
         let mut outcome = Outcome {
             previous,

@@ -1,0 +1,106 @@
+//! Arming: the conditions under which the bridge may be on.
+//!
+//! A request is refused with *every* reason against it, so that the caller need not try again for each:
+//!
+//! - a fault is latched, or a cause of a fault is present. The command timeout is evaluated at the request, because the last
+//!   observation may be older than the last command;
+//! - the last observation is older than [`MAX_OBSERVATION_AGE_US`];
+//! - the board does not measure the bus voltage or the phase currents.
+//!
+//! Nothing arms by itself. Disarming is accepted in every state.
+
+use super::Supervisor;
+use super::codes::{Code, CodeSet, Effect};
+use core::fmt;
+
+/// Maximum age of the last observation when arming, us.
+pub const MAX_OBSERVATION_AGE_US: u64 = 20_000;
+
+/// The reasons a request to arm was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ArmRefusal {
+    /// Latched faults, and causes of faults that are present.
+    pub causes: CodeSet,
+    /// No observation arrived in the last [`MAX_OBSERVATION_AGE_US`].
+    pub unobserved: bool,
+    /// The board does not measure the bus voltage or the phase currents.
+    pub unmeasured: bool,
+}
+
+impl fmt::Display for ArmRefusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("not armed:")?;
+        for code in self.causes.iter() {
+            write!(f, " {}", code.info().name)?;
+        }
+        if self.unobserved {
+            f.write_str(" unobserved")?;
+        }
+        if self.unmeasured {
+            f.write_str(" unmeasured")?;
+        }
+        Ok(())
+    }
+}
+
+impl core::error::Error for ArmRefusal {}
+
+impl Supervisor {
+    /// Arms the joint, which allows the bridge to be on. A joint that is armed stays armed.
+    ///
+    /// # Errors
+    /// Returns every reason against arming. The state is then unchanged.
+    pub fn arm(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
+        self.arm_ignoring(CodeSet::EMPTY, now_us)
+    }
+
+    /// Arms the joint for commissioning. Unlike [`Supervisor::arm`], it ignores [`Code::NotCommissioned`],
+    /// because commissioning determines the wiring that this code asks to be confirmed, and
+    /// [`Code::PositionUnknown`], because the position has no meaning before.
+    ///
+    /// # Errors
+    /// See [`Supervisor::arm`].
+    pub fn arm_to_commission(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
+        let mut unconfirmed = CodeSet::EMPTY;
+        unconfirmed.insert(Code::NotCommissioned);
+        unconfirmed.insert(Code::PositionUnknown);
+        self.arm_ignoring(unconfirmed, now_us)
+    }
+
+    fn arm_ignoring(&mut self, ignored: CodeSet, now_us: u64) -> Result<(), ArmRefusal> {
+        if self.armed {
+            return Ok(());
+        }
+        let stopping = |code: &Code| code.info().effect == Effect::Stops;
+        let mut causes = self.latched;
+        let present = self.present.without(ignored);
+        present.iter().filter(stopping).for_each(|code| causes.insert(code));
+        // The command timeout is evaluated now, not as of the last observation.
+        if self.command_is_late(now_us) {
+            causes.insert(Code::CommandTimeout);
+        } else if !self.latched.contains(Code::CommandTimeout) {
+            self.set_present(Code::CommandTimeout, false);
+            causes.remove(Code::CommandTimeout);
+        }
+        let fresh = self
+            .last_us
+            .is_some_and(|last_us| now_us >= last_us && now_us - last_us <= MAX_OBSERVATION_AGE_US);
+        let refusal = ArmRefusal { causes, unobserved: !fresh, unmeasured: !self.measured };
+        if !causes.is_empty() || refusal.unobserved || refusal.unmeasured {
+            return Err(refusal);
+        }
+        self.armed = true;
+        Ok(())
+    }
+
+    /// Disarms the joint, which opens the bridge. It is accepted in every state.
+    pub fn disarm(&mut self) {
+        self.armed = false;
+        self.stopping = false;
+    }
+
+    pub(super) fn command_is_late(&self, now_us: u64) -> bool {
+        let timeout_us = u64::from(self.thresholds.command_timeout_us);
+        self.command_us.is_none_or(|command_us| now_us.saturating_sub(command_us) >= timeout_us)
+    }
+}
