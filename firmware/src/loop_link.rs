@@ -155,6 +155,7 @@ impl LoopLink<'_> {
                 sample_age_us: Some(u32::try_from(overdue_us).unwrap_or(u32::MAX)),
                 overruns_in_a_row: 0,
                 residual_torque_nm: f32::NAN,
+                is_repeated: true,
                 ..self.last
             });
         }

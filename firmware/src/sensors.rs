@@ -10,6 +10,7 @@
 //! - [`parameters`]: constants of the sensors, as parameters;
 //! - [`quiet`]: when slow conversions do not disturb those of the current loop;
 //! - [`shunt`]: phase currents from low-side shunts;
+//! - [`stepped_i2c`]: I2C transfers a byte at a time, without waiting;
 //! - [`strain_gauge`]: side load on the shaft from a Wheatstone bridge;
 //! - [`stuck`]: detects a side-load or pressure sensor whose reading is stuck;
 //! - [`thermistor`]: temperature of bridge and motor from a divider.
@@ -26,6 +27,7 @@ pub mod ms5837;
 pub mod parameters;
 pub mod quiet;
 pub mod shunt;
+pub mod stepped_i2c;
 pub mod strain_gauge;
 pub mod stuck;
 pub mod thermistor;

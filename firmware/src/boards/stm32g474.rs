@@ -95,8 +95,7 @@ mod app {
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
-    /// Capacity of the queue of received frames. The background may be away for a transfer on the sensor
-    /// bus, 1 ms.
+    /// Capacity of the queue of received frames. The background may be away while it evaluates parameters or saves them.
     const RECEIVE_QUEUE_FRAMES: usize = 64;
 
     /// Values that the scope holds: the SRAM that statics and worst stack leave, but for 5 KB.

@@ -303,6 +303,10 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
+        if report.is_repeated {
+            // A tick just before a report finds none, and the next one finds two: a step here would be one too many.
+            return;
+        }
         let drives = self.supervisor.is_bridge_allowed() && !self.is_measuring_motor();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();

@@ -111,6 +111,8 @@ pub struct LoopReport {
     pub overruns_in_a_row: u32,
     /// Result of the last block of a motor measurement.
     pub probe: ProbeReport,
+    /// The last report once more, because no new one has come: it shows its age, and controllers make no step with it.
+    pub is_repeated: bool,
 }
 
 /// Values of one period: the first part of a report. The interrupt sends a report in parts, each in a period of its own.
@@ -241,6 +243,7 @@ impl Default for LoopReport {
             stack_intact: true,
             overruns_in_a_row: 0,
             probe: ProbeReport::default(),
+            is_repeated: false,
         }
     }
 }

@@ -32,6 +32,9 @@ pub const MAX_REASON_BYTES: usize = 160;
 #[derive(Clone, Debug)]
 pub struct Staging {
     active: ParameterSet,
+    /// [`ParameterSet::wiring_crc`] of the active set. It is compared every millisecond, and computing it takes longer than a
+    /// period of the current loop.
+    wiring_crc: u32,
     staged: ParameterSet,
     /// The staged terms as they were written: between two writes a term may appear twice.
     terms: [u8; MAX_TERMS],
@@ -41,12 +44,15 @@ pub struct Staging {
 impl Default for Staging {
     /// The default set, active and staged.
     fn default() -> Self {
-        Self {
+        let mut staging = Self {
             active: ParameterSet::default(),
+            wiring_crc: 0,
             staged: ParameterSet::default(),
             terms: [NO_TERM; MAX_TERMS],
             reason: String::new(),
-        }
+        };
+        staging.wiring_crc = staging.active.wiring_crc();
+        staging
     }
 }
 
@@ -60,6 +66,7 @@ impl Staging {
         if read.is_err() {
             self.active = ParameterSet::default();
         }
+        self.wiring_crc = self.active.wiring_crc();
         self.discard();
         read
     }
@@ -67,6 +74,11 @@ impl Staging {
     /// Returns the set in use.
     pub const fn active(&self) -> &ParameterSet {
         &self.active
+    }
+
+    /// Returns the CRC of the wiring parameters in use: see [`ParameterSet::wiring_crc`].
+    pub const fn wiring_crc(&self) -> u32 {
+        self.wiring_crc
     }
 
     /// Returns the staged set, with its terms sorted.
@@ -305,6 +317,7 @@ impl Staging {
     /// Makes the staged set the active one.
     pub fn activate(&mut self) {
         self.active.clone_from(&self.staged);
+        self.wiring_crc = self.active.wiring_crc();
         self.list_terms();
         self.reason.clear();
     }
@@ -376,6 +389,7 @@ mod tests {
         assert_eq!(staging.active().friction.model.get(ParameterId::StaticTorque), 2.0);
         assert_eq!(staging.active().friction.model.terms.as_slice(), [TermKind::PositionRipple]);
         assert_eq!(staging.active().crc(), meant);
+        assert_eq!(staging.wiring_crc(), staging.active().wiring_crc());
     }
 
     #[test]

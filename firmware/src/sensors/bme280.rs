@@ -7,7 +7,7 @@
 //! The raw values are corrected by 18 calibration constants (data sheet BST-BME280-DS002, 4.2.3; pressure in 64 bits).
 //! The constants have no check sum. Words of zeros or ones, as a bus without the sensor gives them, are refused.
 //!
-//! The published drivers for this sensor wait for it. [`Bme280::poll`] does at most one transfer and never waits,
+//! The published drivers for this sensor wait for it. [`Bme280::poll`] does at most one transfer and waits for nothing,
 //! as [`super::ms5837`] does, with which it shares a bus. Call it once a millisecond with the time.
 
 use super::ms5837::{RETRY_DELAY_US, SensorBus};
@@ -208,6 +208,9 @@ impl Bme280 {
             bus.recover();
         }
         let result = self.advance(bus, now_us);
+        if matches!(&result, Err(AirError::I2c(error)) if B::is_pending(error)) {
+            return Ok(None);
+        }
         if result.is_err() {
             *self = Self { due_us: now_us + RETRY_DELAY_US, failed: true, ..Self::new() };
         }

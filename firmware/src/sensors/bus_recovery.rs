@@ -5,6 +5,9 @@
 //! bus. At most nine manual clocks take the sensor to the end of its byte, where it releases the line. A
 //! stop condition then ends the transfer (I2C-bus specification UM10204, 3.1.16). The board restarts the
 //! controller itself around this.
+//!
+//! The recovery waits for nothing: each [`Recovery::step`] is half a clock period. Steps must be at least 5 us apart; the
+//! bus has no lowest clock frequency.
 
 /// Manual control of the two open-drain lines. A released line is high unless a device holds it low.
 pub trait BusWires {
@@ -19,9 +22,6 @@ pub trait BusWires {
 
     /// Returns true if the data line is high.
     fn data_is_high(&mut self) -> bool;
-
-    /// Waits half a clock period, at least 5 us.
-    fn wait(&mut self);
 }
 
 /// Maximum clocks to the end of a byte: eight bits and the acknowledge.
@@ -40,36 +40,72 @@ pub enum RecoveryOutcome {
     ClockHeld,
 }
 
-/// Releases the bus with at most nine clocks and a stop condition: 22 waits in total. Both lines are
-/// released on return.
-pub fn recover(wires: &mut impl BusWires) -> RecoveryOutcome {
-    wires.data(true);
-    wires.clock(true);
-    wires.wait();
-    if !wires.clock_is_high() {
-        return RecoveryOutcome::ClockHeld;
+/// Half of a clock period in progress.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Phase {
+    #[default]
+    Begin,
+    /// Both lines are released, or a clock has ended.
+    Check,
+    /// The clock is low.
+    Clock,
+    /// Both lines are low, for the stop condition.
+    StopClock,
+    /// The clock is high and the data line low.
+    StopData,
+    /// Both lines are released.
+    End,
+}
+
+/// A recovery in progress: at most nine clocks and a stop condition.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Recovery {
+    phase: Phase,
+    clocks: u32,
+}
+
+impl Recovery {
+    /// Does half a clock period. Returns the outcome at the end, after at most 23 steps; both lines are released then.
+    pub fn step(&mut self, wires: &mut impl BusWires) -> Option<RecoveryOutcome> {
+        self.phase = match self.phase {
+            Phase::Begin => {
+                wires.data(true);
+                wires.clock(true);
+                Phase::Check
+            }
+            Phase::Check if self.clocks == 0 && !wires.clock_is_high() => {
+                return Some(RecoveryOutcome::ClockHeld);
+            }
+            Phase::Check if wires.data_is_high() => {
+                // A stop condition is a rising data line while the clock is high. The data line must fall while the
+                // clock is low, because it would otherwise be a start condition.
+                wires.clock(false);
+                wires.data(false);
+                Phase::StopClock
+            }
+            Phase::Check if self.clocks == MAX_CLOCKS => return Some(RecoveryOutcome::DataHeld),
+            Phase::Check => {
+                wires.clock(false);
+                Phase::Clock
+            }
+            Phase::Clock => {
+                wires.clock(true);
+                self.clocks += 1;
+                Phase::Check
+            }
+            Phase::StopClock => {
+                wires.clock(true);
+                Phase::StopData
+            }
+            Phase::StopData => {
+                wires.data(true);
+                Phase::End
+            }
+            Phase::End if self.clocks == 0 => return Some(RecoveryOutcome::WasFree),
+            Phase::End => return Some(RecoveryOutcome::AfterClocks(self.clocks)),
+        };
+        None
     }
-    let mut clocks = 0;
-    while !wires.data_is_high() {
-        if clocks == MAX_CLOCKS {
-            return RecoveryOutcome::DataHeld;
-        }
-        wires.clock(false);
-        wires.wait();
-        wires.clock(true);
-        wires.wait();
-        clocks += 1;
-    }
-    // A stop condition is a rising data line while the clock is high. The data line must fall while the
-    // clock is low, because it would otherwise be a start condition.
-    wires.clock(false);
-    wires.data(false);
-    wires.wait();
-    wires.clock(true);
-    wires.wait();
-    wires.data(true);
-    wires.wait();
-    if clocks == 0 { RecoveryOutcome::WasFree } else { RecoveryOutcome::AfterClocks(clocks) }
 }
 
 #[cfg(test)]
@@ -85,7 +121,6 @@ mod tests {
         drives: u32,
         clock_shorted: bool,
         falls: u32,
-        waits: u32,
         stops: u32,
         starts: u32,
     }
@@ -124,10 +159,12 @@ mod tests {
         fn data_is_high(&mut self) -> bool {
             self.data_line()
         }
+    }
 
-        fn wait(&mut self) {
-            self.waits += 1;
-        }
+    /// Steps to the end.
+    fn recover(lines: &mut Lines) -> RecoveryOutcome {
+        let mut recovery = Recovery::default();
+        (0..23).find_map(|_| recovery.step(lines)).expect("an end within 23 steps")
     }
 
     #[test]
@@ -136,7 +173,7 @@ mod tests {
             let mut lines = Lines::driving(bits);
             assert_eq!(recover(&mut lines), RecoveryOutcome::AfterClocks(bits));
             assert_eq!((lines.falls, lines.stops, lines.starts), (bits + 1, 1, 0), "{bits} bits");
-            assert!(lines.clock && lines.data && lines.waits <= 22, "{} waits", lines.waits);
+            assert!(lines.clock && lines.data);
         }
     }
 

@@ -5,8 +5,8 @@
 //! because the pressure depends on it. Far from 20 deg C a quadratic correction applies to both (data
 //! sheet, "second order"). All arithmetic uses 64-bit integers, as in the data sheet.
 //!
-//! [`Ms5837::poll`] does at most one transfer of four bytes and never waits. Call it once a millisecond
-//! with the time. After a failed transfer or an invalid PROM the driver recovers the bus and starts again
+//! [`Ms5837::poll`] does at most one transfer of four bytes, and with a bus such as [`super::stepped_i2c`] never waits.
+//! Call it once a millisecond with the time. After a failed transfer or an invalid PROM the driver recovers the bus and starts again
 //! with a reset after a pause.
 
 use embedded_hal::i2c::I2c;
@@ -16,6 +16,11 @@ pub trait SensorBus: I2c {
     /// Releases the lines ([`super::bus_recovery`]) and restarts the controller. The driver calls it before
     /// the first transfer after a failed one, at most once per [`RETRY_DELAY_US`].
     fn recover(&mut self);
+
+    /// Returns true if this error states that a transfer has not ended: the driver calls again with the same arguments.
+    fn is_pending(_error: &Self::Error) -> bool {
+        false
+    }
 }
 
 /// I2C address; it is fixed.
@@ -152,6 +157,9 @@ impl<B: SensorBus> Ms5837<B> {
             self.bus.recover();
         }
         let result = self.advance(now_us);
+        if matches!(&result, Err(PressureError::I2c(error)) if B::is_pending(error)) {
+            return Ok(None);
+        }
         if result.is_err() {
             self.failed = true;
             self.step = Step::Reset;

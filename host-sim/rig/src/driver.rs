@@ -176,9 +176,10 @@ impl RigDriver for LibraryDriver<'_> {
         &mut self.stage
     }
 
-    /// Delivers a frame to the background, or queues it during a stall.
+    /// Delivers a frame to the background, or queues it during a stall and behind the frames of the stall.
     fn receive(&mut self, frame: &Frame) {
-        if self.stalled_ms == 0 && !self.is_reset {
+        let is_free = self.stalled_ms == 0 && self.deferred_frames.is_empty();
+        if is_free && !self.is_reset {
             self.background.receive(frame, self.now_us);
         } else if self.deferred_frames.len() < RECEIVE_QUEUE_FRAMES {
             self.deferred_frames.push_back(*frame);

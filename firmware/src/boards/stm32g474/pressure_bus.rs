@@ -1,4 +1,4 @@
-//! The bus of the pressure sensor: I2C1, with manual control of its lines for a recovery.
+//! The bus of the pressure sensor: I2C1 in steps, with manual control of its lines for a recovery.
 //!
 //! The controller keeps its view of the bus until it is disabled: an unfinished start, an arbitration lost
 //! to a glitch, a false bus error (ES0430). Clearing `PE` for three of its clocks resets that state and
@@ -7,76 +7,108 @@
 
 use super::pins::{self, PRESSURE_CLOCK as CLOCK, PRESSURE_DATA as DATA};
 use super::scales;
-use embassy_stm32::i2c::{Config, Error, I2c, Master};
+use embassy_stm32::i2c::{Config, I2c, Master};
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac;
 use embassy_stm32::pac::gpio::{Gpio, vals::Moder};
-use embassy_time::Duration;
-use embedded_hal::i2c::{ErrorType, Operation};
-use firmware::sensors::bus_recovery::{BusWires, recover};
-use firmware::sensors::ms5837::SensorBus;
-
-/// Timeout of a transfer.
-const TRANSFER_TIMEOUT: Duration = Duration::from_micros(1000);
-
-/// Half a clock period of manual control, 5 us: 100 kHz, which every sensor supports. Interrupts stay
-/// enabled.
-const HALF_CLOCK_CYCLES: u32 = scales::CORE_HZ / 200_000;
+use embassy_stm32::pac::i2c::vals::Dir;
+use firmware::sensors::bus_recovery::BusWires;
+use firmware::sensors::stepped_i2c::{Controller, Events, SteppedI2c};
 
 /// The I2C bus with recovery.
-pub struct PressureBus {
-    i2c: I2c<'static, Blocking, Master>,
+pub type PressureBus = SteppedI2c<PressureController>;
+
+const I2C: pac::i2c::I2c = pac::I2C1;
+
+/// The controller.
+pub struct PressureController {
+    /// Has set the controller up; its functions wait and are not used.
+    _i2c: I2c<'static, Blocking, Master>,
+    lines: Lines,
 }
 
-impl PressureBus {
+impl PressureController {
     /// Sets up the bus.
-    pub fn new(pins: pins::Pressure) -> Self {
+    pub fn bus(pins: pins::Pressure) -> PressureBus {
         let mut config = Config::default();
         config.frequency = scales::PRESSURE_CLOCK;
-        config.timeout = TRANSFER_TIMEOUT;
-        Self { i2c: I2c::new_blocking(pins.i2c, pins.clock, pins.data, config) }
+        let i2c = I2c::new_blocking(pins.i2c, pins.clock, pins.data, config);
+        SteppedI2c::new(Self { _i2c: i2c, lines: Lines })
     }
 }
 
-impl ErrorType for PressureBus {
-    type Error = Error;
-}
+impl Controller for PressureController {
+    type Wires = Lines;
 
-impl embedded_hal::i2c::I2c for PressureBus {
-    fn transaction(&mut self, address: u8, steps: &mut [Operation<'_>]) -> Result<(), Error> {
-        embedded_hal::i2c::I2c::transaction(&mut self.i2c, address, steps)
-    }
-
-    // Forwarded separately: embassy's `transaction` is another code path, which would also be in the image.
-    fn write(&mut self, address: u8, bytes: &[u8]) -> Result<(), Error> {
-        embedded_hal::i2c::I2c::write(&mut self.i2c, address, bytes)
-    }
-
-    fn write_read(&mut self, address: u8, out: &[u8], into: &mut [u8]) -> Result<(), Error> {
-        embedded_hal::i2c::I2c::write_read(&mut self.i2c, address, out, into)
-    }
-}
-
-impl SensorBus for PressureBus {
-    fn recover(&mut self) {
-        let mut lines = Lines;
-        lines.clock(true);
-        lines.data(true);
-        pac::I2C1.cr1().modify(|w| w.set_pe(false));
-        for (port, pin) in [CLOCK, DATA] {
-            port.moder().modify(|w| w.set_moder(pin, Moder::OUTPUT));
+    fn events(&mut self) -> Events {
+        let flags = I2C.isr().read();
+        Events {
+            not_acknowledged: flags.nackf(),
+            bus_error: flags.berr() || flags.arlo(),
+            can_send: flags.txis(),
+            has_byte: flags.rxne(),
+            is_complete: flags.tc(),
+            has_stopped: flags.stopf(),
         }
-        // A bus that stays held shows as a sensor without answers.
-        recover(&mut lines);
-        for (port, pin) in [CLOCK, DATA] {
-            port.moder().modify(|w| w.set_moder(pin, Moder::ALTERNATE));
+    }
+
+    fn start(&mut self, address: u8, count: u8, reads: bool, stops: bool) {
+        I2C.icr().write(|w| {
+            w.set_nackcf(true);
+            w.set_stopcf(true);
+            w.set_berrcf(true);
+            w.set_arlocf(true);
+        });
+        I2C.cr2().write(|w| {
+            w.set_sadd(u16::from(address) << 1);
+            w.set_dir(if reads { Dir::READ } else { Dir::WRITE });
+            w.set_nbytes(count);
+            w.set_autoend(if stops {
+                pac::i2c::vals::Autoend::AUTOMATIC
+            } else {
+                pac::i2c::vals::Autoend::SOFTWARE
+            });
+            w.set_start(true);
+        });
+    }
+
+    fn send(&mut self, byte: u8) {
+        I2C.txdr().write(|w| w.set_txdata(byte));
+    }
+
+    fn receive(&mut self) -> u8 {
+        I2C.rxdr().read().rxdata()
+    }
+
+    fn reset(&mut self) {
+        I2C.cr1().modify(|w| w.set_pe(false));
+        // The read takes the clocks that the reset needs.
+        let _ = I2C.cr1().read();
+        I2C.cr1().modify(|w| w.set_pe(true));
+    }
+
+    fn control_lines(&mut self, manually: bool) {
+        if manually {
+            self.lines.clock(true);
+            self.lines.data(true);
+            I2C.cr1().modify(|w| w.set_pe(false));
         }
-        pac::I2C1.cr1().modify(|w| w.set_pe(true));
+        let mode = if manually { Moder::OUTPUT } else { Moder::ALTERNATE };
+        for (port, pin) in [CLOCK, DATA] {
+            port.moder().modify(|w| w.set_moder(pin, mode));
+        }
+        if !manually {
+            I2C.cr1().modify(|w| w.set_pe(true));
+        }
+    }
+
+    fn wires(&mut self) -> &mut Lines {
+        &mut self.lines
     }
 }
 
 /// The two lines as pins.
-struct Lines;
+pub struct Lines;
 
 fn set_line((port, pin): (Gpio, usize), released: bool) {
     port.bsrr().write(|w| if released { w.set_bs(pin, true) } else { w.set_br(pin, true) });
@@ -101,9 +133,5 @@ impl BusWires for Lines {
 
     fn data_is_high(&mut self) -> bool {
         is_high(DATA)
-    }
-
-    fn wait(&mut self) {
-        cortex_m::asm::delay(HALF_CLOCK_CYCLES);
     }
 }

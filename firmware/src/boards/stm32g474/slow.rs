@@ -6,7 +6,7 @@
 //! waits for nothing. Pressure sensor and the sensor in the housing share a bus of their own. The leak probe is
 //! converted with the phase currents ([`super::power_stage`]).
 
-use super::pressure_bus::PressureBus;
+use super::pressure_bus::{PressureBus, PressureController};
 use super::{pins, power_stage, scales};
 use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
 use embassy_stm32::gpio::{Input, Pull};
@@ -52,7 +52,7 @@ impl SlowSensors {
             Exten::FALLING_EDGE,
             false,
         );
-        let pressure = Ms5837::new(PressureBus::new(pressure));
+        let pressure = Ms5837::new(PressureController::bus(pressure));
         let torque_allowed =
             [Input::new(torque_off.first, Pull::Down), Input::new(torque_off.second, Pull::Down)];
         let (constants, last) = (SensorParameters::default(), LocalReadings::default());
@@ -78,6 +78,7 @@ impl SlowSensors {
                 local.set_radial_force(force_n, now_us);
             }
         }
+        self.pressure.bus().step();
         // If the sensor fails, its last value ages and is reported as stale.
         if let Ok(Some(found)) = self.pressure.poll(now_us) {
             let air = self.last_air.get(now_us);

@@ -122,7 +122,7 @@ impl<F: NorFlash> Device<F> {
                 stack_overflowed: boot.stack_overflowed,
                 store: self.store.health(),
                 parameters,
-                commissioned: self.settings.commissioned == set.wiring_crc(),
+                commissioned: self.is_commissioned(),
                 self_test_passed: boot.self_test_passed,
             },
         );

@@ -155,6 +155,7 @@ impl<F: NorFlash> Device<F> {
             self.position.reference = self.position.interpolation.step(&late, REPORT_PERIOD_S);
         } else {
             self.slow_down(&late);
+            self.position.interpolation = Interpolation::begin(self.position.reference);
         }
     }
 

@@ -134,7 +134,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Confirms that the joint is wired as its parameters say; `seen` is the CRC of these wiring parameters.
     pub(in crate::driver) fn commission(&mut self, seen: u32) -> Result<(), Abort> {
-        let wiring = self.staging.active().wiring_crc();
+        let wiring = self.staging.wiring_crc();
         if seen != wiring {
             let why = format_args!(
                 "confirm = {seen:08x}: the wiring in use has the crc {wiring:08x}, and only this can be confirmed"
@@ -149,18 +149,18 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(in crate::driver) fn is_commissioned(&self) -> bool {
-        self.settings.commissioned == self.staging.active().wiring_crc()
+        self.settings.commissioned == self.staging.wiring_crc()
     }
 
     /// Returns true if the motor was seen to turn by its current with the wiring in use.
     pub(in crate::driver) fn is_wiring_proven(&self) -> bool {
-        self.settings.proven == self.staging.active().wiring_crc()
+        self.settings.proven == self.staging.wiring_crc()
     }
 
     /// Keeps the proof of the wiring if the motor watch has one. It is stored with the next save.
     pub(super) fn keep_proof(&mut self) {
         if self.motor_state.is_proven && !self.is_wiring_proven() {
-            self.settings.proven = self.staging.active().wiring_crc();
+            self.settings.proven = self.staging.wiring_crc();
         }
     }
 

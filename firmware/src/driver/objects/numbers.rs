@@ -126,7 +126,7 @@ impl<F: NorFlash> Device<F> {
             index::COMMISSIONING => entry(
                 &CommissioningObject {
                     commissioned: self.is_commissioned().into(),
-                    wiring_crc: self.staging.active().wiring_crc(),
+                    wiring_crc: self.staging.wiring_crc(),
                     proven: self.is_wiring_proven().into(),
                     ..Default::default()
                 }
