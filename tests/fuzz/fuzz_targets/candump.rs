@@ -57,7 +57,9 @@ fuzz_target!(|data: &[u8]| {
         let mut rewritten = Vec::new();
         candump::emit(&again, Fraction::Nanoseconds, &mut rewritten);
         assert_eq!(rewritten, written);
-        [TextFormat::Asc, TextFormat::Trc].map(|format| check_format(format, &line));
+        for format in [TextFormat::Asc, TextFormat::Trc] {
+            check_format(format, &line);
+        }
         // The conversion to a joint's frame is reversible.
         if let Some(frame) = line.frame.to_joint() {
             assert_eq!(CanFrame::from(frame), line.frame);
