@@ -465,3 +465,38 @@ fn limits_and_heartbeat_change_while_enabled_and_deadlines_do_not() {
     }
     assert!(bench.driver.is_armed());
 }
+
+/// Offers a target of 0.1 rad in PP and returns the demanded position after 20 reports, in its unit. With `is_early`, every
+/// second tick comes just before its report, which the next one then finds with its own.
+fn demand_after_20_reports(is_early: bool) -> i32 {
+    const PP: u8 = 1;
+    let still = LoopReport { velocity_rad_s: 0.0, motor_torque_nm: 0.0, ..measured() };
+    let again = LoopReport { is_repeated: true, ..still };
+    let mut bench = in_cst();
+    bench.driver.report(&still);
+    bench.pass_ms(1);
+    bench.write(index::MODE, 0, &[PP]).unwrap();
+    let target = bench.number(index::ACTUAL_POSITION, 0) as i32 + 100_000;
+    bench.write(index::TARGET_POSITION, 0, &target.to_le_bytes()).unwrap();
+    for word in [0x06, 0x07, 0x0F, 0x1F] {
+        control(&mut bench, word, 0);
+    }
+    for _ in 0..10 {
+        bench.driver.report(if is_early { &again } else { &still });
+        bench.pass_ms(1);
+        bench.driver.report(&still);
+        if is_early {
+            bench.driver.report(&still);
+        }
+        bench.pass_ms(1);
+    }
+    assert!(bench.driver.is_armed());
+    bench.number(index::POSITION_DEMAND, 0) as i32
+}
+
+#[test]
+fn reference_advances_once_with_each_report_at_any_phase_of_the_ticks() {
+    let expected = demand_after_20_reports(false);
+    assert_ne!(expected, Bench::on_sensors().number(index::POSITION_DEMAND, 0) as i32);
+    assert_eq!(demand_after_20_reports(true), expected);
+}
