@@ -12,7 +12,8 @@
 //! [`boot::select`] chooses the slot at every start: the newest one that is signed, intact, and confirmed or with a
 //! start left. Every step leaves at most one torn double word or page, and each reading of it is safe: a torn RECEIVED
 //! is no image, a torn TRIAL counts as used, a torn CONFIRMED is written again in the next place. The running image is
-//! never written, and a trial does not clear the image before it, so one image always starts. [`receiver`] is the receiving side, [`signature`] checks who signed.
+//! never written, and a trial does not clear the image before it, so one image always starts. [`receiver`] is the
+//! receiving side, [`signature`] checks who signed.
 
 pub mod boot;
 pub mod marks;
