@@ -17,6 +17,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -253,8 +254,17 @@ def _engine(engine: Any, workers: int | None) -> Engine:
     raise FrictionError(f"engine: found {type(engine).__name__}, expected 'local' or an engine")
 
 
+#: Time between two looks at the processes of a pool, and time in which they end after their last task, s.
+_LOOK_S = 2.0
+_END_S = 10.0
+
+
 class _Local:
-    """Spawned processes. A killed one breaks its pool: the tasks that had not ended run again in a new pool."""
+    """Spawned processes. A killed one breaks its pool: the tasks that had not ended run again in a new pool.
+
+    A process that is killed while it reads the queue of its pool leaves it locked, and the others wait for ever. The pool does not
+    see this while it starts or ends processes. So they are looked at here, too.
+    """
 
     def __init__(self, workers: int | None) -> None:
         self._workers = workers or os.cpu_count() or 1
@@ -283,7 +293,10 @@ class _Local:
                         break
                 if not running:
                     break
-                done, _ = wait(running, return_when=FIRST_COMPLETED)
+                done, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
+                if not done and any(process.exitcode is not None for process in self._processes()):
+                    # The pool sees the end of the others, and its futures end.
+                    self._kill()
                 for future in done:
                     task = running.pop(future)
                     failure = future.exception()
@@ -299,10 +312,24 @@ class _Local:
             self.close()
             waiting = [task for task in waiting if task not in ended]
 
+    def _processes(self) -> list[Any]:
+        return list((self._pool and self._pool._processes or {}).values())
+
+    def _kill(self) -> None:
+        for process in self._processes():
+            process.kill()
+
     def close(self) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
-            self._pool = None
+        if self._pool is None:
+            return
+        processes = self._processes()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        end = time.monotonic() + _END_S
+        for process in processes:
+            process.join(max(0.0, end - time.monotonic()))
+            process.kill()
+            process.join(1.0)
+        self._pool = None
 
 
 class _Dask:

@@ -89,6 +89,19 @@ def test_diagnose_with_killed_process_ends_with_all_rows(logs, tmp_path):
     assert not [name for name in os.listdir(tmp_path / "out") if name.startswith(".")]
 
 
+def test_run_with_a_process_that_no_longer_reads_its_queue_ends(logs, tmp_path, monkeypatch):
+    """It stands for processes that wait for a queue, which a killed one left locked."""
+    monkeypatch.setattr(friction.fleet, "_END_S", 1.0)
+    tasks = [Task(joint, "1", (str(logs / f"joint={joint}/campaign=2026-03-01/a.csv"),)) for joint in ("hip", "knee")]
+    local = friction.fleet._Local(2)
+    run = local.run(friction.fleet._Work(str(tmp_path / "out"), None, "linear", ()), tasks, retries=1)
+    assert {task.joint for task, _ in (next(run), next(run))} == {"hip", "knee"}
+    processes = local._processes()
+    os.kill(processes[0].pid, signal.SIGSTOP)
+    assert list(run) == []
+    assert not any(process.is_alive() for process in processes)
+
+
 def test_diagnose_on_dask_survives_a_killed_worker(logs, tmp_path):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
