@@ -16,6 +16,7 @@
 //! receiving side, [`signature`] checks who signed.
 
 pub mod boot;
+mod flash;
 pub mod marks;
 pub mod package;
 pub mod receiver;

@@ -21,9 +21,6 @@ use super::parameters::Motor;
 use super::space_vector::clamp;
 use super::transform::{Rotating, square_root};
 
-/// Share of the written resistance that is assumed to burn power: the winding may be colder than at its measurement.
-pub(super) const BURNING_SHARE: f32 = 0.9;
-
 /// Share of the voltage circle for a steady current. The rest is for parameter errors and for changes of the
 /// current.
 const STEADY_SHARE: f32 = 0.97;
@@ -112,6 +109,7 @@ fn fit_voltage(motor: &Motor, vector: Rotating, electrical_rad_s: f32, radius_v:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::parameters::BURNING_SHARE;
     use crate::control::{MotorParameters, PERIOD_S};
     use proptest::prelude::*;
 

@@ -7,13 +7,15 @@
 //!
 //! Electrical quantities are from one phase to the star point; currents are phase peaks.
 
-use super::current_limits::BURNING_SHARE;
 use super::pi::{BANDWIDTH_SHARE_MAX, Gains, one_minus_exp};
 use super::space_vector::MAX_VECTOR_PER_BUS_V;
 use super::transform::{UNITS_PER_RAD, binary_angle};
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 use core::f32::consts::TAU;
+
+/// Share of the written resistance that is assumed to burn power: the winding may be colder than at its measurement.
+pub(super) const BURNING_SHARE: f32 = 0.9;
 
 compensator_core::named_fields! {
     /// Parameters of the motor as they are written.

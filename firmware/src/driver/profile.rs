@@ -25,6 +25,7 @@
 mod set_point;
 pub mod stop;
 
+use crate::node::dictionary::HOMING_METHODS;
 pub use set_point::SetPoint;
 use stop::StopCause;
 
@@ -43,9 +44,6 @@ pub const HOMING: i8 = 6;
 /// 6502h: supported modes, bit `mode - 1`.
 pub const SUPPORTED_MODES: u32 =
     1 << (CST - 1) | 1 << (CSV - 1) | 1 << (CSP - 1) | 1 << (HOMING - 1) | 1 << (PP - 1);
-/// 60E3h: homing methods. 37 and 35 (its older number) use the present position; -1 and -2 a stop in negative and
-/// positive direction, found by torque (manufacturer specific).
-pub const HOMING_METHODS: [i8; 4] = [37, 35, -1, -2];
 /// Maximum speed at which a joint counts as standing, rad/s. In the millisecond between two reports, home is
 /// then missed by less than 0.1 mrad; the joint's encoder has steps of 8 urad.
 pub const STANDSTILL_RAD_S: f32 = 0.1;

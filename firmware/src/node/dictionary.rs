@@ -14,7 +14,6 @@ pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
 
 use super::sdo::Abort;
 use crate::control::MotorParameters;
-use crate::driver::profile::HOMING_METHODS;
 use crate::scope::MAX_SIGNALS;
 use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
@@ -100,6 +99,10 @@ pub const MAX_MAPPED_OBJECTS: usize = 8;
 const fn mapping(name: &'static str) -> (&'static str, Shape) {
     array(name, "mapped_object", ReadWrite, MAX_MAPPED_OBJECTS)
 }
+
+/// 60E3h: homing methods. 37 and 35 (its older number) use the present position; -1 and -2 a stop in negative and
+/// positive direction, found by torque (manufacturer specific).
+pub const HOMING_METHODS: [i8; 4] = [37, 35, -1, -2];
 
 /// Number of errors kept in [`index::ERROR_FIELD`].
 pub const ERROR_HISTORY_LENGTH: usize = 8;

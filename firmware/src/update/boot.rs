@@ -6,9 +6,9 @@
 //! starts.
 
 use super::Slot;
-use super::marks::{self, ImageState, SlotState, TRIALS};
+use super::flash::read_chunks;
+use super::marks::{self, ImageState, SlotState, TRIALS, is_newer};
 use super::package::HEADER_BYTES;
-use super::receiver::read_chunks;
 use super::signature;
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
@@ -81,16 +81,6 @@ pub fn is_intact<F: NorFlash>(flash: &mut F, slot: &Slot, image: &ImageState) ->
         && digest.finalize() == image.header.crc
 }
 
-/// Returns the sequence number of the next update.
-pub fn next_sequence(states: [SlotState; 2]) -> u16 {
-    let number = |state: &SlotState| match state {
-        SlotState::Image(image) => image.sequence,
-        SlotState::Empty | SlotState::Bare => 0,
-    };
-    let [first, second] = [number(&states[0]), number(&states[1])];
-    (if is_newer(second, first) { second } else { first }).wrapping_add(1)
-}
-
 fn newest_first(states: [SlotState; 2]) -> [usize; 2] {
     match states {
         [SlotState::Image(first), SlotState::Image(second)]
@@ -102,10 +92,4 @@ fn newest_first(states: [SlotState; 2]) -> [usize; 2] {
         [_, SlotState::Image(_)] => [1, 0],
         _ => [0, 1],
     }
-}
-
-/// Returns true if number `a` is newer than `b`, modulo wrapping.
-const fn is_newer(a: u16, b: u16) -> bool {
-    let ahead = a.wrapping_sub(b);
-    ahead > 0 && ahead < 0x8000
 }

@@ -106,6 +106,22 @@ pub fn state<F: NorFlash>(flash: &mut F, slot: &Slot) -> SlotState {
     })
 }
 
+/// Returns the sequence number of the next update.
+pub fn next_sequence(states: [SlotState; 2]) -> u16 {
+    let number = |state: &SlotState| match state {
+        SlotState::Image(image) => image.sequence,
+        SlotState::Empty | SlotState::Bare => 0,
+    };
+    let [first, second] = [number(&states[0]), number(&states[1])];
+    (if is_newer(second, first) { second } else { first }).wrapping_add(1)
+}
+
+/// Returns true if number `a` is newer than `b`, modulo wrapping.
+pub(super) const fn is_newer(a: u16, b: u16) -> bool {
+    let ahead = a.wrapping_sub(b);
+    ahead > 0 && ahead < 0x8000
+}
+
 /// Marks an image as received completely. The page of marks must be erased.
 ///
 /// # Errors

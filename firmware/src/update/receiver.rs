@@ -9,7 +9,7 @@
 //! start of the page before the first blank one, which is then erased and written again. If that is wrong, as after a torn
 //! erase, the CRC differs, and the transfer begins again.
 
-use super::boot::next_sequence;
+use super::flash::{is_blank, read_chunks};
 use super::marks::{self, SlotState};
 use super::package::{HASH_AT, HEADER_BYTES, Header, USED_BYTES, continue_crc};
 use super::{Program, Slot, UNIT_BYTES};
@@ -18,7 +18,6 @@ use sha2::{Digest, Sha512};
 
 /// Bytes of the image that one step reads back: two blocks of SHA-512.
 const STEP_BYTES: u32 = 256;
-const CHUNK_BYTES: usize = 256;
 const UNIT: usize = UNIT_BYTES as usize;
 
 /// Reason why a package was not accepted.
@@ -344,7 +343,7 @@ impl Receiver {
         }
         self.check(flash, header)?;
         let own = marks::state(flash, &self.program.own);
-        let sequence = next_sequence([own, SlotState::Empty]);
+        let sequence = marks::next_sequence([own, SlotState::Empty]);
         marks::receive(flash, &self.program.other, header, sequence).map_err(|_| Refusal::Flash)
     }
 
@@ -360,32 +359,4 @@ fn least_counter<F: NorFlash>(flash: &mut F, own: &Slot) -> u32 {
         SlotState::Image(image) => image.header.counter,
         SlotState::Empty | SlotState::Bare => 0,
     }
-}
-
-/// Passes a part of the flash on in chunks. Returns false at an unreadable double word: the image is damaged.
-pub(super) fn read_chunks<F: NorFlash>(
-    flash: &mut F,
-    part: core::ops::Range<u32>,
-    mut pass_on: impl FnMut(&[u8]),
-) -> bool {
-    let mut bytes = [0; CHUNK_BYTES];
-    let mut at = part.start;
-    while at < part.end {
-        let length = CHUNK_BYTES.min((part.end - at) as usize);
-        let Some(chunk) = bytes.get_mut(..length) else { break };
-        if flash.read(at, chunk).is_err() {
-            return false;
-        }
-        pass_on(chunk);
-        at += length as u32;
-    }
-    true
-}
-
-/// Returns true if every byte reads as erased.
-fn is_blank<F: NorFlash>(flash: &mut F, from: u32, length: u32) -> bool {
-    let mut bytes = [0; CHUNK_BYTES];
-    (from..from + length)
-        .step_by(CHUNK_BYTES)
-        .all(|at| flash.read(at, &mut bytes).is_ok() && bytes.iter().all(|byte| *byte == 0xFF))
 }

@@ -5,9 +5,9 @@
 //! keys and signatures of small order, which would be valid for many messages.
 
 use super::Slot;
+use super::flash::read_chunks;
 use super::marks::ImageState;
 use super::package::{HASH_AT, HEADER_BYTES, Header, SIGNED_BYTES, USED_BYTES};
-use super::receiver::read_chunks;
 use ed25519_dalek::{Signature, VerifyingKey};
 use embedded_storage::nor_flash::NorFlash;
 use sha2::{Digest, Sha512};

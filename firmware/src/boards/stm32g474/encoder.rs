@@ -23,7 +23,8 @@
 use super::pins;
 use super::power_stage::since_top;
 use super::scales::{
-    CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER, FAST_CONVERSION_CYCLES, PWM_TOP, SLOW_START_CYCLES,
+    CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER, FAST_CONVERSION_CYCLES, HALF_GAP_CYCLES, LEAD_CYCLES,
+    PWM_TOP, SLOW_START_CYCLES,
 };
 use core::sync::atomic::{AtomicU16, Ordering};
 use embassy_stm32::Peri;
@@ -58,10 +59,6 @@ const FRAME_CYCLES: u32 = 16 * ENCODER_DIVIDER;
 const START_CYCLES: u32 = 40 + ENCODER_DIVIDER;
 /// Cycles from chip select to the command, and from the command to the release of chip select.
 const HALF_SELECT_CYCLES: u32 = 620;
-/// Cycles from the release of chip select to the timer's top, and from there to the next selection.
-const HALF_GAP_CYCLES: u32 = 40;
-/// Cycles from the top of TIM3 to that of TIM1.
-pub const LEAD_CYCLES: u32 = 1020;
 /// Cycles after the top of TIM1 at which the second answer is stored at the latest.
 const COMPLETE_CYCLES: u32 =
     HALF_GAP_CYCLES + HALF_SELECT_CYCLES + START_CYCLES + FRAME_CYCLES - LEAD_CYCLES;
@@ -75,9 +72,6 @@ const _: () = {
         "the interrupt begins when the currents are converted, before the angle is there"
     );
 };
-
-/// Age of the angle when the currents are sampled, s: it is latched when frame 1 is released.
-pub const AGE_S: f32 = (LEAD_CYCLES + HALF_GAP_CYCLES) as f32 / CORE_HZ as f32;
 
 /// Counts of the timer at which chip select rises or falls, and at which a command is written.
 const SELECT_ABOVE: u16 = PWM_TOP - HALF_GAP_CYCLES as u16;

@@ -1,7 +1,6 @@
 //! Frequencies, scales and levels of this board: the values to change with its parts.
 
 pub use super::clocks::CORE_HZ;
-use super::encoder::LEAD_CYCLES;
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::deadline::DeadlineLimits;
@@ -74,11 +73,17 @@ const _: () = {
     }
 };
 
+/// Cycles from the top of the encoder's timer, TIM3, to that of TIM1.
+pub const LEAD_CYCLES: u32 = 1020;
+/// Cycles from the release of the encoder's chip select to the top of TIM3, and from there to the next selection.
+pub const HALF_GAP_CYCLES: u32 = 40;
+
 /// Settling time of a shunt's amplifier once its low side conducts, s: 1.5 us to 0.5 % at a gain of 20.
 const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
 /// Properties of the stage that the loop uses.
 pub const STAGE: StageTraits = StageTraits {
-    encoder_age_s: super::encoder::AGE_S,
+    // The angle is latched when the first frame is released.
+    encoder_age_s: (LEAD_CYCLES + HALF_GAP_CYCLES) as f32 / CORE_HZ as f32,
     current_max_a: measurable_a(AMPERES_PER_COUNT),
     modulation_max: StageTraits::max_modulation(
         PERIOD_S,

@@ -2,6 +2,7 @@
 
 use super::{CommandFrame, Device, FaultState, InputSource, JointState, Message};
 use crate::driver::profile::{self, DriveRequest, Homing, SetPoint, status};
+use crate::node::dictionary::HOMING_METHODS;
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use compensator_core::can::Frame;
@@ -186,7 +187,7 @@ impl<F: NorFlash> Device<F> {
 
     /// 6098h.
     pub(in crate::driver) fn set_homing_method(&mut self, method: i8) -> Result<(), Abort> {
-        if !profile::HOMING_METHODS.contains(&method) {
+        if !HOMING_METHODS.contains(&method) {
             let why = format_args!(
                 "homing_method = {method}: must be 37 or 35 (the present position), -1 or -2 (a stop); the joint has no switches"
             );

@@ -3,10 +3,10 @@
 use super::Area;
 use crate::driver::device::Device;
 use crate::driver::profile;
-use crate::node::dictionary::index;
 use crate::node::dictionary::records::{
     self, CommissioningObject, CommitObject, OperationObject, TraceObject,
 };
+use crate::node::dictionary::{HOMING_METHODS, index};
 use crate::node::sdo::Abort;
 use compensator_core::can::cob_id;
 use embedded_storage::nor_flash::NorFlash;
@@ -86,7 +86,7 @@ impl<F: NorFlash> Device<F> {
             index::HOME_OFFSET => self.profile.home_offset_micro_rad as u32,
             index::HOMING_METHOD => self.profile.homing_method as u32,
             index::HOMING_METHODS => {
-                return entry(&profile::HOMING_METHODS.map(|method| method as u32), place);
+                return entry(&HOMING_METHODS.map(|method| method as u32), place);
             }
             index::RATED_CURRENT => self.ratings()[0],
             index::RATED_TORQUE => self.ratings()[1],
