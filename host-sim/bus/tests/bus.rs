@@ -12,7 +12,7 @@ use joint_bus::bus::{
     BitRates, Bus, BusError, BusName, FaultCounters, FaultInjector, FaultPlan, Faults, Hub,
     Participant, Recorder,
 };
-use joint_trace::candump::{self, CanFrame, Direction, Fraction};
+use joint_trace::{CanFrame, Direction, Fraction, candump};
 
 fn frame(identifier: u32, data: &[u8]) -> CanFrame {
     let mut bytes = [0; 8];

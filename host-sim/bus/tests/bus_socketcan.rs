@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use joint_bus::bus::socket::SocketCan;
 use joint_bus::bus::{Bus, BusError, Hub, Recorder};
-use joint_trace::candump::{self, CanFrame, Fraction};
+use joint_trace::{CanFrame, Fraction, Line, candump};
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -130,7 +130,7 @@ fn receive_with_frames_of_cansend_returns_them() {
     let Some((name, _one)) = interface() else { return };
     let mut bus = SocketCan::open(&name).expect("open");
     for frame in every_kind() {
-        let line = candump::Line { time_ns: 0, interface: b"x", frame, direction: None };
+        let line = Line { time_ns: 0, interface: b"x", frame, direction: None };
         let mut text = Vec::new();
         candump::emit(&line, Fraction::Microseconds, &mut text);
         let text = String::from_utf8(text).expect("text");

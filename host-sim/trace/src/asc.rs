@@ -20,12 +20,11 @@
 //! for CAN FD logs classic frames as such events too: the flag EDL (1000h) is absent then. A remote request has the flag
 //! 10h, or a length code without data. All other events (statistics, markers, variables) are skipped.
 
-use crate::candump::{CanFrame, Direction, Fraction, Line, LineError};
-use crate::frame::{ERROR_PASSIVE, SWITCHED_RATE};
-use crate::text::{
+use crate::fields::{
     self, Frames, MAX_TIME_NS, emit_bytes, fraction_digits, length_code, nanoseconds, number,
     padded, payload, words,
 };
+use crate::frame::{CanFrame, Direction, ERROR_PASSIVE, Fraction, Line, LineError, SWITCHED_RATE};
 use compensator_core::can::fd::LENGTHS;
 use std::io::Write;
 
@@ -121,7 +120,7 @@ fn identifier(word: &[u8], radix: u32) -> Result<(u32, bool), LineError> {
         [digits @ .., b'x' | b'X'] => (digits, true),
         digits => (digits, false),
     };
-    Ok((text::identifier(digits, extended, radix)?, extended))
+    Ok((fields::identifier(digits, extended, radix)?, extended))
 }
 
 /// Parses a frame after its direction: `d` or `r`, the length, the bytes.

@@ -13,8 +13,7 @@
 //! millions of lines. The parser of the `socketcan` crate is not used: it reads microseconds only, allocates for each
 //! line, and depends on the socket code.
 
-use crate::text::TextFormat;
-use std::fmt;
+use crate::frame::{CanFrame, Direction, Fraction, Line, LineError, MAX_FD_BYTES};
 
 /// Flag of an error frame in an identifier of eight digits.
 const ERROR_FLAG: u32 = 0x2000_0000;
@@ -23,137 +22,6 @@ const MAX_STANDARD_IDENTIFIER: u32 = 0x7FF;
 
 /// Maximum time stamp, s: the range of nanoseconds in 64 bits, rounded down.
 const MAX_TIME_S: u64 = 18_000_000_000;
-
-/// Maximum data of a CAN FD frame, in bytes.
-const MAX_FD_BYTES: usize = 64;
-
-/// A parsed line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Line<'a> {
-    /// Time stamp, ns, since the epoch or since the start of the log.
-    pub time_ns: u64,
-    /// Name of the interface, for example `can0`.
-    pub interface: &'a [u8],
-    /// The frame on the bus.
-    pub frame: CanFrame,
-    /// Direction of the frame, if the log states it.
-    pub direction: Option<Direction>,
-}
-
-/// A CAN frame of any kind.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CanFrame {
-    /// Classic data.
-    Data {
-        /// Identifier of 11 or 29 bits.
-        identifier: u32,
-        /// True if the identifier has 29 bits.
-        extended: bool,
-        /// Number of valid bytes.
-        length: u8,
-        /// Data, padded with 0.
-        bytes: [u8; 8],
-    },
-    /// A remote request.
-    Remote {
-        /// Identifier of 11 or 29 bits.
-        identifier: u32,
-        /// True if the identifier has 29 bits.
-        extended: bool,
-        /// Number of requested bytes.
-        length: u8,
-    },
-    /// CAN FD data.
-    Flexible {
-        /// Identifier of 11 or 29 bits.
-        identifier: u32,
-        /// True if the identifier has 29 bits.
-        extended: bool,
-        /// Four flag bits, among them bit rate switch and error state.
-        flags: u8,
-        /// Number of valid bytes.
-        length: u8,
-        /// Data, padded with 0.
-        bytes: [u8; MAX_FD_BYTES],
-    },
-    /// An error reported by the controller.
-    Error {
-        /// Error classes, one bit each.
-        class: u32,
-        /// Number of valid bytes.
-        length: u8,
-        /// Details, padded with 0.
-        bytes: [u8; 8],
-    },
-}
-
-/// Direction of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
-    /// Received (`R`).
-    Received,
-    /// Sent (`T`).
-    Sent,
-}
-
-/// Number of decimal digits of a time stamp.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Fraction {
-    /// Six digits, the default of candump.
-    #[default]
-    Microseconds,
-    /// Nine digits.
-    Nanoseconds,
-}
-
-/// The part of a line that is malformed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LineError {
-    /// The time stamp.
-    Time,
-    /// The interface.
-    Interface,
-    /// The identifier.
-    Identifier,
-    /// The length, in the formats that state it.
-    Length,
-    /// The data.
-    Data,
-    /// The text after the frame.
-    Direction,
-}
-
-impl LineError {
-    /// Returns a description of the text that this format expects.
-    pub const fn expected(self, format: TextFormat) -> &'static str {
-        match (self, format) {
-            (Self::Time, TextFormat::Candump) => "a time stamp such as (1436509052.249713)",
-            (Self::Time, TextFormat::Asc) => "a time stamp in s",
-            (Self::Time, TextFormat::Trc) => "a time stamp in ms",
-            (Self::Interface, _) => "an interface such as can0 after the time stamp",
-            (Self::Identifier, TextFormat::Candump) => {
-                "an identifier of three or eight hexadecimal digits and #"
-            }
-            (Self::Identifier, _) => "an identifier up to 7FF, or up to 1FFFFFFF with 29 bits",
-            (Self::Length, _) => {
-                "a length up to 8; of CAN FD also 12, 16, 20, 24, 32, 48 or 64 (TRC, column L: its code up to 15)"
-            }
-            (Self::Data, TextFormat::Candump) => {
-                "hexadecimal data after the identifier, two digits a byte"
-            }
-            (Self::Data, _) => "a word for each byte of the stated length",
-            (Self::Direction, _) => "nothing, R or T after the frame",
-        }
-    }
-}
-
-impl fmt::Display for LineError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "expected {}", self.expected(TextFormat::Candump))
-    }
-}
-
-impl std::error::Error for LineError {}
 
 /// Value of each hexadecimal digit; [`NO_DIGIT`] for all other bytes.
 const DIGITS: [u8; 256] = {

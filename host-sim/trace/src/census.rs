@@ -3,8 +3,9 @@
 //! An error message lists them if a log has no frames of the expected joint. The census reads the file a second time,
 //! so normal reading does not pay for it.
 
-use super::candump::CanFrame;
-use super::text::{Frames, TextFormat, TextReader};
+use crate::fields::Frames;
+use crate::frame::{CanFrame, TextFormat};
+use crate::text::TextReader;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, BufRead, Read};

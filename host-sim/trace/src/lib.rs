@@ -14,14 +14,16 @@
 mod asc;
 pub mod candump;
 pub mod census;
+mod fields;
 mod frame;
 pub mod samples;
 pub mod text;
 mod trc;
 pub mod writer;
 
-pub use candump::{CanFrame, Direction, Fraction, Line, LineError};
 pub use census::Census;
+pub use fields::Frames;
+pub use frame::{CanFrame, Direction, Fraction, Line, LineError, TextFormat};
 pub use samples::{Assembler, Summary, TraceSample};
-pub use text::{Frames, TextFormat, TextReader, TextWriter};
+pub use text::{TextReader, TextWriter};
 pub use writer::Writer;

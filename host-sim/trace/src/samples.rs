@@ -12,7 +12,7 @@ mod sample;
 
 pub use sample::TraceSample;
 
-use super::candump::{CanFrame, Line};
+use crate::frame::{CanFrame, Line};
 use compensator_core::can::{
     FdTelemetry, Frame, FrameError, JointKind, Message, NodeId, SyncFrame, TraceEntry,
 };
@@ -390,7 +390,7 @@ mod tests {
         let mut out = Vec::new();
         let mut emit = |time_ns, frame| {
             let line = Line { time_ns, interface: b"can0", frame, direction: None };
-            candump::emit(&line, candump::Fraction::Microseconds, &mut out);
+            candump::emit(&line, crate::Fraction::Microseconds, &mut out);
         };
         for sequence in 0..5u32 {
             let time_ns = 1_000_000 * u64::from(sequence);

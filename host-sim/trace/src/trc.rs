@@ -16,12 +16,11 @@
 //! Types are DT (classic data), RR (remote), FD (CAN FD), FB (with BRS), FE (with ESI) and BI (with both). All others
 //! (errors, states, events) are skipped. Source: PEAK-System, "PEAK CAN TRC File Format", versions 2.0 and 2.1.
 
-use crate::candump::{CanFrame, Direction, Fraction, Line, LineError};
-use crate::frame::{ERROR_PASSIVE, SWITCHED_RATE};
-use crate::text::{
+use crate::fields::{
     self, Frames, emit_bytes, fraction_digits, length_code, nanoseconds, number, padded, payload,
     words,
 };
+use crate::frame::{CanFrame, Direction, ERROR_PASSIVE, Fraction, Line, LineError, SWITCHED_RATE};
 use compensator_core::can::fd::LENGTHS;
 use std::io::Write;
 
@@ -117,7 +116,7 @@ fn frame<'a>(line: &'a [u8], state: &State) -> Result<Frames<'a>, LineError> {
             b'I' if word == b"FFFFFFFF" => return Ok(Frames::None),
             b'I' => {
                 extended = word.len() > 4;
-                identifier = text::identifier(word, extended, 16)?;
+                identifier = fields::identifier(word, extended, 16)?;
             }
             b'L' => length = length_of_code(word, kind)?,
             b'l' => length = length_in_bytes(word, kind)?,

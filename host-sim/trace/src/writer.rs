@@ -3,9 +3,9 @@
 //! A sample becomes the frames that transmit it to a driver, all with the time stamp of the sample: the PDOs of its
 //! measured quantities, the SYNC, and the driver's answer if there is one. A run begins with its number.
 
-use crate::candump::{CanFrame, Fraction, Line};
+use crate::frame::{CanFrame, Fraction, Line, TextFormat};
 use crate::samples::TraceSample;
-use crate::text::{TextFormat, TextWriter};
+use crate::text::TextWriter;
 use compensator_core::can::{Message, NodeId, SyncFrame, TraceEntry};
 use std::io::{self, Write};
 

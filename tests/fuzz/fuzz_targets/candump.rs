@@ -9,8 +9,9 @@ use compensator_core::can::NodeId;
 use compensator_core::can::fd::LENGTHS;
 use joint_bus::replay::Plan;
 use joint_trace::Assembler;
-use joint_trace::candump::{self, CanFrame, Direction, Fraction, Line};
-use joint_trace::{Frames, TextFormat, TextReader, TextWriter};
+use joint_trace::{
+    CanFrame, Direction, Fraction, Frames, Line, TextFormat, TextReader, TextWriter, candump,
+};
 use libfuzzer_sys::fuzz_target;
 
 /// Checks that the line survives in a format that states no names of interfaces.

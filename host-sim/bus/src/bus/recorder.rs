@@ -6,7 +6,8 @@
 
 use super::{Bus, BusError, Counters, Received};
 use joint_trace::CanFrame;
-use joint_trace::candump::{Direction, Fraction, Line, emit};
+use joint_trace::candump::emit;
+use joint_trace::{Direction, Fraction, Line};
 use std::collections::VecDeque;
 use std::io::Write;
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::Assembler;
-use crate::candump::Direction;
+use crate::frame::Direction;
 
 fn frames<'a>(format: TextFormat, text: &'a str) -> Vec<Frames<'a>> {
     let mut reader = TextReader::new(format);
