@@ -13,6 +13,7 @@
 pub mod controls;
 pub mod joint_view;
 pub mod missing_frame;
+pub mod quantity;
 pub mod rates;
 pub mod screen;
 pub mod sdo_poller;
@@ -25,13 +26,14 @@ use compensator_core::can::NodeId;
 use controls::{Action, Controls};
 use joint_trace::CanFrame;
 use joint_view::JointView;
+use quantity::Quantity;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event as Input};
 use screen::Keyboard;
 use sdo_poller::SdoPoller;
 use std::time::{Duration, Instant};
 use view::Setting;
-use view_data::{EventKind, Lens, Quantity};
+use view_data::{EventKind, Lens};
 
 /// Duration of receiving frames before keys are read, ns.
 const RECEIVE_STEP_NS: u64 = 20_000_000;

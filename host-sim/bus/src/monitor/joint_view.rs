@@ -6,11 +6,12 @@
 
 mod missing;
 
+use super::quantity::Quantity;
 use super::rates::{PerSecond, Rates};
 use super::sdo_poller::{Request, SdoReply};
 use super::series::Series;
 use super::view_data::{
-    Band, Codes, Event, EventKind, Heartbeat, Lens, Network, Quantity, Reading, SyncCounts, View,
+    Band, Codes, Event, EventKind, Heartbeat, Lens, Network, Reading, SyncCounts, View,
 };
 use crate::bus::{BitRates, Received};
 use canopen_rs::NmtState;

@@ -3,7 +3,7 @@
 //! A joint answers at each SYNC, and only in the network state *operational*. The reasons are checked in the order in which
 //! a user has to remove them: the joint itself, SYNC, NMT start, the frame of the quantity.
 
-use super::view_data::Quantity;
+use super::quantity::Quantity;
 use compensator_core::can::NodeId;
 use compensator_core::can::cob_id;
 use firmware::node::dictionary::index;

@@ -2,7 +2,8 @@
 
 use super::{JointView, SILENCE_TIMEOUT_NS};
 use crate::monitor::missing_frame::{MissingFrame, Traffic};
-use crate::monitor::view_data::{EventKind, Quantity};
+use crate::monitor::quantity::Quantity;
+use crate::monitor::view_data::EventKind;
 use canopen_rs::NmtState;
 use firmware::node::dictionary::index;
 use std::collections::BTreeMap;

@@ -1,7 +1,8 @@
 //! Rolling charts: one line of numbers each, and a chart below it if there is room.
 
 use super::{DIM, WARN, age, short};
-use crate::monitor::view_data::{Quantity, Reading, View};
+use crate::monitor::quantity::Quantity;
+use crate::monitor::view_data::{Reading, View};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
