@@ -1,7 +1,7 @@
 //! `identify`: fits one model to measured data.
 
 use super::each_joint::{JointResult, each_joint};
-use super::identify_network;
+use super::identify_network::{self, NetworkArguments};
 use super::input::{DataArguments, in_stages};
 #[cfg(feature = "papers")]
 use super::inside::{self, KnownMachine};
@@ -25,7 +25,7 @@ pub struct IdentifyArguments {
     #[command(flatten)]
     pub(super) data: DataArguments,
     #[command(flatten)]
-    pub(super) output: OutputArguments,
+    output: OutputArguments,
     /// Model: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre, with terms as in
     /// `lugre+pressure-coulomb`; or lugre-lstm, where a network scales the friction levels and the stiffness
     #[arg(long, value_name = "MODEL", default_value = "", hide_default_value = true)]
@@ -44,7 +44,7 @@ pub struct IdentifyArguments {
     choices: Vec<String>,
     /// Number of starting points that are optimised to convergence
     #[arg(long, value_name = "N", default_value_t = 3)]
-    pub(super) starts: usize,
+    starts: usize,
     /// Fit within the known dynamics of this machine: to the angles of all joints at once, with exact gradients (models
     /// linear, extended, atan, lugre)
     #[arg(long, value_name = "MACHINE", value_enum, conflicts_with_all = ["start", "keep", "free", "choices", "substeps"])]
@@ -53,17 +53,8 @@ pub struct IdentifyArguments {
     /// Simulation steps per sample; by default chosen by the fit
     #[arg(long, value_name = "N")]
     substeps: Option<usize>,
-    /// Inputs of the network of lugre-lstm: `velocity`, `held` (the bristle torque), columns by name; by default every
-    /// additional column of the log
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
-    pub(super) inputs: Vec<String>,
-    /// Treat strokes (the travel between two reversals) that differ from the training data of lugre-lstm as outside its
-    /// range
-    #[arg(long)]
-    pub(super) watch_strokes: bool,
-    /// Maximum number of training epochs for lugre-lstm
-    #[arg(long, value_name = "N", default_value_t = 200)]
-    pub(super) epochs: usize,
+    #[command(flatten)]
+    network: NetworkArguments,
 }
 
 fn parse_parameter_names(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
@@ -115,7 +106,9 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
             &arguments.data,
             &arguments.output,
             &SplitRule::default(),
-            |input| identify_network::run(arguments, input),
+            |input| {
+                identify_network::run(&arguments.network, &arguments.data, arguments.starts, input)
+            },
         );
     }
     let input_spec = Spec::parse(&arguments.model).map_err(in_options)?;

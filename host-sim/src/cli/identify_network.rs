@@ -9,8 +9,7 @@
 //! reduces the error on held-out rows.
 
 use super::each_joint::JointResult;
-use super::identify::IdentifyArguments;
-use super::input::{LossChoice, in_stages};
+use super::input::{DataArguments, LossChoice, in_stages};
 use super::words::in_options;
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
@@ -27,6 +26,22 @@ use friction_identification::work;
 pub(super) use friction_results::network::MODEL;
 use friction_results::network::{TrainingResult, network_files};
 use serde_json::json;
+
+/// Arguments of the training.
+#[derive(clap::Args)]
+pub(super) struct NetworkArguments {
+    /// Inputs of the network of lugre-lstm: `velocity`, `held` (the bristle torque), columns by name; by default every
+    /// additional column of the log
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    inputs: Vec<String>,
+    /// Treat strokes (the travel between two reversals) that differ from the training data of lugre-lstm as outside its
+    /// range
+    #[arg(long)]
+    watch_strokes: bool,
+    /// Maximum number of training epochs for lugre-lstm
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    epochs: usize,
+}
 
 /// Returns the error message of a command that does not support this model.
 pub(super) fn unsupported_by(command: &str) -> String {
@@ -84,13 +99,18 @@ fn parse_inputs(
 }
 
 /// Fits the model to the log of one joint.
-pub(super) fn run(arguments: &IdentifyArguments, data: &Prepared) -> Result<JointResult, String> {
+pub(super) fn run(
+    arguments: &NetworkArguments,
+    reading: &DataArguments,
+    starts: usize,
+    data: &Prepared,
+) -> Result<JointResult, String> {
     let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
         .into_iter()
         .map(|quantity| (quantity.name(data.data.joint), quantity))
         .collect();
     let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
-    if arguments.data.loss == LossChoice::Huber {
+    if reading.loss == LossChoice::Huber {
         return Err(format!(
             "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
         ));
@@ -102,11 +122,10 @@ pub(super) fn run(arguments: &IdentifyArguments, data: &Prepared) -> Result<Join
     }
     let spec = Spec::parse(BASE).map_err(in_options)?;
     let base = spec.parameters().map_err(in_options)?;
-    let options =
-        FitOptions { starts: arguments.starts.max(1), passive: true, ..FitOptions::default() };
+    let options = FitOptions { starts: starts.max(1), passive: true, ..FitOptions::default() };
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
     let training = TrainOptions {
-        seed: arguments.data.seed,
+        seed: reading.seed,
         epochs: arguments.epochs,
         every: (1.0 / (EVALUATION_RATE_HZ * period_s)).round().max(1.0) as usize,
         substeps: law_substeps(period_s),
@@ -133,7 +152,7 @@ pub(super) fn run(arguments: &IdentifyArguments, data: &Prepared) -> Result<Join
         })
         .collect();
     let task = TrainingTask { names, watches_strokes: arguments.watch_strokes, options: training };
-    in_stages(arguments.data.threads, || {
+    in_stages(reading.threads, || {
         work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
         let fit = identify(&spec, &base, data.train_rows(), data.test_rows(), &options)?;
         let training = match *inputs.as_slice() {

@@ -8,6 +8,7 @@
 
 mod commission;
 mod friction_run;
+mod measure;
 mod names;
 mod network;
 mod status;
@@ -123,7 +124,7 @@ enum Action {
         #[arg(long, conflicts_with_all = ["measure", "friction_run"])]
         confirm: bool,
         #[command(flatten)]
-        measure: commission::MeasureArguments,
+        measure: measure::MeasureArguments,
     },
     /// Restart the driver
     Reset,

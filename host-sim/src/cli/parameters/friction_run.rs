@@ -4,7 +4,7 @@
 //! answers each SYNC with its measurements. [`identify`](crate::cli::identify) reads the trace. The driver's parameters
 //! stay unchanged: the user fits a model, checks it, and sets it with `params set`.
 
-use super::commission::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
+use super::measure::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
 use super::{Driver, sdo_message};
 use crate::cli::input::spinner;
 use crate::cli::output::print_text;
@@ -15,7 +15,7 @@ use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::CommissioningRunObject;
 use joint_trace::CanFrame;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 /// Order that starts a friction run.
@@ -26,15 +26,6 @@ const SAMPLE_PERIOD: Duration = Duration::from_millis(2);
 
 /// Wait before the run. The driver accepts a newly committed encoder direction after 0.15 s.
 const SETTLING_TIME: Duration = Duration::from_millis(300);
-
-/// File name of the trace.
-const TRACE_FILE: &str = "trace.log";
-
-/// Creates the folder and returns the path of the trace.
-pub(super) fn trace_path(out: &Path) -> Result<PathBuf, String> {
-    std::fs::create_dir_all(out).map_err(|error| format!("{}: {error}", out.display()))?;
-    Ok(out.join(TRACE_FILE))
-}
 
 impl Driver {
     /// Runs the friction run. The bus recorder writes `trace`.
