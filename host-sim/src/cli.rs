@@ -18,6 +18,8 @@ mod identify_network;
 mod input;
 #[cfg(feature = "papers")]
 mod inside;
+#[cfg(any(test, not(feature = "papers")))]
+mod missing_feature;
 mod monitor;
 mod node;
 mod output;
@@ -69,6 +71,10 @@ enum Command {
     #[cfg(feature = "papers")]
     /// Reproduce the tables and plots of a paper, beside the printed values
     Paper(paper::PaperArguments),
+    #[cfg(not(feature = "papers"))]
+    /// Reproduce the tables and plots of a paper (needs a build with the feature `papers`)
+    #[command(disable_help_flag = true)]
+    Paper(missing_feature::AnyArguments),
     /// Read and write a joint driver's parameters
     Params(parameters::ParamsArguments),
     /// Predict the torque of every row of a log with a fitted model
@@ -113,6 +119,8 @@ pub fn run() -> ExitCode {
         Command::Node(arguments) => done(node::run(&arguments)),
         #[cfg(feature = "papers")]
         Command::Paper(arguments) => done(paper::run(&arguments)),
+        #[cfg(not(feature = "papers"))]
+        Command::Paper(_) => Err(missing_feature::refusal("paper", "papers")),
         Command::Params(arguments) => parameters::run(&arguments),
         Command::Predict(arguments) => done(predict::run(&arguments)),
         Command::Replay(arguments) => replay::run(&arguments),

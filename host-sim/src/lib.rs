@@ -5,13 +5,11 @@
 //! on a bus, and `published-experiments` reproduces papers. This crate adds:
 //!
 //! - [`cli`]: the commands.
-//! - [`benchmark`]: grades the diagnosis on simulated machines.
 //! - [`driver_file`]: reads and writes parameter files with the settings of a joint driver.
 //! - [`demo_joint`]: runs a simulated joint with its driver on a bus.
 //!
 //! The binary only calls [`cli::run`].
 
-pub mod benchmark;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod demo_joint;

@@ -27,8 +27,9 @@ pub fn simulate(
     threads: usize,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<(Table, String, String)> {
-    let Some(machine) = SIMULATIONS.iter().find(|machine| machine.name() == scenario) else {
-        let known: Vec<&str> = SIMULATIONS.iter().map(|machine| machine.name()).collect();
+    let machines = || SIMULATIONS.iter().chain(paper_machines::SIMULATIONS);
+    let Some(machine) = machines().find(|machine| machine.name() == scenario) else {
+        let known: Vec<&str> = machines().map(|machine| machine.name()).collect();
         let known = known.join(", ");
         return Err(refused(py, &format!("scenario={scenario:?}: expected one of {known}")));
     };

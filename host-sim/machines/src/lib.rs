@@ -5,11 +5,9 @@
 //! exponential, double precision, and fourth-order Runge-Kutta steps of a hundredth of a log's sample period. The core
 //! uses another state, another integration scheme, a table, and steps of a whole sample period.
 
-mod banded_damper;
 pub mod friction;
 pub mod joint_plant;
 pub mod log;
-pub mod manipulator;
 pub mod motion;
 pub mod scenarios;
 pub mod simulation;

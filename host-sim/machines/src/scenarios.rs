@@ -15,22 +15,21 @@
 
 mod arrange;
 mod draw;
-mod drawn_cause;
+pub mod drawn_cause;
 mod dynamics;
 mod excite;
 mod hidden_cause;
 mod hide;
-mod joint;
+pub mod joint;
 mod kind;
 mod logger;
-mod motion;
-mod outside;
-mod sampler;
+pub mod motion;
+pub mod outside;
+pub mod sampler;
 mod sensors;
 mod setting;
-mod surroundings;
+pub mod surroundings;
 mod truth;
-pub mod unkind;
 
 pub use hidden_cause::HiddenCause;
 pub use hide::{Hide, kind};

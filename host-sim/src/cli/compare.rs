@@ -1,11 +1,13 @@
 //! `compare`: fits all model families to the same data and ranks them on held-out rows.
 
 use super::each_joint::{JointResult, each_joint};
-use super::identify::choices;
+use super::identify::{KnownMachine, choices};
 use super::identify_network;
 use super::input::{DataArguments, in_stages};
 #[cfg(feature = "papers")]
-use super::inside::{self, KnownMachine};
+use super::inside;
+#[cfg(not(feature = "papers"))]
+use super::missing_feature::refusal;
 use super::output::OutputArguments;
 use super::table;
 use super::words::in_options;
@@ -34,7 +36,6 @@ pub struct CompareArguments {
     /// Fit within the known dynamics of this machine: to the angles of all joints at once, with exact gradients (models
     /// linear, extended, atan, lugre)
     #[arg(long, value_name = "MACHINE", value_enum, conflicts_with = "choices")]
-    #[cfg(feature = "papers")]
     inside: Option<KnownMachine>,
 }
 
@@ -65,6 +66,10 @@ pub fn run(arguments: &CompareArguments) -> Result<(), String> {
         let data = &arguments.data;
         let output = &arguments.output.of_run("compare", &data.data);
         return inside::run(data, output, &models, MACHINE_FIT_STARTS, "compare.json");
+    }
+    #[cfg(not(feature = "papers"))]
+    if arguments.inside.is_some() {
+        return Err(refusal("--inside", "papers"));
     }
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;

@@ -11,7 +11,6 @@
 use super::input::{in_stages, spinner};
 use super::output::{OutputArguments, print_formatted, print_text};
 use super::words::in_options;
-use crate::benchmark::{Grade, grade};
 use crate::driver_file;
 use crate::simulated;
 use compensator_core::can::NodeId;
@@ -132,15 +131,15 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     bar.finish_and_clear();
     printer.step(&describe_replay(&replay))?;
 
-    let grade = grade(Kind::One(effect(seed)), seed, &scenario, &found);
+    let answer = Answer::of(&scenario, &found);
     if arguments.output.json {
-        return print_text(&pretty(&json_result(seed, &scenario, &grade, value, &replay))?);
+        return print_text(&pretty(&json_result(seed, &scenario, &answer, value, &replay))?);
     }
     let mut text = "\nDiagnosis of the recording:\n".to_owned();
     for (index, sentence) in document.summary().iter().enumerate() {
         text += &format!("{}. {sentence}\n", index + 1);
     }
-    text += &format!("\n{}\n", describe_truth(&scenario, &found, &grade));
+    text += &format!("\n{}\n", describe_truth(&scenario, &found, &answer));
     text += &format!(
         "\nFinished in {:.0} s. Open {out}/report.html for the report. Other files in {out}: diagnosis.json, params.toml, data.csv, \
          trace.log, truth.json.\n",
@@ -222,8 +221,40 @@ fn describe_replay(replay: &Result<Tally, String>) -> String {
     }
 }
 
+/// The diagnosis beside the hidden effect.
+struct Answer {
+    /// Hidden causes.
+    hidden: Vec<&'static str>,
+    /// Named causes, in order.
+    named: Vec<&'static str>,
+    /// Causes that the first one is confusable with.
+    confusable: Vec<&'static str>,
+    /// True if the first named cause is hidden.
+    is_right: bool,
+    /// Estimated size, and true if the true size lies in its interval; `None` if the answer is not right.
+    size: Option<(f64, bool)>,
+}
+
+impl Answer {
+    fn of(scenario: &Scenario, found: &Diagnosis) -> Self {
+        let hidden: Vec<&'static str> = scenario.truth.hidden.iter().map(|own| own.cause).collect();
+        let named: Vec<&'static str> = found.findings.iter().map(|own| own.cause.name()).collect();
+        let first = found.findings.first();
+        let confusable = first.map_or(Vec::new(), |finding| {
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect()
+        });
+        let is_right = named.first().is_some_and(|name| hidden.contains(name));
+        let size = first.zip(scenario.truth.hidden.first()).filter(|_| is_right);
+        let size = size.map(|(finding, truth)| {
+            let [low, high] = finding.size.ci95;
+            (finding.size.value, (low..=high).contains(&truth.size))
+        });
+        Self { hidden, named, confusable, is_right, size }
+    }
+}
+
 /// Describes the hidden effect and whether the diagnosis found it.
-fn describe_truth(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> String {
+fn describe_truth(scenario: &Scenario, found: &Diagnosis, answer: &Answer) -> String {
     let truth = &scenario.truth;
     let mut text = String::from("Hidden effect: ");
     for hidden in &truth.hidden {
@@ -235,15 +266,15 @@ fn describe_truth(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> Stri
         );
     }
     let named = found.cause();
-    text += &match (grade.right, grade.named.len()) {
+    text += &match (answer.is_right, answer.named.len()) {
         (true, 1) => "The diagnosis was right.".to_owned(),
         (true, _) => format!(
             "The first cause of the diagnosis was right, but it named causes that are not present: {}.",
-            grade.named[1..].join(", ")
+            answer.named[1..].join(", ")
         ),
         (false, _) if named == "none" => "The diagnosis was wrong: it found nothing.".to_owned(),
         (false, _) => {
-            let hedged = grade.hidden.iter().any(|hidden| grade.confusable.contains(hidden));
+            let hedged = answer.hidden.iter().any(|hidden| answer.confusable.contains(hidden));
             let but = if hedged {
                 ", but listed the true cause as indistinguishable from it"
             } else {
@@ -252,8 +283,8 @@ fn describe_truth(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> Stri
             format!("The diagnosis was wrong: it named {named}{but}.")
         }
     };
-    if let Some((size, value, [low, high])) = grade.sizes {
-        let inside = if (low..=high).contains(&size) { "inside" } else { "outside" };
+    if let Some((value, is_inside)) = answer.size {
+        let inside = if is_inside { "inside" } else { "outside" };
         text += &format!(
             " The estimated size is {}; the true size is {inside} the 95 % confidence interval.",
             figure(value)
@@ -266,7 +297,7 @@ fn describe_truth(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> Stri
 fn json_result(
     seed: u64,
     scenario: &Scenario,
-    grade: &Grade,
+    answer: &Answer,
     diagnosis: Value,
     replay: &Result<Tally, String>,
 ) -> Value {
@@ -277,10 +308,10 @@ fn json_result(
     json!({
         "schema": 1,
         "seed": seed,
-        "hidden": grade.hidden,
-        "named": grade.named,
-        "right": grade.right,
-        "size_inside_ci95": grade.size_inside,
+        "hidden": answer.hidden,
+        "named": answer.named,
+        "right": answer.is_right,
+        "size_inside_ci95": answer.size.map(|(_, is_inside)| is_inside),
         "truth": scenario.truth.json(),
         "replay": replay,
         "diagnosis": diagnosis,

@@ -4,7 +4,9 @@ use super::each_joint::{JointResult, each_joint};
 use super::identify_network::{self, NetworkArguments};
 use super::input::{DataArguments, in_stages};
 #[cfg(feature = "papers")]
-use super::inside::{self, KnownMachine};
+use super::inside;
+#[cfg(not(feature = "papers"))]
+use super::missing_feature::refusal;
 use super::output::OutputArguments;
 use super::table;
 use super::words::in_options;
@@ -18,6 +20,13 @@ use friction_identification::spec::Spec;
 use friction_identification::work;
 use friction_results::fits::fit_files;
 use std::path::PathBuf;
+
+/// Machines with known dynamics, for `--inside`, which needs the feature `papers`.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub enum KnownMachine {
+    /// The arm with three joints and fluidic muscles of `simulate manipulator`.
+    Manipulator,
+}
 
 /// Arguments of `identify`.
 #[derive(clap::Args)]
@@ -48,7 +57,6 @@ pub struct IdentifyArguments {
     /// Fit within the known dynamics of this machine: to the angles of all joints at once, with exact gradients (models
     /// linear, extended, atan, lugre)
     #[arg(long, value_name = "MACHINE", value_enum, conflicts_with_all = ["start", "keep", "free", "choices", "substeps"])]
-    #[cfg(feature = "papers")]
     inside: Option<KnownMachine>,
     /// Simulation steps per sample; by default chosen by the fit
     #[arg(long, value_name = "N")]
@@ -99,6 +107,10 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
         let data = &arguments.data;
         let output = &arguments.output.of_run("identify", &data.data);
         return inside::run(data, output, models, arguments.starts, "fit.json");
+    }
+    #[cfg(not(feature = "papers"))]
+    if arguments.inside.is_some() {
+        return Err(refusal("--inside", "papers"));
     }
     if arguments.model == identify_network::MODEL {
         return each_joint(

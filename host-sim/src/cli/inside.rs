@@ -10,13 +10,6 @@ use friction_identification::work;
 use published_experiments::coupled::{ArmLog, InsideFit, model};
 use serde_json::{Value, json};
 
-/// Machines with known dynamics.
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-pub enum KnownMachine {
-    /// The arm with three joints and fluidic muscles of `simulate manipulator`.
-    Manipulator,
-}
-
 /// Fits the models within the machine's dynamics. Writes the parameters of the model with the smallest held-out error,
 /// one file for each joint.
 ///

@@ -4,6 +4,8 @@
 //! contains none, one or two hidden effects that a diagnosis has to find.
 
 use super::input::spinner;
+#[cfg(not(feature = "papers"))]
+use super::missing_feature::refusal;
 use super::output::{OutputArguments, print_text};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -78,11 +80,28 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The machines of the papers, by name, which need the feature `papers`.
+#[cfg(any(test, not(feature = "papers")))]
+const PAPER_MACHINES: [&str; 2] = ["damper", "manipulator"];
+
 /// Returns the parser of the machine's name; the help lists every machine with its description.
+#[cfg(feature = "papers")]
+fn simulations() -> impl TypedValueParser<Value = &'static dyn Simulation> {
+    let all = || SIMULATIONS.iter().chain(paper_machines::SIMULATIONS).copied();
+    let values = all().map(|of| PossibleValue::new(of.name()).help(of.about()));
+    PossibleValuesParser::new(values)
+        .try_map(move |name| all().find(|of| of.name() == name).ok_or("no such simulation"))
+}
+
+/// Returns the parser of the machine's name; it refuses the machines of the papers.
+#[cfg(not(feature = "papers"))]
 fn simulations() -> impl TypedValueParser<Value = &'static dyn Simulation> {
     let values = SIMULATIONS.iter().map(|of| PossibleValue::new(of.name()).help(of.about()));
-    PossibleValuesParser::new(values).try_map(|name| {
-        SIMULATIONS.iter().copied().find(|of| of.name() == name).ok_or("no such simulation")
+    let missing = PAPER_MACHINES
+        .map(|name| PossibleValue::new(name).help("Needs a build with the feature `papers`"));
+    PossibleValuesParser::new(values.chain(missing)).try_map(|name| {
+        let found = SIMULATIONS.iter().copied().find(|of| of.name() == name);
+        found.ok_or_else(|| refusal(&format!("simulate {name}"), "papers"))
     })
 }
 
@@ -137,4 +156,15 @@ fn trace(log: &Log, format: TextFormat) -> Result<Option<String>, String> {
     let mut trace = Vec::new();
     emit(data, &options, &mut trace).map_err(|error| error.to_string())?;
     String::from_utf8(trace).map(Some).map_err(|error| error.to_string())
+}
+
+#[cfg(all(test, feature = "papers"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paper_machines_are_those_refused_without_feature() {
+        let names: Vec<&str> = paper_machines::SIMULATIONS.iter().map(|of| of.name()).collect();
+        assert_eq!(names, PAPER_MACHINES);
+    }
 }

@@ -10,16 +10,14 @@ mod driver_on_a_bus;
 mod export;
 mod fleet;
 mod friction_run;
-mod hidden_effects;
 mod lugre_lstm;
+mod missing_feature;
 mod monitor;
 mod papers;
 mod picture;
-mod planted;
 mod pool_tests;
 mod predict;
 mod progress;
-mod recovery;
 mod replay;
 mod report_browser;
 mod report_page;
@@ -28,7 +26,6 @@ mod scenarios;
 mod scope;
 mod several_joints;
 mod stochastic;
-mod unkind_worlds;
 
 /// Returns true if the tests run in their long form.
 pub fn is_long() -> bool {

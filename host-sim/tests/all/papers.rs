@@ -20,7 +20,10 @@ pub fn quick(name: &str) -> PaperOutcome {
     let command = format!("paper {name} --quick");
     let guide = root.join("docs/src/how-to/reproduce-the-papers.md");
     let guide = std::fs::read_to_string(guide).expect("the guide is there");
-    assert!(guide.contains(&format!("cargo run --release -- {command} ")), "{command}");
+    assert!(
+        guide.contains(&format!("cargo run --release --features papers -- {command} ")),
+        "{command}"
+    );
     let folder = tempfile::tempdir().expect("a folder");
     let mut program = Command::new(env!("CARGO_BIN_EXE_host-sim"));
     program.args(command.split(' ')).arg("--data").arg(root.join("../shared/data"));

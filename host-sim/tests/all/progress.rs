@@ -18,6 +18,7 @@ const IDENTIFY: [&str; 4] = ["identify", "out/data.csv", "--model", "lugre"];
 const COMPARE: [&str; 4] = ["compare", "out/data.csv", "--models", "dahl"];
 const DIAGNOSE: [&str; 2] = ["diagnose", "out/data.csv"];
 const REPLAY: [&str; 2] = ["replay", "out/trace.log"];
+#[cfg(feature = "papers")]
 const PAPER: [&str; 3] = ["paper", "manipulator", "--quick"];
 
 #[test]
@@ -35,6 +36,12 @@ fn commands_on_terminal_show_progress_and_expected_duration() {
     shows(&DIAGNOSE, &["checking "], "fitting the baseline");
     let samples = ["replaying 18000 samples (2 min 18 s recorded) as fast as", "samples, "];
     shows(&REPLAY, &samples, "bit for bit");
+}
+
+#[test]
+#[cfg(feature = "papers")]
+fn paper_on_terminal_shows_progress_and_expected_duration() {
+    let folder = tempfile::tempdir().unwrap();
     // The run itself takes a minute; it ends with this test.
     let mut paper = OnTerminal::start(&mut host_sim(folder.path(), &PAPER));
     paper.wait_for("manipulator takes about 60 s on two cores");

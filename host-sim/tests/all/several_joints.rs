@@ -148,6 +148,7 @@ fn identify_with_one_unusable_joint_names_it_and_writes_nothing() {
 }
 
 #[test]
+#[cfg(feature = "papers")]
 fn identify_inside_manipulator_fits_all_joints() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();

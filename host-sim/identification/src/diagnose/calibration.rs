@@ -5,7 +5,7 @@
 //! monotone step (isotonic regression, Zadrozny and Elkan 2002) then corrects the probability with
 //! the observed frequencies of cases that the weights were not fitted to.
 //!
-//! The weights are a table, `calibration.toml`. `cargo run --release -p host-sim --example calibrate`
+//! The weights are a table, `calibration.toml`. `cargo run --release -p friction-grading --example calibrate`
 //! regenerates it from simulated logs with known causes. There are two models: one for causes that
 //! were fitted and reviewed, and one for candidates of the first round, from their linear fit.
 
@@ -234,7 +234,7 @@ impl Calibration {
     /// Emits the table.
     pub fn emit(&self) -> String {
         let mut text = format!(
-            "# Weights of the evidence for a cause. Made by\n#   cargo run --release -p host-sim --example calibrate\n\n\
+            "# Weights of the evidence for a cause. Made by\n#   cargo run --release -p friction-grading --example calibrate\n\n\
              name = \"{}\"\nnaming_threshold = {:.3}\n",
             self.name, self.naming_threshold
         );

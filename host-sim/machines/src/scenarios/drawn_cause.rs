@@ -9,24 +9,32 @@ use std::f64::consts::TAU;
 
 /// A hidden effect with all drawn properties.
 #[derive(Clone, Debug)]
-pub(super) struct DrawnCause {
+pub struct DrawnCause {
+    /// Cause of the effect.
     pub effect: HiddenCause,
     /// Size, by the convention of the cause in the catalogue.
     pub size: f64,
     /// Order of a ripple, periods per turn.
     pub order: f64,
+    /// Phase of a ripple at angle 0, rad.
     pub phase: f64,
     /// Further orders of a torque ripple. Their size is a share of the first.
     pub harmonics: Vec<Wave>,
+    /// Temperature without a change, deg C.
     pub reference_c: f64,
+    /// Contact age from which a dwell-time effect grows, s.
     pub onset_s: f64,
+    /// Travel over which the contact age is lost, rad.
     pub forgetting_rad: f64,
     /// Time constant of a run-in, s. `None` for a linear drift.
     pub run_in_s: Option<f64>,
+    /// Length of the campaign, s.
     pub campaign_s: f64,
+    /// Share of the motion within a backlash that reaches the bristles.
     pub leak: f64,
     /// Characteristic heat of the warm-up, J, and time constant of the cooling, s.
     pub warming: (f64, f64),
+    /// Kind of an effect outside the catalogue.
     pub flavour: Option<Flavour>,
 }
 
@@ -41,7 +49,7 @@ const MAX_DELAY_SAMPLES: f64 = 28.0;
 
 impl DrawnCause {
     /// Draws an effect of initial size for a campaign.
-    pub fn draw(
+    pub(super) fn draw(
         sampler: &mut Sampler,
         effect: HiddenCause,
         setting: &Setting,
@@ -91,7 +99,7 @@ impl DrawnCause {
     }
 
     /// Replaces a run-in by a linear drift.
-    pub fn use_linear_drift(&mut self) {
+    pub(super) fn use_linear_drift(&mut self) {
         self.run_in_s = None;
     }
 
@@ -112,7 +120,7 @@ impl DrawnCause {
     }
 
     /// Returns the smallest and largest plausible magnitude for this joint.
-    pub fn limits(&self, setting: &Setting) -> (f64, f64) {
+    pub(super) fn limits(&self, setting: &Setting) -> (f64, f64) {
         let seal = &setting.seal;
         match self.effect {
             HiddenCause::RadialForceCoulomb => (5e-4, 0.05),

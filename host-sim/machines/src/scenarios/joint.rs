@@ -16,8 +16,10 @@ use crate::friction::Seal;
 
 /// Exponential decrease with temperature, of the viscous friction or of the level.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Thinning {
+pub struct Thinning {
+    /// Relative decrease per K.
     pub per_k: f64,
+    /// Temperature at which the factor is 1, deg C.
     pub reference_c: f64,
 }
 
@@ -29,10 +31,12 @@ impl Thinning {
 
 /// A sinusoidal function of the angle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wave {
+pub struct Wave {
+    /// Amplitude: Nm of an additive torque, a share of the level of a ripple.
     pub size: f64,
     /// Periods per turn.
     pub order: f64,
+    /// Phase at angle 0, rad.
     pub phase: f64,
 }
 
@@ -44,19 +48,30 @@ impl Wave {
 
 /// Static friction that grows with the contact age. The age grows with time and is lost with travel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Dwell {
+pub struct Dwell {
+    /// Increase per factor e of the contact age, Nm.
     pub gain_nm: f64,
+    /// Contact age from which the friction grows, s.
     pub onset_s: f64,
+    /// Travel over which the age is lost, rad.
     pub travel_rad: f64,
 }
 
 /// Change of the level over the campaign. The factor is 1 at the start.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Drift {
+pub enum Drift {
     /// `1 + rate t`.
-    Wear { per_s: f64 },
+    Wear {
+        /// Relative change per second.
+        per_s: f64,
+    },
     /// `(1 + a exp(-t/T)) / (1 + a)`.
-    RunIn { amplitude: f64, time_s: f64 },
+    RunIn {
+        /// Relative excess at the start.
+        amplitude: f64,
+        /// Time constant, s.
+        time_s: f64,
+    },
 }
 
 impl Drift {
@@ -72,7 +87,7 @@ impl Drift {
 
 /// Decrease of the level with the stored friction heat.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Warming {
+pub struct Warming {
     /// Share of the level that is lost at high heat.
     pub fall: f64,
     /// Heat at which a share of 1 - 1/e of the decrease has occurred, J.
@@ -89,7 +104,8 @@ impl Warming {
 
 /// Backlash of the drive. Within it, almost no motion reaches the bristles.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Play {
+pub struct Play {
+    /// Width, rad.
     pub travel_rad: f64,
     /// Share of the motion within the backlash that reaches the bristles.
     pub leak: f64,
@@ -97,28 +113,44 @@ pub(super) struct Play {
 
 /// A joint: its seal and all effects. Most effects have their neutral size.
 #[derive(Clone, Debug)]
-pub(super) struct Joint {
+pub struct Joint {
+    /// The seal without effects.
     pub seal: Seal,
+    /// Increase of the level by the transmitted torque, Nm/Nm.
     pub per_load: f64,
     /// Gain of the transmitted torque, if the torque column contains it.
     pub load_gain: f64,
+    /// Decrease of the viscous friction with temperature.
     pub thinning: Option<Thinning>,
+    /// Ripple of the level over the angle.
     pub ripple: Option<Wave>,
+    /// Additive torque of one period per turn.
     pub gravity: Option<Wave>,
     /// Additive torques that depend on the angle, one per order.
     pub torque_ripple: Vec<Wave>,
+    /// Decrease of the level with temperature.
     pub stiffening: Option<Thinning>,
+    /// Decrease of the level with the friction heat.
     pub warming: Option<Warming>,
+    /// Relative difference of the level between the directions.
     pub asymmetry: f64,
+    /// Constant additive torque, Nm.
     pub offset_nm: f64,
+    /// Quadratic drag, Nm s^2/rad^2.
     pub drag: f64,
+    /// Static friction that grows with the contact age.
     pub dwell: Option<Dwell>,
+    /// Change of the level over the campaign.
     pub drift: Option<Drift>,
+    /// Inertia in the torque column, kg m^2.
     pub inertia: f64,
+    /// Backlash of the drive.
     pub play: Option<Play>,
+    /// Exponent of the Stribeck curve.
     pub stribeck_exponent: f64,
     /// Delay of the torque channel, s.
     pub delay_s: f64,
+    /// Effect outside the catalogue.
     pub outside: Option<Outside>,
 }
 

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 /// Angle, velocity and acceleration of a joint at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Instant {
+pub struct Instant {
     /// Angle since the start of the run, rad.
     pub angle: f64,
     /// Velocity, rad/s.
@@ -18,8 +18,10 @@ pub(super) struct Instant {
 
 /// One sine of a motion: velocity `peak sin(2 pi hz t)`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wave {
+pub struct Wave {
+    /// Amplitude of the velocity, rad/s.
     pub peak: f64,
+    /// Frequency, Hz.
     pub hz: f64,
 }
 
@@ -33,18 +35,25 @@ struct Knot {
 
 /// A motion from the start of a run.
 #[derive(Clone, Debug)]
-pub(super) enum Motion {
+pub enum Motion {
     /// A sum of sines.
     Waves(Vec<Wave>),
-    /// Oscillations about a point. Their amplitude grows from 0 to `travel` (rad) over `growth` (s).
-    Presliding { travel: f64, hz: f64, growth: f64 },
+    /// Oscillations about a point, with a growing amplitude.
+    Presliding {
+        /// Amplitude at the end of the growth, rad.
+        travel: f64,
+        /// Frequency, Hz.
+        hz: f64,
+        /// Time over which the amplitude grows from 0, s.
+        growth: f64,
+    },
     /// Constant speeds and ramps.
     Speeds(Speeds),
 }
 
 /// A sequence of speeds with ramps between them.
 #[derive(Clone, Debug)]
-pub(super) struct Speeds {
+pub struct Speeds {
     knots: Vec<Knot>,
     /// True if ramps start and end with zero acceleration, false if they are linear.
     is_smooth: bool,

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 /// Relation between the friction level and a column: a curve from 0 to 1 over the column's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Curve {
+pub enum Curve {
     /// Proportional.
     Straight,
     /// Quadratic.
@@ -37,22 +37,52 @@ impl Curve {
 
 /// Kind of the effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Flavour {
-    /// The level falls with temperature from `from_c` over `range_k`; the viscosity does not change.
-    Temperature { from_c: f64, range_k: f64, curve: Curve },
-    /// The level follows an extra column over its range.
-    Column { extra: Extra, from: f64, range: f64, curve: Curve },
+pub enum Flavour {
+    /// The level falls with temperature; the viscosity does not change.
+    Temperature {
+        /// Temperature from which the level falls, deg C.
+        from_c: f64,
+        /// Range over which it falls, K.
+        range_k: f64,
+        /// Form of the decrease.
+        curve: Curve,
+    },
+    /// The level follows an extra column.
+    Column {
+        /// The column.
+        extra: Extra,
+        /// Reading from which the level changes.
+        from: f64,
+        /// Range of the reading over which it changes.
+        range: f64,
+        /// Form of the change.
+        curve: Curve,
+    },
     /// A local increase of the level around a speed.
-    Band { speed: f64, width: f64 },
-    /// An additive torque proportional to the cable tension minus `from`.
-    Cable { from: f64 },
+    Band {
+        /// Centre, rad/s.
+        speed: f64,
+        /// Width, rad/s.
+        width: f64,
+    },
+    /// An additive torque proportional to the excess of the cable tension.
+    Cable {
+        /// Tension without a torque, N.
+        from: f64,
+    },
     /// A local increase of the level at one angle of the shaft.
-    Scratch { angle: f64, width: f64 },
+    Scratch {
+        /// Centre, rad.
+        angle: f64,
+        /// Width, rad.
+        width: f64,
+    },
 }
 
 /// An effect outside the catalogue, with its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Outside {
+pub struct Outside {
+    /// Kind of the effect.
     pub flavour: Flavour,
     /// Relative change of the level. In Nm for a band, in Nm/N for a cable.
     pub size: f64,

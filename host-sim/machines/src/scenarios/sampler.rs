@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 ///
 /// The same seed gives the same scenario on every computer: the generator is value-stable, and no draw depends on
 /// the order of threads.
-pub(super) struct Sampler(Pcg64);
+pub struct Sampler(Pcg64);
 
 /// Lower bound of a logarithm's argument.
 const MIN_LOG_ARGUMENT: f64 = 1e-12;
@@ -68,7 +68,7 @@ impl Sampler {
 }
 
 /// Mixes the bits of a seed, so that consecutive seeds give unrelated values (finaliser of splitmix64).
-pub(super) fn mixed(seed: u64) -> u64 {
+pub fn mixed(seed: u64) -> u64 {
     let mut x = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

@@ -7,13 +7,20 @@ use std::f64::consts::TAU;
 
 /// Operating conditions at an instant. Quantities without an effect on the joint stay 0.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Conditions {
+pub struct Conditions {
+    /// Side load, N.
     pub force: f64,
+    /// Rate of the side load, N/s.
     pub force_rate: f64,
+    /// Pressure difference, Pa.
     pub pressure: f64,
+    /// Temperature, deg C.
     pub temperature: f64,
+    /// Transmitted load torque, Nm.
     pub load: f64,
+    /// Extra column that acts on the joint, in its own unit.
     pub extra: f64,
+    /// Campaign time, s.
     pub campaign_s: f64,
     /// Friction heat stored in the seal, J.
     pub heat_j: f64,
@@ -21,7 +28,7 @@ pub(super) struct Conditions {
 
 /// A quantity as a function of the time of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Signal {
+pub struct Signal {
     /// Value at the start, without the oscillation.
     pub level: f64,
     /// Ramp, per second.
@@ -59,7 +66,7 @@ impl Signal {
 
 /// Extra columns of a log beyond those of the data contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Extra {
+pub enum Extra {
     /// Relative humidity of the air in the laboratory.
     Humidity,
     /// Time since the seal was last greased.
@@ -94,7 +101,7 @@ impl Extra {
 
 /// Operating conditions of a joint in one run.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Condition {
+pub struct Condition {
     /// Start of the run in campaign time, s.
     pub start_s: f64,
     /// Side load, N.

@@ -121,7 +121,7 @@ impl ScenarioTruth {
 
 impl Hidden {
     /// Returns the JSON form of the effect.
-    pub(super) fn json(&self) -> Value {
+    pub fn json(&self) -> Value {
         let mut object = Map::new();
         object.insert("cause".into(), json!(self.cause));
         object.insert("columns".into(), json!(self.columns));

@@ -1,0 +1,46 @@
+//! What a cargo feature adds, refused in a build without it.
+
+use std::ffi::OsString;
+
+/// Arguments of a command that this build lacks. All are accepted, so that the refusal is the only error.
+#[cfg(not(feature = "papers"))]
+#[derive(clap::Args)]
+pub struct AnyArguments {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    _arguments: Vec<OsString>,
+}
+
+/// Returns the error for something that needs a feature: one line that names the feature and the same command with it.
+#[cfg(not(feature = "papers"))]
+pub fn refusal(what: &str, feature: &str) -> String {
+    refusal_of(what, feature, std::env::args_os().skip(1))
+}
+
+/// Returns the refusal of a command with these arguments.
+fn refusal_of(what: &str, feature: &str, arguments: impl Iterator<Item = OsString>) -> String {
+    let quoted = |argument: OsString| {
+        let text = argument.to_string_lossy().into_owned();
+        let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
+        if text.chars().all(is_plain) { text } else { format!("'{text}'") }
+    };
+    let arguments: Vec<String> = arguments.map(quoted).collect();
+    let arguments = arguments.join(" ");
+    format!(
+        "{what}: not in this build, which lacks the feature {feature}: cargo run --release --features {feature} -- {arguments}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusal_names_feature_and_command_in_one_line() {
+        let arguments = ["paper", "damper", "--data", "my logs"].map(OsString::from);
+        assert_eq!(
+            refusal_of("paper", "papers", arguments.into_iter()),
+            "paper: not in this build, which lacks the feature papers: \
+             cargo run --release --features papers -- paper damper --data 'my logs'"
+        );
+    }
+}

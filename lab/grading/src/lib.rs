@@ -1,0 +1,168 @@
+//! Grades the diagnosis on scenarios with a known truth.
+//!
+//! [`simulated_machines::scenarios`] hides an effect in a log, and [`friction_identification::diagnose`] receives only the
+//! log. Seeds from [`TUNING_SEED`] serve to tune the diagnosis, seeds from [`GRADING_SEED`] to grade it. Another seed is another machine,
+//! campaign and set of sensors, and not only other noise.
+
+mod cause_regressors;
+pub mod contest;
+pub mod evidence_cases;
+pub mod measured;
+pub mod planted;
+pub mod regression;
+mod regressors;
+pub mod score;
+mod stop_operator;
+
+use friction_identification::data::{Dataset, Split, SplitRule, split};
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
+use friction_identification::log_check::{self, Corrections};
+use joint_rig::simulated;
+use rayon::prelude::*;
+use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
+
+/// Base seed of the scenarios for tuning the diagnosis.
+pub const TUNING_SEED: u64 = 1;
+
+/// Base seed of the scenarios for grading the diagnosis.
+pub const GRADING_SEED: u64 = 20_261_122;
+
+/// Result of a diagnosis on one scenario.
+#[derive(Clone, Debug)]
+pub struct Grade {
+    /// Kind of the scenario.
+    pub kind: Kind,
+    /// Seed of the scenario.
+    pub seed: u64,
+    /// Hidden causes, strongest first; empty if none.
+    pub hidden: Vec<&'static str>,
+    /// Named causes, in order.
+    pub named: Vec<&'static str>,
+    /// Causes that the first finding is confusable with.
+    pub confusable: Vec<&'static str>,
+    /// The first cause is right (see [`grade`]).
+    pub right: bool,
+    /// The true size lies in the interval; `None` unless one cause was hidden and named first.
+    pub size_inside: Option<bool>,
+    /// True size, estimated size, and its interval.
+    pub sizes: Option<(f64, f64, [f64; 2])>,
+    /// Held-out RMSE of the extended model over the sensor's noise.
+    pub error_over_noise: f64,
+    /// RMS of the visible effect over the noise; 0 if nothing was hidden.
+    pub visible: f64,
+    /// Run time, s.
+    pub seconds: f64,
+    /// Rows of the log.
+    pub rows: usize,
+    /// Best candidates, one line.
+    pub candidates: String,
+}
+
+/// Grades a diagnosis.
+///
+/// With one or two effects, the first cause must be a hidden one. Without an effect, the answer must be `none`. With a decoy,
+/// the true cause must be first, and no finding may use the decoy.
+///
+/// Confounded: the true cause or its twin is first and declares the other as confusable, or the first is `unknown`. Outside
+/// the catalogue: the first is `unknown`, or declares `unknown` as confusable.
+pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> Grade {
+    let truth = &scenario.truth;
+    let hidden: Vec<&'static str> = truth.hidden.iter().map(|hidden| hidden.cause).collect();
+    let named: Vec<&'static str> = found.findings.iter().map(|f| f.cause.name()).collect();
+    let first = found.findings.first();
+    let confusable: Vec<&'static str> = first.map_or(Vec::new(), |finding| {
+        finding.confusable_with.iter().map(|rival| rival.cause.name()).collect()
+    });
+    let is_open = first.is_some_and(|finding| !finding.cause.is_named());
+    let is_first_true = named.first().is_some_and(|name| hidden.contains(name));
+    let right = match kind {
+        Kind::None => named.is_empty(),
+        Kind::One(_) | Kind::Two(..) => is_first_true,
+        Kind::Decoy => {
+            let is_decoy = |name: &String| truth.decoys.iter().any(|decoy| decoy.column == name);
+            let names_decoy =
+                found.findings.iter().any(|finding| finding.columns.iter().any(is_decoy));
+            is_first_true && !names_decoy
+        }
+        Kind::Confounded => {
+            let both: Vec<&str> = hidden.iter().chain(&truth.confusable_with).copied().collect();
+            let is_confusable = confusable.iter().any(|name| both.contains(name));
+            named.first().is_some_and(|name| both.contains(name) && is_confusable) || is_open
+        }
+        Kind::Outside => {
+            let is_confusable = |f: &Finding| f.confusable_with.iter().any(|r| !r.cause.is_named());
+            is_open || first.is_some_and(is_confusable)
+        }
+    };
+    let only = matches!(kind, Kind::One(_) | Kind::Decoy) && is_first_true;
+    let sizes = first.filter(|_| only).and_then(|finding| {
+        let hidden = truth.hidden.first()?;
+        Some((hidden.size, finding.size.value, finding.size.ci95))
+    });
+    let candidates = found
+        .scores
+        .iter()
+        .take(5)
+        .map(|h| {
+            format!(
+                "{}({}) {:.3} p{:.0e}",
+                h.cause.name(),
+                h.columns.join(","),
+                h.share,
+                h.fit.p_value
+            )
+        })
+        .collect::<Vec<_>>()
+        .join("; ");
+    Grade {
+        kind,
+        seed,
+        hidden,
+        named,
+        confusable,
+        right,
+        size_inside: sizes.map(|(size, _, [low, high])| (low..=high).contains(&size)),
+        sizes,
+        error_over_noise: found.after.metrics.rmse / truth.noise_nm,
+        visible: truth.hidden.first().map_or(0.0, |hidden| hidden.visible_rms_nm / truth.noise_nm),
+        seconds: found.seconds,
+        rows: scenario.log.rows(),
+        candidates,
+    }
+}
+
+/// Diagnoses a log as the command does: the log is checked, its motion reconstructed, and every run left out once.
+///
+/// # Errors
+/// Returns one line if the log cannot be split or diagnosed.
+pub fn diagnose_log(
+    data: Dataset,
+    question: &DiagnosisOptions,
+) -> Result<(Diagnosis, Split), String> {
+    let checked = log_check::check(data, Corrections::default());
+    let parts = split(&checked.data, &SplitRule::LeaveOneRunOut, 0).map_err(|e| e.to_string())?;
+    let question = DiagnosisOptions { log_findings: checked.findings, ..question.clone() };
+    let found = diagnose(&checked.data, &parts, &question, &|_| {}).map_err(|e| e.to_string())?;
+    Ok((found, parts))
+}
+
+/// Draws a scenario and grades its diagnosis.
+///
+/// # Errors
+/// Returns one line if the log cannot be split or diagnosed, because such a scenario must not be dropped from the count.
+pub fn grade_scenario(kind: Kind, seed: u64) -> Result<Grade, String> {
+    let failed = |why: String| format!("{kind:?}, seed {seed}: {why}");
+    let scenario = draw(kind, seed);
+    let data = simulated::dataset(&scenario.log);
+    let (found, _) = diagnose_log(data, &DiagnosisOptions::default()).map_err(failed)?;
+    Ok(grade(kind, seed, &scenario, &found))
+}
+
+/// Grades all scenarios of a benchmark; see [`benchmark`].
+///
+/// # Errors
+/// As [`grade_scenario`], for the first scenario that fails.
+pub fn grade_benchmark(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, String> {
+    let scenarios: Vec<(Kind, u64)> = benchmark(seed_base, per_kind).collect();
+    scenarios.into_par_iter().map(|(kind, seed)| grade_scenario(kind, seed)).collect()
+}

@@ -1,0 +1,147 @@
+//! Grades the diagnosis on simulated scenarios with hidden effects.
+//!
+//! `simulated_machines::scenarios` draws the scenarios with its own equations and integrator. The diagnosis receives the
+//! log only. Every test run grades a part of the scenarios, and with `LONG_TESTS=1` all of them. The following command
+//! regenerates the table `lab/grading/graded/scenarios.md`:
+//!
+//! ```text
+//! LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-grading --test all hidden_effects::
+//! ```
+//!
+//! Without `UPDATE_TABLES`, the test compares the result with the table. The seeds differ from those the diagnosis was
+//! tuned on, so machines, campaigns and sensors are different.
+
+use friction_grading::{GRADING_SEED, Grade, grade_benchmark, grade_scenario};
+use rayon::prelude::*;
+use simulated_machines::scenarios::benchmark;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Number of rounds of 35 scenarios in the table.
+const ROUNDS: usize = 6;
+
+/// Step through one round if `LONG_TESTS` is not set. It selects 10 scenarios that cover every kind. One more missed
+/// scenario of any kind fails the test.
+const SHORT_STEP: usize = 4;
+
+/// Minimum shares. For the whole benchmark, they are the project's targets.
+struct Limits {
+    one: f64,
+    none: f64,
+    open: f64,
+    inside: f64,
+    error: f64,
+}
+
+fn share<'a>(
+    grades: impl Iterator<Item = &'a Grade>,
+    is: impl Fn(&Grade) -> bool,
+) -> (usize, usize) {
+    grades.fold((0, 0), |(good, all), grade| (good + usize::from(is(grade)), all + 1))
+}
+
+/// Returns the shares of the targets, each as name, count of successes, and count of all.
+fn shares(grades: &[Grade]) -> Vec<(&'static str, usize, usize)> {
+    let of = |kinds: &'static [&'static str]| {
+        grades.iter().filter(move |grade| kinds.contains(&grade.kind.name()))
+    };
+    let right = |grade: &Grade| grade.right;
+    let sized = grades.iter().filter(|grade| grade.size_inside.is_some());
+    let rows = [
+        ("cause right first", share(of(&["one", "two", "decoy"]), right)),
+        ("nothing hidden, `none`", share(of(&["none"]), right)),
+        ("confounded or outside, reported as such", share(of(&["confounded", "outside"]), right)),
+        ("true size inside its 95 % interval", share(sized, |g| g.size_inside == Some(true))),
+        (
+            "held-out error within 1.2 of the noise",
+            share(grades.iter(), |g| g.error_over_noise <= 1.2),
+        ),
+    ];
+    rows.into_iter().map(|(what, (good, all))| (what, good, all)).collect()
+}
+
+fn check(grades: &[Grade], limits: &Limits) {
+    let least = [limits.one, limits.none, limits.open, limits.inside, limits.error];
+    for ((what, good, all), least) in shares(grades).into_iter().zip(least) {
+        let reached = good as f64 / all.max(1) as f64;
+        println!("{what}: {good} of {all}");
+        assert!(reached >= least, "{what}: {good} of {all}, at least {least} expected");
+    }
+}
+
+fn row_of(grade: &Grade) -> String {
+    if grade.hidden.is_empty() { "none".into() } else { grade.hidden.join(" + ") }
+}
+
+/// Returns the table in Markdown.
+fn table(grades: &[Grade]) -> String {
+    let mut text = String::from(
+        "# The diagnosis on scenarios with hidden effects\n\n\
+         Simulated scenarios with grades. Made by `LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-grading --test all hidden_effects::`.\n\n\
+         | criterion | reached | of | share |\n|---|---|---|---|\n",
+    );
+    for (what, good, all) in shares(grades) {
+        let percent = 100.0 * good as f64 / all.max(1) as f64;
+        let _ = writeln!(text, "| {what} | {good} | {all} | {percent:.1} % |");
+    }
+    text += "\n## Confusion\n\nEach row shows the hidden causes, the causes named first with their counts, and the number of right answers.\n\n\
+             | kind | hidden | named first | right |\n|---|---|---|---|\n";
+    // For each kind and hidden causes: how often each cause was named first, how often that was right, and the count.
+    type Row<'a> = (BTreeMap<&'a str, usize>, usize, usize);
+    let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
+    for grade in grades {
+        let row = rows.entry((grade.kind.name(), row_of(grade))).or_default();
+        *row.0.entry(grade.named.first().copied().unwrap_or("none")).or_default() += 1;
+        row.1 += usize::from(grade.right);
+        row.2 += 1;
+    }
+    for ((kind, hidden), (named, right, all)) in rows {
+        let named: Vec<String> = named.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        let _ = writeln!(text, "| {kind} | {hidden} | {} | {right} of {all} |", named.join(", "));
+    }
+    text += "\n## Missed scenarios\n\n| kind | hidden | seed | visible effect over noise | named | held-out error over noise |\n|---|---|---|---|---|---|\n";
+    for grade in grades.iter().filter(|grade| !grade.right) {
+        let named = if grade.named.is_empty() { "none".into() } else { grade.named.join(", ") };
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {:.2} | {named} | {:.3} |",
+            grade.kind.name(),
+            row_of(grade),
+            grade.seed,
+            grade.visible,
+            grade.error_over_noise
+        );
+    }
+    text
+}
+
+fn table_path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("graded/scenarios.md")
+}
+
+#[test]
+fn diagnose_on_hidden_effects_reaches_the_targets() {
+    if !crate::is_long() {
+        // With few scenarios, each has a large weight, so these limits are lower than those of the whole benchmark.
+        let scenarios: Vec<_> = benchmark(GRADING_SEED, 1).step_by(SHORT_STEP).collect();
+        let grades: Result<Vec<Grade>, String> =
+            scenarios.into_par_iter().map(|(kind, seed)| grade_scenario(kind, seed)).collect();
+        let grades = grades.expect("every scenario is diagnosed");
+        for missed in grades.iter().filter(|grade| !grade.right) {
+            let (kind, seed, hidden) = (missed.kind.name(), missed.seed, row_of(missed));
+            println!("missed: {kind} of seed {seed}, {hidden}: named {:?}", missed.named);
+        }
+        check(&grades, &Limits { one: 0.8, none: 0.6, open: 0.6, inside: 0.7, error: 0.8 });
+        return;
+    }
+    let grades = grade_benchmark(GRADING_SEED, ROUNDS).expect("every scenario is diagnosed");
+    let text = table(&grades);
+    if std::env::var_os("UPDATE_TABLES").is_some() {
+        std::fs::write(table_path(), text).expect("the table's folder is there");
+    } else {
+        let known = std::fs::read_to_string(table_path()).expect("the table is in git");
+        assert_eq!(known, text, "the diagnosis changed: UPDATE_TABLES=1 regenerates the table");
+    }
+    check(&grades, &Limits { one: 0.9, none: 0.95, open: 0.8, inside: 0.85, error: 0.85 });
+}

@@ -1,0 +1,13 @@
+//! The tests of the diagnosis on logs with a known truth, in one program.
+//!
+//! `cargo test -p friction-grading --test all X::` runs the tests of the file `X.rs`.
+
+mod adverse_worlds;
+mod hidden_effects;
+mod planted;
+mod recovery;
+
+/// Returns true if the tests run in their long form.
+pub fn is_long() -> bool {
+    std::env::var_os("LONG_TESTS").is_some()
+}

@@ -1,0 +1,389 @@
+//! A campaign without a hidden effect: plant, sensors, runs and covariates.
+//!
+//! It is drawn from a seed alone and is not adapted to a diagnosis. Sample rates are 50 Hz to 2 kHz. There are 3 to 40
+//! runs. The presliding travel may be far smaller than the travel between two rows. Logs begin and end anywhere in a
+//! motion. Covariates may be correlated (up to 0.9), take few values, or rise with the order of the runs.
+
+use super::family::PlantKind;
+use super::lubricated::LubricatedSeal;
+use super::motions::{Drive, STYLES, draw_motion};
+use super::plant::{Element, Plant, Point, Trajectory};
+use super::sensing::{Sensing, SensorKind};
+use simulated_machines::friction::Seal;
+use simulated_machines::scenarios::motion::Motion;
+use simulated_machines::scenarios::sampler::Sampler;
+use simulated_machines::scenarios::surroundings::{Condition, Extra, Signal};
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Range of the total number of rows of a log.
+const ROWS: (f64, f64) = (3_000.0, 20_000.0);
+/// Range of the sample rate, Hz.
+const RATE_HZ: (f64, f64) = (50.0, 2000.0);
+/// Range of the number of runs.
+const RUNS: (f64, f64) = (3.0, 40.9);
+/// Maximum integration step, s: while the contact slides, and near standstill.
+const MAX_STEP_S: (f64, f64) = (5e-4, 1e-4);
+
+/// A planned run before its simulation.
+#[derive(Clone, Debug)]
+pub(super) struct RunPlan {
+    pub motion: Motion,
+    pub start_angle: f64,
+    pub condition: Condition,
+    /// Sample times, s from the start of the motion.
+    pub times: Vec<f64>,
+    /// Ranges of lost rows.
+    pub lost: Vec<Range<usize>>,
+    /// Contact torque at the start, as a share of the Coulomb level.
+    pub held: f64,
+    pub seed: u64,
+}
+
+/// A campaign: its plant, sensors and planned runs.
+#[derive(Clone, Debug)]
+pub(super) struct Campaign {
+    pub seal: Seal,
+    pub plant: Plant,
+    pub sensing: Sensing,
+    pub rate_hz: f64,
+    pub drive: Drive,
+    pub runs: Vec<RunPlan>,
+    /// Covariates and extra columns of the log.
+    pub columns: Vec<&'static str>,
+    pub extras: Vec<Extra>,
+    /// Rigid-body parts of the torque, named as in `--rigid-body`.
+    pub rigid_body: Vec<&'static str>,
+    /// Time from the start of the first run to the end of the last, s.
+    pub campaign_s: f64,
+    /// Largest correlation between covariates that was drawn.
+    pub correlation: f64,
+}
+
+/// Covariates of the data contract: column, centre and half-width of the usual range.
+const COVARIATES: [(&str, f64, f64); 4] = [
+    ("radial_force_n", 40.0, 35.0),
+    ("pressure_diff_pa", 2e5, 1.8e5),
+    ("temperature_c", 22.0, 13.0),
+    ("load_torque_nm", 0.0, 1.0),
+];
+
+impl Campaign {
+    /// Draws a campaign with the given sensor kind and plant.
+    ///
+    /// The order of the draws is part of the result: it must not change.
+    pub fn draw(sampler: &mut Sampler, kind: SensorKind, plant: PlantKind) -> Self {
+        let rate_hz = sampler.log_between(RATE_HZ.0, RATE_HZ.1).round();
+        let rows = sampler.log_between(ROWS.0, ROWS.1);
+        let total_s = rows / rate_hz;
+        let count = sampler.log_between(RUNS.0, RUNS.1).min(total_s).max(RUNS.0) as usize;
+        let seconds = total_s / count as f64;
+
+        let (seal, drive) = draw_seal_and_drive(sampler, seconds);
+        let draw_sensing = match plant {
+            PlantKind::Bristles | PlantKind::SlipElements => Sensing::draw,
+            PlantKind::LubricatedSeal => Sensing::draw_second_maker,
+        };
+        let sensing = draw_sensing(sampler, kind, rate_hz, seal.coulomb_nm);
+        let plant = match plant {
+            PlantKind::Bristles => Plant::Bristles,
+            PlantKind::SlipElements => draw_slip_elements(sampler),
+            PlantKind::LubricatedSeal => {
+                Plant::LubricatedSeal(LubricatedSeal::draw(sampler, drive.top_rad_s))
+            }
+        };
+
+        let extras = draw_extras(sampler);
+        let (conditions, correlation) =
+            draw_conditions(sampler, count, seconds, seal.coulomb_nm, &extras);
+        let campaign_s = conditions.last().map_or(0.0, |last| last.start_s + seconds);
+        let runs = draw_runs(sampler, conditions, rate_hz, &drive);
+        let rigid_body = draw_rigid_body(sampler, &sensing);
+        let columns = draw_columns(sampler, &rigid_body);
+        Self {
+            seal,
+            plant,
+            sensing,
+            rate_hz,
+            drive,
+            runs,
+            columns,
+            extras,
+            rigid_body,
+            campaign_s,
+            correlation,
+        }
+    }
+
+    /// Returns the largest magnitude of a covariate in the campaign.
+    pub fn largest(&self, of: impl Fn(&Condition) -> Signal) -> f64 {
+        let largest = |run: &RunPlan| {
+            let signal = of(&run.condition);
+            let end = signal.level + signal.per_s * self.drive.seconds;
+            signal.level.abs().max(end.abs()) + signal.swing.abs()
+        };
+        self.runs.iter().map(largest).fold(0.0, f64::max)
+    }
+
+    /// Returns the smallest and largest value of a covariate in the campaign.
+    pub fn range(&self, of: impl Fn(&Condition) -> Signal) -> (f64, f64) {
+        let ends = self.runs.iter().flat_map(|run| {
+            let signal = of(&run.condition);
+            [signal.at(0.0), signal.at(self.drive.seconds)]
+        });
+        ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(x), m.max(x)))
+    }
+
+    /// Returns the true trajectories of all runs.
+    pub fn trajectories(&self) -> Vec<Trajectory> {
+        self.runs.iter().map(|run| self.trajectory(run)).collect()
+    }
+
+    /// Returns the true trajectory of a run, with integration points between the rows.
+    fn trajectory(&self, run: &RunPlan) -> Trajectory {
+        let mut trajectory = Trajectory::default();
+        let slow = 2.0 * self.drive.stribeck_rad_s;
+        let mut now = run.motion.at(0.0);
+        let (mut t, mut angle) = (0.0, run.start_angle);
+        trajectory.points.push(Point { t, angle, velocity: now.velocity });
+        let row_s = 1.0 / self.rate_hz;
+        for &row in &run.times {
+            while row - t > 1e-9 {
+                let next = run.motion.at((t + row_s).min(row));
+                let is_near_standstill = now.velocity.abs().min(next.velocity.abs()) < slow
+                    || now.velocity * next.velocity <= 0.0;
+                let longest =
+                    if is_near_standstill { MAX_STEP_S.1 } else { MAX_STEP_S.0 }.min(0.25 * row_s);
+                let steps = ((row - t).min(row_s) / longest).ceil();
+                let (from, step) = (t, (row - t).min(row_s) / steps);
+                for index in 1..=steps as usize {
+                    t = from + index as f64 * step;
+                    now = run.motion.at(t);
+                    angle = run.start_angle + now.angle;
+                    trajectory.points.push(Point { t, angle, velocity: now.velocity });
+                }
+            }
+            trajectory.rows.push(trajectory.points.len() - 1);
+            trajectory.accelerations.push(now.acceleration);
+        }
+        trajectory
+    }
+}
+
+/// Draws the seal and the limits of the drive for runs of `seconds`.
+fn draw_seal_and_drive(sampler: &mut Sampler, seconds: f64) -> (Seal, Drive) {
+    let coulomb_nm = sampler.log_between(0.05, 30.0);
+    let static_nm = coulomb_nm * sampler.between(1.0, 1.6);
+    let top_rad_s = sampler.log_between(0.3, 12.0);
+    let steepest_rad_s2 = sampler.log_between(2.0, 60.0);
+    let widest = (0.3 * top_rad_s * top_rad_s / steepest_rad_s2).clamp(3e-5, 0.05);
+    let travel_rad = sampler.log_between(1e-5, widest);
+    let stribeck_rad_s = sampler.log_between(0.01, 0.3) * top_rad_s.min(3.0);
+    // Velocity after crossing the presliding travel from rest. Damping adds at most half a level there.
+    let crossing_rad_s = (2.0 * steepest_rad_s2 * travel_rad).sqrt();
+    let seal = Seal {
+        k0: static_nm / travel_rad,
+        k1: coulomb_nm / crossing_rad_s * sampler.between(0.0, 0.5),
+        k2: coulomb_nm / top_rad_s * sampler.log_between(0.03, 1.0),
+        coulomb_nm,
+        static_nm,
+        stribeck_rad_s,
+        per_pressure: 0.0,
+        per_force: 0.0,
+        eta3: 0.0,
+    };
+    let drive = Drive { top_rad_s, steepest_rad_s2, stribeck_rad_s, travel_rad, seconds };
+
+    (seal, drive)
+}
+
+/// Draws one planned run for each condition.
+fn draw_runs(
+    sampler: &mut Sampler,
+    conditions: Vec<Condition>,
+    rate_hz: f64,
+    drive: &Drive,
+) -> Vec<RunPlan> {
+    let few = sampler.chance(0.25);
+    let styles: Vec<_> = if few { vec![STYLES[sampler.below(6)]] } else { STYLES.to_vec() };
+    let has_gaps = sampler.chance(0.35);
+    let jitter = if sampler.chance(0.4) { sampler.between(0.0, 0.15) } else { 0.0 };
+    let starts_anywhere = sampler.chance(0.6);
+    let seconds = drive.seconds;
+    let runs = conditions.into_iter().map(|condition| {
+        let style = sampler.pick(&styles).unwrap_or(STYLES[0]);
+        let begin_s = if starts_anywhere { sampler.between(0.0, 0.5) * seconds } else { 0.0 };
+        let whole = Drive { seconds: seconds + begin_s, ..*drive };
+        let motion = draw_motion(sampler, &whole, style);
+        let count = ((seconds * rate_hz) as usize).max(50);
+        let times: Vec<f64> = (0..count)
+            .map(|row| {
+                let shift = if jitter > 0.0 { jitter * sampler.between(-0.5, 0.5) } else { 0.0 };
+                begin_s + (row as f64 + shift.max(-(row as f64))) / rate_hz
+            })
+            .collect();
+        let lost = if has_gaps { draw_lost_rows(sampler, count) } else { Vec::new() };
+        RunPlan {
+            motion,
+            start_angle: sampler.between(-TAU, TAU),
+            condition,
+            times,
+            lost,
+            held: sampler.between(-0.9, 0.9),
+            seed: sampler.seed(),
+        }
+    });
+
+    runs.collect()
+}
+
+/// Draws the rigid-body parts of the torque, named as in `--rigid-body`.
+fn draw_rigid_body(sampler: &mut Sampler, sensing: &Sensing) -> Vec<&'static str> {
+    let mut rigid_body = Vec::new();
+    if sampler.chance(0.35) {
+        for part in ["inertia", "gravity", "load", "offset"] {
+            let needs_angle = part == "gravity" && !sensing.has_position();
+            if sampler.chance(0.5) && !needs_angle {
+                rigid_body.push(part);
+            }
+        }
+    }
+
+    rigid_body
+}
+
+/// Draws the optional columns of the log.
+fn draw_columns(sampler: &mut Sampler, rigid_body: &[&'static str]) -> Vec<&'static str> {
+    let mut columns: Vec<&'static str> = Vec::new();
+    for (name, _, _) in COVARIATES {
+        if sampler.chance(0.7) || (name == "load_torque_nm" && rigid_body.contains(&"load")) {
+            columns.push(name);
+        }
+    }
+    if sampler.chance(0.15) {
+        columns.push("acceleration_rad_s2");
+    }
+
+    columns
+}
+
+/// Draws a plant of six to twelve slip elements. Their travels span more than a decade.
+fn draw_slip_elements(sampler: &mut Sampler) -> Plant {
+    let count = 6 + sampler.below(7);
+    let narrowest = sampler.log_between(0.02, 0.3);
+    let drawn: Vec<(f64, f64)> = (0..count)
+        .map(|at| {
+            let along = at as f64 / (count - 1) as f64;
+            (sampler.between(0.3, 1.0), narrowest * (2.0 / narrowest).powf(along))
+        })
+        .collect();
+    let all: f64 = drawn.iter().map(|(share, _)| share).sum();
+    let element = |(share, travel): (f64, f64)| Element { share: share / all, travel };
+    Plant::SlipElements {
+        elements: drawn.into_iter().map(element).collect(),
+        lag_s: sampler.log_between(5e-4, 2e-2),
+    }
+}
+
+/// Draws the lost rows of a run: none, or one or two ranges at any place.
+fn draw_lost_rows(sampler: &mut Sampler, rows: usize) -> Vec<Range<usize>> {
+    if sampler.chance(0.5) {
+        return Vec::new();
+    }
+    (0..1 + sampler.below(2))
+        .map(|_| {
+            let length = (rows as f64 * sampler.log_between(0.005, 0.1)) as usize + 6;
+            let from = sampler.below(rows.saturating_sub(length).max(1));
+            from..(from + length).min(rows)
+        })
+        .collect()
+}
+
+/// Draws the extra columns of the log.
+fn draw_extras(sampler: &mut Sampler) -> Vec<Extra> {
+    let all = [Extra::Humidity, Extra::SupplyVoltage, Extra::CableTension, Extra::LubricantAge];
+    all.into_iter().filter(|_| sampler.chance(0.15)).collect()
+}
+
+/// Draws the covariates of each run.
+///
+/// Returns them with the largest correlation between two quantities that was drawn.
+fn draw_conditions(
+    sampler: &mut Sampler,
+    runs: usize,
+    seconds: f64,
+    coulomb_nm: f64,
+    extras: &[Extra],
+) -> (Vec<Condition>, f64) {
+    let quantities = COVARIATES.len() + extras.len();
+    // Normalised levels from -1 to 1. They are drawn independently and then mixed with those of a leading quantity.
+    let steps = sampler.chance(0.3).then(|| 2 + sampler.below(5));
+    let rounded = |x: f64| match steps {
+        Some(steps) => ((x + 1.0) * 0.5 * steps as f64).round() / steps as f64 * 2.0 - 1.0,
+        None => x,
+    };
+    let mut levels: Vec<Vec<f64>> = (0..quantities)
+        .map(|_| (0..runs).map(|_| rounded(sampler.between(-1.0, 1.0))).collect())
+        .collect();
+    // In some campaigns one quantity, mostly the temperature, rises with the order of the runs.
+    if sampler.chance(0.3) {
+        let which = if sampler.chance(0.6) { 2 } else { sampler.below(quantities) };
+        let share = sampler.between(0.5, 1.0);
+        for (at, level) in levels[which].iter_mut().enumerate() {
+            let rise = 2.0 * at as f64 / (runs.max(2) - 1) as f64 - 1.0;
+            *level = share * rise + (1.0 - share) * *level;
+        }
+    }
+    let varies: Vec<bool> = (0..quantities).map(|_| sampler.chance(0.6)).collect();
+    let mut shapes: Vec<Vec<(f64, f64)>> = (0..quantities)
+        .map(|_| {
+            (0..runs)
+                .map(|_| (sampler.log_between(0.5 / seconds, 5.0), sampler.between(0.0, TAU)))
+                .collect()
+        })
+        .collect();
+    let mut strongest: f64 = 0.0;
+    for _ in 0..2 {
+        let (leader, follower) = (sampler.below(quantities), sampler.below(quantities));
+        if leader == follower || sampler.chance(0.4) {
+            continue;
+        }
+        let correlation = sampler.between(0.3, 0.9);
+        strongest = strongest.max(correlation);
+        let own = (1.0f64 - correlation * correlation).sqrt();
+        for run in 0..runs {
+            levels[follower][run] = correlation * levels[leader][run] + own * levels[follower][run];
+            shapes[follower][run] = shapes[leader][run];
+        }
+    }
+    let pause_s = sampler.log_between(1.0, 600.0);
+    let mut start_s = 0.0;
+    let load_nm = coulomb_nm * sampler.log_between(0.3, 10.0);
+    let conditions = (0..runs).map(|run| {
+        let mut signal = |at: usize, middle: f64, half: f64| {
+            let (hz, phase) = shapes[at][run];
+            let swing = if varies[at] { half * sampler.between(0.02, 0.35) } else { 0.0 };
+            let slow = at == 2 || at >= COVARIATES.len();
+            Signal {
+                level: middle + half * levels[at][run],
+                per_s: if varies[at] { half * sampler.between(-0.3, 0.3) / seconds } else { 0.0 },
+                swing: if slow { 0.1 * swing } else { swing },
+                hz: if slow { hz.min(0.1) } else { hz },
+                phase,
+            }
+        };
+        let [force, pressure, temperature, load] = [0, 1, 2, 3].map(|at| {
+            let (_, middle, half) = COVARIATES[at];
+            signal(at, middle, if at == 3 { load_nm } else { half })
+        });
+        let extras = extras.iter().enumerate().map(|(at, &extra)| {
+            let (least, most) = extra.range();
+            (extra, signal(COVARIATES.len() + at, 0.5 * (least + most), 0.5 * (most - least)))
+        });
+        let extras = extras.collect();
+        let condition = Condition { start_s, force, pressure, temperature, load, extras };
+        start_s += 1.5 * seconds + pause_s;
+        condition
+    });
+    (conditions.collect(), strongest)
+}

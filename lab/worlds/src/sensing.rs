@@ -1,0 +1,467 @@
+//! Sensor models: each kind of log has one defect of random size.
+//!
+//! | kind | defect |
+//! |---|---|
+//! | exact | torque noise only |
+//! | encoder | angle of 12 to 21 bits, velocity from its filtered differences |
+//! | velocity-noise | velocity noise of 0.3 to 10 mrad/s, also at rest |
+//! | no-position | no angle; velocity with noise, or from the differences of an angle that is not logged |
+//! | torque-filtered | torque after a low-pass of 5 to 200 Hz: first order, second order, or moving average |
+//! | held | covariates updated at 0.2 to 20 Hz; in some logs torque or motion held over several rows |
+//!
+//! Filters run at the log's rate. A low-pass and held rows delay a channel. A diagnosis that reports this delay is
+//! right, whatever effect is hidden ([`Sensing::true_of_the_log`]).
+//!
+//! [`Sensing::draw_second_maker`] replaces the devices by those of [`super::devices`] and keeps the kind of defect.
+
+use super::devices::{Amplifier, AngleError, SecondOrder};
+use simulated_machines::scenarios::sampler::Sampler;
+use std::f64::consts::TAU;
+
+/// Kinds of sensor defect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum SensorKind {
+    /// Exact, except for torque noise.
+    Exact,
+    /// Angle from an encoder, velocity from its differences.
+    Encoder,
+    /// Velocity with noise, also at rest.
+    VelocityNoise,
+    /// No angle.
+    NoPosition,
+    /// Torque after a low-pass.
+    TorqueFiltered,
+    /// Channels held over several rows.
+    Held,
+}
+
+impl SensorKind {
+    /// All kinds, in the order of the tables.
+    pub const ALL: [SensorKind; 6] = [
+        SensorKind::Exact,
+        SensorKind::Encoder,
+        SensorKind::VelocityNoise,
+        SensorKind::NoPosition,
+        SensorKind::TorqueFiltered,
+        SensorKind::Held,
+    ];
+
+    /// Returns the name of the kind.
+    pub const fn name(self) -> &'static str {
+        match self {
+            SensorKind::Exact => "exact",
+            SensorKind::Encoder => "encoder",
+            SensorKind::VelocityNoise => "velocity-noise",
+            SensorKind::NoPosition => "no-position",
+            SensorKind::TorqueFiltered => "torque-filtered",
+            SensorKind::Held => "held",
+        }
+    }
+
+    /// Returns the kind with this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// Source of the logged velocity.
+#[derive(Clone, Copy, Debug)]
+enum Velocity {
+    /// True velocity with white noise of this standard deviation, rad/s.
+    Noisy(f64),
+    /// Differences of the encoder's angle after a first-order low-pass with this corner frequency, Hz.
+    LowPassed(f64),
+    /// Moving average of this many differences of the encoder's angle.
+    Averaged(usize),
+    /// Tracking observer on the logged angle.
+    Tracked(SecondOrder),
+}
+
+/// Type of the torque's low-pass.
+#[derive(Clone, Copy, Debug)]
+enum FilterShape {
+    /// First order.
+    First,
+    /// Two first-order filters in series with the same total corner frequency.
+    Second,
+    /// Moving average of the last rows.
+    Mean,
+    /// Strain gauge with this damping ratio. The corner is its natural frequency.
+    Gauge(f64),
+}
+
+impl FilterShape {
+    /// Filters values at uneven times.
+    fn filter(self, times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
+        match self {
+            Self::First => low_pass(times, values, corner_hz),
+            Self::Second => {
+                // Two equal filters in series have their -3 dB point at sqrt(sqrt(2) - 1) of the corner of one.
+                let each_hz = corner_hz / (2f64.sqrt() - 1.0).sqrt();
+                low_pass(times, &low_pass(times, values, each_hz), each_hz)
+            }
+            Self::Mean => running_mean(times, values, 0.443 / corner_hz),
+            Self::Gauge(damping) => {
+                SecondOrder { natural_hz: corner_hz, damping }.low_pass(times, values)
+            }
+        }
+    }
+
+    const fn words(self) -> &'static str {
+        match self {
+            Self::First => "",
+            Self::Second => ", second order",
+            Self::Mean => ", running mean",
+            Self::Gauge(_) => ", strain gauge",
+        }
+    }
+}
+
+/// The sensors of a campaign.
+#[derive(Clone, Debug)]
+pub(super) struct Sensing {
+    pub kind: SensorKind,
+    velocity: Velocity,
+    /// Encoder lines per radian. `None` if the angle is exact.
+    lines_per_rad: Option<f64>,
+    /// Standard deviation of the torque noise, Nm.
+    pub noise_nm: f64,
+    /// Corner frequency of the torque's low-pass, Hz, and its type.
+    torque_corner_hz: Option<f64>,
+    torque_shape: FilterShape,
+    /// True if the noise enters before the low-pass, so that it is coloured.
+    noise_before: bool,
+    /// Number of rows over which the torque is held. 1 if it is not held.
+    torque_rows: usize,
+    /// Number of rows over which angle and velocity are held. 1 if they are not held.
+    motion_rows: usize,
+    /// Update rate of the covariates, Hz.
+    pub covariate_hz: Option<f64>,
+    /// Periodic error of the angle. `None` if the angle has no such error.
+    angle_error: Option<AngleError>,
+    /// Hum and converter of the torque. `None` if the torque has neither.
+    amplifier: Option<Amplifier>,
+}
+
+impl Sensing {
+    /// Returns sensors without a defect besides this torque noise, Nm.
+    fn exact(kind: SensorKind, noise_nm: f64) -> Self {
+        Self {
+            kind,
+            velocity: Velocity::Noisy(0.0),
+            lines_per_rad: None,
+            noise_nm,
+            torque_corner_hz: None,
+            torque_shape: FilterShape::First,
+            noise_before: false,
+            torque_rows: 1,
+            motion_rows: 1,
+            covariate_hz: None,
+            angle_error: None,
+            amplifier: None,
+        }
+    }
+
+    /// Draws sensors of a kind for a joint with this Coulomb torque.
+    pub fn draw(sampler: &mut Sampler, kind: SensorKind, rate_hz: f64, coulomb_nm: f64) -> Self {
+        let noise_nm = coulomb_nm * sampler.log_between(0.003, 0.06);
+        let mut own = Self::exact(kind, noise_nm);
+        let lines = |sampler: &mut Sampler, least: usize| {
+            f64::from(1u32 << (least + sampler.below(22 - least))) / TAU
+        };
+        let noise_rad_s = sampler.log_between(3e-4, 1e-2);
+        let differences = if sampler.chance(0.5) {
+            Velocity::LowPassed(rate_hz * sampler.log_between(0.02, 0.3))
+        } else {
+            Velocity::Averaged(2 + sampler.below(15))
+        };
+        match kind {
+            SensorKind::Exact => {}
+            SensorKind::Encoder => {
+                own.lines_per_rad = Some(lines(sampler, 12));
+                own.velocity = differences;
+            }
+            SensorKind::VelocityNoise => {
+                own.velocity = Velocity::Noisy(noise_rad_s);
+                own.lines_per_rad = sampler.chance(0.6).then(|| lines(sampler, 15));
+            }
+            SensorKind::NoPosition => {
+                own.lines_per_rad = Some(lines(sampler, 14));
+                own.velocity =
+                    if sampler.chance(0.5) { Velocity::Noisy(noise_rad_s) } else { differences };
+            }
+            SensorKind::TorqueFiltered => {
+                let highest = (0.4 * rate_hz).clamp(6.0, 200.0);
+                own.torque_corner_hz = Some(sampler.log_between(5.0, highest));
+                own.noise_before = sampler.chance(0.5);
+                own.lines_per_rad = sampler.chance(0.5).then(|| lines(sampler, 17));
+                own.torque_shape =
+                    [FilterShape::First, FilterShape::Second, FilterShape::Mean][sampler.below(3)];
+            }
+            SensorKind::Held => {
+                own.covariate_hz = Some(sampler.log_between(0.2, (0.5 * rate_hz).min(20.0)));
+                match sampler.below(4) {
+                    0 => own.torque_rows = 2 + sampler.below(4),
+                    1 => own.motion_rows = 2 + sampler.below(4),
+                    _ => {}
+                }
+                own.velocity =
+                    if sampler.chance(0.5) { Velocity::Noisy(noise_rad_s) } else { own.velocity };
+            }
+        }
+        own
+    }
+
+    /// Draws sensors of a kind with the devices of a second maker, for a joint with this Coulomb torque.
+    ///
+    /// The velocity is tracked where it would be differentiated. In kinds other than `exact`, the angle has a periodic
+    /// error and the strain gauge may be slow enough to matter at the log's rate.
+    pub fn draw_second_maker(
+        sampler: &mut Sampler,
+        kind: SensorKind,
+        rate_hz: f64,
+        coulomb_nm: f64,
+    ) -> Self {
+        /// Corner of a gauge as a share of the log's rate, above which the log cannot resolve it.
+        const MAX_CORNER_SHARE: f64 = 0.4;
+        let mut own = Self::draw(sampler, kind, rate_hz, coulomb_nm);
+        own.amplifier = Some(Amplifier::draw(sampler, own.noise_nm, coulomb_nm));
+        let observer = SecondOrder {
+            natural_hz: rate_hz * sampler.log_between(0.04, 0.3),
+            damping: sampler.between(0.6, 0.95),
+        };
+        let corner_hz = rate_hz * sampler.log_between(0.1, 4.0);
+        let damping = sampler.between(0.5, 0.9);
+        let angle_error = AngleError::draw(sampler);
+        if kind == SensorKind::Exact {
+            return own;
+        }
+        own.angle_error = Some(angle_error);
+        own.torque_shape = FilterShape::Gauge(damping);
+        if own.torque_corner_hz.is_none() && corner_hz < MAX_CORNER_SHARE * rate_hz {
+            own.torque_corner_hz = Some(corner_hz);
+        }
+        if !matches!(own.velocity, Velocity::Noisy(_)) {
+            own.velocity = Velocity::Tracked(observer);
+        }
+        own
+    }
+
+    /// Returns the delay of the logged velocity, s: the group delay of its filter.
+    pub fn velocity_delay_s(&self, rate_hz: f64) -> f64 {
+        let held = 0.5 * (self.motion_rows - 1) as f64 / rate_hz;
+        held + match self.velocity {
+            Velocity::Noisy(_) => 0.0,
+            Velocity::LowPassed(hz) => 0.5 / rate_hz + 1.0 / (TAU * hz),
+            Velocity::Averaged(count) => 0.5 * count as f64 / rate_hz,
+            Velocity::Tracked(observer) => observer.delay_s(),
+        }
+    }
+
+    /// Returns true if the log has an angle.
+    pub fn has_position(&self) -> bool {
+        self.kind != SensorKind::NoPosition
+    }
+
+    /// Returns the causes that hold for the log whatever effect is hidden: a delayed channel.
+    pub fn true_of_the_log(&self) -> Vec<&'static str> {
+        let is_delayed = self.torque_corner_hz.is_some()
+            || self.torque_rows > 1
+            || self.motion_rows > 1
+            || !matches!(self.velocity, Velocity::Noisy(_));
+        if is_delayed { vec!["channel-delay"] } else { Vec::new() }
+    }
+
+    /// Returns the logged angle of each row, rad.
+    pub fn angles(&self, times: &[f64], angles: &[f64]) -> Vec<f64> {
+        let lines = |angle: f64| match self.lines_per_rad {
+            Some(lines) => (angle * lines).floor() / lines,
+            None => angle,
+        };
+        let turned = |angle: f64| self.angle_error.map_or(angle, |error| error.read(angle));
+        let read: Vec<f64> = angles.iter().map(|angle| lines(turned(*angle))).collect();
+        debug_assert_eq!(times.len(), read.len());
+        hold(&read, self.motion_rows)
+    }
+
+    /// Returns the logged velocity of each row, rad/s.
+    pub fn velocities(
+        &self,
+        sampler: &mut Sampler,
+        times: &[f64],
+        angles: &[f64],
+        velocities: &[f64],
+    ) -> Vec<f64> {
+        if let Velocity::Noisy(noise) = self.velocity {
+            let noisy: Vec<f64> = velocities.iter().map(|v| v + noise * sampler.normal()).collect();
+            return hold(&noisy, self.motion_rows);
+        }
+        let read = self.angles(times, angles);
+        let start = velocities.first().copied().unwrap_or(0.0);
+        if let Velocity::Tracked(observer) = self.velocity {
+            return hold(&observer.track(times, &read, start), self.motion_rows);
+        }
+        let mut raw: Vec<f64> = (1..read.len())
+            .map(|at| (read[at] - read[at - 1]) / (times[at] - times[at - 1]).max(1e-9))
+            .collect();
+        raw.insert(0, start);
+        let filtered = match self.velocity {
+            Velocity::LowPassed(corner_hz) => low_pass(times, &raw, corner_hz),
+            Velocity::Averaged(count) => (0..raw.len())
+                .map(|at| {
+                    let from = (at + 1).saturating_sub(count);
+                    raw[from..=at].iter().sum::<f64>() / (at + 1 - from) as f64
+                })
+                .collect(),
+            Velocity::Noisy(_) | Velocity::Tracked(_) => raw,
+        };
+        hold(&filtered, self.motion_rows)
+    }
+
+    /// Returns the output of the torque sensor without noise, Nm.
+    pub fn torque_channel(&self, times: &[f64], torque: &[f64]) -> Vec<f64> {
+        let passed = match self.torque_corner_hz {
+            Some(corner_hz) => self.torque_shape.filter(times, torque, corner_hz),
+            None => torque.to_vec(),
+        };
+        hold(&passed, self.torque_rows)
+    }
+
+    /// Adds sensor noise to a torque that passed [`Sensing::torque_channel`], Nm.
+    pub fn with_noise(&self, sampler: &mut Sampler, times: &[f64], torque: &[f64]) -> Vec<f64> {
+        let mut noise: Vec<f64> = torque.iter().map(|_| self.noise_nm * sampler.normal()).collect();
+        if self.noise_before || self.torque_rows > 1 {
+            noise = self.torque_channel(times, &noise);
+        }
+        let noisy: Vec<f64> = torque.iter().zip(&noise).map(|(t, n)| t + n).collect();
+        match self.amplifier {
+            // A held torque is converted once.
+            Some(amplifier) => hold(&amplifier.convert(sampler, times, &noisy), self.torque_rows),
+            None => noisy,
+        }
+    }
+
+    /// Returns a covariate's readings at times of the run. Each is at most one update period old.
+    pub fn covariate(&self, times: &[f64], at: &dyn Fn(f64) -> f64) -> Vec<f64> {
+        let refreshed = |t: f64| match self.covariate_hz {
+            Some(hz) => (t * hz).floor() / hz,
+            None => t,
+        };
+        times.iter().map(|&t| at(refreshed(t))).collect()
+    }
+
+    /// Returns a description of the sensors in one sentence.
+    pub fn words(&self) -> String {
+        let mut parts = vec![format!("torque noise {:.2e} Nm", self.noise_nm)];
+        match self.velocity {
+            Velocity::Noisy(0.0) => {}
+            Velocity::Noisy(noise) => parts.push(format!("velocity noise {noise:.1e} rad/s")),
+            Velocity::LowPassed(hz) => parts.push(format!("differences through {hz:.1} Hz")),
+            Velocity::Averaged(n) => parts.push(format!("mean of {n} differences")),
+            Velocity::Tracked(observer) => {
+                parts.push(format!("tracking observer of {:.1} Hz", observer.natural_hz));
+            }
+        }
+        if let Some(lines) = self.lines_per_rad {
+            parts.push(format!("encoder of {} bits", (lines * TAU).log2().round()));
+        }
+        if let Some([once, twice]) = self.angle_error.map(|error| error.amplitudes()) {
+            parts.push(format!("angle errors {once:.1e} and {twice:.1e} rad"));
+        }
+        if let Some(Amplifier { hum_nm, hum_hz, resolution_nm }) = self.amplifier {
+            let hum = format!("hum {hum_nm:.1e} Nm at {hum_hz:.2} Hz");
+            parts.push(format!("{hum}, torque steps of {resolution_nm:.1e} Nm"));
+        }
+        if let Some(hz) = self.torque_corner_hz {
+            parts.push(format!("torque through {hz:.1} Hz{}", self.torque_shape.words()));
+        }
+        for (what, rows) in [("torque", self.torque_rows), ("motion", self.motion_rows)] {
+            if rows > 1 {
+                parts.push(format!("{what} held over {rows} rows"));
+            }
+        }
+        if let Some(hz) = self.covariate_hz {
+            parts.push(format!("covariates at {hz:.2} Hz"));
+        }
+        parts.join(", ")
+    }
+}
+
+/// First-order low-pass for uneven times. The initial state is the first value.
+fn low_pass(times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
+    let mut passed = Vec::with_capacity(values.len());
+    let mut last = values.first().copied().unwrap_or(0.0);
+    for (at, value) in values.iter().enumerate() {
+        let seconds = if at == 0 { 0.0 } else { times[at] - times[at - 1] };
+        last -= (value - last) * (-TAU * corner_hz * seconds).exp_m1();
+        passed.push(last);
+    }
+    passed
+}
+
+/// Moving average of all values within the last `seconds`.
+fn running_mean(times: &[f64], values: &[f64], seconds: f64) -> Vec<f64> {
+    let (mut from, mut sum) = (0, 0.0);
+    (0..values.len())
+        .map(|at| {
+            sum += values[at];
+            while times[at] - times[from] >= seconds {
+                sum -= values[from];
+                from += 1;
+            }
+            sum / (at + 1 - from) as f64
+        })
+        .collect()
+}
+
+/// Holds each value over `rows` rows.
+fn hold(values: &[f64], rows: usize) -> Vec<f64> {
+    (0..values.len()).map(|at| values[at - at % rows.max(1)]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn low_pass_after_step_follows_its_time_constant() {
+        let times: Vec<f64> = (0..1000).map(|at| f64::from(at) * 1e-3).collect();
+        let step: Vec<f64> = (0..1000).map(|at| f64::from(u8::from(at > 0))).collect();
+        let passed = low_pass(&times, &step, 5.0);
+        let expected = 1.0 - (-TAU * 5.0 * 0.05f64).exp();
+        assert!((passed[50] - expected).abs() < 1e-9, "{}", passed[50]);
+    }
+
+    #[test]
+    fn filter_of_each_shape_passes_half_the_power_at_its_corner() {
+        let (corner_hz, rate_hz) = (10.0, 2000.0);
+        let times: Vec<f64> = (0..8000).map(|at| f64::from(at) / rate_hz).collect();
+        let wave: Vec<f64> = times.iter().map(|time| (TAU * corner_hz * time).sin()).collect();
+        for shape in [FilterShape::First, FilterShape::Second, FilterShape::Mean] {
+            let passed = shape.filter(&times, &wave, corner_hz);
+            let power = passed[4000..].iter().map(|value| value * value).sum::<f64>() / 4000.0;
+            assert!((power / 0.5 - 0.5).abs() < 0.02, "{shape:?}: {power}");
+        }
+    }
+
+    #[test]
+    fn draw_second_maker_of_each_kind_keeps_the_defect() {
+        for (seed, kind) in (0..60).zip(SensorKind::ALL.into_iter().cycle()) {
+            let own = Sensing::draw_second_maker(&mut Sampler::new(seed, 3), kind, 400.0, 2.0);
+            assert_eq!(own.has_position(), kind != SensorKind::NoPosition);
+            assert_eq!(own.angle_error.is_some(), kind != SensorKind::Exact);
+            assert!(matches!(own.velocity, Velocity::Noisy(_) | Velocity::Tracked(_)));
+            let is_slow = own.torque_corner_hz.is_some_and(|hz| (5.0..=200.0).contains(&hz));
+            assert!(is_slow || kind != SensorKind::TorqueFiltered, "{own:?}");
+            assert!(own.true_of_the_log().is_empty() || kind != SensorKind::Exact, "{own:?}");
+            let amplifier = own.amplifier.expect("every strain gauge has an amplifier");
+            assert!(amplifier.hum_nm < own.noise_nm, "{own:?}");
+        }
+    }
+
+    #[test]
+    fn hold_repeats_the_first_of_each_group_of_rows() {
+        assert_eq!(hold(&[1.0, 2.0, 3.0, 4.0, 5.0], 2), [1.0, 1.0, 3.0, 3.0, 5.0]);
+        assert_eq!(hold(&[1.0, 2.0], 1), [1.0, 2.0]);
+    }
+}
