@@ -1,7 +1,7 @@
 //! The times of a trial: when a new program is confirmed, and when its trial ends.
 //!
 //! A program is confirmed after [`Times::confirm_us`] without a fault that blocks it. Without a confirmation its trial ends
-//! [`Times::end_us`] after its start. Why these values and not half or twice as much: `firmware/tests/update/trial.rs`.
+//! [`Times::end_us`] after its start. Why these values and not half or twice as much: `firmware/tests/all/update/trial.rs`.
 
 /// Times of a trial, us.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 //!
 //! The limit is 26 A. Sensor resolution, dead time and the PWM's delay add a ripple.
 
-use crate::plant::Machine;
-use crate::rig::{Rig, cycles, no_compensation, parameters};
+use super::plant::Machine;
+use super::rig::{Rig, cycles, no_compensation, parameters};
 use firmware::control::{LoopFlags, MotorParameters};
 
 const LIMIT_A: f64 = 26.0;

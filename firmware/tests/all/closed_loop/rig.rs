@@ -2,7 +2,7 @@
 //!
 //! Currents have 12 bits, the encoder has 14 bits. Duties act one period after the loop computes them.
 
-use crate::plant::{Machine, Plant};
+use super::plant::{Machine, Plant};
 use compensator_core::LawKind;
 use firmware::control::{
     Bridge, BridgeFault, Compensate, Covariates, CurrentLoop, CycleResult, JointCompensator,

@@ -1,7 +1,7 @@
 //! Tests of current control: steps, field orientation, decoupling and the voltage limit.
 
-use crate::plant::Machine;
-use crate::rig::{PERIOD_S, Rig, cycles, no_compensation, parameters};
+use super::plant::Machine;
+use super::rig::{PERIOD_S, Rig, cycles, no_compensation, parameters};
 use firmware::control::{LoopFlags, MotorParameters};
 
 fn clamped_machine() -> Machine {

@@ -1,7 +1,7 @@
 //! The file `joint.eds` describes the dictionary for CANopen tools (CiA 306).
 //!
 //! It is generated from the dictionary and from the answers of a new driver, and a test compares it with them:
-//! `UPDATE_TABLES=1 cargo test -p firmware --test driver eds` writes it.
+//! `UPDATE_TABLES=1 cargo test -p firmware --test all eds::` writes it.
 
 use super::bench::Bench;
 use firmware::access::Level;

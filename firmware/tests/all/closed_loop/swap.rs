@@ -1,7 +1,7 @@
 //! Tests of parameter and compensator swaps while the joint moves.
 
-use crate::plant::Machine;
-use crate::rig::{PERIOD_S, Rig, cycles, lugre, parameters};
+use super::plant::Machine;
+use super::rig::{PERIOD_S, Rig, cycles, lugre, parameters};
 use firmware::control::{JointCompensator, LoopFlags, MotorParameters, Setpoint};
 
 /// Returns a compensated rig at 1 rad/s and 4 A.

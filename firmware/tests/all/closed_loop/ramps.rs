@@ -1,7 +1,7 @@
 //! Tests of stops with a ramp: what a fault permits, and what ends a ramp.
 
-use crate::driver::Joint;
-use crate::plant::Machine;
+use super::driver::Joint;
+use super::plant::Machine;
 use firmware::control::{BridgeFault, MotorParameters, ValidChannels};
 use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;

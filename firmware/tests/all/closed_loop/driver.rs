@@ -1,7 +1,7 @@
 //! A whole joint driver in virtual time: CAN frames, background loop, queues, interrupt, bridge and plant.
 
-use crate::plant::Machine;
-use crate::rig::{PERIOD_CYCLES, Stage};
+use super::plant::Machine;
+use super::rig::{PERIOD_CYCLES, Stage};
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use firmware::access::AccessSettings;
 use firmware::background::{Background, Board, BoardState, RoundOutcome, TICK_US};

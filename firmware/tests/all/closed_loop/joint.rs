@@ -1,7 +1,7 @@
 //! Tests of the compensated joint: benefit of the compensation, current limits, stale set-points and the residual.
 
-use crate::plant::Machine;
-use crate::rig::{PERIOD_S, Rig, cycles, lugre, no_compensation, parameters};
+use super::plant::Machine;
+use super::rig::{PERIOD_S, Rig, cycles, lugre, no_compensation, parameters};
 use compensator_core::compensator::Reading;
 use compensator_core::{Fixed, Flags, LawKind};
 use firmware::control::{JointCompensator, LoopFlags, MotorParameters, Setpoint};

@@ -1,7 +1,7 @@
 //! Tests of the reaction when the bridge stops while the motor turns: coasting, or shorted low sides.
 
-use crate::driver::Joint;
-use crate::plant::Machine;
+use super::driver::Joint;
+use super::plant::Machine;
 use firmware::control::{BridgeFault, MotorParameters, StageSample, ValidChannels};
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;

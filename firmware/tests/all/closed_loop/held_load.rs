@@ -1,7 +1,7 @@
 //! Tests of arming with a load that the motor must hold: the joint does not move.
 
-use crate::driver::Joint;
-use crate::plant::Machine;
+use super::driver::Joint;
+use super::plant::Machine;
 use firmware::control::MotorParameters;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::supervisor::Code;

@@ -1,6 +1,6 @@
 //! Tests of the whole driver in virtual time: CAN frames, background loop, queues, interrupt, bridge and plant.
 
-use crate::driver::{Joint, NODE};
+use super::driver::{Joint, NODE};
 use firmware::background::{RoundOutcome, TICK_US};
 use firmware::control::{BridgeFault, StageSample, ValidChannels};
 use firmware::node::dictionary::index;

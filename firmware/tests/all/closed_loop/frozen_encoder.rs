@@ -1,7 +1,7 @@
 //! Tests of an encoder that repeats its angle with valid frames.
 
-use crate::plant::Machine;
-use crate::rig::{PERIOD_S, Rig, cycles, no_compensation, parameters};
+use super::plant::Machine;
+use super::rig::{PERIOD_S, Rig, cycles, no_compensation, parameters};
 use firmware::control::velocity_loop::{VelocityGains, VelocityLoop};
 use firmware::control::{Bridge, LoopFlags, NoCompensation};
 

@@ -1,7 +1,7 @@
 //! Tests of sensor faults. The loop opens the bridge or continues, and every duty is a number from 0 to 1.
 
-use crate::plant::Machine;
-use crate::rig::{PERIOD_S, Rig, cycles, lugre, no_compensation, parameters};
+use super::plant::Machine;
+use super::rig::{PERIOD_S, Rig, cycles, lugre, no_compensation, parameters};
 use compensator_core::compensator::Reading;
 use firmware::control::{
     Bridge, Covariates, CurrentLoop, CycleResult, JointCompensator, LoopFlags, MotorParameters,

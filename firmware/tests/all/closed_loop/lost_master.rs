@@ -1,6 +1,6 @@
 //! Tests of a CiA 402 master that fails while other nodes continue to send.
 
-use crate::driver::{Joint, NODE};
+use super::driver::{Joint, NODE};
 use compensator_core::can::{Message, SyncFrame};
 use firmware::node::dictionary::index;
 use firmware::supervisor::Code;

@@ -11,7 +11,7 @@ use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 
 /// Concise DCF of `tests/eds/bus/drive.yml`; `plain.yml` needs none, so `dcfgen` makes none.
-const DRIVE: &[u8] = include_bytes!("../../../tests/eds/bus/drive_joint_1.bin");
+const DRIVE: &[u8] = include_bytes!("../../../../tests/eds/bus/drive_joint_1.bin");
 
 const MASTER: u8 = 10;
 

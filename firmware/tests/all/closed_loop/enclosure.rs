@@ -1,7 +1,7 @@
 //! Tests of a joint whose seal fails, or whose torque is switched off from outside, while it drives.
 
-use crate::driver::Joint;
-use crate::plant::Machine;
+use super::driver::Joint;
+use super::plant::Machine;
 use firmware::parameter_set::ParameterSet;
 use firmware::sensors::SensorParameters;
 use firmware::sensors::bme280::Air;

@@ -2,9 +2,9 @@
 //!
 //! Sustained, the bus must receive nothing. What the bridge returns is computed from the plant's currents and duties.
 
-use crate::driver::Joint;
-use crate::plant::Machine;
-use crate::rig::{Rig, cycles, no_compensation, parameters};
+use super::driver::Joint;
+use super::plant::Machine;
+use super::rig::{Rig, cycles, no_compensation, parameters};
 use firmware::control::velocity_loop::{VelocityGains, VelocityLoop};
 use firmware::control::{LoopFlags, NoCompensation};
 use firmware::supervisor::Code;

@@ -1,0 +1,10 @@
+//! The tests of the firmware in one binary, because linking six takes longer than the tests of some of them.
+//!
+//! `cargo test -p firmware --test all X::` runs the tests of the file `X.rs` and of its folder.
+
+mod closed_loop;
+mod driver;
+mod store;
+mod supervisor;
+mod update;
+mod watch;
