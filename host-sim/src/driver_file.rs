@@ -18,11 +18,11 @@ use firmware::parameter_set::ParameterSet;
 use firmware::sensors::SensorParameters;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
-use friction_identification::data::JointKind;
-use friction_identification::network::NetworkFile;
-use friction_identification::params::{
+use friction_fit::network::NetworkFile;
+use friction_fit::params::{
     self, ParameterFile, ParameterFileError, Section, emit_model, emit_section,
 };
+use joint_log::JointKind;
 use std::path::Path;
 
 /// Sections of a driver's file that follow those of the model.

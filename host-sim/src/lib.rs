@@ -1,8 +1,8 @@
 //! The command line of the workspace, and the parts that combine its crates.
 //!
-//! The crates below do not depend on each other: `friction-identification` fits and diagnoses, `friction-results` writes
-//! results as JSON, TOML and HTML, and models in other forms, `joint-rig` runs the firmware's driver on a simulated joint, `joint-bus` connects to a driver
-//! on a bus, and `published-experiments` reproduces papers. This crate adds:
+//! `joint-log` reads logs, `friction-fit` fits models to them, and `friction-diagnose` finds the causes of a model's error.
+//! `friction-results` writes results as JSON, TOML and HTML, and models in other forms. `joint-rig` runs the firmware's driver on
+//! a simulated joint, `joint-bus` connects to a driver on a bus, and `published-experiments` reproduces papers. This crate adds:
 //!
 //! - [`cli`]: the commands.
 //! - [`driver_file`]: reads and writes parameter files with the settings of a joint driver.

@@ -1,8 +1,8 @@
 //! Long computations without Python's lock, which Ctrl-C and the progress function end.
 
 use crate::error::to_python;
-use friction_identification::prepare::Error;
-use friction_identification::work::{self, Progress};
+use friction_diagnose::prepare::Error;
+use joint_log::work::{self, Progress};
 use pyo3::prelude::*;
 use std::cell::RefCell;
 use std::ops::ControlFlow;

@@ -4,19 +4,19 @@ use crate::computation::compute;
 use crate::error::{to_python, unserialised, wrong_model};
 use crate::log::Log;
 use crate::model::Model;
-use friction_identification::data::SplitRule;
-use friction_identification::diagnose::{self as diagnosing, DiagnosisOptions};
-use friction_identification::prepare::{Error, Prepared};
-use friction_identification::spec::Spec;
-use friction_identification::work::report_stage;
+use friction_diagnose::DiagnosisOptions;
+use friction_diagnose::prepare::{Error, Prepared};
+use friction_fit::spec::Spec;
 use friction_results::diagnosis;
+use joint_log::SplitRule;
+use joint_log::work::report_stage;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
 /// Result of a diagnosis.
 #[pyclass(frozen, module = "friction._core")]
 pub struct Diagnosis {
-    found: diagnosing::Diagnosis,
+    found: friction_diagnose::Diagnosis,
     input: Prepared,
 }
 
@@ -87,7 +87,8 @@ pub fn diagnose(
         let input = log.prepare(&SplitRule::LeaveOneRunOut)?;
         let question =
             DiagnosisOptions { model, given, as_logged: log.as_logged.clone(), ..input.question() };
-        let found = diagnosing::diagnose(&input.data, &input.split, &question, &report_stage)?;
+        let found =
+            friction_diagnose::diagnose(&input.data, &input.split, &question, &report_stage)?;
         Ok::<_, Error>(Diagnosis { found, input })
     })
 }

@@ -1,8 +1,8 @@
 //! Errors as the exceptions of `friction`, with the settings in a message named as keyword arguments.
 
-use friction_identification::data::{BadCell, DataError};
-use friction_identification::prepare::Error;
-use friction_identification::setting::{Message, Reference, Setting, worded};
+use friction_diagnose::prepare::Error;
+use joint_log::setting::{Message, Reference, Setting, worded};
+use joint_log::{BadCell, DataError};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

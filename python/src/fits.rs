@@ -6,12 +6,12 @@ use crate::log::Log;
 use crate::model::Model;
 use compensator_core::parameters::Choices;
 use compensator_core::{LawKind, ParameterId};
-use friction_identification::data::SplitRule;
-use friction_identification::fit::{FitOptions, Outcome};
-use friction_identification::prepare::{Error, Prepared, identify_each};
-use friction_identification::spec::Spec;
+use friction_diagnose::prepare::{Error, Prepared, identify_each};
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Outcome};
 use friction_results::Files;
 use friction_results::fits::{ComparisonFiles, comparison_files, fit_files, fit_json, fit_page};
+use joint_log::SplitRule;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 

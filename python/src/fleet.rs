@@ -3,11 +3,11 @@
 use crate::computation::compute;
 use crate::error::{in_keywords, refused, to_python};
 use crate::log::Log;
-use friction_identification::data::SplitRule;
-use friction_identification::prepare::Error;
-use friction_identification::spec::Spec;
+use friction_diagnose::prepare::Error;
+use friction_fit::spec::Spec;
 use friction_results::fleet::statistics::Limit;
 use friction_results::fleet::{self, FleetJob, FleetOptions, FleetRow};
+use joint_log::SplitRule;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 

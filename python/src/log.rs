@@ -3,16 +3,14 @@
 use crate::computation::compute;
 use crate::error::refused;
 use crate::table::Table;
-use friction_identification::data::{
-    self, Cells, Dataset, Preset, Quantity, ReadOptions, SplitRule,
-};
-use friction_identification::fit::Loss;
-use friction_identification::log_check::LogFindingKind;
-use friction_identification::prepare::{
+use friction_diagnose::prepare::{
     Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
 };
-use friction_identification::spec::parse_rigid_body;
-use friction_identification::work::{self, Progress};
+use friction_fit::Loss;
+use friction_fit::spec::parse_rigid_body;
+use joint_log::log_check::LogFindingKind;
+use joint_log::work::{self, Progress};
+use joint_log::{Cells, Dataset, Preset, Quantity, ReadOptions, SplitRule};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -130,11 +128,11 @@ impl Log {
     pub fn dataset(&self) -> Result<Dataset, Error> {
         let progress = |done, total| work::report(Progress::Reading { done, total });
         Ok(match &self.source {
-            Source::Files(files) => data::read(files, &self.options.read, &progress)?,
+            Source::Files(files) => joint_log::read(files, &self.options.read, &progress)?,
             Source::Contents(contents) => {
-                data::read_contents(contents, &self.options.read, &progress)?
+                joint_log::read_contents(contents, &self.options.read, &progress)?
             }
-            Source::Tables(tables) => data::read_tables(tables, &self.options.read)?,
+            Source::Tables(tables) => joint_log::read_tables(tables, &self.options.read)?,
         })
     }
 
@@ -166,8 +164,9 @@ fn source(
     if !files.is_empty() && !tables.is_empty() {
         return Err(PyTypeError::new_err("data: expected either paths or data frames, found both"));
     }
-    let names =
-        |tables: &[data::Table]| tables.iter().map(|table| PathBuf::from(&table.name)).collect();
+    let names = |tables: &[joint_log::Table]| {
+        tables.iter().map(|table| PathBuf::from(&table.name)).collect()
+    };
     Ok(if tables.is_empty() {
         let held_out = files[trained..].to_vec();
         (Source::Files(files), held_out)
@@ -192,7 +191,7 @@ pub fn read(
 }
 
 /// Returns all runs of a data set as one table, the run's name first.
-fn contract_table(data: &Dataset, name: String) -> data::Table {
+fn contract_table(data: &Dataset, name: String) -> joint_log::Table {
     let names = data.runs.iter().flat_map(|run| std::iter::repeat_n(run.name.clone(), run.len()));
     let mut columns = vec![("run".to_owned(), Cells::Texts(names.collect()))];
     let times = data.runs.iter().flat_map(|run| run.time_s.iter().copied()).collect();
@@ -207,5 +206,5 @@ fn contract_table(data: &Dataset, name: String) -> data::Table {
             columns.push((name, Cells::Numbers(parts.concat())));
         }
     }
-    data::Table { name, columns }
+    joint_log::Table { name, columns }
 }

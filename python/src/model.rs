@@ -5,19 +5,17 @@ use crate::error::{refused, text_in_keywords, wrong_model};
 use crate::log::Log;
 use crate::table::Table;
 use compensator_core::{ParameterId, Parameters};
-use friction_identification::data::{
-    self, Cells, Dataset, JointKind, Quantity, ReadOptions, read_tables,
-};
-use friction_identification::fit::dataset_tracks::tracks_with;
-use friction_identification::fit::initial_state::initial_state;
-use friction_identification::fit::simulate::{Resolution, simulate};
-use friction_identification::fit::{Outcome, Track};
-use friction_identification::log_check::{Corrections, check};
-use friction_identification::params::{self, ParameterFile};
-use friction_identification::prepare::{Error, Prepared};
-use friction_identification::spec::Spec;
+use friction_diagnose::prepare::{Error, Prepared};
+use friction_fit::dataset_tracks::tracks_with;
+use friction_fit::initial_state::initial_state;
+use friction_fit::params::{self, ParameterFile};
+use friction_fit::simulate::{Resolution, simulate};
+use friction_fit::spec::Spec;
+use friction_fit::{Outcome, Track};
 use friction_results::export::{ExportFormat, export};
 use friction_results::provenance::parameter_file;
+use joint_log::log_check::{Corrections, check};
+use joint_log::{Cells, Dataset, JointKind, Quantity, ReadOptions, read_tables};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -260,7 +258,7 @@ pub fn with_numbers(table: &Bound<'_, Table>, name: &str, values: Vec<f64>) -> T
     with_column(&table.get().0, name, values)
 }
 
-fn with_column(table: &data::Table, name: &str, values: Vec<f64>) -> Table {
+fn with_column(table: &joint_log::Table, name: &str, values: Vec<f64>) -> Table {
     let mut table = table.clone();
     table.columns.retain(|(known, _)| known != name);
     table.columns.push((name.to_owned(), Cells::Numbers(values)));

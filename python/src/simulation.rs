@@ -3,7 +3,7 @@
 use crate::computation::compute;
 use crate::error::{refused, unserialised};
 use crate::table::Table;
-use friction_identification::data::{self, Cells};
+use joint_log::Cells;
 use pyo3::prelude::*;
 use simulated_machines::scenarios::Hide;
 use simulated_machines::{Log, Request, SIMULATIONS, Simulated};
@@ -56,12 +56,12 @@ pub fn simulate(
 }
 
 /// Returns all runs as one table, the run's name first.
-fn table(log: &Log, name: &str) -> data::Table {
+fn table(log: &Log, name: &str) -> joint_log::Table {
     let names = log.runs.iter().flat_map(|run| std::iter::repeat_n(run.name.clone(), run.rows()));
     let mut columns = vec![("run".to_owned(), Cells::Texts(names.collect()))];
     for (at, column) in log.columns.iter().enumerate() {
         let values = log.runs.iter().flat_map(|run| run.columns[at].iter().copied());
         columns.push((column.clone(), Cells::Numbers(values.collect())));
     }
-    data::Table { name: name.to_owned(), columns }
+    joint_log::Table { name: name.to_owned(), columns }
 }

@@ -8,7 +8,7 @@ use arrow_array::{
     RecordBatchIterator, RecordBatchReader, StringArray, TimestampNanosecondArray,
 };
 use arrow_schema::{ArrowError, DataType, Field, Schema, TimeUnit};
-use friction_identification::data::{self, Cells};
+use joint_log::Cells;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList};
@@ -20,7 +20,7 @@ const DAY_NS: i64 = 86_400 * SECOND_NS;
 
 /// A log as named columns, held in memory in Rust.
 #[pyclass(frozen, module = "friction._core")]
-pub struct Table(pub data::Table);
+pub struct Table(pub joint_log::Table);
 
 #[pymethods]
 impl Table {
@@ -44,7 +44,7 @@ impl Table {
         let columns = columns
             .into_iter()
             .map(|(name, cells)| (name, cells.unwrap_or(Cells::Numbers(vec![]))));
-        Ok(Self(data::Table { name, columns: columns.collect() }))
+        Ok(Self(joint_log::Table { name, columns: columns.collect() }))
     }
 
     /// Returns a table of columns, each a name, a kind and values: `numbers` (bytes of float64), `integers` (bytes of
@@ -71,7 +71,7 @@ impl Table {
             };
             Ok((name, cells))
         });
-        Ok(Self(data::Table { name, columns: columns.collect::<PyResult<_>>()? }))
+        Ok(Self(joint_log::Table { name, columns: columns.collect::<PyResult<_>>()? }))
     }
 
     /// Name of the table in messages and results.

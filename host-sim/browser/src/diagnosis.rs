@@ -1,11 +1,11 @@
 //! The diagnosis of files in memory, as the command line makes it.
 
-use friction_identification::data::{FileContent, ReadOptions, SplitRule};
-use friction_identification::diagnose::diagnose;
-use friction_identification::diagnose::summary::summary;
-use friction_identification::prepare::{Error, PrepareOptions, Source, prepare};
-use friction_identification::setting::{Message, Reference, Setting};
+use friction_diagnose::diagnose;
+use friction_diagnose::prepare::{Error, PrepareOptions, Source, prepare};
+use friction_diagnose::summary::summary;
 use friction_results::diagnosis::{json_text, page_text, parameter_text};
+use joint_log::setting::{Message, Reference, Setting};
+use joint_log::{FileContent, ReadOptions, SplitRule};
 use serde_json::json;
 
 /// A log, and how it is read.

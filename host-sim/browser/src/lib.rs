@@ -17,8 +17,8 @@
 mod diagnosis;
 
 use diagnosis::{Answer, Request};
-use friction_identification::clock;
-use friction_identification::data::FileContent;
+use friction_fit::clock;
+use joint_log::FileContent;
 use std::cell::RefCell;
 
 #[link(wasm_import_module = "host")]

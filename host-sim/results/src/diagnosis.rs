@@ -14,15 +14,15 @@ use crate::loop_cost::late_loop_warning;
 #[cfg(feature = "pages")]
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
-use friction_identification::data::{Dataset, Split};
-use friction_identification::diagnose::calibration::Calibration;
-use friction_identification::diagnose::cause_evidence::{CauseEvidence, FIGURES};
-use friction_identification::diagnose::finding::Finding;
-use friction_identification::diagnose::rules::RuleDecision;
-use friction_identification::diagnose::{Diagnosis, Share, summary};
-use friction_identification::fit::Outcome;
-use friction_identification::log_check::LogFinding;
-use friction_identification::prepare::Prepared;
+use friction_diagnose::calibration::Calibration;
+use friction_diagnose::cause_evidence::{CauseEvidence, FIGURES};
+use friction_diagnose::finding::Finding;
+use friction_diagnose::prepare::Prepared;
+use friction_diagnose::rules::RuleDecision;
+use friction_diagnose::{Diagnosis, Share, summary};
+use friction_fit::Outcome;
+use joint_log::log_check::LogFinding;
+use joint_log::{Dataset, Split};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 

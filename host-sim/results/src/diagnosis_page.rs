@@ -29,10 +29,10 @@ pub use stochastic::stochastic_section;
 use super::page::{FitReport, View, glossary, in_rows, tables as shared};
 use super::ranking::{RankedCandidate, left_out_in_words, ranking};
 use crate::report::{Block, Page};
-use friction_identification::data::{Dataset, Split};
-use friction_identification::diagnose::{Diagnosis, summary};
-use friction_identification::fit::predict::{Predicted, predict};
-use friction_identification::fit::statistics::autocorrelation_time;
+use friction_diagnose::{Diagnosis, summary};
+use friction_fit::predict::{Predicted, predict};
+use friction_fit::statistics::autocorrelation_time;
+use joint_log::{Dataset, Split};
 use rows::Rows;
 use serde_json::Value;
 

@@ -30,8 +30,8 @@ mod terms;
 
 use compensator_core::network::record as network_record;
 use compensator_core::record;
-use friction_identification::params::ParameterFile;
-use friction_identification::setting::Setting;
+use friction_fit::params::ParameterFile;
+use joint_log::setting::Setting;
 
 /// Format of an exported model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,7 +104,7 @@ pub struct ExportedModel {
     /// Further files with their names, to be written into the same folder.
     pub further_files: Vec<(&'static str, Vec<u8>)>,
     /// Notes for the user, one sentence each: what the file omits and how it is used. They may refer to settings, which a front
-    /// end names with [`friction_identification::setting::worded`].
+    /// end names with [`joint_log::setting::worded`].
     pub notes: Vec<String>,
 }
 

@@ -4,8 +4,8 @@ use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use crate::{Comparison, FitReport, compare_fits, document, page};
-use friction_identification::fit::Outcome;
-use friction_identification::prepare::Prepared;
+use friction_diagnose::prepare::Prepared;
+use friction_fit::Outcome;
 use std::slice::from_ref;
 
 /// Result files of a comparison, and what a terminal shows of it.

@@ -4,11 +4,11 @@
 //! column. `nrmse_std` and `nrmse_range` are the RMSE divided by the standard deviation and by the range of the measured
 //! torque on the same rows. `bic` is `n ln(SSE/n) + k ln n` on the training rows.
 
-use friction_identification::data::{Dataset, Split};
-use friction_identification::fit::{Estimate, Metrics, Outcome};
-use friction_identification::log_check::{ColumnOverview, overview};
-use friction_identification::params::unit;
-use friction_identification::spec::Spec;
+use friction_fit::params::unit;
+use friction_fit::spec::Spec;
+use friction_fit::{Estimate, Metrics, Outcome};
+use joint_log::log_check::{ColumnOverview, overview};
+use joint_log::{Dataset, Split};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 

@@ -4,10 +4,10 @@ use crate::document;
 use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
-use friction_identification::fit::{Metrics, Outcome};
-use friction_identification::network::{BASE, NetworkFile};
-use friction_identification::params;
-use friction_identification::prepare::Prepared;
+use friction_diagnose::prepare::Prepared;
+use friction_fit::network::{BASE, NetworkFile};
+use friction_fit::params;
+use friction_fit::{Metrics, Outcome};
 use serde_json::json;
 
 /// Name of the model.

@@ -17,9 +17,9 @@ pub(super) mod words;
 
 use crate::report::{Block, Page};
 use compensator_core::LawKind;
-use friction_identification::data::{Dataset, JointKind, Split};
-use friction_identification::fit::{Outcome, Rows};
+use friction_fit::{Outcome, Rows};
 use held_out::HeldOut;
+use joint_log::{Dataset, JointKind, Split};
 
 /// Number of best models that are visible.
 const VISIBLE_MODELS: usize = 3;
@@ -115,7 +115,7 @@ impl<'a> View<'a> {
 }
 
 /// Returns the fitted parameters, without those that were kept constant.
-fn fitted(fit: &Outcome) -> impl Iterator<Item = &friction_identification::fit::Estimate> {
+fn fitted(fit: &Outcome) -> impl Iterator<Item = &friction_fit::Estimate> {
     fit.estimates.iter().filter(|estimate| estimate.std_error.is_some())
 }
 

@@ -1,9 +1,9 @@
 //! The prediction of a log by the parameter file that a command writes, as `predict` computes it from that file.
 
 use crate::files::Files;
-use friction_identification::data::Dataset;
-use friction_identification::params::{self, ParameterFile};
-use friction_identification::prediction::{LogPrediction, PredictionOptions, predict_log};
+use friction_fit::params::{self, ParameterFile};
+use friction_fit::prediction::{LogPrediction, PredictionOptions, predict_log};
+use joint_log::Dataset;
 use serde_json::{Value, json};
 
 /// Name of the table of rows.

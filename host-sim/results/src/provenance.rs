@@ -2,12 +2,12 @@
 //!
 //! The comments allow a later reader to judge the file without the other results of the run.
 
-use friction_identification::clock::since_epoch;
-use friction_identification::data::Dataset;
-use friction_identification::fit::Outcome;
-use friction_identification::log_check::LogFinding;
-use friction_identification::params;
-use friction_identification::prepare::Prepared;
+use friction_diagnose::prepare::Prepared;
+use friction_fit::Outcome;
+use friction_fit::clock::since_epoch;
+use friction_fit::params;
+use joint_log::Dataset;
+use joint_log::log_check::LogFinding;
 
 /// The origin of fitted parameters.
 pub struct Provenance<'a> {

@@ -5,12 +5,12 @@
 //! ended at a bound, another cause may explain more, or the final review may have removed it. The reason is reported in
 //! each case.
 
-use friction_identification::diagnose::accepted_cause::AcceptedCause;
-use friction_identification::diagnose::calibration::Calibration;
-use friction_identification::diagnose::gram_blocks::LeftOut;
-use friction_identification::diagnose::rules::RuleDecision;
-use friction_identification::diagnose::{CandidateScore, Diagnosis, Finding};
-use friction_identification::number::significant;
+use friction_diagnose::accepted_cause::AcceptedCause;
+use friction_diagnose::calibration::Calibration;
+use friction_diagnose::gram_blocks::LeftOut;
+use friction_diagnose::rules::RuleDecision;
+use friction_diagnose::{CandidateScore, Diagnosis, Finding};
+use joint_log::number::significant;
 
 /// A candidate cause in its best setting.
 pub struct RankedCandidate<'a> {

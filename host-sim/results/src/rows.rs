@@ -15,8 +15,8 @@
 
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use compensator_core::Quantity;
-use friction_identification::data::{Dataset, contract};
-use friction_identification::prediction::{LogPrediction, flag_text};
+use friction_fit::prediction::{LogPrediction, flag_text};
+use joint_log::{Dataset, contract};
 use std::collections::HashMap;
 
 /// Every row of a log with the prediction of a model.

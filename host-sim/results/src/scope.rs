@@ -7,7 +7,7 @@ use crate::Files;
 use crate::files::pretty;
 use crate::report::{Axis, Block, Cell, Chart, Page, Series, Table};
 use crate::table_file::{TableColumn, TableFile, TableFormat};
-use friction_identification::number::figure;
+use joint_log::number::figure;
 use serde::Serialize;
 
 /// File with the rows.

@@ -1,6 +1,6 @@
 //! The log of a simulated machine as a data set. The machines' crate cannot depend on identification.
 
-use friction_identification::data::Dataset;
+use joint_log::Dataset;
 use simulated_machines::Log;
 
 /// Returns the data set that reading the log's `data.csv` would give.

@@ -13,12 +13,12 @@ use super::table;
 use super::words::in_options;
 use compensator_core::LawKind;
 use compensator_core::parameters::Choices;
-use friction_identification::data::SplitRule;
-use friction_identification::fit::FitOptions;
-use friction_identification::prepare::{Error, Prepared, identify_each};
-use friction_identification::spec::Spec;
-use friction_identification::work;
+use friction_diagnose::prepare::{Error, Prepared, identify_each};
+use friction_fit::FitOptions;
+use friction_fit::spec::Spec;
 use friction_results::fits::{ComparisonFiles, comparison_files};
+use joint_log::SplitRule;
+use joint_log::work;
 
 /// Arguments of `compare`.
 #[derive(clap::Args)]

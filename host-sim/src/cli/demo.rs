@@ -14,17 +14,15 @@ use super::words::in_options;
 use crate::driver_file;
 use crate::simulated;
 use compensator_core::can::NodeId;
-use friction_identification::data::{
-    Dataset, EmitOptions, ReadOptions, Split, SplitRule, emit, read, split,
-};
-use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
-use friction_identification::number::figure;
-use friction_identification::params;
-use friction_identification::prepare::{Error, file_sha256};
-use friction_identification::work;
+use friction_diagnose::prepare::{Error, file_sha256};
+use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_fit::params;
 use friction_results::diagnosis;
 use friction_results::diagnosis_page::{self, DiagnosisReport};
 use joint_bus::replay::{Plan, ReplaySetup, Tally, in_process};
+use joint_log::number::figure;
+use joint_log::work;
+use joint_log::{Dataset, EmitOptions, ReadOptions, Split, SplitRule, emit, read, split};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};

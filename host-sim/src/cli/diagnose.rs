@@ -8,16 +8,16 @@ use super::table;
 use super::words::in_options;
 use crate::driver_file;
 use compensator_core::Parameters;
-use friction_identification::data::SplitRule;
-use friction_identification::diagnose::summary::summary;
-use friction_identification::diagnose::{DiagnosisOptions, diagnose};
-use friction_identification::log_check::LogFinding;
-use friction_identification::params::ParameterFile;
-use friction_identification::prepare::{Error, Prepared};
-use friction_identification::spec::Spec;
-use friction_identification::work;
+use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::summary::summary;
+use friction_diagnose::{DiagnosisOptions, diagnose};
+use friction_fit::params::ParameterFile;
+use friction_fit::spec::Spec;
 use friction_results::diagnosis;
 use friction_results::loop_cost::late_loop_warning;
+use joint_log::SplitRule;
+use joint_log::log_check::LogFinding;
+use joint_log::work;
 use std::path::PathBuf;
 
 /// Arguments of `diagnose`.

@@ -6,9 +6,9 @@
 
 use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, file_name, print_formatted, print_text};
-use friction_identification::data::SplitRule;
-use friction_identification::prepare::Prepared;
+use friction_diagnose::prepare::Prepared;
 use friction_results::Files;
+use joint_log::SplitRule;
 use serde_json::{Value, json};
 
 /// Result of a command for one joint.

@@ -3,14 +3,14 @@
 use super::input::{DataArguments, in_stages};
 use super::output::{print_formatted, print_text};
 use super::words::in_options;
-use friction_identification::data::SplitRule;
-use friction_identification::prepare::Error;
-use friction_identification::spec::Spec;
-use friction_identification::work;
+use friction_diagnose::prepare::Error;
+use friction_fit::spec::Spec;
 use friction_results::fleet::statistics::{Limit, outliers, trends};
 use friction_results::fleet::{
     FleetJob, FleetOptions, FleetRow, LEVELS, find_jobs, run_task, write_fleet,
 };
+use joint_log::SplitRule;
+use joint_log::work;
 use rayon::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;

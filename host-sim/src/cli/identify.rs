@@ -13,12 +13,12 @@ use super::words::in_options;
 use crate::driver_file;
 use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
-use friction_identification::data::SplitRule;
-use friction_identification::fit::{FitOptions, identify_robustly};
-use friction_identification::prepare::{Error, Prepared};
-use friction_identification::spec::Spec;
-use friction_identification::work;
+use friction_diagnose::prepare::{Error, Prepared};
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, identify_robustly};
 use friction_results::fits::fit_files;
+use joint_log::SplitRule;
+use joint_log::work;
 use std::path::PathBuf;
 
 /// Machines with known dynamics, for `--inside`, which needs the feature `papers`.

@@ -13,18 +13,18 @@ use super::input::{DataArguments, LossChoice, in_stages};
 use super::words::in_options;
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
-use friction_identification::data::{Dataset, contract};
-use friction_identification::fit::{FitOptions, Metrics, Outcome, Track, identify};
-use friction_identification::network::{
+use friction_diagnose::prepare::{Error, Prepared};
+use friction_fit::network::{
     BASE, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork, TrainingProgress,
     law_substeps, predict, train,
 };
-use friction_identification::number::significant;
-use friction_identification::prepare::{Error, Prepared};
-use friction_identification::spec::Spec;
-use friction_identification::work;
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Metrics, Outcome, Track, identify};
 pub(super) use friction_results::network::MODEL;
 use friction_results::network::{TrainingResult, network_files};
+use joint_log::number::significant;
+use joint_log::work;
+use joint_log::{Dataset, contract};
 use serde_json::json;
 
 /// Arguments of the training.

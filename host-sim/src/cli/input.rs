@@ -9,15 +9,15 @@ use super::table;
 use super::words::{in_options, text_in_options};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use friction_identification::data::{self, DataError, Preset, ReadOptions, SplitRule};
-use friction_identification::fit::Loss;
-use friction_identification::log_check::LogFindingKind;
-use friction_identification::prepare::{
+use friction_diagnose::prepare::{
     Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
 };
-use friction_identification::spec::parse_rigid_body;
-use friction_identification::work::{self, Cancelled, Progress};
+use friction_fit::Loss;
+use friction_fit::spec::parse_rigid_body;
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
+use joint_log::log_check::LogFindingKind;
+use joint_log::work::{self, Cancelled, Progress};
+use joint_log::{DataError, Preset, ReadOptions, SplitRule};
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -89,7 +89,7 @@ const COLUMNS_HELP: &str = "help";
 
 /// Parses a torque with its unit, Nm.
 fn rated_torque_nm(text: &str) -> Result<f64, String> {
-    let torque_nm = data::parse_value("torque_nm", text)
+    let torque_nm = joint_log::parse_value("torque_nm", text)
         .map_err(|e| format!("expected {}", text_in_options(&e)))?;
     let is_torque = torque_nm.is_finite() && torque_nm > 0.0;
     is_torque.then_some(torque_nm).ok_or_else(|| "expected a positive torque".to_owned())
@@ -251,7 +251,7 @@ impl DataArguments {
         let options = Self { columns: others.collect(), ..self.clone() }.read_options()?;
         let files = self.data.iter().chain(&self.test);
         let described = files.map(|file| {
-            let survey = data::survey(file, &options).map_err(in_options)?;
+            let survey = joint_log::survey(file, &options).map_err(in_options)?;
             Ok(table::columns(file, &survey))
         });
         described.collect::<Result<Vec<_>, String>>().map(|texts| Some(texts.join("\n")))

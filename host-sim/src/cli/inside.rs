@@ -2,11 +2,11 @@
 
 use super::input::{DataArguments, LogInputs, in_stages};
 use super::output::{OutputArguments, print_formatted, print_text};
-use friction_identification::data::SplitRule;
-use friction_identification::number::significant;
-use friction_identification::params::emit_model;
-use friction_identification::prepare::Error;
-use friction_identification::work;
+use friction_diagnose::prepare::Error;
+use friction_fit::params::emit_model;
+use joint_log::SplitRule;
+use joint_log::number::significant;
+use joint_log::work;
 use published_experiments::coupled::{ArmLog, InsideFit, model};
 use serde_json::{Value, json};
 

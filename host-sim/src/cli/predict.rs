@@ -4,18 +4,16 @@ use super::input::{DataArguments, LogInputs, in_stages};
 use super::output::{OutputArguments, print_formatted, print_text};
 use super::words::in_options;
 use crate::driver_file;
-use friction_identification::data::{Quantity, SplitRule};
-use friction_identification::fit::Resolution;
-use friction_identification::number::significant;
-use friction_identification::params::ParameterFile;
-use friction_identification::prediction::{
-    LogPrediction, PredictionOptions, PredictionStart, predict_log,
-};
-use friction_identification::prepare::{Error, Prepared};
-use friction_identification::work;
+use friction_diagnose::prepare::{Error, Prepared};
+use friction_fit::Resolution;
+use friction_fit::params::ParameterFile;
+use friction_fit::prediction::{LogPrediction, PredictionOptions, PredictionStart, predict_log};
 use friction_results::rows::RowTable;
 use friction_results::table_file::TableFormat;
 use friction_results::{ROWS_FILE, write_atomically};
+use joint_log::number::significant;
+use joint_log::work;
+use joint_log::{Quantity, SplitRule};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

@@ -9,7 +9,7 @@ use super::missing_feature::refusal;
 use super::output::{OutputArguments, print_text};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use friction_identification::data::{EmitOptions, emit};
+use joint_log::{EmitOptions, emit};
 use joint_trace::TextFormat;
 use simulated_machines::scenarios::Hide;
 use simulated_machines::{Log, Request, SIMULATIONS, Simulated, Simulation};

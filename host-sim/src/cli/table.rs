@@ -1,13 +1,13 @@
 //! Tables and texts of the results for the terminal.
 
 use comfy_table::{CellAlignment, Table, presets};
-use friction_identification::data::{Dataset, Survey};
-use friction_identification::diagnose::Diagnosis;
-use friction_identification::fit::{Outcome, State};
-use friction_identification::number::{figure, significant};
-use friction_identification::params::{unit, unit_in_words};
+use friction_diagnose::Diagnosis;
+use friction_fit::params::{unit, unit_in_words};
+use friction_fit::{Outcome, State};
 use friction_results::ranking::{gain, left_out_in_words, ranking};
 use friction_results::scope::SignalSummary;
+use joint_log::number::{figure, significant};
+use joint_log::{Dataset, Survey};
 use std::path::Path;
 
 /// Number of candidates that are listed if there is no finding.

@@ -1,6 +1,6 @@
 //! The names of settings in messages, as options of the command line.
 
-use friction_identification::setting::{Message, Reference, Setting, shell_word, worded};
+use joint_log::setting::{Message, Reference, Setting, shell_word, worded};
 
 /// Returns a message as one line for the user.
 pub fn in_options(error: impl Message) -> String {

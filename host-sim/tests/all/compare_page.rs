@@ -6,11 +6,11 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use friction_identification::data::{Dataset, Run, Split, SplitRule, split};
-use friction_identification::fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
-use friction_identification::spec::Spec;
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
 use friction_results::{FitReport, page};
 use host_sim::simulated;
+use joint_log::{Dataset, Run, Split, SplitRule, split};
 use serde_json::Value;
 use simulated_machines::{Recording, record};
 

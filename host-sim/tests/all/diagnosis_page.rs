@@ -8,11 +8,11 @@ use std::process::Command;
 
 use crate::{browser, picture};
 use compensator_core::Quantity;
-use friction_identification::data::{Dataset, JointKind, Split, SplitRule, split};
-use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose, summary};
+use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose, summary};
 use friction_results::diagnosis_page::{DiagnosisReport, page, stochastic_section};
 use friction_results::report::Page;
 use host_sim::simulated;
+use joint_log::{Dataset, JointKind, Split, SplitRule, split};
 use serde_json::{Value, json};
 use simulated_machines::scenarios::{HiddenCause, Kind, Options, draw, draw_with};
 

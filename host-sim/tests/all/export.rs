@@ -9,14 +9,14 @@ use compensator_core::{
     Compensator, Inputs, LawKind, ModelState, ParameterId as Id, Parameters, Reading, Sample,
     TermKind, record,
 };
-use friction_identification::data::{Dataset, JointKind};
-use friction_identification::fit::{FitOptions, Resolution, Rows, identify, tracks};
-use friction_identification::params::{self, ParameterFile, emit_model};
-use friction_identification::prediction::{PredictionOptions, PredictionStart, predict_log};
-use friction_identification::setting::plain;
-use friction_identification::spec::Spec;
+use friction_fit::params::{self, ParameterFile, emit_model};
+use friction_fit::prediction::{PredictionOptions, PredictionStart, predict_log};
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Resolution, Rows, identify, tracks};
 use friction_results::export::{ExportFormat, export};
 use host_sim::driver_file;
+use joint_log::setting::plain;
+use joint_log::{Dataset, JointKind};
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 

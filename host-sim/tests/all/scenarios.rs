@@ -4,8 +4,8 @@
 //! have the same noise. The difference of their torques is therefore the effect, and the tests compare it with the
 //! formula of the catalogue.
 
-use friction_identification::data::{Dataset, Quantity, ReadOptions, Run, read};
 use host_sim::simulated;
+use joint_log::{Dataset, Quantity, ReadOptions, Run, read};
 use rayon::prelude::*;
 use simulated_machines::scenarios::{
     self, HiddenCause, Kind, Options, PAIRS, ScenarioTruth, benchmark,

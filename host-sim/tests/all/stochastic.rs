@@ -5,13 +5,10 @@
 //! prints the table of `docs/src/explanation/stochastic-extension.md`. All data are simulated.
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters};
-use friction_identification::data::{BadRows, Dataset, JointKind, Quantity, Run};
-use friction_identification::fit::{FitOptions, Rows, Track, fit, tracks};
-use friction_identification::spec::Spec;
-use friction_identification::stochastic::{
-    Campaign, Certificate, Form, MAX_CV, Settings, certify, certify_calibrated, reading,
-};
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Rows, Track, fit, tracks};
 use host_sim::simulated;
+use joint_log::{BadRows, Dataset, JointKind, Quantity, Run};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -20,6 +17,9 @@ use simulated_machines::friction::{Seal, Surroundings};
 use simulated_machines::scenarios::{Kind, draw};
 use simulated_machines::{Recording, record};
 use std::f64::consts::TAU;
+use stochastic_extension::{
+    Campaign, Certificate, Form, MAX_CV, Settings, certify, certify_calibrated, reading,
+};
 
 /// Low and high ranges of side load (N) and pressure difference (Pa), as we read Table II.
 const FORCE: [(f64, f64); 2] = [(25.0, 35.0), (45.0, 55.0)];

@@ -1,7 +1,7 @@
 //! Fits the calibration of the diagnosis to simulated worlds.
 //!
 //! ```text
-//! cargo run --release -p friction-grading --example calibrate -- --worlds 2000          host-sim/identification/calibration.toml
+//! cargo run --release -p friction-grading --example calibrate -- --worlds 2000          host-sim/diagnose/calibration.toml
 //! cargo run --release -p friction-grading --example calibrate -- --worlds 20 --check    a reduced run that writes nothing
 //! ```
 //!
@@ -9,8 +9,8 @@
 //! after a change of the diagnosis.
 
 use clap::Parser;
+use friction_diagnose::calibration::{Calibration, Case, Logistic, out_of_fold};
 use friction_grading::evidence_cases::{WorldCases, world_cases};
-use friction_identification::diagnose::calibration::{Calibration, Case, Logistic, out_of_fold};
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::PathBuf;
@@ -68,8 +68,7 @@ fn main() -> Result<(), String> {
     if arguments.check {
         return Ok(());
     }
-    let path =
-        concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/identification/calibration.toml");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/diagnose/calibration.toml");
     std::fs::write(path, calibration.emit()).map_err(|e| format!("{path}: {e}"))
 }
 

@@ -6,16 +6,16 @@
 //! simulated. Run it with `cargo run --release -p friction-grading --example certificate`.
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
-use friction_identification::fit::{Track, tracks};
-use friction_identification::stochastic::draw::{Draws, varied};
-use friction_identification::stochastic::ensemble::Ensemble;
-use friction_identification::stochastic::range::Ranges;
-use friction_identification::stochastic::trials::{Block, Trials};
-use friction_identification::stochastic::{Counts, Levels, Settings, certify};
+use friction_fit::{Track, tracks};
 use joint_rig::simulated;
 use rayon::prelude::*;
 use simulated_machines::underwater_joint::{Recording, record};
 use std::time::Instant;
+use stochastic_extension::draw::{Draws, varied};
+use stochastic_extension::ensemble::Ensemble;
+use stochastic_extension::range::Ranges;
+use stochastic_extension::trials::{Block, Trials};
+use stochastic_extension::{Counts, Levels, Settings, certify};
 
 const STRICT: Levels = Levels { alpha: 0.05, delta: 0.05, epsilon: 0.05, rho: 0.35 };
 

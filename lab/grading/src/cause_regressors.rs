@@ -1,7 +1,7 @@
 //! Regressors of each cause for the reference regression, as an engineer would choose them in an afternoon.
 
 use super::regressors::{BaseModel, LongData, Regressor};
-use friction_identification::data::{JointKind, Quantity};
+use joint_log::{JointKind, Quantity};
 
 /// Regressors, and the causes that use them.
 #[derive(Default)]

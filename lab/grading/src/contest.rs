@@ -12,9 +12,9 @@
 
 use super::diagnose_log;
 use super::regression::regress;
-use friction_identification::data::{Dataset, Split};
-use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, Finding};
-use friction_identification::spec::parse_rigid_body;
+use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding};
+use friction_fit::spec::parse_rigid_body;
+use joint_log::{Dataset, Split};
 use joint_rig::simulated;
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};

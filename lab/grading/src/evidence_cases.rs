@@ -6,10 +6,10 @@
 //! that hold for the log whatever is hidden are no cases.
 
 use super::diagnose_log;
-use friction_identification::diagnose::DiagnosisOptions;
-use friction_identification::diagnose::calibration::Case;
-use friction_identification::diagnose::cause_evidence::{CauseEvidence, FIGURES};
-use friction_identification::spec::parse_rigid_body;
+use friction_diagnose::DiagnosisOptions;
+use friction_diagnose::calibration::Case;
+use friction_diagnose::cause_evidence::{CauseEvidence, FIGURES};
+use friction_fit::spec::parse_rigid_body;
 use joint_rig::simulated;
 use serde_json::{Value, json};
 use unkind_worlds::{UnkindTruth, UnkindWorld};

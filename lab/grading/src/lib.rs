@@ -1,6 +1,6 @@
 //! Grades the diagnosis on scenarios with a known truth.
 //!
-//! [`simulated_machines::scenarios`] hides an effect in a log, and [`friction_identification::diagnose`] receives only the
+//! [`simulated_machines::scenarios`] hides an effect in a log, and [`friction_diagnose`] receives only the
 //! log. Seeds from [`TUNING_SEED`] serve to tune the diagnosis, seeds from [`GRADING_SEED`] to grade it. Another seed is another machine,
 //! campaign and set of sensors, and not only other noise.
 
@@ -14,9 +14,9 @@ mod regressors;
 pub mod score;
 mod stop_operator;
 
-use friction_identification::data::{Dataset, Split, SplitRule, split};
-use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
-use friction_identification::log_check::{self, Corrections};
+use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
+use joint_log::log_check::{self, Corrections};
+use joint_log::{Dataset, Split, SplitRule, split};
 use joint_rig::simulated;
 use rayon::prelude::*;
 use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};

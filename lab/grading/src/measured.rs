@@ -6,9 +6,9 @@
 use super::contest::{self, time_on_one_thread};
 use super::diagnose_log;
 use super::regression::regress;
-use friction_identification::data::{Dataset, ReadOptions, read};
-use friction_identification::diagnose::DiagnosisOptions;
-use friction_identification::spec::parse_rigid_body;
+use friction_diagnose::DiagnosisOptions;
+use friction_fit::spec::parse_rigid_body;
+use joint_log::{Dataset, ReadOptions, read};
 use std::path::{Path, PathBuf};
 
 /// A log with its reading options and known causes.

@@ -8,7 +8,7 @@
 //! be named.
 
 use super::stop_operator::{displacements, stop};
-use friction_identification::data::{Dataset, Quantity, Run};
+use joint_log::{Dataset, Quantity, Run};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;

@@ -13,7 +13,7 @@
 
 use super::cause_regressors::cause_regressors;
 use super::regressors::{BaseModel, LongData, Regressor, base_model};
-use friction_identification::data::Dataset;
+use joint_log::Dataset;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 

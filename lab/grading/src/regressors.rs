@@ -1,7 +1,7 @@
 //! Regressors of the reference regression: the data in long columns, and the base model on them.
 
 use super::stop_operator::{displacements, stop};
-use friction_identification::data::{Dataset, Quantity, Run};
+use joint_log::{Dataset, Quantity, Run};
 use std::ops::Range;
 
 /// Values of a regressor in all rows of the data.

@@ -1,6 +1,6 @@
 //! The elastic sign: a stop operator over displacement, with a gap for backlash.
 
-use friction_identification::data::{Quantity, Run};
+use joint_log::{Quantity, Run};
 
 /// Returns the displacement of each row since the row before, from the logged position or the integrated velocity.
 pub(super) fn displacements(run: &Run) -> Vec<f64> {

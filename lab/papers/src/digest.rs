@@ -4,8 +4,8 @@
 //! The file states its run time, so that two runs differ in that line.
 
 use super::{Goal, Paper, PaperOutcome, PaperRequest, ResultRow};
-use friction_identification::number::significant;
 use friction_results::report::{Cell, Table};
+use joint_log::number::significant;
 use rustix::time::{ClockId, clock_gettime};
 use std::time::{Duration, Instant};
 

@@ -1,6 +1,6 @@
 //! Targets of a paper's experiments.
 
-use friction_identification::number::significant;
+use joint_log::number::significant;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 /// Side of the bound on which a value must lie.

@@ -2,8 +2,8 @@
 
 use super::ResultRow;
 use super::digest::pivot_table;
-use friction_identification::number::{significant, with_error};
 use friction_results::report::{Block, Cell, Table};
+use joint_log::number::{significant, with_error};
 
 /// Maximum number of columns on a page; a wider table is transposed.
 const MAX_TABLE_COLUMNS: usize = 8;

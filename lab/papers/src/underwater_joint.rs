@@ -27,11 +27,11 @@ mod tasks;
 use super::{Paper, PaperOutcome, PaperRequest};
 use arms::DriverArm;
 use campaign::BenchRuns;
-use friction_identification::diagnose::Diagnosis;
-use friction_identification::stochastic::Certificate;
+use friction_diagnose::Diagnosis;
 use measures::Spread;
 use simulated_machines::joint_plant::bench::Amount;
 use simulated_machines::joint_plant::{Bench, Parameters};
+use stochastic_extension::Certificate;
 use tasks::{Conditions, Task};
 
 /// Angles of the joint's eccentricity and out-of-roundness, rad; the same joint in all experiments.
@@ -149,7 +149,7 @@ fn run_study(request: &PaperRequest) -> Result<JointStudy, String> {
         .map(|(arm, fit)| (arm.name, estimation::errors(fit, &campaign.held_out)))
         .collect();
     let shown = fitted().filter(|(arm, _)| [arms::PUBLISHED, arms::DIAGNOSED].contains(&arm.name));
-    let tracks = friction_identification::fit::tracks(&campaign.held_out);
+    let tracks = friction_fit::tracks(&campaign.held_out);
     let curves = shown
         .map(|(arm, fit)| {
             (arm.name, estimation::curves(fit, &campaign.held_out, &tracks, |_| true))

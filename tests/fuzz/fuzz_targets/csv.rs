@@ -2,7 +2,7 @@
 
 #![no_main]
 
-use friction_identification::data::{ReadOptions, SplitRule, read, segments, split};
+use joint_log::{ReadOptions, SplitRule, read, segments, split};
 use libfuzzer_sys::fuzz_target;
 use std::path::PathBuf;
 use std::sync::LazyLock;

@@ -10,11 +10,11 @@ use super::bins::{Bins, Mean, Spacing};
 use super::figures::{AFTER, fitting_range};
 use super::rows::{REST_SPEED_SHARE, Rows, rate, rest_before, since_reversal};
 use crate::report::{Axis, Chart, Series, Style, rounded, thin_scatter};
-use friction_identification::data::{Quantity, contract};
-use friction_identification::diagnose::Finding;
-use friction_identification::diagnose::evidence::{self, Evidence, PlaneAxis, ResidualView};
-use friction_identification::fit::predict::predict;
-use friction_identification::number::significant;
+use friction_diagnose::Finding;
+use friction_diagnose::evidence::{self, Evidence, PlaneAxis, ResidualView};
+use friction_fit::predict::predict;
+use joint_log::number::significant;
+use joint_log::{Quantity, contract};
 use std::f64::consts::TAU;
 
 /// Number of bins of a chart over the whole width and of one over half the width.

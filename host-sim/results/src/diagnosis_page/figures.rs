@@ -7,8 +7,8 @@ use super::rows::times;
 use crate::page::words::quantity;
 use crate::ranking::RankedCandidate;
 use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
-use friction_identification::diagnose::Share;
-use friction_identification::number::significant;
+use friction_diagnose::Share;
+use joint_log::number::significant;
 
 /// Legend of the base model.
 pub(super) const BEFORE: &str = "before";

@@ -8,7 +8,7 @@ use super::Scene;
 use super::figures::{AFTER, CURVE_POINTS, LOGGED};
 use super::rows::{Stretch, times};
 use crate::report::{Axis, Chart, Series, rounded, thin_series};
-use friction_identification::number::significant;
+use joint_log::number::significant;
 use std::ops::Range;
 
 /// Share of a segment that the window shows: short, so that the torque itself changes little in most windows.

@@ -9,9 +9,9 @@ use super::figures::{AFTER, BEFORE};
 use crate::page::words::quantity;
 use crate::report::{Axis, Chart, Series};
 use compensator_core::Quantity;
-use friction_identification::diagnose::summary::above_floor;
-use friction_identification::diagnose::{Finding, summary};
-use friction_identification::number::significant;
+use friction_diagnose::summary::above_floor;
+use friction_diagnose::{Finding, summary};
+use joint_log::number::significant;
 use maud::html;
 
 /// Returns name and text of each fact.

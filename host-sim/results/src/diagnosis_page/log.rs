@@ -2,8 +2,8 @@
 
 use super::Scene;
 use crate::report::{Block, Cell, Table};
-use friction_identification::log_check::{ColumnOverview, LogFinding, overview};
-use friction_identification::number::figure;
+use joint_log::log_check::{ColumnOverview, LogFinding, overview};
+use joint_log::number::figure;
 
 /// Returns the section.
 pub(super) fn log(scene: &Scene) -> Vec<Block> {

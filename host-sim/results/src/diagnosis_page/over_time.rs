@@ -5,7 +5,7 @@
 //! stiff joints. The band is two standard deviations of their sum. With a right model, about one row in twenty is outside
 //! the band. A mean of many rows that differs from zero is a model error, even inside the band.
 //!
-//! [`Track::motion_error`]: friction_identification::fit::Track::motion_error
+//! [`Track::motion_error`]: friction_fit::Track::motion_error
 
 use super::Scene;
 use super::figures::{AFTER, CURVE_POINTS};

@@ -5,10 +5,10 @@
 //! column is therefore computed at the full rate and decimated afterwards ([`Rows::column`]).
 
 use compensator_core::{Quantity, Sample};
-use friction_identification::data::{Dataset, Part};
-use friction_identification::diagnose::TrainTest;
-use friction_identification::fit::Track;
-use friction_identification::fit::predict::Predicted;
+use friction_diagnose::TrainTest;
+use friction_fit::Track;
+use friction_fit::predict::Predicted;
+use joint_log::{Dataset, Part};
 use std::ops::Range;
 
 /// Speed below which a joint is at rest, as a share of its maximum speed.

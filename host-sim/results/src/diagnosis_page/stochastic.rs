@@ -6,9 +6,9 @@
 
 use super::figures::{AFTER, BEFORE};
 use crate::report::{Axis, Block, Cell, Chart, Series, Table};
-use friction_identification::number::significant;
-use friction_identification::stochastic::MAX_CV;
+use joint_log::number::significant;
 use serde_json::{Map, Value};
+use stochastic_extension::MAX_CV;
 
 /// Returns the section for the base model and the extended model; empty if neither has a certified parameter.
 pub fn stochastic_section(before: &Value, after: &Value, reading: Option<&str>) -> Vec<Block> {

@@ -4,11 +4,11 @@ use super::Scene;
 use crate::ranking::{RankedCandidate, gain};
 use crate::report::{Cell, Table};
 use compensator_core::ParameterId;
-use friction_identification::data::JointKind;
-use friction_identification::diagnose::{Diagnosis, Share};
-use friction_identification::fit::{Estimate, Outcome, State};
-use friction_identification::number::significant;
-use friction_identification::params::unit;
+use friction_diagnose::{Diagnosis, Share};
+use friction_fit::params::unit;
+use friction_fit::{Estimate, Outcome, State};
+use joint_log::JointKind;
+use joint_log::number::significant;
 
 fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
     names.map(str::to_owned).to_vec()

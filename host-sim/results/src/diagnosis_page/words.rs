@@ -5,12 +5,12 @@ use super::over_time::NoiseFloor;
 use crate::page::words::{self as shared, counted, listed, quantity};
 use crate::ranking::left_out_in_words;
 use compensator_core::term::LOOKUP_KNOTS;
-use friction_identification::diagnose::calibration::Calibration;
-use friction_identification::diagnose::gram_blocks::LeftOut;
-use friction_identification::diagnose::rules::{NEGLIGIBLE, NOT_SIGNIFICANT};
-use friction_identification::diagnose::thresholds::STRUCTURE;
-use friction_identification::diagnose::{Diagnosis, Finding};
-use friction_identification::number::significant;
+use friction_diagnose::calibration::Calibration;
+use friction_diagnose::gram_blocks::LeftOut;
+use friction_diagnose::rules::{NEGLIGIBLE, NOT_SIGNIFICANT};
+use friction_diagnose::thresholds::STRUCTURE;
+use friction_diagnose::{Diagnosis, Finding};
+use joint_log::number::significant;
 
 /// Text of the evidence section if there is no finding.
 pub(super) fn nothing_found(scene: &Scene) -> String {
@@ -182,7 +182,7 @@ pub(super) fn verdicts(scene: &Scene) -> Vec<String> {
     if scene.is_extended() {
         fits.push(("after", &found.extended));
     }
-    let texts = |(when, fit): (&'static str, &friction_identification::fit::Outcome)| {
+    let texts = |(when, fit): (&'static str, &friction_fit::Outcome)| {
         let sentence =
             move |verdict: &String| format!("{when}: {}.", verdict.trim_end_matches('.'));
         fit.verdicts.iter().map(sentence).collect::<Vec<_>>()

@@ -7,8 +7,8 @@
 use super::law::{self, BISECTIONS, BRISTLE_TORQUE};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
 use super::{ExportFormat, ExportedModel};
-use friction_identification::data::JointKind;
-use friction_identification::params::{ParameterFile, unit};
+use friction_fit::params::{ParameterFile, unit};
+use joint_log::JointKind;
 use std::fmt::Write as _;
 
 /// Exports the model as a C header.

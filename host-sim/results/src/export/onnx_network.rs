@@ -14,7 +14,7 @@
 
 use super::onnx::{Builder, FLOAT, row};
 use compensator_core::network::{CELL_LIMIT, GATES};
-use friction_identification::network::{CELLS, NetworkFile};
+use friction_fit::network::{CELLS, NetworkFile};
 
 /// Returns the ONNX model of a network, encoded.
 pub(super) fn model(file: &NetworkFile, source: &str) -> Vec<u8> {

@@ -13,8 +13,8 @@ use super::law::{self, BRISTLE_TORQUE, MEASURED_TORQUE};
 use super::onnx::{Builder, per_joint, single};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
 use super::{ExportFormat, ExportedModel};
-use friction_identification::data::JointKind;
-use friction_identification::params::ParameterFile;
+use friction_fit::params::ParameterFile;
+use joint_log::JointKind;
 use std::collections::HashMap;
 
 /// Name of the file with the graph of the start.

@@ -3,7 +3,7 @@
 use super::ExportedModel;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
-use friction_identification::params::{ParameterFile, unit};
+use friction_fit::params::{ParameterFile, unit};
 use std::fmt::Write as _;
 
 /// How the state of a law with bristles starts.

@@ -10,9 +10,9 @@
 
 use super::ExportedModel;
 use compensator_core::{ModelState, Parameters, Quantity, Sample, TermKind};
-use friction_identification::data::JointKind;
-use friction_identification::number::significant;
-use friction_identification::params::ParameterFile;
+use friction_fit::params::ParameterFile;
+use joint_log::JointKind;
+use joint_log::number::significant;
 
 /// Number of speeds for the least-squares fit.
 const SPEED_COUNT: usize = 200;

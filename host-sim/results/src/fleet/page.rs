@@ -7,7 +7,7 @@
 use super::statistics::{Limit, OUTLIER_SCORE, Trend, outliers, trends};
 use super::{FleetRow, LEVELS};
 use crate::report::{Axis, Block, Cell, Chart, Finder, Page, Series, Table};
-use friction_identification::number::{count, significant};
+use joint_log::number::{count, significant};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest number of rows in a list.

@@ -10,15 +10,13 @@ use crate::report::{CHART_SCRIPT_FILE, chart_script};
 use crate::table_file::TableFormat;
 use crate::{diagnosis, write_atomically};
 use compensator_core::ParameterId;
-use friction_identification::data::DataError;
-use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
-use friction_identification::fit::{FitOptions, State, identify};
-use friction_identification::prepare::{
-    Error, PrepareOptions, Prepared, Source, file_sha256, prepare,
-};
-use friction_identification::setting::Message;
-use friction_identification::spec::Spec;
-use friction_identification::work::{self, Cancelled};
+use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, file_sha256, prepare};
+use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, State, identify};
+use joint_log::DataError;
+use joint_log::setting::Message;
+use joint_log::work::{self, Cancelled};
 use serde::{Deserialize, Serialize};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
@@ -229,7 +227,7 @@ fn safe_name(name: &str) -> String {
         .map(|letter| if is_safe(letter) { letter } else { '-' })
         .take(MAX_NAME_BYTES)
         .collect();
-    format!("{kept}-{}", friction_identification::network::checksum(name.as_bytes()))
+    format!("{kept}-{}", friction_fit::network::checksum(name.as_bytes()))
 }
 
 /// Longest name of a folder without a checksum; file systems permit 255 bytes.

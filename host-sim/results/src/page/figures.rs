@@ -7,7 +7,7 @@
 use super::View;
 use super::words::quantity;
 use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
-use friction_identification::number::significant;
+use joint_log::number::significant;
 
 /// Maximum number of points of a cloud.
 const CLOUD_POINTS: usize = 1500;
@@ -22,7 +22,7 @@ const LOGGED: &str = "logged";
 pub(super) fn errors(view: &View) -> Chart {
     let names = view.ranking.iter().map(|&fit| view.name(fit));
     let places = || (0..view.ranking.len()).map(|place| place as f64).collect();
-    let of = |rmse: fn(&friction_identification::fit::Outcome) -> f64| {
+    let of = |rmse: fn(&friction_fit::Outcome) -> f64| {
         view.ranking.iter().map(|&fit| rmse(view.fit(fit))).collect()
     };
     Chart {

@@ -2,9 +2,9 @@
 
 use super::View;
 use compensator_core::{LawKind, TermKind};
-use friction_identification::diagnose::cause;
-use friction_identification::fit::Resolution;
-use friction_identification::spec::rigid_body_effect;
+use friction_diagnose::cause;
+use friction_fit::Resolution;
+use friction_fit::spec::rigid_body_effect;
 
 /// Returns the definitions of the metrics.
 pub(crate) fn metrics(view: &View) -> Vec<String> {

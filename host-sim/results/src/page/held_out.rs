@@ -7,10 +7,10 @@
 //! Torque is simulated at the full rate. Residuals are decimated like those of the metrics.
 
 use super::FitReport;
-use friction_identification::diagnose::{Gain, evaluation};
-use friction_identification::fit::predict::{Predicted, predict};
-use friction_identification::fit::statistics::autocorrelation_time;
-use friction_identification::fit::{Metrics, Outcome, Track};
+use friction_diagnose::{Gain, evaluation};
+use friction_fit::predict::{Predicted, predict};
+use friction_fit::statistics::autocorrelation_time;
+use friction_fit::{Metrics, Outcome, Track};
 use rayon::prelude::*;
 use std::ops::Range;
 

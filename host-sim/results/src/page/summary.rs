@@ -9,10 +9,10 @@ use super::figures::neighbours;
 use super::words::{listed, quantity};
 use super::{View, fitted};
 use compensator_core::{ParameterId as Id, TermKind};
-use friction_identification::data::contract;
-use friction_identification::diagnose::cause;
-use friction_identification::fit::{Outcome, State};
-use friction_identification::number::significant;
+use friction_diagnose::cause;
+use friction_fit::{Outcome, State};
+use joint_log::contract;
+use joint_log::number::significant;
 
 /// Maximum ratio of held-out to training error at which both count as equal.
 const EQUAL_ERROR_RATIO: f64 = 1.25;

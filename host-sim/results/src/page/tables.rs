@@ -2,8 +2,8 @@
 
 use super::{View, fitted};
 use crate::report::{Best, Block, Cell, Table};
-use friction_identification::fit::{Estimate, Metrics, Outcome, State};
-use friction_identification::params::{unit, unit_in_words};
+use friction_fit::params::{unit, unit_in_words};
+use friction_fit::{Estimate, Metrics, Outcome, State};
 use std::ops::Range;
 
 /// Maximum number of runs in the table of runs.
@@ -54,7 +54,7 @@ fn metrics(
 }
 
 pub(crate) fn held_out_metrics(view: &View) -> Table {
-    let rows = friction_identification::number::count(view.fit(view.best()).test.rows as u64);
+    let rows = joint_log::number::count(view.fit(view.best()).test.rows as u64);
     let more = |fit: &Outcome| vec![Cell::ShortNumber(fit.seconds, 2)];
     let marked = if view.study.fits.len() > 1 { "; the best of each column is marked" } else { "" };
     let caption = format!("On {rows} held-out rows{marked}");
@@ -62,7 +62,7 @@ pub(crate) fn held_out_metrics(view: &View) -> Table {
 }
 
 pub(crate) fn train_metrics(view: &View) -> Table {
-    let rows = friction_identification::number::count(view.fit(view.best()).train.rows as u64);
+    let rows = joint_log::number::count(view.fit(view.best()).train.rows as u64);
     let more = |fit: &Outcome| {
         // Show all digits, because only differences of the BIC are meaningful.
         let digits = fit.bic.abs().max(1.0).log10() as usize + 1;
@@ -151,11 +151,11 @@ pub(crate) fn files(view: &View) -> Table {
 
 pub(crate) fn runs(view: &View) -> Table {
     let (data, split) = (view.study.data, view.study.split);
-    let rows_of = |parts: &[friction_identification::data::Part], run: usize| -> Cell {
+    let rows_of = |parts: &[joint_log::Part], run: usize| -> Cell {
         let own = parts.iter().filter(|part| part.run == run);
         Cell::Count(own.map(|part| Range::len(&part.rows) as u64).sum())
     };
-    let row = |(index, run): (usize, &friction_identification::data::Run)| {
+    let row = |(index, run): (usize, &joint_log::Run)| {
         let seconds = run.time_s[run.len() - 1] - run.time_s[0];
         let rate = (run.len() - 1) as f64 / seconds;
         vec![

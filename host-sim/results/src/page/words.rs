@@ -1,8 +1,8 @@
 //! The title of the page, and the texts beside its charts and tables.
 
 use super::View;
-use friction_identification::data::{JointKind, Part};
-use friction_identification::number::{count, significant};
+use joint_log::number::{count, significant};
+use joint_log::{JointKind, Part};
 
 /// Text above the parameter tables.
 pub(crate) const PARAMETERS: &str = "Values are given with one standard error. Only a \"determined\" parameter describes the \

@@ -7,7 +7,7 @@
 use super::page::RECORDS;
 use maud::{Markup, html};
 
-use friction_identification::number::{count, significant, with_error};
+use joint_log::number::{count, significant, with_error};
 
 /// Significant digits of a [`Cell::Number`].
 const DIGITS: usize = 4;

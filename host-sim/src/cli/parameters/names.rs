@@ -94,8 +94,7 @@ pub(super) fn unknown(name: &str, all: &[String]) -> String {
 /// Sets the model, a choice or a number of a set from text.
 pub(super) fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
     if name == "model" {
-        let spec =
-            friction_identification::spec::Spec::parse(value).map_err(|error| error.to_string())?;
+        let spec = friction_fit::spec::Spec::parse(value).map_err(|error| error.to_string())?;
         let mut model = spec.parameters().map_err(|error| error.to_string())?.convert::<f32>();
         for id in ParameterId::ALL {
             model.set(*id, set.friction.model.get(*id));

@@ -1,8 +1,8 @@
 //! Writes a driver's network to a file, to which the file of `params get` refers.
 
 use compensator_core::network::JointNetwork;
-use friction_identification::data::JointKind;
-use friction_identification::network::NetworkFile;
+use friction_fit::network::NetworkFile;
+use joint_log::JointKind;
 use std::path::Path;
 
 /// Writes a driver's network to a file. Returns the file name and its content.

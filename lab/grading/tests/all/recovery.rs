@@ -6,8 +6,8 @@
 //! large. The test has limits on both sides.
 
 use compensator_core::ParameterId as Id;
-use friction_identification::fit::{FitOptions, Outcome, Rows, State, identify, tracks};
-use friction_identification::spec::Spec;
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Outcome, Rows, State, identify, tracks};
 use joint_rig::simulated;
 use rayon::prelude::*;
 use simulated_machines::{Recording, Truth, record};

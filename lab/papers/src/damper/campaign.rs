@@ -3,8 +3,8 @@
 //! Rows of one test are nearly repeats of the same measurement, so whole tests are held out. [`TestCampaign::folds`] holds out
 //! each test once, or every third test together in the short form. Each test is evaluated by a fit that has not used it.
 
-use friction_identification::data::{Dataset, ReadOptions, read};
-use friction_identification::fit::{Track, tracks_with};
+use friction_fit::{Track, tracks_with};
+use joint_log::{Dataset, ReadOptions, read};
 use std::path::Path;
 
 /// Name of the covariate with the preset tension of the bands.

@@ -10,7 +10,7 @@ use super::network::TrainedNetwork;
 use super::printed::EARTHQUAKE_LUGRE;
 use crate::{Goal, PaperOutcome, ResultRow};
 use compensator_core::Parameters;
-use friction_identification::fit::{Metrics, Track};
+use friction_fit::{Metrics, Track};
 
 /// Name of the table.
 pub(super) const TABLE: &str = "Earthquakes";

@@ -1,6 +1,6 @@
 //! The compared models and their fits.
 //!
-//! Each model is the core's own law with terms, fitted by [`friction_identification::fit`]. Far from the optimum a gap and
+//! Each model is the core's own law with terms, fitted by [`friction_fit`]. Far from the optimum a gap and
 //! an elastic travel can replace each other. A fit therefore starts from typical sizes of a band brake, given below. It
 //! does not start from a fit that has used the held-out test.
 
@@ -8,8 +8,8 @@ use super::campaign::TestCampaign;
 use super::score::CampaignScore;
 use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 use compensator_core::{ParameterId as Id, Parameters, Quantity};
-use friction_identification::fit::{FitOptions, Resolution, Rows, Track, fit, predict};
-use friction_identification::spec::Spec;
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Resolution, Rows, Track, fit, predict};
 use rayon::prelude::*;
 
 /// Two core steps per row of 256 Hz. A finer step changes the held-out error of damper-2 by less than 0.1 %.

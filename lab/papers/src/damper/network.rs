@@ -10,8 +10,8 @@ use super::campaign::TestCampaign;
 use super::model::RESOLUTION;
 use super::score::CampaignScore;
 use compensator_core::Parameters;
-use friction_identification::fit::Track;
-use friction_identification::network::{
+use friction_fit::Track;
+use friction_fit::network::{
     NetworkInput, NetworkLaw, NetworkRun, TrainOptions, TrainingProgress, predict, train,
 };
 use rayon::prelude::*;

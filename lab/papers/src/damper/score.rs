@@ -1,6 +1,6 @@
 //! Errors of a model in each test, by the paper's measure and ours.
 
-use friction_identification::fit::{Metrics, Track};
+use friction_fit::{Metrics, Track};
 
 /// Forces and errors of one model in all tests of a campaign.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use super::network::{NetworkInputs, options};
 use super::printed::{format_test_name, printed_values};
 use super::score::CampaignScore;
 use super::{PaperOutcome, PaperRequest, ResultRow};
-use friction_identification::fit::Track;
+use friction_fit::Track;
 use joint_rig::simulated::dataset;
 use paper_machines::SIMULATIONS;
 use simulated_machines::Request as SimulationRequest;
@@ -69,7 +69,7 @@ pub(super) fn add_unpublished_tests(
     let runs: Vec<_> = wind.tracks.iter().map(|track| network.run(track)).collect();
     let validated =
         CampaignScore::of(&wind.tracks, runs.iter().map(|run| run.torque.clone()).collect());
-    let outside = |run: &friction_identification::network::NetworkRun| {
+    let outside = |run: &friction_fit::network::NetworkRun| {
         run.is_outside.iter().filter(|outside| **outside).count() as f64
             / run.is_outside.len().max(1) as f64
     };

@@ -10,7 +10,7 @@ use super::printed::{MODELS, PrintedModel};
 use super::study::{ARM, Extent, TorqueStudy, fit_by_both_protocols, fit_properly};
 use super::torques::Joint;
 use compensator_core::Parameters;
-use friction_identification::data::{Dataset, Quantity, Run};
+use joint_log::{Dataset, Quantity, Run};
 use rayon::prelude::*;
 
 /// Columns with the input pressures of a joint.

@@ -7,8 +7,8 @@
 use super::printed::MODELS;
 use super::study::{TorqueStudy, fit_by_both_protocols};
 use super::torques::Joint;
-use friction_identification::data::{ReadOptions, read};
-use friction_identification::spec::parse_rigid_body;
+use friction_fit::spec::parse_rigid_body;
+use joint_log::{ReadOptions, read};
 use rayon::prelude::*;
 use std::path::Path;
 

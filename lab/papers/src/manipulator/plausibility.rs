@@ -9,7 +9,7 @@ use super::printed::PrintedModel;
 use compensator_core::{
     FrictionModel as BuiltModel, ModelState, ParameterId as Id, Parameters, Sample,
 };
-use friction_identification::number::significant;
+use joint_log::number::significant;
 use paper_machines::manipulator::rigid_body::Links;
 
 /// Position of a value relative to its start and bounds.

@@ -8,7 +8,7 @@ use super::printed::{MODELS, SAMPLES};
 use super::study::{ARM, EvaluatedFit, ModelStudy, TorqueStudy, printed_base};
 use crate::Goal;
 use compensator_core::{ParameterId as Id, Parameters};
-use friction_identification::number::significant;
+use joint_log::number::significant;
 
 /// Returns the models' indices, smallest error first.
 fn rank(errors: &[f64]) -> Vec<usize> {

@@ -7,15 +7,13 @@ use super::bounded::{NormalEquations, NormalSums, SearchOptions, search};
 use super::fit::{PRINTED_BOUNDS, PRINTED_START};
 use compensator_core::TermKind;
 use compensator_core::{LawKind, Parameters};
-use friction_identification::data::Dataset;
-use friction_identification::dual::Dual;
-use friction_identification::fit::dataset_tracks::{campaign_start, tracks_since};
-use friction_identification::fit::simulate::simulate;
-use friction_identification::fit::{
-    FitOptions, Metrics, Outcome, Resolution, Rows, Track, identify, predict,
-};
-use friction_identification::log_check::{Corrections, check};
-use friction_identification::spec::Spec;
+use friction_fit::dataset_tracks::{campaign_start, tracks_since};
+use friction_fit::dual::Dual;
+use friction_fit::simulate::simulate;
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Metrics, Outcome, Resolution, Rows, Track, identify, predict};
+use joint_log::Dataset;
+use joint_log::log_check::{Corrections, check};
 
 /// The log of a joint, split into fitted and held-out rows.
 pub struct Joint {

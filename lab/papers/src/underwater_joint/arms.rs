@@ -17,11 +17,11 @@ use compensator_core::{LawKind, Parameters};
 use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Thresholds;
-use friction_identification::data::{Dataset, SplitRule, split};
-use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
-use friction_identification::fit::{FitOptions, Outcome, Rows, identify, tracks};
-use friction_identification::log_check::{self, Corrections};
-use friction_identification::spec::Spec;
+use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Outcome, Rows, identify, tracks};
+use joint_log::log_check::{self, Corrections};
+use joint_log::{Dataset, SplitRule, split};
 use rayon::prelude::*;
 
 /// Compensated share of the friction, the driver's default; the same for all arms.
@@ -125,7 +125,7 @@ fn diagnosed_arm(diagnosis: &Diagnosis, data: &Dataset) -> Result<DriverArm, Str
         ..FitOptions::default()
     };
     let follows = diagnosis.auxiliary.as_deref();
-    let tracks = friction_identification::fit::tracks_with(data, follows);
+    let tracks = friction_fit::tracks_with(data, follows);
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let fit = identify(&found.spec, &start, rows, rows, &options).map_err(|e| e.to_string())?;
     Ok(arm_from_fit(DIAGNOSED, fit))

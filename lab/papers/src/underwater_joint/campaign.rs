@@ -1,6 +1,6 @@
 //! The bench runs to fit and to evaluate.
 
-use friction_identification::data::Dataset;
+use joint_log::Dataset;
 use joint_rig::simulated::dataset;
 use simulated_machines::Log;
 use simulated_machines::joint_plant::Bench;

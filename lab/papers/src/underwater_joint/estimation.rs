@@ -7,11 +7,11 @@
 use super::arms::DriverArm;
 use super::measures::Spread;
 use compensator_core::ParameterId;
-use friction_identification::data::Dataset;
-use friction_identification::fit::{Outcome, Rows, Track, predict, tracks};
-use friction_identification::stochastic::{self, Certificate, Settings};
+use friction_fit::{Outcome, Rows, Track, predict, tracks};
+use joint_log::Dataset;
 use rayon::prelude::*;
 use simulated_machines::joint_plant::bench::KINDS;
+use stochastic_extension::{Certificate, Settings};
 
 /// The paper's speeds, rpm.
 pub const SPEEDS_RPM: [f64; 3] = [35.0, 70.0, 100.0];
@@ -104,7 +104,7 @@ pub fn certificate(arm: &DriverArm, data: &Dataset, seed: u64) -> Option<Certifi
     let free: Vec<ParameterId> =
         fit.estimates.iter().filter(|e| e.std_error.is_some()).map(|e| e.id).collect();
     let settings = Settings { seed, resolution: fit.resolution, ..Settings::default() };
-    Some(stochastic::certify(&fit.parameters, &free, &tracks(data), &settings))
+    Some(stochastic_extension::certify(&fit.parameters, &free, &tracks(data), &settings))
 }
 
 /// Computes the certificates of several arms.

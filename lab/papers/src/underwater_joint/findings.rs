@@ -6,7 +6,7 @@ use super::rows::printed_sums;
 use super::tasks::Task;
 use super::{JointStudy, goals::percent};
 use crate::Goal;
-use friction_identification::number::significant;
+use joint_log::number::significant;
 
 /// Compares the sums of CV of the published, the improved and the diagnosed model with the paper's.
 pub fn certificates(study: &JointStudy) -> Option<String> {

@@ -9,7 +9,7 @@ use super::estimation::SPEEDS_RPM;
 use super::tasks::Task;
 use super::{JointStudy, Spread};
 use crate::{Goal as PaperGoal, ResultRow};
-use friction_identification::number::significant;
+use joint_log::number::significant;
 
 /// Maximum ratio of our error to that of the perfect model.
 const PERFECT_RATIO_GOAL: f64 = 1.2;

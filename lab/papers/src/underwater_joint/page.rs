@@ -6,8 +6,8 @@ use super::goals::{ReductionGoal, percent};
 use super::parameter_transfer::TransferResult;
 use super::tasks::{Course, RPM, Task};
 use super::{JointStudy, WATER_C, harm};
-use friction_identification::number::significant;
 use friction_results::report::{Axis, Block, Cell, Chart, Series, Table, thin_series};
+use joint_log::number::significant;
 
 /// Maximum number of points of a curve.
 const MAX_CURVE_POINTS: usize = 800;

@@ -7,8 +7,8 @@ use super::tasks::Task;
 use super::{JointStudy, Spread, harm};
 use crate::{ResultRow, pivot_table};
 use compensator_core::ParameterId as Id;
-use friction_identification::stochastic::Form;
 use friction_results::report::Table;
+use stochastic_extension::Form;
 
 /// Printed estimation errors of an arm, %.
 pub const PRINTED_ERRORS: [(&str, [f64; 3]); 2] =

@@ -1,0 +1,176 @@
+//! One way a cause may explain a residual: columns beside the base model's, and where a fit with it begins.
+//!
+//! A candidate is a term of the core at rest (its size 0) with the columns by which the torque would
+//! change if it acted. Where a term has a parameter that does not enter linearly (the order of a ripple,
+//! the time constant of a run-in), there are several candidates of one cause, one for each setting of a
+//! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
+//! there, has no candidate: nothing is invented.
+
+use super::sensitivities::{Exact, Sensitivities, TrackSensitivities};
+use super::train_test::{FollowedColumn, TrainTest};
+use compensator_core::{ParameterId, Sample, TermKind};
+use friction_fit::Track;
+use friction_fit::spec::Spec;
+
+/// One row as a regressor sees it.
+pub struct Row<'a> {
+    /// The core's input.
+    pub sample: &'a Sample<f64>,
+    /// Change of the torque where the levels are raised by 1 Nm.
+    pub added: f64,
+    /// Change of the torque where the level is scaled.
+    pub level: f64,
+    /// The viscous part, Nm.
+    pub viscous: f64,
+    /// Rate of the simulated torque, Nm/s.
+    pub slope: f64,
+    /// The followed covariate.
+    pub extra: f64,
+}
+
+/// A column of a candidate.
+pub enum Regressor {
+    /// From what is known of each row.
+    Row(Box<dyn Fn(&Row) -> f64 + Send + Sync>),
+    /// Simulated for itself.
+    Exact(Exact),
+    /// From the motion of a whole track, at the shaft.
+    Track(TrackRegressor),
+}
+
+/// Returns the column of a regressor along one track, before the low-pass of the torque channel.
+pub type TrackRegressor = Box<dyn Fn(&Track, &TrackSensitivities) -> Vec<f64> + Send + Sync>;
+
+/// A column from what is known of each row.
+pub fn row(f: impl Fn(&Row) -> f64 + Send + Sync + 'static) -> Regressor {
+    Regressor::Row(Box::new(f))
+}
+
+/// How a parameter is set from the linear fit's coefficients.
+#[derive(Clone, Debug)]
+pub enum InitialGuess {
+    /// To this value.
+    At(f64),
+    /// To this multiple of the coefficient of this column.
+    Times(usize, f64),
+}
+
+/// One way a residual may be explained.
+pub struct Candidate {
+    /// The term that takes it into the model.
+    pub term: TermKind,
+    /// Columns of the log it needs.
+    pub columns: Vec<String>,
+    /// What it follows, for a cause that may follow any column.
+    pub follows: Option<FollowedColumn>,
+    /// Its columns.
+    pub regressors: Vec<Regressor>,
+    /// Where a fit with it begins.
+    pub guesses: Vec<(ParameterId, InitialGuess)>,
+    /// Parameters of the term a fit keeps.
+    pub fixed: Vec<ParameterId>,
+    /// Of a periodic cause, its order.
+    pub order: Option<f64>,
+    /// How many alternatives it was chosen from for its agreement with the residual.
+    pub comparisons: f64,
+    /// What its gain counts for beside others'.
+    pub weight: f64,
+    /// Index of the extra covariate it reads.
+    pub extra: Option<usize>,
+    /// Whether it is only there to be held against its own cause: what would look alike without it, and is never named.
+    pub is_null_model: bool,
+    /// Whether it is only there to be named beside another cause that explains the same, and never for itself.
+    pub is_comparison_only: bool,
+}
+
+impl Candidate {
+    /// A candidate that acts through a term, by these regressors, one for each coefficient.
+    pub fn new(term: TermKind, columns: &[&str], regressors: Vec<Regressor>) -> Self {
+        Self {
+            term,
+            columns: columns.iter().map(|&name| name.to_owned()).collect(),
+            follows: None,
+            regressors,
+            guesses: Vec::new(),
+            fixed: Vec::new(),
+            order: None,
+            comparisons: 1.0,
+            weight: 1.0,
+            extra: None,
+            is_null_model: false,
+            is_comparison_only: false,
+        }
+    }
+
+    /// Held against its own cause, see [`Candidate::is_null_model`].
+    #[must_use]
+    pub fn as_null_model(mut self) -> Self {
+        (self.is_null_model, self.weight) = (true, 0.0);
+        self
+    }
+
+    /// Named beside others alone, see [`Candidate::is_comparison_only`].
+    #[must_use]
+    pub fn as_comparison_only(mut self) -> Self {
+        (self.is_comparison_only, self.weight) = (true, 0.0);
+        self
+    }
+
+    /// Where a fit with it begins.
+    #[must_use]
+    pub fn starting_at(mut self, guesses: &[(ParameterId, InitialGuess)]) -> Self {
+        self.guesses = guesses.to_vec();
+        self
+    }
+
+    /// Parameters of the term a fit keeps.
+    #[must_use]
+    pub fn keeping(mut self, fixed: &[ParameterId]) -> Self {
+        self.fixed = fixed.to_vec();
+        self
+    }
+
+    /// An order, and how many it was chosen from.
+    #[must_use]
+    pub fn of_order(mut self, order: f64, comparisons: f64) -> Self {
+        (self.order, self.comparisons) = (Some(order), comparisons);
+        self
+    }
+
+    /// The column it follows; its index, where that is an extra covariate.
+    #[must_use]
+    pub fn following(mut self, follows: FollowedColumn, extra: Option<usize>) -> Self {
+        (self.follows, self.extra) = (Some(follows), extra);
+        self
+    }
+
+    /// What its gain counts for beside others'.
+    #[must_use]
+    pub fn weighing(mut self, weight: f64) -> Self {
+        self.weight = weight;
+        self
+    }
+
+    /// Whether it is a curve of any shape.
+    pub fn is_any_shape(&self) -> bool {
+        self.follows.as_ref().is_some_and(FollowedColumn::is_any_shape)
+    }
+}
+
+/// What candidates stand beside: a log, and a model that has been fitted to it.
+pub struct FitContext<'a> {
+    /// The log.
+    pub log: &'a TrainTest,
+    /// The model.
+    pub spec: &'a Spec,
+    /// What it does, row by row.
+    pub at: &'a Sensitivities,
+}
+
+impl FitContext<'_> {
+    /// Whether the model has this term already, as such or in its law.
+    pub fn has(&self, term: TermKind) -> bool {
+        let spec = self.spec;
+        spec.terms.contains(&term) || spec.rigid_body.contains(&term) || spec.law.includes(term)
+    }
+}

@@ -1,0 +1,202 @@
+//! Backlash: after a reversal there is travel with little stiffness.
+//!
+//! The backlash is crossed right after the reversal, or when a wound-up drive has unwound and its
+//! flanks separate (`backlash_unloaded`). The log determines which of the two. The backlash travel
+//! is unknown. Its candidates are multiples of the travel in which the bristles take up their load,
+//! and a share of the log's strokes. The second kind is needed because a base law may describe a
+//! few millimetres of backlash by soft bristles.
+
+use super::definition::{Cause, Remedy};
+use crate::candidate::{Candidate, FitContext, InitialGuess, Regressor};
+use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
+use crate::extended::{Extended, Size};
+use crate::sensitivities::Exact;
+use crate::train_test::TrainTest;
+use compensator_core::{ParameterId as Id, Parameters, TermKind};
+
+/// Backlash travels that are crossed right after a reversal, as multiples of the presliding travel.
+const PRESLIDING: [f64; 4] = [0.5, 2.0, 6.0, 20.0];
+
+/// Backlash travels that are crossed at zero torque, as multiples of the presliding travel. A law
+/// without backlash describes part of it by bristles that are too soft.
+const PRESLIDING_UNLOADED: [f64; 3] = [0.3, 1.0, 3.0];
+
+/// Backlash travel of two further candidates, as a share of the travel between reversals.
+const OF_STROKE: f64 = 0.08;
+
+/// Stiffness of two further candidates, as a multiple of the model's bristle stiffness. A base law
+/// without backlash describes a large one by soft bristles only, and its stiffness is then far too
+/// low.
+const STIFFER: f64 = 3.0;
+
+/// Ratio of the stiffnesses in the null model of backlash. It has bristles stiffer and softer than
+/// the model's by this factor.
+const NULL_MODEL_STIFFNESS_RATIO: f64 = 4.0;
+
+/// Backlash as a cause; see the module documentation.
+pub struct Backlash;
+
+/// Returns the null model of backlash: bristles of several stiffnesses.
+///
+/// The friction of every real seal has several stiffnesses. After a reversal it yields in a way
+/// that resembles backlash.
+fn several_stiffnesses(columns: &[&str], stiffness: f64) -> Candidate {
+    let bristles = |times: f64| {
+        let settings = vec![(Id::BacklashTravel, 0.0), (Id::BristleStiffness, times * stiffness)];
+        Regressor::Exact(Exact { kind: TermKind::Backlash, settings, derivative: None })
+    };
+    let both =
+        vec![bristles(NULL_MODEL_STIFFNESS_RATIO), bristles(1.0 / NULL_MODEL_STIFFNESS_RATIO)];
+    Candidate::new(TermKind::Backlash, columns, both).as_null_model()
+}
+
+/// Returns the typical travel between two reversals, rad; 0 without a reversal. Half of the total
+/// travel belongs to longer strokes.
+fn stroke(context: &FitContext) -> f64 {
+    let mut strokes = Vec::new();
+    for track in &context.log.train_tracks {
+        let mut way = 0.0f64;
+        for (row, sample) in track.samples.iter().enumerate() {
+            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+            let step = sample.velocity_rad_s * track.period_s * ratio;
+            if step * way < 0.0 {
+                strokes.push(way.abs());
+                way = 0.0;
+            }
+            way += step;
+        }
+    }
+    strokes.sort_by(f64::total_cmp);
+    let half = 0.5 * strokes.iter().sum::<f64>();
+    let mut shorter = 0.0;
+    let middle = strokes.into_iter().find(|stroke| {
+        shorter += stroke;
+        shorter >= half
+    });
+    middle.unwrap_or(0.0)
+}
+
+impl Cause for Backlash {
+    fn name(&self) -> &'static str {
+        "backlash"
+    }
+
+    fn meaning(&self) -> &'static str {
+        "after a reversal there is travel with little stiffness"
+    }
+
+    fn effect(&self) -> &'static str {
+        "little stiffness while a play is crossed."
+    }
+
+    fn remedy(&self) -> Remedy {
+        Remedy::Term(TermKind::Backlash)
+    }
+
+    fn acts_on(&self) -> &'static [Id] {
+        &[Id::BristleStiffness, Id::BristleDamping]
+    }
+
+    fn is_nonlinear(&self) -> bool {
+        true
+    }
+
+    fn is_confounded_with_model_error(&self) -> bool {
+        true
+    }
+
+    /// A play below the step of the encoder cannot be seen.
+    fn least_size(&self, log: &TrainTest) -> Option<f64> {
+        Some(log.position_step())
+    }
+
+    /// Backlash is contradicted if the bristles reach the whole friction level within its travel.
+    /// Such friction changes after a reversal in a way that bristles of one stiffness cannot
+    /// follow.
+    fn contradicted(&self, fitted: &Parameters<f64>) -> Option<&'static str> {
+        let stiffness = fitted.get(Id::BacklashStiffnessRatio) * fitted.get(Id::BristleStiffness);
+        let level = fitted.get(Id::StaticTorque).max(fitted.get(Id::CoulombTorque));
+        (stiffness * fitted.get(Id::BacklashTravel) > level)
+            .then_some("the friction is restored before the play is crossed")
+    }
+
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.spec.law.has_bristles() {
+            return Vec::new();
+        }
+        let columns = [context.log.velocity_name()];
+        let parameters = &context.at.parameters;
+        let presliding = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque))
+            / parameters.get(Id::BristleStiffness).max(1e-9);
+        let stroke = OF_STROKE * stroke(context);
+        let kept = PRESLIDING.map(|times| (times * presliding, 0.0));
+        let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
+        let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
+        let stiffness = parameters.get(Id::BristleStiffness);
+        let stiffer = [(0.5 * presliding, 0.0), (0.5 * presliding, 1.0)];
+        let stiffer = stiffer.map(|(travel, unloaded)| (travel, unloaded, STIFFER * stiffness));
+        kept.into_iter()
+            .chain(unloaded)
+            .chain(by_stroke)
+            .map(|(travel, unloaded)| (travel, unloaded, stiffness))
+            .chain(stiffer)
+            .map(|(travel, unloaded, stiffness)| {
+                let settings = vec![
+                    (Id::BacklashTravel, travel),
+                    (Id::BacklashUnloaded, unloaded),
+                    (Id::BristleStiffness, stiffness),
+                ];
+                let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
+                let by = vec![Regressor::Exact(by)];
+                Candidate::new(TermKind::Backlash, &columns, by)
+                    .starting_at(&[
+                        (Id::BacklashTravel, InitialGuess::At(travel)),
+                        (Id::BacklashUnloaded, InitialGuess::At(unloaded)),
+                        (Id::BristleStiffness, InitialGuess::At(stiffness)),
+                    ])
+                    .keeping(&[Id::BacklashStiffnessRatio, Id::BacklashUnloaded])
+            })
+            .chain([several_stiffnesses(&columns, parameters.get(Id::BristleStiffness))])
+            .collect()
+    }
+
+    fn in_words(&self, size: &Size, extended: &Extended) -> String {
+        let where_crossed = if extended.value(Id::BacklashUnloaded) > 0.5 {
+            "where the drive has unwound and holds nothing"
+        } else {
+            "right after the reversal"
+        };
+        format!("{}: {}, {where_crossed}", self.meaning(), size.in_words())
+    }
+
+    fn evidence(&self, _: &[String], extended: &Extended) -> Option<Evidence> {
+        Plane::new(
+            "Just after a reversal",
+            PlaneAxis::SinceReversal(8.0 * extended.value(Id::BacklashTravel)),
+            ResidualView::Along,
+            "Where there is play, the joint resists less than a bristle model until the play is crossed.",
+        )
+        .into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::LawKind;
+    use friction_fit::spec::Spec;
+
+    #[test]
+    fn contradicted_with_friction_restored_within_travel_returns_reason() {
+        let mut spec = Spec::law(LawKind::Dahl);
+        spec.terms.push(TermKind::Backlash);
+        let mut fitted = spec.parameters().expect("a law with a play");
+        fitted.set(Id::CoulombTorque, 5.0);
+        fitted.set(Id::BristleStiffness, 6.0e5);
+        fitted.set(Id::BacklashStiffnessRatio, 0.02);
+        for (travel, is_play) in [(4e-4, true), (4.3e-4, false), (5.3e-3, false)] {
+            fitted.set(Id::BacklashTravel, travel);
+            assert_eq!(Backlash.contradicted(&fitted).is_none(), is_play, "{travel}");
+        }
+    }
+}

@@ -1,0 +1,387 @@
+//! Unknown causes: a curve of any shape over any column, or structure without a column.
+//!
+//! The curve is piecewise linear. It is fitted as a separate torque (a sensor's error, a load) and
+//! as a share of the friction level. A straight line over a covariate, as for a sensor's gain
+//! error, is a candidate of its own. Curves of any shape are considered after the named causes and
+//! with a lower weight, because six knots can approximate many shapes. Structure that follows no
+//! column is reported without a term.
+
+use super::definition::{Cause, Remedy};
+use super::formula;
+use crate::candidate::{Candidate, FitContext, InitialGuess, Row, row};
+use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
+use crate::extended::{Extended, Observation, Size, Unexplained};
+use crate::train_test::FollowedColumn;
+use crate::train_test::TrainTest;
+use compensator_core::term::{LOOKUP_KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
+use compensator_core::{ParameterId as Id, Quantity, TermKind};
+use friction_fit::State;
+use friction_fit::predict::Predicted;
+use joint_log::number::figure;
+use rand::{RngExt, SeedableRng};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+/// Factor on the gain of a curve of any shape, which must explain more than a named cause.
+const ANY_SHAPE_WEIGHT: f64 = 0.8;
+
+/// Factor on the gain of a covariate's gain error. It is as simple as a named cause, but it is not
+/// friction.
+const GAIN_ERROR_WEIGHT: f64 = 0.9;
+
+/// Number of bootstrap samples for the size of unexplained structure.
+const RESAMPLES: usize = 400;
+
+/// Unknown cause; see the module documentation.
+pub struct Unknown;
+
+impl Cause for Unknown {
+    fn name(&self) -> &'static str {
+        "unknown"
+    }
+
+    fn meaning(&self) -> &'static str {
+        "no named cause explains the remaining error"
+    }
+
+    fn effect(&self) -> &'static str {
+        "a torque and a change of the levels drawn over one column."
+    }
+
+    fn remedy(&self) -> Remedy {
+        Remedy::Term(TermKind::LookupTable)
+    }
+
+    fn is_named(&self) -> bool {
+        false
+    }
+
+    fn next_experiment(&self, columns: &[String]) -> Option<String> {
+        Some(if columns.is_empty() {
+            "Repeat the worst run and log every quantity that this joint measures.".into()
+        } else {
+            format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
+        })
+    }
+
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        // With an offset in the model, the constant of the curve is redundant.
+        let offset = context.has(TermKind::TorqueOffset);
+        let mut all = Vec::new();
+        for followed in columns(context.log) {
+            let values = values(context.log, &followed);
+            all.extend(formula::candidates(&followed, &values));
+            // A sensor's gain error is a straight line over a covariate, and simple enough for a
+            // candidate of its own. A line over velocity is viscous friction. A line over angle or
+            // time has no meaning.
+            let is_covariate = followed.is_covariate();
+            let ways = [(false, false), (true, false), (false, true)];
+            for (level, proportional) in ways.into_iter().filter(|(_, line)| !line || is_covariate)
+            {
+                let way = Way { level, proportional, pins: level || offset };
+                all.extend(curve(&followed, &values, way));
+            }
+        }
+        all
+    }
+
+    fn in_rest(&self, rest: &Unexplained) -> Option<Observation> {
+        Some(unexplained(rest))
+    }
+
+    /// Returns the difference between the highest and the lowest knot.
+    fn size(&self, extended: &Extended) -> Size {
+        if extended.formula() != LookupFormula::None {
+            return extended.size(Id::LookupRise);
+        }
+        let knots = knots(extended.follows_level());
+        let value = |id: &Id| extended.value(*id);
+        let error = |id: &Id| extended.error(*id);
+        // A knot with few rows is not determined and does not count. A knot that was pinned at 0
+        // counts.
+        let sure = |id: &&Id| {
+            extended.estimate(**id).is_some_and(|e| match e.std_error {
+                Some(_) => {
+                    e.state == State::Determined
+                        || e.value.abs() > 3.0 * error(id) && e.state != State::AtBound
+                }
+                None => e.value == 0.0,
+            })
+        };
+        let by = |a: &&Id, b: &&Id| value(a).total_cmp(&value(b));
+        let low = knots.iter().filter(sure).min_by(by).unwrap_or(&knots[0]);
+        let high = knots.iter().filter(sure).max_by(by).unwrap_or(&knots[0]);
+        let spread = error(low).hypot(error(high));
+        Size::new(value(high) - value(low), spread, extended.unit(knots[0]))
+    }
+
+    fn in_words(&self, size: &Size, extended: &Extended) -> String {
+        let Some(follows) = extended.follows else {
+            return format!("{}: {}", self.meaning(), size.in_words());
+        };
+        if follows.formula != LookupFormula::None {
+            return formula::in_words(follows.formula, size, extended, &follows.column);
+        }
+        let (column, shape) = (&follows.column, shape(extended, follows.level));
+        let size = size.in_words();
+        if follows.level {
+            format!(
+                "friction follows {column}, {shape}, in a way that no named cause describes: its level varies by {size}"
+            )
+        } else {
+            format!(
+                "a torque follows {column}, {shape}, in both directions of motion alike: calibration or load, not friction; it varies by {size}"
+            )
+        }
+    }
+
+    fn evidence(&self, columns: &[String], extended: &Extended) -> Option<Evidence> {
+        let name = columns.first()?;
+        // The view depends on the curve in the model, which may be a torque or a level.
+        let mut levels = LOOKUP_LEVELS.iter().chain([&Id::LookupRise]);
+        let level = levels.any(|id| extended.value(*id) != 0.0);
+        let is_velocity = name == extended.log.velocity_name();
+        Plane::new(
+            format!("What follows {name}"),
+            PlaneAxis::Column(name.clone()),
+            if level { ResidualView::Along } else { ResidualView::Plain },
+            "No named cause has this shape; the extension is a curve drawn through it.",
+        )
+        .spaced(if is_velocity { Spacing::NarrowAtZero } else { Spacing::Even })
+        .into()
+    }
+}
+
+fn knots(level: bool) -> [Id; LOOKUP_KNOTS] {
+    if level { LOOKUP_LEVELS } else { LOOKUP_TORQUES }
+}
+
+/// A column that the curve may follow.
+pub struct Followed {
+    /// Name in the log.
+    pub name: String,
+    /// Measured quantity; [`Quantity::Auxiliary`] for one of the log's extra covariates.
+    pub quantity: Quantity,
+    /// Index among the log's extra covariates, if it is one.
+    pub covariate: Option<usize>,
+}
+
+impl Followed {
+    /// Returns the value of a quantity in a row, in the core's unit.
+    pub fn read(quantity: Quantity, row: &Row) -> f64 {
+        match quantity {
+            Quantity::Auxiliary => row.extra,
+            known => known.value_in(row.sample).unwrap_or_default(),
+        }
+    }
+
+    /// Returns the number of the column in the core.
+    pub fn number(&self) -> f64 {
+        self.quantity.info().column.map_or(0.0, f64::from)
+    }
+
+    /// Returns true if the column is neither the joint's motion nor the time.
+    pub fn is_covariate(&self) -> bool {
+        use Quantity as Is;
+        ![Is::Velocity, Is::Position, Is::CampaignTime].contains(&self.quantity)
+    }
+}
+
+fn columns(log: &TrainTest) -> Vec<Followed> {
+    let followable = |of: &&Quantity| of.info().column.is_some() && **of != Quantity::Auxiliary;
+    let measured = Quantity::ALL.iter().filter(followable).map(|quantity| Followed {
+        name: quantity.name(log.train.joint).to_owned(),
+        quantity: *quantity,
+        covariate: None,
+    });
+    let own = log.extras.iter().map(|index| Followed {
+        name: log.train.covariates[*index].clone(),
+        quantity: Quantity::Auxiliary,
+        covariate: Some(*index),
+    });
+    let tells = |followed: &Followed| {
+        let is_time = followed.quantity == Quantity::CampaignTime;
+        log.varies(&followed.name) && (!is_time || log.has_campaign_clock())
+    };
+    measured.filter(tells).chain(own).collect()
+}
+
+/// How the curve follows a column.
+#[derive(Clone, Copy)]
+struct Way {
+    /// True for a share of the friction level; false for a separate torque.
+    level: bool,
+    /// True for a straight line.
+    proportional: bool,
+    /// True if the knot nearest the median stays at 0, because the base model contains the
+    /// constant.
+    pins: bool,
+}
+
+/// Returns some of a column's values, in the core's unit, sorted.
+fn values(log: &TrainTest, followed: &Followed) -> Vec<f64> {
+    let mut values: Vec<f64> = log
+        .train_tracks
+        .iter()
+        .flat_map(|track| {
+            track.samples.iter().enumerate().step_by(7).map(|(row, sample)| {
+                let extra = followed.covariate.map_or(0.0, |index| track.covariates[index][row]);
+                let row = Row { sample, added: 0.0, level: 0.0, viscous: 0.0, slope: 0.0, extra };
+                Followed::read(followed.quantity, &row)
+            })
+        })
+        .collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// Returns a curve over one column, of which some sorted values are given; `None` if they are all
+/// equal.
+fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
+    let Way { level, proportional, pins } = way;
+    let last = values.len().checked_sub(1)?;
+    let at = |share: f64| values.get((last as f64 * share) as usize).copied();
+    let (least, median, most) = (at(0.0)?, at(0.5)?, at(1.0)?);
+    if most <= least {
+        return None;
+    }
+    let width = (most - least) / (LOOKUP_KNOTS - 1) as f64;
+    let pinned = (((median - least) / width).round() as usize).min(LOOKUP_KNOTS - 1);
+    let (own, others) = (knots(level), knots(!level));
+    let quantity = followed.quantity;
+    let read = move |row: &Row| Followed::read(quantity, row);
+    let factor = quantity.info().outside_scale;
+    let mut guesses = vec![
+        (Id::LookupColumn, InitialGuess::At(followed.number())),
+        (Id::LookupLower, InitialGuess::At(least * factor)),
+        (Id::LookupUpper, InitialGuess::At(most * factor)),
+    ];
+    if pins {
+        guesses.push((own[pinned], InitialGuess::At(0.0)));
+    }
+    let mut regressors = Vec::new();
+    for (knot, id) in own.iter().enumerate().filter(|(knot, _)| !pins || *knot != pinned) {
+        let centre = least + knot as f64 * width;
+        if proportional {
+            let from = if pins { least + pinned as f64 * width } else { 0.0 };
+            guesses.push((*id, InitialGuess::Times(0, centre - from)));
+            continue;
+        }
+        guesses.push((*id, InitialGuess::Times(regressors.len(), 1.0)));
+        regressors.push(row(move |r| {
+            let hat = (1.0 - ((read(r) - centre) / width).abs()).max(0.0);
+            if level { hat * r.level } else { hat }
+        }));
+    }
+    if proportional {
+        regressors.push(row(read));
+    }
+    let mut fixed = vec![Id::LookupColumn, Id::LookupLower, Id::LookupUpper];
+    fixed.extend(pins.then_some(own[pinned]));
+    fixed.extend(others);
+    guesses.extend(others.map(|id| (id, InitialGuess::At(0.0))));
+    let by_knots = formula::number(LookupFormula::None);
+    guesses.extend([
+        (Id::LookupFormula, InitialGuess::At(by_knots)),
+        (Id::LookupRise, InitialGuess::At(0.0)),
+    ]);
+    fixed.extend([Id::LookupRise, Id::LookupScale]);
+    let follows = FollowedColumn {
+        column: followed.name.clone(),
+        extra: followed.covariate.is_some(),
+        level,
+        proportional,
+        formula: LookupFormula::None,
+    };
+    let weight = if proportional { GAIN_ERROR_WEIGHT } else { ANY_SHAPE_WEIGHT };
+    let name = followed.name.as_str();
+    Some(
+        Candidate::new(TermKind::LookupTable, &[name], regressors)
+            .starting_at(&guesses)
+            .keeping(&fixed)
+            .following(follows, followed.covariate)
+            .weighing(weight),
+    )
+}
+
+/// Returns the shape of the curve in words.
+fn shape(extended: &Extended, level: bool) -> &'static str {
+    let values = knots(level).map(|id| extended.value(id));
+    let steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let span = values.iter().fold(f64::MIN, |a, b| a.max(*b))
+        - values.iter().fold(f64::MAX, |a, b| a.min(*b));
+    let small = 0.05 * span;
+    if steps.iter().all(|step| *step > -small) {
+        "rising"
+    } else if steps.iter().all(|step| *step < small) {
+        "falling"
+    } else {
+        let peak = values.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |p| p.0);
+        let dip = values.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |p| p.0);
+        match (peak, dip) {
+            (1..=4, 0 | 5) => "with a hump",
+            (0 | 5, 1..=4) => "with a dip",
+            _ => "up and down",
+        }
+    }
+}
+
+/// Returns the observation of structure that follows no column.
+///
+/// Its size is the error above the noise floor. The interval comes from resampled tracks.
+fn unexplained(rest: &Unexplained) -> Observation {
+    let Unexplained { after, noise_floor, .. } = *rest;
+    let rmse = after.metrics.rmse;
+    let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
+    let per_track: Vec<(f64, f64)> = after
+        .residuals
+        .iter()
+        .map(|track| (track.iter().map(|r| r * r).sum(), track.len() as f64))
+        .collect();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(rest.seed);
+    let mut drawn: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let (mut sum, mut rows) = (0.0, 0.0);
+            for _ in 0..per_track.len() {
+                let (own, count) = per_track[random.random_range(0..per_track.len())];
+                sum += own;
+                rows += count;
+            }
+            beyond((sum / f64::max(rows, 1.0)).sqrt())
+        })
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    let least = beyond(rest.times_floor * noise_floor);
+    let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
+    let unit = rest.log.train.joint.torque_unit();
+    let size = Size {
+        value: beyond(rmse),
+        unit: unit.to_owned(),
+        ci95: [drawn[drawn.len() / 40], drawn[drawn.len() - 1 - drawn.len() / 40]],
+    };
+    Observation {
+        columns: Vec::new(),
+        in_words: format!(
+            "a smooth error remains, {} {unit} RMS above the noise of {} {unit}, which correlates with none of the log's columns",
+            figure(size.value),
+            figure(noise_floor)
+        ),
+        size,
+        p_value: like_noise(after),
+        stability,
+        share_of_residual: (1.0 - (noise_floor / rmse).powi(2)).clamp(0.0, 1.0),
+        evidence: None,
+    }
+}
+
+/// Returns the probability that white noise has the residual's autocorrelation between neighbouring
+/// rows.
+fn like_noise(after: &Predicted) -> f64 {
+    let (mut products, mut squares, mut rows) = (0.0, 0.0, 0.0);
+    for track in &after.residuals {
+        products += track.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+        squares += track.iter().map(|r| r * r).sum::<f64>();
+        rows += track.len() as f64;
+    }
+    let surprise = products / f64::max(squares, f64::MIN_POSITIVE) * f64::sqrt(rows);
+    Normal::standard().sf(surprise)
+}

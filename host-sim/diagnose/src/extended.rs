@@ -1,0 +1,137 @@
+//! What a cause is read from once it is found: the joint fit, or what is left.
+
+use super::evidence::Evidence;
+use super::train_test::FollowedColumn;
+use super::train_test::TrainTest;
+use ParameterId as Id;
+use compensator_core::ParameterId;
+use compensator_core::term::LookupFormula;
+use friction_fit::params::unit;
+use friction_fit::predict::Predicted;
+use friction_fit::{Estimate, Outcome};
+use joint_log::JointKind;
+use joint_log::number::figure;
+
+/// Standard errors on either side that hold 95 %.
+const NINETY_FIVE: f64 = 1.96;
+
+/// A size with its interval.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Size {
+    /// The value, in `unit`.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+impl Size {
+    /// A value with its standard error.
+    pub fn new(value: f64, error: f64, unit: &str) -> Self {
+        let reach = NINETY_FIVE * error;
+        Self { value, unit: unit.to_owned(), ci95: [value - reach, value + reach] }
+    }
+
+    /// With unit and interval.
+    pub fn in_words(&self) -> String {
+        let unit = if self.unit == "1" { String::new() } else { format!(" {}", self.unit) };
+        let [low, high] = self.ci95;
+        format!("{}{unit} (95 % interval {} to {})", figure(self.value), figure(low), figure(high))
+    }
+}
+
+/// The extended model a finding is read from.
+#[derive(Clone, Copy, Debug)]
+pub struct Extended<'a> {
+    /// The joint fit of everything.
+    pub outcome: &'a Outcome,
+    /// The log it was fitted on.
+    pub log: &'a TrainTest,
+    /// The column the finding follows, if its cause may follow any.
+    pub follows: Option<&'a FollowedColumn>,
+}
+
+impl Extended<'_> {
+    /// Whether the joint turns or slides.
+    pub fn joint(&self) -> JointKind {
+        self.log.train.joint
+    }
+
+    /// Whether the finding is a share of the friction level over a column.
+    pub fn follows_level(&self) -> bool {
+        self.follows.is_some_and(|follows| follows.level)
+    }
+
+    /// The level's formula over the column it follows.
+    pub fn formula(&self) -> LookupFormula {
+        self.follows.map_or(LookupFormula::None, |follows| follows.formula)
+    }
+
+    /// What the fit says of a parameter.
+    pub fn estimate(&self, id: Id) -> Option<&Estimate> {
+        self.outcome.estimates.iter().find(|estimate| estimate.id == id)
+    }
+
+    /// Value of a parameter.
+    pub fn value(&self, id: Id) -> f64 {
+        self.outcome.parameters.get(id)
+    }
+
+    /// Its standard error; 0 where it was kept.
+    pub fn error(&self, id: Id) -> f64 {
+        self.estimate(id).and_then(|e| e.std_error).unwrap_or(0.0)
+    }
+
+    /// Its unit on this joint.
+    pub fn unit(&self, id: Id) -> &'static str {
+        unit(id, self.joint())
+    }
+
+    /// A parameter as a size.
+    pub fn size(&self, id: Id) -> Size {
+        Size::new(self.value(id), self.error(id), self.unit(id))
+    }
+
+    /// Length of a pair of coefficients, of the sine and of the cosine.
+    pub fn amplitude(&self, sine: Id, cosine: Id) -> Size {
+        let (s, c) = (self.value(sine), self.value(cosine));
+        let length = s.hypot(c).max(f64::MIN_POSITIVE);
+        let spread = (s * self.error(sine)).hypot(c * self.error(cosine)) / length;
+        Size::new(length, spread, self.unit(sine))
+    }
+}
+
+/// What is left when no cause passed, and is more than noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Unexplained<'a> {
+    /// The model on the held-out rows.
+    pub after: &'a Predicted,
+    /// Error the torque's noise alone would make, Nm.
+    pub noise_floor: f64,
+    /// An error so many times the noise floor is structure.
+    pub times_floor: f64,
+    /// The log.
+    pub log: &'a TrainTest,
+    /// For what is drawn at random.
+    pub seed: u64,
+}
+
+/// What is seen of a cause that is found without a fit of its own.
+#[derive(Clone, Debug)]
+pub struct Observation {
+    /// Columns of the log it follows.
+    pub columns: Vec<String>,
+    /// How large it is.
+    pub size: Size,
+    /// Probability of seeing as much where nothing is hidden.
+    pub p_value: f64,
+    /// Share of resampled logs in which it is seen.
+    pub stability: f64,
+    /// Share of the squared residual it makes.
+    pub share_of_residual: f64,
+    /// One sentence.
+    pub in_words: String,
+    /// Where it shows.
+    pub evidence: Option<Evidence>,
+}

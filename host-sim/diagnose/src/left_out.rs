@@ -1,0 +1,161 @@
+//! Held-out predictions: each row is predicted by a fit without it.
+//!
+//! Whole runs are held out if there are three or more. With many runs, several are held out at a
+//! time. A stretch of each run is held out instead in these cases:
+//!
+//! - There are only one or two runs.
+//! - A log can only show that a cause describes, because its column is constant in each of a few
+//!   runs.
+//! - A run is more than `FASTER` times as fast as all others, which then do not determine the law
+//!   at its speed.
+//!
+//! A held-out stretch is still simulated, because the bristles depend on the previous motion. Its
+//! rows have the weight 0 in the fit. Every fit starts from the fit to all rows.
+
+use super::gram_blocks::{LeftOut, STRETCHES};
+use super::model::{FittedModel, again};
+use super::train_test::TrainTest;
+use friction_fit::Track;
+use friction_fit::metrics::Metrics;
+use friction_fit::predict::{Predicted, predict};
+use friction_fit::{Rows, track};
+use rayon::prelude::*;
+
+/// Largest number of fits of a model with whole runs held out.
+const MOST_FITS: usize = 8;
+
+/// Ratio of speeds above which a run cannot be predicted by a fit to the others. Slower runs do not
+/// determine the law at its speed.
+const FASTER: f64 = 3.0;
+
+/// Fewest runs for which whole runs are held out.
+pub const FEWEST_RUNS: usize = 3;
+
+/// Returns the index of the group with which a row is held out.
+fn group(log: &TrainTest, track: &Track, row: usize, left_out: LeftOut) -> usize {
+    match left_out {
+        LeftOut::Runs => track.run % MOST_FITS,
+        LeftOut::Stretches => {
+            let rows = log.train.runs[track.run].len().max(1);
+            ((track.first_row + row) * STRETCHES / rows).min(STRETCHES - 1)
+        }
+    }
+}
+
+/// Returns the prediction of every row of the log by a fit without it.
+pub fn predict_left_out(log: &TrainTest, model: &FittedModel, left_out: LeftOut) -> Predicted {
+    let log = &*log.following(model.follows.as_ref());
+    let groups: Vec<Vec<usize>> = log
+        .train_tracks
+        .iter()
+        .map(|track| (0..track.len()).map(|row| group(log, track, row, left_out)).collect())
+        .collect();
+    let count = groups.iter().flatten().max().map_or(0, |most| most + 1);
+    let parts: Vec<Option<Predicted>> =
+        (0..count).into_par_iter().map(|own| part(log, model, &groups, own)).collect();
+    let mut whole = predict(&model.parameters, log.train_rows(), model.resolution);
+    for (own, part) in parts.iter().enumerate() {
+        let Some(part) = part else { continue };
+        for (at, groups) in groups.iter().enumerate() {
+            for (row, torque) in whole.torque[at].iter_mut().enumerate() {
+                if groups[row] == own {
+                    *torque = part.torque[at][row];
+                }
+            }
+            for (row, residual) in whole.residuals[at].iter_mut().enumerate() {
+                if groups[(row * log.decimate).min(groups.len() - 1)] == own {
+                    *residual = part.residuals[at][row];
+                }
+            }
+        }
+    }
+    whole.metrics = metrics(log, &whole);
+    whole
+}
+
+/// Returns the prediction by a fit without one group; `None` if the group or the rest is empty.
+fn part(
+    log: &TrainTest,
+    model: &FittedModel,
+    groups: &[Vec<usize>],
+    own: usize,
+) -> Option<Predicted> {
+    let mut others: Vec<Track> = Vec::with_capacity(groups.len());
+    let mut any = false;
+    for (track, groups) in log.train_tracks.iter().zip(groups) {
+        any |= groups.contains(&own);
+        if groups.iter().all(|group| *group == own) {
+            continue;
+        }
+        let mut track = track.clone();
+        if groups.contains(&own) {
+            track.scale_weights(|row| f64::from(u8::from(groups[row] != own)));
+        }
+        others.push(track);
+    }
+    if !any || others.is_empty() {
+        return None;
+    }
+    let fitted = again(Rows { tracks: &others, decimate: log.decimate }, model);
+    Some(predict(&fitted.parameters, log.train_rows(), model.resolution))
+}
+
+/// Returns the errors of the combined prediction.
+fn metrics(log: &TrainTest, whole: &Predicted) -> Metrics {
+    let rows = log.train_tracks.iter().zip(&whole.torque).zip(&whole.residuals);
+    Metrics::of(rows.flat_map(|((track, torque), residuals)| {
+        (0..residuals.len()).filter_map(move |at| {
+            let row = at * log.decimate;
+            let weight = track.weight(row);
+            let measured = track.torque[row];
+            // A decimated residual is filtered. The simulated torque is then the measured torque
+            // minus the residual.
+            let simulated = if log.decimate > 1 { measured - residuals[at] } else { torque[row] };
+            (weight > 0.0).then_some((measured, simulated, weight))
+        })
+    }))
+}
+
+/// Returns the rows that are held out of a log at a time.
+pub fn unit(log: &TrainTest) -> LeftOut {
+    let runs = track::run_count(&log.train_tracks);
+    if runs >= FEWEST_RUNS && !goes_beyond(log) { LeftOut::Runs } else { LeftOut::Stretches }
+}
+
+/// Returns true if runs that are held out together are more than `FASTER` times as fast as all
+/// others.
+pub fn goes_beyond(log: &TrainTest) -> bool {
+    let mut fastest = [0.0f64; MOST_FITS];
+    for track in &log.train_tracks {
+        let speeds = track.samples.iter().map(|sample| sample.velocity_rad_s.abs());
+        let own = &mut fastest[group(log, track, 0, LeftOut::Runs)];
+        *own = speeds.fold(*own, f64::max);
+    }
+    fastest.sort_by(f64::total_cmp);
+    fastest[MOST_FITS - 1] > FASTER * fastest[MOST_FITS - 2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use joint_log::{Dataset, SplitRule, split};
+
+    fn left_out(speeds: [f64; 3]) -> LeftOut {
+        let names = ["time_s", "velocity_rad_s", "torque_nm"].map(str::to_owned);
+        let runs = speeds.into_iter().enumerate().map(|(run, speed)| {
+            let time: Vec<f64> = (0..400).map(|row| f64::from(row) * 0.005).collect();
+            let velocity: Vec<f64> = time.iter().map(|time| speed * (9.0 * time).sin()).collect();
+            let torque = velocity.iter().map(|velocity| velocity.signum()).collect();
+            (run.to_string(), vec![time, velocity, torque])
+        });
+        let data = Dataset::from_columns(&names, runs).expect("the columns of a log");
+        let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).expect("runs to leave out");
+        unit(&TrainTest::new(&data, &parts, 1, &[]))
+    }
+
+    #[test]
+    fn unit_with_single_fast_run_is_stretches() {
+        assert_eq!(left_out([1.0, 0.4, 0.9]), LeftOut::Runs);
+        assert_eq!(left_out([0.1, 1.0, 0.2]), LeftOut::Stretches);
+    }
+}

@@ -1,0 +1,478 @@
+//! The log of a diagnosis: training runs, held-out runs, and the covariates that may be a cause.
+//!
+//! A column may explain a residual without being its cause. A motor current *is* the torque in
+//! another unit, so it contains every error of the model. Such columns are excluded, and a note
+//! lists them. They are recognised by their correlation with the torque from sample to sample,
+//! which pressure or temperature cannot have.
+
+use super::evaluation::noise_floor;
+use compensator_core::TermKind;
+use compensator_core::term::LookupFormula;
+use friction_fit::initial_heat::record_earlier_stretches;
+use friction_fit::scales::Scales;
+use friction_fit::torque_low_pass::TorqueLowPass;
+use friction_fit::{Rows, Track, dataset_tracks};
+use joint_log::{Dataset, Quantity, Run, Split, contract};
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// Correlation of sample-to-sample changes above which a column counts as another reading of the
+/// torque.
+const SAME_STEPS: f64 = 0.5;
+
+/// Correlation of values above which a column counts as another reading of the torque.
+const SAME_VALUES: f64 = 0.95;
+
+/// Correlation above which two columns count as one column with two names.
+const SAME_COLUMN: f64 = 0.9999;
+
+/// Speed below which a joint is at rest, as a share of the 95th percentile of the speed.
+const REST: f64 = 0.04;
+
+/// Ratio of the mean squared errors at rest and in motion above which rows at rest are excluded.
+const WORSE_AT_REST: f64 = 1.0;
+
+/// Largest number of training rows in a search over all causes, if there are enough runs to choose
+/// from.
+const MOST_SEARCHED: usize = 150_000;
+
+/// Fewest training runs in a search that is limited in this way.
+const FEWEST_RUNS: usize = 12;
+
+/// Share of a column's variance within runs below which it counts as constant in each run.
+const CONSTANT: f64 = 0.05;
+
+/// Fewest runs that can show whether a column that is constant in each of them extrapolates.
+const MANY_RUNS: usize = 8;
+
+/// Column that a cause follows which may follow any, and how it follows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FollowedColumn {
+    /// Name of the column.
+    pub column: String,
+    /// True for one of the log's extra covariates.
+    pub extra: bool,
+    /// True for a share of the friction level; false for a separate torque.
+    pub level: bool,
+    /// True for a separate torque proportional to the column, as for a gain error.
+    pub proportional: bool,
+    /// Formula of the level over the column, if it follows one.
+    pub formula: LookupFormula,
+}
+
+impl FollowedColumn {
+    /// Returns true for a curve of any shape, which is considered after the named causes.
+    pub fn is_any_shape(&self) -> bool {
+        !self.proportional && self.formula == LookupFormula::None
+    }
+}
+
+/// The log of a diagnosis. Excluding rows or following a column creates another value.
+#[derive(Clone, Debug)]
+pub struct TrainTest {
+    /// Training runs.
+    pub train: Arc<Dataset>,
+    /// Held-out runs.
+    pub test: Arc<Dataset>,
+    /// Tracks of `train`.
+    pub train_tracks: Vec<Track>,
+    /// Tracks of `test`.
+    pub test_tracks: Vec<Track>,
+    /// Decimation: one residual in this many is kept, after an anti-alias filter.
+    pub decimate: usize,
+    /// Parts of the torque column that are not friction.
+    pub rigid_body: Vec<TermKind>,
+    /// Extra covariates that may be a cause, as indices of [`Run::extra`].
+    pub extras: Vec<usize>,
+    /// Start of the campaign's clock, s.
+    pub campaign_start_s: f64,
+    /// Notes on the log, one sentence each.
+    pub notes: Vec<String>,
+    /// True if no run is set apart and each run is evaluated with a fit to the others.
+    pub leaves_each_out: bool,
+    /// Noise floor on the training rows: the error of the best possible model, Nm RMS.
+    pub floor_nm: f64,
+    /// Order of the ripple to whose phase the runs were shifted, if any ([`super::unknown_zero`]).
+    pub aligned_order: Option<u32>,
+}
+
+/// Rows at rest that are excluded from the evaluation.
+#[derive(Clone, Debug)]
+pub struct AtRest {
+    /// Speed below which a joint is at rest, rad/s.
+    slowest: f64,
+    /// Number of training rows at rest.
+    rows: usize,
+}
+
+impl TrainTest {
+    /// Creates the log from a data set and its split.
+    pub fn new(data: &Dataset, split: &Split, decimate: usize, rigid_body: &[TermKind]) -> Self {
+        let (train, test) = (data.select(&split.train), data.select(&split.test));
+        let decimate = decimate.max(1);
+        let campaign_start_s = dataset_tracks::campaign_start(data);
+        let tracks = |data: &Dataset| dataset_tracks::tracks_since(data, None, campaign_start_s);
+        let train_tracks = tracks(&train);
+        let mut log = Self {
+            leaves_each_out: split.is_leave_one_run_out(),
+            floor_nm: noise_floor(&train_tracks, decimate),
+            test_tracks: tracks(&test),
+            train_tracks,
+            train: Arc::new(train),
+            test: Arc::new(test),
+            decimate,
+            rigid_body: rigid_body.to_vec(),
+            extras: Vec::new(),
+            campaign_start_s,
+            notes: Vec::new(),
+            aligned_order: None,
+        };
+        // Held-out runs also heat the runs after them, so that both sets share one record. If each
+        // run is held out once, both sets contain all runs, and each set has its own record. A
+        // common record would then contain every run twice.
+        if !log.leaves_each_out {
+            record_earlier_stretches(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
+        }
+        (log.extras, log.notes) = log.choose_extras();
+        log
+    }
+
+    /// Returns the log with this low-pass in the torque channel.
+    #[must_use]
+    pub fn through_low_pass(mut self, low_pass: TorqueLowPass) -> Self {
+        for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
+            track.torque_low_pass = low_pass;
+        }
+        self
+    }
+
+    /// Returns the log with the velocity and acceleration of `delay_s` later in each row.
+    #[must_use]
+    pub fn with_later_velocity(mut self, delay_s: f64) -> Self {
+        for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
+            track.advance_velocity(delay_s);
+        }
+        self
+    }
+
+    /// Returns the log with its noise floor recomputed, after its rows have been weighted.
+    #[must_use]
+    pub fn with_floor(mut self) -> Self {
+        self.floor_nm = noise_floor(&self.train_tracks, self.decimate);
+        self
+    }
+
+    /// Returns the part of a sum of squared errors on the training rows above the noise floor,
+    /// Nm^2.
+    pub fn beyond_floor(&self, sse: f64) -> f64 {
+        let rows = self.weight();
+        // The floor is an estimate, so that at least a hundredth of the error remains.
+        (sse - rows * self.floor_nm * self.floor_nm).max(0.01 * sse)
+    }
+
+    /// Returns the sum of the weights of the training rows.
+    fn weight(&self) -> f64 {
+        let weights = |track: &Track| (0..track.len()).map(|row| track.weight(row)).sum::<f64>();
+        self.train_tracks.iter().map(weights).sum::<f64>() / self.decimate as f64
+    }
+
+    /// Returns the RMS error that belongs to a sum of squared errors on the training rows, relative to the noise floor.
+    pub fn error_over_floor(&self, sse: f64) -> f64 {
+        let floor = self.floor_nm.max(f64::MIN_POSITIVE);
+        (sse / self.weight().max(f64::MIN_POSITIVE)).sqrt() / floor
+    }
+
+    /// Returns the share of the noise floor, as variance, that comes from the uncertain motion.
+    pub fn motion_share(&self) -> f64 {
+        let squares = self.train_tracks.iter().flat_map(|track| {
+            let rows = track.motion_error.iter().enumerate();
+            rows.map(|(row, error)| track.weight(row) * error * error)
+        });
+        let floor = self.weight() * self.decimate as f64 * self.floor_nm * self.floor_nm;
+        (squares.sum::<f64>() / floor.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+    }
+
+    /// Returns true if a run has a position column.
+    pub fn has_position(&self) -> bool {
+        self.train.runs.iter().any(|run| run.get(Quantity::Position).is_some())
+    }
+
+    /// Returns the smallest change of the position between two rows, rad: the step of its encoder, or 0 without a position.
+    pub fn position_step(&self) -> f64 {
+        let positions = self.train.runs.iter().filter_map(|run| run.get(Quantity::Position));
+        let steps = positions.flat_map(|column| column.windows(2).map(|w| (w[1] - w[0]).abs()));
+        let least = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least } else { 0.0 }
+    }
+
+    /// Returns the share of a mean square above the noise floor, for any rows of the log.
+    pub fn share_beyond_floor(&self, mean_square: f64) -> f64 {
+        (1.0 - self.floor_nm * self.floor_nm / mean_square.max(f64::MIN_POSITIVE)).max(0.01)
+    }
+
+    /// Returns true if one of these columns is nearly constant within each run and there are few
+    /// runs. Held-out runs then cannot show whether a cause extrapolates.
+    pub fn can_only_describe(&self, columns: &[String]) -> bool {
+        let runs = &self.train.runs;
+        let between = |name: &String| {
+            let of = |run: &Run| self.train.column(run, name).map(<[f64]>::to_vec);
+            let columns: Option<Vec<Vec<f64>>> = runs.iter().map(of).collect();
+            columns.is_some_and(|columns| within_runs(&columns) < CONSTANT)
+        };
+        runs.len() < MANY_RUNS && columns.iter().any(between)
+    }
+
+    /// Returns the log for a model that follows this column. An extra covariate becomes the
+    /// auxiliary column.
+    pub fn following(&self, follows: Option<&FollowedColumn>) -> Cow<'_, Self> {
+        let Some(follows) = follows.filter(|follows| follows.extra) else {
+            return Cow::Borrowed(self);
+        };
+        let index = self.train.covariates.iter().position(|name| *name == follows.column);
+        let tracks = |tracks: &[Track]| tracks.iter().map(|track| track.following(index)).collect();
+        Cow::Owned(Self {
+            train: Arc::clone(&self.train),
+            test: Arc::clone(&self.test),
+            train_tracks: tracks(&self.train_tracks),
+            test_tracks: tracks(&self.test_tracks),
+            rigid_body: self.rigid_body.clone(),
+            extras: self.extras.clone(),
+            notes: self.notes.clone(),
+            leaves_each_out: self.leaves_each_out,
+            ..*self
+        })
+    }
+
+    /// Returns the rows at rest if a law is less accurate there than in motion.
+    ///
+    /// A joint at rest holds a torque that depends on its past. A law without bristles does not
+    /// predict it, and a law with bristles predicts it from the angle only. `squares` returns the
+    /// law's squared error on the included training rows, and their number.
+    pub fn worse_at_rest(&self, squares: impl Fn(&Self) -> (f64, usize)) -> Option<AtRest> {
+        let slowest = REST * Scales::of(&self.train_tracks).speed;
+        let (moving, count) = squares(&self.clone().excluding(slowest));
+        let (all, rows) = squares(self);
+        let at_rest = (all - moving) / rows.saturating_sub(count).max(1) as f64;
+        let as_good = rows == count || at_rest < WORSE_AT_REST * moving / count.max(1) as f64;
+        (!as_good).then(|| AtRest { slowest, rows: rows - count })
+    }
+
+    /// Returns the log without the rows at rest, with a note on them.
+    #[must_use]
+    pub fn without(self, at_rest: &AtRest) -> Self {
+        let mut log = self.excluding(at_rest.slowest);
+        log.notes.push(format!(
+            "{} rows at rest are not evaluated: a joint at rest may hold any torque up to its stiction, and this log's motion \
+             does not determine which",
+            at_rest.rows
+        ));
+        log
+    }
+
+    fn excluding(mut self, slowest: f64) -> Self {
+        for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
+            let moves: Vec<bool> =
+                track.samples.iter().map(|s| s.velocity_rad_s.abs() >= slowest).collect();
+            track.scale_weights(|row| f64::from(u8::from(moves[row])));
+        }
+        self
+    }
+
+    /// Returns the log with fewer training runs, evenly spread, to limit the time of a search over
+    /// all causes. The result is refitted on all runs.
+    pub fn thinned(&self) -> Cow<'_, Self> {
+        let rows: usize = self.train_tracks.iter().map(Track::len).sum();
+        let most = self.train.runs.len() / FEWEST_RUNS;
+        let stride = rows.div_ceil(MOST_SEARCHED).min(most).max(1);
+        if stride == 1 {
+            return Cow::Borrowed(self);
+        }
+        let mut log = self.clone();
+        log.train_tracks.retain(|track| track.run.is_multiple_of(stride));
+        Cow::Owned(log)
+    }
+
+    /// Returns the training rows.
+    pub fn train_rows(&self) -> Rows<'_> {
+        Rows { tracks: &self.train_tracks, decimate: self.decimate }
+    }
+
+    /// Returns the held-out rows.
+    pub fn test_rows(&self) -> Rows<'_> {
+        Rows { tracks: &self.test_tracks, decimate: self.decimate }
+    }
+
+    /// Returns true if a run has a column with this name, also if it is constant.
+    pub fn has_column(&self, name: &str) -> bool {
+        self.train.runs.iter().any(|run| self.train.column(run, name).is_some())
+    }
+
+    /// Returns true if the runs have a column with this name and it is not constant.
+    pub fn varies(&self, name: &str) -> bool {
+        let column = |run| self.train.column(run, name).unwrap_or_default();
+        let mut values = self.train.runs.iter().flat_map(column).copied();
+        let Some(first) = values.next() else { return false };
+        values.any(|value| value != first)
+    }
+
+    /// Returns true if time continues from run to run, as on the clock of a campaign. If every run
+    /// starts at the same time, the order of the runs is unknown.
+    pub fn has_campaign_clock(&self) -> bool {
+        let ends = |run: &Run| Some((*run.time_s.first()?, *run.time_s.last()?));
+        let apart = self.test.runs.iter().filter(|_| !self.leaves_each_out);
+        let mut runs: Vec<(f64, f64)> =
+            self.train.runs.iter().chain(apart).filter_map(ends).collect();
+        runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        runs.windows(2).all(|pair| pair[0].1 <= pair[1].0)
+    }
+
+    /// Returns the name of the position column, for findings.
+    pub fn position_name(&self) -> &'static str {
+        Quantity::Position.name(self.train.joint)
+    }
+
+    /// Returns the name of the velocity column, for findings.
+    pub fn velocity_name(&self) -> &'static str {
+        Quantity::Velocity.name(self.train.joint)
+    }
+
+    /// Returns the mean temperature over the training rows, deg C.
+    pub fn mean_temperature_c(&self) -> f64 {
+        let samples = || self.train_tracks.iter().flat_map(|track| &track.samples);
+        let rows = samples().count().max(1) as f64;
+        samples().map(|sample| sample.temperature_c).sum::<f64>() / rows
+    }
+
+    /// Returns the time from the start of the campaign to its last row, s.
+    pub fn campaign_s(&self) -> f64 {
+        let runs = self.train.runs.iter().chain(&self.test.runs);
+        let ends = runs.flat_map(|run| run.time_s.last()).copied();
+        (ends.fold(f64::NEG_INFINITY, f64::max) - self.campaign_start_s).max(1e-9)
+    }
+
+    /// Returns the covariates that may be a cause, and a note on each excluded one.
+    fn choose_extras(&self) -> (Vec<usize>, Vec<String>) {
+        let known: Vec<&str> = contract::covariates()
+            .chain([Quantity::Velocity, Quantity::Position])
+            .map(|quantity| quantity.name(self.train.joint))
+            .collect();
+        let runs = &self.train.runs;
+        let (mut extras, mut notes) = (Vec::new(), Vec::new());
+        for (index, name) in self.train.covariates.iter().enumerate() {
+            let of = |run: &Run| run.extra[index].clone();
+            let torque = |run: &Run| run.torque.clone();
+            if self.varies(name) {
+                let steps = |run: &Run, column: &dyn Fn(&Run) -> Vec<f64>| -> Vec<f64> {
+                    column(run).windows(2).map(|w| w[1] - w[0]).collect()
+                };
+                let alike = correlation(runs, of, torque).abs();
+                let in_step =
+                    correlation(runs, |run| steps(run, &of), |run| steps(run, &torque)).abs();
+                if alike > SAME_VALUES || in_step > SAME_STEPS {
+                    notes.push(format!(
+                        "{name} follows the torque itself (correlation {alike:.3}, of its differences {in_step:.3}): \
+                         it is another reading of the torque and is not used as a covariate"
+                    ));
+                    continue;
+                }
+                let copy = |other: &str| {
+                    let other = |run: &Run| self.train.column(run, other).map(<[f64]>::to_vec);
+                    let has = runs.iter().all(|run| other(run).is_some());
+                    has && correlation(runs, of, |run| other(run).unwrap_or_default()).abs()
+                        > SAME_COLUMN
+                };
+                if let Some(known) = known.iter().find(|other| copy(other)) {
+                    notes.push(format!("{name} is {known} under another name and is left out"));
+                    continue;
+                }
+                extras.push(index);
+            }
+        }
+        (extras, notes)
+    }
+}
+
+/// Returns the share of a column's variance that lies within runs.
+fn within_runs(runs: &[Vec<f64>]) -> f64 {
+    let (mut within, mut all) = (0.0, 0.0);
+    let rows: usize = runs.iter().map(Vec::len).sum();
+    let mean = runs.iter().flatten().sum::<f64>() / rows.max(1) as f64;
+    for run in runs {
+        let own = run.iter().sum::<f64>() / run.len().max(1) as f64;
+        within += run.iter().map(|value| (value - own).powi(2)).sum::<f64>();
+        all += run.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    }
+    if all > 0.0 { within / all } else { 1.0 }
+}
+
+/// Returns the correlation of two columns over all rows of all runs; 0 if one of them is constant.
+pub fn correlation(
+    runs: &[Run],
+    a: impl Fn(&Run) -> Vec<f64>,
+    b: impl Fn(&Run) -> Vec<f64>,
+) -> f64 {
+    let (mut n, mut sum, mut squares, mut product) = (0.0, [0.0; 2], [0.0; 2], 0.0);
+    // The values are shifted by the first one. Otherwise the variance of a pressure of 1e5 is lost
+    // in the rounding error of its square.
+    let mut shift = None;
+    for run in runs {
+        for (x, y) in a(run).into_iter().zip(b(run)) {
+            let (sx, sy) = *shift.get_or_insert((x, y));
+            let (x, y) = (x - sx, y - sy);
+            n += 1.0;
+            sum[0] += x;
+            sum[1] += y;
+            squares[0] += x * x;
+            squares[1] += y * y;
+            product += x * y;
+        }
+    }
+    let variance = |i: usize| squares[i] / n - (sum[i] / n) * (sum[i] / n);
+    let covariance = product / n - sum[0] / n * (sum[1] / n);
+    let spread = (variance(0) * variance(1)).sqrt();
+    if n > 0.0 && spread > 0.0 { covariance / spread } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use joint_log::{BadRows, JointKind, Part};
+
+    /// Returns runs of ten seconds, a minute apart, on one clock.
+    fn campaign(runs: usize) -> Dataset {
+        let run = |index: usize| Run {
+            name: index.to_string(),
+            time_s: (0..1000).map(|row| 60.0 * index as f64 + 0.01 * f64::from(row)).collect(),
+            velocity: vec![2.0; 1000],
+            torque: vec![1.5; 1000],
+            ..Run::default()
+        };
+        Dataset {
+            joint: JointKind::Revolute,
+            runs: (0..runs).map(run).collect(),
+            files: vec![],
+            rows: 1000 * runs,
+            rows_read: 1000 * runs,
+            bad_rows: BadRows::default(),
+            covariates: vec![],
+            left_out_columns: vec![],
+            notes: vec![],
+            sources: vec![],
+        }
+    }
+
+    #[test]
+    fn new_with_any_split_records_earlier_stretches() {
+        let data = campaign(4);
+        let part = |run: usize| Part { run, rows: 0..1000 };
+        let all: Vec<Part> = (0..4).map(part).collect();
+        let each_once = Split { train: all.clone(), test: all };
+        let apart = Split { train: vec![part(0), part(1), part(3)], test: vec![part(2)] };
+        let before = |split: &Split| -> Vec<usize> {
+            let log = TrainTest::new(&data, split, 1, &[]);
+            log.train_tracks.iter().map(|track| track.earlier_stretches.len()).collect()
+        };
+        assert_eq!(before(&each_once), [0, 1, 2, 3]);
+        assert_eq!(before(&apart), [0, 1, 3]);
+    }
+}

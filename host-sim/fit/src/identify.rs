@@ -1,0 +1,298 @@
+//! Identification: a fit with estimates, standard errors, metrics and verdicts.
+
+use super::outcome::{Estimate, Outcome, State};
+use super::predict::predict;
+use super::scales::Scales;
+use super::solve::{FitOptions, Solution, fit, unobserved_parameters};
+use super::statistics::{autocorrelation_time, inverse_information};
+use super::track::{Rows, Track};
+use super::verdict::verdicts;
+use crate::clock::Instant;
+use crate::dual::Dual;
+use crate::spec::{Spec, SpecError};
+use ParameterId as Id;
+use compensator_core::parameters::Envelope;
+use compensator_core::{ParameterId, Parameters};
+use joint_log::number::significant;
+use nalgebra::DMatrix;
+
+/// Relative standard error of a positive parameter above which it is "not determined": values from half to twice as large
+/// are then within two standard errors. The prior alone gives 2.3.
+const MAX_RELATIVE_ERROR: f64 = 0.5;
+
+/// Effect of two standard errors on the torque, as a share of its RMS, above which any other parameter is "not determined",
+/// unless its value differs from 0 by three standard errors.
+const MAX_ERROR_EFFECT: f64 = 0.2;
+
+/// Derivative that counts as 0, as a share of the torque's RMS.
+const NEGLIGIBLE_EFFECT: f64 = 1e-9;
+
+/// Fits a model to the training rows and evaluates it on the test rows.
+///
+/// # Errors
+/// If the model carries more terms than the core takes.
+pub fn identify(
+    spec: &Spec,
+    base: &Parameters<f64>,
+    train: Rows,
+    test: Rows,
+    options: &FitOptions,
+) -> Result<Outcome, SpecError> {
+    let begin = Instant::now();
+    let mut made_passive = Vec::new();
+    let (mut solution, mut parameters) = fit_legal(spec, base, train, test, options);
+    if options.passive {
+        let mut steps = 0;
+        let mut options = FitOptions { starts: 1, ..options.clone() };
+        while let Some(step) = towards_passivity(&mut parameters, &mut options, steps) {
+            // The unconstrained value of a parameter is reported once.
+            if made_passive.iter().all(|earlier: &PassivityChange| earlier.id != step.id) {
+                made_passive.push(step);
+            }
+            steps += 1;
+            options.start = Some(parameters.clone());
+            let evaluations = solution.evaluations;
+            (solution, parameters) = fit_legal(spec, &parameters, train, test, &options);
+            solution.evaluations += evaluations;
+        }
+    }
+    let predicted = predict(&parameters, train, solution.resolution);
+    let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
+    let unobserved = unobserved_parameters(spec, train.tracks);
+    let (estimates, correlation) = estimates(&solution, &parameters, train, time, &unobserved);
+    let train_metrics = predicted.metrics;
+    let rows = train_metrics.rows as f64;
+    let count = solution.coordinates.len() as f64;
+    let mut outcome = Outcome {
+        spec: spec.clone(),
+        estimates,
+        correlation,
+        train: train_metrics,
+        test: predict(&parameters, test, solution.resolution).metrics,
+        bic: rows * (train_metrics.sse.max(f64::MIN_POSITIVE) / rows.max(1.0)).ln()
+            + count * rows.max(1.0).ln(),
+        seconds: begin.elapsed().as_secs_f64(),
+        evaluations: solution.evaluations,
+        resolution: solution.resolution,
+        autocorrelation_time: time,
+        converged: solution.converged,
+        verdicts: Vec::new(),
+        parameters,
+    };
+    outcome.verdicts = verdicts(&outcome, &unobserved, &predicted, train.tracks);
+    for PassivityChange { id, note } in made_passive {
+        // The parameter is at its passivity bound, although it was fixed in the last fit.
+        if let Some(estimate) = outcome.estimates.iter_mut().find(|e| Some(e.id) == id) {
+            estimate.state = State::AtBound;
+        }
+        outcome.verdicts.push(note);
+    }
+    ensure_loadable(&mut outcome);
+    Ok(outcome)
+}
+
+/// Fits a model, moves its parameters into their legal ranges and declares the envelope.
+fn fit_legal(
+    spec: &Spec,
+    base: &Parameters<f64>,
+    train: Rows,
+    test: Rows,
+    options: &FitOptions,
+) -> (Solution, Parameters<f64>) {
+    let solution = fit(spec, base, train, options);
+    let mut parameters = solution.parameters();
+    keep_legal(&mut parameters, solution.coordinates.ids());
+    declare_envelope(&mut parameters, train.tracks, test.tracks);
+    (solution, parameters)
+}
+
+/// A change that made a law passive.
+struct PassivityChange {
+    /// The parameter that was moved to its bound, if any.
+    id: Option<Id>,
+    /// Note for the user.
+    note: String,
+}
+
+/// Changes a law that is not passive in one step towards passivity, after which the other parameters are fitted again.
+/// Returns `None` if the law is passive or no step is left. The first step lets the damping fade with speed, as a film
+/// separates the asperities: the rows still determine its size, and the law is passive except for very large
+/// values. Further steps move values that are too large to their bound.
+fn towards_passivity(
+    parameters: &mut Parameters<f64>,
+    options: &mut FitOptions,
+    steps: usize,
+) -> Option<PassivityChange> {
+    // Share of the bound to use in each step: the bound falls as the other parameters adapt.
+    const BOUND_SHARES: [f64; 5] = [0.95, 0.95, 0.8, 0.5, 0.2];
+    if parameters.choices.allow_active {
+        return None;
+    }
+    let inside = BOUND_SHARES.get(steps)?;
+    let viscous = parameters.get(Id::ViscousFriction);
+    if parameters.law.has_bristles() && viscous < 0.0 {
+        parameters.set(Id::ViscousFriction, 0.0);
+        options.fixed.push(Id::ViscousFriction);
+        let note = format!(
+            "viscous_friction: at its bound, 0: the rows alone give {}, and a negative value drives the joint instead of braking it",
+            significant(viscous, 3)
+        );
+        return Some(PassivityChange { id: Some(Id::ViscousFriction), note });
+    }
+    let largest = parameters.active_damping()?;
+    let damping = significant(parameters.get(Id::BristleDamping), 3);
+    if !parameters.choices.damping_fades && !options.fixed.contains(&Id::BristleDamping) {
+        parameters.choices.damping_fades = true;
+        let note = format!(
+            "the bristle damping fades with speed (damping_fades): a constant damping, {damping} on these rows, can give out \
+             energy; the largest passive value is {}",
+            significant(largest, 3)
+        );
+        return Some(PassivityChange { id: None, note });
+    }
+    parameters.set(Id::BristleDamping, inside * largest);
+    if !options.fixed.contains(&Id::BristleDamping) {
+        options.fixed.push(Id::BristleDamping);
+    }
+    let note = format!(
+        "bristle_damping: at its bound: the rows alone give {damping}, and more than {} can give out energy",
+        significant(largest, 3)
+    );
+    Some(PassivityChange { id: Some(Id::BristleDamping), note })
+}
+
+/// Moves free parameters at the end of their legal range inside it by a rounding of `f32`. Fixed parameters keep their
+/// value. Some of them are indices, for which a rounding below a column selects the column before it.
+fn keep_legal(parameters: &mut Parameters<f64>, free: impl Iterator<Item = Id>) {
+    const ROUNDING: f64 = 1e-6;
+    for id in free {
+        let info = id.info();
+        let (least, most) =
+            (info.lower + ROUNDING * info.lower.abs(), info.upper - ROUNDING * info.upper.abs());
+        parameters.set(id, parameters.get(id).max(least).min(most));
+    }
+    for (coulomb, static_torque) in [
+        (Id::CoulombTorque, Id::StaticTorque),
+        (Id::CoulombTorqueNegative, Id::StaticTorqueNegative),
+    ] {
+        let least = parameters.get(coulomb);
+        parameters.set(static_torque, parameters.get(static_torque).max(least));
+    }
+}
+
+/// Largest envelope that the core accepts.
+const MAX_ENVELOPE: f64 = 1e9;
+
+/// Declares the envelope that the data cover, with a margin. Quantities without data keep their default.
+fn declare_envelope(parameters: &mut Parameters<f64>, train: &[Track], test: &[Track]) {
+    let samples = || train.iter().chain(test).flat_map(|track| &track.samples);
+    let covers = |field: &mut f32, of: fn(&compensator_core::Sample<f64>) -> f64, room: f64| {
+        let largest = samples().map(of).map(f64::abs).fold(0.0, f64::max);
+        if largest > 0.0 {
+            *field = (largest * room).clamp(1e-9, MAX_ENVELOPE) as f32;
+        }
+    };
+    parameters.envelope = Envelope::default();
+    let envelope = &mut parameters.envelope;
+    covers(&mut envelope.velocity_max_rad_s, |s| s.velocity_rad_s, 1.5);
+    covers(&mut envelope.radial_force_max_n, |s| s.radial_force_n, 1.2);
+    covers(&mut envelope.pressure_diff_max_pa, |s| s.pressure_diff_mpa * 1e6, 1.2);
+    covers(&mut envelope.load_torque_max_nm, |s| s.load_torque_nm, 1.2);
+    covers(&mut envelope.acceleration_max_rad_s2, |s| s.acceleration_rad_s2, 1.5);
+    covers(&mut envelope.campaign_max_h, |s| s.campaign_time_h, 2.0);
+}
+
+/// Ensures that the core accepts the parameters. For a law that is not passive (damping above the passivity bound, friction
+/// that falls with speed) this sets `allow_active`. If the core still rejects the parameters, a verdict reports it.
+fn ensure_loadable(outcome: &mut Outcome) {
+    // In the driver's number type, because rounding to f32 can cross a bound.
+    let refusal = |parameters: &Parameters<f64>| {
+        let rounded = parameters.convert::<f32>();
+        parameters.validate().and_then(|()| rounded.validate()).err()
+    };
+    let Some(error) = refusal(&outcome.parameters) else { return };
+    outcome.parameters.choices.allow_active = true;
+    match refusal(&outcome.parameters) {
+        None => outcome.verdicts.push(format!(
+            "the law can give out energy and so keep a joint moving ({error}); params.toml sets allow_active, and a driver \
+             warns when it runs the law. `identify` without --choices allow_active fits a passive law"
+        )),
+        Some(error) => outcome.verdicts.push(format!("the core rejects these parameters: {error}")),
+    }
+}
+
+/// Returns the estimates of all parameters, and the correlation matrix of the free ones.
+fn estimates(
+    solution: &Solution,
+    parameters: &Parameters<f64>,
+    rows: Rows,
+    time: f64,
+    unobserved: &[ParameterId],
+) -> (Vec<Estimate>, DMatrix<f64>) {
+    let reduced = &solution.reduced;
+    let count = solution.coordinates.len();
+    let free: Vec<Id> = solution.coordinates.ids().collect();
+    let spare = reduced.rows.saturating_sub(count).max(1) as f64;
+    let variance = time * reduced.sum_of_squares() / spare;
+    let covariance = inverse_information(reduced) * variance;
+    // d(parameter)/d(coordinate), exact to rounding, from the same dual numbers as the fit.
+    let seeded: Vec<Dual<40>> =
+        solution.point.iter().enumerate().map(|(i, u)| Dual::parameter(*u, i)).collect();
+    let natural = solution.coordinates.parameters(&seeded);
+    let change = DMatrix::from_fn(count, count, |i, j| natural.get(free[i]).gradient[j]);
+    let natural_covariance = &change * &covariance * change.transpose();
+    let torque = Scales::of(rows.tracks).torque;
+    let norm = |j: usize| -> f64 {
+        let squares = (0..count).map(|i| reduced.factor[i * count + j].powi(2)).sum::<f64>();
+        (squares / reduced.rows.max(1) as f64).sqrt()
+    };
+    let state = |index: usize, id: Id, error: f64| {
+        let (point, start) =
+            (solution.point[index], solution.coordinates.point(&solution.start)[index]);
+        let value = parameters.get(id);
+        if solution.coordinates.is_at_bound(index, &solution.point, parameters) {
+            return State::AtBound;
+        }
+        let moved = (point - start).abs() > 1e-6 * (1.0 + start.abs());
+        if !moved && norm(index) < NEGLIGIBLE_EFFECT * torque {
+            return State::AtStart;
+        }
+        let positive = id.info().lower > 0.0;
+        // RMS change of the torque per unit of the parameter.
+        let effect = norm(index) / change[(index, index)].abs().max(f64::MIN_POSITIVE);
+        let is_loose = if solution.coordinates.is_held_by_prior(index) {
+            covariance[(index, index)].sqrt() > MAX_RELATIVE_ERROR
+        } else if positive {
+            error > MAX_RELATIVE_ERROR * value.abs()
+        } else {
+            // Not significantly different from 0, or with a large effect of its error.
+            value.abs() < 2.0 * error
+                || 2.0 * error * effect > MAX_ERROR_EFFECT * torque && value.abs() < 3.0 * error
+        };
+        if is_loose || !error.is_finite() { State::NotDetermined } else { State::Determined }
+    };
+    let estimates = parameters
+        .active()
+        .map(|id| {
+            let value = parameters.get(id);
+            match free.iter().position(|free| *free == id) {
+                Some(index) => {
+                    let error = natural_covariance[(index, index)].max(0.0).sqrt();
+                    let state = state(index, id, error);
+                    Estimate { id, value, std_error: Some(error.min(f64::MAX)), state }
+                }
+                None => {
+                    let lost = unobserved.contains(&id) || solution.collinear.contains(&id);
+                    let state = if lost { State::NotDetermined } else { State::AtStart };
+                    Estimate { id, value, std_error: None, state }
+                }
+            }
+        })
+        .collect();
+    let errors: Vec<f64> =
+        (0..count).map(|i| natural_covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt()).collect();
+    let correlation = DMatrix::from_fn(count, count, |i, j| {
+        (natural_covariance[(i, j)] / (errors[i] * errors[j])).clamp(-1.0, 1.0)
+    });
+    (estimates, correlation)
+}

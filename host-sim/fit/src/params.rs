@@ -1,0 +1,441 @@
+//! `params.toml`: the parameters of a model in a readable file.
+//!
+//! ```toml
+//! schema = 1
+//! joint = "revolute"
+//! model = "lugre+pressure-coulomb"
+//!
+//! [parameters]
+//! coulomb_torque = { value = 1.5, unit = "Nm", std_error = 0.01, state = "determined" }
+//! static_torque = 2.2                     # a bare number is in the parameter's own SI unit
+//!
+//! [envelope]                              # limits of the model's inputs; optional
+//! velocity_max_rad_s = 10.5
+//! [choices]                               # optional
+//! damping_fades = true
+//! [compensator]                           # optional
+//! scale = 0.9
+//! [fit]                                   # optional, as [log_means]: see [`FitRecord`]
+//! substeps = 1
+//! [network]                               # optional: supplies levels and stiffness
+//! file = "network.json"                   # in the same directory
+//! crc32 = "9ae0daaf"                      # of its bytes: another network is an error
+//! ```
+//!
+//! `identify` writes the file, and the core uses it unchanged. The caller defines further sections ([`Section`]), for
+//! example a joint driver's motor. Unknown keys, wrong units and values out of range are errors, each in one line that
+//! names the key.
+
+mod fit_record;
+
+pub use fit_record::FitRecord;
+
+use crate::Outcome;
+use crate::network::{BASE, NetworkFile, checksum};
+use crate::spec::Spec;
+use compensator_core::compensator::CompensatorParameters;
+use compensator_core::configuration::Configuration;
+use compensator_core::parameters::{Choices, Envelope};
+use compensator_core::{LawKind, ParameterId, Parameters};
+use joint_log::Dataset;
+use joint_log::JointKind;
+use std::fmt::Write;
+use std::path::Path;
+use toml_edit::{Document, Item, TableLike};
+
+/// A parameter file, read and validated.
+#[derive(Clone, Debug)]
+pub struct ParameterFile {
+    /// The joint kind, which determines the units of the values.
+    pub joint: JointKind,
+    /// The model, with the rigid-body parts as terms.
+    pub spec: Spec,
+    /// Its parameters.
+    pub parameters: Parameters<f64>,
+    /// The settings of the compensator.
+    pub compensator: CompensatorParameters,
+    /// How the model was fitted.
+    pub fit: FitRecord,
+    /// The network that supplies levels and stiffness, if there is one.
+    pub network: Option<NetworkFile>,
+    /// The values of each requested [`Section`], in order; NaN for a missing value.
+    pub sections: Vec<Vec<f32>>,
+}
+
+/// A further section of a file: named numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Section {
+    /// Its name, as `motor`.
+    pub name: &'static str,
+    /// The names of its fields.
+    pub fields: &'static [&'static str],
+}
+
+impl ParameterFile {
+    /// Returns the friction model for a driver.
+    pub fn friction(&self) -> Configuration {
+        Configuration { model: self.parameters.convert(), compensator: self.compensator }
+    }
+}
+
+/// Error in a parameter file; one line.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}: {what}")]
+pub struct ParameterFileError {
+    file: String,
+    what: String,
+}
+
+/// Returns the unit of a parameter for a joint kind.
+pub fn unit(id: ParameterId, joint: JointKind) -> &'static str {
+    match joint {
+        JointKind::Revolute => id.unit(),
+        JointKind::Prismatic => id.unit_prismatic(),
+    }
+}
+
+/// Returns the unit for a report; empty for a dimensionless parameter.
+pub fn unit_in_words(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
+}
+
+/// Formats the parameter file of a fit to `data`. `auxiliary` is the covariate that the model follows, if any.
+pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> String {
+    let (parameters, joint) = (&outcome.parameters, data.joint);
+    let mut text = head(joint, &outcome.spec.full_name());
+    // Writing to a string does not fail.
+    for estimate in &outcome.estimates {
+        let (info, value) = (estimate.id.info(), estimate.value);
+        let unit = unit(estimate.id, joint);
+        let _ = write!(text, "{} = {{ value = {value:?}, unit = \"{unit}\"", info.name);
+        if let Some(error) = estimate.std_error {
+            let _ = write!(text, ", std_error = {error:?}, state = \"{}\"", estimate.state.name());
+        }
+        text.push_str(" }\n");
+    }
+    emit_limits(&parameters.envelope, parameters.choices, &mut text);
+    FitRecord::new(outcome.resolution, data, auxiliary).emit(joint, &mut text);
+    text
+}
+
+/// Formats the parameter file of a driver's model. Parsing it returns the same model bit for bit.
+pub fn emit_model(model: &Parameters<f32>, joint: JointKind) -> String {
+    let spec = Spec { terms: model.terms.to_vec(), ..Spec::law(model.law) };
+    let mut text = head(joint, &spec.full_name());
+    for id in model.active() {
+        let (info, value) = (id.info(), model.get(id));
+        let unit = unit(id, joint);
+        let _ = writeln!(text, "{} = {{ value = {value:?}, unit = \"{unit}\" }}", info.name);
+    }
+    emit_limits(&model.envelope, model.choices, &mut text);
+    text
+}
+
+fn head(joint: JointKind, model: &str) -> String {
+    let kind = match joint {
+        JointKind::Revolute => "revolute",
+        JointKind::Prismatic => "prismatic",
+    };
+    format!("schema = 1\njoint = \"{kind}\"\nmodel = \"{model}\"\n\n[parameters]\n")
+}
+
+/// Appends a section of numbers to a file.
+pub fn emit_section(name: &str, names: &[&str], values: &[f32], text: &mut String) {
+    let _ = writeln!(text, "\n[{name}]");
+    for (name, value) in names.iter().zip(values) {
+        let _ = writeln!(text, "{name} = {value:?}");
+    }
+}
+
+fn emit_limits(envelope: &Envelope, choices: Choices, text: &mut String) {
+    emit_section("envelope", &Envelope::NAMES, &envelope.to_array(), text);
+    let Choices { damping_fades, printed_extended, allow_active } = choices;
+    let _ = write!(
+        text,
+        "\n[choices]\ndamping_fades = {damping_fades}\nprinted_extended = {printed_extended}\n\
+         allow_active = {allow_active}\n"
+    );
+}
+
+/// Reads and validates a parameter file, which may have these sections in addition to those of a model.
+///
+/// # Errors
+/// One line: the file, the key, what was found and what was expected; or the validation error of the core.
+pub fn read(path: &Path, sections: &[Section]) -> Result<ParameterFile, ParameterFileError> {
+    let refuse = |what: String| ParameterFileError { file: path.display().to_string(), what };
+    let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    one_line(understand(&text, sections, Some(folder))).map_err(refuse)
+}
+
+/// Parses and validates the text of a parameter file. A file that names a network needs a directory: see [`read`].
+///
+/// # Errors
+/// As [`read`], without the file's name.
+pub fn parse(text: &str, sections: &[Section]) -> Result<ParameterFile, String> {
+    one_line(understand(text, sections, None))
+}
+
+/// Joins the lines of an error: a key or text of the file may contain line ends.
+fn one_line(read: Result<ParameterFile, String>) -> Result<ParameterFile, String> {
+    read.map_err(|why| why.lines().map(str::trim).collect::<Vec<_>>().join(" "))
+}
+
+/// Reads the network that a file names, from the directory of the file.
+fn network(
+    root: &toml_edit::Table,
+    spec: &Spec,
+    folder: Option<&Path>,
+) -> Result<Option<NetworkFile>, String> {
+    let Some(item) = root.get("network") else { return Ok(None) };
+    let table = item.as_table_like().ok_or("network: expected a table")?;
+    if let Some((key, _)) = table.iter().find(|(key, _)| !["file", "crc32"].contains(key)) {
+        return Err(format!("network.{key}: unknown, expected of file, crc32"));
+    }
+    let text = |key: &str| {
+        let found = table.get(key).and_then(Item::as_str);
+        found.ok_or_else(|| format!("network.{key}: missing or not a text"))
+    };
+    let (file, expected) = (text("file")?, text("crc32")?);
+    let folder = folder.ok_or("network: there is no folder to look for its file in")?;
+    if Path::new(file).is_absolute() {
+        return Err(format!("network.file: found {file:?}, expected a path beside this file"));
+    }
+    let path = folder.join(file);
+    let bytes = std::fs::read(&path)
+        .map_err(|error| format!("network.file: {}: {error}", path.display()))?;
+    let found = checksum(&bytes);
+    if !found.eq_ignore_ascii_case(expected) {
+        return Err(format!(
+            "network.crc32: {} has {found}, expected {expected}: it is another network, or was changed",
+            path.display()
+        ));
+    }
+    if spec.law != LawKind::LugreAsymmetric || !spec.terms.is_empty() {
+        return Err(format!("network: supplies {BASE} without terms, and the model is {spec}"));
+    }
+    let text = String::from_utf8_lossy(&bytes);
+    let network = NetworkFile::parse(&text);
+    network.map(Some).map_err(|why| format!("network.file: {}: {why}", path.display()))
+}
+
+/// Appends a section that names the network file, given its text.
+pub fn emit_network(file: &str, content: &str, text: &mut String) {
+    let crc32 = checksum(content.as_bytes());
+    let _ = write!(text, "\n[network]\nfile = {file:?}\ncrc32 = \"{crc32}\"\n");
+}
+
+fn understand(
+    text: &str,
+    sections: &[Section],
+    folder: Option<&Path>,
+) -> Result<ParameterFile, String> {
+    let document = Document::parse(text).map_err(|error| error.to_string())?;
+    let root = document.as_table();
+    const OWN: [&str; 10] = [
+        "schema",
+        "joint",
+        "model",
+        "parameters",
+        "envelope",
+        "choices",
+        "compensator",
+        "fit",
+        "log_means",
+        "network",
+    ];
+    let known: Vec<&str> = OWN.into_iter().chain(sections.iter().map(|more| more.name)).collect();
+    if let Some((key, _)) = root.iter().find(|(key, _)| !known.contains(key)) {
+        return Err(format!("unknown key {key:?}, expected {}", known.join(", ")));
+    }
+    match root.get("schema").and_then(Item::as_integer) {
+        Some(1) => {}
+        found => return Err(format!("schema: found {found:?}, expected 1")),
+    }
+    let joint = match string(root, "joint")?.as_str() {
+        "revolute" => JointKind::Revolute,
+        "prismatic" => JointKind::Prismatic,
+        other => return Err(format!("joint: found {other:?}, expected revolute or prismatic")),
+    };
+    let spec = Spec::parse(&string(root, "model")?).map_err(|error| error.to_string())?;
+    let mut parameters = spec.parameters().map_err(|error| error.to_string())?;
+    let active: Vec<ParameterId> = parameters.active().collect();
+    for (key, item) in section(root, "parameters")? {
+        let id = ParameterId::parse(key).filter(|id| active.contains(id)).ok_or_else(|| {
+            let known: Vec<_> = active.iter().map(|id| id.name()).collect();
+            format!("parameters.{key}: not a parameter of {spec}, expected of {}", known.join(", "))
+        })?;
+        parameters.set(id, value(key, item, unit(id, joint))?);
+    }
+    let mut envelope = parameters.envelope.to_array();
+    fields(root, "envelope", &Envelope::NAMES, &mut envelope)?;
+    parameters.envelope = Envelope::from_array(envelope);
+    for (key, item) in section(root, "choices")? {
+        let chosen =
+            item.as_bool().ok_or_else(|| format!("choices.{key}: expected true or false"))?;
+        match key {
+            "damping_fades" => parameters.choices.damping_fades = chosen,
+            "printed_extended" => parameters.choices.printed_extended = chosen,
+            "allow_active" => parameters.choices.allow_active = chosen,
+            _ => {
+                let known = "damping_fades, printed_extended, allow_active";
+                return Err(format!("choices.{key}: unknown, expected of {known}"));
+            }
+        }
+    }
+    let mut compensator = CompensatorParameters::default().to_array();
+    fields(root, "compensator", &CompensatorParameters::NAMES, &mut compensator)?;
+    let compensator = CompensatorParameters::from_array(compensator);
+    parameters.validate().and_then(|()| compensator.validate()).map_err(|e| e.to_string())?;
+    let further = |section: &Section| {
+        let mut values = vec![f32::NAN; section.fields.len()];
+        fields(root, section.name, section.fields, &mut values).map(|()| values)
+    };
+    let sections = sections.iter().map(further).collect::<Result<_, _>>()?;
+    let fit = FitRecord::parse(root, joint)?;
+    let network = network(root, &spec, folder)?;
+    Ok(ParameterFile { joint, spec, parameters, compensator, fit, network, sections })
+}
+
+fn string(root: &toml_edit::Table, key: &str) -> Result<String, String> {
+    let text = root.get(key).and_then(Item::as_str);
+    text.map(str::to_owned).ok_or_else(|| format!("{key}: missing or not a text"))
+}
+
+type Entries<'a> = Vec<(&'a str, &'a Item)>;
+
+fn section<'a>(root: &'a toml_edit::Table, name: &str) -> Result<Entries<'a>, String> {
+    let Some(item) = root.get(name) else { return Ok(Vec::new()) };
+    let table: &dyn TableLike =
+        item.as_table_like().ok_or_else(|| format!("{name}: expected a table"))?;
+    Ok(table.iter().collect())
+}
+
+fn number(item: &Item) -> Option<f64> {
+    item.as_float().or_else(|| item.as_integer().map(|i| i as f64)).filter(|x| x.is_finite())
+}
+
+/// Returns a bare number, or the value of a table whose unit, if given, is correct.
+fn value(key: &str, item: &Item, unit: &str) -> Result<f64, String> {
+    let expected = || format!("parameters.{key}: expected a finite number in {unit}");
+    let Some(table) = item.as_table_like() else { return number(item).ok_or_else(expected) };
+    if let Some(found) = table.get("unit").and_then(Item::as_str)
+        && found != unit
+    {
+        return Err(format!("parameters.{key}: found unit {found:?}, expected {unit:?}"));
+    }
+    table.get("value").and_then(number).ok_or_else(expected)
+}
+
+fn fields(
+    root: &toml_edit::Table,
+    name: &str,
+    names: &[&str],
+    values: &mut [f32],
+) -> Result<(), String> {
+    for (key, item) in section(root, name)? {
+        let at = names
+            .iter()
+            .position(|known| *known == key)
+            .ok_or_else(|| format!("{name}.{key}: unknown, expected of {}", names.join(", ")))?;
+        values[at] =
+            number(item).ok_or_else(|| format!("{name}.{key}: expected a finite number"))? as f32;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "schema = 1\njoint = \"revolute\"\nmodel = \"lugre+pressure-coulomb\"\n\
+        [parameters]\ncoulomb_torque = { value = 1.5, unit = \"Nm\" }\nstatic_torque = 2\n\
+        pressure_coulomb = 2.4e-6\n[envelope]\nvelocity_max_rad_s = 10.5\n\
+        [compensator]\nscale = 0.8\n";
+
+    #[test]
+    fn parse_with_valid_file_returns_parameters() {
+        let file = parse(GOOD, &[]).unwrap();
+        assert_eq!(file.parameters.get(ParameterId::CoulombTorque), 1.5);
+        assert_eq!(file.parameters.get(ParameterId::StaticTorque), 2.0);
+        assert_eq!(file.parameters.envelope.velocity_max_rad_s, 10.5);
+        assert_eq!(file.compensator.scale, 0.8);
+        assert_eq!(file.spec.to_string(), "lugre+pressure-coulomb");
+    }
+
+    #[test]
+    fn parse_with_further_section_returns_its_values() {
+        let text = format!("{GOOD}[motor]\ngear_ratio = 20\n");
+        let motor = Section { name: "motor", fields: &["pole_pairs", "gear_ratio"] };
+        let file = parse(&text, &[motor]).unwrap();
+        assert!(file.sections[0][0].is_nan() && file.sections[0][1] == 20.0);
+        assert!(parse(&text, &[]).unwrap_err().contains("unknown key \"motor\""));
+        let error = parse(&text.replace("gear_ratio", "gear"), &[motor]).unwrap_err();
+        assert!(error.contains("motor.gear: unknown"), "{error}");
+    }
+
+    #[test]
+    fn read_with_network_checks_file_and_checksum() {
+        let folder = tempfile::tempdir().unwrap();
+        let joint = compensator_core::network::reference::joint();
+        let network = NetworkFile::of_driver(&joint, JointKind::Revolute);
+        let json = network.emit(serde_json::Value::Null);
+        let mut text =
+            emit_model(&compensator_core::network::reference::parameters(), JointKind::Revolute);
+        emit_network("network.json", &json, &mut text);
+        let (toml, beside) =
+            (folder.path().join("params.toml"), folder.path().join("network.json"));
+        let read = |text: &str| {
+            std::fs::write(&toml, text).unwrap();
+            super::read(&toml, &[]).map_err(|error| error.to_string())
+        };
+        let missing = read(&text).unwrap_err();
+        assert!(
+            missing.contains("network.file: ") && missing.contains("network.json: No such file"),
+            "{missing}"
+        );
+        std::fs::write(&beside, &json).unwrap();
+        let file = read(&text).unwrap();
+        assert_eq!(file.network.unwrap().for_driver().unwrap(), joint);
+        assert!(parse(&text, &[]).unwrap_err().contains("no folder"));
+        for (from, to, word) in [
+            ("lugre-asymmetric", "lugre", "the model is lugre"),
+            ("crc32 = \"", "crc32 = \"0", "expected 0"),
+            ("crc32", "crc", "network.crc: unknown"),
+            ("file = \"", "file = \"/", "expected a path beside this file"),
+        ] {
+            let error = read(&text.replacen(from, to, 1)).unwrap_err();
+            assert!(error.contains(word) || error.contains("not a parameter of lugre"), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+        std::fs::write(&beside, json.replace("0.5", "0.25")).unwrap();
+        let changed = read(&text).unwrap_err();
+        assert!(changed.contains("was changed"), "{changed}");
+    }
+
+    #[test]
+    fn parse_with_invalid_file_names_the_error() {
+        for (from, to, word) in [
+            ("schema = 1", "schema = 2", "schema"),
+            ("revolute", "round", "expected revolute or prismatic"),
+            ("lugre+", "luger+", "unknown model"),
+            ("unit = \"Nm\"", "unit = \"mNm\"", "expected \"Nm\""),
+            ("static_torque = 2", "static_torque = 1", "static_torque = 1: must be at least 1.5"),
+            ("static_torque = 2", "static_torque = nan", "parameters.static_torque"),
+            ("pressure_coulomb", "radial_force_coulomb", "not a parameter of lugre+pressure"),
+            ("scale = 0.8", "scale = 1.8", "scale = 1.8: must be at most 1: over-compensation"),
+            ("scale", "scael", "compensator.scael: unknown"),
+            ("[envelope]", "[fit]\nsubsteps = 0\n[envelope]", "fit.substeps: expected an integer"),
+            ("[envelope]", "[fit]\nsteps = 2\n[envelope]", "fit.steps: unknown"),
+            ("[envelope]", "[log_means]\nmood = 2\n[envelope]", "log_means.mood: not a covariate"),
+            ("[envelope]", "[envelop]", "unknown key \"envelop\""),
+            ("= 1.5", "= ", "TOML parse error"),
+            ("\"lugre+pressure-coulomb\"", "\"\"\"lu\ngre\"\"\"", "unknown model"),
+            ("static_torque", "\"static\\ntorque\"", "not a parameter of lugre+pressure"),
+        ] {
+            let error = parse(&GOOD.replacen(from, to, 1), &[]).unwrap_err();
+            assert!(error.contains(word), "{from} -> {to}: {error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Prediction: a fitted model on every row of a log.
+//!
+//! A prediction needs a start. A joint at rest holds any torque up to its static level, and only a measured torque indicates
+//! which one. A simulation that starts at zero is wrong until the joint leaves presliding. [`PredictionStart`] gives the
+//! choices. A control loop knows only past torques: exported models start from the first one.
+//!
+//! The simulation takes the step size of the fit, which the parameter file states ([`crate::params::FitRecord`]). Each run
+//! is cut at its gaps, and each segment has its own start, as in a fit. A segment of one row has no prediction.
+//!
+//! A row has a flag for every input that the model was not fitted for: [`compensator_core::Flags`], as a joint driver reports.
+
+mod network;
+
+use crate::dataset_tracks::tracks_with;
+use crate::initial_heat::initial_heat;
+use crate::initial_state::initial_state;
+use crate::params::ParameterFile;
+use crate::simulate::simulate;
+use crate::{Metrics, Resolution, Track};
+use compensator_core::{Flags, ModelState, Quantity};
+use joint_log::{Dataset, JointKind, Run};
+use network::predict_with_network;
+
+/// State of the model at the start of each segment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PredictionStart {
+    /// The bristle torque that fits all rows of the segment best, as a fit determines it.
+    #[default]
+    Fitted,
+    /// The bristle torque with which the first step returns the first measured torque, as far as the level permits.
+    FirstTorque,
+    /// No bristle torque.
+    Rest,
+}
+
+/// How a log is predicted.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PredictionOptions {
+    /// State at the start of each segment.
+    pub start: PredictionStart,
+    /// Step size; `None` for that of the parameter file.
+    pub resolution: Option<Resolution>,
+}
+
+impl PredictionOptions {
+    /// One step per row from the first measured torque, as an exported model computes it.
+    pub const AS_EXPORTED: Self =
+        Self { start: PredictionStart::FirstTorque, resolution: Some(Resolution::PLAIN) };
+}
+
+/// Prediction of one run, one value per row. A row without a prediction has NaN.
+#[derive(Clone, Debug, Default)]
+pub struct RunPrediction {
+    /// Torque of the model, Nm or N.
+    pub torque: Vec<f64>,
+    /// Bristle torque at the end of the row, Nm or N; 0 for a law without bristles.
+    pub bristle_torque: Vec<f64>,
+    /// Inputs outside the range that the model was fitted for.
+    pub flags: Vec<Flags>,
+}
+
+/// Prediction of a log.
+#[derive(Clone, Debug)]
+pub struct LogPrediction {
+    /// Prediction of each run, in the order of the log.
+    pub runs: Vec<RunPrediction>,
+    /// Errors over all rows with a prediction.
+    pub metrics: Metrics,
+    /// Remarks for the user, one sentence each.
+    pub remarks: Vec<String>,
+}
+
+impl LogPrediction {
+    /// Returns the errors of each run with a prediction, with its name.
+    pub fn run_metrics<'a>(
+        &'a self,
+        data: &'a Dataset,
+    ) -> impl Iterator<Item = (&'a str, Metrics)> {
+        data.runs
+            .iter()
+            .zip(&self.runs)
+            .map(|(run, predicted)| (run.name.as_str(), Metrics::of(pairs(run, &predicted.torque))))
+    }
+}
+
+/// Predicts the torque of every row of a log.
+///
+/// # Errors
+/// One line if the log lacks a column that the model cannot do without, or has another joint kind.
+pub fn predict_log(
+    file: &ParameterFile,
+    data: &Dataset,
+    options: &PredictionOptions,
+) -> Result<LogPrediction, String> {
+    if file.joint != data.joint {
+        let name = |joint: JointKind| match joint {
+            JointKind::Revolute => "revolute",
+            JointKind::Prismatic => "prismatic",
+        };
+        let (found, expected) = (name(data.joint), name(file.joint));
+        return Err(format!("joint: found a log of a {found} joint, expected a {expected} one"));
+    }
+    let auxiliary = file.fit.auxiliary.as_deref();
+    if let Some(column) = auxiliary
+        && !data.covariates.iter().any(|known| known == column)
+    {
+        return Err(format!("{column}: not a column of the log, and the model follows it"));
+    }
+    let tracks = tracks_with(data, auxiliary);
+    let mut runs: Vec<RunPrediction> = data.runs.iter().map(|run| empty(run.len())).collect();
+    for track in &tracks {
+        let run = &mut runs[track.run];
+        match &file.network {
+            Some(network) => predict_with_network(file, network, data, track, run)?,
+            None => predict_track(file, track, options, run),
+        }
+        set_flags(file, track, run);
+    }
+    let all = data.runs.iter().zip(&runs);
+    let metrics = Metrics::of(all.flat_map(|(run, own)| pairs(run, &own.torque)));
+    Ok(LogPrediction { metrics, remarks: remarks(file, data, &runs), runs })
+}
+
+fn empty(rows: usize) -> RunPrediction {
+    let missing = vec![f64::NAN; rows];
+    RunPrediction {
+        torque: missing.clone(),
+        bristle_torque: missing,
+        flags: vec![Flags::empty(); rows],
+    }
+}
+
+/// Returns measured torque, predicted torque and weight of the rows with a prediction and without a spike.
+fn pairs<'a>(run: &'a Run, predicted: &'a [f64]) -> impl Iterator<Item = (f64, f64, f64)> + 'a {
+    let both = run.torque.iter().zip(predicted).enumerate();
+    both.filter(|(row, (_, predicted))| predicted.is_finite() && !run.is_spike(*row))
+        .map(|(_, (measured, predicted))| (*measured, *predicted, 1.0))
+}
+
+fn predict_track(
+    file: &ParameterFile,
+    track: &Track,
+    options: &PredictionOptions,
+    run: &mut RunPrediction,
+) {
+    let parameters = &file.parameters;
+    let resolution = options.resolution.unwrap_or_else(|| file.fit.resolution());
+    let held = parameters.law.has_bristles().then(|| match options.start {
+        PredictionStart::Rest => 0.0,
+        PredictionStart::Fitted => {
+            initial_state(parameters, track, resolution).map_or(0.0, |start| start.held)
+        }
+        PredictionStart::FirstTorque => {
+            let model = parameters.build_unchecked::<f64>(track.period_s);
+            let state = ModelState::default().with_heat(initial_heat(parameters, track));
+            let start = model.state_for_torque(state, &track.samples[0], track.torque[0]);
+            start.bristle_torque_nm
+        }
+    });
+    simulate(parameters, track, held, resolution, |row, torque, bristle| {
+        run.torque[track.first_row + row] = torque;
+        run.bristle_torque[track.first_row + row] = bristle;
+        true
+    });
+}
+
+/// Sets the flags of the inputs outside the declared range, as a driver does.
+fn set_flags(file: &ParameterFile, track: &Track, run: &mut RunPrediction) {
+    let used: Vec<Quantity> = std::iter::once(Quantity::Velocity)
+        .chain(file.spec.needs().map(|(_, quantity)| quantity))
+        .collect();
+    for (row, sample) in track.samples.iter().enumerate() {
+        for quantity in &used {
+            let range = file.parameters.envelope.internal_range(*quantity);
+            let value = quantity.value_in(sample);
+            if value.is_some_and(|value| !(range[0]..=range[1]).contains(&value)) {
+                run.flags[track.first_row + row] |= quantity.info().invalid;
+            }
+        }
+    }
+}
+
+/// Returns what a user must know of the prediction: missing columns, rows without a prediction and rows outside the range.
+fn remarks(file: &ParameterFile, data: &Dataset, runs: &[RunPrediction]) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let mut missing: Vec<&str> = Vec::new();
+    for (_, quantity) in file.spec.needs() {
+        let name = quantity.name(data.joint);
+        let is_absent = data.runs.iter().all(|run| run.get(quantity).is_none());
+        // The acceleration is derived from the velocity if it is not measured.
+        let is_derived = matches!(quantity, Quantity::Acceleration | Quantity::Auxiliary);
+        if is_absent && !is_derived && !missing.contains(&name) {
+            missing.push(name);
+        }
+    }
+    if !missing.is_empty() {
+        remarks.push(format!(
+            "the model has terms for {}, which the log does not have: they count as 0",
+            missing.join(", ")
+        ));
+    }
+    let count = |is: &dyn Fn(&RunPrediction, usize) -> bool| -> usize {
+        runs.iter().map(|run| (0..run.torque.len()).filter(|row| is(run, *row)).count()).sum()
+    };
+    let unpredicted = count(&|run, row| run.torque[row].is_nan());
+    if unpredicted > 0 {
+        remarks.push(format!(
+            "{unpredicted} rows have no prediction: they stand alone between gaps in time"
+        ));
+    }
+    let outside = count(&|run, row| !run.flags[row].is_empty());
+    if outside > 0 {
+        let (rows, named) = (data.rows, flag_names(runs));
+        remarks.push(format!(
+            "{outside} of {rows} rows have an input outside the range of the fit: {named}"
+        ));
+    }
+    remarks
+}
+
+/// Returns the names of all flags that occur.
+fn flag_names(runs: &[RunPrediction]) -> String {
+    let all = runs.iter().flat_map(|run| &run.flags).fold(Flags::empty(), |all, one| all | *one);
+    flag_text(all)
+}
+
+/// Returns the names of flags as they stand in a row: `velocity-invalid,pressure-invalid`; empty without flags.
+pub fn flag_text(flags: Flags) -> String {
+    let names: Vec<String> =
+        flags.iter_names().map(|(name, _)| name.to_lowercase().replace('_', "-")).collect();
+    names.join(",")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,63 @@
+//! Prediction by a law whose levels and stiffness a network supplies.
+
+use super::RunPrediction;
+use crate::Track;
+use crate::network::{NetworkFile, NetworkInput, NetworkLaw, law_substeps, predict};
+use crate::params::ParameterFile;
+use compensator_core::network::MAX_INPUTS;
+use compensator_core::{Flags, Quantity};
+use joint_log::Dataset;
+
+/// Predicts a track as a joint driver does. The start is the first measured torque.
+///
+/// # Errors
+/// One line if the log lacks an input of the network.
+pub(super) fn predict_with_network(
+    file: &ParameterFile,
+    network: &NetworkFile,
+    data: &Dataset,
+    track: &Track,
+    run: &mut RunPrediction,
+) -> Result<(), String> {
+    // An unused input has weights of 0 and a wide range, so that any input may stand there.
+    let mut inputs = [NetworkInput::Unused; MAX_INPUTS];
+    for (input, name) in inputs.iter_mut().zip(&network.inputs) {
+        *input = parse_input(name, data)?;
+    }
+    let law = NetworkLaw {
+        base: file.parameters.clone(),
+        inputs,
+        network: network.network.clone(),
+        strokes: network.strokes,
+        every: (network.period_s / track.period_s).round().max(1.0) as usize,
+        substeps: law_substeps(track.period_s),
+    };
+    let predicted = predict(&law, track);
+    for (row, torque) in predicted.torque.iter().enumerate() {
+        let place = track.first_row + row;
+        run.torque[place] = *torque;
+        run.bristle_torque[place] = predicted.bristle_torque[row];
+        if predicted.is_outside[row] {
+            run.flags[place] |= Flags::NETWORK_OUTSIDE;
+        }
+    }
+    Ok(())
+}
+
+/// Finds an input of a network in a log.
+fn parse_input(name: &str, data: &Dataset) -> Result<NetworkInput, String> {
+    match name {
+        "velocity" => return Ok(NetworkInput::Velocity),
+        "held" => return Ok(NetworkInput::Held),
+        _ => {}
+    }
+    if let Some(place) = data.covariates.iter().position(|known| known == name) {
+        return Ok(NetworkInput::Covariate(place));
+    }
+    let quantity = Quantity::parse(name).map(|(quantity, _)| quantity);
+    let is_logged = |quantity: &Quantity| data.runs.iter().all(|run| run.get(*quantity).is_some());
+    quantity
+        .filter(is_logged)
+        .map(NetworkInput::Quantity)
+        .ok_or_else(|| format!("{name}: not a column of the log, and the network reads it"))
+}

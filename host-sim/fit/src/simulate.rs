@@ -1,0 +1,253 @@
+//! Simulation of the core's model along a track, generic over the number type.
+//!
+//! A log at 100 Hz or 1 kHz is coarse for a bristle. Backward Euler is a first-order method, and `sigma0` and `sigma1`
+//! would absorb its error at the log's own period (at 1 kHz it is 0.5 % of `F_S` in presliding). A simulation
+//! may therefore take several sub-steps per sample, with linearly interpolated inputs. It may also be *extrapolated*:
+//! two simulations, one with twice the sub-steps of the other, run side by side, and `2 fine - coarse` cancels
+//! the first-order error (Richardson extrapolation). Both use the core's step. [`crate::solve`] chooses the
+//! resolution.
+//!
+//! Sub-steps matter only while bristles move. In most rows of most logs the joint slides or rests, and one step is
+//! as accurate. `settled` finds these rows, so that an extrapolated simulation costs little more than a plain one.
+
+use super::channel::TrackLowPass;
+use super::delayed::undelayed;
+use super::settled::Pilot;
+use super::stepper::{Stepper, TrackRow, Varying, track_rows};
+use super::track::Track;
+use compensator_core::effect::NoEffect;
+use compensator_core::{Parameters, Real};
+use joint_log::work::checkpoint_at;
+
+/// Step size of a simulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Resolution {
+    /// Steps of the core per sample, at least 1; those of the coarser simulation if there are two.
+    pub substeps: usize,
+    /// If true, a second simulation with twice the sub-steps cancels the first-order error while bristles move.
+    pub extrapolated: bool,
+}
+
+impl Resolution {
+    /// One step per sample, as a driver does at the log's rate.
+    pub const PLAIN: Self = Self { substeps: 1, extrapolated: false };
+
+    /// Returns the next finer resolution: extrapolated first, then with twice the sub-steps.
+    #[must_use]
+    pub fn finer(self) -> Self {
+        let substeps = if self.extrapolated { 2 * self.substeps } else { self.substeps };
+        Self { substeps, extrapolated: true }
+    }
+}
+
+/// Simulates a model along a track and passes each row's torque, filtered by the torque's channel, and bristle torque to
+/// `sink`. Stops when `sink` returns `false`.
+///
+/// `held` is the bristle torque at the start, or `None` if the track starts sliding ([`super::initial_state`]).
+/// Parameters are not validated, because a fit passes through illegal values.
+pub fn simulate<T: Real<Setting = T>>(
+    parameters: &Parameters<T>,
+    track: &Track,
+    held: Option<T>,
+    resolution: Resolution,
+    mut sink: impl FnMut(usize, T, T) -> bool,
+) {
+    let Some(mut low_pass) = TrackLowPass::for_torque(track) else {
+        return simulate_shaft(parameters, track, held, resolution, sink);
+    };
+    simulate_shaft(parameters, track, held, resolution, |row, torque, bristle| {
+        sink(row, low_pass.filter(row, torque), bristle)
+    });
+}
+
+/// Simulates a model as [`simulate`] does, with the torque at the shaft, before the torque's channel.
+pub fn simulate_shaft<T: Real<Setting = T>>(
+    parameters: &Parameters<T>,
+    track: &Track,
+    held: Option<T>,
+    resolution: Resolution,
+    mut sink: impl FnMut(usize, T, T) -> bool,
+) {
+    let (parameters, delayed) = &undelayed(parameters, track);
+    let varying = &Varying::of::<T>(track);
+    let mut single = Stepper::new(parameters, track, varying, held, 1);
+    let is_even = track.period_ratio.is_none();
+    if resolution == Resolution::PLAIN
+        && is_even
+        && single.model.has_no_terms()
+        && delayed.is_none()
+    {
+        // The common case of plain bristles: the law is selected once instead of at each sample.
+        if let Some(law) = single.model.law().plain_bristles() {
+            let bristle = &mut single.state.bristle_torque_nm;
+            for (row, sample) in track.samples.iter().enumerate() {
+                checkpoint_at(row);
+                let torque = law.step(bristle, T::from_f64(sample.velocity_rad_s), &NoEffect);
+                if !sink(row, torque, *bristle) {
+                    return;
+                }
+            }
+            return;
+        }
+    }
+    if resolution.extrapolated {
+        let substeps = resolution.substeps;
+        let mut stepper = ExtrapolatedStepper {
+            pilot: Pilot::new(parameters, track, held),
+            single,
+            coarse: Stepper::new(parameters, track, varying, held, substeps),
+            fine: Stepper::new(parameters, track, varying, held, 2 * substeps),
+            was_extrapolated: true,
+        };
+        for row in track_rows(track, delayed.as_deref()) {
+            checkpoint_at(row.index);
+            let (torque, bristle) = stepper.step(&row);
+            if !sink(row.index, torque, bristle) {
+                return;
+            }
+        }
+        return;
+    }
+    let mut stepper = Stepper::new(parameters, track, varying, held, resolution.substeps);
+    for row in track_rows(track, delayed.as_deref()) {
+        checkpoint_at(row.index);
+        let torque = stepper.step(&row);
+        if !sink(row.index, torque, stepper.state.bristle_torque_nm) {
+            return;
+        }
+    }
+}
+
+/// Three simulations of one model: one step per row, and two step sizes for Richardson extrapolation.
+struct ExtrapolatedStepper<'a, T: Real> {
+    /// Decides how much of a row is taken from the extrapolation.
+    pilot: Pilot<'a>,
+    /// One step per row.
+    single: Stepper<'a, T>,
+    coarse: Stepper<'a, T>,
+    /// Twice the sub-steps of `coarse`.
+    fine: Stepper<'a, T>,
+    /// True if the last row came from the extrapolation alone.
+    was_extrapolated: bool,
+}
+
+impl<T: Real<Setting = T>> ExtrapolatedStepper<'_, T> {
+    /// Simulates a row and returns its torque and bristle torque, Nm.
+    #[inline(always)]
+    fn step(&mut self, row: &TrackRow<T>) -> (T, T) {
+        let share = self.pilot.fine_share(row);
+        if share > 0.0 && !self.was_extrapolated {
+            (self.coarse.state, self.fine.state) = (self.single.state, self.single.state);
+        }
+        if share < 1.0 && self.was_extrapolated {
+            self.single.state = self.fine.state;
+            self.single.state.bristle_torque_nm = self.extrapolated_bristle();
+        }
+        let mut torque = T::zero();
+        if share > 0.0 {
+            let first = self.coarse.step(row);
+            let second = self.fine.step(row);
+            torque = second + (second - first);
+        }
+        if share < 1.0 {
+            let plain = self.single.step(row);
+            if share > 0.0 {
+                let share = T::from_f64(share);
+                let bristle = self.extrapolated_bristle();
+                let own = &mut self.single.state.bristle_torque_nm;
+                *own = *own + (bristle - *own) * share;
+                torque = plain + (torque - plain) * share;
+            } else {
+                torque = plain;
+            }
+        }
+        self.was_extrapolated = share >= 1.0;
+        let bristle = if self.was_extrapolated {
+            self.extrapolated_bristle()
+        } else {
+            self.single.state.bristle_torque_nm
+        };
+        (torque, bristle)
+    }
+
+    /// Returns the bristle torque without the first-order error, Nm.
+    #[inline(always)]
+    fn extrapolated_bristle(&self) -> T {
+        let [first, second] =
+            [&self.coarse, &self.fine].map(|stepper| stepper.state.bristle_torque_nm);
+        second + (second - first)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dual::Dual;
+    use compensator_core::Sample;
+    use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
+    use compensator_core::{LawKind, ParameterId as Id, TermKind};
+
+    /// Joint with oscillating velocity and a swept auxiliary covariate.
+    fn track() -> Track {
+        let at = |row: usize| row as f64 * 5e-3;
+        let sample = |row| Sample {
+            velocity_rad_s: (2.0 * at(row)).sin(),
+            auxiliary: 10.0 * (0.7 * at(row)).cos(),
+            ..Sample::default()
+        };
+        Track::even((0..2000).map(sample).collect(), vec![0.0; 2000], 5e-3)
+    }
+
+    #[test]
+    fn simulate_with_lookup_knots_has_derivatives_of_finite_differences() {
+        let mut base = Parameters::<f64>::new(LawKind::Lugre)
+            .with(Id::CoulombTorque, 1.5)
+            .with(Id::StaticTorque, 2.0)
+            .with(Id::BristleStiffness, 300.0)
+            .with(Id::LookupColumn, 7.0)
+            .with(Id::LookupLower, -8.0)
+            .with(Id::LookupUpper, 9.0);
+        assert!(base.add_term(TermKind::LookupTable));
+        let knots: Vec<Id> = LOOKUP_TORQUES.into_iter().chain(LOOKUP_LEVELS).collect();
+        for (index, id) in knots.iter().enumerate() {
+            base.set(*id, 0.05 * (index as f64 * 1.7).sin());
+        }
+        let track = track();
+        // Steps of one size: the mixing weight of an extrapolated simulation has no derivative here.
+        let resolution = Resolution { substeps: 2, extrapolated: false };
+        let torques = |parameters: &Parameters<f64>| {
+            let mut torques = Vec::new();
+            simulate(parameters, &track, Some(0.0), resolution, |_, torque, _| {
+                torques.push(torque);
+                true
+            });
+            torques
+        };
+        let mut dual = base.convert::<Dual<12>>();
+        for (index, id) in knots.iter().enumerate() {
+            dual.set(*id, Dual::parameter(base.get(*id), index));
+        }
+        let mut found = Vec::new();
+        simulate(&dual, &track, Some(Dual::default()), resolution, |_, torque, _| {
+            found.push(torque);
+            true
+        });
+        for (index, id) in knots.iter().enumerate() {
+            let shifted = |by: f64| torques(&base.clone().with(*id, base.get(*id) + by));
+            let (less, more) = (shifted(-1e-5), shifted(1e-5));
+            let mut largest = 0.0f64;
+            for (row, dual) in found.iter().enumerate() {
+                let slope = (more[row] - less[row]) / 2e-5;
+                let difference = (dual.gradient[index] - slope).abs();
+                assert!(
+                    difference < 1e-5,
+                    "{} at {row}: {:?}, {slope}",
+                    id.name(),
+                    dual.gradient[index]
+                );
+                largest = largest.max(slope.abs());
+            }
+            assert!(largest > 0.5, "{}: no row reaches this knot", id.name());
+        }
+    }
+}

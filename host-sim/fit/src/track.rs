@@ -1,0 +1,215 @@
+//! Tracks: unbroken stretches of a run, in the core's units.
+//!
+//! A track is one segment of a run without a gap. It holds the core's input samples, the measured torque, its
+//! sample period and the log's other covariates, one of which a model may use ([`Track::following`]). Each
+//! track has its own initial bristle state. [`super::dataset_tracks`] builds the tracks of a data set.
+
+use super::torque_low_pass::TorqueLowPass;
+use compensator_core::Sample;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Unbroken stretch of a run.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// Index of the run in the data set.
+    pub run: usize,
+    /// Index of the track's first row in the run.
+    pub first_row: usize,
+    /// The core's inputs, one per row.
+    pub samples: Vec<Sample<f64>>,
+    /// Measured torque or force, Nm or N.
+    pub torque: Vec<f64>,
+    /// Median sample period, s.
+    pub period_s: f64,
+    /// Ratio of each sample's period to the median; `None` if the spacing is even.
+    pub period_ratio: Option<Vec<f64>>,
+    /// Weight of each row in squared errors, 0 to 1. A row of weight 0 is simulated but not evaluated. Empty if all
+    /// weights are 1.
+    pub weights: Vec<f64>,
+    /// True in rows whose torque was a spike and is replaced ([`joint_log::Run::torque_spikes`]). Their weight is 0.
+    /// Empty if there is none.
+    pub torque_spikes: Vec<bool>,
+    /// The log's extra covariates along the track, in the order of [`joint_log::Dataset::covariates`].
+    pub covariates: Arc<[Vec<f64>]>,
+    /// Random draws of the true velocity minus the samples' velocity, rad/s or m/s, one value per row
+    /// ([`joint_log::Run::velocity_draws`]). Empty if the motion is taken as exact.
+    pub velocity_draws: Vec<Vec<f64>>,
+    /// Torque error caused by the uncertain motion in each row, Nm or N RMS. Empty if the motion is taken as exact.
+    pub motion_error: Vec<f64>,
+    /// Filter that the torque passed before it was logged ([`super::channel`]).
+    pub torque_low_pass: TorqueLowPass,
+    /// Stretches of motion before the track, which warmed the joint ([`super::initial_heat`]).
+    pub earlier_stretches: Arc<[EarlierStretch]>,
+}
+
+impl Track {
+    /// Creates a track of evenly spaced rows of weight 1.
+    pub fn even(samples: Vec<Sample<f64>>, torque: Vec<f64>, period_s: f64) -> Self {
+        Self {
+            run: 0,
+            first_row: 0,
+            samples,
+            torque,
+            period_s,
+            period_ratio: None,
+            weights: Vec::new(),
+            torque_spikes: Vec::new(),
+            covariates: Arc::default(),
+            velocity_draws: Vec::new(),
+            motion_error: Vec::new(),
+            torque_low_pass: TorqueLowPass::default(),
+            earlier_stretches: Arc::default(),
+        }
+    }
+
+    /// Returns the track of a range of rows.
+    #[must_use]
+    pub fn part(&self, rows: Range<usize>) -> Self {
+        Self {
+            run: self.run,
+            first_row: self.first_row + rows.start,
+            samples: self.samples[rows.clone()].to_vec(),
+            torque: self.torque[rows.clone()].to_vec(),
+            period_s: self.period_s,
+            period_ratio: self.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
+            weights: self.weights.iter().take(rows.end).skip(rows.start).copied().collect(),
+            torque_spikes: self
+                .torque_spikes
+                .iter()
+                .take(rows.end)
+                .skip(rows.start)
+                .copied()
+                .collect(),
+            covariates: self
+                .covariates
+                .iter()
+                .map(|column| column[rows.clone()].to_vec())
+                .collect(),
+            velocity_draws: row_range(&self.velocity_draws, &rows),
+            motion_error: self
+                .motion_error
+                .iter()
+                .take(rows.end)
+                .skip(rows.start)
+                .copied()
+                .collect(),
+            torque_low_pass: self.torque_low_pass,
+            earlier_stretches: Arc::clone(&self.earlier_stretches),
+        }
+    }
+
+    /// Returns the track with this covariate as the samples' auxiliary column, or with 0 for `None`.
+    #[must_use]
+    pub fn following(&self, covariate: Option<usize>) -> Self {
+        let column = covariate.and_then(|index| self.covariates.get(index));
+        let mut track = self.clone();
+        for (row, sample) in track.samples.iter_mut().enumerate() {
+            sample.auxiliary = column.map_or(0.0, |column| column[row]);
+        }
+        track
+    }
+
+    /// Returns the number of rows.
+    pub fn len(&self) -> usize {
+        self.torque.len()
+    }
+
+    /// Returns the weight of a row in squared errors, 0 to 1.
+    #[inline]
+    pub fn weight(&self, row: usize) -> f64 {
+        let is_spike = self.torque_spikes.get(row).copied().unwrap_or_default();
+        if is_spike { 0.0 } else { self.weight_without_spike(row) }
+    }
+
+    /// Returns the weight that a row would have if its torque were measured.
+    fn weight_without_spike(&self, row: usize) -> f64 {
+        self.weights.get(row).copied().unwrap_or(1.0)
+    }
+
+    /// Returns true if all rows have weight 1.
+    pub fn is_evenly_weighted(&self) -> bool {
+        self.weights.is_empty() && self.torque_spikes.is_empty()
+    }
+
+    /// Returns true if a row counts in a fit and in its errors.
+    #[inline]
+    pub fn is_included(&self, row: usize) -> bool {
+        self.weight(row) > 0.0
+    }
+
+    /// Multiplies the weight of each row.
+    pub fn scale_weights(&mut self, by: impl Fn(usize) -> f64) {
+        self.weights =
+            (0..self.len()).map(|row| self.weight_without_spike(row) * by(row)).collect();
+    }
+
+    /// Moves velocity and acceleration earlier by `delay_s`, s, interpolating linearly between rows. Rows at the end, for
+    /// which no later velocity exists, get weight 0.
+    pub fn advance_velocity(&mut self, delay_s: f64) {
+        let ratio = |row: usize| self.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+        let mut time = 0.0;
+        let times: Vec<f64> = (0..self.len())
+            .map(|row| {
+                time += if row > 0 { self.period_s * ratio(row) } else { 0.0 };
+                time
+            })
+            .collect();
+        let last = self.len() - 1;
+        let mut later = 0;
+        let mut complete_rows = self.len();
+        let logged = self.samples.clone();
+        for (row, sample) in self.samples.iter_mut().enumerate() {
+            let then = times[row] + delay_s;
+            while later < last && times[later + 1] <= then {
+                later += 1;
+            }
+            if later == last {
+                complete_rows = complete_rows.min(row);
+            }
+            let next = (later + 1).min(last);
+            let step = times[next] - times[later];
+            let share = if step > 0.0 { (then - times[later]) / step } else { 0.0 };
+            let (from, to) = (&logged[later], &logged[next]);
+            let between = |a: f64, b: f64| a + (b - a) * share;
+            sample.velocity_rad_s = between(from.velocity_rad_s, to.velocity_rad_s);
+            sample.acceleration_rad_s2 = between(from.acceleration_rad_s2, to.acceleration_rad_s2);
+        }
+        self.scale_weights(|row| if row < complete_rows { 1.0 } else { 0.0 });
+    }
+
+    /// Returns true if there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.torque.is_empty()
+    }
+}
+
+/// Stretch of motion before a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EarlierStretch {
+    /// Energy dissipated in it, J.
+    pub energy_j: f64,
+    /// Its duration, s.
+    pub length_s: f64,
+    /// Time from its end to the start of the track, s.
+    pub since_s: f64,
+}
+
+/// Rows that a model is fitted to or evaluated on.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'a> {
+    /// The tracks.
+    pub tracks: &'a [Track],
+    /// Decimation factor of the anti-aliased residual; 0 and 1 keep all rows.
+    pub decimate: usize,
+}
+
+/// Returns the number of runs that the tracks belong to.
+pub fn run_count(tracks: &[Track]) -> usize {
+    tracks.iter().map(|track| track.run).collect::<std::collections::BTreeSet<_>>().len()
+}
+
+/// Returns a range of rows of each column.
+pub(super) fn row_range(columns: &[Vec<f64>], rows: &Range<usize>) -> Vec<Vec<f64>> {
+    columns.iter().map(|column| column[rows.clone()].to_vec()).collect()
+}

@@ -1,0 +1,6 @@
+//! The tests of `friction-fit` in one binary, because linking each takes longer than most of the tests.
+//!
+//! `cargo test -p friction-fit --test all X::` runs the tests of the file `X.rs`.
+
+mod measured_figures;
+mod trace;

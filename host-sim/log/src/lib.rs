@@ -1,0 +1,75 @@
+//! Reading of measured logs: validation, conversion to SI units, and the split into training and test data.
+//!
+//! Logs have missing cells, clock jumps, several runs in one file and rows of text. This crate reads CSV, JSON, Parquet, Arrow,
+//! MCAP and CAN logs under one contract (SI units in the column names). It leaves out invalid rows *and reports each with its
+//! reason*, and returns one [`Run`] per experiment. Three rules hold afterwards:
+//!
+//! - No computation with memory (derivative, filter, bristle state) crosses the border of a run or a gap in it
+//!   ([`segments`]).
+//! - Decimation is anti-aliased ([`AntiAlias`]).
+//! - Training and test data are contiguous parts of runs, never shuffled rows ([`split()`]).
+//!
+//! A row passes through `source` (one module per format), `header` (quantity and unit of each column), `clean`
+//! (validation), `close` (missing values, recordings) and `read` (join of several files to one [`Dataset`]).
+//!
+//! [`log_check`] then reports and corrects what is wrong with a measurement, and [`motion`] estimates the true motion from the
+//! logged motion. [`work`] stops long computations. [`setting`] is how a front end names the settings that an error refers to.
+
+mod acceleration;
+mod cell;
+mod clean;
+mod clock;
+mod close;
+mod column_names;
+mod columns;
+pub mod contract;
+mod counter;
+mod dataset;
+mod date;
+mod decimate;
+mod error;
+mod fill;
+mod guess;
+mod header;
+mod joints;
+pub mod log_check;
+pub mod motion;
+mod naming;
+pub mod number;
+mod options;
+mod order;
+mod other_unit;
+mod preset;
+mod read;
+mod row;
+mod segment;
+pub mod setting;
+mod source;
+mod split;
+mod spread;
+mod survey;
+mod table;
+mod trace_sink;
+mod unit;
+mod velocity;
+pub mod work;
+mod zone;
+
+pub use acceleration::{DERIVATIVE_WINDOW, derivative};
+pub use clean::{MAX_BAD_SHARE, MAX_RUNS};
+pub use compensator_core::quantity::{JointKind, Quantity};
+pub use dataset::{Dataset, LeftOutColumn, Measured, Run, SourceColumn};
+pub use decimate::AntiAlias;
+pub use error::{BadCell, BadRows, DataError};
+pub use options::ReadOptions;
+pub use preset::Preset;
+pub use read::{FileContent, read, read_contents, read_tables};
+pub use segment::{GAP_FACTOR, segments};
+pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
+pub use survey::{ColumnSummary, Survey, survey};
+pub use table::{Cells, Table};
+pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
+pub use unit::parse_value;
+
+pub(crate) use unit::in_name as unit_in_name;
+pub(crate) use velocity::differences;

@@ -1,0 +1,129 @@
+//! Checks of a log for measurement defects, before any model is fitted.
+//!
+//! A model explains whatever its columns hold, so it explains a logger's defects as friction: a late torque looks like
+//! backlash, a noisy velocity at rest like a bristle. Each module here looks for one kind of defect and reports its
+//! size in the log's own units; `CHECKS` is the list. Only four defects are corrected: a position that wraps is
+//! unwrapped, impossible values are left out and spikes have weight 0, the motion is reconstructed ([`crate::motion`]), and the rows between two readings of a held channel
+//! are left out. Each correction can be switched off ([`Corrections`]), and the finding states whether it was applied.
+//! All other defects are only reported, because a correction would need information that the log does not hold.
+//!
+//! A check must not report anything on an exact log, and every finding must be true. So each requires many standard
+//! errors and a relevant size. A log to which no model can be fitted is refused ([`refuse`]).
+
+mod channel_lag;
+mod column;
+mod constant_torque;
+mod finding;
+mod held;
+mod independence;
+mod log;
+mod nearly_named;
+mod outlier;
+mod overview;
+mod position_zero;
+mod quantised;
+mod rate;
+mod saturated;
+mod sign;
+mod spike;
+mod swapped;
+mod time;
+mod torque_lag;
+mod unit;
+mod velocity;
+mod wrap;
+
+pub use finding::{LogFinding, LogFindingKind};
+pub use log::Corrections;
+pub use overview::{ColumnOverview, Overview, overview};
+
+use crate::motion::{self, Sensors};
+use crate::setting::shell_word;
+use crate::work::checkpoint;
+use crate::{DataError, Dataset};
+use log::Log;
+
+/// The checks in the order of the report: first those that make the others doubtful. Wraps and outliers are checked
+/// before.
+const CHECKS: [fn(&Log) -> Vec<LogFinding>; 12] = [
+    independence::too_little,
+    unit::units,
+    position_zero::position_zero,
+    sign::sign,
+    time::jumps,
+    velocity::noise,
+    velocity::lag,
+    torque_lag::torque_lag,
+    channel_lag::channel_lag,
+    held::held,
+    quantised::quantised,
+    saturated::saturated,
+];
+
+/// The checks that refuse a log, because no model can be fitted to it.
+const REFUSALS: [fn(&Dataset) -> Option<DataError>; 3] =
+    [rate::impossible, constant_torque::constant_torque, swapped::swapped];
+
+/// A log with its findings.
+#[derive(Clone, Debug)]
+pub struct CheckedLog {
+    /// The log with the corrections applied.
+    pub data: Dataset,
+    /// The defects.
+    pub findings: Vec<LogFinding>,
+    /// Properties of the motion sensors.
+    pub sensors: Sensors,
+    /// Summary of the log, after a position was unwrapped and before any other correction.
+    pub overview: Overview,
+}
+
+/// Refuses a log to which no model can be fitted: an impossible rate, a constant torque, swapped columns.
+///
+/// # Errors
+/// Returns one line with what was found and what to type.
+pub fn refuse(data: &Dataset) -> Result<(), DataError> {
+    REFUSALS.iter().find_map(|refusal| refusal(data)).map_or(Ok(()), Err)
+}
+
+/// Checks a log and applies the corrections.
+pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
+    let (data, mut findings) = wrap::unwrapped(data, correct.wrapped);
+    let suggestions = nearly_named::suggestions(&data);
+    let overview = overview(&data);
+    let (mut data, outliers) = outlier::outliers(data, correct.outliers);
+    data.notes.extend(suggestions);
+    findings.extend(outliers);
+    let (data, spikes) = spike::spikes(data, correct.outliers);
+    findings.extend(spikes);
+    let (smoothed, sensors) = motion::reconstruct(&data);
+    let columns = column::all(&data);
+    let log = Log { data: &data, smoothed: &smoothed, sensors, columns, correct };
+    findings.extend(CHECKS.iter().flat_map(|check| {
+        checkpoint();
+        check(&log)
+    }));
+    let fresh = held::fresh_rows(&log);
+    drop(log);
+    let (data, smoothed) = match fresh {
+        Some(fresh) if fresh.is_motion_held => {
+            let data = fresh.select(&data);
+            let (smoothed, _) = motion::reconstruct(&data);
+            (data, smoothed)
+        }
+        Some(fresh) => (fresh.select(&data), fresh.select(&smoothed)),
+        None => (data, smoothed),
+    };
+    let data = if correct.motion { smoothed } else { data };
+    CheckedLog { data, findings, sensors, overview }
+}
+
+/// Returns the pair of `--columns` that reads a column in this unit, as a shell takes it.
+fn typed(data: &Dataset, name: &str, unit: &str) -> String {
+    shell_word(&format!("{name}={}:{unit}", header(data, name)))
+}
+
+/// Returns the name of a column in the file.
+fn header<'a>(data: &'a Dataset, name: &'a str) -> &'a str {
+    let source = data.sources.iter().find(|source| source.name == name);
+    source.map_or(name, |source| source.header.as_str())
+}

@@ -1,0 +1,93 @@
+//! A column of a log, run by run, with its name and unit; and the robust statistics the checks share.
+
+use crate::work::checkpoint;
+use crate::{Dataset, contract};
+use compensator_core::quantity::Quantity;
+
+/// A numeric column of a log.
+pub struct Column<'a> {
+    pub name: String,
+    pub unit: String,
+    pub quantity: Option<Quantity>,
+    /// The values of each run.
+    pub runs: Vec<&'a [f64]>,
+}
+
+impl Column<'_> {
+    /// Returns all values.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        self.runs.iter().flat_map(|run| run.iter().copied())
+    }
+
+    /// Returns all pairs of neighbouring values within runs.
+    pub fn pairs(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.runs.iter().flat_map(|run| run.windows(2).map(|w| (w[0], w[1])))
+    }
+
+    /// Returns true if the column is position, velocity or acceleration of the joint.
+    pub fn is_motion(&self) -> bool {
+        use Quantity::{Acceleration, Position, Velocity};
+        matches!(self.quantity, Some(Position | Velocity | Acceleration))
+    }
+
+    /// Returns the distance between the quantiles `share` and `1 - share`.
+    pub fn range(&self, share: f64) -> f64 {
+        let mut all: Vec<f64> = self.values().collect();
+        quantile(&mut all, 1.0 - share) - quantile(&mut all, share)
+    }
+}
+
+/// Returns every numeric column except time.
+pub fn all(data: &Dataset) -> Vec<Column<'_>> {
+    let known = [Quantity::Velocity, Quantity::Torque].into_iter().chain(contract::optional());
+    let mut columns: Vec<Column> = Vec::new();
+    for quantity in known {
+        let runs: Option<Vec<&[f64]>> = data.runs.iter().map(|run| run.get(quantity)).collect();
+        let Some(runs) = runs else { continue };
+        let name = quantity.name(data.joint);
+        columns.push(Column {
+            name: name.into(),
+            unit: unit(name),
+            quantity: Some(quantity),
+            runs,
+        });
+    }
+    for (index, name) in data.covariates.iter().enumerate() {
+        let runs = data.runs.iter().map(|run| run.extra[index].as_slice()).collect();
+        columns.push(Column { name: name.clone(), unit: unit(name), quantity: None, runs });
+    }
+    columns
+}
+
+/// Returns the unit at the end of a column's name, or "as logged" if there is none.
+fn unit(name: &str) -> String {
+    const UNITS: [(&str, &str); 15] = [
+        ("_rad_s2", "rad/s2"),
+        ("_m_s2", "m/s2"),
+        ("_rad_s", "rad/s"),
+        ("_m_s", "m/s"),
+        ("_rad", "rad"),
+        ("_nm", "Nm"),
+        ("_pa", "Pa"),
+        ("_c", "°C"),
+        ("_n", "N"),
+        ("_m", "m"),
+        ("_v", "V"),
+        ("_a", "A"),
+        ("_w", "W"),
+        ("_hz", "Hz"),
+        ("_s", "s"),
+    ];
+    let found = UNITS.iter().find(|(end, _)| name.ends_with(end));
+    found.map_or("as logged", |(_, unit)| unit).into()
+}
+
+/// Returns a quantile; 0 for no values.
+pub fn quantile(values: &mut [f64], share: f64) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    checkpoint();
+    let at = ((values.len() - 1) as f64 * share).round() as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}

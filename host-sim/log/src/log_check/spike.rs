@@ -1,0 +1,266 @@
+//! Spikes of the torque: many single rows far outside the range of the others, as from a disturbed sensor line.
+//!
+//! A squared error weighs a spike of ten times the torque as a hundred rows, so a few percent of spikes decide a fit.
+//! Unlike a failed reading ([`super::outlier`]) a spike may be in every fifth row, so that the range of the column is the
+//! range of the spikes. Each value is therefore compared with the median of its neighbours, which is a torque as long as
+//! fewer than half of them are spikes. A step of the torque is not a spike, because the median steps with it.
+//!
+//! A row with a spike keeps its motion and gets weight 0 ([`crate::Run::torque_spikes`]). Its torque becomes the
+//! median of its neighbours with the noise of a row nearby, because estimates such as that of the noise use every torque.
+
+use super::column::quantile;
+use super::finding::{LogFinding, LogFindingKind};
+use crate::number::figure;
+use crate::{Dataset, Run, segments};
+use compensator_core::quantity::Quantity;
+use std::ops::Range;
+
+/// Rows on either side of a row whose median is compared with it. Of nine rows with 20 % of spikes, five are spikes of
+/// one sign in one row of 500.
+const NEIGHBOURS: usize = 4;
+
+/// Minimum distance of a spike from the median of its neighbours, in ranges of these medians. No torque crosses its own
+/// range for a single row, except in a shock.
+const MIN_RANGES: f64 = 1.0;
+
+/// The same in standard deviations of the noise, for a torque that is constant but for noise.
+const MIN_DEVIATIONS: f64 = 10.0;
+
+/// Minimum share of the rows. Fewer spikes of this size hardly change a fit, and shocks are as rare.
+const MIN_SHARE: f64 = 5e-3;
+
+/// Maximum share of the rows. With more, the median of the neighbours is unreliable.
+const MAX_SHARE: f64 = 0.3;
+
+/// Minimum number of spikes.
+const MIN_SPIKES: usize = 10;
+
+/// Maximum share of the spikes that are followed by another, beyond the share of spikes in all rows. Shocks last several
+/// rows.
+const MAX_FOLLOWED_SHARE: f64 = 0.2;
+
+/// Maximum number of rows, beyond the neighbours, among which a replaced torque gets its noise.
+const FAR_ROWS: usize = 50;
+
+/// Median of the magnitude of a standard normal variable.
+const NORMAL_MEDIAN: f64 = 0.6745;
+
+/// Finds the spikes of the torque. Sets their weights to 0 if `correct` is true.
+pub fn spikes(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+    let Some(found) = Spikes::find(&data) else { return (data, Vec::new()) };
+    let torque = Quantity::Torque.name(data.joint);
+    let share = found.count as f64 / data.rows as f64;
+    let done = if correct {
+        "their rows have weight 0 in every fit and error; their motion is used"
+    } else {
+        "left in, as asked"
+    };
+    let finding = LogFinding {
+        kind: LogFindingKind::Outlier,
+        columns: vec![torque.into()],
+        value: share,
+        unit: "of the rows".into(),
+        corrected: correct,
+        in_words: format!(
+            "{} values of {torque} ({} % of the rows) are spikes, at least {} {} from the median of the rows beside \
+             them: {done}.",
+            found.count,
+            figure(100.0 * share),
+            figure(found.least),
+            data.joint.torque_unit()
+        ),
+    };
+    let mut data = data;
+    if correct {
+        for (run, (is_spike, medians)) in data.runs.iter_mut().zip(found.runs) {
+            if is_spike.contains(&true) {
+                replace(run, &is_spike, &medians);
+            }
+        }
+    }
+    (data, vec![finding])
+}
+
+/// Replaces the torque of the rows with a spike.
+fn replace(run: &mut Run, is_spike: &[bool], medians: &[f64]) {
+    run.torque_spikes = is_spike.iter().map(|spike| f64::from(u8::from(*spike))).collect();
+    let measured = run.torque.clone();
+    let noise = |row: usize| {
+        // The noise of a row whose own noise the medians of this row do not contain.
+        let after = (row + NEIGHBOURS + 1..measured.len()).take(FAR_ROWS);
+        let before = (0..row.saturating_sub(NEIGHBOURS)).rev().take(FAR_ROWS);
+        let donor = after.chain(before).find(|at| !is_spike[*at]);
+        donor.map_or(0.0, |at| measured[at] - medians[at])
+    };
+    for row in (0..measured.len()).filter(|row| is_spike[*row]) {
+        run.torque[row] = medians[row] + noise(row);
+    }
+}
+
+/// The spikes of a log.
+struct Spikes {
+    /// For each run: which rows are spikes, and the medians of their neighbours.
+    runs: Vec<(Vec<bool>, Vec<f64>)>,
+    count: usize,
+    /// Minimum distance of a spike, Nm or N.
+    least: f64,
+}
+
+impl Spikes {
+    fn find(data: &Dataset) -> Option<Self> {
+        let parts: Vec<Vec<Range<usize>>> = data.runs.iter().map(segments).collect();
+        let all_medians = |is_spike: Option<&[Vec<bool>]>| -> Vec<Vec<f64>> {
+            let runs = data.runs.iter().zip(&parts).enumerate();
+            runs.map(|(index, (run, parts))| {
+                let is_spike = is_spike.map(|runs| runs[index].as_slice());
+                parts.iter().flat_map(|rows| medians(&run.torque, rows, is_spike)).collect()
+            })
+            .collect()
+        };
+        let first = all_medians(None);
+        let off = |medians: &[Vec<f64>]| -> Vec<Vec<f64>> {
+            let run_off = |(run, medians): (&Run, &Vec<f64>)| {
+                run.torque
+                    .iter()
+                    .zip(medians)
+                    .map(|(torque, median)| (torque - median).abs())
+                    .collect()
+            };
+            data.runs.iter().zip(medians).map(run_off).collect()
+        };
+        let distances = off(&first);
+        let mut levels: Vec<f64> = first.iter().flatten().copied().collect();
+        let (low, high) = (quantile(&mut levels, 0.01), quantile(&mut levels, 0.99));
+        let mut sizes: Vec<f64> = distances.iter().flatten().copied().collect();
+        let noise = quantile(&mut sizes, 0.5) / NORMAL_MEDIAN;
+        let least = (MIN_RANGES * (high - low)).max(MIN_DEVIATIONS * noise);
+        if least <= 0.0 {
+            return None;
+        }
+        let far = |distances: &[Vec<f64>]| -> Vec<Vec<bool>> {
+            distances.iter().map(|run| run.iter().map(|size| *size > least).collect()).collect()
+        };
+        // The second medians are those of the rows that are not spikes by the first, or by the range of all medians: where
+        // most neighbours are spikes, the first median is one.
+        let is_outside = |torque: &f64| *torque < low - least || *torque > high + least;
+        let outside: Vec<Vec<bool>> =
+            data.runs.iter().map(|run| run.torque.iter().map(is_outside).collect()).collect();
+        let mut at_first = far(&distances);
+        for (run, outside) in at_first.iter_mut().zip(&outside) {
+            run.iter_mut().zip(outside).for_each(|(spike, outside)| *spike |= outside);
+        }
+        let medians = all_medians(Some(&at_first));
+        let mut is_spike = far(&off(&medians));
+        for (run, first) in is_spike.iter_mut().zip(&outside) {
+            run.iter_mut().zip(first).for_each(|(spike, outside)| *spike |= outside);
+        }
+        let count = is_spike.iter().flatten().filter(|spike| **spike).count();
+        let share = count as f64 / data.rows.max(1) as f64;
+        let pairs = is_spike.iter().flat_map(|run| run.windows(2));
+        let followed = pairs.filter(|pair| pair[0] && pair[1]).count() as f64 / count.max(1) as f64;
+        let is_many = count >= MIN_SPIKES && (MIN_SHARE..MAX_SHARE).contains(&share);
+        let runs = is_spike.into_iter().zip(medians).collect();
+        (is_many && followed < share + MAX_FOLLOWED_SHARE).then_some(Self { runs, count, least })
+    }
+}
+
+/// Returns for each row of a segment the median of the rows around it that are not spikes. If all are, more rows are
+/// taken; if the whole segment is, the torque itself is the median.
+fn medians(torque: &[f64], rows: &Range<usize>, is_spike: Option<&[bool]>) -> Vec<f64> {
+    let mut near = Vec::new();
+    let median = |row: usize| {
+        let mut reach = NEIGHBOURS;
+        loop {
+            let around = row.saturating_sub(reach).max(rows.start)..(row + reach + 1).min(rows.end);
+            let is_whole = around == *rows;
+            near.clear();
+            let valid = around.filter(|at| is_spike.is_none_or(|spikes| !spikes[*at]));
+            near.extend(valid.map(|at| torque[at]));
+            match near.is_empty() {
+                false => break quantile(&mut near, 0.5),
+                true if is_whole => break torque[row],
+                true => reach *= 2,
+            }
+        }
+    };
+    rows.clone().map(median).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: usize = 4000;
+
+    /// Returns a whole number below `end`.
+    fn random(row: usize, end: u64) -> u64 {
+        let mut state =
+            (row as u64).wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        state ^= state >> 27;
+        state = state.wrapping_mul(0x94d0_49bb_1331_11eb);
+        (state ^ (state >> 31)) % end
+    }
+
+    /// Coulomb friction of 0.5 Nm with viscous friction and noise, to which `spike` adds.
+    fn log(spike: impl Fn(usize) -> f64) -> Dataset {
+        let names = ["time_s", "velocity_rad_s", "torque_nm"].map(str::to_owned);
+        let time: Vec<f64> = (0..ROWS).map(|row| 0.01 * row as f64).collect();
+        let velocity: Vec<f64> = time.iter().map(|t| (3.0 * t + 0.1).sin()).collect();
+        let torque = |row: usize| {
+            let noise = 1e-3 * random(row + ROWS, 13) as f64;
+            0.5 * velocity[row].signum() + 0.1 * velocity[row] + noise + spike(row)
+        };
+        let torque: Vec<f64> = (0..ROWS).map(torque).collect();
+        Dataset::from_columns(&names, [("a".to_owned(), vec![time, velocity.clone(), torque])])
+            .expect("columns")
+    }
+
+    /// Spikes of `size` Nm of random sign in `percent` of the rows.
+    fn white(percent: u64, size: f64) -> impl Fn(usize) -> f64 {
+        move |row| {
+            let sign = if random(row, 2) == 0 { 1.0 } else { -1.0 };
+            if random(row + 7 * ROWS, 100) < percent { sign * size } else { 0.0 }
+        }
+    }
+
+    #[test]
+    fn spikes_of_any_share_and_size_have_no_weight() {
+        for (percent, size) in [(1, 3.0), (5, 3.0), (5, 12.0), (20, 3.0), (20, 12.0)] {
+            let spike = white(percent, size);
+            let planted = (0..ROWS).filter(|row| spike(*row) != 0.0).count();
+            let (data, findings) = spikes(log(&spike), true);
+            assert_eq!(findings.len(), 1, "{percent} % of {size} Nm");
+            let run = &data.runs[0];
+            let is_masked = |row: usize| run.torque_spikes[row] > 0.0;
+            let missed = (0..ROWS).filter(|row| spike(*row) != 0.0 && !is_masked(*row)).count();
+            let wrong = (0..ROWS).filter(|row| spike(*row) == 0.0 && is_masked(*row)).count();
+            assert!(missed * 100 <= planted, "{missed} of {planted} are missed");
+            assert!(wrong * 100 <= planted, "{wrong} beside {planted}");
+            let clean = log(|_| 0.0);
+            let pairs = run.torque.iter().zip(&clean.runs[0].torque).zip(&run.torque_spikes);
+            assert!(
+                pairs
+                    .filter(|(_, spike)| **spike == 0.0)
+                    .all(|((torque, clean), _)| torque == clean)
+            );
+        }
+    }
+
+    #[test]
+    fn spikes_with_clean_log_shocks_or_blocks_returns_log_unchanged() {
+        let shock = |row: usize| if row % 200 < 3 { 4.0 } else { 0.0 };
+        let block = |row: usize| if row % 100 < 20 { 4.0 } else { 0.0 };
+        for spike in [&(|_| 0.0) as &dyn Fn(usize) -> f64, &shock, &block] {
+            let (data, findings) = spikes(log(spike), true);
+            assert_eq!(findings, []);
+            assert_eq!(data.runs, log(spike).runs);
+        }
+    }
+
+    #[test]
+    fn spikes_left_in_are_reported_only() {
+        let (data, findings) = spikes(log(white(20, 12.0)), false);
+        assert!(findings[0].in_words.ends_with("left in, as asked."));
+        assert_eq!(data.runs, log(white(20, 12.0)).runs);
+    }
+}

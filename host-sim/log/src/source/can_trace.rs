@@ -1,0 +1,286 @@
+//! CAN logs as a source of rows.
+//!
+//! [`joint_trace`] assembles frames into samples, and the samples go through the same validation (`clean`) as the rows
+//! of a CSV file, under the names of the contract. The row number of a sample is the line of its SYNC. Only the data
+//! show which columns a joint measures, so the log is read twice: first for the columns, then for the rows. The
+//! driver's answers are left out: they are computed, and a model must not be evaluated on another model's output.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::format::{Input, LogFormat};
+use crate::clean::{Cleaner, FileData, MAX_BAD_SHARE};
+use crate::dataset::LeftOutColumn;
+use crate::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
+use crate::header::layout;
+use crate::row::LogRow;
+use compensator_core::quantity::Quantity;
+use joint_trace::{
+    Assembler, Census, Frames, LineError, Summary, TextFormat, TextReader, TraceSample,
+};
+
+/// Lines between two calls of the progress function.
+const PROGRESS_LINES: u64 = 64 * 1024;
+
+/// Maximum length of a line, bytes. No line of a CAN log is longer.
+const MAX_LINE_BYTES: u64 = 4096;
+
+/// The text formats of `candump -L` and of the tools of Vector and PEAK.
+pub(super) const FORMAT: LogFormat = LogFormat { matches: is_trace, read };
+
+/// Returns true if a file that begins with `head` is a CAN log.
+fn is_trace(head: &[u8]) -> bool {
+    TextFormat::of(head).is_some()
+}
+
+/// A column of the table that a log is converted to.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum TraceColumn {
+    Run,
+    Time,
+    Measured(Quantity),
+}
+
+/// A sample as a row of that table.
+struct TraceRow<'a> {
+    sample: &'a TraceSample,
+    time_s: f64,
+    columns: &'a [TraceColumn],
+}
+
+impl LogRow for TraceRow<'_> {
+    fn number(&self, column: usize) -> Option<f64> {
+        match self.columns.get(column)? {
+            TraceColumn::Run => self.sample.run.map(f64::from),
+            TraceColumn::Time => Some(self.time_s),
+            TraceColumn::Measured(quantity) => Some(f64::from(self.sample.get(*quantity))),
+        }
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+        let text = match (self.columns.get(column), self.number(column), &self.sample.fault) {
+            (Some(TraceColumn::Run), _, _) => {
+                self.sample.run.map(|run| run.to_string()).unwrap_or_default()
+            }
+            (_, Some(value), Some(fault)) if value.is_nan() => fault.to_string(),
+            (_, Some(value), None) if value.is_nan() => "no frame received".to_owned(),
+            (_, value, _) => value.map(|value| value.to_string()).unwrap_or_default(),
+        };
+        Cow::Owned(text.into_bytes())
+    }
+}
+
+/// Result of the first pass.
+struct TraceOverview {
+    summary: Summary,
+    columns: Vec<TraceColumn>,
+    /// Origin of the times, ns: the stamp of the first sample.
+    origin_ns: u64,
+    /// Malformed frame lines, the first few in detail.
+    bad: BadRows,
+    /// Number of other lines: comments, and messages of candump about dropped frames.
+    other_lines: u64,
+}
+
+fn read(input: Input) -> Result<FileData, DataError> {
+    let Input { path, mut file, head, size, options, progress } = input;
+    let format = TextFormat::of(head).unwrap_or_default();
+    let overview = scan(path, &mut file, format, &|bytes| progress(bytes / 2))?;
+    let kind = overview.summary.kind;
+    let name = |column: &TraceColumn| match column {
+        TraceColumn::Run => "run",
+        TraceColumn::Time => "time_s",
+        TraceColumn::Measured(quantity) => quantity.name(kind),
+    };
+    let columns = &overview.columns;
+    let names: Vec<String> = columns.iter().map(|column| name(column).to_owned()).collect();
+    let mut cleaner = Cleaner::new(path, layout(path, names, options)?);
+    for bad in &overview.bad.first {
+        cleaner.reject_row(bad.row, None, bad.found.clone(), &bad.expected);
+    }
+    let second_half = |bytes| progress((size + bytes) / 2);
+    for_each_sample(
+        path,
+        &mut file,
+        format,
+        &second_half,
+        |_| {},
+        |sample| {
+            // Signed: the clock may have been set back. Dividing gives the nearest number to 0.001 for a
+            // millisecond; multiplying by 1e-9 would not.
+            let since_ns = i128::from(sample.time_ns) - i128::from(overview.origin_ns);
+            let time_s = since_ns as f64 / 1e9;
+            cleaner.add_row(sample.line, &TraceRow { sample, time_s, columns })
+        },
+    )?;
+    let mut data = cleaner.finish()?;
+    data.bad.count += overview.bad.count - overview.bad.first.len();
+    add_notes(path, &overview, &mut data);
+    Ok(data)
+}
+
+/// Adds notes on the log's frames that are not part of a row.
+fn add_notes(path: &Path, overview: &TraceOverview, data: &mut FileData) {
+    let (file, summary) = (path.display(), &overview.summary);
+    if summary.answers > 0 {
+        for name in ["friction_torque_nm", "feed_forward_current_a", "flags"] {
+            let why = "it is computed by the driver, not measured".into();
+            data.left_out.push(LeftOutColumn { name: name.into(), why });
+        }
+    }
+    if summary.lost > 0 {
+        let lost = summary.lost;
+        data.notes
+            .push(format!("{file}: {lost} samples are missing according to the SYNC counter"));
+    }
+    if summary.errors > 0 {
+        data.notes.push(format!("{file}: {} error frames are ignored", summary.errors));
+    }
+    if overview.other_lines > 0 {
+        data.notes.push(format!("{file}: {} lines are not CAN frames", overview.other_lines));
+    }
+}
+
+/// Reads the log once and finds its columns, its origin and its malformed lines.
+fn scan(
+    path: &Path,
+    file: &mut File,
+    format: TextFormat,
+    progress: &dyn Fn(u64),
+) -> Result<TraceOverview, DataError> {
+    let (mut bad, mut other_lines) = (BadRows::default(), 0);
+    let mut is_measured = [false; Quantity::ALL.len()];
+    let (mut has_runs, mut origin_ns) = (false, None);
+    let count_line = |line: NonFrameLine| match line {
+        NonFrameLine::Other => other_lines += 1,
+        NonFrameLine::Malformed { row, line, error } => {
+            bad.count += 1;
+            if bad.first.len() < NAMED_BAD_ROWS {
+                let (column, found) = ("(all)".into(), quoted(line));
+                let expected = error.expected(format).into();
+                bad.first.push(BadCell { file: path.into(), row, column, found, expected });
+            }
+        }
+    };
+    let summary = for_each_sample(path, file, format, progress, count_line, |sample| {
+        for (is_measured, quantity) in is_measured.iter_mut().zip(Quantity::ALL) {
+            *is_measured |= !sample.get(*quantity).is_nan();
+        }
+        has_runs |= sample.run.is_some();
+        origin_ns.get_or_insert(sample.time_ns);
+        Ok(())
+    })?;
+    let rows = summary.frames as usize + bad.count;
+    if bad.count as f64 > MAX_BAD_SHARE * rows as f64 {
+        let (first, bad) = (bad.first[0].clone(), bad.count);
+        return Err(DataError::TooManyBad { first, bad, rows });
+    }
+    let wrong = |found: String, expected: &str| {
+        Err(DataError::File { file: path.into(), found, expected: expected.into() })
+    };
+    if !summary.others.is_empty() {
+        let all = summary.joint.iter().chain(&summary.others);
+        let all: Vec<String> = all.map(|(bus, node)| format!("{node} on {bus}")).collect();
+        let found = format!("inputs of the joints {}", listed(&all));
+        return wrong(found, "those of one joint: cut its frames and the SYNC out with grep");
+    }
+    let has = |quantity: Quantity| is_measured[quantity as usize];
+    let complete = has(Quantity::Velocity) && has(Quantity::Torque);
+    let Some(origin_ns) = origin_ns.filter(|_| complete) else {
+        let io = |source| DataError::Io { file: path.into(), source };
+        file.seek(SeekFrom::Start(0)).map_err(io)?;
+        let census = Census::of(BufReader::new(&*file)).map_err(io)?;
+        let found = format!("{census} and no joint's velocity and torque");
+        let expected = "Motion (480 + node), Torque (680 + node) and the SYNC (080) of joint.dbc";
+        return wrong(found, expected);
+    };
+    let quantities = Quantity::ALL.iter().copied().filter(|of| has(*of)).map(TraceColumn::Measured);
+    let run = has_runs.then_some(TraceColumn::Run);
+    let columns = run.into_iter().chain([TraceColumn::Time]).chain(quantities).collect();
+    Ok(TraceOverview { summary, columns, origin_ns, bad, other_lines })
+}
+
+/// A line that holds no frame.
+enum NonFrameLine<'a> {
+    /// It begins like a frame but is malformed.
+    Malformed { row: u64, line: &'a [u8], error: LineError },
+    /// Any other line.
+    Other,
+}
+
+/// Reads the file from its start. Calls `sink` for each sample and `on_other` for each line without a frame.
+fn for_each_sample(
+    path: &Path,
+    file: &mut File,
+    format: TextFormat,
+    progress: &dyn Fn(u64),
+    mut on_other: impl FnMut(NonFrameLine),
+    mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
+) -> Result<Summary, DataError> {
+    let io = |source| DataError::Io { file: path.into(), source };
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    let mut reader = BufReader::with_capacity(1 << 20, file);
+    let mut assembler = Assembler::default();
+    let mut lines = TextReader::new(format);
+    let mut line = Vec::with_capacity(256);
+    let (mut row, mut bytes) = (0u64, 0u64);
+    loop {
+        let is_rest = line.len() as u64 == MAX_LINE_BYTES && !line.ends_with(b"\n");
+        line.clear();
+        // A line of any length must not be held in memory: the rest of a longer line is skipped.
+        let read = reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(io)?;
+        if read == 0 {
+            break;
+        }
+        bytes += read as u64;
+        if is_rest {
+            continue;
+        }
+        row += 1;
+        if row.is_multiple_of(PROGRESS_LINES) {
+            progress(bytes);
+        }
+        match lines.read(&line) {
+            Frames::Line(frame) => {
+                if let Some(sample) = assembler.push(row, &frame) {
+                    sink(&sample)?;
+                }
+            }
+            Frames::Bad(error) => {
+                on_other(NonFrameLine::Malformed { row, line: line.trim_ascii(), error });
+            }
+            // The tools of Vector and PEAK write a header and many lines without frames.
+            Frames::None if format == TextFormat::Candump && !line.trim_ascii().is_empty() => {
+                on_other(NonFrameLine::Other);
+            }
+            Frames::None => {}
+        }
+    }
+    let (last, summary) = assembler.finish();
+    if let Some(sample) = last {
+        sink(&sample)?;
+    }
+    Ok(summary)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn is_trace_with_candump_line_returns_true() {
+        for log in [
+            "(1436509052.249713) vcan0 044#2A366C2BBA\n",
+            "\n# a remark\n  (0.5) can0 123#R\n",
+            "(1436509052.249713) vcan0 044#2A36",
+            "(1436509052.249713) can0 rubbish\n",
+        ] {
+            assert!(is_trace(log.as_bytes()), "{log}");
+        }
+        for other in ["", "time_s,velocity_rad_s\n", "(a),b\n1,2\n", "(1,2)\n", "PAR1"] {
+            assert!(!is_trace(other.as_bytes()), "{other}");
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! CSV files as a source of rows.
+//!
+//! A log of several gigabytes must not be held as text. Rows stream through one reused record (`records`), and only
+//! numbers are kept. The `csv` crate splits the rows (quotes, embedded line ends). `fast-float2` parses the numbers
+//! directly from the bytes, which is most of the work.
+//!
+//! A number with separators of thousands may show that earlier ones were misread. The file is then read once more, and
+//! a third time without such separators if other numbers contradict them.
+
+use std::borrow::Cow;
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::blanks::SingleBlanks;
+use super::channel_clocks::{ChannelClocks, groups};
+use super::format::{HEAD_BYTES, Input, LogFormat};
+use super::number_style::NumberStyle;
+use super::preamble::{Preamble, find_preamble};
+use super::records::{RecordPosition, RecordReader, cell_names, is_blank, reader_builder};
+use super::separator::separator;
+use super::{utf16, windows_1252};
+use crate::clean::{Cleaner, FileData};
+use crate::column_names::ColumnNames;
+use crate::error::DataError;
+use crate::error::quoted;
+use crate::header::{Layout, layout};
+use crate::options::ReadOptions;
+use crate::row::LogRow;
+
+/// Rows between two calls of the progress function.
+const PROGRESS_ROWS: u64 = 16 * 1024;
+
+/// The number format of a table.
+struct NumberFormat {
+    /// True if the separator is not a comma, so that a comma may be the decimal point.
+    is_comma_free: bool,
+    /// What the numbers have shown.
+    style: Cell<NumberStyle>,
+}
+
+impl NumberFormat {
+    #[inline]
+    fn parse(&self, cell: &[u8]) -> Option<f64> {
+        if !self.style.get().is_point_misleading()
+            && let Ok(value) = fast_float2::parse(cell)
+        {
+            return Some(value);
+        }
+        self.parse_signs(cell)
+    }
+
+    #[cold]
+    fn parse_signs(&self, cell: &[u8]) -> Option<f64> {
+        let mut style = self.style.get();
+        let value = style.parse(cell, self.is_comma_free).or_else(|| fast_float2::parse(cell).ok());
+        self.style.set(style);
+        value
+    }
+}
+
+/// A record with its number format.
+struct CsvRow<'a> {
+    record: &'a csv::ByteRecord,
+    format: &'a NumberFormat,
+}
+
+impl LogRow for CsvRow<'_> {
+    #[inline]
+    fn number(&self, column: usize) -> Option<f64> {
+        self.format.parse(self.record.get(column)?.trim_ascii())
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+        Cow::Borrowed(self.record.get(column).unwrap_or_default().trim_ascii())
+    }
+}
+
+/// Tables as text. Every text matches, so this format is tried last.
+pub(super) const FORMAT: LogFormat = LogFormat { matches: |_| true, read };
+
+/// The byte order mark of UTF-8, which some programs write first.
+const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
+
+fn read(input: Input) -> Result<FileData, DataError> {
+    let Input { path, mut file, head, size, options, progress } = input;
+    let io = |source| DataError::Io { file: path.into(), source };
+    let order = utf16::byte_order(head);
+    let is_windows_1252 = order.is_none() && windows_1252::is_windows_1252(head);
+    if order.is_some() || is_windows_1252 {
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map_err(io)?;
+        let text = match order {
+            Some(order) => utf16::decode(&bytes, order),
+            None => windows_1252::decode(&bytes),
+        };
+        drop(bytes);
+        let bytes = text.as_bytes();
+        let mut data = read_bytes(path, bytes, options, &|bytes| progress(bytes.min(size)))?;
+        if is_windows_1252 {
+            let note = "the text is not UTF-8 and is read as Windows-1252";
+            data.notes.push(format!("{}: {note}", path.display()));
+        }
+        return Ok(data);
+    }
+    let before = preamble_after_mark(head, options);
+    let start = before.start as u64;
+    let from_start = || -> std::io::Result<File> {
+        let mut file = file.try_clone()?;
+        file.seek(SeekFrom::Start(start))?;
+        Ok(file)
+    };
+    TextTable { path, head, before, size }.read(from_start, options, progress)
+}
+
+/// Reads a table that is in memory. `path` is its name in messages.
+pub(super) fn read_bytes(
+    path: &Path,
+    bytes: &[u8],
+    options: &ReadOptions,
+    progress: &dyn Fn(u64),
+) -> Result<FileData, DataError> {
+    let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
+    if let Some(order) = utf16::byte_order(head) {
+        let text = utf16::decode(bytes, order);
+        let size = bytes.len() as u64;
+        return read_bytes(path, text.as_bytes(), options, &|bytes| progress(bytes.min(size)));
+    }
+    let before = preamble_after_mark(head, options);
+    let start = before.start;
+    let table = TextTable { path, head, before, size: bytes.len() as u64 };
+    table.read(|| Ok(&bytes[start..]), options, progress)
+}
+
+/// Returns what precedes the rows of a text, which may begin with a byte order mark.
+fn preamble_after_mark(head: &[u8], options: &ReadOptions) -> Preamble {
+    let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    let mut before = find_preamble(&head[mark..], options.skip_lines);
+    before.start += mark;
+    before.header = before.header.map(|range| range.start + mark..range.end + mark);
+    before
+}
+
+/// Converts an error of the `csv` crate.
+fn csv_error(path: &Path, error: csv::Error) -> DataError {
+    let message = error.to_string();
+    let source = match error.into_kind() {
+        csv::ErrorKind::Io(source) => source,
+        _ => std::io::Error::other(message),
+    };
+    DataError::Io { file: path.into(), source }
+}
+
+/// A table and its position in the file.
+struct TextTable<'a> {
+    path: &'a Path,
+    head: &'a [u8],
+    before: Preamble,
+    size: u64,
+}
+
+impl TextTable<'_> {
+    /// Reads the table, once more if its numbers turn out to have another style. `open` returns the text after the
+    /// preamble.
+    fn read<R: Read>(
+        &self,
+        open: impl Fn() -> std::io::Result<R>,
+        options: &ReadOptions,
+        progress: &dyn Fn(u64),
+    ) -> Result<FileData, DataError> {
+        let io = |source| DataError::Io { file: self.path.into(), source };
+        let first = NumberStyle::default();
+        let (data, style) = self.read_in_style(open().map_err(io)?, first, options, progress);
+        let was_misread = style.thousands_comma || style.thousands_point;
+        if !was_misread {
+            return data;
+        }
+        let (data, style) = self.read_in_style(open().map_err(io)?, style, options, progress);
+        if !style.is_contradictory() {
+            return data;
+        }
+        let plain = NumberStyle { is_plain: true, ..NumberStyle::default() };
+        self.read_in_style(open().map_err(io)?, plain, options, progress).0
+    }
+
+    /// Returns the names of the columns: those of the preamble or those of the first record.
+    fn names<R: Read>(&self, records: &mut RecordReader<R>) -> Result<ColumnNames, csv::Error> {
+        if let Some(columns) = &self.before.columns {
+            return Ok(columns.clone());
+        }
+        let mut names = Vec::new();
+        if let Some(line) = self.commented() {
+            let by = self.separator();
+            let line = SingleBlanks::new(line, by == b' ');
+            let mut header = reader_builder(by).from_reader(line);
+            if header.read_byte_record(&mut records.record)? {
+                names = cell_names(&records.record);
+            }
+        }
+        while names.is_empty() && records.advance()? {
+            if !is_blank(&records.record) {
+                names = cell_names(&records.record);
+            }
+        }
+        Ok(names.into())
+    }
+
+    /// Returns the header if it is a comment.
+    fn commented(&self) -> Option<&[u8]> {
+        self.before.header.clone().map(|range| &self.head[range])
+    }
+
+    fn separator(&self) -> u8 {
+        let start = self.before.start.min(self.head.len());
+        let below = &self.head[start..];
+        // Rows of numbers may have more decimal commas than separators.
+        if self.before.columns.is_some() {
+            let above = &self.head[..start];
+            let named = above.split(|byte| *byte == b'\n').rfind(|line| line.starts_with(b"Name"));
+            return separator(named.unwrap_or(below));
+        }
+        separator(self.commented().unwrap_or(below))
+    }
+
+    fn read_in_style(
+        &self,
+        text: impl Read,
+        style: NumberStyle,
+        options: &ReadOptions,
+        progress: &dyn Fn(u64),
+    ) -> (Result<FileData, DataError>, NumberStyle) {
+        let separator = self.separator();
+        let format = NumberFormat { is_comma_free: separator != b',', style: Cell::new(style) };
+        let bytes = self.size.saturating_sub(self.before.start as u64);
+        let text = SingleBlanks::new(text, separator == b' ');
+        let records = RecordReader::new(text, separator, self.before.lines, bytes);
+        let data = self.read_records(records, &format, options, progress).map(|mut data| {
+            data.notes.extend(self.notes(format.style.get()));
+            data
+        });
+        (data, format.style.get())
+    }
+
+    fn read_records<R: Read>(
+        &self,
+        mut records: RecordReader<R>,
+        format: &NumberFormat,
+        options: &ReadOptions,
+        progress: &dyn Fn(u64),
+    ) -> Result<FileData, DataError> {
+        let path = self.path;
+        let failed = |error: csv::Error| csv_error(path, error);
+        let names = self.names(&mut records).map_err(failed)?;
+        let width = names.names.len();
+        let mut clocks = groups(&names, options).map(ChannelClocks::new);
+        let merged = clocks.as_ref().map(|clocks| clocks.names(&names));
+        let mut layout: Layout = layout(path, merged.unwrap_or_else(|| names.clone()), options)?;
+        let mut has_record = records.advance().map_err(failed)?;
+        if has_record && records.record.len() == width {
+            let cells: Vec<&[u8]> = records.record.iter().map(<[u8]>::trim_ascii).collect();
+            let cells = clocks.as_ref().map_or(cells.clone(), |clocks| clocks.cells(&cells));
+            if layout.take_units(&cells) {
+                has_record = records.advance().map_err(failed)?;
+            }
+        }
+        let mut cleaner = Cleaner::new(path, layout);
+        let mut count: u64 = 0;
+        while has_record {
+            let position = records.position();
+            let record = &records.record;
+            count += 1;
+            if count.is_multiple_of(PROGRESS_ROWS) {
+                progress(records.bytes_read());
+            }
+            if is_blank(record) || self.is_end_mark(record) {
+                // An empty line.
+            } else if position.is_open || record.len() != width && clocks.is_none() {
+                cleaner.reject_ragged_row(position.line, found_cells(&position, record.len()));
+            } else if let Some(clocks) = &mut clocks {
+                clocks.add(&mut cleaner, &position, record, &|cell| format.parse(cell));
+            } else {
+                cleaner.add_row(position.line, &CsvRow { record, format })?;
+            }
+            has_record = records.advance().map_err(failed)?;
+        }
+        let mut notes = Vec::new();
+        if let Some(clocks) = clocks {
+            notes.push(clocks.note(&names));
+            notes.extend(clocks.finish(&mut cleaner)?);
+        }
+        let mut data = cleaner.finish()?;
+        data.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
+        Ok(data)
+    }
+
+    /// Returns true for the line that ends an export of TwinCAT Scope.
+    fn is_end_mark(&self, record: &csv::ByteRecord) -> bool {
+        self.before.columns.is_some() && record.as_slice().trim_ascii() == b"EOF"
+    }
+
+    /// Returns notes on what was assumed of the text.
+    fn notes(&self, style: NumberStyle) -> Vec<String> {
+        let mut notes = Vec::new();
+        if let Some(first) = &self.before.skipped {
+            let (lines, first) = (self.before.lines, quoted(first.as_bytes()));
+            notes.push(format!(
+                "{lines} lines above the header are skipped, the first with text is {first}"
+            ));
+        }
+        let thousands = [
+            (style.thousands_comma, "commas"),
+            (style.thousands_point, "points"),
+            (style.thousands_space, "spaces or apostrophes"),
+        ];
+        for (_, sign) in thousands.iter().filter(|(is_used, _)| *is_used) {
+            notes.push(format!("{sign} inside numbers separate thousands"));
+        }
+        if style.decimal_comma {
+            notes.push("commas inside numbers are decimal points".into());
+        }
+        let file = self.path.display();
+        notes.into_iter().map(|note| format!("{file}: {note}")).collect()
+    }
+}
+
+/// Describes a record of the wrong number of cells.
+fn found_cells(position: &RecordPosition, cells: usize) -> String {
+    match position.line_ends {
+        _ if position.is_open => "a quote that is never closed".into(),
+        0 => format!("{cells} cells"),
+        count => format!("a quoted cell that ends {count} lines further down"),
+    }
+}

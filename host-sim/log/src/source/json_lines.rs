@@ -1,0 +1,269 @@
+//! JSON lines as a source of rows: one object a line.
+//!
+//! A field of a nested object is a column with a dotted name, `data.velocity`; an element of a list is `q[1]`. Objects
+//! need not have the same fields: a logger of several channels writes an object for each. Only the columns that the
+//! contract or `--columns` names are then kept, and an object without any of them is no row. The file is read twice:
+//! first for the columns, then for the rows.
+
+use super::format::{Input, LogFormat};
+use crate::clean::{Cleaner, FileData};
+use crate::contract;
+use crate::error::{DataError, quoted};
+use crate::header::{Layout, layout};
+use crate::row::LogRow;
+use serde_json::Value;
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::io::{BufRead, BufReader, Seek};
+
+/// Maximum nesting of a field. Deeper fields do not describe a joint.
+const MAX_FIELD_DEPTH: usize = 16;
+
+/// Maximum number of columns. More indicate that the names hold values.
+const MAX_COLUMNS: usize = 10_000;
+
+/// Lines between two calls of the progress function.
+const PROGRESS_LINES: u64 = 16 * 1024;
+
+/// JSON lines.
+pub(super) const FORMAT: LogFormat = LogFormat { matches: is_json_lines, read };
+
+/// Returns true if the first line is an object, or the start of a long one.
+fn is_json_lines(head: &[u8]) -> bool {
+    let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head).trim_ascii_start();
+    let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let is_whole = line.len() < text.len() || head.len() < super::format::HEAD_BYTES as usize;
+    text.starts_with(b"{") && (parse(line).is_some() || !is_whole)
+}
+
+/// Parses a line as an object. Python writes `NaN` and `Infinity`, which JSON does not have; they become null.
+fn parse(line: &[u8]) -> Option<Value> {
+    let value = serde_json::from_slice(line).ok().or_else(|| {
+        let text = std::str::from_utf8(line).ok()?;
+        serde_json::from_str(&without_nan(text)).ok()
+    });
+    value.filter(Value::is_object)
+}
+
+/// Replaces `NaN`, `Infinity` and `-Infinity` outside of strings by `null`.
+fn without_nan(text: &str) -> String {
+    let parts = text.split('"').collect::<Vec<_>>();
+    let mut out = String::with_capacity(text.len());
+    let mut is_string = false;
+    for (at, part) in parts.iter().enumerate() {
+        if is_string {
+            out += part;
+        } else {
+            out += &part
+                .replace("-Infinity", "null")
+                .replace("Infinity", "null")
+                .replace("NaN", "null");
+        }
+        if at + 1 < parts.len() {
+            out.push('"');
+            let escapes = part.bytes().rev().take_while(|byte| *byte == b'\\').count();
+            is_string = !is_string || escapes % 2 == 1;
+        }
+    }
+    out
+}
+
+/// Calls `add` with the name and value of each field that is not an object or a list.
+fn each_field(name: &str, value: &Value, depth: usize, add: &mut dyn FnMut(&str, &Value)) {
+    if depth > MAX_FIELD_DEPTH {
+        return;
+    }
+    match value {
+        Value::Object(fields) => {
+            for (field, value) in fields {
+                let name = if name.is_empty() { field.clone() } else { format!("{name}.{field}") };
+                each_field(&name, value, depth + 1, add);
+            }
+        }
+        Value::Array(elements) => {
+            for (at, value) in elements.iter().enumerate() {
+                each_field(&format!("{name}[{at}]"), value, depth + 1, add);
+            }
+        }
+        value => add(name, value),
+    }
+}
+
+/// The fields of an object as a row.
+struct JsonRow<'a> {
+    values: &'a [Option<Value>],
+}
+
+impl LogRow for JsonRow<'_> {
+    fn number(&self, column: usize) -> Option<f64> {
+        match self.values.get(column)?.as_ref()? {
+            Value::Number(number) => number.as_f64(),
+            Value::String(text) => fast_float2::parse(text.trim()).ok(),
+            _ => None,
+        }
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+        match self.values.get(column).and_then(Option::as_ref) {
+            Some(Value::String(text)) => text.as_bytes().trim_ascii().into(),
+            Some(Value::Null) | None => Cow::Borrowed(&[]),
+            Some(value) => value.to_string().into_bytes().into(),
+        }
+    }
+}
+
+/// The columns of a file.
+#[derive(Default)]
+struct Columns {
+    names: Vec<String>,
+    by_name: HashMap<String, usize>,
+    /// Fewest fields of an object.
+    fewest: usize,
+}
+
+fn read(input: Input) -> Result<FileData, DataError> {
+    let path = input.path;
+    let mut columns = Columns { fewest: usize::MAX, ..Columns::default() };
+    each_line(&input, &|bytes| (input.progress)(bytes / 2), &mut |_, line| {
+        if let Some(object) = parse(line) {
+            columns.add(&object);
+        }
+        if columns.names.len() <= MAX_COLUMNS {
+            return Ok(());
+        }
+        Err(DataError::File {
+            file: path.into(),
+            found: format!("more than {MAX_COLUMNS} fields"),
+            expected: "objects with the same fields".into(),
+        })
+    })?;
+    let Columns { names, by_name, fewest } = columns;
+    let count = names.len();
+    let mut layout = layout(path, names, input.options)?;
+    let has_channels = fewest < count && !layout.is_survey;
+    if has_channels {
+        keep_named_columns(&mut layout, count, &path.display().to_string());
+    }
+    let is_measured = measured_columns(&layout);
+    let mut cleaner = Cleaner::new(path, layout);
+    let mut ignored = 0_u64;
+    let mut values = vec![None; count];
+    let half = input.size / 2;
+    each_line(&input, &|bytes| (input.progress)(half + bytes / 2), &mut |number, line| {
+        let Some(object) = parse(line) else {
+            cleaner.reject_sample(number, None, quoted(line), "a JSON object");
+            return Ok(());
+        };
+        values.fill(None);
+        each_field("", &object, 0, &mut |name, value| {
+            if let Some(at) = by_name.get(name) {
+                values[*at] = Some(value.clone());
+            }
+        });
+        let has_values = values.iter().zip(&is_measured).any(|(value, of)| *of && value.is_some());
+        if has_channels && !has_values {
+            ignored += 1;
+            return Ok(());
+        }
+        cleaner.add_row(number, &JsonRow { values: &values })
+    })?;
+    let mut data = cleaner.finish()?;
+    if ignored > 0 {
+        let file = path.display();
+        data.notes
+            .push(format!("{file}: {ignored} objects have none of these columns and are no rows"));
+    }
+    Ok(data)
+}
+
+impl Columns {
+    fn add(&mut self, object: &Value) {
+        let mut fields = 0;
+        each_field("", object, 0, &mut |name, _| {
+            fields += 1;
+            if !self.by_name.contains_key(name) {
+                self.by_name.insert(name.to_owned(), self.names.len());
+                self.names.push(name.to_owned());
+            }
+        });
+        self.fewest = self.fewest.min(fields);
+    }
+}
+
+/// Leaves out the covariates that only their own name makes one.
+fn keep_named_columns(layout: &mut Layout, count: usize, file: &str) {
+    layout.optional.retain(|column| column.is_mapped || column.quantity.is_some());
+    let kept: Vec<String> = layout.optional.iter().map(|column| column.name.clone()).collect();
+    layout.sources.retain(|source| {
+        contract::names().any(|name| name == source.name) || kept.contains(&source.name)
+    });
+    layout.notes.retain(|note| !note.contains("is read as a covariate"));
+    let mut used: Vec<usize> = layout.needed().collect();
+    used.sort_unstable();
+    used.dedup();
+    layout.notes.push(format!(
+        "{file}: {} of {count} columns are read: those with a name of the contract",
+        used.len()
+    ));
+}
+
+/// Returns for each column whether it is a measurement, and not the time or a name.
+fn measured_columns(layout: &Layout) -> Vec<bool> {
+    let mut is_measured = vec![false; layout.names.len()];
+    let required = layout.required[1..].iter().map(|reading| reading.index);
+    let optional = layout.optional.iter().map(|column| column.reading.index);
+    required.chain(optional).for_each(|at| is_measured[at] = true);
+    is_measured
+}
+
+/// Receives the number and text of a line.
+type AddLine<'a> = dyn FnMut(u64, &[u8]) -> Result<(), DataError> + 'a;
+
+/// Calls `add` with the number and text of each line that is not blank.
+fn each_line(input: &Input, progress: &dyn Fn(u64), add: &mut AddLine) -> Result<(), DataError> {
+    let io = |source| DataError::Io { file: input.path.into(), source };
+    let mut file = input.file.try_clone().map_err(io)?;
+    file.rewind().map_err(io)?;
+    let mut reader = BufReader::new(file);
+    let (mut line, mut number, mut bytes) = (Vec::new(), 0, 0);
+    loop {
+        line.clear();
+        let length = reader.read_until(b'\n', &mut line).map_err(io)?;
+        if length == 0 {
+            return Ok(());
+        }
+        number += 1;
+        bytes += length as u64;
+        if number % PROGRESS_LINES == 0 {
+            progress(bytes);
+        }
+        let text = line.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(&line).trim_ascii();
+        if !text.is_empty() {
+            add(number, text)?;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_field_with_nested_object_returns_dotted_names() {
+        let object =
+            parse(br#"{"t": 1, "data": {"q": [0.5, NaN], "note": "NaN \" NaN"}}"#).unwrap();
+        let mut fields = Vec::new();
+        each_field("", &object, 0, &mut |name, value| fields.push(format!("{name}={value}")));
+        let expected = ["t=1", "data.q[0]=0.5", "data.q[1]=null", r#"data.note="NaN \" NaN""#];
+        assert_eq!(fields, expected);
+    }
+
+    #[test]
+    fn is_json_lines_with_object_in_first_line_returns_true() {
+        assert!(is_json_lines(b"{\"t\": 0}\n{\"t\": 1}\n"));
+        assert!(is_json_lines(b"\xef\xbb\xbf{\"t\": -Infinity}\n"));
+        for text in ["{\n\"t\": 0}", "[{\"t\": 0}]", "{t},v\n", ""] {
+            assert!(!is_json_lines(text.as_bytes()), "{text}");
+        }
+    }
+}

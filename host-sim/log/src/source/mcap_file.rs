@@ -1,0 +1,203 @@
+//! MCAP files of ROS 2 and Foxglove: messages of several topics as rows.
+//!
+//! Each message becomes a row that holds only its own numbers; `close` merges the channels. A column is named by topic
+//! and field, `/joint_states.velocity[1]`. If the message also lists joint names, the name replaces the index:
+//! `/joint_states.velocity[elbow]`. A field with a contract name keeps that name. The time is the header's stamp, or
+//! the time at which the message was logged. CDR (the encoding of ROS 2) and JSON are supported. Only columns that
+//! the contract or `--columns` names are kept: a robot's log has hundreds.
+
+use super::cdr::Definition;
+use super::format::{Input, LogFormat};
+use crate::clean::{Cleaner, FileData};
+use crate::contract;
+use crate::error::{DataError, one_line};
+use crate::header::layout;
+use crate::row::LogRow;
+use mcap::{McapError, Message, MessageStream};
+use serde_json::Value;
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::io::Read;
+
+/// MCAP.
+pub(super) const FORMAT: LogFormat =
+    LogFormat { matches: |head| head.starts_with(&[0x89, b'M', b'C', b'A', b'P', b'0']), read };
+
+/// Name of the time column, as in the plain-text logs of ROS: nanoseconds.
+const TIME: &str = "%time";
+
+/// Maximum nesting of a field. Deeper fields do not describe a joint.
+const MAX_FIELD_DEPTH: usize = 16;
+
+/// The numbers of a message.
+struct MessageRow {
+    time_ns: i128,
+    values: Vec<(usize, f64)>,
+}
+
+impl LogRow for MessageRow {
+    fn number(&self, column: usize) -> Option<f64> {
+        if column == 0 {
+            return Some(self.time_ns as f64);
+        }
+        self.values.iter().find(|(of, _)| *of == column).map(|(_, value)| *value)
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+        match (column, self.number(column)) {
+            (0, _) => self.time_ns.to_string().into_bytes().into(),
+            (_, Some(value)) => value.to_string().into_bytes().into(),
+            (_, None) => Cow::Borrowed(&[]),
+        }
+    }
+}
+
+/// The messages of a file as a table.
+#[derive(Default)]
+struct MessageTable {
+    names: Vec<String>,
+    by_name: HashMap<String, usize>,
+    rows: Vec<MessageRow>,
+    definitions: HashMap<u16, Definition>,
+    /// Number of messages that are damaged or in an unsupported encoding.
+    ignored: usize,
+}
+
+fn read(input: Input) -> Result<FileData, DataError> {
+    let Input { path, mut file, options, progress, size, .. } = input;
+    let io = |source| DataError::Io { file: path.into(), source };
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(io)?;
+    let failed = |error: McapError| DataError::File {
+        file: path.into(),
+        found: one_line(&error.to_string()),
+        expected: "an intact MCAP file, uncompressed or compressed with zstd or lz4".into(),
+    };
+    let mut table = MessageTable { names: vec![TIME.into()], ..MessageTable::default() };
+    for message in MessageStream::new(&bytes).map_err(failed)? {
+        table.add_message(&message.map_err(failed)?);
+    }
+    drop(bytes);
+    progress(size);
+    let MessageTable { names, mut rows, ignored, .. } = table;
+    rows.sort_by_key(|row| row.time_ns);
+    let all = names.len() - 1;
+    let mut layout = layout(path, names, options)?;
+    let is_survey = layout.is_survey;
+    layout.optional.retain(|column| is_survey || column.is_mapped || column.quantity.is_some());
+    let kept: Vec<String> = layout.optional.iter().map(|column| column.name.clone()).collect();
+    layout.sources.retain(|source| {
+        contract::names().any(|name| name == source.name) || kept.contains(&source.name)
+    });
+    let used = layout.needed().count() - 1;
+    let file = path.display();
+    layout.notes.retain(|note| !note.contains("is read as a covariate"));
+    layout.notes.push(format!(
+        "{file}: {used} of {all} columns are read: those with a name of the contract"
+    ));
+    if ignored > 0 {
+        layout.notes.push(format!(
+            "{file}: {ignored} messages are ignored: they are damaged, or neither CDR nor JSON"
+        ));
+    }
+    let mut needed = vec![false; layout.names.len()];
+    layout.needed().for_each(|at| needed[at] = true);
+    let mut cleaner = Cleaner::new(path, layout);
+    for (number, mut row) in rows.into_iter().enumerate() {
+        row.values.retain(|(column, _)| needed[*column]);
+        // A message without a needed column makes no row.
+        if !row.values.is_empty() {
+            cleaner.add_row(number as u64 + 1, &row)?;
+        }
+    }
+    cleaner.finish()
+}
+
+impl MessageTable {
+    fn add_message(&mut self, message: &Message) {
+        let channel = &message.channel;
+        let value = match channel.message_encoding.as_str() {
+            "json" => serde_json::from_slice(&message.data).ok(),
+            "cdr" => channel.schema.as_ref().and_then(|schema| {
+                let definition = self
+                    .definitions
+                    .entry(schema.id)
+                    .or_insert_with(|| Definition::parse(&String::from_utf8_lossy(&schema.data)));
+                definition.decode(&message.data)
+            }),
+            _ => None,
+        };
+        let Some(value) = value else {
+            self.ignored += 1;
+            return;
+        };
+        let time_ns = header_stamp_ns(&value).unwrap_or_else(|| i128::from(message.log_time));
+        let mut row = MessageRow { time_ns, values: Vec::new() };
+        self.flatten(&channel.topic, "", &value, &mut row, 0);
+        self.rows.push(row);
+    }
+
+    /// Adds the numbers of a value to the row, each under its path.
+    fn flatten(
+        &mut self,
+        topic: &str,
+        path: &str,
+        value: &Value,
+        row: &mut MessageRow,
+        depth: usize,
+    ) {
+        match value {
+            _ if depth > MAX_FIELD_DEPTH => {}
+            Value::Number(number) => {
+                row.values.extend(number.as_f64().map(|value| (self.column(topic, path), value)));
+            }
+            Value::Object(fields) => {
+                let names: Vec<&str> = fields
+                    .get("name")
+                    .and_then(Value::as_array)
+                    .map(|names| names.iter().filter_map(Value::as_str).collect())
+                    .unwrap_or_default();
+                for (field, value) in fields {
+                    let path =
+                        if path.is_empty() { field.clone() } else { format!("{path}.{field}") };
+                    match value {
+                        Value::Array(list) => {
+                            for (at, value) in list.iter().enumerate() {
+                                let named = names.get(at).filter(|_| names.len() == list.len());
+                                let path = match named {
+                                    Some(name) => format!("{path}[{name}]"),
+                                    None => format!("{path}[{at}]"),
+                                };
+                                self.flatten(topic, &path, value, row, depth + 1);
+                            }
+                        }
+                        value => self.flatten(topic, &path, value, row, depth + 1),
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Returns the column of a field, which it adds if it is new.
+    fn column(&mut self, topic: &str, path: &str) -> usize {
+        let is_contract = contract::names().any(|name| name == path && name != contract::TIME);
+        let name = if is_contract { path.to_owned() } else { format!("{topic}.{path}") };
+        if let Some(at) = self.by_name.get(&name) {
+            return *at;
+        }
+        let at = self.names.len();
+        self.names.push(name.clone());
+        self.by_name.insert(name, at);
+        at
+    }
+}
+
+/// Returns the stamp in a message's header, ns, if it is set.
+fn header_stamp_ns(value: &Value) -> Option<i128> {
+    let stamp = value.pointer("/header/stamp")?;
+    let seconds = stamp.get("sec").or_else(|| stamp.get("secs"))?.as_i64()?;
+    let rest = ["nanosec", "nsec", "nsecs"].iter().find_map(|name| stamp.get(name))?.as_i64()?;
+    let stamp = i128::from(seconds) * 1_000_000_000 + i128::from(rest);
+    (stamp > 0).then_some(stamp)
+}

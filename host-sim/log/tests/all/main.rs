@@ -1,0 +1,12 @@
+//! The tests of `joint-log` in one binary, because linking each takes longer than most of the tests.
+//!
+//! `cargo test -p joint-log --test all X::` runs the tests of the file `X.rs`.
+
+#[cfg(feature = "arrow")]
+mod data_arrow;
+mod data_garbage;
+mod data_measured;
+#[cfg(feature = "parquet")]
+mod data_parquet;
+mod data_reading;
+mod motion;

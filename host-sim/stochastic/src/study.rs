@@ -1,0 +1,162 @@
+//! Computation of certificates: the parts that do not depend on the source of the residual.
+//!
+//! The measured residual gives the certificate. White noise of the sensor gives the reference certificate without
+//! missing physics, on the same inputs, trials and draws ([`super::calibrate`]).
+
+use super::certificate::{Certificate, Class, ExcludedParameter, MAX_CV};
+use super::classes::{SpeedClass, speed_classes};
+use super::draw::{Draws, certifiable, spread_at, varied};
+use super::ensemble::Ensemble;
+use super::range::Ranges;
+use super::search::SpreadSearch;
+use super::settings::Settings;
+use super::trials::{Block, Trials};
+use compensator_core::{ParameterId, Parameters};
+use friction_fit::Track;
+use rayon::prelude::*;
+
+/// Source of the residuals that determine the data's range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ResidualSource {
+    /// The residual of the log.
+    Measured,
+    /// White noise of the sensor, as if the model were exact.
+    NoiseAlone,
+}
+
+/// A model with the trials of each speed class.
+pub(super) struct CertificateStudy<'a> {
+    parameters: Parameters<f64>,
+    certified: Vec<ParameterId>,
+    left_out: Vec<ExcludedParameter>,
+    classes: Vec<(SpeedClass, Trials)>,
+    draws: Draws,
+    settings: &'a Settings,
+}
+
+impl<'a> CertificateStudy<'a> {
+    /// Sorts the runs into classes and simulates the fitted model along them.
+    pub fn new(
+        parameters: &Parameters<f64>,
+        free: &[ParameterId],
+        tracks: &[Track],
+        settings: &'a Settings,
+    ) -> Self {
+        let mut parameters = parameters.clone();
+        // The declared speed limit would clip measured velocities.
+        parameters.envelope.velocity_max_rad_s = f32::MAX;
+        let (mut certified, mut left_out) = (Vec::new(), Vec::new());
+        for id in free {
+            match certifiable(&parameters, *id) {
+                Ok(()) if !certified.contains(id) => certified.push(*id),
+                Ok(()) => {}
+                Err(why) => left_out.push(ExcludedParameter { parameter: *id, why }),
+            }
+        }
+        let counts = settings.counts();
+        let classes = speed_classes(tracks, settings.joint, settings.max_classes)
+            .into_iter()
+            .filter_map(|class| {
+                let own: Vec<&Track> =
+                    class.tracks.iter().filter_map(|index| tracks.get(*index)).collect();
+                let trials = Trials::new(
+                    &parameters,
+                    &own,
+                    counts.trials,
+                    settings.samples_per_run,
+                    settings.resolution,
+                    settings.seed,
+                );
+                (!trials.trials.is_empty()).then_some((class, trials))
+            })
+            .collect();
+        let draws = Draws::new(settings.seed, &certified, counts.sampled_vectors);
+        Self { parameters, certified, left_out, classes, draws, settings }
+    }
+
+    fn ranges(&self, trials: &Trials, residual: ResidualSource) -> Ranges {
+        let draws = self.settings.counts().trials;
+        match residual {
+            ResidualSource::Measured => {
+                let rows = trials.blocks.iter().flat_map(Block::residuals);
+                Ranges::new(rows, draws)
+            }
+            ResidualSource::NoiseAlone => Ranges::of_noise(noise(trials), draws),
+        }
+    }
+
+    /// Returns the trials of a class and the violation probability of the fitted model itself. If that exceeds `rho`, the range
+    /// is centred on the fit.
+    fn ensemble<'b>(&self, trials: &'b Trials, residual: ResidualSource) -> (Ensemble<'b>, f64) {
+        let times = self.settings.monitoring_times;
+        let ranges = self.ranges(trials, residual);
+        let ensemble = Ensemble::new(trials, &ranges, times);
+        let at_fit = ensemble.violation(&varied(&self.parameters, &[]));
+        if at_fit <= self.settings.levels.rho {
+            return (ensemble, at_fit);
+        }
+        (Ensemble::new(trials, &ranges.around_the_fit(), times), at_fit)
+    }
+
+    /// Searches for the largest permitted spreads of every class.
+    pub fn certify(&self, residual: ResidualSource) -> Certificate {
+        let ensembles: Vec<(Ensemble, f64)> =
+            self.classes.iter().map(|(_, trials)| self.ensemble(trials, residual)).collect();
+        let search = |class: usize| SpreadSearch {
+            ensemble: &ensembles[class].0,
+            parameters: &self.parameters,
+            ids: &self.certified,
+            draws: &self.draws,
+            levels: self.settings.levels,
+            max_spread: spread_at(MAX_CV),
+        };
+        let sides: Vec<(usize, ParameterId, f64)> = (0..ensembles.len())
+            .flat_map(|class| self.certified.iter().map(move |id| (class, *id)))
+            .flat_map(|(class, id)| [(class, id, -1.0), (class, id, 1.0)])
+            .collect();
+        let limits: Vec<f64> =
+            sides.par_iter().map(|(class, id, sign)| search(*class).limit(*id, *sign)).collect();
+        let count = self.certified.len();
+        let classes = (0..ensembles.len())
+            .map(|class| {
+                let search = search(class);
+                let own = &limits[2 * class * count..2 * (class + 1) * count];
+                let spreads: Vec<f64> =
+                    own.chunks_exact(2).map(|pair| search.spread(pair[0], pair[1])).collect();
+                let share = search.share(&spreads);
+                Class {
+                    name: self.classes[class].0.name.clone(),
+                    violations: search.violations(&spreads, share),
+                    spreads,
+                    share,
+                    violation_at_fit: ensembles[class].1,
+                }
+            })
+            .collect();
+        let mut certificate = Certificate::assemble(
+            classes,
+            &self.certified,
+            &self.parameters,
+            self.settings,
+            self.left_out.clone(),
+        );
+        certificate.simulations =
+            ensembles.iter().map(|(ensemble, _)| ensemble.simulations()).sum();
+        certificate
+    }
+}
+
+/// Returns the noise of the torque, Nm, from its second differences, which are small for a smooth torque. The median excludes
+/// breakaways and reversals. The method is that of [`friction_fit::scales::Scales::noise`], applied to the blocks.
+fn noise(trials: &Trials) -> f64 {
+    let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
+    let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
+    let mut differences: Vec<f64> =
+        torques().flat_map(|torque| torque.windows(3).map(second)).collect();
+    differences.sort_by(f64::total_cmp);
+    let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
+    let rows = torques().map(<[f64]>::len).sum::<usize>().max(1) as f64;
+    let squares: f64 = torques().flatten().map(|torque| torque * torque).sum();
+    // The lower limit is the rounding of a log without noise.
+    (median / (0.6745 * 6f64.sqrt())).max(1e-5 * (squares / rows).sqrt()).max(1e-12)
+}
