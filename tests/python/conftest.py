@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import subprocess
+import time
 
 import pytest
 
@@ -26,6 +27,14 @@ def document(folder, *arguments):
     result = host_sim(folder, *arguments, "--json")
     assert result.returncode == 0, result.stderr
     return json.loads(result.stdout)
+
+
+def wait_until(condition, what, limit_s=60):
+    """Waits until the condition holds. Fails after the limit, which is far longer than any machine takes."""
+    end = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end, f"no {what} within {limit_s} s"
+        time.sleep(0.01)
 
 
 class Log:

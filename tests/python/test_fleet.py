@@ -12,6 +12,7 @@ import pyarrow.parquet
 import pytest
 
 import friction
+from conftest import wait_until
 from friction.fleet import Task
 
 
@@ -99,7 +100,8 @@ def test_run_with_a_process_that_no_longer_reads_its_queue_ends(logs, tmp_path, 
     processes = local._processes()
     os.kill(processes[0].pid, signal.SIGSTOP)
     assert list(run) == []
-    assert not any(process.is_alive() for process in processes)
+    # Two threads wait for the end of a process. One of them knows of it a little later.
+    wait_until(lambda: not any(process.is_alive() for process in processes), "the end of the processes")
 
 
 def test_diagnose_on_dask_survives_a_killed_worker(logs, tmp_path):

