@@ -1,6 +1,12 @@
 //! One result of a paper, beside the printed one.
 
+use joint_log::number::significant;
 use serde::Serialize;
+
+/// Formats a percentage with its sign.
+pub(crate) fn percent(value: f64) -> String {
+    format!("{}{} %", if value > 0.0 { "+" } else { "" }, significant(value, 3))
+}
 
 /// One result.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -12,7 +12,7 @@
 //! Each step of the bristles is solved exactly for a level that changes linearly. The input is the travel, not the
 //! velocity.
 
-use super::lubricated::{ContactStep, LubricatedSeal};
+use super::lubricated::{ContactStep, LubricatedSeal, mean_of_decay};
 use simulated_machines::scenarios::joint::Joint;
 use simulated_machines::scenarios::surroundings::{Condition, Conditions};
 
@@ -82,11 +82,6 @@ pub(super) struct Machine<'a> {
     pub joint: &'a Joint,
     /// Sample rate of the covariates, Hz. `None` if they are continuous.
     pub covariate_hz: Option<f64>,
-}
-
-/// Returns `(1 - exp(-x)) / x`.
-pub(super) fn mean_of_decay(x: f64) -> f64 {
-    if x < 1e-6 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
 }
 
 /// State of the plant.

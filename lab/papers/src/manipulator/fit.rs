@@ -233,12 +233,11 @@ impl ArmFit<'_> {
             .collect();
         let from: Vec<f64> =
             from.iter().zip(&bounds).map(|(x, (least, most))| x.clamp(*least, *most)).collect();
-        // The number of derivatives is part of a dual number's type, so the arm is compiled once for each number.
+        // The number of derivatives is part of a dual number's type, so the arm is compiled once for each number. Each takes
+        // as long to compile as the rest of this file, so there are two.
         let at = |point: &[f64]| match point.len() {
-            0..=6 => self.normal::<6>(point),
-            7..=12 => self.normal::<12>(point),
-            13..=16 => self.normal::<16>(point),
-            17..=24 => self.normal::<24>(point),
+            0..=12 => self.normal::<12>(point),
+            13..=24 => self.normal::<24>(point),
             other => unreachable!("no law of these has {other} values in three joints"),
         };
         let SearchResult { point, normal, evaluations, converged } =

@@ -1,11 +1,12 @@
 //! Summary sentences beyond the goals: certificates, parameter transfer, harm, and the watch.
 
+use super::JointStudy;
 use super::arms::{DIAGNOSED, IMPROVED, NONE, PERFECT, PUBLISHED};
 use super::harm::{AS_IDENTIFIED, Circumstance, MAX_TRACKING_RATIO, TASKS, WearCampaign};
 use super::rows::printed_sums;
 use super::tasks::Task;
-use super::{JointStudy, goals::percent};
 use crate::Goal;
+use crate::row::percent;
 use joint_log::number::significant;
 
 /// Compares the sums of CV of the published, the improved and the diagnosed model with the paper's.

@@ -8,6 +8,7 @@ use super::arms::{DIAGNOSED, IMPROVED, NONE, PERFECT, PUBLISHED, REFITTED};
 use super::estimation::SPEEDS_RPM;
 use super::tasks::Task;
 use super::{JointStudy, Spread};
+use crate::row::percent;
 use crate::{Goal as PaperGoal, ResultRow};
 use joint_log::number::significant;
 
@@ -166,11 +167,6 @@ pub fn rows(goals: &[ReductionGoal]) -> Vec<ResultRow> {
         rows.extend(goal.perfect.map(|value| row("perfect model", value)));
     }
     rows
-}
-
-/// Formats a percentage with its sign.
-pub fn percent(value: f64) -> String {
-    format!("{}{} %", if value > 0.0 { "+" } else { "" }, significant(value, 3))
 }
 
 /// Returns the summary sentences, most important first.

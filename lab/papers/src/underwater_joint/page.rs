@@ -2,10 +2,11 @@
 
 use super::arms::{DIAGNOSED, IMPROVED, NONE, PERFECT, PUBLISHED, REFITTED};
 use super::estimation::SPEEDS_RPM;
-use super::goals::{ReductionGoal, percent};
+use super::goals::ReductionGoal;
 use super::parameter_transfer::TransferResult;
 use super::tasks::{Course, RPM, Task};
 use super::{JointStudy, WATER_C, harm};
+use crate::row::percent;
 use friction_results::report::{Axis, Block, Cell, Chart, Series, Table, thin_series};
 use joint_log::number::significant;
 
