@@ -1,20 +1,32 @@
-"""The generated tables of the book: parameters, faults and CAN objects, read from the source.
+#!/usr/bin/env python3
+"""The tables of the book that a program makes: an mdBook preprocessor, which docs/book.toml names.
 
-A page holds a table between `<!-- table: NAME -->` and `<!-- end of table -->`. `tests/book/run --update` writes the tables;
-`tests/book/run` compares them.
+    tests/book/tables.py                prints all tables
+    tests/book/tables.py supports html  exit code 0: the preprocessor serves every renderer
 
-The lists are macros of one line per entry. They are found by a name that stands in them, because files and types may be
-renamed while the names on the bus may not.
+A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects, bus
+load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
+hash, so that a change shows in a diff; `tests/book/run --update` writes it.
+
+The lists in the source are macros of one line per entry. They are found by a name that stands in them, because files and
+types may be renamed while the names on the bus may not.
+
+A file of figures has blocks, separated by empty lines. A block is a title after `# `, a line of column names, and rows,
+with tabs between cells. A line without a tab is a paragraph. `NAME` is such a file without its suffix; `NAME/TITLE` is
+one of its blocks.
 """
 
+import hashlib
+import json
 import pathlib
 import re
-import struct
 import subprocess
+import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 BOOK = ROOT / "docs" / "src"
-TABLE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end of table -->)", re.S)
+DIGESTS = ROOT / "docs" / "generated.toml"
+PLACE = re.compile(r"^\{\{table: ([^}]+)\}\}$", re.M)
 
 
 def sources():
@@ -234,17 +246,84 @@ MADE = {
 }
 
 
-def pages():
-    """Every page with tables: path, text in git, text as the source has it."""
+def figure_file(name):
+    """Text of the file of measured figures with this name."""
+    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", f"*/{name}.tsv"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    names = listed.split()
+    assert len(names) == 1, f"{name}.tsv: expected one file, found {names}"
+    return (ROOT / names[0]).read_text()
+
+
+def figures(name):
+    """Markdown of a file of figures, or of one of its blocks without the title."""
+    name, _, title = name.partition("/")
+    blocks = [block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")]
+    if title:
+        blocks = [block[1:] for block in blocks if block[0] == f"# {title}"]
+        assert len(blocks) == 1, f"{name}.tsv: {len(blocks)} blocks with the title {title!r}"
+    return "\n\n".join(map(figure_block, blocks))
+
+
+def figure_block(lines):
+    parts, table = [], []
+    for line in lines:
+        if line.startswith("# "):
+            parts.append(f"#{line}")
+        elif "\t" in line:
+            table.append(line.split("\t"))
+        else:
+            parts.append(line)
+    if table:
+        assert all(len(row) == len(table[0]) for row in table), f"rows of different length: {table[0]}"
+        parts.append(rows(table[0], table[1:]))
+    return "\n\n".join(parts)
+
+
+def made(name, texts):
+    """Markdown of the table with this name."""
+    return MADE[name](texts) if name in MADE else figures(name)
+
+
+def fill(text, texts):
+    """Replaces the places of tables in a page."""
+    return PLACE.sub(lambda found: made(found[1], texts), text)
+
+
+def digests():
+    """The content of docs/generated.toml."""
     texts = sources()
-    for page in sorted(BOOK.rglob("*.md")):
-        text = page.read_text()
-        new = TABLE.sub(lambda found: f"{found[1]}\n{MADE[found[2]](texts)}\n\n{found[3]}", text)
-        if TABLE.search(text):
-            yield page, text, new
+    lines = ["# Rows and hash of each table that the book's build makes from the source. `tests/book/run --update` writes this file."]
+    for name, table in MADE.items():
+        text = table(texts)
+        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+        lines.append(f'{name} = {{ rows = {text.count(chr(10)) - 1}, sha256 = "{digest}" }}')
+    return "\n".join(lines) + "\n"
+
+
+def fill_chapters(items, texts):
+    for item in items:
+        if isinstance(item, dict) and "Chapter" in item:
+            chapter = item["Chapter"]
+            chapter["content"] = fill(chapter["content"], texts)
+            fill_chapters(chapter["sub_items"], texts)
+
+
+def preprocess():
+    """Fills the book that mdBook writes to the standard input."""
+    _, book = json.load(sys.stdin)
+    fill_chapters(book.get("items", book.get("sections", [])), sources())
+    json.dump(book, sys.stdout)
+
+
+def main():
+    if sys.argv[1:2] == ["supports"]:
+        return
+    if not sys.stdin.isatty():
+        preprocess()
+        return
+    for name in MADE:
+        print(f"## {name}\n\n{made(name, sources())}\n")
 
 
 if __name__ == "__main__":
-    made = sources()
-    for each, table in MADE.items():
-        print(f"## {each}\n\n{table(made)}\n")
+    main()

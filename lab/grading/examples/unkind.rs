@@ -47,7 +47,7 @@ struct Arguments {
     /// Prints the other candidates on measured logs
     #[arg(long)]
     candidates: bool,
-    /// Writes docs/src/reference/diagnosis-benchmark.md
+    /// Writes graded/diagnosis-benchmark.tsv
     #[arg(long)]
     update: bool,
     /// Writes all results as JSON
@@ -104,9 +104,8 @@ fn main() -> Result<(), String> {
     let tables = score::tables(&contests);
     println!("{tables}");
     if arguments.update {
-        let path =
-            concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/src/reference/diagnosis-benchmark.md");
-        let text = score::document(&contests, arguments.seed, &tables);
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/graded/diagnosis-benchmark.tsv");
+        let text = score::file(&contests, arguments.seed, &tables);
         std::fs::write(path, text).map_err(|e| format!("{path}: {e}"))?;
     }
     println!("{}", score::times(&contests));

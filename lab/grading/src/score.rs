@@ -99,7 +99,7 @@ pub fn tables(contests: &[Contest]) -> String {
         let own = |c: &Contest| hides(c) && c.truth.is_detectable() && c.truth.cause() == cause;
         row(&mut text, cause, &pick(&own));
     }
-    text += "\n| | diagnosis | regression |\n|---|---|---|\n";
+    text += "\n| quantity | diagnosis | regression |\n|---|---|---|\n";
     let both = |of: &dyn Fn(Vec<&Answer>) -> String| {
         SIDES.map(|side| of(contests.iter().filter_map(side).collect()))
     };
@@ -152,17 +152,20 @@ fn calibration(contests: &[Contest]) -> String {
     text
 }
 
-/// Returns the document in git with these tables.
-pub fn document(contests: &[Contest], seed: u64, tables: &str) -> String {
+/// Returns the file in git with these tables: column names and rows of each, with tabs between cells.
+pub fn file(contests: &[Contest], seed: u64, tables: &str) -> String {
     let worlds = contests.len();
-    format!(
-        "# The diagnosis on unkind worlds\n\n\
-         Simulated; {worlds} worlds of seed base {seed}, half of the family that the calibration was fitted to and half \
-         with a plant and sensors that it has not seen (`lubricated-seal`), made by `cargo run --release -p friction-grading \
-         --example unkind -- --worlds {} --seed {seed} --update`. What an unkind world is: `lab/worlds/src/lib.rs`; what \
-         counts as right: `lab/grading/src/contest.rs`; the regression: `lab/grading/src/regression.rs`.\n\n{tables}",
-        worlds / 2
-    )
+    let half = worlds / 2;
+    let mut text = format!(
+        "Simulated: {worlds} worlds of seed base {seed}, by `cargo run --release -p friction-grading --example unkind -- \
+         --worlds {half} --seed {seed} --update`.\n\n"
+    );
+    for line in tables.lines().filter(|line| !line.starts_with("|---")) {
+        let cells = line.strip_prefix("| ").and_then(|line| line.strip_suffix(" |"));
+        text += &cells.unwrap_or(line).replace(" | ", "\t");
+        text.push('\n');
+    }
+    text
 }
 
 /// Returns the processor times: median, 95th percentile, maximum, s.

@@ -3,13 +3,13 @@
 //! Driver, background loop, queues and interrupt are the firmware's own. Shunts in counts and an encoder over SPI go through
 //! its sensor code. The joint is `simulated-machines::joint_plant`. Commands are CAN frames, and time is virtual.
 //!
-//! Every result has two limits, set from the capabilities of the parts and not from earlier results. The table is
-//! `docs/src/reference/closed-loop.md`:
+//! Every result has two limits, set from the capabilities of the parts and not from earlier results. The
+//! results are in `closed-loop.tsv`:
 //!
 //! ```text
 //! UPDATE_TABLES=1 cargo test -p joint-rig --test closed_loop
 //! ```
-//! writes the table; without the variable a test compares results and table.
+//! writes the file; without the variable a test compares results and file.
 
 mod bus;
 mod commissioning;

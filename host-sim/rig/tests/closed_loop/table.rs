@@ -1,4 +1,4 @@
-//! The table of results in `docs/src/reference/closed-loop.md`.
+//! The results in `closed-loop.tsv`, of which the build of the book makes `docs/src/reference/closed-loop.md`.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -110,19 +110,7 @@ const TITLES: [&str; 20] = [
     "Position modes: CSP, PP, homing",
 ];
 
-const HEAD: &str = "# Closed-loop scenarios\n\n\
-All results are simulated: the shipped driver controls the simulated joint in virtual time. In the column *library*,\n\
-the firmware's library runs in the test. In the column *image*, the shipped image runs on the emulated board, with its\n\
-registers, interrupts and time; a dash means that the image has not run this scenario.\n\
-[The driver in closed loop](../explanation/closed-loop.md) explains the setup, summarises the results, and names the\n\
-reasons for differences.\n\n\
-Each result has limits on both sides. They follow from the capabilities of the parts, not from earlier results.\n\
-For a quantity that answers a question, 1 means yes and 0 means no.\n\
-`UPDATE_TABLES=1 cargo test -p joint-rig --test closed_loop` writes the column *library*, and\n\
-`tests/emulator/run --update` the column *image*. The tests compare every result with its limits and with this page.\n";
-
-const COLUMNS: &str =
-    "| procedure | quantity | library | image | limits | met |\n|---|---|---|---|---|---|\n";
+const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";
 
 /// Text of a result that does not exist.
 const NO_RESULT: &str = "-";
@@ -137,9 +125,9 @@ pub enum Driver {
     Image,
 }
 
-/// A row of the page: its cells without the results, and both results as texts.
+/// A row of the file: its cells without the results, and both results as texts.
 #[derive(Clone, Debug, PartialEq)]
-struct PageRow {
+struct FileRow {
     scenario: u8,
     did: String,
     figure: String,
@@ -148,7 +136,7 @@ struct PageRow {
     results: [String; 2],
 }
 
-impl PageRow {
+impl FileRow {
     fn of(row: &ScenarioRow) -> Self {
         let (limits, met) = row.verdict();
         Self {
@@ -167,27 +155,27 @@ impl PageRow {
 }
 
 fn path() -> PathBuf {
-    [env!("CARGO_MANIFEST_DIR"), "..", "..", "docs", "src", "reference", "closed-loop.md"]
+    [env!("CARGO_MANIFEST_DIR"), "../../host-sim/rig/tests/closed_loop/closed-loop.tsv"]
         .iter()
         .collect()
 }
 
-/// Reads the rows of the page.
-fn parse(page: &str) -> Vec<PageRow> {
+/// Reads the rows of the file.
+fn parse(text: &str) -> Vec<FileRow> {
     let (mut rows, mut scenario, mut did) = (Vec::new(), 0, String::new());
-    for line in page.lines() {
-        if let Some(title) = line.strip_prefix("## ") {
+    for line in text.lines() {
+        if let Some(title) = line.strip_prefix("# ") {
             scenario = title.split('.').next().and_then(|number| number.parse().ok()).unwrap_or(0);
         }
-        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        let ["", procedure, figure, library, image, limits, met, ""] = cells[..] else { continue };
+        let cells: Vec<&str> = line.split('\t').collect();
+        let [procedure, figure, library, image, limits, met] = cells[..] else { continue };
         if COLUMNS.contains(line) {
             continue;
         }
         if !procedure.is_empty() {
             did = procedure.to_owned();
         }
-        rows.push(PageRow {
+        rows.push(FileRow {
             scenario,
             did: did.clone(),
             figure: figure.to_owned(),
@@ -199,28 +187,26 @@ fn parse(page: &str) -> Vec<PageRow> {
     rows
 }
 
-/// The page: a heading and a table for each scenario.
-fn page(rows: &[PageRow]) -> String {
-    let mut text = HEAD.to_owned();
+/// The file: a block of a title, column names and rows for each scenario, with an empty line between two of them.
+fn emit(rows: &[FileRow]) -> String {
+    let mut text = String::new();
     for scenario in rows.chunk_by(|one, next| one.scenario == next.scenario) {
         let number = usize::from(scenario[0].scenario);
-        let _ = write!(text, "\n## {number}. {}\n\n{COLUMNS}", TITLES[number - 1]);
+        let separator = if text.is_empty() { "" } else { "\n" };
+        let _ = write!(text, "{separator}# {number}. {}\n{COLUMNS}", TITLES[number - 1]);
         let mut above = "";
         for row in scenario {
             let procedure = if row.did == above { "" } else { &row.did };
             let [library, image] = &row.results;
-            let PageRow { figure, limits, met, .. } = row;
-            let _ = writeln!(
-                text,
-                "| {procedure} | {figure} | {library} | {image} | {limits} | {met} |"
-            );
+            let FileRow { figure, limits, met, .. } = row;
+            let _ = writeln!(text, "{procedure}\t{figure}\t{library}\t{image}\t{limits}\t{met}");
             above = &row.did;
         }
     }
     text
 }
 
-/// Returns true if a result agrees with the page. Another compiler may change the last digits. Every change of the image moves
+/// Returns true if a result agrees with the file. Another compiler may change the last digits. Every change of the image moves
 /// its samples, and with them the noise of the sensors; so its results may also move by three tenths, within a tenth of their
 /// limits. A measured difference of two currents moved by a quarter when one function of the image changed.
 fn agree(known: &str, row: &ScenarioRow, driver: Driver) -> bool {
@@ -233,15 +219,15 @@ fn agree(known: &str, row: &ScenarioRow, driver: Driver) -> bool {
     (known - row.value).abs() <= share.max(of_noise) + 1e-6
 }
 
-/// Compares one column of the page in git with these results, or writes it if `UPDATE_TABLES` is set. The library's
-/// results are all rows of the page; the image's may be some of them.
+/// Compares one column of the file in git with these results, or writes it if `UPDATE_TABLES` is set. The library's
+/// results are all rows of the file; the image's may be some of them.
 pub fn compare<'a>(driver: Driver, rows: impl Iterator<Item = &'a ScenarioRow>) {
     let mut rows: Vec<&ScenarioRow> = rows.collect();
     rows.sort_by_key(|row| row.scenario);
     let known = parse(&std::fs::read_to_string(path()).unwrap_or_default());
     let column = driver as usize;
-    let mut expected: Vec<PageRow> = match driver {
-        Driver::Library => rows.iter().map(|row| PageRow::of(row)).collect(),
+    let mut expected: Vec<FileRow> = match driver {
+        Driver::Library => rows.iter().map(|row| FileRow::of(row)).collect(),
         Driver::Image => known.clone(),
     };
     for row in &mut expected {
@@ -249,10 +235,10 @@ pub fn compare<'a>(driver: Driver, rows: impl Iterator<Item = &'a ScenarioRow>) 
             row.results.clone_from(&known.results);
         }
     }
-    let update = "UPDATE_TABLES=1 writes the page";
+    let update = "UPDATE_TABLES=1 writes closed-loop.tsv";
     let mut changed = Vec::new();
     for row in rows {
-        let about = PageRow::of(row);
+        let about = FileRow::of(row);
         let place = expected.iter_mut().find(|place| place.is_about(&about));
         let place = place.unwrap_or_else(|| panic!("{update}: no row for {about:?}"));
         if !agree(&place.results[column], row, driver) {
@@ -262,10 +248,10 @@ pub fn compare<'a>(driver: Driver, rows: impl Iterator<Item = &'a ScenarioRow>) 
         }
     }
     if std::env::var_os("UPDATE_TABLES").is_some() {
-        std::fs::write(path(), page(&expected)).expect("docs can be written");
+        std::fs::write(path(), emit(&expected)).expect("the file can be written");
         return;
     }
     assert!(changed.is_empty(), "{update}:\n{}", changed.join("\n"));
-    let text = std::fs::read_to_string(path()).expect("docs/src/reference/closed-loop.md");
-    assert_eq!(text, page(&expected), "{update}");
+    let text = std::fs::read_to_string(path()).expect("closed-loop.tsv");
+    assert_eq!(text, emit(&expected), "{update}");
 }

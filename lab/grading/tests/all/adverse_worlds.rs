@@ -1,7 +1,7 @@
 //! A short form of the benchmark of adverse scenarios: the diagnosis compared with a plain regression.
 //!
-//! The full benchmark is `cargo run --release -p friction-grading --example unkind`; its table is in
-//! `docs/src/reference/diagnosis-benchmark.md`. This test uses the shortest logs among the first forty tuning seeds: all of them with
+//! The full benchmark is `cargo run --release -p friction-grading --example unkind`; its tables are in
+//! `lab/grading/graded/diagnosis-benchmark.tsv`. This test uses the shortest logs among the first forty tuning seeds: all of them with
 //! `LONG_TESTS=1`, otherwise a few. The limits are the results currently reached.
 
 use friction_grading::contest::{Contest, Verdict, run_contest};

@@ -1,7 +1,7 @@
-//! Cycles of the current loop's interrupt and of the background, in closed loop: docs/src/reference/interrupt-cycles.md.
+//! Cycles of the current loop's interrupt and of the background, in closed loop: `interrupt-cycles.tsv`.
 //!
 //! The joint is armed, follows a sine of velocity with compensation, and gets new parameters' orders, commands, sensor
-//! frames and objects over the bus; the worst period counts. `UPDATE_TABLES=1` writes the page.
+//! frames and objects over the bus; the worst period counts. `UPDATE_TABLES=1` writes the file.
 
 use super::common::image;
 use super::course::set;
@@ -24,23 +24,14 @@ const MODELS: [(&str, &[TermKind], f64); 3] = [
     ("improved LuGre + the eight most expensive terms", &COSTLIEST_TERMS, 0.65),
 ];
 
-/// Deviation from the page that another compiler may cause.
+/// Deviation from the file that another compiler may cause.
 const TOLERANCE: f64 = 0.03;
 
-/// Functions of the page's second table.
+/// Functions of the file's second table.
 const PARTS: usize = 16;
 
-const HEAD: &str = "# Cycles of the interrupt\n\n\
-Counted on the emulated board: the shipped image in closed loop, armed, at ±2 rad/s, with the frames of a bus at 1 kHz.\n\
-No chip has measured them. Each figure has two estimates; their assumptions are listed in the module\n\
-`cycles` of `tests/emulator`. A period has 8500 cycles (170 MHz, 20 kHz).\n\
-`tests/emulator/run --update` writes this page, and the tests compare it with the image.\n\n\
-## Worst period\n\n\
-The interrupt from its entry to its return. *End* is the latest return after the trigger of the currents, by the\n\
-upper estimate; the loop reports `loop-late` after 7650 cycles. *Background* is the most expensive millisecond of\n\
-everything else, without the interrupt.\n\n\
-| model | instructions | lower | upper | % of the period, upper | end | background, lower | background, upper |\n\
-|---|---:|---:|---:|---:|---:|---:|---:|\n";
+const HEAD: &str = "# Worst period\n\
+model\tinstructions\tlower\tupper\t% of the period, upper\tend\tbackground, lower\tbackground, upper\n";
 
 /// Runs the course with a model and returns its costs.
 fn measure(terms: &[TermKind]) -> Costs {
@@ -86,16 +77,16 @@ fn parts(costs: &Costs) -> Vec<(String, u32, u32)> {
 }
 
 fn path() -> PathBuf {
-    [env!("CARGO_MANIFEST_DIR"), "../../docs/src/reference/interrupt-cycles.md"].iter().collect()
+    [env!("CARGO_MANIFEST_DIR"), "interrupt-cycles.tsv"].iter().collect()
 }
 
-fn page(rows: &[(&str, Costs)]) -> String {
+fn emit(rows: &[(&str, Costs)]) -> String {
     let mut text = HEAD.to_owned();
     for (name, costs) in rows {
         let share = 100.0 * f64::from(costs.worst.upper) / f64::from(PERIOD_CYCLES);
         let _ = writeln!(
             text,
-            "| {name} | {} | {} | {} | {share:.0} | {} | {} | {} |",
+            "{name}\t{}\t{}\t{}\t{share:.0}\t{}\t{}\t{}",
             costs.instructions,
             costs.worst.lower,
             costs.worst.upper,
@@ -104,13 +95,10 @@ fn page(rows: &[(&str, Costs)]) -> String {
             costs.background.upper,
         );
     }
-    text.push_str(
-        "\n## Parts\n\nCycles of the worst period of the model with three terms, by function with what is inlined into it.\n\n\
-         | function | lower | upper |\n|---|---:|---:|\n",
-    );
+    text.push_str("\n# Parts\nfunction\tlower\tupper\n");
     let parts = parts(&rows[1].1);
     for (name, lower, upper) in parts.iter().take(PARTS) {
-        let _ = writeln!(text, "| `{name}` | {lower} | {upper} |");
+        let _ = writeln!(text, "`{name}`\t{lower}\t{upper}");
     }
     let named = parts
         .iter()
@@ -118,20 +106,20 @@ fn page(rows: &[(&str, Costs)]) -> String {
         .fold([0, 0], |[lower, upper], part| [lower + part.1, upper + part.2]);
     let worst = rows[1].1.worst;
     let rest = [worst.lower.saturating_sub(named[0]), worst.upper - named[1]];
-    let _ = writeln!(text, "| entry, return, registers, all others | {} | {} |", rest[0], rest[1]);
+    let _ = writeln!(text, "entry, return, registers, all others\t{}\t{}", rest[0], rest[1]);
     text
 }
 
 /// Returns the numbers of the first table.
-fn figures(page: &str) -> Vec<f64> {
-    let rows = page.lines().filter(|line| line.starts_with("| improved LuGre"));
-    rows.flat_map(|line| line.split('|').filter_map(|cell| cell.trim().parse().ok())).collect()
+fn figures(text: &str) -> Vec<f64> {
+    let rows = text.lines().filter(|line| line.starts_with("improved LuGre"));
+    rows.flat_map(|line| line.split('\t').filter_map(|cell| cell.parse().ok())).collect()
 }
 
 #[test]
 fn interrupt_in_closed_loop_stays_within_half_a_period() {
     let rows = MODELS.map(|(name, terms, _)| (name, measure(terms)));
-    let written = page(&rows);
+    let written = emit(&rows);
     print!("{written}");
     for ((name, costs), (_, _, limit)) in rows.iter().zip(MODELS) {
         let share = f64::from(costs.worst.upper) / f64::from(PERIOD_CYCLES);
@@ -139,17 +127,17 @@ fn interrupt_in_closed_loop_stays_within_half_a_period() {
         assert!(costs.runs > 10_000 && share > 0.1, "{name}: {} runs, {share:.3}", costs.runs);
     }
     if std::env::var_os("UPDATE_TABLES").is_some() {
-        std::fs::write(path(), written).expect("docs can be written");
+        std::fs::write(path(), written).expect("the file can be written");
         return;
     }
-    let known = figures(&std::fs::read_to_string(path()).expect("the page"));
+    let known = figures(&std::fs::read_to_string(path()).expect("interrupt-cycles.tsv"));
     let now = figures(&written);
-    assert_eq!(known.len(), now.len(), "tests/emulator/run --update writes the page");
+    assert_eq!(known.len(), now.len(), "tests/emulator/run --update writes interrupt-cycles.tsv");
     for (known, now) in known.iter().zip(&now) {
         let apart = (known - now).abs() / known.max(1.0);
         assert!(
             apart <= TOLERANCE,
-            "{known} is now {now}; tests/emulator/run --update writes the page"
+            "{known} is now {now}; tests/emulator/run --update writes interrupt-cycles.tsv"
         );
     }
 }
