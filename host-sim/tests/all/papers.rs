@@ -60,7 +60,7 @@ pub fn quick(name: &str) -> PaperOutcome {
     }
 }
 
-/// Returns the page of a paper in the documentation: the `summary.md` of its long form.
+/// Returns the page of a paper in the documentation, with the goals of its long form.
 pub fn docs_page(name: &str) -> String {
     let page = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join(format!("../docs/src/explanation/papers/{name}.md"));

@@ -1,6 +1,6 @@
 //! Writes `summary.md`: goals, shortcomings, findings and selected tables of a paper.
 //!
-//! The documentation includes the `summary.md` of the long form unchanged, so that it cannot differ from the results.
+//! The documentation takes goals and tables from the `summary.md` of the long form; a test compares the goals.
 //! The file states its run time, so that two runs differ in that line.
 
 use super::{Goal, Paper, PaperOutcome, PaperRequest, ResultRow};
@@ -61,8 +61,8 @@ pub fn summary_markdown(
     let name = paper.name();
     let option = if request.quick { " --quick" } else { "" };
     let mut text = format!(
-        "# {}\n\n{}\n\nThis page is `summary.md` of `host-sim paper {name}{option} --out DIR`, taken as it is; `report.html` \
-         beside it has the charts, `paper.json` every number. The {form} form, seed {}: {}.\n",
+        "# {}\n\n{}\n\nThis is `summary.md` of `host-sim paper {name}{option} --out DIR`; `report.html` beside it has the charts, \
+         `paper.json` every number. The {form} form, seed {}: {}.\n",
         paper.title(),
         paper.preface(),
         request.seed,

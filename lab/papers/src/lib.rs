@@ -4,7 +4,7 @@
 //! unit, our value with its spread, and the printed value. A row also states whether our value was simulated or measured.
 //!
 //! The rows become `paper.json`, and `report.html` with text and charts. Targets are [`Goal`]s, reached or missed. Goals,
-//! summary sentences and selected tables become `summary.md`, which the documentation includes unchanged.
+//! summary sentences and selected tables become `summary.md`, from which the documentation takes goals and tables.
 //!
 //! To add a paper, write a module that implements [`Paper`] and add it to [`PAPERS`].
 
