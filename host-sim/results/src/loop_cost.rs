@@ -12,7 +12,7 @@
 use compensator_core::TermKind;
 
 // A link to tests/cost/table.md, so that packages of the source contain the table.
-const TABLE: &str = include_str!("cost_table.md");
+const TABLE: &str = include_str!("cost_table");
 
 /// First words of the rows with at most one term.
 const BASE_LAW_ROW: &str = "improved LuGre";
