@@ -60,9 +60,9 @@ pub use parameters::{LawKind, ParameterError, ParameterId, Parameters};
 pub use quantity::{Inputs, Quantity, Reading, Sample};
 pub use term::TermKind;
 
-/// Compiles the examples of the README.
+/// Compiles the example of the README.
 #[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
+#[doc = include_str!("../README.md")]
 struct Readme;
 
 /// Compiles the example of the embedding guide.
