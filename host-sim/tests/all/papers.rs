@@ -32,11 +32,7 @@ pub fn quick(name: &str) -> PaperOutcome {
     let page = std::fs::read_to_string(folder.path().join("out/report.html")).expect("a page");
     assert!(page.trim_end().ends_with("</html>"), "{command}: half a page");
     let summary = std::fs::read_to_string(folder.path().join("out/summary.md")).expect("a summary");
-    assert_eq!(
-        goals(&docs_page(name)),
-        goals(&summary),
-        "docs/src/explanation/papers/{name}.md: update it"
-    );
+    assert_eq!(documented_goals(name), goals(&summary), "docs/figures/goals-{name}.tsv: update it");
     let json = std::fs::read(folder.path().join("out/paper.json")).expect("numbers");
     let json: Value = serde_json::from_slice(&json).expect("JSON");
     let text = |value: &Value| value.as_str().expect("text").to_owned();
@@ -60,17 +56,21 @@ pub fn quick(name: &str) -> PaperOutcome {
     }
 }
 
-/// Returns the page of a paper in the documentation, with the goals of its long form.
-pub fn docs_page(name: &str) -> String {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join(format!("../docs/src/explanation/papers/{name}.md"));
-    let text = std::fs::read_to_string(page).expect("a page in docs");
-    assert!(
-        text.contains(&format!("of `host-sim paper {name} --out DIR`")),
-        "docs/src/explanation/papers/{name}.md"
-    );
-    assert!(text.contains("The long form, seed 0: "), "docs/src/explanation/papers/{name}.md");
-    text
+/// Returns the goals of a paper that the documentation states, from the figures of its page.
+pub fn documented_goals(name: &str) -> Vec<String> {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let page = format!("src/explanation/papers/{name}.md");
+    let text = std::fs::read_to_string(docs.join(&page)).expect("a page in docs");
+    for part in [
+        format!("of `host-sim paper {name} --out DIR`"),
+        "The long form, seed 0: ".to_owned(),
+        format!("{{{{table: goals-{name}}}}}"),
+    ] {
+        assert!(text.contains(&part), "docs/{page}: {part}");
+    }
+    let goals = docs.join(format!("figures/goals-{name}.tsv"));
+    let goals = std::fs::read_to_string(goals).expect("goals in docs");
+    goals.lines().skip(1).map(|row| row.split('\t').next().unwrap_or_default().to_owned()).collect()
 }
 
 /// Returns the names of the goals in a summary.

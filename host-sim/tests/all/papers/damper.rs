@@ -1,6 +1,6 @@
 //! The damper's paper: results of its short form on measured and simulated tests.
 
-use super::{at, docs_page};
+use super::{at, documented_goals};
 use published_experiments::{PaperOutcome, ResultRow};
 use std::path::PathBuf;
 
@@ -37,9 +37,9 @@ fn short_form_on_held_out_tests_beats_published_results() {
         assert!((row.ours - printed).abs() < 0.3, "{column}: {}", row.ours);
     }
     assert!(find(&outcome, "2", "LuGre, fitted to each test", "25 lb 0.05 Hz").simulated);
-    let page = docs_page("damper");
+    let documented = documented_goals("damper");
     for goal in &outcome.goals {
-        assert!(page.contains(&goal.what), "docs/src/explanation/papers/damper.md: {}", goal.what);
+        assert!(documented.contains(&goal.what), "docs/figures/goals-damper.tsv: {}", goal.what);
     }
     let second = |row| ours("Second campaign", row, "pooled RMSE / std");
     let named = second("LuGre + backlash, directions");
@@ -66,8 +66,8 @@ fn short_form_without_measured_tests_simulates_and_reports_omissions() {
     let outcome = at("damper", PathBuf::from("there is nothing here"));
     assert!(outcome.summary.iter().any(|line| line.contains("left out")), "{:?}", outcome.summary);
     // The remaining goals are on the page that was made with the measured tests.
-    let page = docs_page("damper");
+    let documented = documented_goals("damper");
     assert!(!outcome.goals.is_empty());
-    assert!(outcome.goals.iter().all(|goal| page.contains(&goal.what)));
+    assert!(outcome.goals.iter().all(|goal| documented.contains(&goal.what)));
     assert!(!outcome.rows.is_empty() && outcome.rows.iter().all(|row| row.simulated));
 }
