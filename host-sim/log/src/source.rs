@@ -25,10 +25,14 @@ mod not_a_log;
 mod number_style;
 #[cfg(feature = "parquet")]
 mod parquet_file;
+#[cfg(feature = "parquet")]
+mod parquet_zstd;
 mod preamble;
 mod records;
 mod scope_preamble;
 mod separator;
+#[cfg(feature = "parquet")]
+mod thrift;
 mod unpack;
 mod utf16;
 mod windows_1252;

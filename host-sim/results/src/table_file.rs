@@ -2,7 +2,7 @@
 //!
 //! A column holds numbers, of which NaN stands for a missing value, or texts. Both formats keep every bit of a number.
 
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableFormat {
-    /// Apache Parquet, with zstd.
+    /// Apache Parquet, with snappy, which every reader of the format supports.
     Parquet,
     /// Text with commas and a header.
     Csv,
@@ -105,8 +105,8 @@ impl TableFile {
         };
         let fields = self.columns.iter().map(field).collect::<Result<Vec<_>, _>>()?;
         let schema = Type::group_type_builder("rows").with_fields(fields).build()?;
-        let zstd = Compression::ZSTD(ZstdLevel::default());
-        let properties = WriterProperties::builder().set_compression(zstd).build();
+        let snappy = Compression::SNAPPY;
+        let properties = WriterProperties::builder().set_compression(snappy).build();
         let mut writer =
             SerializedFileWriter::new(Vec::new(), Arc::new(schema), Arc::new(properties))?;
         let mut group = writer.next_row_group()?;

@@ -14,8 +14,8 @@ use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 
-use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type as Physical};
-use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type as Physical};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{ByteArray, DataType};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
@@ -23,6 +23,7 @@ use parquet::schema::types::ColumnDescriptor;
 
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
 use super::format::{Input, LogFormat};
+use super::parquet_zstd::ZstdPages;
 use crate::clean::{Cleaner, FileData};
 use crate::dataset::LeftOutColumn;
 use crate::error::{BadCell, DataError, one_line};
@@ -123,6 +124,7 @@ fn read_table(
         found: one_line(&error.to_string()),
         expected: "a Parquet file, uncompressed or compressed with snappy, zstd or brotli".into(),
     };
+    let pages = file.try_clone().map_err(|error| failed(error.into()))?;
     let reader = SerializedFileReader::new(file).map_err(failed)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let names: Vec<String> =
@@ -161,7 +163,7 @@ fn read_table(
     let mut number = 1;
     for group in 0..reader.num_row_groups() {
         let group = reader.get_row_group(group).map_err(failed)?;
-        let mut readers = open_readers(&*group, &kinds, &needed).map_err(failed)?;
+        let mut readers = open_readers(&pages, &*group, &kinds, &needed).map_err(failed)?;
         loop {
             let columns = next_batches(&mut readers).map_err(failed)?;
             let rows = rows_of(&columns).map_err(failed)?;
@@ -239,6 +241,7 @@ struct BatchReader {
 
 /// Opens readers for the needed columns of a row group.
 fn open_readers(
+    file: &File,
     group: &dyn RowGroupReader,
     kinds: &[Result<ColumnType, &str>],
     needed: &[bool],
@@ -251,7 +254,13 @@ fn open_readers(
                 Err(ParquetError::General("a column that starts before the file".into()))
             }
             Ok(kind) if *needed => Ok(Some(BatchReader {
-                values: group.get_column_reader(at)?,
+                values: match about.compression() {
+                    Compression::ZSTD(_) => {
+                        let pages = ZstdPages::new(file, about)?;
+                        get_column_reader(about.column_descr_ptr(), Box::new(pages))
+                    }
+                    _ => group.get_column_reader(at)?,
+                },
                 kind: *kind,
                 value_level: about.column_descr().max_def_level(),
             })),

@@ -13,7 +13,7 @@ use parquet::data_type::{
     BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,
     Int96, Int96Type,
 };
-use parquet::file::properties::WriterProperties;
+use parquet::file::properties::{WriterProperties, WriterVersion};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::parser::parse_message_type;
 
@@ -47,9 +47,21 @@ fn column<T: DataType>(group: &mut SerializedRowGroupWriter<'_, fs::File>, cells
 
 /// Writes `groups` row groups of `rows` rows, one run each. In the first, row 3 has no torque.
 fn write(name: &str, compression: Compression, groups: usize, rows: usize) -> Temporary {
+    write_version(name, WriterVersion::PARQUET_1_0, compression, groups, rows)
+}
+
+/// Like [`write`], with pages of a version of the format. Version 2 stores the levels uncompressed and delta encodings.
+fn write_version(
+    name: &str,
+    version: WriterVersion,
+    compression: Compression,
+    groups: usize,
+    rows: usize,
+) -> Temporary {
     let path = std::env::temp_dir().join(format!("{name}-{}.parquet", std::process::id()));
     let schema = Arc::new(parse_message_type(SCHEMA).unwrap());
-    let properties = WriterProperties::builder().set_compression(compression).build();
+    let properties = WriterProperties::builder().set_compression(compression);
+    let properties = properties.set_writer_version(version).build();
     let file = fs::File::create(&path).unwrap();
     let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties)).unwrap();
     for run in 0..groups {
@@ -86,8 +98,10 @@ fn read_with_parquet_returns_same_data_as_csv() {
         Compression::ZSTD(ZstdLevel::default()),
         Compression::BROTLI(BrotliLevel::default()),
     ];
-    for (at, compression) in compressions.into_iter().enumerate() {
-        let data = read_one(&write(&format!("table-{at}"), compression, 2, 30));
+    let versions = [WriterVersion::PARQUET_1_0, WriterVersion::PARQUET_2_0];
+    let both = compressions.into_iter().flat_map(|of| versions.map(|version| (of, version)));
+    for (at, (compression, version)) in both.enumerate() {
+        let data = read_one(&write_version(&format!("table-{at}"), version, compression, 2, 30));
         assert_eq!(data.joint, JointKind::Revolute);
         assert_eq!((data.rows, data.rows_read, data.bad_rows.count), (59, 60, 1));
         let bad = &data.bad_rows.first[0];
@@ -165,17 +179,25 @@ fn read_with_dates_returns_times_to_the_nanosecond() {
 
 #[test]
 fn read_with_more_rows_than_a_batch_keeps_columns_aligned() {
-    let data = read_one(&write("long", Compression::SNAPPY, 2, 20_000));
-    assert_eq!(data.rows, 39_999);
-    let run = &data.runs[1];
-    for row in 0..20_000 {
-        assert_eq!(run.time_s[row] * 4.0, run.torque[row]);
+    for compression in [Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())] {
+        let data = read_one(&write(&format!("long-{compression:?}"), compression, 2, 20_000));
+        assert_eq!(data.rows, 39_999);
+        let run = &data.runs[1];
+        for row in 0..20_000 {
+            assert_eq!(run.time_s[row] * 4.0, run.torque[row]);
+        }
     }
 }
 
 #[test]
 fn read_with_damaged_parquet_returns_error_without_panic() {
-    let good = write("good", Compression::SNAPPY, 2, 50);
+    for compression in [Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())] {
+        read_damaged(&write(&format!("good-{compression:?}"), compression, 2, 50));
+    }
+}
+
+/// Reads 1000 damaged copies of a file.
+fn read_damaged(good: &Temporary) {
     let bytes = fs::read(&good.0).unwrap();
     let path = Temporary(good.0.with_file_name(format!("damaged-{}.parquet", std::process::id())));
     let mut state = 7u64;
