@@ -16,7 +16,6 @@
 pub mod bus;
 pub mod canopen;
 pub mod joint;
-#[cfg(feature = "monitor")]
 pub mod monitor;
 pub mod parameters;
 pub mod program;

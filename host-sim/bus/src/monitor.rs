@@ -1,52 +1,42 @@
 //! A live view of a joint, for continuous display beside a test stand.
 //!
 //! ```text
-//! bus ─ frames, times ─► [joint_view] ─► View ─► [view] on a terminal, or a line of JSON a second
+//! bus ─ frames, times ─► [joint_view] ─► View ─► [plain] or [paged] on a terminal, or a line of JSON a second
 //!  ▲                          ▲
 //!  └────── [sdo_poller] ──────┘   state, faults, residual watch: read twice a second from a joint that answers
 //! ```
 //!
-//! [`joint_view`], [`sdo_poller`] and [`controls`] are pure: frames, keys and times in, data out. This module connects
-//! them to a [`Bus`] and a terminal. It never waits for an answer, so the screen stays responsive if the joint is silent.
-//! A closed bus is reopened as soon as it is available.
+//! [`joint_view`] and [`sdo_poller`] are pure: frames and times in, data out. This module connects them to a [`Bus`]. It
+//! never waits for an answer, so a view stays responsive if the joint is silent. A closed bus is reopened as soon as it
+//! is available. The view `paged` needs the feature `monitor`.
 
-pub mod controls;
+mod connection;
 pub mod joint_view;
 pub mod missing_frame;
+#[cfg(feature = "monitor")]
+pub mod paged;
+pub mod plain;
 pub mod quantity;
 pub mod rates;
-pub mod screen;
+pub mod rows;
 pub mod sdo_poller;
 pub mod series;
-pub mod view;
+#[cfg(test)]
+mod test_joint;
 pub mod view_data;
 
 use crate::bus::{Bus, BusError};
 use compensator_core::can::NodeId;
-use controls::{Action, Controls};
 use joint_trace::CanFrame;
 use joint_view::JointView;
 use quantity::Quantity;
-use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self, Event as Input};
-use screen::Keyboard;
 use sdo_poller::SdoPoller;
-use std::time::{Duration, Instant};
-use view::Setting;
 use view_data::{EventKind, Lens};
 
 /// Duration of receiving frames before keys are read, ns.
 const RECEIVE_STEP_NS: u64 = 20_000_000;
-/// Time between two screen updates.
-const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 /// Time between two lines of JSON, ns of bus time.
 const JSON_PERIOD_NS: u64 = 1_000_000_000;
-/// Time between two attempts to reopen a closed bus.
-const REOPEN_PERIOD: Duration = Duration::from_secs(2);
-/// Columns of a chart: two dots for each character of a wide terminal.
-const CHART_COLUMNS: usize = 240;
-/// Number of log lines that can be scrolled.
-const MAX_LOG_LINES: usize = 500;
 
 /// A monitoring session of one joint.
 pub struct Session {
@@ -165,139 +155,4 @@ pub fn run_lines(
         }
     }
     Ok(())
-}
-
-/// Draws on a terminal until the key `q`, or until `is_over` returns true. The argument of `is_over` is the elapsed bus
-/// time, s. `open` reopens a closed bus.
-///
-/// # Errors
-/// Returns an error if the terminal cannot be drawn on.
-pub fn run_screen(
-    session: &mut Session,
-    bus: Box<dyn Bus>,
-    mut setting: Setting,
-    terminal: &mut DefaultTerminal,
-    mut open: impl FnMut() -> Result<Box<dyn Bus>, String>,
-    mut is_over: impl FnMut(f64) -> bool,
-) -> Result<(), String> {
-    let mut controls = Controls::new(session.sdo_poller.only_listens());
-    let mut connection = Connection::new(bus, session.now_ns);
-    let mut drawn: Option<Instant> = None;
-    let keyboard = Keyboard::open();
-    while !is_over(session.elapsed_s()) {
-        let wait = connection.step(session, &mut setting, &mut open);
-        setting.asks_later = session.sdo_poller.is_held(session.now_ns);
-        // Reading keys from a closed terminal would never return.
-        if keyboard.has_gone_within(wait) {
-            return Ok(());
-        }
-        let mut pressed = false;
-        while event::poll(Duration::ZERO).map_err(|error| screen::failed(&error))? {
-            pressed = true;
-            let input = event::read().map_err(|error| screen::failed(&error))?;
-            let Input::Key(key) = input else { continue };
-            let action = controls.press(&key);
-            if action == Some(Action::Quit) {
-                return Ok(());
-            }
-            session.execute(action, &mut controls);
-        }
-        if pressed || drawn.is_none_or(|at| at.elapsed() >= REDRAW_PERIOD) {
-            let view = session.joint.view(session.now_ns, &lens(&controls));
-            controls.scroll = controls.scroll.min(view.events.len().saturating_sub(1));
-            let draw = |frame: &mut ratatui::Frame| view::draw(frame, &view, &controls, &setting);
-            if let Err(error) = terminal.draw(draw) {
-                // The terminal was closed meanwhile.
-                let is_closed = keyboard.has_gone_within(Duration::ZERO);
-                return if is_closed { Ok(()) } else { Err(screen::failed(&error)) };
-            }
-            drawn = Some(Instant::now());
-        }
-    }
-    Ok(())
-}
-
-/// The bus of a screen, which is reopened after it was closed.
-struct Connection {
-    bus: Option<Box<dyn Bus>>,
-    /// Time of the last attempt to reopen the bus.
-    tried: Instant,
-    /// Time of the last step on the bus, on this PC's clock and in bus time, ns.
-    last_step: (Instant, u64),
-}
-
-impl Connection {
-    fn new(bus: Box<dyn Bus>, now_ns: u64) -> Self {
-        let now = Instant::now();
-        Self { bus: Some(bus), tried: now, last_step: (now, now_ns) }
-    }
-
-    /// Runs a step of the session on the bus, or tries to reopen the bus. Returns how long to wait for a key.
-    fn step(
-        &mut self,
-        session: &mut Session,
-        setting: &mut Setting,
-        open: &mut impl FnMut() -> Result<Box<dyn Bus>, String>,
-    ) -> Duration {
-        let Some(bus) = &mut self.bus else {
-            // Without a bus, this PC's clock advances the time, so that the values age.
-            session.now_ns = self.last_step.1 + self.last_step.0.elapsed().as_nanos() as u64;
-            session.joint.tick(session.now_ns);
-            if self.tried.elapsed() >= REOPEN_PERIOD {
-                self.reopen(session, setting, open);
-            }
-            return Duration::from_nanos(RECEIVE_STEP_NS);
-        };
-        match session.step(bus.as_mut()) {
-            Ok(()) => self.last_step = (Instant::now(), session.now_ns),
-            Err(error) => {
-                let why = error.to_string();
-                session.joint.log(session.now_ns, EventKind::Fault, why.clone());
-                (setting.gone, self.bus, self.tried) = (Some(why), None, Instant::now());
-            }
-        }
-        Duration::ZERO
-    }
-
-    fn reopen(
-        &mut self,
-        session: &mut Session,
-        setting: &mut Setting,
-        open: &mut impl FnMut() -> Result<Box<dyn Bus>, String>,
-    ) {
-        match open() {
-            Ok(opened) => {
-                self.bus = Some(opened);
-                setting.gone = None;
-                session.joint.log(session.now_ns, EventKind::Good, "the bus is back");
-                session.sdo_poller.wake(session.now_ns);
-            }
-            Err(why) => setting.gone = Some(why),
-        }
-        self.tried = Instant::now();
-    }
-}
-
-impl Session {
-    /// Executes the action of a key, except [`Action::Quit`].
-    fn execute(&mut self, action: Option<Action>, controls: &mut Controls) {
-        match action {
-            Some(Action::Pause) => {
-                controls.held = match controls.held.take() {
-                    None => Some(self.joint.view(self.now_ns, &lens(controls))),
-                    Some(_) => None,
-                };
-            }
-            Some(Action::ResetRanges) => self.joint.reset_ranges(),
-            Some(Action::Request(request)) => {
-                self.joint.requested(request, self.now_ns);
-                self.sdo_poller.request(request);
-            }
-            Some(Action::Quit | Action::Redraw) | None => {}
-        }
-    }
-}
-
-fn lens(controls: &Controls) -> Lens {
-    Lens { window_s: controls.window_s(), columns: CHART_COLUMNS, events: MAX_LOG_LINES }
 }

@@ -1,68 +1,15 @@
 use super::*;
 mod picture;
 
-use crate::bus::Received;
 use crate::monitor::joint_view::JointView;
 use crate::monitor::sdo_poller::SdoReply;
-use crate::monitor::view_data::Lens;
-use compensator_core::can::{
-    AnswerFrame, Frame as JointFrame, Message, MotionFrame, NodeId, StatusFrame, SyncFrame,
-    TelemetryFrame,
-};
-use compensator_core::compensator::Flags;
+use crate::monitor::test_joint::{MS, assert_shows, model, receive, seen, setting};
+use compensator_core::can::{Frame as JointFrame, NodeId};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::NetworkObject;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
-
-const MS: u64 = 1_000_000;
-
-fn receive(model: &mut JointView, at_ms: u64, frame: JointFrame) {
-    model.receive(&Received { time_ns: at_ms * MS, frame: frame.into() });
-}
-
-/// Returns the view of a joint that moved for five seconds and then stopped sending.
-fn model() -> JointView {
-    let mut model = JointView::new(NodeId::FIRST, 0);
-    receive(&mut model, 0, JointFrame::new(0x701, &[0]).unwrap());
-    receive(&mut model, 1, JointFrame::new(0x081, &[0x10, 0x32, 5, 8, 0, 0, 0, 0]).unwrap());
-    receive(&mut model, 2, JointFrame::new(0x081, &[0x10, 0x63, 0x81, 34, 0, 0, 0, 0]).unwrap());
-    for at in 0..5000u64 {
-        let phase = at as f32 * 2e-3;
-        let node = NodeId::FIRST;
-        let flags = Flags::PRESSURE_STALE | Flags::SLEW_LIMITED;
-        for message in [
-            Message::Motion(
-                node,
-                MotionFrame { velocity_rad_s: 3.5 * phase.sin(), position_rad: 0.0 },
-            ),
-            Message::Sync(SyncFrame::of(at as u32 + u32::from(at > 3000))),
-            Message::Answer(
-                node,
-                AnswerFrame {
-                    friction_torque_nm: 2.0 * phase.cos(),
-                    feed_forward_current_a: phase.cos(),
-                },
-            ),
-            Message::Status(node, StatusFrame { flags, sequence: at as u32 }),
-            Message::Telemetry(
-                node,
-                TelemetryFrame { current_a: 0.25, residual_torque_nm: f32::NAN },
-            ),
-        ] {
-            receive(&mut model, at, message.emit());
-        }
-        if at % 1000 == 500 {
-            receive(&mut model, at, JointFrame::new(0x701, &[5]).unwrap());
-        }
-    }
-    model
-}
-
-fn setting() -> Setting {
-    Setting { bus: "can0".into(), epoch: true, ..Setting::default() }
-}
 
 fn drawn(view: &View, controls: &Controls, setting: &Setting, size: (u16, u16)) -> Buffer {
     let mut terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
@@ -76,18 +23,8 @@ fn text(buffer: &Buffer) -> String {
     rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n").collect()
 }
 
-fn seen(model: &JointView, at_ms: u64) -> View {
-    model.view(at_ms * MS, &Lens { window_s: 10.0, columns: 240, events: 500 })
-}
-
 fn screen(model: &JointView, at_ms: u64, size: (u16, u16)) -> String {
     text(&drawn(&seen(model, at_ms), &Controls::new(false), &setting(), size))
-}
-
-fn assert_shows(screen: &str, words: &[&str]) {
-    for word in words {
-        assert!(screen.contains(word), "{word:?} is not on\n{screen}");
-    }
 }
 
 const VITAL: [&str; 18] = [
@@ -240,17 +177,6 @@ fn draw_in_special_states_shows_them() {
     let empty = seen(&JointView::new(NodeId::FIRST, 0), 0);
     let screen = text(&drawn(&empty, &Controls::new(false), &setting(), (80, 24)));
     assert_shows(&screen, &["no frame yet", "not read yet", "none reported", "no events yet"]);
-}
-
-#[test]
-fn numbers_and_ages_fit_their_width() {
-    for value in [0.0, -0.0, 1e-9, 4.9e-4, 9.9994, -9.9999, 99.999, -1234.5, 9999.6, -3e38f32] {
-        assert!(short(value).len() <= 7, "{}", short(value));
-    }
-    assert_eq!(
-        (age(0.04), age(9.97), age(300.0), age(9000.0)),
-        ("0.0 s".into(), "10 s".into(), "5 min".into(), "2 h".into())
-    );
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Rolling charts: one line of numbers each, and a chart below it if there is room.
 
-use super::{DIM, WARN, age, short};
+use super::{DIM, style};
 use crate::monitor::quantity::Quantity;
+use crate::monitor::rows::{self, Mark, short};
 use crate::monitor::view_data::{Reading, View};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -61,45 +62,15 @@ fn time_axis(frame: &mut Frame, window_s: f64, area: Rect) {
     frame.render_widget(Paragraph::new(Line::styled(line, DIM)), area);
 }
 
-/// Returns the heading: name, value, unit, age if old, minimum and maximum.
+/// Returns the numbers of a quantity, its value in the colour of its curve.
 fn heading(reading: &Reading, width: u16) -> Line<'static> {
-    let is_old = reading.stale || reading.unmeasured;
     let strong = Style::new().fg(color(reading.quantity)).add_modifier(Modifier::BOLD);
-    let style = if is_old || reading.value.is_none() { DIM } else { strong };
-    let name = format!("{:<8} ", reading.quantity.name());
-    let (value, unit) = match reading.value {
-        Some(_) if reading.unmeasured => ("-".to_owned(), reading.unit),
-        Some(value) => (short(value), reading.unit),
-        None => ("-".to_owned(), reading.unit),
-    };
-    let mut spans = vec![
-        Span::styled(name, style),
-        Span::styled(format!("{value:>7} "), style),
-        Span::styled(format!("{unit:<5}"), DIM),
-    ];
-    let used: usize = spans.iter().map(Span::width).sum();
-    let missing = reading.missing.as_ref();
-    let missing = missing.map(|frame| format!("no {} {:03X}h", frame.name, frame.identifier));
-    if reading.unmeasured {
-        spans.push(Span::styled("  not measured", DIM));
-    } else if let (None, Some(missing)) = (reading.value, &missing) {
-        spans.push(Span::styled(format!("  {missing}"), WARN));
-    } else if reading.value.is_none() {
-        spans.push(Span::styled("  no value yet", DIM));
-    } else if let (true, Some(age_s)) = (reading.stale, reading.age_s) {
-        let old = format!("  {} OLD", age(age_s));
-        let both = missing.map(|missing| format!("{old}: {missing}"));
-        let both = both.filter(|both| used + both.len() <= usize::from(width));
-        spans.push(Span::styled(both.unwrap_or(old), WARN));
-    }
-    if let Some([least, most]) = reading.range {
-        let range = format!(" min {:>7} max {:>7}", short(least), short(most));
-        let used: usize = spans.iter().map(Span::width).sum();
-        if used + range.len() <= usize::from(width) {
-            spans.push(Span::styled(range, if is_old { DIM } else { Style::new() }));
-        }
-    }
-    Line::from(spans)
+    let row = rows::reading(reading, usize::from(width)).into_iter();
+    row.map(|part| match part.mark {
+        Mark::Value => Span::styled(part.text, strong),
+        mark => Span::styled(part.text, style(mark)),
+    })
+    .collect()
 }
 
 /// Returns the limits of a chart: round numbers that are never equal.

@@ -11,58 +11,21 @@
 //! charts are omitted first, then the log. State and values stay.
 
 mod chart;
-mod panel;
 
 use super::controls::Controls;
-use super::view_data::{Event, EventKind, View};
+use crate::monitor::rows::{self, Mark, Row, Setting, age, part};
+use crate::monitor::view_data::View;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
-/// Settings of the screen.
-#[derive(Clone, Debug, Default)]
-pub struct Setting {
-    /// Name of the bus.
-    pub bus: String,
-    /// True for a simulation in this process.
-    pub demo: bool,
-    /// True if the bus time counts from the epoch; otherwise it counts from the start.
-    pub epoch: bool,
-    /// Reason for a closed bus; `None` if it is open.
-    pub gone: Option<String>,
-    /// True during a polling pause for another client.
-    pub asks_later: bool,
-}
-
 const DIM: Style = Style::new().fg(Color::DarkGray);
 const BAD: Style = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
 const WARN: Style = Style::new().fg(Color::Yellow);
 const GOOD: Style = Style::new().fg(Color::Green);
 const BANNER: Style = Style::new().fg(Color::Black).bg(Color::Yellow);
-
-/// Formats an age: `0.3 s`, `12 s`, `3 min`, `2 h`.
-fn age(seconds: f64) -> String {
-    match seconds {
-        s if s < 9.95 => format!("{s:.1} s"),
-        s if s < 120.0 => format!("{s:.0} s"),
-        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
-        s => format!("{:.0} h", s / 3600.0),
-    }
-}
-
-/// Formats a number with about four digits, in at most seven characters.
-fn short(value: f32) -> String {
-    match value.abs() {
-        0.0 => "0.000".to_owned(),
-        size if size < 5e-4 => format!("{value:.0e}"),
-        size if size < 9.9995 => format!("{value:.3}"),
-        size if size < 99.995 => format!("{value:.2}"),
-        size if size < 9999.5 => format!("{value:.1}"),
-        _ => format!("{value:.1e}"),
-    }
-}
 
 /// Draws the complete screen.
 pub fn draw(frame: &mut Frame, live: &View, controls: &Controls, setting: &Setting) {
@@ -88,14 +51,14 @@ pub fn draw(frame: &mut Frame, live: &View, controls: &Controls, setting: &Setti
         let columns = [Constraint::Min(0), Constraint::Length(beside)];
         let [left, right] = Layout::horizontal(columns).spacing(1).areas(middle);
         chart::draw(frame, view, left);
-        panel::draw(frame, view, controls, setting, right);
+        draw_state(frame, view, controls, setting, right);
     } else {
         // Stacked: values without charts, then as much of the state as fits.
         let values = middle.height.min(5);
         let [above, below] =
             Layout::vertical([Constraint::Length(values), Constraint::Min(0)]).areas(middle);
         chart::draw(frame, view, above);
-        panel::draw(frame, view, controls, setting, below);
+        draw_state(frame, view, controls, setting, below);
     }
     draw_log(frame, view, controls, setting, log);
     frame.render_widget(footer(controls, setting, bottom.width), bottom);
@@ -107,39 +70,42 @@ pub fn draw(frame: &mut Frame, live: &View, controls: &Controls, setting: &Setti
     }
 }
 
+/// Returns the style of a mark. Only the chart of a quantity knows the colour of its values.
+fn style(mark: Mark) -> Style {
+    match mark {
+        Mark::Plain | Mark::Value => Style::new(),
+        Mark::Dim => DIM,
+        Mark::Bold => Style::new().add_modifier(Modifier::BOLD),
+        Mark::Good => GOOD,
+        Mark::Armed => GOOD.add_modifier(Modifier::BOLD),
+        Mark::Warning => WARN,
+        Mark::Bad => BAD,
+        Mark::Alarm => BAD.add_modifier(Modifier::REVERSED),
+        Mark::Banner => BANNER,
+    }
+}
+
+/// Converts a row to a line of the terminal.
+fn line(row: Row) -> Line<'static> {
+    row.into_iter().map(|part| Span::styled(part.text, style(part.mark))).collect()
+}
+
 fn header(view: &View, controls: &Controls, setting: &Setting, width: u16) -> Paragraph<'static> {
-    let mut spans = vec![Span::styled(
-        format!(" node {} on {} ", view.node, setting.bus),
-        Style::new().add_modifier(Modifier::BOLD),
-    )];
+    let mut row = rows::header(view, controls.listen, setting, usize::from(width));
     if let Some(held) = &controls.held {
         let since_s = view.elapsed_s - held.elapsed_s;
-        spans.push(Span::styled(format!(" PAUSED {} ago ", age(since_s)), BANNER));
-    }
-    let alive = if setting.gone.is_some() {
-        Span::styled(" NO BUS ", BAD.add_modifier(Modifier::REVERSED))
-    } else {
-        match (view.last_frame_age_s, view.silent) {
-            (None, _) => Span::styled(" no frame yet ", BANNER),
-            (Some(age_s), true) => {
-                let text = format!(" SILENT for {} ", age(age_s));
-                Span::styled(text, BAD.add_modifier(Modifier::REVERSED))
-            }
-            (Some(_), false) => Span::styled(" live ", GOOD),
-        }
-    };
-    spans.push(alive);
-    if setting.demo {
-        let long = " DEMO: a simulated joint in this process, no bus ";
-        let text = if width >= 100 { long } else { " DEMO: simulated, no bus " };
-        spans.push(Span::styled(text, BANNER));
-    }
-    if controls.listen {
-        spans.push(Span::styled(" listening only ", DIM));
+        row.insert(1, part(format!(" PAUSED {} ago ", age(since_s)), Mark::Banner));
     }
     let window = format!(" window {:.0} s, on for {}", controls.window_s(), age(view.elapsed_s));
-    spans.push(Span::styled(window, DIM));
-    Paragraph::new(Line::from(spans))
+    row.push(part(window, Mark::Dim));
+    Paragraph::new(line(row))
+}
+
+/// Draws the state of the joint and its bus. Rows without room are counted.
+fn draw_state(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setting, area: Rect) {
+    let rows = rows::state_and_traffic(view, controls.listen, setting, usize::from(area.width));
+    let rows = rows::limited(rows, usize::from(area.height));
+    frame.render_widget(Paragraph::new(rows.into_iter().map(line).collect::<Vec<_>>()), area);
 }
 
 fn footer(controls: &Controls, setting: &Setting, width: u16) -> Paragraph<'static> {
@@ -156,17 +122,6 @@ fn footer(controls: &Controls, setting: &Setting, width: u16) -> Paragraph<'stat
     };
     let text = format!(" q quit  space pause  +/- window  r {reset}{orders}  ? help");
     Paragraph::new(Line::styled(text, DIM))
-}
-
-/// Formats the time of an event: time of day in UTC, or s from the start.
-fn stamp(time_ns: u64, epoch: bool) -> String {
-    let seconds = time_ns / 1_000_000_000;
-    let millis = time_ns / 1_000_000 % 1000;
-    if !epoch {
-        return format!("{seconds:>5}.{millis:03}");
-    }
-    let of_day = seconds % 86_400;
-    format!("{:02}:{:02}:{:02}.{millis:03}", of_day / 3600, of_day / 60 % 60, of_day % 60)
 }
 
 fn draw_log(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setting, area: Rect) {
@@ -189,20 +144,9 @@ fn draw_log(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setti
     let lines: Vec<Line> = if view.events.is_empty() {
         vec![Line::styled(" no events yet", DIM)]
     } else {
-        shown.iter().map(|event| log_line(event, setting)).collect()
+        shown.iter().map(|event| line(rows::event(event, setting))).collect()
     };
     frame.render_widget(Paragraph::new(lines).block(block), area);
-}
-
-fn log_line(event: &Event, setting: &Setting) -> Line<'static> {
-    let style = match event.kind {
-        EventKind::Fault => BAD,
-        EventKind::Warning => WARN,
-        EventKind::Good => GOOD,
-        EventKind::Note => Style::new(),
-    };
-    let time = Span::styled(format!(" {}  ", stamp(event.time_ns, setting.epoch)), DIM);
-    Line::from(vec![time, Span::styled(event.text.clone(), style)])
 }
 
 /// Returns a centred area, limited to the available room.

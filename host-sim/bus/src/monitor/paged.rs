@@ -1,0 +1,97 @@
+//! The paged view: charts, log and keys on the terminal's alternate screen.
+
+mod controls;
+pub mod screen;
+mod view;
+
+use super::Session;
+use super::connection::{Connection, Opened};
+use super::rows::Setting;
+use super::view_data::Lens;
+use crate::bus::Bus;
+use controls::{Action, Controls};
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event as Input};
+use screen::Keyboard;
+use std::time::{Duration, Instant};
+
+/// Time between two screen updates.
+const REDRAW_PERIOD: Duration = Duration::from_millis(100);
+/// Columns of a chart: two dots for each character of a wide terminal.
+const CHART_COLUMNS: usize = 240;
+/// Number of log lines that can be scrolled.
+const MAX_LOG_LINES: usize = 500;
+
+/// Draws on a terminal until the key `q`, or until `is_over` returns true. The argument of `is_over` is the elapsed bus
+/// time, s. `open` reopens a closed bus.
+///
+/// # Errors
+/// Returns an error if the terminal cannot be drawn on.
+pub fn run_screen(
+    session: &mut Session,
+    bus: Box<dyn Bus>,
+    mut setting: Setting,
+    terminal: &mut DefaultTerminal,
+    mut open: impl FnMut() -> Opened,
+    mut is_over: impl FnMut(f64) -> bool,
+) -> Result<(), String> {
+    let mut controls = Controls::new(session.sdo_poller.only_listens());
+    let mut connection = Connection::new(bus, session.now_ns);
+    let mut drawn: Option<Instant> = None;
+    let keyboard = Keyboard::open();
+    while !is_over(session.elapsed_s()) {
+        let wait = connection.step(session, &mut setting, &mut open);
+        setting.asks_later = session.sdo_poller.is_held(session.now_ns);
+        // Reading keys from a closed terminal would never return.
+        if keyboard.has_gone_within(wait) {
+            return Ok(());
+        }
+        let mut pressed = false;
+        while event::poll(Duration::ZERO).map_err(|error| screen::failed(&error))? {
+            pressed = true;
+            let input = event::read().map_err(|error| screen::failed(&error))?;
+            let Input::Key(key) = input else { continue };
+            let action = controls.press(&key);
+            if action == Some(Action::Quit) {
+                return Ok(());
+            }
+            session.execute(action, &mut controls);
+        }
+        if pressed || drawn.is_none_or(|at| at.elapsed() >= REDRAW_PERIOD) {
+            let view = session.joint.view(session.now_ns, &lens(&controls));
+            controls.scroll = controls.scroll.min(view.events.len().saturating_sub(1));
+            let draw = |frame: &mut ratatui::Frame| view::draw(frame, &view, &controls, &setting);
+            if let Err(error) = terminal.draw(draw) {
+                // The terminal was closed meanwhile.
+                let is_closed = keyboard.has_gone_within(Duration::ZERO);
+                return if is_closed { Ok(()) } else { Err(screen::failed(&error)) };
+            }
+            drawn = Some(Instant::now());
+        }
+    }
+    Ok(())
+}
+
+impl Session {
+    /// Executes the action of a key, except [`Action::Quit`].
+    fn execute(&mut self, action: Option<Action>, controls: &mut Controls) {
+        match action {
+            Some(Action::Pause) => {
+                controls.held = match controls.held.take() {
+                    None => Some(self.joint.view(self.now_ns, &lens(controls))),
+                    Some(_) => None,
+                };
+            }
+            Some(Action::ResetRanges) => self.joint.reset_ranges(),
+            Some(Action::Request(request)) => {
+                self.joint.requested(request, self.now_ns);
+                self.sdo_poller.request(request);
+            }
+            Some(Action::Quit | Action::Redraw) | None => {}
+        }
+    }
+}
+
+fn lens(controls: &Controls) -> Lens {
+    Lens { window_s: controls.window_s(), columns: CHART_COLUMNS, events: MAX_LOG_LINES }
+}

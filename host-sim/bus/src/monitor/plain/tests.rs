@@ -1,0 +1,86 @@
+use super::*;
+use crate::monitor::joint_view::JointView;
+use crate::monitor::test_joint::{MS, assert_shows, model, receive, seen, setting};
+use compensator_core::can::{Frame, NodeId};
+
+const TERMINAL: Terminal = Terminal { width: 80, height: 30, colour: false };
+
+fn shown(view: &View, setting: &Setting, terminal: &Terminal) -> String {
+    text(&screen(view, false, setting, terminal), 0, terminal)
+}
+
+#[test]
+fn screen_of_moving_joint_shows_values_state_and_events() {
+    let text = shown(&seen(&model(), 4999), &setting(), &TERMINAL);
+    assert_shows(
+        &text,
+        &[
+            "node 1 on can0",
+            "live",
+            "velocity",
+            "rad/s",
+            "min  -3.500 max   3.500",
+            "current",
+            "not measured",
+            "bus-overvoltage",
+            "parameters-default",
+            "slew at its limit",
+            "operational",
+            "1000/s, answers 1000/s",
+            "SYNC lost",
+            "Ctrl-C ends",
+        ],
+    );
+    assert!(!text.contains("OLD") && !text.contains("SILENT"), "{text}");
+}
+
+#[test]
+fn screen_of_silent_joint_shows_age_of_values() {
+    let mut joint = model();
+    joint.tick(12_000 * MS);
+    let text = shown(&seen(&joint, 12_000), &setting(), &TERMINAL);
+    assert_shows(&text, &["SILENT for 7.0 s", "7.0 s OLD", "none for 7.0 s", "joint is silent"]);
+    let gone = Setting { gone: Some("bus can0: down".into()), ..setting() };
+    let text = shown(&seen(&joint, 12_000), &gone, &TERMINAL);
+    assert_shows(&text, &["NO BUS", "bus can0: down; trying again"]);
+}
+
+#[test]
+fn screen_with_missing_frame_shows_its_command() {
+    let mut waiting = JointView::new(NodeId::FIRST, 0);
+    waiting.set_bus("can0");
+    for at in [0, 1000, 2000, 3000, 4000] {
+        receive(&mut waiting, at, Frame::new(0x701, &[5]).unwrap());
+    }
+    waiting.tick(4000 * MS);
+    let text = shown(&seen(&waiting, 4000), &setting(), &TERMINAL);
+    assert_shows(&text, &["no SYNC 080h", "host-sim replay TRACE --bus can0 --node-id 1"]);
+}
+
+#[test]
+fn text_at_any_size_stays_within_the_terminal() {
+    for joint in [&model(), &JointView::new(NodeId::FIRST, 0)] {
+        let view = seen(joint, 4999);
+        for width in [1, 7, 40, 80, 250] {
+            for height in [1, 2, 3, 10, 24, 60] {
+                let terminal = Terminal { width, height, colour: false };
+                let rows = screen(&view, true, &setting(), &terminal);
+                assert!(rows.len() < height.max(3), "{} rows of {height}", rows.len());
+                let text = text(&rows, 0, &terminal);
+                let is_within =
+                    |line: &str| line.trim_end_matches("\x1b[K").chars().count() <= width;
+                assert!(text.trim_end_matches("\x1b[J").lines().all(is_within), "{text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn text_after_another_replaces_its_rows() {
+    let rows = vec![vec![part("one", Mark::Bad)], vec![part("two", Mark::Plain)]];
+    let first = text(&rows, 0, &TERMINAL);
+    assert_eq!(first, "one\x1b[K\ntwo\x1b[K\n\x1b[J");
+    assert_eq!(text(&rows, 2, &TERMINAL), format!("\r\x1b[2A{first}"));
+    let coloured = text(&rows, 0, &Terminal { colour: true, ..TERMINAL });
+    assert_eq!(coloured, "\x1b[1;31mone\x1b[0m\x1b[K\ntwo\x1b[K\n\x1b[J");
+}
