@@ -29,10 +29,12 @@ mod parameters;
 mod predict;
 mod replay;
 mod scope;
+#[cfg(feature = "update")]
 mod sign;
 mod simulate;
 mod table;
 mod terminal;
+#[cfg(feature = "update")]
 mod update;
 mod words;
 
@@ -83,12 +85,22 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Record signals of a joint's current loop at up to 20 kHz, around a trigger
     Scope(scope::ScopeArguments),
+    #[cfg(feature = "update")]
     /// Make a signed package of a program for `update`, or a key pair
     Sign(sign::SignArguments),
+    #[cfg(not(feature = "update"))]
+    /// Make a signed package of a program for `update`, or a key pair (needs a build with the feature `update`)
+    #[command(disable_help_flag = true)]
+    Sign(missing_feature::AnyArguments),
     /// Simulate a machine: write its log and the true parameters
     Simulate(simulate::SimulateArguments),
+    #[cfg(feature = "update")]
     /// Install a signed package on a joint over its bus
     Update(update::UpdateArguments),
+    #[cfg(not(feature = "update"))]
+    /// Install a signed package on a joint over its bus (needs a build with the feature `update`)
+    #[command(disable_help_flag = true)]
+    Update(missing_feature::AnyArguments),
 }
 
 /// Runs the command line and returns the exit code.
@@ -125,9 +137,15 @@ pub fn run() -> ExitCode {
         Command::Predict(arguments) => done(predict::run(&arguments)),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Scope(arguments) => done(scope::run(&arguments)),
+        #[cfg(feature = "update")]
         Command::Sign(arguments) => done(sign::run(&arguments)),
+        #[cfg(not(feature = "update"))]
+        Command::Sign(_) => Err(missing_feature::refusal("sign", "update")),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
+        #[cfg(feature = "update")]
         Command::Update(arguments) => done(update::run(&arguments)),
+        #[cfg(not(feature = "update"))]
+        Command::Update(_) => Err(missing_feature::refusal("update", "update")),
     };
     match outcome {
         Ok(code) => code,

@@ -18,6 +18,7 @@ pub mod canopen;
 pub mod joint;
 pub mod monitor;
 pub mod parameters;
+#[cfg(feature = "update")]
 pub mod program;
 pub mod replay;
 pub mod scope;

@@ -1,4 +1,5 @@
 //! Program updates over a bus in virtual time: the shipped driver and recovery on two banks of flash.
+#![cfg(feature = "update")]
 
 use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId};

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 
 /// Arguments of a command that this build lacks. All are accepted, so that the refusal is the only error.
-#[cfg(not(feature = "papers"))]
+#[cfg(not(all(feature = "papers", feature = "update")))]
 #[derive(clap::Args)]
 pub struct AnyArguments {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
@@ -11,7 +11,7 @@ pub struct AnyArguments {
 }
 
 /// Returns the error for something that needs a feature: one line that names the feature and the same command with it.
-#[cfg(not(feature = "papers"))]
+#[cfg(not(all(feature = "monitor", feature = "papers", feature = "update")))]
 pub fn refusal(what: &str, feature: &str) -> String {
     refusal_of(what, feature, std::env::args_os().skip(1))
 }

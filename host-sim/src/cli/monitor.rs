@@ -1,13 +1,18 @@
 //! `monitor`: shows live data of a joint.
 //!
-//! On a terminal it draws a screen. In a pipe, or with `--json`, it prints one JSON object per second. It receives the
-//! joint's frames and reads state, faults and watch twice a second. With `--listen` it sends no frame.
+//! On a terminal it draws a screen: the paged view if the feature `monitor` is compiled in, otherwise the plain one. In a
+//! pipe, or with `--json`, it prints one JSON object per second. It receives the joint's frames and reads state, faults
+//! and watch twice a second. With `--listen` it sends no frame.
 
 use super::bus::BusArguments;
 use crate::demo_joint;
 use joint_bus::bus::{Bus, BusName, Hub};
-use joint_bus::monitor::view::Setting;
-use joint_bus::monitor::{Session, run_lines, run_screen, screen};
+#[cfg(feature = "monitor")]
+use joint_bus::monitor::paged::{run_screen, screen};
+use joint_bus::monitor::plain::{Terminal, run_plain};
+use joint_bus::monitor::rows::Setting;
+use joint_bus::monitor::{Session, run_lines};
+use rustix::termios::tcgetwinsize;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -23,9 +28,20 @@ pub struct MonitorArguments {
     /// Print one JSON object per second instead of a screen; default if standard output is not a terminal
     #[arg(long)]
     json: bool,
-    /// Stop after this time, s; by default at q or Ctrl-C
+    /// View on a terminal: the values and states on one screen, or with charts, keys and a log that scrolls; by default
+    /// `paged` in a build with the feature `monitor`, else `plain`
+    #[arg(long, value_name = "VIEW", value_enum, conflicts_with = "json")]
+    view: Option<ViewChoice>,
+    /// Stop after this time, s; by default at Ctrl-C, in the paged view also at q
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
+}
+
+/// A view on a terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum ViewChoice {
+    Plain,
+    Paged,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -37,6 +53,10 @@ static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
 pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
+    #[cfg(not(feature = "monitor"))]
+    if arguments.view == Some(ViewChoice::Paged) {
+        return Err(super::missing_feature::refusal("--view paged", "monitor"));
+    }
     let lines = arguments.json || !std::io::stdout().is_terminal();
     if lines && !arguments.json {
         eprintln!(
@@ -75,9 +95,23 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
         }
         open(arguments)
     };
-    screen::with_terminal(|terminal| {
-        run_screen(&mut session, bus, setting, terminal, again, is_over)
-    })
+    #[cfg(feature = "monitor")]
+    if arguments.view != Some(ViewChoice::Plain) {
+        return screen::with_terminal(|terminal| {
+            run_screen(&mut session, bus, setting, terminal, again, is_over)
+        });
+    }
+    let mut out = std::io::stdout().lock();
+    run_plain(&mut session, bus, setting, &mut out, plain_terminal, again, is_over)
+}
+
+/// Returns the terminal of standard output as it is now.
+fn plain_terminal() -> Terminal {
+    let size = tcgetwinsize(std::io::stdout()).map(|size| (size.ws_col, size.ws_row));
+    // A terminal without a known size reports 0.
+    let (width, height) = size.ok().filter(|size| size.0 > 0 && size.1 > 0).unwrap_or((80, 24));
+    let colour = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    Terminal { width: width.into(), height: height.into(), colour }
 }
 
 /// Opens the bus of `--bus`.

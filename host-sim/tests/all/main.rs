@@ -12,6 +12,7 @@ mod fleet;
 mod friction_run;
 mod lugre_lstm;
 mod missing_feature;
+mod missing_features;
 mod monitor;
 mod papers;
 mod picture;

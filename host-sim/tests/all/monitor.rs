@@ -11,7 +11,9 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_host-sim");
+#[cfg(feature = "monitor")]
 const LEAVES_PAGE: &str = "\x1b[?1049l";
+#[cfg(feature = "monitor")]
 const SHOWS_CURSOR: &str = "\x1b[?25h";
 
 fn run(arguments: &[&str]) -> (Option<i32>, String, String) {
@@ -159,21 +161,27 @@ impl OnTerminal {
         !modes.intersects(LocalModes::ECHO | LocalModes::ICANON)
     }
 
-    /// Waits until the program ends and checks that the terminal is restored. Returns the exit code.
-    fn assert_restored(&mut self) -> Option<i32> {
-        self.wait_for(LEAVES_PAGE);
-        self.wait_for(SHOWS_CURSOR);
+    /// Waits until the program ends. Returns the exit code.
+    fn wait_for_end(&mut self) -> Option<i32> {
         let start = Instant::now();
-        let status = loop {
+        loop {
             match self.child.try_wait().expect("a child") {
-                Some(status) => break status,
+                Some(status) => break status.code(),
                 None => assert!(start.elapsed() < Duration::from_secs(60), "does not end"),
             }
             std::thread::sleep(Duration::from_millis(20));
-        };
+        }
+    }
+
+    /// Waits until the program ends and checks that the terminal is restored. Returns the exit code.
+    #[cfg(feature = "monitor")]
+    fn assert_restored(&mut self) -> Option<i32> {
+        self.wait_for(LEAVES_PAGE);
+        self.wait_for(SHOWS_CURSOR);
+        let code = self.wait_for_end();
         let modes = tcgetattr(&self.own_end).expect("a terminal").local_modes;
         assert!(modes.contains(LocalModes::ECHO | LocalModes::ICANON), "{modes:?}");
-        status.code()
+        code
     }
 }
 
@@ -189,6 +197,36 @@ fn on_terminal(arguments: &[&str]) -> OnTerminal {
 }
 
 #[test]
+fn monitor_plain_view_redraws_in_place_and_leaves_the_terminal_as_it_is() {
+    let mut monitor = on_terminal(&["--view", "plain", "--seconds", "2"]);
+    for word in ["DEMO", "ARMED", "velocity", "rad/s", "friction", "current", "flags", "in band"] {
+        monitor.wait_for(word);
+    }
+    monitor.wait_for("Ctrl-C ends");
+    assert!(!monitor.is_raw());
+    // The second picture starts where the first one did.
+    let rows = monitor.seen.split("Ctrl-C ends").next().unwrap().matches('\n').count() + 1;
+    monitor.wait_for(&format!("\r\x1b[{rows}A"));
+    assert_eq!(monitor.wait_for_end(), Some(0));
+    assert!(!monitor.seen.contains("\x1b[?1049h"), "{:?}", monitor.seen);
+}
+
+#[test]
+fn monitor_plain_view_ends_by_signal_and_when_its_terminal_is_closed() {
+    let mut monitor = on_terminal(&["--view", "plain"]);
+    monitor.wait_for("velocity");
+    // This view has no keys.
+    monitor.keyboard.write_all(b"q\n").unwrap();
+    monitor.seen.clear();
+    monitor.wait_for("velocity");
+    let process = rustix::process::Pid::from_child(&monitor.child);
+    rustix::process::kill_process(process, rustix::process::Signal::TERM).unwrap();
+    assert_eq!(monitor.wait_for_end(), Some(0));
+    assert_ends_without_terminal(&["--view", "plain"]);
+}
+
+#[test]
+#[cfg(feature = "monitor")]
 fn monitor_keys_disarm_arm_and_quit() {
     let mut monitor = on_terminal(&[]);
     for word in ["DEMO", "ARMED", "velocity", "q quit"] {
@@ -208,6 +246,7 @@ fn monitor_keys_disarm_arm_and_quit() {
 }
 
 #[test]
+#[cfg(feature = "monitor")]
 fn monitor_ended_by_time_or_signal_restores_terminal() {
     let mut monitor = on_terminal(&["--seconds", "1"]);
     assert_eq!(monitor.assert_restored(), Some(0));
@@ -223,7 +262,13 @@ fn monitor_ended_by_time_or_signal_restores_terminal() {
 }
 
 #[test]
+#[cfg(feature = "monitor")]
 fn monitor_ends_when_its_terminal_is_closed() {
+    assert_ends_without_terminal(&[]);
+}
+
+/// Closes the terminal of a monitor with these arguments, and requires that the monitor ends.
+fn assert_ends_without_terminal(arguments: &[&str]) {
     // The child must not inherit this end, because it would keep the terminal open.
     let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
     let master = openpt(flags).expect("a terminal");
@@ -234,6 +279,7 @@ fn monitor_ends_when_its_terminal_is_closed() {
     let open = || OpenOptions::new().read(true).write(true).open(&path).expect("its other end");
     let mut child = Command::new(PROGRAM)
         .arg("monitor")
+        .args(arguments)
         .stdin(open())
         .stdout(open())
         .stderr(Stdio::piped())
@@ -263,15 +309,17 @@ fn monitor_ends_when_its_terminal_is_closed() {
 
 /// The test below runs this one on a pseudo-terminal.
 #[test]
+#[cfg(feature = "monitor")]
 #[ignore = "takes the terminal and panics"]
 fn panics_on_its_terminal() {
-    let _ = joint_bus::monitor::screen::with_terminal::<()>(|terminal| {
+    let _ = joint_bus::monitor::paged::screen::with_terminal::<()>(|terminal| {
         terminal.draw(|frame| frame.render_widget("drawn", frame.area())).expect("drawn");
         panic!("intended panic");
     });
 }
 
 #[test]
+#[cfg(feature = "monitor")]
 fn panic_restores_terminal_before_printing_its_message() {
     let mut command = Command::new(std::env::current_exe().expect("this test"));
     command.args(["monitor::panics_on_its_terminal", "--exact", "--ignored", "--nocapture"]);
