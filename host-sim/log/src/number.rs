@@ -96,14 +96,14 @@ fn scaled(value: f64, exponent: i32) -> f64 {
 }
 
 /// Formats a decimal with a true minus; never `-0.0`.
-fn fixed(value: f64, decimals: i32) -> String {
+pub fn fixed(value: f64, decimals: i32) -> String {
     let text = format!("{:.*}", decimals.clamp(0, 20) as usize, value.abs());
     let is_zero = !text.contains(|c: char| ('1'..='9').contains(&c));
     if value < 0.0 && !is_zero { format!("−{text}") } else { text }
 }
 
 /// Formats an exponent in superscript digits.
-fn raised(exponent: i32) -> String {
+pub fn raised(exponent: i32) -> String {
     let raise = |c: char| match c.to_digit(10) {
         Some(digit) => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize],
         None => '⁻',

@@ -189,13 +189,6 @@ pub fn page_text(found: &Diagnosis, input: &Prepared) -> String {
     diagnosis_page::page(&report(found, input)).render()
 }
 
-/// Returns `report.html` for a folder of many reports, which share the script of their charts
-/// ([`crate::report::Page::render_linked`]).
-#[cfg(feature = "pages")]
-fn linked_page_text(found: &Diagnosis, input: &Prepared, script_folder: &str) -> String {
-    diagnosis_page::page(&report(found, input)).render_linked(script_folder)
-}
-
 /// Returns the first screen of `report.html` as an HTML fragment, for a notebook.
 #[cfg(feature = "pages")]
 pub fn first_screen(found: &Diagnosis, input: &Prepared) -> String {
@@ -221,24 +214,7 @@ fn report<'a>(found: &'a Diagnosis, input: &'a Prepared) -> DiagnosisReport<'a> 
 /// See [`json_text`].
 #[cfg(feature = "pages")]
 pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
-    files_with(found, input, page_text(found, input))
-}
-
-/// Returns the result files with a report that loads the script of its charts from another folder.
-///
-/// # Errors
-/// See [`json_text`].
-#[cfg(feature = "pages")]
-pub fn linked_files(
-    found: &Diagnosis,
-    input: &Prepared,
-    script_folder: &str,
-) -> Result<Files, String> {
-    files_with(found, input, linked_page_text(found, input, script_folder))
-}
-
-#[cfg(feature = "pages")]
-fn files_with(found: &Diagnosis, input: &Prepared, html: String) -> Result<Files, String> {
+    let html = page_text(found, input);
     let toml = parameter_text(found, input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
     let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];

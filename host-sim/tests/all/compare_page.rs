@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use crate::drawn_chart::{charts, without_scripts};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
 use friction_results::{FitReport, page};
@@ -55,7 +56,7 @@ impl Case {
         identify(&spec, &spec.parameters().unwrap(), train, test, &options).unwrap()
     }
 
-    /// The page without Plotly.js.
+    /// The page without scripts.
     fn page(&self, models: &[&str]) -> String {
         let fits: Vec<Outcome> = models.iter().map(|model| self.fit(model)).collect();
         let study = FitReport {
@@ -67,28 +68,8 @@ impl Case {
             skip: 0,
             fits: &fits,
         };
-        own_part(&page(&study).render())
+        without_scripts(&page(&study).render())
     }
-}
-
-fn own_part(html: &str) -> String {
-    let (before, rest) = html.split_once("<script type=\"text/javascript\">").expect("Plotly.js");
-    format!("{before}{}", rest.split_once("</script>").expect("its end").1)
-}
-
-/// Title and JSON of each chart.
-fn charts(html: &str) -> Vec<(String, Value)> {
-    let chart = |part: &str| {
-        let title = part.split_once("-title\">").unwrap().1.split_once('<').unwrap().0;
-        let json = part.split_once("application/json").unwrap().1.split_once('>').unwrap().1;
-        let json = json.split_once("</script>").unwrap().0;
-        (title.to_owned(), serde_json::from_str(json).expect("valid JSON"))
-    };
-    html.split("<p class=\"chart-title\"").skip(1).map(chart).collect()
-}
-
-fn numbers(values: &Value) -> Vec<f64> {
-    values.as_array().unwrap().iter().filter_map(Value::as_f64).collect()
 }
 
 fn assert_says(page: &str, sentences: &[&str]) {
@@ -121,10 +102,9 @@ fn page_names_best_model_with_its_reasons() {
         ],
     );
     let charts = charts(&page);
-    let (_, errors) = &charts[0];
-    let held_out = numbers(&errors["data"][0]["x"]);
+    let held_out = charts[0].series[0].along(1);
     assert!(held_out.is_sorted() && held_out.len() == 5, "best first: {held_out:?}");
-    let titled = |title: &str| charts.iter().filter(|(name, _)| name == title).count();
+    let titled = |title: &str| charts.iter().filter(|chart| chart.title == title).count();
     assert_eq!(titled("linear"), 2, "its torque and its residual");
     assert_eq!(titled("One motion cycle over time"), 1);
 }
@@ -205,8 +185,8 @@ fn page_with_hours_between_runs_shortens_pauses() {
     assert_says(&page, &["Residuals are evaluated at one row in 10", "&lt;/b&gt;", "5e1f"]);
     assert!(!page.contains("<b>"));
     let charts = charts(&page);
-    let (_, residual) = charts.iter().rfind(|(title, _)| title == "dahl").unwrap();
-    let time = numbers(&residual["data"][0]["x"]);
+    let residual = charts.iter().rfind(|chart| chart.title == "dahl").unwrap();
+    let time = residual.series[0].along(0);
     let last = time.iter().copied().fold(0.0, f64::max);
     assert!(last < 1.2 * held_out as f64 / SHORT.rate_hz, "{last} s");
     assert!(time.is_sorted() && time.len() <= held_out / 10);
@@ -227,7 +207,7 @@ fn identify_and_compare_write_their_page() {
     ] {
         let html = fs::read_to_string(folder.path().join(file)).unwrap();
         assert!(html.contains(title), "{file}");
-        assert!(html.len() < 8_000_000, "{file}: {} bytes", html.len());
-        assert!(charts(&own_part(&html)).len() > 4, "{file}");
+        assert!(html.len() < 800_000, "{file}: {} bytes", html.len());
+        assert!(charts(&without_scripts(&html)).len() > 4, "{file}");
     }
 }

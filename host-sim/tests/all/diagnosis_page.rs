@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use crate::drawn_chart::{DrawnChart, charts, without_scripts};
 use crate::{browser, picture};
 use compensator_core::Quantity;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose, summary};
@@ -53,29 +54,10 @@ impl Case {
     }
 }
 
-/// The page without Plotly.js.
-fn own_part(html: &str) -> String {
-    let (before, rest) = html.split_once("<script type=\"text/javascript\">").expect("Plotly.js");
-    format!("{before}{}", rest.split_once("</script>").expect("its end").1)
-}
-
-/// Title and JSON of each chart.
-fn charts(html: &str) -> Vec<(String, Value)> {
-    let chart = |part: &str| {
-        let title = part.split_once("-title\">").unwrap().1.split_once('<').unwrap().0;
-        let json = part.split_once("application/json").unwrap().1.split_once('>').unwrap().1;
-        let json = json.split_once("</script>").unwrap().0;
-        (title.to_owned(), serde_json::from_str(json).expect("valid JSON"))
-    };
-    html.split("<p class=\"chart-title\"").skip(1).map(chart).collect()
-}
-
-/// The vertical values of a chart's series.
-fn values(charts: &[(String, Value)], title: &str, series: &str) -> Vec<f64> {
-    let (_, chart) = charts.iter().find(|(name, _)| name == title).expect(title);
-    let traces = chart["data"].as_array().unwrap();
-    let trace = traces.iter().find(|trace| trace["name"] == series).expect(series);
-    trace["y"].as_array().unwrap().iter().filter_map(Value::as_f64).collect()
+/// The vertical values of a chart's series; the values of bars.
+fn values(charts: &[DrawnChart], title: &str, series: &str) -> Vec<f64> {
+    let chart = charts.iter().find(|chart| chart.title == title).expect(title);
+    chart.named(series).expect(series).along(1)
 }
 
 fn rms(values: &[f64]) -> f64 {
@@ -92,9 +74,9 @@ fn escaped(text: &str) -> String {
 fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
     let case = Case::hidden(Kind::One(HiddenCause::PressureCoulomb), 5);
     picture::compare(&picture::svg(&case.page(&[])));
-    let own = own_part(&case.html());
+    let own = without_scripts(&case.html());
     let charts = charts(&own);
-    assert_eq!(charts[0].0, "Torque over time", "it is the first chart");
+    assert_eq!(charts[0].title, "Torque over time", "it is the first chart");
     let [logged, before, after] =
         ["logged", "before", "after"].map(|name| values(&charts, "Torque over time", name));
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -129,8 +111,8 @@ fn page_with_finding_shows_summary_and_evidence() {
     let case = Case::new(simulated::dataset(&draw_with(kind, &[Some(1.5e-6)], 3, &options).log));
     assert_eq!(case.found.cause(), "pressure-coulomb");
     let html = case.html();
-    assert!(html.len() < 8_000_000, "{} bytes", html.len());
-    let own = own_part(&html);
+    assert!(html.len() < 800_000, "{} bytes", html.len());
+    let own = without_scripts(&html);
     for sentence in summary::summary(&case.found) {
         assert!(own.contains(&escaped(&sentence)), "{sentence}");
     }
@@ -144,7 +126,7 @@ fn page_with_finding_shows_summary_and_evidence() {
     let [before, after] =
         ["before", "after"].map(|name| rms(&values(&charts, "Friction and pressure", name)));
     assert!(before > 3.0 * after, "the cause shows before ({before}) and not after ({after})");
-    let titled = |title: &str| charts.iter().filter(|(name, _)| name == title).count();
+    let titled = |title: &str| charts.iter().filter(|chart| chart.title == title).count();
     for title in ["Over velocity", "Over pressure difference", "Over the campaign"] {
         assert_eq!(titled(title), 2, "{title}: along the motion, and as it is");
     }
@@ -168,20 +150,17 @@ fn page_with_finding_shows_summary_and_evidence() {
 fn page_without_finding_lists_rejected_candidates() {
     let case = Case::hidden(Kind::None, 5);
     assert_eq!(case.found.cause(), "none");
-    let own = own_part(&case.html());
+    let own = without_scripts(&case.html());
     assert!(own.contains("no cause found</h1>"));
     assert!(own.contains("All candidates were rejected"));
     assert!(own.contains("Rejected candidates"));
     let charts = charts(&own);
-    let names = charts.iter().flat_map(|(_, chart)| chart["data"].as_array().unwrap());
-    assert!(names.clone().any(|trace| trace["name"] == "base model"));
+    let is_drawn = |name: &str| charts.iter().any(|chart| chart.named(name).is_some());
+    assert!(is_drawn("base model"));
     for absent in ["after", "finding"] {
-        assert!(!names.clone().any(|trace| trace["name"] == absent), "there is no extended model");
+        assert!(!is_drawn(absent), "there is no extended model");
     }
-    assert!(
-        names.clone().any(|trace| trace["name"] == "not significant"),
-        "what was tried is shown"
-    );
+    assert!(is_drawn("not significant"), "what was tried is shown");
 }
 
 #[test]
@@ -193,10 +172,10 @@ fn page_shows_chart_of_each_cause() {
         (HiddenCause::PositionRipple, "The position, folded by the order"),
     ] {
         let case = Case::hidden(Kind::One(effect), 5);
-        let own = own_part(&case.html());
+        let own = without_scripts(&case.html());
         // Whether the cause is found is not this test's business; a page it is on must show it.
         if case.found.cause() == effect.name() {
-            assert!(charts(&own).iter().any(|(name, _)| name == title), "{title}");
+            assert!(charts(&own).iter().any(|chart| chart.title == title), "{title}");
             shown += 1;
         }
     }
@@ -210,7 +189,7 @@ fn page_of_prismatic_joint_has_its_units() {
     let mut data = simulated::dataset(&drawn.log);
     data.joint = JointKind::Prismatic;
     let case = Case::new(data);
-    let own = own_part(&case.html());
+    let own = without_scripts(&case.html());
     for text in ["Prismatic joint (force in N", "velocity (m/s)", "RMSE (N)", "N s/m"] {
         assert!(own.contains(text), "{text}");
     }
@@ -229,7 +208,7 @@ fn stochastic_section_leaves_out_missing_values() {
     });
     let mut page = Page::new("", "");
     page.blocks = stochastic_section(&full, &empty, Some("They part."));
-    let own = own_part(&page.render());
+    let own = without_scripts(&page.render());
     for text in
         ["Stochastic extension", "They part.", "70 rpm", "&lt;b&gt;", "at most 5.0 % of the time"]
     {
@@ -301,5 +280,5 @@ fn demo_with_same_seed_gives_same_result() {
     let complaints: Vec<&str> = log.lines().filter(|line| line.contains("CONSOLE")).collect();
     assert!(complaints.is_empty(), "{complaints:#?}");
     let dom = String::from_utf8_lossy(&output.stdout);
-    assert!(dom.matches("class=\"plot js-plotly-plot\"").count() > 10, "{log}");
+    assert!(dom.matches("class=\"plot\"").count() > 10, "{log}");
 }

@@ -6,6 +6,7 @@ mod browser;
 mod command_line;
 mod compare_page;
 mod diagnosis_page;
+mod drawn_chart;
 mod driver_on_a_bus;
 mod export;
 mod fleet;

@@ -6,7 +6,6 @@
 
 use super::statistics::Limit;
 use super::{FleetJob, FleetRow, LEVELS, Level};
-use crate::report::{CHART_SCRIPT_FILE, chart_script};
 use crate::table_file::TableFormat;
 use crate::{diagnosis, write_atomically};
 use compensator_core::ParameterId;
@@ -46,18 +45,14 @@ impl FleetOptions {
     }
 }
 
-/// Writes `fleet.parquet`, `fleet.html`, and the script that the reports of the tasks share, each completely or not at all.
+/// Writes `fleet.parquet` and `fleet.html`, each completely or not at all.
 ///
 /// # Errors
 /// One line that names the file.
 pub fn write_fleet(out: &Path, rows: &[FleetRow], limits: &[Limit]) -> Result<(), String> {
     let parquet = super::table(rows).emit(TableFormat::Parquet)?;
     let html = super::page(rows, limits).render();
-    for (name, content) in [
-        (CHART_SCRIPT_FILE, chart_script().as_bytes()),
-        ("fleet.parquet", &parquet),
-        ("fleet.html", html.as_bytes()),
-    ] {
+    for (name, content) in [("fleet.parquet", &parquet[..]), ("fleet.html", html.as_bytes())] {
         let file = out.join(name);
         write_atomically(&file, content).map_err(|error| format!("{}: {error}", file.display()))?;
     }
@@ -163,8 +158,7 @@ fn one_joint(
     row.seconds = Some(begin.elapsed().as_secs_f64());
     row.report = format!("{folder}/report.html");
     let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
-    let up = "../".repeat(1 + folder.matches('/').count());
-    let mut files = diagnosis::linked_files(&found, &input, &up)?;
+    let mut files = diagnosis::files(&found, &input)?;
     files.others.push((ROW_FILE, stored.map_err(|error| error.to_string())?));
     let temporary = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&options.out);
     let place = options.out.join(&folder);

@@ -1,27 +1,28 @@
 //! Results as one HTML file that a person wants to look at.
 //!
 //! A report is read by someone who was not there, perhaps years later and without a network. So
-//! a [`Page`] becomes *one* file that holds everything: text, numbers, the data of its charts and
-//! the script that draws them. The page forbids its browser every network request (a content
-//! security policy), draws with Plotly.js (drag to zoom, double-click to go back), and prints.
+//! a [`Page`] becomes *one* file that holds everything: text, numbers and charts as SVG. The page forbids its browser every
+//! network request (a content security policy), is complete without scripts, and prints. A small script shows values under
+//! the pointer, zooms and hides series.
 //!
 //! Nothing here knows of friction. A caller stacks [`Block`]s; every text may hold anything (a
 //! run may be called `<script>`), every number may be NaN, and neither can break the page.
-//! The way of a page: `page` (order of blocks) -> `table` and `chart` (their HTML) -> `figure`
-//! (a chart in Plotly's terms, coloured by `palette`).
+//! Structure: `page` (order of blocks) -> `table` and `drawing` (HTML of a table and of a chart) -> `marks` (series as SVG on
+//! the axes of `scale`, coloured by `palette`).
 //! Long measurements go through [`thin_series`] or [`thin_scatter`] first.
 
 mod chart;
 mod drawing;
-mod figure;
 mod finder;
+mod marks;
 mod page;
 mod palette;
+mod scale;
 mod table;
 mod thin;
 
 pub use chart::{Axis, Chart, Series, Style};
 pub use finder::Finder;
-pub use page::{Block, CHART_SCRIPT_FILE, Page, chart_script};
+pub use page::{Block, Page};
 pub use table::{Best, Cell, Table};
 pub use thin::{rounded, thin_scatter, thin_series};

@@ -1,10 +1,7 @@
 //! The page: a list of blocks, rendered as one HTML document.
 //!
-//! `maud` writes the HTML and escapes every text. Only the style, the script, Plotly.js and the chart data from `figure`
-//! are inserted without escaping. The content security policy in the head makes the browser reject every attempt to load
-//! something.
-//!
-//! The crate `plotly` contains Plotly.js (4.7 MB), so nothing is downloaded. It is included only if the page has a chart.
+//! `maud` writes the HTML and escapes every text. Only the style, the scripts and the rows of a search table are inserted
+//! without escaping. The content security policy in the head makes the browser reject every attempt to load something.
 
 use std::io;
 use std::path::Path;
@@ -17,25 +14,14 @@ use super::finder::Finder;
 use super::table::Table;
 use crate::write::write_atomically;
 
-/// Forbids all loading; `data:` and `blob:` are required to save a chart as an image. The placeholder is for further sources
-/// of scripts.
-const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'SOURCES; style-src 'unsafe-inline'; \
-                      img-src data: blob:; base-uri 'none'; form-action 'none'";
-
-/// Name of the file with the script that draws charts, beside pages that link to it.
-pub const CHART_SCRIPT_FILE: &str = "plotly.js";
-
-/// Returns the content of [`CHART_SCRIPT_FILE`].
-pub fn chart_script() -> String {
-    let element = plotly_script();
-    let begin = element.find('>').map_or(0, |at| at + 1);
-    element[begin..].trim_end_matches("</script>").to_owned()
-}
+/// Forbids all loading.
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; \
+                      base-uri 'none'; form-action 'none'";
 
 /// Classes of a table whose rows are paragraphs on narrow screens.
 pub(super) const RECORDS: &str = "table records";
 const STYLE: &str = include_str!("report.css");
-const SCRIPT: &str = include_str!("report.js");
+const CHART_SCRIPT: &str = include_str!("chart.js");
 const FINDER_SCRIPT: &str = include_str!("finder.js");
 
 /// One element of a page.
@@ -101,19 +87,6 @@ impl Page {
 
     /// Renders the page as a self-contained HTML document.
     pub fn render(&self) -> String {
-        self.render_with(None)
-    }
-
-    /// Renders the page as an HTML document that loads the script of its charts from a file. `folder` is the relative path
-    /// of that file's folder, such as `../../`. Many pages then share the 4.7 MB of the script.
-    pub fn render_linked(&self, folder: &str) -> String {
-        self.render_with(Some(&format!("{folder}{CHART_SCRIPT_FILE}")))
-    }
-
-    fn render_with(&self, script: Option<&str>) -> String {
-        // A page that was opened from a folder has no origin that `'self'` could name.
-        let sources = if script.is_some() { " 'self' file:" } else { "" };
-        let policy = POLICY.replace("SOURCES", sources);
         let has_chart = self.blocks.iter().any(has_chart);
         let mut drawing = Drawing::default();
         html! {
@@ -121,7 +94,7 @@ impl Page {
             html lang="en" {
                 head {
                     meta charset="utf-8";
-                    meta http-equiv="Content-Security-Policy" content=(policy);
+                    meta http-equiv="Content-Security-Policy" content=(POLICY);
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     link rel="icon" href="data:,";
                     title { (self.title) }
@@ -133,21 +106,12 @@ impl Page {
                             h1 { (self.title) }
                             @if !self.subtitle.is_empty() { p.subtitle { (self.subtitle) } }
                         }
-                        @if has_chart {
-                            noscript { p.no-data { "The charts of this page need JavaScript." } }
-                        }
                         @for block in &self.blocks {
                             @if *block == Block::Contents { (self.contents()) }
                             @else { (block.render(&mut drawing, false)) }
                         }
                     }
-                    @if has_chart {
-                        @match script {
-                            Some(file) => script src=(file) {},
-                            None => (PreEscaped(plotly_script())),
-                        }
-                        script { (PreEscaped(SCRIPT)) }
-                    }
+                    @if has_chart { script { (PreEscaped(CHART_SCRIPT)) } }
                     @if self.blocks.iter().any(|block| matches!(block, Block::Find(_))) {
                         script { (PreEscaped(FINDER_SCRIPT)) }
                     }
@@ -261,15 +225,4 @@ fn anchor(heading: &str) -> String {
         _ => '-',
     });
     letters.collect()
-}
-
-/// Returns Plotly.js in its script element. The crate also provides MathJax (2 MB) in a second element, which is left out
-/// because no chart contains formulas.
-fn plotly_script() -> String {
-    const END: &str = "</script>";
-    let mut scripts = plotly::Plot::offline_js_sources();
-    if let Some(at) = scripts.find(END) {
-        scripts.truncate(at + END.len());
-    }
-    scripts
 }
