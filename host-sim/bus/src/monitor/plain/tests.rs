@@ -1,4 +1,6 @@
 use super::*;
+use crate::bus::Hub;
+use crate::joint::JointNode;
 use crate::monitor::joint_view::JointView;
 use crate::monitor::test_joint::{MS, assert_shows, model, receive, seen, setting};
 use compensator_core::can::{Frame, NodeId};
@@ -83,4 +85,47 @@ fn text_after_another_replaces_its_rows() {
     assert_eq!(text(&rows, 2, &TERMINAL), format!("\r\x1b[2A{first}"));
     let coloured = text(&rows, 0, &Terminal { colour: true, ..TERMINAL });
     assert_eq!(coloured, "\x1b[1;31mone\x1b[0m\x1b[K\ntwo\x1b[K\n\x1b[J");
+}
+
+/// A terminal that is closed after a number of writes.
+struct Screen {
+    writes_left: usize,
+    text: String,
+}
+
+impl Write for Screen {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if self.writes_left == 0 {
+            return Err(rustix::io::Errno::IO.into());
+        }
+        self.writes_left -= 1;
+        self.text += std::str::from_utf8(bytes).expect("UTF-8");
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn run_plain_redraws_until_it_is_over_or_the_terminal_is_closed() {
+    for writes_left in [2, usize::MAX] {
+        let hub = Hub::new();
+        hub.attach(JointNode::start(NodeId::FIRST, None).unwrap());
+        let port = hub.port();
+        let mut session = Session::new(NodeId::FIRST, false, port.now_ns());
+        let mut out = Screen { writes_left, text: String::new() };
+        let begin = Instant::now();
+        let is_over =
+            |_| begin.elapsed() > Duration::from_secs(if writes_left == 2 { 60 } else { 1 });
+        let open = || Err("not opened again".to_owned());
+        let setting = Setting { bus: "loop".into(), ..Setting::default() };
+        let port = Box::new(port);
+        let end = run_plain(&mut session, port, setting, &mut out, || TERMINAL, open, is_over);
+        assert_eq!(end, Ok(()));
+        let pictures = out.text.matches("node 1 on loop").count();
+        assert!(if writes_left == 2 { pictures == 2 } else { pictures >= 2 }, "{pictures}");
+        assert_shows(&out.text, &["live", "safe", "\r\x1b["]);
+    }
 }
