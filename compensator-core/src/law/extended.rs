@@ -40,15 +40,9 @@ impl<T: Real> FrictionLaw<T> for Extended<T> {
         }
     }
 
-    fn rescale_period(&mut self, _: &Self, _: T) {}
-
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.steady.velocity_limit
-    }
-
-    fn sliding_torque(&self) -> T {
-        T::zero()
     }
 
     #[inline(always)]

@@ -2,11 +2,10 @@
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
-use super::written::{LawParameters, LawRange};
+use super::written::LawParameters;
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
-use crate::refusal::ParameterError;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
@@ -24,24 +23,14 @@ impl<T: Real> FrictionLaw<T> for Linear<T> {
         Self { steady: Steady::build(written) }
     }
 
-    fn rescale_period(&mut self, _: &Self, _: T) {}
-
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.steady.velocity_limit
-    }
-
-    fn sliding_torque(&self) -> T {
-        T::zero()
     }
 
     #[inline(always)]
     fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), velocity: T, effect: &E) -> Step<'_, T> {
         let velocity = self.steady.limited(velocity);
         Step::Done(self.steady.sliding(effect.coulomb(self.steady.coulomb), velocity, effect))
-    }
-
-    fn check<N: Real, S: Real>(_: &LawParameters<S>, _: &LawRange) -> Result<f64, ParameterError> {
-        Ok(0.0)
     }
 }

@@ -2,11 +2,10 @@
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
-use super::written::{LawParameters, LawRange, stribeck_axis};
+use super::written::{LawParameters, stribeck_axis};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
-use crate::refusal::ParameterError;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
@@ -37,15 +36,9 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
         }
     }
 
-    fn rescale_period(&mut self, _: &Self, _: T) {}
-
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.steady.velocity_limit
-    }
-
-    fn sliding_torque(&self) -> T {
-        T::zero()
     }
 
     #[inline(always)]
@@ -58,9 +51,5 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
         let static_level = effect.static_level(self.static_level);
         let level = coulomb + (static_level - coulomb) * towards_rest;
         Step::Done(self.steady.sliding(level, velocity, effect))
-    }
-
-    fn check<N: Real, S: Real>(_: &LawParameters<S>, _: &LawRange) -> Result<f64, ParameterError> {
-        Ok(0.0)
     }
 }

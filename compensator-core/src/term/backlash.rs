@@ -11,7 +11,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
+use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Coefficients of the term for one sample period.
@@ -28,8 +28,6 @@ pub(crate) struct Backlash<T> {
 impl<T: Real> Term<T> for Backlash<T> {
     const PARAMETERS: &'static [Id] =
         &[Id::BacklashTravel, Id::BacklashStiffnessRatio, Id::BacklashUnloaded];
-
-    const READS: Option<Quantity> = None;
 
     /// Position within the play: -1 and 1 at its ends, 0 at its middle.
     type Memory = T;

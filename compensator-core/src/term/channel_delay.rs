@@ -8,7 +8,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
+use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Coefficients of the term for one sample period.
@@ -71,8 +71,6 @@ impl<T: Real> ChannelDelay<T> {
 impl<T: Real> Term<T> for ChannelDelay<T> {
     const PARAMETERS: &'static [Id] = &[Id::ChannelDelay];
 
-    const READS: Option<Quantity> = None;
-
     const IS_APPLIED_FIRST: bool = true;
 
     type Memory = DelayLine<T>;
@@ -100,10 +98,6 @@ impl<T: Real> Term<T> for ChannelDelay<T> {
 
     fn widen<S: Real>(_: &ParameterValues<S>, _: &Envelope, _: &mut Bounds) {
         // A past velocity is also within the envelope.
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 
     fn validate_period<S: Real>(

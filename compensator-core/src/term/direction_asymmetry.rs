@@ -6,8 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+use crate::quantity::Sample;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,8 +20,6 @@ pub(crate) struct DirectionAsymmetry<T> {
 impl<T: Real> Term<T> for DirectionAsymmetry<T> {
     const PARAMETERS: &'static [Id] = &[Id::CoulombAsymmetry, Id::ViscousAsymmetry];
 
-    const READS: Option<Quantity> = None;
-
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
@@ -30,10 +27,6 @@ impl<T: Real> Term<T> for DirectionAsymmetry<T> {
             coulomb: T::from_setting(values.get(Id::CoulombAsymmetry)),
             viscous: T::from_setting(values.get(Id::ViscousAsymmetry)),
         }
-    }
-
-    fn rescale_period(&self, _: T) -> Self {
-        *self
     }
 
     #[inline]
@@ -53,9 +46,5 @@ impl<T: Real> Term<T> for DirectionAsymmetry<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.scale_level_by_share(values.value(Id::CoulombAsymmetry).abs());
         bounds.viscous_factor *= 1.0 + values.value(Id::ViscousAsymmetry).abs();
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

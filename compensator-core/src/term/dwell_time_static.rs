@@ -9,8 +9,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+use crate::quantity::Sample;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,8 +29,6 @@ const CONTACT_AGE_MAX_S: f64 = 1000.0;
 
 impl<T: Real> Term<T> for DwellTimeStatic<T> {
     const PARAMETERS: &'static [Id] = &[Id::DwellGain, Id::DwellTime, Id::DwellTravel];
-
-    const READS: Option<Quantity> = None;
 
     /// Age of the contact, s.
     type Memory = T;
@@ -77,9 +74,5 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let ages = CONTACT_AGE_MAX_S / values.value(Id::DwellTime);
         bounds.static_level += values.value(Id::DwellGain) * libm::log(1.0 + ages);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

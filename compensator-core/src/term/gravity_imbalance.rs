@@ -8,7 +8,6 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,10 +32,6 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
         }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let torque = over_angle(sample.position_rad, self.sine, self.cosine);
@@ -54,9 +49,5 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (sine, cosine) = (values.value(Id::GravitySine), values.value(Id::GravityCosine));
         bounds.torque += libm::hypot(sine, cosine);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -20,7 +20,7 @@ pub(crate) trait Term<T: Real>: Copy + Default {
     ///
     /// `None` if it needs only velocity, acceleration or time, which every log has, or if a parameter selects
     /// its column.
-    const READS: Option<Quantity>;
+    const READS: Option<Quantity> = None;
 
     /// True if the term acts before all others, because they depend on its effect.
     const IS_APPLIED_FIRST: bool = false;
@@ -31,8 +31,10 @@ pub(crate) trait Term<T: Real>: Copy + Default {
     /// Computes the coefficients for a sample period in s. Accepts illegal values, because a fit may try them.
     fn build(values: &ParameterValues<T::Setting>, period_s: T::Setting) -> Self;
 
-    /// Returns the coefficients for a sample period `ratio` times as long.
-    fn rescale_period(&self, ratio: T) -> Self;
+    /// Returns the coefficients for a sample period `ratio` times as long. Most do not depend on the period.
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
 
     /// Writes the effect of the term in one sample to `effects`, and updates its memory.
     fn act(&self, sample: &Sample<T>, memory: &mut Self::Memory, effects: &mut Effects<T>);
@@ -51,10 +53,9 @@ pub(crate) trait Term<T: Real>: Copy + Default {
     ///
     /// # Errors
     /// Returns the parameter, its value, the violated bound and the reason for the bound.
-    fn validate<S: Real>(
-        values: &ParameterValues<S>,
-        envelope: &Envelope,
-    ) -> Result<(), ParameterError>;
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
 
     /// Checks the conditions that depend on the sample period, s.
     ///

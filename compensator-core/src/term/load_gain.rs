@@ -7,7 +7,6 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,10 +26,6 @@ impl<T: Real> Term<T> for LoadGain<T> {
         Self { gain: T::from_setting(values.get(Id::LoadGain)) }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         effects.torque = effects.torque + self.gain * sample.load_torque_nm;
@@ -47,9 +42,5 @@ impl<T: Real> Term<T> for LoadGain<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
         let largest = f64::from(envelope.load_torque_max_nm);
         bounds.torque += values.value(Id::LoadGain).abs() * largest;
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -7,7 +7,6 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,10 +26,6 @@ impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
         Self { coefficient: T::from_setting(values.get(Id::LoadCoulomb)) }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let added = self.coefficient * sample.load_torque_nm.abs();
@@ -48,9 +43,5 @@ impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.per_load_torque.coulomb += values.value(Id::LoadCoulomb);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

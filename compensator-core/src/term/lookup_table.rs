@@ -157,8 +157,6 @@ impl<T: Real> Term<T> for LookupTable<T> {
         Id::LookupScale,
     ];
 
-    const READS: Option<Quantity> = None;
-
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
@@ -175,10 +173,6 @@ impl<T: Real> Term<T> for LookupTable<T> {
             torque: LOOKUP_TORQUES.map(number),
             level: levels(values).map(T::from_setting),
         }
-    }
-
-    fn rescale_period(&self, _: T) -> Self {
-        *self
     }
 
     // Out of line, because inlined into the loop over the terms it would slow down the others.

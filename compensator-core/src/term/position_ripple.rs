@@ -44,10 +44,6 @@ impl<T: Real> Term<T> for PositionRipple<T> {
         }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let ripple = over_angle(self.order * sample.position_rad, self.sine, self.cosine);

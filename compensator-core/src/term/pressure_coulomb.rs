@@ -7,7 +7,6 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,10 +34,6 @@ impl<T: Real> Term<T> for PressureCoulomb<T> {
         }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let pressure = sample.pressure_diff_mpa;
@@ -58,9 +53,5 @@ impl<T: Real> Term<T> for PressureCoulomb<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.per_pascal.coulomb += values.value(Id::PressureCoulomb);
         bounds.per_pascal.excess += values.value(Id::PressureStaticExcess);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

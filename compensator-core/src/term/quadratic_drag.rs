@@ -6,8 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+use crate::quantity::Sample;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,16 +18,10 @@ pub(crate) struct QuadraticDrag<T> {
 impl<T: Real> Term<T> for QuadraticDrag<T> {
     const PARAMETERS: &'static [Id] = &[Id::QuadraticDrag];
 
-    const READS: Option<Quantity> = None;
-
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { coefficient: T::from_setting(values.get(Id::QuadraticDrag)) }
-    }
-
-    fn rescale_period(&self, _: T) -> Self {
-        *self
     }
 
     #[inline]
@@ -49,9 +42,5 @@ impl<T: Real> Term<T> for QuadraticDrag<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
         let speed = f64::from(envelope.velocity_max_rad_s);
         bounds.torque += values.value(Id::QuadraticDrag).abs() * (speed * speed);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -7,7 +7,6 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,10 +30,6 @@ impl<T: Real> Term<T> for RadialForceCoulomb<T> {
         Self { coulomb: T::from_setting(coulomb), static_level: T::from_setting(coulomb + excess) }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let force = sample.radial_force_n;
@@ -54,9 +49,5 @@ impl<T: Real> Term<T> for RadialForceCoulomb<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.per_newton.coulomb += values.value(Id::RadialForceCoulomb);
         bounds.per_newton.excess += values.value(Id::RadialForceStaticExcess);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

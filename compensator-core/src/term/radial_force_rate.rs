@@ -7,7 +7,6 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,9 +46,5 @@ impl<T: Real> Term<T> for RadialForceRate<T> {
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.travel_per_newton += values.value(Id::RadialForceRate);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -6,8 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+use crate::quantity::Sample;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,17 +18,11 @@ pub(crate) struct StribeckShape<T> {
 impl<T: Real> Term<T> for StribeckShape<T> {
     const PARAMETERS: &'static [Id] = &[Id::StribeckExponent];
 
-    const READS: Option<Quantity> = None;
-
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let half = T::Setting::from_f64(0.5);
         Self { half_exponent: T::from_setting(values.get(Id::StribeckExponent) * half) }
-    }
-
-    fn rescale_period(&self, _: T) -> Self {
-        *self
     }
 
     #[inline]
@@ -47,9 +40,5 @@ impl<T: Real> Term<T> for StribeckShape<T> {
 
     fn widen<S: Real>(_: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.bends_stribeck_curve = true;
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

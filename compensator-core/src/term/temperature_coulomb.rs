@@ -40,10 +40,6 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
         }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let factor = (-(self.rate * (sample.temperature_c - self.reference))).exp();

@@ -8,7 +8,6 @@ use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::TEMPERATURE_RANGE_C;
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,10 +32,6 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
         }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let factor = (-(self.rate * (sample.temperature_c - self.reference))).exp();
@@ -57,9 +52,5 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
             (values.value(Id::TemperatureViscosity), values.value(Id::TemperatureReference));
         let factor = TEMPERATURE_RANGE_C.map(|end| libm::exp(-rate * (end - reference)));
         bounds.viscous_factor *= factor[0].max(factor[1]);
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

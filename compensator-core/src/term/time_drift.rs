@@ -6,7 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
+use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Coefficients of the term for one sample period.
@@ -34,8 +34,6 @@ fn range<S: Real>(values: &ParameterValues<S>, envelope: &Envelope) -> (f64, f64
 impl<T: Real> Term<T> for TimeDrift<T> {
     const PARAMETERS: &'static [Id] = &[Id::DriftAmplitude, Id::DriftTime, Id::DriftRate];
 
-    const READS: Option<Quantity> = None;
-
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
@@ -45,10 +43,6 @@ impl<T: Real> Term<T> for TimeDrift<T> {
             per_time: T::from_setting(-hour / values.get(Id::DriftTime)),
             rate: T::from_setting(values.get(Id::DriftRate) * hour),
         }
-    }
-
-    fn rescale_period(&self, _: T) -> Self {
-        *self
     }
 
     #[inline]

@@ -6,8 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+use crate::quantity::Sample;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,16 +18,10 @@ pub(crate) struct TorqueOffset<T> {
 impl<T: Real> Term<T> for TorqueOffset<T> {
     const PARAMETERS: &'static [Id] = &[Id::TorqueOffset];
 
-    const READS: Option<Quantity> = None;
-
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { offset: T::from_setting(values.get(Id::TorqueOffset)) }
-    }
-
-    fn rescale_period(&self, _: T) -> Self {
-        *self
     }
 
     #[inline]
@@ -46,9 +39,5 @@ impl<T: Real> Term<T> for TorqueOffset<T> {
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.torque += values.value(Id::TorqueOffset).abs();
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -13,7 +13,6 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
 
 /// Maximum number of orders.
 pub const TORQUE_RIPPLE_ORDERS: usize = 4;
@@ -48,10 +47,6 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
         Self { waves }
     }
 
-    fn rescale_period(&self, _: T) -> Self {
-        *self
-    }
-
     // Out of line, because inlined into the loop over the terms it would slow down the others.
     #[inline(never)]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
@@ -80,9 +75,5 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
         for [_, sine, cosine] in TORQUE_RIPPLE_PARAMETERS {
             bounds.torque += libm::hypot(values.value(sine), values.value(cosine));
         }
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -6,8 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+use crate::quantity::Sample;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,16 +18,10 @@ pub(crate) struct UnmodelledInertia<T> {
 impl<T: Real> Term<T> for UnmodelledInertia<T> {
     const PARAMETERS: &'static [Id] = &[Id::Inertia];
 
-    const READS: Option<Quantity> = None;
-
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { inertia: T::from_setting(values.get(Id::Inertia)) }
-    }
-
-    fn rescale_period(&self, _: T) -> Self {
-        *self
     }
 
     #[inline]
@@ -47,9 +40,5 @@ impl<T: Real> Term<T> for UnmodelledInertia<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
         let fastest = f64::from(envelope.acceleration_max_rad_s2);
         bounds.torque += values.value(Id::Inertia).abs() * fastest;
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -12,8 +12,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+use crate::quantity::Sample;
 
 /// Update period of the heat, s. It is much shorter than any warming, and long compared with a sample.
 const HEAT_UPDATE_PERIOD_S: f64 = 0.5;
@@ -49,8 +48,6 @@ pub(crate) struct Heat<T> {
 
 impl<T: Real> Term<T> for WarmUp<T> {
     const PARAMETERS: &'static [Id] = &[Id::WarmUpFall, Id::WarmUpEnergy, Id::WarmUpCooling];
-
-    const READS: Option<Quantity> = None;
 
     type Memory = Heat<T>;
 
@@ -97,9 +94,5 @@ impl<T: Real> Term<T> for WarmUp<T> {
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let left = 1.0 - values.value(Id::WarmUpFall);
         bounds.scale_level(left.min(1.0), left.max(1.0));
-    }
-
-    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        Ok(())
     }
 }
