@@ -3,7 +3,7 @@
 use super::each_joint::{JointResult, each_joint};
 use super::identify::{KnownMachine, choices};
 use super::identify_network;
-use super::input::{DataArguments, in_stages};
+use super::input::DataArguments;
 #[cfg(feature = "papers")]
 use super::inside;
 #[cfg(not(feature = "papers"))]
@@ -74,31 +74,18 @@ pub fn run(arguments: &CompareArguments) -> Result<(), String> {
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;
     each_joint("compare", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
-        compare(arguments, input, specs.clone(), chosen)
+        compare(input, &specs, chosen)
     })
 }
 
 /// Compares the models on the log of one joint.
-fn compare(
-    arguments: &CompareArguments,
-    input: &Prepared,
-    specs: Vec<Spec>,
-    chosen: Choices,
-) -> Result<JointResult, String> {
+fn compare(input: &Prepared, specs: &[Spec], chosen: Choices) -> Result<JointResult, Error> {
     let options = FitOptions { passive: true, ..FitOptions::default() };
-    let (fits, made) = in_stages(arguments.data.threads, || {
-        let fits = identify_each(&specs, input, chosen, &options)?;
-        work::report_stage("writing the report");
-        let made = comparison_files(&fits, input)?;
-        Ok::<_, Error>((fits, made))
-    })
-    .map_err(in_options)?;
-    let ComparisonFiles { files, summary, chosen } = made;
+    let fits = identify_each(specs, input, chosen, &options)?;
+    work::report_stage("writing the report");
+    let ComparisonFiles { files, summary, chosen } = comparison_files(&fits, input)?;
     let best = &fits[chosen];
-    let mut text = table::models(&fits, &input.data) + "\n";
-    for (index, sentence) in summary.iter().enumerate() {
-        text += &format!("{}. {sentence}\n", index + 1);
-    }
+    let mut text = table::models(&fits, &input.data) + "\n" + &table::numbered(&summary);
     text += &format!("\nparams.toml contains {}:\n", best.spec);
     best.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     if fits.len() > 1 {

@@ -9,7 +9,8 @@
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
 use super::input::{in_stages, spinner};
-use super::output::{OutputArguments, print_formatted, print_text};
+use super::output::{OutputArguments, pretty, print_formatted, print_text};
+use super::table;
 use super::words::in_options;
 use crate::driver_file;
 use crate::simulated;
@@ -134,9 +135,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         return print_text(&pretty(&json_result(seed, &scenario, &answer, value, &replay))?);
     }
     let mut text = "\nDiagnosis of the recording:\n".to_owned();
-    for (index, sentence) in document.summary().iter().enumerate() {
-        text += &format!("{}. {sentence}\n", index + 1);
-    }
+    text += &table::numbered(&document.summary());
     text += &format!("\n{}\n", describe_truth(&scenario, &found, &answer));
     text += &format!(
         "\nFinished in {:.0} s. Open {out}/report.html for the report. Other files in {out}: diagnosis.json, params.toml, data.csv, \
@@ -159,10 +158,6 @@ fn effect(seed: u64) -> HiddenCause {
         .filter(|effect| *effect != HiddenCause::OutsideCatalogue)
         .collect();
     known[Pcg64::seed_from_u64(seed).random_range(0..known.len())]
-}
-
-fn pretty(value: &Value) -> Result<String, String> {
-    Ok(serde_json::to_string_pretty(value).map_err(|error| error.to_string())? + "\n")
 }
 
 /// Writes the simulated log as `data.csv` and as CAN traffic in `trace.log`, and the truth in `truth.json`.

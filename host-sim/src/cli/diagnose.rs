@@ -2,7 +2,7 @@
 
 use super::each_joint::{JointResult, each_joint};
 use super::identify_network;
-use super::input::{DataArguments, in_stages};
+use super::input::DataArguments;
 use super::output::OutputArguments;
 use super::table;
 use super::words::in_options;
@@ -67,29 +67,23 @@ fn diagnose_joint(
     input: &Prepared,
     model: Option<Spec>,
     given: Option<(Spec, Parameters<f64>)>,
-) -> Result<JointResult, String> {
+) -> Result<JointResult, Error> {
     let question = DiagnosisOptions {
         model,
         given,
         as_logged: arguments.data.kinds_as_logged(),
         ..input.question()
     };
-    let (found, files) = in_stages(arguments.data.threads, || {
-        let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;
-        work::report_stage("writing the report");
-        let files = diagnosis::files(&found, input)?;
-        Ok::<_, Error>((found, files))
-    })
-    .map_err(in_options)?;
+    let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;
+    work::report_stage("writing the report");
+    let files = diagnosis::files(&found, input)?;
     let mut text = String::new();
     // The others were reported when the log was read.
     let is_new = |finding: &&LogFinding| !input.log_findings.contains(finding);
     for finding in found.log_findings.iter().filter(is_new) {
         text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
     }
-    for (index, sentence) in summary(&found).iter().enumerate() {
-        text += &format!("{}. {sentence}\n", index + 1);
-    }
+    text += &table::numbered(&summary(&found));
     if let Some(late) = late_loop_warning(&found.transferable_model().spec.terms) {
         text += &format!("Computing time on the joint driver: {late}.\n");
     }

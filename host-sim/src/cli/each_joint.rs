@@ -4,9 +4,10 @@
 //! files as a single joint. The terminal shows the results one after the other, and the command's JSON file holds all
 //! of them in the list `joints`.
 
-use super::input::{DataArguments, LogInputs};
-use super::output::{OutputArguments, file_name, print_formatted, print_text};
-use friction_diagnose::prepare::Prepared;
+use super::input::{DataArguments, LogInputs, in_stages};
+use super::output::{OutputArguments, file_name, pretty};
+use super::words::in_options;
+use friction_diagnose::prepare::{Error, Prepared};
 use friction_results::Files;
 use joint_log::SplitRule;
 use serde_json::{Value, json};
@@ -19,8 +20,8 @@ pub struct JointResult {
     pub text: String,
 }
 
-/// Runs a command on each joint of the data and writes the results. `name` is the command's name; it is part of the
-/// default output folder.
+/// Reads the data, runs a command on each joint with its stages shown, and writes the results. `name` is the command's
+/// name; it is part of the default output folder.
 ///
 /// # Errors
 /// Returns one line if the data cannot be read or the command fails; no file is written in that case.
@@ -29,14 +30,15 @@ pub fn each_joint(
     data: &DataArguments,
     output: &OutputArguments,
     default_split: &SplitRule,
-    command: impl Fn(&Prepared) -> Result<JointResult, String>,
+    command: impl Fn(&Prepared) -> Result<JointResult, Error> + Sync,
 ) -> Result<(), String> {
     let output = &output.of_run(name, &data.data);
+    let run = |input: &Prepared| in_stages(data.threads, || command(input)).map_err(in_options);
     match data.read(default_split)? {
-        LogInputs::One(input) => write_one(&command(&input)?, output),
+        LogInputs::One(input) => write_one(&run(&input)?, output),
         LogInputs::Several(joints) => {
             let results = joints.iter().map(|(joint, input)| {
-                let result = command(input).map_err(|line| format!("joint {joint}: {line}"))?;
+                let result = run(input).map_err(|line| format!("joint {joint}: {line}"))?;
                 Ok((joint.clone(), result))
             });
             write_several(&results.collect::<Result<Vec<_>, String>>()?, output)
@@ -46,14 +48,7 @@ pub fn each_joint(
 
 fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), String> {
     let JointResult { files, text } = result;
-    let all: Vec<(&str, &[u8])> = files.all().collect();
-    output.write_bytes(&all)?;
-    if output.json {
-        return print_text(&files.document.1);
-    }
-    let out = output.folder().display();
-    let written: Vec<String> = all.iter().map(|(name, _)| format!("{out}/{name}")).collect();
-    print_formatted(&format!("{text}written: {}\n", written.join(", ")))
+    output.finish(&files.all().collect::<Vec<_>>(), &files.document.1, text)
 }
 
 fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> Result<(), String> {
@@ -72,18 +67,14 @@ fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> 
         files.extend(own.map(|(name, content)| (format!("{folder}/{name}"), content.to_vec())));
         shown += &format!("joint {joint}:\n\n{}\n", result.text);
     }
-    let all = json!({ "schema": 1, "joints": documents });
-    let all = serde_json::to_string_pretty(&all).map_err(|error| error.to_string())? + "\n";
+    let all = pretty(&json!({ "schema": 1, "joints": documents }))?;
     files.push((name.to_owned(), all.clone().into_bytes()));
     let all_files: Vec<(&str, &[u8])> =
         files.iter().map(|(name, content)| (&**name, &**content)).collect();
-    output.write_bytes(&all_files)?;
-    if output.json {
-        return print_text(&all);
-    }
-    let out = output.folder().display();
-    let written: Vec<String> = folders.iter().map(|folder| format!("{out}/{folder}/")).collect();
-    print_formatted(&format!("{shown}written: {out}/{name}, {}\n", written.join(", ")))
+    let folders = folders.iter().map(|folder| format!("{folder}/"));
+    let listed: Vec<String> = std::iter::once(name.to_owned()).chain(folders).collect();
+    let listed: Vec<&str> = listed.iter().map(String::as_str).collect();
+    output.finish_as(&all_files, &listed, &all, &shown)
 }
 
 /// Returns a unique folder name for each joint, valid on every file system.

@@ -1,6 +1,6 @@
 //! `export`: writes a fitted model for a user's own control loop, a driver's flash, or a simulator.
 
-use super::output::{OutputArguments, print_text};
+use super::output::{OutputArguments, pretty, print_text};
 use super::words::text_in_options;
 use crate::driver_file;
 use friction_results::export::{ExportFormat, export};
@@ -39,8 +39,7 @@ pub fn run(arguments: &ExportArguments) -> Result<(), String> {
         let result = json!({
             "schema": 1, "file": paths[0], "files": paths, "model": file.spec.full_name(), "notes": exported.notes,
         });
-        let text = serde_json::to_string_pretty(&result).map_err(|error| error.to_string())?;
-        return print_text(&(text + "\n"));
+        return print_text(&pretty(&result)?);
     }
     let notes: String = exported.notes.iter().map(|note| format!("- {note}\n")).collect();
     let paths: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();

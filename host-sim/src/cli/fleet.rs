@@ -1,7 +1,7 @@
 //! `fleet`: diagnoses the logs of many joints and campaigns, and compares them on one page.
 
 use super::input::{DataArguments, in_stages};
-use super::output::{print_formatted, print_text};
+use super::output::{pretty, print_formatted, print_text};
 use super::words::in_options;
 use friction_diagnose::prepare::Error;
 use friction_fit::spec::Spec;
@@ -86,8 +86,7 @@ fn print(arguments: &FleetArguments, rows: &[FleetRow], limits: &[Limit]) -> Res
     let out = arguments.out.display();
     if arguments.json {
         let document = json!({ "schema": 1, "rows": rows });
-        let text = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())?;
-        return print_text(&(text + "\n"));
+        return print_text(&pretty(&document)?);
     }
     let failed: Vec<&FleetRow> = rows.iter().filter(|row| !row.is_ok()).collect();
     let named = rows.iter().filter(|row| row.is_ok() && row.cause != "none").count();

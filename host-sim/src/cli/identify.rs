@@ -2,7 +2,7 @@
 
 use super::each_joint::{JointResult, each_joint};
 use super::identify_network::{self, NetworkArguments};
-use super::input::{DataArguments, in_stages};
+use super::input::DataArguments;
 #[cfg(feature = "papers")]
 use super::inside;
 #[cfg(not(feature = "papers"))]
@@ -138,39 +138,28 @@ fn fit_joint(
     input_spec: Spec,
     fixed: Vec<ParameterId>,
     freed: Vec<ParameterId>,
-) -> Result<JointResult, String> {
+) -> Result<JointResult, Error> {
     let spec = input_spec.on(&input.rigid_body);
-    let mut base = spec.parameters().map_err(in_options)?;
-    let start = match &arguments.start {
-        None => None,
-        Some(path) => {
-            let file = driver_file::read(path).map_err(|error| error.to_string())?;
-            Some(merged(&base, &file.parameters))
-        }
-    };
-    if let Some(start) = &start {
-        base = start.clone();
+    let mut base = spec.parameters()?;
+    if let Some(path) = &arguments.start {
+        let file = driver_file::read(path).map_err(|error| error.to_string())?;
+        base = merged(&base, &file.parameters);
     }
     base.choices = choices(base.choices, &arguments.choices)?;
-    let start = start.map(|_| base.clone());
     let options = FitOptions {
         substeps: arguments.substeps,
         starts: arguments.starts.max(1),
-        start,
+        start: arguments.start.is_some().then(|| base.clone()),
         fixed,
         freed,
         passive: true,
         ..FitOptions::default()
     };
-    let (fit, files) = in_stages(arguments.data.threads, || {
-        work::report_stage(&format!("fitting {spec} to {} rows", input.data.rows));
-        let (train, test) = (input.train_rows(), input.test_rows());
-        let fit = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
-        work::report_stage("writing the report");
-        let files = fit_files(&fit, input)?;
-        Ok::<_, Error>((fit, files))
-    })
-    .map_err(in_options)?;
+    work::report_stage(&format!("fitting {spec} to {} rows", input.data.rows));
+    let (train, test) = (input.train_rows(), input.test_rows());
+    let fit = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
+    work::report_stage("writing the report");
+    let files = fit_files(&fit, input)?;
     let models = table::models(std::slice::from_ref(&fit), &input.data);
     let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));

@@ -9,8 +9,7 @@
 //! reduces the error on held-out rows.
 
 use super::each_joint::JointResult;
-use super::input::{DataArguments, LossChoice, in_stages};
-use super::words::in_options;
+use super::input::{DataArguments, LossChoice};
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
 use friction_diagnose::prepare::{Error, Prepared};
@@ -104,24 +103,26 @@ pub(super) fn run(
     reading: &DataArguments,
     starts: usize,
     data: &Prepared,
-) -> Result<JointResult, String> {
+) -> Result<JointResult, Error> {
     let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
         .into_iter()
         .map(|quantity| (quantity.name(data.data.joint), quantity))
         .collect();
     let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
     if reading.loss == LossChoice::Huber {
-        return Err(format!(
+        let line = format!(
             "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
-        ));
+        );
+        return Err(line.into());
     }
     if !data.rigid_body.is_empty() {
-        return Err(format!(
+        let line = format!(
             "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
-        ));
+        );
+        return Err(line.into());
     }
-    let spec = Spec::parse(BASE).map_err(in_options)?;
-    let base = spec.parameters().map_err(in_options)?;
+    let spec = Spec::parse(BASE)?;
+    let base = spec.parameters()?;
     let options = FitOptions { starts: starts.max(1), passive: true, ..FitOptions::default() };
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
     let training = TrainOptions {
@@ -152,19 +153,16 @@ pub(super) fn run(
         })
         .collect();
     let task = TrainingTask { names, watches_strokes: arguments.watch_strokes, options: training };
-    in_stages(reading.threads, || {
-        work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
-        let fit = identify(&spec, &base, data.train_rows(), data.test_rows(), &options)?;
-        let training = match *inputs.as_slice() {
-            [a] => train_network(&fit, [a], data, &task, &progress),
-            [a, b] => train_network(&fit, [a, b], data, &task, &progress),
-            [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
-            [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
-            _ => Err("--inputs: found none, expected at least one".to_owned()),
-        }?;
-        Ok::<_, Error>(joint_result(data, &fit, &training, &task.names)?)
-    })
-    .map_err(in_options)
+    work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
+    let fit = identify(&spec, &base, data.train_rows(), data.test_rows(), &options)?;
+    let training = match *inputs.as_slice() {
+        [a] => train_network(&fit, [a], data, &task, &progress),
+        [a, b] => train_network(&fit, [a, b], data, &task, &progress),
+        [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
+        [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
+        _ => Err("--inputs: found none, expected at least one".to_owned()),
+    }?;
+    Ok(joint_result(data, &fit, &training, &task.names)?)
 }
 
 /// Settings of the training.

@@ -1,7 +1,7 @@
 //! `--inside`: fits friction models within the known dynamics of a machine, to the angles of all joints at once.
 
 use super::input::{DataArguments, LogInputs, in_stages};
-use super::output::{OutputArguments, print_formatted, print_text};
+use super::output::{OutputArguments, pretty};
 use friction_diagnose::prepare::Error;
 use friction_fit::params::emit_model;
 use joint_log::SplitRule;
@@ -60,17 +60,12 @@ pub fn run(
         "schema": 1, "inside": "manipulator", "fitted_on": train, "held_out": test,
         "models": fits.iter().map(|fit| model_json(fit, &names)).collect::<Vec<_>>(),
     });
-    let json = serde_json::to_string_pretty(&json).map_err(|error| error.to_string())? + "\n";
+    let json = pretty(&json)?;
     let best = &fits[0];
     let mut files = vec![(document.to_owned(), json.clone())];
     for (at, name) in names.iter().enumerate() {
         let kind = joints[at].1.data.joint;
         files.push((format!("joint-{name}/params.toml"), emit_model(&best.joint(at), kind)));
-    }
-    let named: Vec<(&str, &str)> = files.iter().map(|(name, text)| (&**name, &**text)).collect();
-    output.write(&named)?;
-    if output.json {
-        return print_text(&json);
     }
     let mut text = String::new();
     for fit in &fits {
@@ -81,13 +76,10 @@ pub fn run(
             text += &format!("  joint {name}: {test}, {train}\n");
         }
     }
-    let out = output.folder().display();
-    let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
-    print_formatted(&format!(
-        "{text}params.toml of each joint contains {}\nwritten: {}\n",
-        best.model,
-        written.join(", ")
-    ))
+    text += &format!("params.toml of each joint contains {}\n", best.model);
+    let files: Vec<(&str, &[u8])> =
+        files.iter().map(|(name, text)| (&**name, text.as_bytes())).collect();
+    output.finish(&files, &json, &text)
 }
 
 fn model_json(fit: &InsideFit, names: &[&str]) -> Value {

@@ -41,6 +41,40 @@ impl OutputArguments {
         Self { out: Some(self.out.clone().unwrap_or_else(own)), json: self.json, is_run_folder }
     }
 
+    /// Writes the result files, and prints `document` with `--json`, otherwise `text` with the names of the files.
+    ///
+    /// # Errors
+    /// See [`OutputArguments::write_bytes`].
+    pub fn finish(
+        &self,
+        files: &[(&str, &[u8])],
+        document: &str,
+        text: &str,
+    ) -> Result<(), String> {
+        let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
+        self.finish_as(files, &names, document, text)
+    }
+
+    /// As [`OutputArguments::finish`], with these names in place of those of the files.
+    ///
+    /// # Errors
+    /// See [`OutputArguments::write_bytes`].
+    pub fn finish_as(
+        &self,
+        files: &[(&str, &[u8])],
+        names: &[&str],
+        document: &str,
+        text: &str,
+    ) -> Result<(), String> {
+        self.write_bytes(files)?;
+        if self.json {
+            return print_text(document);
+        }
+        let out = self.folder().display();
+        let written: Vec<String> = names.iter().map(|name| format!("{out}/{name}")).collect();
+        print_formatted(&format!("{text}written: {}\n", written.join(", ")))
+    }
+
     /// Writes text files, each of them atomically. Writes none if one of the names is an existing folder.
     ///
     /// # Errors
@@ -140,6 +174,14 @@ pub fn file_name(name: &str) -> String {
         if letter.is_ascii_alphanumeric() || letter == '_' { letter } else { '-' }
     };
     name.chars().take(40).map(kept).collect()
+}
+
+/// Returns a result as indented JSON with a line end.
+///
+/// # Errors
+/// Returns one line if the result has no JSON form.
+pub fn pretty(result: &impl serde::Serialize) -> Result<String, String> {
+    Ok(serde_json::to_string_pretty(result).map_err(|error| error.to_string())? + "\n")
 }
 
 /// Prints a text for the user. On a terminal, the text is wrapped to its width and coloured unless `NO_COLOR` is set.

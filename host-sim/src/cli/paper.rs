@@ -1,7 +1,7 @@
 //! `paper`: reproduces the tables and plots of a paper and shows our values beside the printed ones.
 
 use super::input::{announce, duration_in_words, spinner};
-use super::output::{OutputArguments, print_formatted, print_text};
+use super::output::{OutputArguments, pretty};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_results::report::{Block, Page};
 use published_experiments::{
@@ -64,7 +64,7 @@ pub fn run(arguments: &PaperArguments) -> Result<(), String> {
         "schema": 1, "paper": paper.name(), "quick": arguments.quick, "seed": arguments.seed,
         "goals": outcome.goals, "summary": outcome.summary, "rows": outcome.rows,
     });
-    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let json = pretty(&document)?;
     let form = if arguments.quick { "short form, " } else { "" };
     let mut page = Page::new(paper.title(), format!("{form}seed {}", arguments.seed));
     let reached = outcome.goals.iter().filter(|goal| goal.is_reached()).count();
@@ -90,13 +90,7 @@ pub fn run(arguments: &PaperArguments) -> Result<(), String> {
         ("summary.md", summary.as_bytes()),
     ];
     files.extend(outcome.files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())));
-    arguments.output.write_bytes(&files)?;
-    if arguments.output.json {
-        return print_text(&json);
-    }
     let mut text = format_rows(&outcome.rows);
     outcome.summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
-    let out = arguments.output.folder().display();
-    let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
-    print_formatted(&format!("{text}written: {}\n", written.join(", ")))
+    arguments.output.finish(&files, &json, &text)
 }

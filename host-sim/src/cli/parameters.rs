@@ -14,7 +14,7 @@ mod network;
 mod status;
 
 use super::bus::BusArguments;
-use super::output::print_text;
+use super::output::{pretty, print_text};
 use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
@@ -348,7 +348,7 @@ impl Driver {
         if json {
             let object: serde_json::Map<_, _> =
                 chosen.iter().map(|(name, value, _)| (name.clone(), value.clone())).collect();
-            text = serde_json::to_string_pretty(&object).map_err(|e| e.to_string())? + "\n";
+            text = pretty(&object)?;
         } else {
             for (name, _, value) in chosen {
                 text += &format!("{name} = {value}\n");
@@ -438,7 +438,7 @@ impl Driver {
                 .iter()
                 .map(|(name, has, wants)| json!({"name": name, "driver": has, "file": wants}))
                 .collect();
-            serde_json::to_string_pretty(&rows).map_err(|e| e.to_string())? + "\n"
+            pretty(&rows)?
         } else if lines.is_empty() {
             format!("no difference from {}\n", path.display())
         } else {

@@ -1,7 +1,7 @@
 //! `predict`: the torque of a fitted model on every row of a log.
 
 use super::input::{DataArguments, LogInputs, in_stages};
-use super::output::{OutputArguments, print_formatted, print_text};
+use super::output::{OutputArguments, pretty, print_formatted, print_text};
 use super::words::in_options;
 use crate::driver_file;
 use friction_diagnose::prepare::{Error, Prepared};
@@ -93,9 +93,7 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
     let start = clap::ValueEnum::to_possible_value(&arguments.start);
     let start = start.map_or(String::new(), |value| value.get_name().to_owned());
     if arguments.json {
-        return print_text(
-            &(document(&file, &model, &input, [&predicted, &as_exported], &start)? + "\n"),
-        );
+        return print_text(&document(&file, &model, &input, [&predicted, &as_exported], &start)?);
     }
     print_formatted(&text(&file, &model, &input, [&predicted, &as_exported]))
 }
@@ -158,7 +156,7 @@ fn document(
         "rows": predicted.metrics.rows, "metrics": predicted.metrics, "runs": runs,
         "as_exported_rmse": as_exported.metrics.rmse, "remarks": predicted.remarks,
     });
-    serde_json::to_string_pretty(&document).map_err(|error| error.to_string())
+    pretty(&document)
 }
 
 /// Most runs that the terminal lists.

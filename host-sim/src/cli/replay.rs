@@ -2,7 +2,7 @@
 
 use super::bus::BusArguments;
 use super::input::{announce, counted_progress, duration_in_words};
-use super::output::{OutputArguments, print_text};
+use super::output::{OutputArguments, pretty, print_text};
 use crate::driver_file;
 use firmware::hil::NumberType;
 use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
@@ -171,7 +171,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
         bit_rate: arguments.bus.bit_rate.bits_per_second(),
     };
     let report = ReplayReport::new(&about, &plan, played);
-    let json = serde_json::to_string_pretty(&report).map_err(|error| error.to_string())? + "\n";
+    let json = pretty(&report)?;
     arguments.output.write(&[("replay.json", json.as_str())])?;
     if arguments.output.json {
         print_text(&json)?;

@@ -6,7 +6,7 @@
 use super::input::spinner;
 #[cfg(not(feature = "papers"))]
 use super::missing_feature::refusal;
-use super::output::{OutputArguments, print_text};
+use super::output::{OutputArguments, pretty, print_text};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use joint_log::{EmitOptions, emit};
@@ -119,7 +119,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
     };
     let bar = spinner(format!("simulating {}", arguments.scenario.name()));
     let Simulated { log, csv, truth, hidden } = arguments.scenario.simulate(&request)?;
-    let json = serde_json::to_string_pretty(&truth).map_err(|e| e.to_string())? + "\n";
+    let json = pretty(&truth)?;
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
     let format = TextFormat::from(arguments.format);
     let name = format!("trace.{}", format.extension());

@@ -8,6 +8,7 @@ use friction_results::ranking::{gain, left_out_in_words, ranking};
 use friction_results::scope::SignalSummary;
 use joint_log::number::{figure, significant};
 use joint_log::{Dataset, Survey};
+use std::fmt::Display;
 use std::path::Path;
 
 /// Number of candidates that are listed if there is no finding.
@@ -144,6 +145,12 @@ pub fn findings(found: &Diagnosis) -> String {
         }
     }
     text + left_out_in_words(found)
+}
+
+/// Returns sentences as numbered lines.
+pub fn numbered(sentences: &[impl Display]) -> String {
+    let numbered = (1..).zip(sentences);
+    numbered.map(|(number, sentence)| format!("{number}. {sentence}\n")).collect()
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 use super::measure::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
 use super::names::{differences, numbers};
 use super::{Driver, sdo_message};
-use crate::cli::output::print_text;
+use crate::cli::output::{pretty, print_text};
 use canopen_rs::Address;
 use firmware::driver::commissioning::CommissioningStep;
 use firmware::node::dictionary::index;
@@ -62,8 +62,7 @@ impl Driver {
             let wired: serde_json::Map<_, _> =
                 wired.into_iter().map(|(name, value)| (name, json!(value))).collect();
             let result = json!({"commissioned": commissioned, "wiring_crc": format!("{wiring:08x}"), "wiring": wired});
-            let text = serde_json::to_string_pretty(&result).map_err(|e| e.to_string())?;
-            return print_text(&(text + "\n"));
+            return print_text(&pretty(&result)?);
         }
         let mut out = String::new();
         for (name, value) in wired {
@@ -179,8 +178,7 @@ impl Driver {
             let result = json!({
                 "offset_a": offsets, "lag_rad": lag_rad, "friction_torque_nm": friction_nm, "wiring": wiring,
             });
-            let text = serde_json::to_string_pretty(&result).map_err(|e| e.to_string())?;
-            return Ok(text + "\n");
+            return pretty(&result);
         }
         let direction = |sign: f32| if sign > 0.0 { "with" } else { "against" };
         let turned = is.encoder_direction != was.encoder_direction;

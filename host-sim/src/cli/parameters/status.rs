@@ -1,7 +1,7 @@
 //! `params status`: shows the identity and the state of a driver.
 
 use super::{Driver, sdo_message};
-use crate::cli::output::print_text;
+use crate::cli::output::{pretty, print_text};
 use canopen_rs::Address;
 use compensator_core::TermKind;
 use compensator_core::term::MAX_TERMS;
@@ -116,8 +116,7 @@ impl Driver {
                 "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
                 "last_refusal": refusal, "counters": counters,
             });
-            let text = serde_json::to_string_pretty(&status).map_err(|e| e.to_string())?;
-            return print_text(&(text + "\n"));
+            return print_text(&pretty(&status)?);
         }
         let list = |codes: &[&str]| {
             if codes.is_empty() { "none".to_owned() } else { codes.join(", ") }
