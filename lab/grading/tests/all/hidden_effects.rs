@@ -2,7 +2,7 @@
 //!
 //! `simulated_machines::scenarios` draws the scenarios with its own equations and integrator. The diagnosis receives the
 //! log only. Every test run grades a part of the scenarios, and with `LONG_TESTS=1` all of them. The following command
-//! regenerates the table `lab/grading/graded/scenarios.md`:
+//! regenerates the table `lab/grading/graded/scenarios.tsv`:
 //!
 //! ```text
 //! LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-grading --test all hidden_effects::
@@ -74,19 +74,14 @@ fn row_of(grade: &Grade) -> String {
     if grade.hidden.is_empty() { "none".into() } else { grade.hidden.join(" + ") }
 }
 
-/// Returns the table in Markdown.
+/// Returns the tables, with tabs between cells and a title before each but the first.
 fn table(grades: &[Grade]) -> String {
-    let mut text = String::from(
-        "# The diagnosis on scenarios with hidden effects\n\n\
-         Simulated scenarios with grades. Made by `LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-grading --test all hidden_effects::`.\n\n\
-         | criterion | reached | of | share |\n|---|---|---|---|\n",
-    );
+    let mut text = String::from("criterion\treached\tof\tshare\n");
     for (what, good, all) in shares(grades) {
         let percent = 100.0 * good as f64 / all.max(1) as f64;
-        let _ = writeln!(text, "| {what} | {good} | {all} | {percent:.1} % |");
+        let _ = writeln!(text, "{what}\t{good}\t{all}\t{percent:.1} %");
     }
-    text += "\n## Confusion\n\nEach row shows the hidden causes, the causes named first with their counts, and the number of right answers.\n\n\
-             | kind | hidden | named first | right |\n|---|---|---|---|\n";
+    text += "\n# Confusion\nkind\thidden\tnamed first\tright\n";
     // For each kind and hidden causes: how often each cause was named first, how often that was right, and the count.
     type Row<'a> = (BTreeMap<&'a str, usize>, usize, usize);
     let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
@@ -98,14 +93,14 @@ fn table(grades: &[Grade]) -> String {
     }
     for ((kind, hidden), (named, right, all)) in rows {
         let named: Vec<String> = named.iter().map(|(name, n)| format!("{name} {n}")).collect();
-        let _ = writeln!(text, "| {kind} | {hidden} | {} | {right} of {all} |", named.join(", "));
+        let _ = writeln!(text, "{kind}\t{hidden}\t{}\t{right} of {all}", named.join(", "));
     }
-    text += "\n## Missed scenarios\n\n| kind | hidden | seed | visible effect over noise | named | held-out error over noise |\n|---|---|---|---|---|---|\n";
+    text += "\n# Missed scenarios\nkind\thidden\tseed\tvisible effect over noise\tnamed\theld-out error over noise\n";
     for grade in grades.iter().filter(|grade| !grade.right) {
         let named = if grade.named.is_empty() { "none".into() } else { grade.named.join(", ") };
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {:.2} | {named} | {:.3} |",
+            "{}\t{}\t{}\t{:.2}\t{named}\t{:.3}",
             grade.kind.name(),
             row_of(grade),
             grade.seed,
@@ -117,7 +112,7 @@ fn table(grades: &[Grade]) -> String {
 }
 
 fn table_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("graded/scenarios.md")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("graded/scenarios.tsv")
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Grades the diagnosis on measured logs with an added simulated effect.
 //!
 //! `friction_grading::planted` describes the method. Every test run uses the shortest log, and with `LONG_TESTS=1` all
-//! logs. The long form compares the table `lab/grading/graded/planted.md`, which the following command regenerates:
+//! logs. The long form compares the table `lab/grading/graded/planted.tsv`, which the following command regenerates:
 //!
 //! ```text
 //! LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-grading --test all planted::
@@ -96,7 +96,7 @@ fn diagnose_finds_planted_effects_and_ignores_decoys() {
     let named = hidden().filter(|answer| answer.is_named).count();
     assert!(5 * named >= 4 * hidden().count(), "{named} of {} are named", hidden().count());
     if crate::is_long() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graded/planted.md");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graded/planted.tsv");
         if std::env::var_os("UPDATE_TABLES").is_some() {
             std::fs::write(&path, &table).expect("the table is written");
         }
@@ -106,9 +106,7 @@ fn diagnose_finds_planted_effects_and_ignores_decoys() {
 }
 
 fn table(answers: &[Answer]) -> String {
-    let mut text = "# Effects hidden in measured logs\n\nMade by `tests/all/planted.rs`. The hidden effect is simulated and as large as the residual of the diagnosis on \
-                    the unchanged log; all else is measured.\n\n| log | hidden | verdict | named |\n|---|---|---|---|\n"
-        .to_owned();
+    let mut text = "log\thidden\tverdict\tnamed\n".to_owned();
     for answer in answers {
         let hidden = answer.planted.cause.unwrap_or("decoy (no effect)");
         let verdict = match (answer.planted.cause, answer.is_named, answer.is_blamed) {
@@ -118,12 +116,7 @@ fn table(answers: &[Answer]) -> String {
             (Some(_), false, true) => "column found, other cause",
             (Some(_), false, false) => "missed",
         };
-        let _ = writeln!(
-            text,
-            "| {} | {hidden} | {verdict} | {} |",
-            answer.log,
-            answer.named.join("; ")
-        );
+        let _ = writeln!(text, "{}\t{hidden}\t{verdict}\t{}", answer.log, answer.named.join("; "));
     }
     text
 }
