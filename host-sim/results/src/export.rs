@@ -10,6 +10,8 @@
 //! | `onnx` of a network | one evaluation of the network as a graph | `f32` with another order of sums: factors within 1e-5 |
 //! | `mujoco`, `urdf` | dry friction and damping of a joint | a line fitted to steady sliding; the largest error is stated |
 //!
+//! ONNX needs the feature `onnx`.
+//!
 //! `compensator-core` reads the first two. `law` and `terms` write the core's equations (`compensator_core::law`,
 //! `compensator_core::effect`) once as statements, which are rendered as C and as ONNX. Tests compare both with the core for
 //! every law and every supported term. The joint of a simulator has neither a Stribeck curve nor bristles. Its two parameters
@@ -19,9 +21,13 @@
 //! measured torque. A driver starts at a bristle torque of 0, because it measures no friction.
 
 mod c;
+mod effects;
 mod law;
+#[cfg(feature = "onnx")]
 mod onnx;
+#[cfg(feature = "onnx")]
 mod onnx_network;
+#[cfg(feature = "onnx")]
 mod onnx_step;
 mod program;
 mod rust;
@@ -160,24 +166,13 @@ fn export_without_notes(
                     .into(),
             ],
         )),
-        ExportFormat::Onnx if file.network.is_none() => onnx_step::export(file, source),
-        ExportFormat::Onnx => Ok(ExportedModel::new(
-            onnx_network::model(network()?, source),
-            vec![
-                format!(
-                    "one evaluation, to be run every {} s; network inputs: {}; feed the outputs back as inputs, starting with factors and share at 1 and the others at 0",
-                    network()?.period_s,
-                    network()?.inputs.join(", ")
-                ),
-                "the factors multiply coulomb_torque, static_torque and bristle_stiffness of the law; the step of the law is not in the graph"
-                    .into(),
-                format!(
-                    "start the law from the first measured torque, as {} and {} do: from a bristle torque of 0, its torque is wrong until the joint leaves presliding",
-                    ExportFormat::C.setting(),
-                    ExportFormat::Rust.setting(),
-                ),
-            ],
-        )),
+        #[cfg(feature = "onnx")]
+        ExportFormat::Onnx => match &file.network {
+            Some(network) => Ok(onnx_network::export(network, source)),
+            None => onnx_step::export(file, source),
+        },
+        #[cfg(not(feature = "onnx"))]
+        ExportFormat::Onnx => Err(format!("{}: this build lacks the feature onnx", format.setting())),
         ExportFormat::Record => Ok(ExportedModel::new(
             record::emit(&file.friction()).to_vec(),
             record_notes(file, source),

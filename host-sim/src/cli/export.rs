@@ -22,6 +22,10 @@ pub struct ExportArguments {
 
 /// Runs the command.
 pub fn run(arguments: &ExportArguments) -> Result<(), String> {
+    #[cfg(not(feature = "onnx"))]
+    if arguments.to == ExportFormat::Onnx {
+        return Err(super::missing_feature::refusal("export --to onnx", "onnx"));
+    }
     let file = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
     let with_path =

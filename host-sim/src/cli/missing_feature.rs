@@ -11,7 +11,7 @@ pub struct AnyArguments {
 }
 
 /// Returns the error for something that needs a feature: one line that names the feature and the same command with it.
-#[cfg(not(all(feature = "monitor", feature = "papers", feature = "update")))]
+#[cfg(not(all(feature = "monitor", feature = "onnx", feature = "papers", feature = "update")))]
 pub fn refusal(what: &str, feature: &str) -> String {
     refusal_of(what, feature, std::env::args_os().skip(1))
 }

@@ -3,6 +3,7 @@
 //! The statements are those of `compensator_core::law::bristle` (backward Euler in closed form) and of the static laws. The
 //! core takes the Stribeck curve from a table, which is within 1.3e-5 of the exponential function here.
 
+use super::effects::Effects;
 use super::program::{Expr, Program};
 use super::terms;
 use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
@@ -10,33 +11,11 @@ use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
 /// Field of the state with the torque of the bristle deflection, Nm.
 pub(super) const BRISTLE_TORQUE: &str = "bristle_torque_nm";
 /// Input with the measured torque for [`start`], Nm.
+#[cfg(feature = "onnx")]
 pub(super) const MEASURED_TORQUE: &str = "measured_torque_nm";
 
 /// Number of bisections of a start: one for each bit of a `float`, and some for a torque far below the level.
 pub(super) const BISECTIONS: usize = 32;
-
-/// Effects of the terms on the law, and the motion that they read. `None` is a neutral effect.
-pub(super) struct Effects {
-    pub velocity: Expr,
-    pub speed: Expr,
-    pub direction: Expr,
-    /// Added to the Coulomb level, Nm.
-    pub added_coulomb: Option<Expr>,
-    /// Added to the static level, Nm.
-    pub added_static: Option<Expr>,
-    /// Factor of the level.
-    pub level_scale: Option<Expr>,
-    /// The factor of the level is `1 + level_asymmetry` forwards and `1 - level_asymmetry` backwards.
-    pub level_asymmetry: Option<Expr>,
-    /// Factor of the viscous coefficient.
-    pub viscous_scale: Option<Expr>,
-    /// Bristle deflection rate from the changing side load, rad/s.
-    pub carried_rate: Option<Expr>,
-    /// Exponent of the Stribeck curve, if it is not 2.
-    pub stribeck_exponent: Option<Expr>,
-    /// Torque outside the law, Nm.
-    pub torque: Option<Expr>,
-}
 
 /// Returns the name of the first term that cannot be exported as statements.
 pub(super) fn unsupported_term(model: &Parameters<f32>) -> Option<&'static str> {
@@ -70,6 +49,7 @@ pub(super) fn step(model: &Parameters<f32>) -> Program {
 
 /// Returns the start: the result is the bristle torque from which [`step`] returns the measured torque, as far as the level
 /// permits. `None` if the law has no bristles. The state that the statements set is of no use.
+#[cfg(feature = "onnx")]
 pub(super) fn start(model: &Parameters<f32>) -> Option<Program> {
     if !model.law.has_bristles() {
         return None;

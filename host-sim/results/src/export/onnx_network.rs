@@ -13,11 +13,31 @@
 //! (`network::stroke`), because it needs the motion.
 
 use super::onnx::{Builder, FLOAT, row};
+use super::{ExportFormat, ExportedModel};
 use compensator_core::network::{CELL_LIMIT, GATES};
 use friction_fit::network::{CELLS, NetworkFile};
 
+/// Returns the graph of a network.
+pub(super) fn export(file: &NetworkFile, source: &str) -> ExportedModel {
+    let notes = vec![
+        format!(
+            "one evaluation, to be run every {} s; network inputs: {}; feed the outputs back as inputs, starting with factors and share at 1 and the others at 0",
+            file.period_s,
+            file.inputs.join(", ")
+        ),
+        "the factors multiply coulomb_torque, static_torque and bristle_stiffness of the law; the step of the law is not in the graph"
+            .into(),
+        format!(
+            "start the law from the first measured torque, as {} and {} do: from a bristle torque of 0, its torque is wrong until the joint leaves presliding",
+            ExportFormat::C.setting(),
+            ExportFormat::Rust.setting(),
+        ),
+    ];
+    ExportedModel::new(model(file, source), notes)
+}
+
 /// Returns the ONNX model of a network, encoded.
-pub(super) fn model(file: &NetworkFile, source: &str) -> Vec<u8> {
+fn model(file: &NetworkFile, source: &str) -> Vec<u8> {
     let mut graph = Builder::default();
     let used = file.inputs.len();
     let (scaled, outside) = guard(&mut graph, file);

@@ -2,7 +2,7 @@
 //!
 //! The rows are JSON inside the page, and its script builds the visible part. Without a script, the first rows are shown.
 
-use super::page::RECORDS;
+use super::table::RECORDS;
 use maud::{Markup, PreEscaped, html};
 use serde_json::json;
 

@@ -18,8 +18,6 @@ use crate::write::write_atomically;
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 
-/// Classes of a table whose rows are paragraphs on narrow screens.
-pub(super) const RECORDS: &str = "table records";
 const STYLE: &str = include_str!("report.css");
 const CHART_SCRIPT: &str = include_str!("chart.js");
 const FINDER_SCRIPT: &str = include_str!("finder.js");

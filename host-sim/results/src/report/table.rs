@@ -4,10 +4,12 @@
 //! are aligned like text. Numbers have four significant digits by default. [`Table::best`] marks the smallest or largest
 //! number of a column: in bold type, which also prints in black and white, and with a word for screen readers.
 
-use super::page::RECORDS;
 use maud::{Markup, html};
 
 use joint_log::number::{count, significant, with_error};
+
+/// Classes of a table whose rows are paragraphs on narrow screens.
+pub(super) const RECORDS: &str = "table records";
 
 /// Significant digits of a [`Cell::Number`].
 const DIGITS: usize = 4;
