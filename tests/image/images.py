@@ -1,0 +1,63 @@
+"""The images of the firmware: each is built once, into target/images/NAME/, and all tests read them there."""
+
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+TARGET_FOLDER = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
+IMAGES_FOLDER = TARGET_FOLDER / "images"
+TARGET = "thumbv7em-none-eabihf"
+
+# Name of each image or set of images: its programs and its features.
+IMAGES = {
+    # What ships: the images of both slots. The boot program belongs to them and is built for size.
+    "stm32g474": (["firmware", "firmware-b", "boot"], "board-stm32g474,terms"),
+    "qemu": (["firmware"], "board-qemu,terms"),
+    "stm32f405": (["firmware"], "board-stm32f405,terms"),
+    "cost": (["cost"], "board-qemu,c-reference,terms"),
+    "cost-bare": (["cost"], "board-qemu"),
+    # Images that differ by the core alone.
+    "footprint": (["footprint"], "board-qemu,footprint"),
+    "footprint-loop": (["footprint"], "board-qemu,footprint-loop"),
+    "footprint-loop-terms": (["footprint"], "board-qemu,footprint-loop,terms"),
+    "footprint-core": (["footprint"], "board-qemu,footprint-core"),
+    "footprint-core-terms": (["footprint"], "board-qemu,footprint-core,terms"),
+}
+
+
+def selection(features):
+    """Returns cargo's arguments for an image with these features."""
+    return ["--profile", "firmware", "--target", TARGET, "--no-default-features", "--features", features]
+
+
+def cargo(*arguments, root=ROOT):
+    """Runs a build of cargo; returns the paths of its programs by their names, and ends this program if it fails."""
+    # The image does not contain log lines below this level.
+    environment = {"DEFMT_LOG": "info", **os.environ}
+    command, *rest = arguments
+    result = subprocess.run(["cargo", command, "-q", "--message-format=json-render-diagnostics", *rest], cwd=root,
+                            env=environment, stdout=subprocess.PIPE, text=True)
+    if result.returncode != 0:
+        sys.exit(f"cargo {' '.join(arguments)} failed")
+    executables = (json.loads(line).get("executable") for line in result.stdout.splitlines())
+    return {path.name: path for path in map(pathlib.Path, filter(None, executables))}
+
+
+def build(name):
+    """Builds the images of this name; returns the folder with their programs."""
+    programs, features = IMAGES[name]
+    folder = IMAGES_FOLDER / name
+    folder.mkdir(parents=True, exist_ok=True)
+    binaries = [word for program in programs if program != "boot" for word in ("--bin", program)]
+    built = cargo("build", "--locked", "-p", "firmware", *binaries, *selection(features))
+    if "boot" in programs:
+        built |= cargo("rustc", "--locked", "-p", "firmware", "--bin", "boot", *selection(features), "--", "-C", "opt-level=z")
+    for program in programs:
+        place, built_at = folder / program, built[program].stat().st_mtime
+        if not (place.exists() and place.stat().st_mtime == built_at):
+            shutil.copy2(built[program], place)
+    return folder
