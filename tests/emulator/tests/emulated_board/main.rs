@@ -1,19 +1,6 @@
-//! The image on the emulated board: its start, a course in closed loop, and what its interrupts cost.
-//!
-//! `FIRMWARE_IMAGE` names another image, as for the mutations of `tests/emulator/run`.
+//! The tests of the emulated board in one binary, because linking two takes longer than some of them.
 #![cfg(feature = "unicorn")]
 
-mod access;
-mod board_bus;
-mod bus;
-#[path = "../common/mod.rs"]
+mod board;
 mod common;
-mod cost;
-mod course;
-mod interruptions;
-mod power_cut;
-mod pressure;
-mod scope;
-mod slots;
-mod start;
-mod update;
+mod scenarios;

@@ -1,6 +1,6 @@
 //! Start of the image, with constant inputs.
 
-use super::common::image;
+use crate::common::image;
 use emulated_board::chip::random::Random;
 use emulated_board::chip::{CORE_HZ, Chip};
 use emulated_board::cycles::FlashAccess;

@@ -1,7 +1,7 @@
 //! The emulated board with its boot program on a bus in emulated time, which restarts it after a reset.
 
-use super::common::{boot_program, image};
 use super::start::Constant;
+use crate::common::{boot_program, image};
 use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId};
 use emulated_board::chip::clock::reset;

@@ -4,8 +4,8 @@
 //! of its operations. The image is started again on these contents: on all of them with `LONG_TESTS`, otherwise on a
 //! few: during the first erase, around the first double words, in between, and around the commit, which is last.
 
-use super::common::image;
 use super::course::set;
+use crate::common::image;
 use canopen_rs::Address;
 use compensator_core::can::NodeId;
 use emulated_board::BoardDriver;

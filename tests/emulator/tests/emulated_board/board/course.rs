@@ -1,7 +1,7 @@
 //! A course in closed loop that every fault of the image's wiring to its registers must spoil: the mutations of
 //! `tests/emulator/run` run it.
 
-use super::common::image;
+use crate::common::image;
 use compensator_core::LawKind;
 use emulated_board::BoardDriver;
 use firmware::control::MotorParameters;

@@ -1,7 +1,7 @@
 //! The board's own pressure sensor: the image reads it over I2C, and its friction model follows the water.
 
-use super::common::image;
 use super::course::set;
+use crate::common::image;
 use emulated_board::BoardDriver;
 use joint_rig::{JointRig, PowerUp, RigFaults, SealSensorFault, stage_at_power_up};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};

@@ -1,8 +1,8 @@
 //! Program updates of the emulated board: the shipped boot program and images, and the client of host-sim.
 
 use super::board_bus::{BoardBus, NODE, blank_board, entry, new_board, started};
-use super::common::image_path;
 use super::slots::{SLOTS, confirm, install};
+use crate::common::image_path;
 use canopen_rs::Address;
 use compensator_core::can::Frame;
 use ed25519_dalek::SigningKey;

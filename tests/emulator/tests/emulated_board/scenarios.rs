@@ -1,16 +1,13 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
-//! The short form runs three families, `LONG_TESTS=1` all but the temperature of a stalled winding, which takes ten
+//! The short form runs six families, `LONG_TESTS=1` all but the temperature of a stalled winding, which takes ten
 //! minutes of simulated time, and the errors of the friction model, which take eighteen. Of the motors to commission it
 //! runs the first ([`driver`]).
-#![cfg(feature = "unicorn")]
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
 mod bus;
 #[path = "../../../../host-sim/rig/tests/closed_loop/commissioning.rs"]
 mod commissioning;
-#[path = "../common/mod.rs"]
-mod common;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
@@ -42,9 +39,10 @@ use table::{Driver, ScenarioRow};
 /// Results of the families of this form.
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
+    families.extend([stalls::rows(), stops::rows(), holding_brake::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
-        families.extend([encoder::rows(), stalls::rows(), commissioning::rows(), velocity::rows()]);
-        families.extend([friction::rows(), stops::rows(), holding_brake::rows(), position::rows()]);
+        families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
+        families.extend([friction::rows(), position::rows()]);
     }
     families
 }

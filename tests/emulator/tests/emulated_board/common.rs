@@ -4,11 +4,10 @@ use emulated_board::Image;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-/// Returns the path of an image that cargo builds for the board. `FIRMWARE_IMAGE` names another one for slot A, with the
+/// Returns the path of an image that `tests/image/build` made for the board. `FIRMWARE_IMAGE` names another one for slot A, with the
 /// images for slot B and the boot program beside it.
 pub fn image_path(name: &str) -> PathBuf {
-    let built =
-        [env!("CARGO_MANIFEST_DIR"), "../../target/thumbv7em-none-eabihf/firmware/firmware"];
+    let built = [env!("CARGO_MANIFEST_DIR"), "../../target/images/stm32g474/firmware"];
     let path =
         std::env::var_os("FIRMWARE_IMAGE").map_or_else(|| built.iter().collect(), PathBuf::from);
     path.with_file_name(name)
@@ -23,7 +22,6 @@ pub fn image() -> &'static Image {
 }
 
 /// Returns the boot program.
-#[allow(dead_code)] // The scenarios start the image without it.
 pub fn boot_program() -> &'static Image {
     static IMAGE: LazyLock<Image> = LazyLock::new(|| {
         Image::read(&image_path("boot")).expect("a boot program; tests/emulator/run builds it")

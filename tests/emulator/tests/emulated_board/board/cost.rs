@@ -3,8 +3,8 @@
 //! The joint is armed, follows a sine of velocity with compensation, and gets new parameters' orders, commands, sensor
 //! frames and objects over the bus; the worst period counts. `UPDATE_TABLES=1` writes the file.
 
-use super::common::image;
 use super::course::set;
+use crate::common::image;
 use compensator_core::LawKind;
 use compensator_core::term::TermKind;
 use emulated_board::BoardDriver;

@@ -1,0 +1,16 @@
+//! The image on the emulated board: its start, a course in closed loop, and what its interrupts cost.
+//!
+//! `FIRMWARE_IMAGE` names another image, as for the mutations of `tests/emulator/run`.
+
+mod access;
+mod board_bus;
+mod bus;
+mod cost;
+mod course;
+mod interruptions;
+mod power_cut;
+mod pressure;
+mod scope;
+mod slots;
+mod start;
+mod update;
