@@ -164,49 +164,35 @@ pub trait Bus {
     }
 }
 
-impl<B: Bus + ?Sized> Bus for Box<B> {
-    fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
-        (**self).send(frame)
-    }
+/// Implements [`Bus`] for a pointer to one.
+macro_rules! forward_bus {
+    ($pointer:ty) => {
+        impl<B: Bus + ?Sized> Bus for $pointer {
+            fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
+                (**self).send(frame)
+            }
 
-    fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
-        (**self).receive(until_ns)
-    }
+            fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
+                (**self).receive(until_ns)
+            }
 
-    fn now_ns(&self) -> u64 {
-        (**self).now_ns()
-    }
+            fn now_ns(&self) -> u64 {
+                (**self).now_ns()
+            }
 
-    fn sleep_until(&mut self, until_ns: u64) -> bool {
-        (**self).sleep_until(until_ns)
-    }
+            fn sleep_until(&mut self, until_ns: u64) -> bool {
+                (**self).sleep_until(until_ns)
+            }
 
-    fn counters(&self) -> Counters {
-        (**self).counters()
-    }
+            fn counters(&self) -> Counters {
+                (**self).counters()
+            }
+        }
+    };
 }
 
-impl<B: Bus + ?Sized> Bus for &mut B {
-    fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
-        (**self).send(frame)
-    }
-
-    fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
-        (**self).receive(until_ns)
-    }
-
-    fn now_ns(&self) -> u64 {
-        (**self).now_ns()
-    }
-
-    fn sleep_until(&mut self, until_ns: u64) -> bool {
-        (**self).sleep_until(until_ns)
-    }
-
-    fn counters(&self) -> Counters {
-        (**self).counters()
-    }
-}
+forward_bus!(Box<B>);
+forward_bus!(&mut B);
 
 /// Clock of a real bus. It counts from the epoch, and does not jump when the system time is set.
 #[derive(Clone, Copy, Debug)]
