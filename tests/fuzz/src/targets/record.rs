@@ -3,15 +3,12 @@
 //! A parser returns an error or a valid value, which must survive writing and reading again. A parsed friction model
 //! must also run in a HIL joint with finite results.
 
-#![no_main]
-
 use compensator_core::can::{Message, MotionFrame, NodeId, SealFrame, SyncFrame};
 use compensator_core::configuration::Configuration;
 use compensator_core::record;
 use firmware::hil::{HilJoint, HilSetup, HilStep, NumberType};
 use firmware::node_settings::{NodeSettings, emit_block, parse_block};
 use firmware::parameter_set::ParameterSet;
-use libfuzzer_sys::fuzz_target;
 
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
@@ -24,7 +21,7 @@ fn with_crc(data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-fn run(configuration: &Configuration) {
+fn execute(configuration: &Configuration) {
     for number in [NumberType::Float, NumberType::Fixed] {
         let setup = HilSetup { number, period_s: 1e-3, campaign_h: 0.0 };
         let Ok(mut joint) = HilJoint::build(NodeId::FIRST, configuration, None, setup) else {
@@ -49,14 +46,15 @@ fn run(configuration: &Configuration) {
     }
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     for bytes in [data.to_vec(), with_crc(data)] {
         if let Ok(configuration) = record::parse(&bytes) {
             configuration.validate().expect("a parsed record is valid");
             // Bytes are compared, because parameters that a model does not use may be NaN.
             let written = record::emit(&configuration);
             assert_eq!(record::parse(&written).map(|again| record::emit(&again)), Ok(written));
-            run(&configuration);
+            execute(&configuration);
         }
     }
     if let Ok(set) = ParameterSet::parse(data) {
@@ -83,4 +81,4 @@ fuzz_target!(|data: &[u8]| {
             assert_eq!(again, Ok(written));
         }
     }
-});
+}

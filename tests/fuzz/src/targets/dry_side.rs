@@ -7,11 +7,7 @@
 //! The joint is armed and gets these readings, and any others. Safe torque off must open its bridge at once, a leak that
 //! stops after 200 ms, everything else never. The limits follow their readings within their times, and 2012h holds them.
 
-#![no_main]
-
-mod bytes;
-
-use bytes::Bytes;
+use crate::bytes::Bytes;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, Operation};
 use firmware::access::AccessSettings;
@@ -25,7 +21,6 @@ use firmware::sensors::enclosure::{LastAir, Readings};
 use firmware::sensors::ms5837::SensorBus;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::Code;
-use libfuzzer_sys::fuzz_target;
 
 /// Time of one execution, ms.
 const LONGEST_MS: u64 = 12_000;
@@ -393,7 +388,8 @@ fn set_reading(readings: &mut Readings, bytes: &mut Bytes) {
     }
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let mut bytes = Bytes(data);
     let mut joint = Joint::new(&mut bytes);
     let mut housing = Housing::new(&mut bytes);
@@ -426,4 +422,4 @@ fuzz_target!(|data: &[u8]| {
             }
         }
     }
-});
+}

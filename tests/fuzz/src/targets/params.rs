@@ -3,19 +3,17 @@
 //! The parser returns an error of one line or a valid file. A set that the driver accepts must survive writing and
 //! reading again.
 
-#![no_main]
-
 // The module alone is included, because its crate takes minutes to build.
 #[allow(dead_code)]
-#[path = "../../../host-sim/src/driver_file.rs"]
+#[path = "../../../../host-sim/src/driver_file.rs"]
 mod driver_file;
 
 use compensator_core::record;
 use driver_file::{apply, emit, parse};
 use firmware::parameter_set::ParameterSet;
-use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let file = match parse(text) {
         Ok(file) => file,
@@ -42,4 +40,4 @@ fuzz_target!(|data: &[u8]| {
         let (found, expected) = (read.friction.model.get(id), set.friction.model.get(id));
         assert_eq!(found.to_bits(), expected.to_bits(), "{}", id.name());
     }
-});
+}

@@ -3,15 +3,12 @@
 //! The server answers every request except an abort and those of a block transfer. It writes a value completely or not
 //! at all. After any input and a pause, a correct transfer succeeds.
 
-#![no_main]
-
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, encode_data_segment, encode_download_initiate_segmented,
     encode_upload_request, encode_upload_segment_request,
 };
 use firmware::node::sdo::{Abort, MAX_VALUE_BYTES, Objects, SdoServer, TIMEOUT_US, ValueBuffer};
-use libfuzzer_sys::fuzz_target;
 
 /// A dictionary: 2000h holds a value of any length, 2001h a value of four bytes, 2002h rejects every access.
 #[derive(Default)]
@@ -92,7 +89,8 @@ fn exchange(server: &mut SdoServer, dictionary: &mut TestDictionary, value: &[u8
     assert_eq!(found, value);
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let (mut server, mut dictionary, mut now_us) =
         (SdoServer::new(), TestDictionary::default(), 0u64);
     let mut may_be_in_blocks = false;
@@ -128,4 +126,4 @@ fuzz_target!(|data: &[u8]| {
     let _ = server.tick(now_us, &mut dictionary);
     let value = data.get(..data.len().min(MAX_VALUE_BYTES)).filter(|value| !value.is_empty());
     exchange(&mut server, &mut dictionary, value.unwrap_or(b"a value of some length"), now_us);
-});
+}

@@ -4,11 +4,7 @@
 //! gap. The target keeps its own list of rows. A complete capture must be a part of this list without a gap, and the row
 //! of its trigger must meet the condition that was set. An upload by segments gives the same bytes whatever its length.
 
-#![no_main]
-
-mod bytes;
-
-use bytes::Bytes;
+use crate::bytes::Bytes;
 use compensator_core::can::{Frame, NodeId};
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
 use firmware::loop_parts::StageTraits;
@@ -16,7 +12,6 @@ use firmware::node::dictionary::index;
 use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::scope::{MAX_SIGNALS, ScopeOrder, ScopeRow, ScopeState, Signal, TRIGGER_FAULT};
 use firmware::store::memory::MemoryFlash;
-use libfuzzer_sys::fuzz_target;
 
 /// Values of a capture. The driver takes its memory for ever, so this is what an execution leaks.
 const MEMORY_VALUES: usize = 24;
@@ -331,10 +326,11 @@ fn step(bench: &mut Bench, selector: u8, bytes: &mut Bytes) {
     }
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let (mut bench, mut bytes) = (Bench::new(), Bytes(data));
     while let Some(selector) = bytes.next() {
         step(&mut bench, selector, &mut bytes);
         bench.check();
     }
-});
+}

@@ -6,13 +6,9 @@
 //! boot program writes marks; the start copies the parameters to the other store. A trial is given only to an image that is
 //! complete and signed. A joint that has had a confirmed image always starts one. After any input, an update succeeds.
 
-#![no_main]
-
-mod bytes;
-mod programs;
-mod transfer;
-
-use bytes::Bytes;
+use crate::bytes::Bytes;
+use crate::programs::{Flash, PAGE, Package, SLOTS, found_in, packages, program, torn_step};
+use crate::transfer::Ending;
 use compensator_core::can::{Frame, NodeId};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use firmware::access::AccessSettings;
@@ -27,10 +23,7 @@ use firmware::update::boot::{Selection, is_intact, select};
 use firmware::update::marks::{self, SlotState};
 use firmware::update::recovery::{RECOVERY_STATE, Recovery, identity};
 use firmware::update::session::OtherState;
-use libfuzzer_sys::fuzz_target;
-use programs::{Flash, PAGE, Package, SLOTS, found_in, packages, program, torn_step};
 use std::ops::Range;
-use transfer::Ending;
 
 const CLEAR: u8 = 3;
 const START: u8 = 1;
@@ -271,7 +264,7 @@ impl Joint {
     /// Sends a part of a package.
     fn send(&mut self, part: &[u8], kind: u8, ending: Ending) {
         let (is_armed, before) = (self.is_armed(), self.flash().flash.steps());
-        transfer::send(kind, part, ending, &mut |request| self.frame(0x601, request));
+        crate::transfer::send(kind, part, ending, &mut |request| self.frame(0x601, request));
         assert!(!is_armed || self.flash().flash.steps() == before, "an armed joint writes");
     }
 
@@ -412,7 +405,8 @@ fn step(joint: &mut Joint, selector: u8, bytes: &mut Bytes) {
     joint.follow();
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let mut bytes = Bytes(data);
     let mut joint = Joint::new(bytes.byte() % 8 != 0);
     while let Some(selector) = bytes.next()
@@ -421,4 +415,4 @@ fuzz_target!(|data: &[u8]| {
         step(&mut joint, selector, &mut bytes);
     }
     joint.finish();
-});
+}

@@ -1,9 +1,6 @@
 //! Fuzzes the reader of data files with any bytes: it returns an error of one line or usable data.
 
-#![no_main]
-
 use joint_log::{ReadOptions, SplitRule, read, segments, split};
-use libfuzzer_sys::fuzz_target;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
@@ -14,7 +11,8 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
     directory.join(format!("fuzz-{}.csv", std::process::id()))
 });
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     std::fs::write(&*FILE, data).expect("the file can be written");
     let options = ReadOptions { columns: vec![], skip: data.len() % 3, ..ReadOptions::default() };
     let outcome = read(&[FILE.clone()], &options, &|_, _| {});
@@ -39,4 +37,4 @@ fuzz_target!(|data: &[u8]| {
     }
     let _ = split(&data, &SplitRule::default(), 1);
     let _ = split(&data, &SplitRule::Tail { share: 0.3 }, 0);
-});
+}

@@ -3,11 +3,7 @@
 //! Any bytes give an error of one line or a value. A file that is accepted is written again with the same bytes, and so is
 //! each header. An image that is accepted can be signed, and the file of it is read as the same image.
 
-#![no_main]
-
-mod bytes;
-
-use bytes::Bytes;
+use crate::bytes::Bytes;
 use ed25519_dalek::SigningKey;
 use firmware::update::package::{
     CRC, HASH_AT, HEADER_BYTES, Header, SIGNED_BYTES, USED_BYTES, Version, emit,
@@ -15,7 +11,6 @@ use firmware::update::package::{
 use joint_bus::program::package::{
     Code, FILE_MAGIC, Package, PackageError, Release, Statement, parse_image,
 };
-use libfuzzer_sys::fuzz_target;
 use sha2::{Digest, Sha512};
 use std::path::Path;
 
@@ -89,7 +84,8 @@ fn repair(file: &mut [u8]) {
     }
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let Some((&selector, rest)) = data.split_first() else { return };
     check_header(rest);
     match selector % 4 {
@@ -115,4 +111,4 @@ fuzz_target!(|data: &[u8]| {
             check_signed(&[code(), code()]);
         }
     }
-});
+}

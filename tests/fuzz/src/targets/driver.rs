@@ -4,11 +4,7 @@
 //! Half of the steps use frames that the driver accepts and objects that it has. With random identifiers alone,
 //! almost every frame would be ignored.
 
-#![no_main]
-
-mod bytes;
-
-use bytes::Bytes;
+use crate::bytes::Bytes;
 use canopen_rs::Address;
 use canopen_rs::sdo::{encode_data_segment, encode_download_initiate_segmented};
 use compensator_core::can::{Frame, Message, NodeId};
@@ -22,7 +18,6 @@ use firmware::node::lss::LSS_ANSWER;
 use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::store::memory::{MemoryFlash, TornStep};
 use firmware::supervisor::{CanState, ResetCause};
-use libfuzzer_sys::fuzz_target;
 
 type Flash = MemoryFlash<4>;
 
@@ -365,7 +360,8 @@ fn loop_report(bytes: &mut Bytes) -> LoopReport {
     }
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let mut bytes = Bytes(data);
     let start = bytes.byte();
     let source = if start % 2 == 0 { InputSource::Bus } else { InputSource::Sensors };
@@ -387,4 +383,4 @@ fuzz_target!(|data: &[u8]| {
     world.check_set();
     world.restart(ResetCause::PowerOn);
     world.check();
-});
+}

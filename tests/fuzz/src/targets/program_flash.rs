@@ -5,19 +5,13 @@
 //! marked as confirmed or bare. A rejected image does not start. A second start gives a trial at most as often as there
 //! are trials.
 
-#![no_main]
-
-mod bytes;
-mod programs;
-
-use bytes::Bytes;
+use crate::bytes::Bytes;
+use crate::programs::{Flash, PAGE, SLOTS, found_in, packages, program};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use firmware::update::boot::{Selection, is_intact, select};
 use firmware::update::marks::{self, BARE_MARK, SlotState, TRIALS};
 use firmware::update::receiver::Receiver;
 use firmware::update::session::Session;
-use libfuzzer_sys::fuzz_target;
-use programs::{Flash, PAGE, SLOTS, found_in, packages, program};
 
 /// Place of the mark of a debugger.
 const BARE_PLACE: u32 = 16;
@@ -108,7 +102,8 @@ fn check_session(flash: &Flash, own: usize) {
     assert_eq!(now, before[kept]);
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let (mut bytes, mut flash) = (Bytes(data), Flash::new());
     while let Some(selector) = bytes.next() {
         if selector < 200 {
@@ -122,4 +117,4 @@ fuzz_target!(|data: &[u8]| {
         matches!(check_start(&mut flash, false), Selection::Start { is_trial: true, .. })
     });
     assert!(trials.count() as u32 <= 2 * TRIALS);
-});
+}

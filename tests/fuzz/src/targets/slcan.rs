@@ -1,12 +1,9 @@
 //! Arbitrary bytes on a serial line: every parsed line, written again, parses as the same line.
 
-#![no_main]
-
 use compensator_core::can::slcan::{
     Adapter, LinePiece, LineSplitter, MAX_LINE_BYTES, SlcanLine, emit, emit_command, emit_frame,
     parse,
 };
-use libfuzzer_sys::fuzz_target;
 
 fn round_trip(line: &[u8]) {
     let mut out = [0; MAX_LINE_BYTES + 1];
@@ -49,7 +46,8 @@ fn round_trip(line: &[u8]) {
     }
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let mut splitter = LineSplitter::<MAX_LINE_BYTES>::new();
     let (mut adapter, mut ends, mut replies) = (Adapter::<MAX_LINE_BYTES>::new(), 0, 0);
     for byte in data {
@@ -68,4 +66,4 @@ fuzz_target!(|data: &[u8]| {
     // Every line has exactly one answer.
     assert_eq!(replies, ends);
     data.split(|byte| *byte == b'\r').for_each(round_trip);
-});
+}

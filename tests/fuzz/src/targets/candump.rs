@@ -3,8 +3,6 @@
 //! The format is detected from the text. Every line that is read must survive writing and reading again, in each format
 //! that can state it, and the replay plan of the whole log must be consistent.
 
-#![no_main]
-
 use compensator_core::can::NodeId;
 use compensator_core::can::fd::LENGTHS;
 use joint_bus::replay::Plan;
@@ -12,7 +10,6 @@ use joint_trace::Assembler;
 use joint_trace::{
     CanFrame, Direction, Fraction, Frames, Line, TextFormat, TextReader, TextWriter, candump,
 };
-use libfuzzer_sys::fuzz_target;
 
 /// Checks that the line survives in a format that states no names of interfaces.
 fn check_format(format: TextFormat, line: &Line) {
@@ -41,7 +38,8 @@ fn check_format(format: TextFormat, line: &Line) {
     assert_eq!(read, Some(Frames::Line(expected)), "{}", String::from_utf8_lossy(&text));
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Executes the target on an input.
+pub fn run(data: &[u8]) {
     let (mut assembler, mut valid_lines, mut times_ns) = (Assembler::default(), 0, Vec::new());
     // A CAN FD frame of telemetry stands for several frames of a joint.
     let mut joint_frames = 0;
@@ -83,4 +81,4 @@ fuzz_target!(|data: &[u8]| {
         }
         Err(error) => assert_eq!(error.to_string().lines().count(), 1, "{error}"),
     }
-});
+}

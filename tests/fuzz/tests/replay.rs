@@ -1,0 +1,88 @@
+//! Every target executes its seeds and a fixed number of changed ones. All runs execute equal inputs.
+//!
+//! An input that breaks a target is written to `found/NAME` in the folder of temporary files of the build, and its path is
+//! printed. Put it into `tests/fuzz/seeds/NAME` when the cause is mended.
+
+use fuzz::Target;
+use fuzz::mutation::Mutator;
+use std::path::{Path, PathBuf};
+
+const SEED: u64 = 42;
+
+/// Returns the files of a folder with their content, ordered by name.
+fn seeds(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let Ok(files) = std::fs::read_dir(folder) else { return Vec::new() };
+    let mut files: Vec<PathBuf> = files.map(|file| file.expect("readable").path()).collect();
+    files.sort();
+    let content = |file: &PathBuf| std::fs::read(file).expect("readable");
+    files.iter().map(|file| (file.clone(), content(file))).collect()
+}
+
+/// Keeps an input that breaks its target.
+struct Executed<'a>(&'static str, &'a [u8]);
+
+impl Drop for Executed<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("found");
+            let file = folder.join(self.0);
+            let written =
+                std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&file, self.1));
+            println!("{}: broken by {} ({written:?})", self.0, file.display());
+        }
+    }
+}
+
+fn execute(target: &Target, input: &[u8]) {
+    let _executed = Executed(target.name, input);
+    (target.run)(input);
+}
+
+/// Executes the seeds of a target and `runs` changed inputs.
+fn replay(name: &str, runs: usize) {
+    let target = Target::find(name).expect("a target");
+    let seeds = seeds(&Path::new(env!("CARGO_MANIFEST_DIR")).join("seeds").join(name));
+    for (file, seed) in &seeds {
+        println!("{}", file.display());
+        execute(target, seed);
+    }
+    let corpus: Vec<Vec<u8>> = seeds.into_iter().map(|(_, seed)| seed).collect();
+    let mut mutator = Mutator::new(&corpus, target.longest, SEED);
+    for _ in 0..runs {
+        execute(target, &mutator.input());
+    }
+}
+
+/// One test a target, with the number of its changed inputs: what two seconds of a processor are enough for.
+macro_rules! replay {
+    ($($name:ident $runs:literal)*) => {
+        $(
+            #[test]
+            fn $name() {
+                replay(stringify!($name), $runs);
+            }
+        )*
+
+        #[test]
+        fn every_target_is_replayed() {
+            let replayed = [$(stringify!($name)),*];
+            let targets: Vec<&str> = fuzz::TARGETS.iter().map(|target| target.name).collect();
+            assert_eq!(replayed.as_slice(), targets);
+        }
+    };
+}
+
+replay! {
+    candump 20000
+    csv 20000
+    driver 20000
+    dry_side 20000
+    package 20000
+    params 20000
+    program 20000
+    program_flash 20000
+    record 20000
+    scope 20000
+    sdo 20000
+    slcan 20000
+}
