@@ -197,7 +197,7 @@ def test_diagnose_given_model_evaluates_it_unchanged(plain):
 
 
 def test_simulate_equals_command_line(folder):
-    simulated = friction.simulate("underwater-joint", hide=["pressure-coulomb"], seed=5, runs=4, seconds=3, rate_hz=500)
+    simulated = friction.simulate("underwater-joint", hide=["pressure-coulomb"], seed=5, runs=4, seconds=4, rate_hz=250)
     assert simulated.csv == (folder / "joint.csv").read_text()
     assert simulated.truth == json.loads((folder / "simulated" / "truth.json").read_text())
     table = pyarrow.table(simulated.data)
