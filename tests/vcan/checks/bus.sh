@@ -1,5 +1,5 @@
 #!/bin/sh
-# needs: test:bus_socketcan
+# needs: test:host-sim/bus
 # limit: 180
 # The bus of host-sim on a real interface, against candump, cansend and canplayer.
-exec "$TEST_BUS_SOCKETCAN" --show-output
+exec "$TEST_HOST_SIM_BUS" bus_socketcan:: --show-output

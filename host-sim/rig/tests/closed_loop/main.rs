@@ -7,7 +7,7 @@
 //! results are in `closed-loop.tsv`:
 //!
 //! ```text
-//! UPDATE_TABLES=1 cargo test -p joint-rig --test closed_loop
+//! UPDATE_TABLES=1 cargo test -p joint-rig --test all closed_loop::
 //! ```
 //! writes the file; without the variable a test compares results and file.
 

@@ -5,8 +5,7 @@
 //! side load and pressure that jump within the envelope, and random combinations of terms. The tests compute the
 //! largest level independently of the core, from the definition of each term.
 
-mod support;
-
+use crate::support::cases::{Case, FIXED, FLOAT, case, converted};
 use compensator_core::model::{ModelState, Sample};
 use compensator_core::term::LOOKUP_LEVELS;
 use compensator_core::{
@@ -14,7 +13,6 @@ use compensator_core::{
 };
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
-use support::cases::{Case, FIXED, FLOAT, case, converted};
 
 /// Returns the largest static level for these covariates, Nm, from the formulas of the terms.
 fn largest_level(case: &Case, covariates: &[f64; 8]) -> f64 {

@@ -6,17 +6,15 @@
 //! a value differs by more than 10 % from the table, in *either* direction: an error that suddenly vanishes
 //! indicates a defective test.
 //!
-//! After an intended change, run `UPDATE_TABLES=1 cargo test -p compensator-core --test accuracy`, and review the
+//! After an intended change, run `UPDATE_TABLES=1 cargo test -p compensator-core --test all accuracy::`, and review the
 //! difference in git.
 
-mod support;
-
+use crate::support::Seal;
+use crate::support::motion::{self, Motion, RECORD_PERIOD, SUBSTEPS};
+use crate::support::network;
+use crate::support::schemes::{self, Scheme, Step};
 use compensator_core::{Fixed, LawKind, Parameters};
 use std::fmt::Write as _;
-use support::Seal;
-use support::motion::{self, Motion, RECORD_PERIOD, SUBSTEPS};
-use support::network;
-use support::schemes::{self, Scheme, Step};
 
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/accuracy/steps.tsv");
 

@@ -5,7 +5,7 @@
 //! [`schemes`] has two alternative integration schemes for comparison. [`Seal::parameters`] converts the same values
 //! for the core.
 
-#![allow(dead_code)] // Each test file uses only a part.
+#![allow(dead_code)] // Without terms, only a part is used.
 
 pub mod cases;
 pub mod motion;

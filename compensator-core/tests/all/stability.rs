@@ -5,13 +5,11 @@
 //! with any integration step. The last tests check the energy: in each sample the bristles release at most the energy
 //! that they have stored.
 
-mod support;
-
+use crate::support::schemes::{self, Step};
+use crate::support::{Input, Seal};
 use compensator_core::model::{ModelState, Sample};
 use compensator_core::{LawKind, ParameterId as Id, Parameters};
 use proptest::prelude::*;
-use support::schemes::{self, Step};
-use support::{Input, Seal};
 
 const PERIOD: f64 = 1e-3;
 

@@ -2,7 +2,7 @@
 //!
 //! That frame has the identifier of Telemetry, and a DBC has one message per identifier. So it is a file of its own:
 //! `joint.dbc` with Telemetry replaced. The signals of the parts are those of their classic frames, further back.
-//! `UPDATE_TABLES=1 cargo test -p compensator-core --test dbc fd` writes it.
+//! `UPDATE_TABLES=1 cargo test -p compensator-core --test all dbc::fd` writes it.
 
 use super::{DBC, Expected, check_layout, expected, read, value};
 use compensator_core::can::fd::{FORMAT, LENGTH};

@@ -4,12 +4,10 @@
 //! products could overflow within the envelope. An unchecked product could turn a friction of 3 Nm into -2045 Nm.
 //! The tests build random sets, run the accepted ones to the corners of their envelope, and compare them with `f64`.
 
-mod support;
-
+use crate::support::cases::{Case, FIXED, case, converted};
 use compensator_core::model::{ModelState, Sample};
 use compensator_core::{Fixed, LawKind, ParameterId as Id, Real, TermKind};
 use proptest::prelude::*;
-use support::cases::{Case, FIXED, case, converted};
 
 /// Maximum difference between fixed point and `f64`, as a share of the largest torque of the run.
 const MAX_DIFFERENCE_SHARE: f64 = 0.01;

@@ -1,0 +1,10 @@
+//! The tests of the buses and of the client in one program, because each program links the libraries again.
+//!
+//! `cargo test -p joint-bus --test all X::` runs the tests of the file `X.rs`.
+
+mod access;
+mod bus;
+mod bus_slcan;
+mod bus_socketcan;
+mod program_update;
+mod sdo_blocks;
