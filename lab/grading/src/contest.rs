@@ -12,6 +12,7 @@
 
 use super::diagnose_log;
 use super::regression::regress;
+use super::{WeighedCause, weighed};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding};
 use friction_fit::spec::parse_rigid_body;
 use joint_log::{Dataset, Split};
@@ -32,6 +33,11 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// Returns the verdict of a word, or `None` if there is none.
+    pub fn parse(name: &str) -> Option<Self> {
+        [Self::Right, Self::Abstained, Self::Wrong].into_iter().find(|own| own.name() == name)
+    }
+
     /// Returns the verdict as one word.
     pub const fn name(self) -> &'static str {
         match self {
@@ -59,6 +65,9 @@ pub struct Answer {
     pub size_inside: Option<bool>,
     /// Probability of each finding with a term, and true if its cause is real; empty for the regression.
     pub probabilities: Vec<(f64, bool)>,
+    /// Causes that the calibration weighed, without those that hold for the log whatever is hidden; empty for the
+    /// regression.
+    pub weighed: Vec<WeighedCause>,
     /// Processor time, s.
     pub seconds: f64,
     /// Best candidates, one line, for analysing a miss.
@@ -142,6 +151,7 @@ fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
         error_over_floor: found.rmse / truth.floor_nm,
         size_inside: None,
         probabilities: Vec::new(),
+        weighed: Vec::new(),
         seconds,
         figures: Value::Null,
     })
@@ -172,12 +182,20 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
             (low..=high).contains(&hidden.size)
         }),
         probabilities: probabilities(&found, truth),
+        weighed: weighed_of_world(&found, truth),
         seconds,
         candidates: format_candidates(&found),
         figures: figures(&found),
         named,
         confusable,
     })
+}
+
+/// Returns the causes that the calibration weighed, without those that hold for the log whatever is hidden.
+pub(super) fn weighed_of_world(found: &Diagnosis, truth: &UnkindTruth) -> Vec<WeighedCause> {
+    let mut causes = weighed(found, |name| truth.hidden.is_some() && truth.cause() == name);
+    causes.retain(|own| !truth.true_of_the_log.contains(&own.cause));
+    causes
 }
 
 /// Returns the calibrated probability of each finding that was fitted, and whether its cause is hidden in the world. Causes

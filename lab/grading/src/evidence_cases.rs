@@ -5,6 +5,7 @@
 //! if its cause is hidden in the world, or if the hidden cause is among those that the log cannot distinguish from it. Causes
 //! that hold for the log whatever is hidden are no cases.
 
+use super::contest::weighed_of_world;
 use super::diagnose_log;
 use friction_diagnose::DiagnosisOptions;
 use friction_diagnose::calibration::Case;
@@ -45,10 +46,10 @@ pub fn world_cases(seed: u64) -> Result<WorldCases, String> {
         log: seed,
     };
     let counts = |name: &str| !truth.true_of_the_log.contains(&name);
-    let findings = found.weighed.iter().filter(|own| counts(own.cause.name())).map(|own| {
-        let mut rivals = own.rivals.iter();
-        let is_rival = rivals.any(|rival| is_hidden(&truth, rival.cause.name()));
-        case(&own.evidence, is_rival || is_hidden(&truth, own.cause.name()))
+    let findings = weighed_of_world(&found, &truth).into_iter().map(|own| Case {
+        figures: own.figures,
+        is_real: own.is_real,
+        log: seed,
     });
     let passed = found.scores.iter().filter(|own| counts(own.cause.name()));
     let candidates = passed

@@ -13,7 +13,10 @@ pub mod regression;
 mod regressors;
 pub mod score;
 mod stop_operator;
+pub mod stored;
 
+use friction_diagnose::accepted_cause::AcceptedCause;
+use friction_diagnose::cause_evidence::FIGURES;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
 use joint_log::log_check::{self, Corrections};
 use joint_log::{Dataset, Split, SplitRule, split};
@@ -46,6 +49,8 @@ pub struct Grade {
     pub size_inside: Option<bool>,
     /// True size, estimated size, and its interval.
     pub sizes: Option<(f64, f64, [f64; 2])>,
+    /// Reduction of the held-out error.
+    pub gain: f64,
     /// Held-out RMSE of the extended model over the sensor's noise.
     pub error_over_noise: f64,
     /// RMS of the visible effect over the noise; 0 if nothing was hidden.
@@ -56,6 +61,43 @@ pub struct Grade {
     pub rows: usize,
     /// Best candidates, one line.
     pub candidates: String,
+    /// Causes that the calibration weighed.
+    pub weighed: Vec<WeighedCause>,
+}
+
+/// A cause that the calibration weighed in a diagnosis, with the truth.
+#[derive(Clone, Debug)]
+pub struct WeighedCause {
+    /// Name of the cause.
+    pub cause: &'static str,
+    /// Columns of the cause.
+    pub columns: Vec<String>,
+    /// Signed figures of its evidence.
+    pub figures: [f64; FIGURES.len()],
+    /// Calibrated probability.
+    pub probability: f64,
+    /// The cause is a finding.
+    pub is_named: bool,
+    /// The cause is hidden, or the log cannot distinguish it from a hidden one.
+    pub is_real: bool,
+}
+
+/// Returns the causes that the calibration weighed, given which causes are hidden.
+pub fn weighed(found: &Diagnosis, is_hidden: impl Fn(&str) -> bool) -> Vec<WeighedCause> {
+    let named = |own: &AcceptedCause| {
+        let is_own = |f: &Finding| f.cause == own.cause && f.columns == own.columns;
+        found.findings.iter().any(is_own)
+    };
+    let weighed = |own: &AcceptedCause| WeighedCause {
+        cause: own.cause.name(),
+        columns: own.columns.clone(),
+        figures: own.evidence.figures(),
+        probability: own.probability,
+        is_named: named(own),
+        is_real: is_hidden(own.cause.name())
+            || own.rivals.iter().any(|rival| is_hidden(rival.cause.name())),
+    };
+    found.weighed.iter().map(weighed).collect()
 }
 
 /// Grades a diagnosis.
@@ -114,6 +156,7 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         })
         .collect::<Vec<_>>()
         .join("; ");
+    let weighed = weighed(found, |name| hidden.contains(&name));
     Grade {
         kind,
         seed,
@@ -123,11 +166,13 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         right,
         size_inside: sizes.map(|(size, _, [low, high])| (low..=high).contains(&size)),
         sizes,
+        gain: found.gain.value,
         error_over_noise: found.after.metrics.rmse / truth.noise_nm,
         visible: truth.hidden.first().map_or(0.0, |hidden| hidden.visible_rms_nm / truth.noise_nm),
         seconds: found.seconds,
         rows: scenario.log.rows(),
         candidates,
+        weighed,
     }
 }
 

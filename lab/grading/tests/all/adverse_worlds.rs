@@ -1,87 +1,54 @@
-//! A short form of the benchmark of adverse scenarios: the diagnosis compared with a plain regression.
+//! The diagnosis on unkind worlds: limits on the stored answers, and properties of the worlds.
 //!
-//! The full benchmark is `cargo run --release -p friction-grading --example unkind`; its tables are in
-//! `lab/grading/graded/diagnosis-benchmark.tsv`. This test uses the shortest logs among the first forty tuning seeds: all of them with
-//! `LONG_TESTS=1`, otherwise a few. The limits are the results currently reached.
+//! `stored_worlds.rs` proves that the code gives the stored answers. The full benchmark, beside a plain regression, is
+//! `cargo run --release -p friction-grading --example unkind`; its tables are in
+//! `lab/grading/graded/diagnosis-benchmark.tsv`. The limits are the results currently reached.
 
-use friction_grading::contest::{Contest, Verdict, run_contest};
-use friction_grading::score::Count;
+use crate::stored_worlds::answers;
+use friction_grading::contest::Verdict;
+use friction_grading::stored::{
+    IMITATED_SEEDS, StoredWorld, UNKIND_SEEDS, WRONG_SHAPE_SEEDS, WorldRow,
+};
 use rayon::prelude::*;
-use unkind_worlds::{Family, SensorKind};
+use unkind_worlds::SensorKind;
 
-/// Seeds of the graded scenarios: 3,100 to 6,700 rows, every kind of sensor, both plants.
-const SEEDS: [u64; 20] = [
-    3323915129, 3277778862, 2304481543, 3168394164, 4015444991, 3925696585, 1977394007, 4140594655,
-    2788323855, 815759781, 1648630490, 3740546275, 1948885999, 1744814678, 3755459222, 1359749738,
-    740646060, 595735654, 2974031141, 3947094250,
-];
+/// Number of [`UNKIND_SEEDS`] that every run judges.
+const SHORT: usize = 7;
 
-/// Number of graded scenarios, and limits on their results.
-struct GradeLimits {
-    count: usize,
-    /// Minimum number of right diagnoses.
-    right: usize,
-    /// Maximum number of wrong diagnoses.
-    wrong: usize,
+fn unkind(seeds: &[u64]) -> Vec<WorldRow> {
+    answers(&seeds.iter().copied().map(StoredWorld::Unkind).collect::<Vec<StoredWorld>>())
 }
-
-const LONG: GradeLimits = GradeLimits { count: 20, right: 10, wrong: 5 };
-const SHORT: GradeLimits = GradeLimits { count: 7, right: 4, wrong: 1 };
 
 #[test]
 fn diagnose_on_adverse_scenarios_stays_within_grade_limits() {
-    let GradeLimits { count, right, wrong } = if crate::is_long() { LONG } else { SHORT };
-    let seeds = &SEEDS[..count];
-    let contests: Vec<Contest> = seeds
-        .par_iter()
-        .map(|seed| run_contest(*seed, Family::Training, false).expect("an answer"))
-        .collect();
-    for contest in &contests {
-        println!("{}", contest.line());
-    }
-    let ours = Count::of(contests.iter().filter_map(|contest| contest.ours.as_ref()));
-    let rival = Count::of(contests.iter().map(|contest| &contest.rival));
-    println!("diagnosis {ours:?}, regression {rival:?}");
-    assert_eq!(ours.right + ours.wrong + ours.abstained, count);
-    assert!(ours.right >= right, "{ours:?}");
-    assert!(ours.wrong <= wrong, "{ours:?}");
+    let rows = unkind(&UNKIND_SEEDS[..if crate::is_long() { UNKIND_SEEDS.len() } else { SHORT }]);
+    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
+    let (right, wrong) = (count(Verdict::Right), count(Verdict::Wrong));
+    println!("{right} right and {wrong} wrong of {}", rows.len());
+    assert!(2 * right >= rows.len() && 4 * wrong <= rows.len(), "{right} right, {wrong} wrong");
+    let regression = |verdict| rows.iter().filter(|row| row.regression == Some(verdict)).count();
+    assert!(wrong < regression(Verdict::Wrong), "the plain regression is wrong less often");
 }
 
-/// These scenarios contain no detectable effect. The base law has a wrong shape: a badly fitted Stribeck curve, a memory
-/// effect, or another curve of the bristles. A delay, a drag or an inertia could imitate it and must not be named.
+/// The base law of these worlds has a wrong shape. No cause may be named.
 #[test]
 fn diagnose_with_base_law_of_wrong_shape_names_no_cause() {
-    let seeds = [953011756, 1225412155, 258476639];
-    for contest in diagnose_without_cause(seeds) {
-        let ours = contest.ours.as_ref().expect("the diagnosis was asked");
-        assert!(ours.error_over_floor < 1.5, "{}", contest.line());
+    for row in unkind(&WRONG_SHAPE_SEEDS) {
+        assert_names_no_cause(&row);
+        assert!(row.error_over_floor < 1.5, "{row:?}");
     }
 }
 
-/// Diagnoses scenarios and checks that no cause is named, which is the right result for them.
-fn diagnose_without_cause(seeds: [u64; 3]) -> Vec<Contest> {
-    let contests: Vec<Contest> = seeds
-        .into_par_iter()
-        .map(|seed| run_contest(seed, Family::Training, false).expect("an answer"))
-        .collect();
-    for contest in &contests {
-        println!("{}", contest.line());
-        let ours = contest.ours.as_ref().expect("the diagnosis was asked");
-        assert_eq!(ours.verdict, Verdict::Right, "{}", contest.line());
-        assert!(ours.named.iter().all(|name| *name == "unknown"), "{}", contest.line());
-    }
-    contests
+fn assert_names_no_cause(row: &WorldRow) {
+    assert_eq!(row.verdict, Verdict::Right, "{row:?}");
+    assert!(row.named.split('+').all(|name| ["none", "unknown"].contains(&name)), "{row:?}");
 }
 
-/// Effects that imitate a cause: a backlash after which the friction returns early, and a negligible dwell-time effect in
-/// a clean log. In the third scenario, one of four runs is fast and masks a speed-dependent error that must be corrected.
 #[test]
 fn diagnose_with_imitated_cause_names_none_and_corrects_speed_dependence() {
-    let seeds = [3276719070, 3749694388, 653957162];
-    let contests = diagnose_without_cause(seeds);
-    let hidden = contests[2].ours.as_ref().expect("the diagnosis was asked");
-    assert!(hidden.error_over_floor < 2.0, "{}", contests[2].line());
-    assert!(hidden.gain > 0.5, "{}", contests[2].line());
+    let rows = unkind(&IMITATED_SEEDS);
+    rows.iter().for_each(assert_names_no_cause);
+    assert!(rows[2].error_over_floor < 2.0 && rows[2].gain > 0.5, "{:?}", rows[2]);
 }
 
 #[test]
