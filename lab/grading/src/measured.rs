@@ -182,7 +182,7 @@ impl MeasuredLog {
 
 /// Returns the folder of the measured logs, if it exists.
 pub fn folder() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let folder = std::env::var_os("MEASURED_DATA").map_or_else(beside, PathBuf::from);
     folder.is_dir().then_some(folder)
 }
