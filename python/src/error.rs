@@ -35,6 +35,7 @@ fn keyword(reference: Reference) -> String {
         (Setting::Preset, _) => format!("preset={}", quoted(value)),
         (Setting::SkipLines, _) => format!("skip_lines={value}"),
         (Setting::ExportFormat, _) => format!("to={}", quoted(value)),
+        (Setting::Feature, _) => format!("feature {value}"),
     }
 }
 
@@ -103,6 +104,7 @@ fn add_details(details: &Bound<'_, PyDict>, error: &DataError) -> PyResult<()> {
         DataError::Cell(bad) | DataError::TooManyBad { first: bad, .. } => cell(bad),
         DataError::File { file, found, expected }
         | DataError::MissingColumns { file, found, expected, .. } => place(file, found, expected),
+        DataError::LeftOut { file, .. } => details.set_item("file", file.display().to_string()),
         DataError::SeveralJoints { file, column, joints, .. } => {
             details.set_item("file", file.display().to_string())?;
             details.set_item("column", column)?;

@@ -109,6 +109,15 @@ pub enum DataError {
         /// The joints, in the order of the file.
         joints: Vec<String>,
     },
+    /// The file is in a format that this build does not read, because it lacks the format's feature.
+    LeftOut {
+        /// The file, as given by the caller.
+        file: PathBuf,
+        /// The format, with an article.
+        format: &'static str,
+        /// The feature of this crate that reads it.
+        feature: &'static str,
+    },
     /// The request cannot be met with these data: for example an unknown name in `--columns`, or a hold-out that
     /// selects no rows.
     Request {
@@ -157,6 +166,11 @@ impl Message for DataError {
                 joints.len(),
                 listed(joints),
                 Setting::Where.given(format!("{column}={}", first(joints)))
+            ),
+            Self::LeftOut { file, format, feature } => format!(
+                "{}: {format}: not in this build, which lacks the {}",
+                file.display(),
+                Setting::Feature.suggested(feature)
             ),
             Self::Request { what, found, expected } => {
                 format!("{what}: found {found}, expected {expected}")

@@ -26,6 +26,8 @@ pub enum Setting {
     SkipLines,
     /// Form of an exported model.
     ExportFormat,
+    /// A cargo feature of the front end, which it enables under the same name.
+    Feature,
 }
 
 /// A reference to a setting in a message.
@@ -46,7 +48,7 @@ const VALUE: char = '\u{3}';
 const END: char = '\u{4}';
 
 impl Setting {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 10] = [
         Self::Columns,
         Self::Where,
         Self::Skip,
@@ -56,6 +58,7 @@ impl Setting {
         Self::Preset,
         Self::SkipLines,
         Self::ExportFormat,
+        Self::Feature,
     ];
 
     /// Returns the setting's name in words.
@@ -70,6 +73,7 @@ impl Setting {
             Self::Preset => "preset",
             Self::SkipLines => "skip lines",
             Self::ExportFormat => "format",
+            Self::Feature => "feature",
         }
     }
 

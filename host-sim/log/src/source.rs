@@ -19,6 +19,7 @@ mod csv_file;
 mod date_text;
 mod format;
 mod json_lines;
+mod left_out;
 #[cfg(feature = "mcap")]
 mod mcap_file;
 mod not_a_log;
@@ -52,10 +53,16 @@ const FORMATS: &[LogFormat] = &[
     can_trace::FORMAT,
     #[cfg(feature = "mcap")]
     mcap_file::FORMAT,
+    #[cfg(not(feature = "mcap"))]
+    left_out::MCAP,
     #[cfg(feature = "parquet")]
     parquet_file::FORMAT,
+    #[cfg(not(feature = "parquet"))]
+    left_out::PARQUET,
     #[cfg(feature = "arrow")]
     arrow_file::FORMAT,
+    #[cfg(not(feature = "arrow"))]
+    left_out::ARROW,
     json_lines::FORMAT,
     csv_file::FORMAT,
 ];

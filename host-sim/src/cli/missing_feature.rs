@@ -16,8 +16,17 @@ pub fn refusal(what: &str, feature: &str) -> String {
     refusal_of(what, feature, std::env::args_os().skip(1))
 }
 
+/// Returns the name of a feature and the command of this process with it, as the end of a sentence.
+pub fn feature_with_command(feature: &str) -> String {
+    with_command(feature, std::env::args_os().skip(1))
+}
+
 /// Returns the refusal of a command with these arguments.
 fn refusal_of(what: &str, feature: &str, arguments: impl Iterator<Item = OsString>) -> String {
+    format!("{what}: not in this build, which lacks the {}", with_command(feature, arguments))
+}
+
+fn with_command(feature: &str, arguments: impl Iterator<Item = OsString>) -> String {
     let quoted = |argument: OsString| {
         let text = argument.to_string_lossy().into_owned();
         let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
@@ -25,9 +34,7 @@ fn refusal_of(what: &str, feature: &str, arguments: impl Iterator<Item = OsStrin
     };
     let arguments: Vec<String> = arguments.map(quoted).collect();
     let arguments = arguments.join(" ");
-    format!(
-        "{what}: not in this build, which lacks the feature {feature}: cargo run --release --features {feature} -- {arguments}"
-    )
+    format!("feature {feature}: cargo run --release --features {feature} -- {arguments}")
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The names of settings in messages, as options of the command line.
 
+use super::missing_feature::feature_with_command;
 use joint_log::setting::{Message, Reference, Setting, shell_word, worded};
 
 /// Returns a message as one line for the user.
@@ -23,6 +24,7 @@ fn option(reference: Reference) -> String {
         Setting::Preset => "--from",
         Setting::SkipLines => "--skip-lines",
         Setting::ExportFormat => "--to",
+        Setting::Feature => return feature_with_command(reference.value),
     };
     match reference.value {
         "" => option.to_owned(),

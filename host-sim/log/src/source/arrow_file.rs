@@ -5,7 +5,7 @@
 
 use super::arrow_messages::check_lengths;
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
-use super::format::{Input, LogFormat};
+use super::format::{ARROW_FILE_MARK as FILE_MARK, Input, LogFormat, is_arrow};
 use crate::clean::{Cleaner, FileData};
 use crate::dataset::LeftOutColumn;
 use crate::error::{BadCell, DataError, one_line};
@@ -22,17 +22,8 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// First bytes of an Arrow file.
-const FILE_MARK: &[u8] = b"ARROW1";
-
-/// First bytes of a message of a stream.
-const STREAM_MARK: &[u8] = &[0xff, 0xff, 0xff, 0xff];
-
 /// Arrow IPC.
-pub(super) const FORMAT: LogFormat = LogFormat {
-    matches: |head| head.starts_with(FILE_MARK) || head.starts_with(STREAM_MARK),
-    read,
-};
+pub(super) const FORMAT: LogFormat = LogFormat { matches: is_arrow, read };
 
 /// The values of a column in one batch.
 enum Values {

@@ -7,7 +7,7 @@
 //! the contract or `--columns` names are kept: a robot's log has hundreds.
 
 use super::cdr::Definition;
-use super::format::{Input, LogFormat};
+use super::format::{Input, LogFormat, is_mcap};
 use crate::clean::{Cleaner, FileData};
 use crate::contract;
 use crate::error::{DataError, one_line};
@@ -20,8 +20,7 @@ use std::collections::HashMap;
 use std::io::Read;
 
 /// MCAP.
-pub(super) const FORMAT: LogFormat =
-    LogFormat { matches: |head| head.starts_with(&[0x89, b'M', b'C', b'A', b'P', b'0']), read };
+pub(super) const FORMAT: LogFormat = LogFormat { matches: is_mcap, read };
 
 /// Name of the time column, as in the plain-text logs of ROS: nanoseconds.
 const TIME: &str = "%time";

@@ -68,8 +68,6 @@ const KNOWN: &[(&[u8], Refusal)] = &[
              nptdms.TdmsFile('FILE').as_dataframe().to_csv('log.csv')\"",
         ),
     ),
-    #[cfg(not(feature = "arrow"))]
-    (b"ARROW1", ("an Arrow file", PYARROW)),
     (b"FEA1", ("a Feather file of version 1", PYARROW)),
     (
         &[0xd0, 0xcf, 0x11, 0xe0],
@@ -195,8 +193,6 @@ mod tests {
             (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
             (b"MDF     4.10", "an MDF file"),
             (b"TDSm\x0e\0\0\0", "a TDMS file"),
-            #[cfg(not(feature = "arrow"))]
-            (b"ARROW1\0\0", "an Arrow file"),
             (b"header:\n  stamp:\n    sec: 1\n---\n", "a YAML document"),
             (b"\x80\x04\x95\x10", "a pickle of Python"),
             (b"a,b\r1,2\r", "lines that end in CR alone"),

@@ -22,7 +22,7 @@ use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
-use super::format::{Input, LogFormat};
+use super::format::{Input, LogFormat, is_parquet};
 use super::parquet_zstd::ZstdPages;
 use crate::clean::{Cleaner, FileData};
 use crate::dataset::LeftOutColumn;
@@ -90,7 +90,7 @@ impl LogRow for BatchRow<'_> {
 }
 
 /// Apache Parquet.
-pub(super) const FORMAT: LogFormat = LogFormat { matches: |head| head.starts_with(b"PAR1"), read };
+pub(super) const FORMAT: LogFormat = LogFormat { matches: is_parquet, read };
 
 /// Reads a file.
 ///

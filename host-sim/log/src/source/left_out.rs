@@ -1,0 +1,72 @@
+//! Formats that a build does not read because it lacks their feature. Their files are recognised and refused with the name of
+//! the feature; as a table of text, they would give a hundred bad rows.
+
+use super::format::{Input, LogFormat, is_arrow, is_mcap, is_parquet};
+use crate::clean::FileData;
+use crate::error::DataError;
+
+/// Recordings of ROS 2 and Foxglove.
+#[cfg(any(test, not(feature = "mcap")))]
+pub(super) const MCAP: LogFormat =
+    LogFormat { matches: is_mcap, read: |input| refuse(&input, "an MCAP recording", "mcap") };
+
+/// Parquet files.
+#[cfg(any(test, not(feature = "parquet")))]
+pub(super) const PARQUET: LogFormat =
+    LogFormat { matches: is_parquet, read: |input| refuse(&input, "a Parquet file", "parquet") };
+
+/// Files and streams of Arrow IPC.
+#[cfg(any(test, not(feature = "arrow")))]
+pub(super) const ARROW: LogFormat = LogFormat {
+    matches: is_arrow,
+    read: |input| refuse(&input, "an Arrow or Feather file", "arrow"),
+};
+
+fn refuse(
+    input: &Input,
+    format: &'static str,
+    feature: &'static str,
+) -> Result<FileData, DataError> {
+    Err(DataError::LeftOut { file: input.path.into(), format, feature })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::ReadOptions;
+    use std::path::Path;
+
+    #[test]
+    fn read_with_format_left_out_names_format_and_feature() {
+        let stream = [0xff, 0xff, 0xff, 0xff, 0x10, 0, 0, 0, 0x10, 0, 0, 0];
+        for (format, head, expected) in [
+            (
+                MCAP,
+                &b"\x89MCAP0\r\n"[..],
+                "an MCAP recording: not in this build, which lacks the feature mcap",
+            ),
+            (
+                PARQUET,
+                b"PAR1\x15\x04",
+                "a Parquet file: not in this build, which lacks the feature parquet",
+            ),
+            (
+                ARROW,
+                b"ARROW1\0\0",
+                "an Arrow or Feather file: not in this build, which lacks the feature arrow",
+            ),
+            (
+                ARROW,
+                &stream,
+                "an Arrow or Feather file: not in this build, which lacks the feature arrow",
+            ),
+        ] {
+            assert!((format.matches)(head), "{expected}");
+            let (options, file) = (ReadOptions::default(), tempfile::tempfile().expect("a file"));
+            let path = Path::new("my.log");
+            let input = Input { path, file, head, size: 8, options: &options, progress: &|_| {} };
+            let error = (format.read)(input).err().expect("a refusal");
+            assert_eq!(error.to_string(), format!("my.log: {expected}"));
+        }
+    }
+}
