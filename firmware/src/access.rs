@@ -2,7 +2,7 @@
 //!
 //! Reading, arming and motion are open, as every CANopen master expects. What decides how much harm they can do
 //! is not: wiring, limits, watches, stop reactions, node number, stored settings and the update need the *service*
-//! level ([`crate::node::dictionary::level`]). A tool reads a challenge (2041h:2), and answers it with
+//! level ([`crate::node::dictionary::Entry::level`]). A tool reads a challenge (2041h:2), and answers it with
 //! [`Key::response`] (2041h:3). Every challenge is valid once. The level ends by a lock (2041h:4), a reset, or
 //! [`SESSION_US`] after the last write that needed it.
 //!

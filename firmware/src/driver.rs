@@ -346,7 +346,7 @@ impl<F: NorFlash> Driver<F> {
 
     /// Returns the level of the holding brake's output; `None` if the joint has no brake: the output is not driven.
     pub fn brake_output(&self) -> Option<bool> {
-        self.device.brake.output(&self.device.settings().drive)
+        self.device.stopping.brake().output(&self.device.settings().drive)
     }
 
     /// Checks that the sensors of side load and pressure still change. The reading of a stuck sensor ages.

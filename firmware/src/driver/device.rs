@@ -4,15 +4,20 @@ mod access;
 mod boot;
 mod commissioning;
 mod compensation_share;
+mod current_loop;
 mod drive;
+mod history;
 mod inputs;
 mod lss;
+mod memory;
+mod motor;
 mod network;
 mod pdos;
 mod position;
 mod program;
 mod requests;
 mod scope;
+mod seal_sensors;
 mod stopping;
 mod terms;
 mod values;
@@ -20,37 +25,39 @@ mod velocity;
 
 use super::commissioning::AbortReason;
 use super::counters::{Counters, count};
-use super::holding_brake::HoldingBrake;
-use super::loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
-use super::motor_watch::{MotorState, MotorWatch};
-use super::over_compensation::OverCompensationWatch;
+use super::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
 use super::profile::{FaultState, Profile};
 use super::received::ReceivedInputs;
 use super::staging::Staging;
 use crate::access::Lock;
 use crate::control::Covariates;
-use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
-use crate::hil::{HilJoint, HilReply};
 use crate::log::log;
 use crate::loop_parts::StageTraits;
 use crate::node::Outbox;
-use crate::node::dictionary::ERROR_HISTORY_LENGTH;
-use crate::node::dictionary::records::{self, InputsObject};
+use crate::node::dictionary::records;
 use crate::node::lss::Lss;
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::scope::Scope;
 use crate::sensors::enclosure;
-use crate::sensors::stuck::StuckWatch;
-use crate::store::Store;
 use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
 use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
-use compensator_core::can::{CommandFrame, Frame, JointKind, Message, NodeId};
+use compensation_share::CompensationShare;
+use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
+use current_loop::LoopExchange;
+use drive::Targets;
 use embedded_storage::nor_flash::NorFlash;
-use heapless::{Deque, String};
+use history::History;
+use inputs::Samples;
+use memory::Memory;
+use motor::MotorObservation;
 use network::LiveNetwork;
+
 use pdos::Pdos;
+use seal_sensors::SealSensors;
+use stopping::Stopping;
+use velocity::VelocityControl;
 
 /// Maximum number of overruns of a report that are counted: more would delay the background.
 const MAX_OVERRUNS: u32 = 100;
@@ -111,75 +118,36 @@ pub struct Device<F> {
     pub(super) counters: Counters,
     pub(super) staging: Staging,
     pub(super) identity: Identity,
-    /// The last errors, as object 1003h returns them; the newest last.
-    pub(super) errors: Deque<u32, ERROR_HISTORY_LENGTH>,
-    pub(super) last_panic: String<MAX_PANIC_BYTES>,
-    pub(super) run: u32,
-    pub(super) joint_kind: JointKind,
-    store: Store<F>,
-    /// Settings that apply if none are stored.
-    defaults: NodeSettings,
+    pub(super) history: History,
+    memory: Memory<F>,
     settings: NodeSettings,
     supervisor: Supervisor,
     outbox: Outbox,
     /// The CAN controller of this board sends frames of CAN FD.
     pub(super) sends_fd: bool,
-    hil: HilJoint,
-    hil_armed: bool,
+    pub(super) samples: Samples,
     received: ReceivedInputs,
     network: LiveNetwork,
     pub(super) program: program::ProgramState,
     watch: Option<ResidualWatch>,
-    inputs: InputsObject,
-    reply: HilReply,
-    report: LoopReport,
-    /// A tick has evaluated the report.
-    report_seen: bool,
+    current_loop: LoopExchange,
     can: CanState,
     pub(super) enclosure: enclosure::Readings,
     pub(super) scope: Scope,
     blocking: u32,
-    set_number: u32,
-    gate_resets: u8,
-    home: Home,
     pub(super) profile: Profile,
-    pub(super) brake: HoldingBrake,
-    /// Current that held the joint when the brake closed, A, and the position then, rad.
-    braked_load: Option<stopping::BrakedLoad>,
-    /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
-    held_rad: Option<f32>,
-    /// The stop under way.
-    stop: Option<stopping::Stop>,
-    /// The reaction to the last stop was to short the low sides.
-    shorts_low_sides: bool,
+    pub(super) stopping: Stopping,
     commissioning: commissioning::Run,
-    over: OverCompensationWatch,
-    /// Covariates that the current loop received last.
-    covariates: Covariates,
-    radial_force_watch: StuckWatch,
-    pressure_watch: StuckWatch,
-    /// Share of the compensation in use, 0..=1.
-    compensation_left: f32,
+    compensation: CompensationShare,
+    seal_sensors: SealSensors,
     position: position::PositionControl,
-    velocity: VelocityLoop,
-    velocity_gains: VelocityGains,
-    velocity_command: VelocityCommand,
-    motor_watch: MotorWatch,
-    motor_state: MotorState,
-    /// CRC of the wiring that the last complete measurement of the motor found.
-    measured_wiring: Option<u32>,
-    /// Time of the last target of a CiA 402 master, us.
-    target_us: u64,
-    /// Counter of the commands that the profile generates.
-    drive_counter: u8,
+    velocity: VelocityControl,
+    motor: MotorObservation,
+    targets: Targets,
     /// Process data objects as a master has set them; reset with the communication.
     pdos: Pdos,
     lss: Lss,
     pub(super) lock: Lock,
-    /// The joint has started without stored settings: for LSS, it has no node number.
-    is_blank: bool,
-    /// Settings were stored since the start.
-    is_stored: bool,
     now_us: u64,
 }
 
@@ -201,20 +169,20 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(super) fn flash(&self) -> &F {
-        self.store.flash()
+        self.memory.store().flash()
     }
 
     pub(super) fn flash_mut(&mut self) -> &mut F {
-        self.store.flash_mut()
+        self.memory.flash_mut()
     }
 
     pub(super) fn into_flash(self) -> F {
-        self.store.into_flash()
+        self.memory.into_flash()
     }
 
     /// Returns true if the joint is armed, on its own sensors or in HIL.
     pub(super) fn is_armed(&self) -> bool {
-        self.supervisor.is_armed() || self.hil_armed
+        self.supervisor.is_armed() || self.samples.is_hil_armed()
     }
 
     pub(super) fn set_time(&mut self, now_us: u64) {
@@ -224,7 +192,7 @@ impl<F: NorFlash> Device<F> {
     /// Runs the periodic work: see [`super::Driver::tick`].
     pub(super) fn tick(&mut self, heartbeat_lost: bool, now_us: u64) {
         self.now_us = now_us;
-        let report = &self.report;
+        let (report, motor) = (self.current_loop.report(), self.motor.state());
         let measures = self.settings.source == InputSource::Sensors;
         let in_band = self.watch.as_ref().and_then(ResidualWatch::in_band);
         let observation = if measures {
@@ -236,15 +204,15 @@ impl<F: NorFlash> Device<F> {
                 velocity_rad_s: report.velocity_rad_s,
                 bridge_temperature_c: report.bridge_temperature_c,
                 motor_temperature_c: report.motor_temperature_c,
-                winding_temperature_c: self.motor_state.winding_c,
-                motor_against: self.motor_state.is_emf_reversed,
-                motor_stands: self.motor_state.is_blocked,
+                winding_temperature_c: motor.winding_c,
+                motor_against: motor.is_emf_reversed,
+                motor_stands: motor.is_blocked,
                 position_missing: self.is_position_missing(),
                 following_error: self.following_state().1,
-                stalled: self.motor_state.is_stalled,
-                over_compensated: self.over.is_detected(),
-                radial_force_stuck: self.radial_force_watch.is_stuck(),
-                pressure_stuck: self.pressure_watch.is_stuck(),
+                stalled: motor.is_stalled,
+                over_compensated: self.compensation.is_over_compensated(),
+                radial_force_stuck: self.seal_sensors.is_radial_force_stuck(),
+                pressure_stuck: self.seal_sensors.is_pressure_stuck(),
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
@@ -283,8 +251,8 @@ impl<F: NorFlash> Device<F> {
         self.watch_commissioning();
         self.watch_session();
         self.tick_program(now_us);
-        self.report_seen = true;
-        if self.hil_armed && !self.hil_blocking_codes().is_empty() {
+        self.current_loop.mark_report_seen();
+        if self.samples.is_hil_armed() && !self.hil_blocking_codes().is_empty() {
             // In HIL the supervisor is not armed and would not trip by itself.
             if heartbeat_lost {
                 self.supervisor.trip(Code::HeartbeatLost);
@@ -295,14 +263,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Processes a report of the current loop: see [`super::Driver::report`].
     pub(super) fn take_report(&mut self, report: &LoopReport) {
-        // Flags since the last tick are kept if two reports come between ticks.
-        let seen = (self.report.loop_flags, self.report.flags);
-        self.report = *report;
-        if !self.report_seen {
-            self.report.loop_flags |= seen.0;
-            self.report.flags |= seen.1;
-        }
-        self.report_seen = false;
+        self.current_loop.take_report(report);
         if report.is_repeated {
             // A tick just before a report finds none, and the next one finds two: a step here would be one too many.
             return;
@@ -310,7 +271,7 @@ impl<F: NorFlash> Device<F> {
         let drives = self.supervisor.is_bridge_allowed() && !self.is_measuring_motor();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();
-        self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives, proven);
+        self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
         self.keep_proof();
         self.step_over_compensation();
         self.step_commissioning();
@@ -329,30 +290,29 @@ impl<F: NorFlash> Device<F> {
 
     /// Checks the sensors of side load and pressure: see [`super::Driver::check_seal_sensors`].
     pub(super) fn check_seal_sensors(&mut self, covariates: &mut Covariates, now_us: u64) {
-        self.radial_force_watch.update(&mut covariates.radial_force_n, now_us);
-        self.pressure_watch.update(&mut covariates.pressure_diff_mpa, now_us);
-        self.covariates = *covariates;
+        self.seal_sensors.check(covariates, now_us);
     }
 
     pub(super) fn loop_commands(&self, now_us: u64) -> LoopCommands {
         let drives = self.settings.source == InputSource::Sensors;
         let age_h = now_us as f32 * (1e-6 / 3600.0);
+        let (set_number, gate_resets, home) = self.current_loop.orders();
         LoopCommands {
             setpoint: self.commanded(now_us),
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.is_bridge_allowed(),
             brake: drives
-                && (self.set().motor.brake_at_stop != 0.0 || self.shorts_low_sides)
+                && (self.set().motor.brake_at_stop != 0.0 || self.stopping.shorts_low_sides())
                 && self.supervisor.is_braking_allowed(),
             compensation: drives
                 && self.supervisor.is_compensation_allowed()
                 && !self.is_commissioning(),
             current_share: self.supervisor.current_share(),
-            compensation_share: self.compensation_left,
+            compensation_share: self.compensation.share(),
             factors: None,
-            set_number: self.set_number,
-            gate_resets: self.gate_resets,
-            home: self.home,
+            set_number,
+            gate_resets,
+            home,
             probe: self.probe(),
             scope: self.scope.order(),
         }
@@ -376,10 +336,9 @@ impl<F: NorFlash> Device<F> {
     /// Disarms the joint, for any source of inputs.
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
-        self.stop = None;
+        self.stopping.end();
         self.end_commissioning(AbortReason::Stopped);
-        self.hil.set_enabled(false);
-        self.hil_armed = false;
+        self.samples.arm_hil(false);
     }
 
     /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field.
@@ -389,14 +348,11 @@ impl<F: NorFlash> Device<F> {
         let code = if event.raised { info.emergency } else { 0 };
         log!(warn, "{=str} {=str}", info.name, if event.raised { "came" } else { "went" });
         if event.raised {
-            self.keep_error(info.emergency, u16::from(info.number));
+            self.history.record_error(info.emergency, u16::from(info.number));
         }
         Some((code, self.error_register(), [info.number, 0, 0, 0, 0]))
     }
 }
-
-/// Inputs before any frame: every float is NaN.
-const NOT_RECEIVED: InputsObject = InputsObject::filled(f32::NAN.to_bits());
 
 /// Builds a monitor with these parameters; `None` if it cannot be built. If the samples are farther apart than
 /// `independent_s`, they are independent too.

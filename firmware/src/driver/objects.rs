@@ -5,12 +5,9 @@ mod numbers;
 use super::device::Device;
 use crate::hil::NumberType;
 use crate::node::dictionary::records::{
-    AccessObject, CommissioningRunObject, CommitObject, OperationObject, ScopeObject, StateObject,
-    TraceObject,
+    AccessObject, CommitObject, OperationObject, ScopeObject, StateObject, TraceObject,
 };
-use crate::node::dictionary::{
-    self, Access, ERROR_HISTORY_LENGTH, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index,
-};
+use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
 use crate::node_settings::{InputSource, SettingError};
 use canopen_rs::Address;
@@ -18,10 +15,6 @@ use compensator_core::can::{JointKind, Message, NodeId, TraceEntry};
 use compensator_core::network::record as network_record;
 use compensator_core::record;
 use embedded_storage::nor_flash::NorFlash;
-
-/// Sub-indices of a transmit PDO's times.
-const INHIBIT_TIME: u8 = 3;
-const EVENT_TIMER: u8 = 5;
 
 impl<F: NorFlash> Objects for Device<F> {
     fn check_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
@@ -37,27 +30,8 @@ impl<F: NorFlash> Objects for Device<F> {
                 return Err(Abort::TooShort);
             }
         }
-        self.check_level(at)?;
-        // A request to disarm, entries of a trace, and inputs that also come in frames are always accepted.
-        let always = matches!(
-            (at.index, at.subindex),
-            (index::STATE, StateObject::REQUEST)
-                | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
-                | (index::CONTROLWORD | index::TARGET_TORQUE | index::TARGET_VELOCITY, _)
-                | (index::TARGET_POSITION, _)
-                // A move may change between two set-points.
-                | (index::PROFILE_VELOCITY | index::ACCELERATION | index::DECELERATION, _)
-                | (index::COMMISSIONING_RUN, CommissioningRunObject::ORDER)
-                // Limits within those of the parameters, and what controls nothing.
-                | (index::MAX_TORQUE | index::MAX_MOTOR_SPEED | index::HOME_OFFSET, _)
-                | (index::HEARTBEAT, _)
-                | (index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE, INHIBIT_TIME | EVENT_TIMER)
-                // An unlock changes nothing by itself.
-                | (index::ACCESS, AccessObject::RESPONSE | AccessObject::LOCK)
-                // A scope is for joints that move.
-                | (index::SCOPE | index::SCOPE_SIGNALS, _)
-        );
-        if !always && self.is_bridge_in_use() {
+        self.check_level(entry.level)?;
+        if !entry.is_written_armed && self.is_bridge_in_use() {
             let why = "the joint is armed, and nothing is written then: disarm first";
             return Err(self.staging.refuse(Abort::State, why));
         }
@@ -106,13 +80,13 @@ impl<F: NorFlash> Objects for Device<F> {
         let object = Object::find(at.index).ok_or(Abort::NoObject)?;
         let is_variable = matches!(object.shape, dictionary::Shape::Variable(_));
         let number = match (at.index, at.subindex) {
-            (index::ERROR_FIELD, 0) => self.errors.len() as u32,
+            (index::ERROR_FIELD, 0) => self.history.error_count(),
             (mapping, 0) if dictionary::is_mapping(mapping) => self.number(mapping, 0)?,
             (_, 0) if !is_variable => u32::from(object.highest_sub_index()),
             (index::DEVICE_NAME, _) => return text("friction-compensated joint driver", value),
             (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
             (index::SOFTWARE_VERSION, _) => return text(env!("CARGO_PKG_VERSION"), value),
-            (index::LAST_PANIC, _) => return text(&self.last_panic, value),
+            (index::LAST_PANIC, _) => return text(self.history.panic(), value),
             (index::REFUSAL, _) => return text(self.staging.reason(), value),
             (index::COMMIT, CommitObject::FRICTION_RECORD) => {
                 let record = record::emit(&self.staging.staged().friction);
@@ -205,7 +179,7 @@ impl<F: NorFlash> Device<F> {
     fn write_communication(&mut self, at: Address, number: u32) -> Result<(), Abort> {
         match at.index {
             index::ERROR_FIELD if number == 0 => {
-                self.errors.clear();
+                self.history.clear_errors();
                 Ok(())
             }
             index::ERROR_FIELD => Err(Abort::Value),
@@ -338,13 +312,5 @@ impl<F: NorFlash> Device<F> {
         let node = self.settings().node;
         self.trace(entry, &Message::Entry(node, entry));
         Ok(())
-    }
-
-    pub(super) fn keep_error(&mut self, code: u16, detail: u16) {
-        if self.errors.len() == ERROR_HISTORY_LENGTH {
-            self.errors.pop_front();
-        }
-        // There is room, because one was just removed.
-        let _ = self.errors.push_back(u32::from(code) | u32::from(detail) << 16);
     }
 }

@@ -1,4 +1,4 @@
-//! The object dictionary: every object of a joint driver with name, type and access.
+//! The object dictionary: every object of a joint driver with name, type, access and rights.
 //!
 //! [`OBJECTS`] lists the objects; [`records`] lists the entries of records. The SDO server uses it to check
 //! whether an object exists and may be written. `joint.eds` is generated from it, and a test compares the
@@ -6,13 +6,23 @@
 //! manufacturer specific, from 6000h those of CiA 402. Parameters are not listed again: their names come
 //! from the core's tables, and a sub-index is the parameter's number in its table plus one.
 
-mod access_level;
+//!
+//! *Service* objects need the service level ([`crate::access`]). What bounds the harm of open objects is not open itself:
+//! motor and wiring, limits, watches, stop reactions, gains, the settings in flash, the node's number, the program. What a
+//! master writes at every start is open: process data, communication times, modes, targets, limits below those of the
+//! parameters. The friction model is open, too, because the watches and limits of the service level bound it.
+//!
+//! *Armed* objects can be written while the joint is armed: a request to disarm, entries of a trace, inputs that also come
+//! in frames, a move between two set-points, limits within those of the parameters, and what controls nothing.
+
+mod entry;
 pub mod records;
 
-pub use access_level::level;
-pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
+pub use entry::{Access, DataType, Entry};
+pub use records::FRAME_COUNTERS;
 
 use super::sdo::Abort;
+use crate::access::Level;
 use crate::control::MotorParameters;
 use crate::scope::MAX_SIGNALS;
 use crate::sensors::SensorParameters;
@@ -22,12 +32,13 @@ use compensator_core::ParameterId;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
+use entry::{entry, name_on_host};
 use records::{
     AccessObject, CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject,
     EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject,
     InputsObject, InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject,
     OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject, ProgramObject, ScopeObject,
-    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
+    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject,
 };
 
 /// Structure of an object.
@@ -54,6 +65,10 @@ pub struct Object {
     pub name: &'static str,
     /// Structure of the object.
     pub shape: Shape,
+    /// Level that a write needs to any of its entries.
+    level: Level,
+    /// An armed joint accepts a write to any of its entries, too.
+    is_written_armed: bool,
 }
 
 /// Value that must be written to [`index::STORE`]: "save".
@@ -67,36 +82,47 @@ use DataType::{
     VisibleString,
 };
 
-const fn variable(name: &'static str, data: DataType, access: Access) -> (&'static str, Shape) {
-    (name, Shape::Variable(entry(name, data, access)))
+/// Returns an object without an index, which every node of the bus may write while the joint is disarmed.
+const fn object(name: &'static str, shape: Shape) -> Object {
+    let name = name_on_host(name);
+    Object { index: 0, name, shape, level: Level::Open, is_written_armed: false }
 }
 
-const fn array(
-    name: &'static str,
-    of: &'static str,
-    access: Access,
-    count: usize,
-) -> (&'static str, Shape) {
+/// A write needs the service level.
+const fn service(object: Object) -> Object {
+    Object { level: Level::Service, ..object }
+}
+
+/// An armed joint accepts a write, too.
+const fn armed(object: Object) -> Object {
+    Object { is_written_armed: true, ..object }
+}
+
+const fn variable(name: &'static str, data: DataType, access: Access) -> Object {
+    object(name, Shape::Variable(entry(name, data, access)))
+}
+
+const fn array(name: &'static str, of: &'static str, access: Access, count: usize) -> Object {
     array_of(name, entry(of, Unsigned32, access), count)
 }
 
-const fn array_of(name: &'static str, of: Entry, count: usize) -> (&'static str, Shape) {
-    (name, Shape::Array(of, count as u8))
+const fn array_of(name: &'static str, of: Entry, count: usize) -> Object {
+    object(name, Shape::Array(of, count as u8))
 }
 
-const fn record(name: &'static str, entries: &'static [Entry]) -> (&'static str, Shape) {
-    (name, Shape::Record(entries))
+const fn record(name: &'static str, entries: &'static [Entry]) -> Object {
+    object(name, Shape::Record(entries))
 }
 
-const fn numbers(name: &'static str, names: &'static [&'static str]) -> (&'static str, Shape) {
-    (name, Shape::Numbers(names))
+const fn numbers(name: &'static str, names: &'static [&'static str]) -> Object {
+    object(name, Shape::Numbers(names))
 }
 
 /// Maximum number of objects in a PDO: one per byte.
 pub const MAX_MAPPED_OBJECTS: usize = 8;
 
 /// Mapping of objects to a PDO.
-const fn mapping(name: &'static str) -> (&'static str, Shape) {
+const fn mapping(name: &'static str) -> Object {
     array(name, "mapped_object", ReadWrite, MAX_MAPPED_OBJECTS)
 }
 
@@ -119,31 +145,28 @@ macro_rules! objects {
         }
 
         /// All objects, in ascending order of their indices.
-        pub static OBJECTS: &[Object] = &[$({
-            let (name, shape) = $object;
-            Object { index: $index, name: name_on_host(name), shape }
-        }),*];
+        pub static OBJECTS: &[Object] = &[$(Object { index: $index, ..$object }),*];
     };
 }
 
 objects! {
     0x1000 DEVICE_TYPE variable("device_type", Unsigned32, Const);
     0x1001 ERROR_REGISTER variable("error_register", Unsigned8, ReadOnly);
-    0x1003 ERROR_FIELD array("predefined_error_field", "error", ReadOnly, ERROR_HISTORY_LENGTH);
+    0x1003 ERROR_FIELD armed(array("predefined_error_field", "error", ReadOnly, ERROR_HISTORY_LENGTH));
     0x1005 SYNC_IDENTIFIER variable("sync_cob_id", Unsigned32, Const);
     0x1006 SYNC_PERIOD variable("communication_cycle_period_us", Unsigned32, ReadWrite);
     0x1007 SYNC_WINDOW variable("synchronous_window_length_us", Unsigned32, ReadWrite);
     0x1008 DEVICE_NAME variable("device_name", VisibleString, Const);
     0x1009 HARDWARE_VERSION variable("hardware_version", VisibleString, Const);
     0x100A SOFTWARE_VERSION variable("software_version", VisibleString, Const);
-    0x1010 STORE record("store_parameters", &[entry("save_all", Unsigned32, ReadWrite)]);
-    0x1011 RESTORE record("restore_defaults", &[entry("load_all", Unsigned32, ReadWrite)]);
+    0x1010 STORE service(record("store_parameters", &[entry("save_all", Unsigned32, ReadWrite)]));
+    0x1011 RESTORE service(record("restore_defaults", &[entry("load_all", Unsigned32, ReadWrite)]));
     0x1014 EMERGENCY_IDENTIFIER variable("emergency_cob_id", Unsigned32, Const);
     0x1016 AWAITED_HEARTBEAT record(
         "consumer_heartbeat_time",
         &[entry("awaited_heartbeat", Unsigned32, ReadWrite)],
     );
-    0x1017 HEARTBEAT variable("producer_heartbeat_time_ms", Unsigned16, ReadWrite);
+    0x1017 HEARTBEAT armed(variable("producer_heartbeat_time_ms", Unsigned16, ReadWrite));
     0x1018 IDENTITY record("identity", IdentityObject::ENTRIES);
     0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, ReadWrite);
     0x1200 SDO_SERVER record("sdo_server", SdoServerObject::ENTRIES);
@@ -171,29 +194,29 @@ objects! {
     0x1A03 MAPPING_MOTION mapping("mapping_motion");
     0x1A04 MAPPING_TORQUE mapping("mapping_torque");
     0x1A05 MAPPING_DRIVE mapping("mapping_drive");
-    0x1F50 PROGRAM_DATA array_of("program_data", entry("program_data", Domain, WriteOnly), 1);
-    0x1F51 PROGRAM_CONTROL array_of("program_control", entry("program_control", Unsigned8, ReadWrite), 1);
-    0x1F56 PROGRAM_IDENTIFICATION array("program_software_identification", "program_crc", ReadOnly, 2);
-    0x1F57 FLASH_STATUS array("flash_status_identification", "flash_status", ReadOnly, 1);
-    0x2000 TRACE record("trace", TraceObject::ENTRIES);
+    0x1F50 PROGRAM_DATA service(array_of("program_data", entry("program_data", Domain, WriteOnly), 1));
+    0x1F51 PROGRAM_CONTROL service(array_of("program_control", entry("program_control", Unsigned8, ReadWrite), 1));
+    0x1F56 PROGRAM_IDENTIFICATION service(array("program_software_identification", "program_crc", ReadOnly, 2));
+    0x1F57 FLASH_STATUS service(array("flash_status_identification", "flash_status", ReadOnly, 1));
+    0x2000 TRACE armed(record("trace", TraceObject::ENTRIES));
     0x2001 OPERATION record("operation", OperationObject::ENTRIES);
     0x2002 STATE record("state", StateObject::ENTRIES);
     0x2003 FRAME_COUNTERS
         array("frame_counters", "frame_counter", ReadOnly, records::FRAME_COUNTERS.len());
-    0x2004 INPUTS record("inputs", InputsObject::ENTRIES);
+    0x2004 INPUTS armed(record("inputs", InputsObject::ENTRIES));
     0x2005 OUTPUTS record("outputs", OutputsObject::ENTRIES);
     0x2006 CODE_COUNTERS array("code_counters", "code_counter", ReadOnly, CODE_COUNT);
     0x2007 WATCH record("watch", WatchObject::ENTRIES);
     0x2008 LAST_PANIC variable("last_panic", VisibleString, ReadOnly);
     0x2009 MEASURED record("measured", MeasuredObject::ENTRIES);
-    0x200A COMMISSIONING record("commissioning", CommissioningObject::ENTRIES);
+    0x200A COMMISSIONING service(record("commissioning", CommissioningObject::ENTRIES));
     0x200B NETWORK record("network", NetworkObject::ENTRIES);
-    0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRunObject::ENTRIES);
+    0x200C COMMISSIONING_RUN service(record("commissioning_run", CommissioningRunObject::ENTRIES));
     0x200D LIVE_TERMS variable("live_terms", Unsigned32, ReadOnly);
     0x2012 ENCLOSURE record("enclosure", EnclosureObject::ENTRIES);
-    0x2013 SCOPE record("scope", ScopeObject::ENTRIES);
+    0x2013 SCOPE armed(record("scope", ScopeObject::ENTRIES));
     0x2014 SCOPE_SIGNALS
-        array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX_SIGNALS);
+armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX_SIGNALS));
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);
@@ -202,51 +225,51 @@ objects! {
     });
     0x2021 ENVELOPE numbers("envelope", &Envelope::NAMES);
     0x2022 COMPENSATOR numbers("compensator", &CompensatorParameters::NAMES);
-    0x2023 PARAMETERS ("parameters", Shape::Parameters);
-    0x2024 MOTOR numbers("motor", &MotorParameters::NAMES);
-    0x2025 THRESHOLDS numbers("thresholds", &Thresholds::NAMES);
-    0x2026 WATCH_PARAMETERS numbers("watch_parameters", &WatchParameters::NAMES);
+    0x2023 PARAMETERS object("parameters", Shape::Parameters);
+    0x2024 MOTOR service(numbers("motor", &MotorParameters::NAMES));
+    0x2025 THRESHOLDS service(numbers("thresholds", &Thresholds::NAMES));
+    0x2026 WATCH_PARAMETERS service(numbers("watch_parameters", &WatchParameters::NAMES));
     0x2027 COMMIT record("commit", CommitObject::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
-    0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
-    0x2030 HOLDING_BRAKE record("holding_brake", HoldingBrakeObject::ENTRIES);
+    0x2029 SENSORS service(numbers("sensors", &SensorParameters::NAMES));
+    0x2030 HOLDING_BRAKE service(record("holding_brake", HoldingBrakeObject::ENTRIES));
     0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);
     0x2040 PROGRAM record("program", ProgramObject::ENTRIES);
     0x2041 ACCESS record("access", AccessObject::ENTRIES);
-    0x6007 ABORT_CONNECTION variable("abort_connection_option_code", Integer16, ReadWrite);
+    0x6007 ABORT_CONNECTION service(variable("abort_connection_option_code", Integer16, ReadWrite));
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
-    0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
+    0x6040 CONTROLWORD armed(variable("controlword", Unsigned16, Input));
     0x6041 STATUSWORD variable("statusword", Unsigned16, ReadOnly);
-    0x605A QUICK_STOP_OPTION variable("quick_stop_option_code", Integer16, ReadWrite);
-    0x605B SHUTDOWN_OPTION variable("shutdown_option_code", Integer16, ReadWrite);
-    0x605C DISABLE_OPTION variable("disable_operation_option_code", Integer16, ReadWrite);
-    0x605D HALT_OPTION variable("halt_option_code", Integer16, ReadWrite);
-    0x605E FAULT_OPTION variable("fault_reaction_option_code", Integer16, ReadWrite);
+    0x605A QUICK_STOP_OPTION service(variable("quick_stop_option_code", Integer16, ReadWrite));
+    0x605B SHUTDOWN_OPTION service(variable("shutdown_option_code", Integer16, ReadWrite));
+    0x605C DISABLE_OPTION service(variable("disable_operation_option_code", Integer16, ReadWrite));
+    0x605D HALT_OPTION service(variable("halt_option_code", Integer16, ReadWrite));
+    0x605E FAULT_OPTION service(variable("fault_reaction_option_code", Integer16, ReadWrite));
     0x6060 MODE variable("modes_of_operation", Integer8, Input);
     0x6061 MODE_DISPLAY variable("modes_of_operation_display", Integer8, ReadOnly);
     0x6062 POSITION_DEMAND variable("position_demand_value", Integer32, ReadOnly);
     0x6064 ACTUAL_POSITION variable("position_actual_value", Integer32, ReadOnly);
-    0x6065 FOLLOWING_WINDOW variable("following_error_window", Unsigned32, ReadWrite);
-    0x6066 FOLLOWING_TIME variable("following_error_time_out", Unsigned16, ReadWrite);
+    0x6065 FOLLOWING_WINDOW service(variable("following_error_window", Unsigned32, ReadWrite));
+    0x6066 FOLLOWING_TIME service(variable("following_error_time_out", Unsigned16, ReadWrite));
     0x6067 POSITION_WINDOW variable("position_window", Unsigned32, ReadWrite);
     0x6068 POSITION_TIME variable("position_window_time", Unsigned16, ReadWrite);
     0x606B VELOCITY_DEMAND variable("velocity_demand_value", Integer32, ReadOnly);
     0x606C ACTUAL_VELOCITY variable("velocity_actual_value", Integer32, ReadOnly);
-    0x6071 TARGET_TORQUE variable("target_torque", Integer16, Input);
-    0x6072 MAX_TORQUE variable("max_torque", Unsigned16, ReadWrite);
+    0x6071 TARGET_TORQUE armed(variable("target_torque", Integer16, Input));
+    0x6072 MAX_TORQUE armed(variable("max_torque", Unsigned16, ReadWrite));
     0x6075 RATED_CURRENT variable("motor_rated_current", Unsigned32, ReadOnly);
     0x6076 RATED_TORQUE variable("motor_rated_torque", Unsigned32, ReadOnly);
     0x6077 ACTUAL_TORQUE variable("torque_actual_value", Integer16, ReadOnly);
     0x6078 ACTUAL_CURRENT variable("current_actual_value", Integer16, ReadOnly);
     0x6079 BUS_VOLTAGE variable("dc_link_circuit_voltage", Unsigned32, ReadOnly);
-    0x607A TARGET_POSITION variable("target_position", Integer32, Input);
-    0x607C HOME_OFFSET variable("home_offset", Integer32, ReadWrite);
-    0x607D POSITION_LIMITS record("software_position_limit", PositionLimitsObject::ENTRIES);
-    0x6080 MAX_MOTOR_SPEED variable("max_motor_speed", Unsigned32, ReadWrite);
-    0x6081 PROFILE_VELOCITY variable("profile_velocity", Unsigned32, ReadWrite);
-    0x6083 ACCELERATION variable("profile_acceleration", Unsigned32, ReadWrite);
-    0x6084 DECELERATION variable("profile_deceleration", Unsigned32, ReadWrite);
-    0x6085 QUICK_DECELERATION variable("quick_stop_deceleration", Unsigned32, ReadWrite);
+    0x607A TARGET_POSITION armed(variable("target_position", Integer32, Input));
+    0x607C HOME_OFFSET armed(variable("home_offset", Integer32, ReadWrite));
+    0x607D POSITION_LIMITS service(record("software_position_limit", PositionLimitsObject::ENTRIES));
+    0x6080 MAX_MOTOR_SPEED armed(variable("max_motor_speed", Unsigned32, ReadWrite));
+    0x6081 PROFILE_VELOCITY armed(variable("profile_velocity", Unsigned32, ReadWrite));
+    0x6083 ACCELERATION armed(variable("profile_acceleration", Unsigned32, ReadWrite));
+    0x6084 DECELERATION armed(variable("profile_deceleration", Unsigned32, ReadWrite));
+    0x6085 QUICK_DECELERATION service(variable("quick_stop_deceleration", Unsigned32, ReadWrite));
     0x6098 HOMING_METHOD variable("homing_method", Integer8, ReadWrite);
     0x6099 HOMING_SPEEDS record("homing_speeds", HomingSpeedsObject::ENTRIES);
     0x609A HOMING_ACCELERATION variable("homing_acceleration", Unsigned32, ReadWrite);
@@ -254,8 +277,8 @@ objects! {
     0x60E3 HOMING_METHODS
         array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());
     0x60F4 FOLLOWING_ERROR variable("following_error_actual_value", Integer32, ReadOnly);
-    0x60FB POSITION_LOOP record("position_control_parameter_set", PositionLoopObject::ENTRIES);
-    0x60FF TARGET_VELOCITY variable("target_velocity", Integer32, Input);
+    0x60FB POSITION_LOOP service(record("position_control_parameter_set", PositionLoopObject::ENTRIES));
+    0x60FF TARGET_VELOCITY armed(variable("target_velocity", Integer32, Input));
     0x6502 SUPPORTED_MODES variable("supported_drive_modes", Unsigned32, Const);
 }
 
@@ -277,8 +300,15 @@ impl Object {
         }
     }
 
-    /// Returns the entry at a sub-index.
+    /// Returns the entry at a sub-index, with the rights of the object.
     pub fn entry(&self, sub_index: u8) -> Option<Entry> {
+        let mut entry = self.own_entry(sub_index)?;
+        entry.level = entry.level.max(self.level);
+        entry.is_written_armed |= self.is_written_armed;
+        Some(entry)
+    }
+
+    fn own_entry(&self, sub_index: u8) -> Option<Entry> {
         let number = |name| entry(name, Real32, ReadWrite);
         let Some(place) = sub_index.checked_sub(1).map(usize::from) else {
             return Some(match self.shape {

@@ -2,9 +2,8 @@
 
 use super::Device;
 use crate::access::{Key, Level, Refusal};
-use crate::node::dictionary::{self, records::AccessObject};
+use crate::node::dictionary::records::AccessObject;
 use crate::node::sdo::Abort;
-use canopen_rs::Address;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -13,12 +12,12 @@ impl<F: NorFlash> Device<F> {
         !self.settings.access.is_locked || self.lock.is_unlocked()
     }
 
-    /// Checks that the present level allows a write to an object.
+    /// Checks that the joint grants this level.
     ///
     /// # Errors
     /// [`Abort::Locked`].
-    pub(in crate::driver) fn check_level(&mut self, at: Address) -> Result<(), Abort> {
-        if dictionary::level(at.index, at.subindex) == Level::Open {
+    pub(in crate::driver) fn check_level(&mut self, level: Level) -> Result<(), Abort> {
+        if level == Level::Open {
             return Ok(());
         }
         if !self.is_service() {

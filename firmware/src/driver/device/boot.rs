@@ -2,34 +2,27 @@
 //!
 //! A device takes 14 KB. It is therefore created with defaults first, without deep calls, and completed in place.
 
+use super::inputs::Samples;
+use super::memory::Memory;
 use super::network::LiveNetwork;
 use super::pdos::Pdos;
 use super::program::ProgramState;
-use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
+use super::{Boot, Device, Identity, commissioning, watch};
 use crate::access::Lock;
-use crate::control::Covariates;
-use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::driver::counters::Counters;
-use crate::driver::holding_brake::HoldingBrake;
-use crate::driver::loop_data::{Home, LoopReport};
-use crate::driver::motor_watch::{MotorState, MotorWatch};
-use crate::driver::over_compensation::OverCompensationWatch;
 use crate::driver::profile::Profile;
 use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
-use crate::hil::{HilJoint, HilReply};
+use crate::hil::HilJoint;
 use crate::node::Outbox;
 use crate::node::lss::Lss;
 use crate::node::sdo::Abort;
 use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::scope::Scope;
 use crate::sensors::enclosure;
-use crate::sensors::stuck::StuckWatch;
-use crate::store::{LoadError, Store};
+use crate::store::LoadError;
 use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
-use compensator_core::can::JointKind;
 use embedded_storage::nor_flash::NorFlash;
-use heapless::{Deque, String};
 
 impl<F: NorFlash> Device<F> {
     /// Creates a device with default parameters, to be completed by [`Self::load`].
@@ -47,56 +40,31 @@ impl<F: NorFlash> Device<F> {
             staging: Staging::default(),
             program: ProgramState::default(),
             identity,
-            errors: Deque::new(),
-            last_panic: String::new(),
-            run: 0,
-            joint_kind: JointKind::default(),
-            store: Store::open(flash),
-            defaults,
+            history: Default::default(),
+            memory: Memory::new(flash, defaults),
             settings: defaults,
             supervisor: Supervisor::default(),
             outbox: Outbox::default(),
             sends_fd: false,
-            hil: HilJoint::without_model(defaults.node, defaults.hil_setup()),
-            hil_armed: false,
+            samples: Samples::new(&defaults),
             received: ReceivedInputs::default(),
-            inputs: NOT_RECEIVED,
-            reply: HilReply::NONE,
-            report: LoopReport::default(),
-            report_seen: true,
+            current_loop: Default::default(),
             can: CanState::Active,
             enclosure: enclosure::Readings::default(),
             scope: Scope::default(),
             blocking: 0,
-            set_number: 0,
-            gate_resets: 0,
-            home: Home::default(),
             profile: Profile::default(),
-            brake: HoldingBrake::default(),
-            braked_load: None,
-            held_rad: None,
-            stop: None,
-            shorts_low_sides: false,
+            stopping: Default::default(),
             commissioning: commissioning::Run::default(),
-            over: OverCompensationWatch::default(),
-            covariates: Covariates::MISSING,
-            radial_force_watch: StuckWatch::default(),
-            pressure_watch: StuckWatch::default(),
-            compensation_left: 1.0,
+            compensation: Default::default(),
+            seal_sensors: Default::default(),
             position: Default::default(),
-            velocity: VelocityLoop::default(),
-            velocity_gains: VelocityGains::default(),
-            velocity_command: VelocityCommand::default(),
-            motor_watch: MotorWatch::default(),
-            motor_state: MotorState::default(),
-            measured_wiring: None,
-            target_us: 0,
-            drive_counter: 0,
+            velocity: Default::default(),
+            motor: Default::default(),
+            targets: Default::default(),
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
             lock: Lock::default(),
-            is_blank: false,
-            is_stored: false,
             now_us,
         }
     }
@@ -105,14 +73,16 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub(in crate::driver) fn load(&mut self, boot: &Boot) {
         if let Some(program) = boot.program {
-            self.store.open_mirrored(program.store_slots(true), program.store_slots(false));
-            self.program = ProgramState::new(self.store.flash_mut(), program, self.now_us);
+            self.memory
+                .store_mut()
+                .open_mirrored(program.store_slots(true), program.store_slots(false));
+            self.program = ProgramState::new(self.memory.flash_mut(), program, self.now_us);
         }
         let mut parameters = self.load_block();
         if !self.build_hil() {
             parameters = ParameterSource::DefaultRefused;
         }
-        self.is_blank = parameters == ParameterSource::Default;
+        self.memory.set_blank(parameters == ParameterSource::Default);
         let set = self.staging.active();
         self.supervisor.start(
             &set.thresholds,
@@ -120,7 +90,7 @@ impl<F: NorFlash> Device<F> {
                 reset: boot.cause,
                 panicked: boot.panic.is_some(),
                 stack_overflowed: boot.stack_overflowed,
-                store: self.store.health(),
+                store: self.memory.store().health(),
                 parameters,
                 commissioned: self.is_commissioned(),
                 self_test_passed: boot.self_test_passed,
@@ -128,7 +98,7 @@ impl<F: NorFlash> Device<F> {
         );
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(set, &self.settings);
-        self.last_panic = truncated(boot.panic.unwrap_or_default());
+        self.history.set_panic(boot.panic.unwrap_or_default());
         self.pdos.set_node(self.settings.node);
     }
 
@@ -137,7 +107,7 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     fn load_block(&mut self) -> ParameterSource {
         let mut block = [0; MAX_BLOCK_BYTES];
-        let length = match self.store.load(&mut block) {
+        let length = match self.memory.store_mut().load(&mut block) {
             Ok(loaded) => loaded.length,
             Err(LoadError::Empty | LoadError::Damaged) => return ParameterSource::Default,
             // A set of another firmware is stored.
@@ -169,18 +139,7 @@ impl<F: NorFlash> Device<F> {
         let set = self.staging.active();
         let built = HilJoint::build(node, &set.friction, set.network.as_ref(), setup);
         let is_built = built.is_ok();
-        self.hil = built.unwrap_or_else(|_refused| HilJoint::without_model(node, setup));
+        self.samples.set_hil(built.unwrap_or_else(|_refused| HilJoint::without_model(node, setup)));
         is_built
     }
-}
-
-/// Returns a text, truncated to the size of the string.
-fn truncated<const N: usize>(text: &str) -> String<N> {
-    let mut string = String::new();
-    for letter in text.chars() {
-        if string.push(letter).is_err() {
-            break;
-        }
-    }
-    string
 }

@@ -102,9 +102,9 @@ impl<F: NorFlash> Device<F> {
     /// Returns the target velocity of a friction run, rad/s, and its current limit, A.
     pub(super) fn friction_target(&mut self) -> (f32, f32) {
         let sample = FrictionSample {
-            position_rad: self.report.turned_rad,
-            velocity_rad_s: self.report.velocity_rad_s,
-            commanded_a: self.velocity_command.current_a,
+            position_rad: self.current_loop.report().turned_rad,
+            velocity_rad_s: self.current_loop.report().velocity_rad_s,
+            commanded_a: self.velocity.command().current_a,
         };
         let run = &mut self.commissioning.friction;
         (run.next_speed_rad_s(&sample), run.bounds().current_a)
@@ -219,7 +219,7 @@ impl<F: NorFlash> Device<F> {
             current_a: self.commissioning_current_a(),
             travel_rad: self.commissioning.travel_rad,
             gear_ratio: self.set().motor.gear_ratio,
-            bus_v: self.report.bus_voltage_v.unwrap_or(0.0),
+            bus_v: self.current_loop.report().bus_voltage_v.unwrap_or(0.0),
         };
         self.commissioning.run.begin(bounds);
         self.commissioning.is_friction_run = false;
@@ -245,7 +245,7 @@ impl<F: NorFlash> Device<F> {
         if !self.is_measuring_motor() {
             return;
         }
-        let found_all = self.commissioning.run.process_block(&self.report.probe);
+        let found_all = self.commissioning.run.process_block(&self.current_loop.report().probe);
         if !self.is_measuring_motor() {
             self.supervisor.disarm();
         }
@@ -269,7 +269,7 @@ impl<F: NorFlash> Device<F> {
         [motor.inductance_d_h, motor.inductance_q_h] = found.inductance_h;
         joint.torque_constant_nm_per_a *= constant / motor.torque_constant_nm_per_a;
         motor.torque_constant_nm_per_a = constant;
-        self.measured_wiring = Some(set.wiring_crc());
+        self.motor.record_measurement(set.wiring_crc());
     }
 
     pub(in crate::driver) fn commissioning_object(&self) -> CommissioningRunObject {

@@ -9,6 +9,14 @@ use compensator_core::can::Frame;
 use compensator_core::parameters::ShortNumber;
 use embedded_storage::nor_flash::NorFlash;
 
+/// The targets of a CiA 402 master: when the last one came, and the counter of the commands that they become.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Targets {
+    /// Time of the last target, us.
+    at_us: u64,
+    counter: u8,
+}
+
 impl<F: NorFlash> Device<F> {
     /// Returns the rated current, A, and torque, Nm, from the current limits.
     pub(super) fn rated(&self) -> (f32, f32) {
@@ -25,24 +33,24 @@ impl<F: NorFlash> Device<F> {
 
     /// 6077h: torque of the measured current, thousandths of the rated one; not defined for a joint in HIL.
     pub(in crate::driver) fn actual_permille(&self) -> i16 {
-        (self.report.motor_torque_nm / self.rated().1 * 1e3) as i16
+        (self.current_loop.report().motor_torque_nm / self.rated().1 * 1e3) as i16
     }
 
     /// 6078h: measured torque-producing current, thousandths of the rated one.
     pub(in crate::driver) fn actual_current_permille(&self) -> i16 {
-        (self.report.current_a / self.rated().0 * 1e3) as i16
+        (self.current_loop.report().current_a / self.rated().0 * 1e3) as i16
     }
 
     /// 6079h, mV; 0 if it is not measured.
     pub(in crate::driver) fn bus_millivolts(&self) -> u32 {
-        (self.report.bus_voltage_v.unwrap_or_default() * 1e3) as u32
+        (self.current_loop.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
     }
 
     /// 6064h, 1e-6 rad. While the position is unknown, it counts from an arbitrary zero; a joint in HIL then has 0.
     pub(in crate::driver) fn actual_position(&self) -> i32 {
         micro(match (self.is_position_known(), self.settings.source) {
             (true, _) => f32::from_bits(self.measured().position_rad),
-            (false, InputSource::Sensors) => self.report.turned_rad,
+            (false, InputSource::Sensors) => self.current_loop.report().turned_rad,
             (false, InputSource::Bus) => 0.0,
         })
     }
@@ -75,7 +83,9 @@ impl<F: NorFlash> Device<F> {
         let when = |bit: u16, is_so: bool| if is_so { bit } else { 0 };
         let level_v = self.supervisor.thresholds().bus_undervoltage_v;
         let powered = match self.settings.source {
-            InputSource::Sensors => self.report.bus_voltage_v.is_some_and(|bus_v| bus_v > level_v),
+            InputSource::Sensors => {
+                self.current_loop.report().bus_voltage_v.is_some_and(|bus_v| bus_v > level_v)
+            }
             InputSource::Bus => true,
         };
         let limits = self.supervisor.limits();
@@ -90,7 +100,7 @@ impl<F: NorFlash> Device<F> {
             | when(status::FOLLOWING_ERROR, self.following_state().0)
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
-            | when(status::TARGET_REACHED, self.is_held())
+            | when(status::TARGET_REACHED, self.stopping.is_held())
             | when(status::WARNING, limits.iter().next().is_some())
             | when(status::POSITION_KNOWN, self.is_position_known())
             | when(status::INTERNAL_LIMIT, is_limited)
@@ -167,7 +177,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns true if the joint is slow enough for homing.
     fn is_standing(&self) -> bool {
-        self.report.velocity_rad_s.abs() <= profile::STANDSTILL_RAD_S
+        self.current_loop.report().velocity_rad_s.abs() <= profile::STANDSTILL_RAD_S
     }
 
     /// Sets the present position as home. If the joint moves, the statusword reports that homing failed, and
@@ -234,12 +244,12 @@ impl<F: NorFlash> Device<F> {
         if !self.profile.is_active() {
             return;
         }
-        self.target_us = now_us;
+        self.targets.at_us = now_us;
         // In velocity mode the velocity loop gives the current; this command only refreshes the age.
         let by_torque = self.profile.mode == profile::CST;
         let current_a = if by_torque { self.profile.target_share() * self.rated().0 } else { 0.0 };
-        self.drive_counter = self.drive_counter.wrapping_add(1);
-        let command = CommandFrame::new(current_a, f32::NAN, self.drive_counter);
+        self.targets.counter = self.targets.counter.wrapping_add(1);
+        let command = CommandFrame::new(current_a, f32::NAN, self.targets.counter);
         self.process_input(&Message::Command(self.settings.node, command), now_us);
     }
 
@@ -256,8 +266,8 @@ impl<F: NorFlash> Device<F> {
         let is_followed =
             self.profile.is_active() && self.supervisor.is_armed() && !self.is_commissioning();
         // A stop ends by itself.
-        let is_followed = is_followed && !self.is_stopping_to_rest();
-        let is_late = now_us.saturating_sub(self.target_us) >= deadline_us;
+        let is_followed = is_followed && !self.stopping.is_to_rest();
+        let is_late = now_us.saturating_sub(self.targets.at_us) >= deadline_us;
         if is_followed && deadline_us > 0 && is_late {
             self.supervisor.trip(Code::CommandTimeout);
         }

@@ -11,14 +11,86 @@
 use super::Device;
 use crate::driver::counters::count;
 use crate::driver::received::CommandSequence;
-use crate::hil::{HilReply, HilStep};
-use crate::node::dictionary::records::InputsObject;
-use crate::node_settings::InputSource;
+use crate::hil::{HilJoint, HilReply, HilStep, NetworkGuard};
+use crate::node::dictionary::records::{InputsObject, OutputsObject, TraceObject};
+use crate::node_settings::{InputSource, NodeSettings};
 use compensator_core::can::{
-    AnswerFrame, CommandFrame, Frame, Message, MotionFrame, NodeId, SealFrame, StatusFrame,
-    SurroundingsFrame, SyncFrame, TelemetryFrame, TorqueFrame, TraceEntry,
+    AnswerFrame, CommandFrame, Frame, JointKind, Message, MotionFrame, NodeId, SealFrame,
+    StatusFrame, SurroundingsFrame, SyncFrame, TelemetryFrame, TorqueFrame, TraceEntry,
 };
 use embedded_storage::nor_flash::NorFlash;
+
+/// The frames of a sample: what was received, the joint in HIL, and the last reply.
+#[derive(Debug)]
+pub(in crate::driver) struct Samples {
+    hil: HilJoint,
+    /// The joint is armed in HIL.
+    is_hil_armed: bool,
+    inputs: InputsObject,
+    reply: HilReply,
+    /// Run and kind of the joint in a trace.
+    run: u32,
+    joint_kind: JointKind,
+}
+
+impl Samples {
+    pub(super) fn new(defaults: &NodeSettings) -> Self {
+        Self {
+            hil: HilJoint::without_model(defaults.node, defaults.hil_setup()),
+            is_hil_armed: false,
+            // Inputs before any frame: every float is NaN.
+            inputs: InputsObject::filled(f32::NAN.to_bits()),
+            reply: HilReply::NONE,
+            run: 0,
+            joint_kind: JointKind::default(),
+        }
+    }
+
+    /// Replaces the joint in HIL; it is not armed.
+    pub(super) fn set_hil(&mut self, hil: HilJoint) {
+        self.hil = hil;
+    }
+
+    /// Returns true if the joint is armed in HIL.
+    pub(super) const fn is_hil_armed(&self) -> bool {
+        self.is_hil_armed
+    }
+
+    /// Arms or disarms the joint in HIL.
+    pub(super) fn arm_hil(&mut self, is_armed: bool) {
+        self.hil.set_enabled(is_armed);
+        self.is_hil_armed = is_armed;
+    }
+
+    /// Returns the state of the network of a joint in HIL.
+    pub(super) fn network_guard(&self) -> Option<NetworkGuard> {
+        self.hil.network_guard()
+    }
+
+    /// Returns the last inputs (2004h).
+    pub(in crate::driver) const fn inputs(&self) -> &InputsObject {
+        &self.inputs
+    }
+
+    /// Returns the last outputs (2005h).
+    pub(in crate::driver) fn outputs(&self) -> OutputsObject {
+        let HilReply { answer, status, telemetry } = self.reply;
+        OutputsObject {
+            friction_torque_nm: answer.friction_torque_nm.to_bits(),
+            feed_forward_current_a: answer.feed_forward_current_a.to_bits(),
+            flags: status.flags.bits(),
+            sequence: status.sequence,
+            current_a: telemetry.current_a.to_bits(),
+            residual_torque_nm: telemetry.residual_torque_nm.to_bits(),
+        }
+    }
+
+    /// Returns the place in a trace (2000h).
+    pub(in crate::driver) fn trace_object(&self) -> TraceObject {
+        let sequence = self.hil.inbox().sequence();
+        TraceObject { run: self.run, sequence, joint_kind: self.joint_kind as u32 }
+    }
+}
 
 impl<F: NorFlash> Device<F> {
     /// Processes a process frame for this node.
@@ -29,7 +101,7 @@ impl<F: NorFlash> Device<F> {
         node: NodeId,
         now_us: u64,
     ) {
-        let inputs = &mut self.inputs;
+        let inputs = &mut self.samples.inputs;
         // A joint on its own sensors sends Motion and Torque itself and receives neither.
         let is_from_bus = self.settings.source == InputSource::Bus;
         let places = match message {
@@ -58,7 +130,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Processes an input that was written as an object, in the same way as its frame.
     pub(in crate::driver) fn input(&mut self, sub_index: u8, word: u32) {
-        let Some(words) = self.inputs.set(sub_index, word) else { return };
+        let Some(words) = self.samples.inputs.set(sub_index, word) else { return };
         let node = self.settings.node;
         let [first, second] = words.map(f32::from_bits);
         let message = match sub_index {
@@ -81,7 +153,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(super) fn process_input(&mut self, message: &Message, now_us: u64) {
-        self.hil.take(message);
+        self.samples.hil.take(message);
         match self.received.take(message, now_us) {
             Some(CommandSequence::New { lost }) => {
                 count(&mut self.counters.command_lost, u32::from(lost));
@@ -95,7 +167,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Ends a sample. Returns its number; `None` for a repeated or late SYNC.
     pub(super) fn sync(&mut self, sync: SyncFrame) -> Option<u32> {
-        let lost = match self.hil.sync(sync) {
+        let lost = match self.samples.hil.sync(sync) {
             HilStep::Duplicate => {
                 count(&mut self.counters.sync_duplicate, 1);
                 return None;
@@ -106,21 +178,21 @@ impl<F: NorFlash> Device<F> {
             }
             HilStep::Reply(reply, lost) => {
                 if self.settings.source == InputSource::Bus {
-                    self.reply = reply;
+                    self.samples.reply = reply;
                 }
                 lost
             }
         };
         count(&mut self.counters.sync_lost, u32::from(lost));
         if self.settings.source == InputSource::Sensors {
-            self.reply = self.measured_reply();
+            self.samples.reply = self.measured_reply();
         }
-        let reply = self.reply;
+        let reply = self.samples.reply;
         if self.settings.source == InputSource::Bus
             && let Some(watch) = &mut self.watch
         {
             let residual_nm = reply.telemetry.residual_torque_nm;
-            let velocity_rad_s = f32::from_bits(self.inputs.velocity_rad_s);
+            let velocity_rad_s = f32::from_bits(self.samples.inputs.velocity_rad_s);
             watch.step(residual_nm, velocity_rad_s, residual_nm.is_finite());
         }
         Some(reply.status.sequence)
@@ -129,16 +201,16 @@ impl<F: NorFlash> Device<F> {
     fn measured_reply(&self) -> HilReply {
         HilReply {
             answer: AnswerFrame {
-                friction_torque_nm: self.report.friction_torque_nm,
-                feed_forward_current_a: self.report.feed_forward_current_a,
+                friction_torque_nm: self.current_loop.report().friction_torque_nm,
+                feed_forward_current_a: self.current_loop.report().feed_forward_current_a,
             },
             status: StatusFrame {
-                flags: self.report.flags | self.network.flags(),
-                sequence: self.hil.inbox().sequence().wrapping_sub(1),
+                flags: self.current_loop.report().flags | self.network.flags(),
+                sequence: self.samples.hil.inbox().sequence().wrapping_sub(1),
             },
             telemetry: TelemetryFrame {
-                current_a: self.report.current_a,
-                residual_torque_nm: self.report.residual_torque_nm,
+                current_a: self.current_loop.report().current_a,
+                residual_torque_nm: self.current_loop.report().residual_torque_nm,
             },
         }
     }
@@ -146,10 +218,10 @@ impl<F: NorFlash> Device<F> {
     /// Processes an entry of a trace about the samples that follow.
     pub(in crate::driver) fn trace(&mut self, entry: TraceEntry, message: &Message) {
         match entry {
-            TraceEntry::Run(number) => self.run = number,
+            TraceEntry::Run(number) => self.samples.run = number,
             TraceEntry::Sequence(_) => {}
-            TraceEntry::JointKind(kind) => self.joint_kind = kind,
+            TraceEntry::JointKind(kind) => self.samples.joint_kind = kind,
         }
-        self.hil.take(message);
+        self.samples.hil.take(message);
     }
 }

@@ -106,14 +106,14 @@ impl<F: NorFlash> Device<F> {
     ) -> Option<Factors<f32>> {
         let compensates =
             self.supervisor.is_bridge_allowed() && self.supervisor.is_compensation_allowed();
-        self.network.supply(compensates, &self.report, covariates, now_us)
+        self.network.supply(compensates, self.current_loop.report(), covariates, now_us)
     }
 
     /// Returns the network object: zeros and factors of 1 if there is no network.
     pub(in crate::driver) fn network_state(&self) -> NetworkObject {
         let has = self.set().network.is_some();
         let guard = match self.settings.source {
-            InputSource::Bus => self.hil.network_guard(),
+            InputSource::Bus => self.samples.network_guard(),
             InputSource::Sensors => self.network.guard(),
         };
         let none = NetworkGuard {

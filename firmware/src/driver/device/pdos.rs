@@ -296,9 +296,9 @@ impl<F: NorFlash> Device<F> {
         if settings.node != self.pdos.node {
             // The inputs in HIL carry the node number.
             let _ = self.set_settings(settings);
-            self.is_blank = false;
+            self.memory.set_blank(false);
         }
-        self.is_blank &= !self.is_stored;
+        self.memory.end_blank_if_stored();
         self.pdos = Pdos::new(settings.node);
     }
 

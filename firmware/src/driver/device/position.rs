@@ -12,9 +12,9 @@
 //! *Targets*: in CSP the joint holds its position until the first target after enabling, so that an old target moves
 //! nothing.
 
+use super::velocity::VelocityTarget;
 use super::{Device, InputSource};
 use crate::control::Setpoint;
-use crate::control::velocity_loop::{VelocityCommand, VelocityGains};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{self, Homing, SetPoint};
 use crate::driver::trajectory::{Interpolation, MoveLimits, Reference};
@@ -29,15 +29,6 @@ const CONTACT_RAD_S: f32 = 0.02;
 const POSITION_REPORTS: u8 = 5;
 /// Speed at which a joint beyond its limit returns, rad/s.
 const RETURN_RAD_S: f32 = 0.5;
-
-/// A step of the velocity loop.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum VelocityTarget {
-    /// Velocity, rad/s, approached with the acceleration of the gains.
-    Slew(VelocityGains, f32),
-    /// Velocity, rad/s, as it is, and its change that the inertia needs, rad/s.
-    Track(f32, f32),
-}
 
 /// Progress of homing at a stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -86,7 +77,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the position of 6064h, rad.
     pub(super) fn position_rad(&self) -> f32 {
-        let report = &self.report;
+        let report = self.current_loop.report();
         if report.position_rad.is_nan() { report.turned_rad } else { report.position_rad }
     }
 
@@ -120,7 +111,7 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn position_target(&mut self) -> VelocityTarget {
         let actual_rad = self.position_rad();
         if !self.position.has_begun {
-            let velocity_rad_s = self.velocity_command.reference_rad_s;
+            let velocity_rad_s = self.velocity.command().reference_rad_s;
             let reference = Reference { position_rad: actual_rad.into(), velocity_rad_s };
             self.position.reference = reference;
             self.position.interpolation = Interpolation::begin(reference);
@@ -196,7 +187,7 @@ impl<F: NorFlash> Device<F> {
     fn step_homing(&mut self) -> Option<VelocityTarget> {
         let drive = self.settings.drive;
         let acceleration = drive.homing_acceleration as f32 * 1e-6;
-        let gains = self.velocity_gains.with_acceleration(acceleration, REPORT_PERIOD_S);
+        let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
         match self.position.homing {
             HomingStep::Idle => {
                 let limits = self.move_limits(drive.homing_acceleration, self.max_speed_rad_s());
@@ -204,15 +195,17 @@ impl<F: NorFlash> Device<F> {
                 None
             }
             HomingStep::Seeks { from_rad, still_ms } => {
-                if (self.report.turned_rad - from_rad).abs() > drive.homing_way as f32 * 1e-6 {
+                if (self.current_loop.report().turned_rad - from_rad).abs()
+                    > drive.homing_way as f32 * 1e-6
+                {
                     self.end_homing(Homing::Failed);
                     return None;
                 }
                 let way = if self.profile.homing_method == -1 { -1.0 } else { 1.0 };
                 let share = self.torque_share() * self.supervisor.current_share();
                 let limit_a = self.rated().0 * self.profile.max_share() * share;
-                let is_still = self.report.velocity_rad_s.abs() < CONTACT_RAD_S
-                    && way * self.velocity_command.current_a >= CONTACT_SHARE * limit_a;
+                let is_still = self.current_loop.report().velocity_rad_s.abs() < CONTACT_RAD_S
+                    && way * self.velocity.command().current_a >= CONTACT_SHARE * limit_a;
                 let still_ms = if is_still { still_ms + 1 } else { 0 };
                 if still_ms < drive.homing_time_ms {
                     self.position.homing = HomingStep::Seeks { from_rad, still_ms };
@@ -256,7 +249,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Starts homing at a stop.
     pub(super) fn begin_homing(&mut self) {
-        let from_rad = self.report.turned_rad;
+        let from_rad = self.current_loop.report().turned_rad;
         self.position.homing = HomingStep::Seeks { from_rad, still_ms: 0 };
         self.profile.homing = Homing::Running;
     }
@@ -299,7 +292,7 @@ impl<F: NorFlash> Device<F> {
     fn position_limits(&self) -> Option<[f64; 2]> {
         let drive = &self.settings.drive;
         let is_known = self.settings.source == InputSource::Sensors
-            && !self.report.position_rad.is_nan()
+            && !self.current_loop.report().position_rad.is_nan()
             && self.profile.mode != profile::HOMING;
         (is_known && drive.position_min < drive.position_max)
             .then(|| [drive.position_min, drive.position_max].map(from_micro))
@@ -316,7 +309,8 @@ impl<F: NorFlash> Device<F> {
     /// Returns the velocities, rad/s, between which the joint stops at its limits.
     fn velocity_bounds(&self) -> Option<[f32; 2]> {
         let [least, most] = self.position_limits()?;
-        let (at_rad, drive) = (f64::from(self.report.position_rad), &self.settings.drive);
+        let (at_rad, drive) =
+            (f64::from(self.current_loop.report().position_rad), &self.settings.drive);
         let deceleration = drive.deceleration as f32 * 1e-6;
         let gain = drive.position_gain as f32 * 1e-3;
         let speed = |left_rad: f32| {
@@ -355,7 +349,8 @@ impl<F: NorFlash> Device<F> {
         let braking_a = motor.inertia_kg_m2 * deceleration / constant;
         let rated_a = self.rated().0;
         let [least, most] = self.velocity_bounds()?;
-        let (gain, at) = (motor.velocity_gain_a_s_per_rad, self.report.velocity_rad_s);
+        let (gain, at) =
+            (motor.velocity_gain_a_s_per_rad, self.current_loop.report().velocity_rad_s);
         // The current of the ramp is needed only by a joint that moves towards the limit.
         let ramp =
             |towards: f32| (braking_a * (towards / CONTACT_RAD_S).clamp(0.0, 1.0)).min(rated_a);
@@ -414,26 +409,6 @@ impl<F: NorFlash> Device<F> {
     /// 60F4h, 1e-6 rad.
     pub(in crate::driver) fn following_error(&self) -> i32 {
         super::drive::micro(self.position.error_rad)
-    }
-
-    /// Returns the velocity command of a step.
-    pub(super) fn velocity_step(
-        &mut self,
-        target: VelocityTarget,
-        limit_a: f32,
-        withheld_a: f32,
-    ) -> VelocityCommand {
-        let velocity_rad_s = self.report.velocity_rad_s;
-        match target {
-            VelocityTarget::Slew(gains, target_rad_s) => {
-                self.velocity.step(&gains, target_rad_s, velocity_rad_s, limit_a, withheld_a)
-            }
-            VelocityTarget::Track(target_rad_s, change_rad_s) => {
-                let gains = &self.velocity_gains;
-                let reference = [target_rad_s, change_rad_s];
-                self.velocity.track(gains, reference, velocity_rad_s, limit_a, withheld_a)
-            }
-        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Requests of a tool to a driver, and their refusals.
 
 use super::network::LiveNetwork;
-use super::{Device, Home, watch};
+use super::{Device, watch};
 use crate::control::PERIOD_S;
 use crate::hil::HilJoint;
 use crate::loop_parts::LoopParts;
@@ -17,7 +17,7 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn request(&mut self, request: u8) -> Result<(), Abort> {
         match request {
             0 => {
-                self.shorts_low_sides = false;
+                self.stopping.open_low_sides();
                 self.disarm();
                 Ok(())
             }
@@ -30,7 +30,7 @@ impl<F: NorFlash> Device<F> {
                 if left.contains(Code::GateDriverFault) {
                     // The gate driver may latch its fault until it has slept, and the bridge is off. The next
                     // request succeeds.
-                    self.gate_resets = self.gate_resets.wrapping_add(1);
+                    self.current_loop.reset_gate_driver();
                     let why =
                         format_args!("{} (its driver was reset: ask again)", RemainingFaults(left));
                     return self.staging.refuse(Abort::State, why);
@@ -59,7 +59,7 @@ impl<F: NorFlash> Device<F> {
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }
-        self.home = Home { position_rad, number: self.home.number.wrapping_add(1) };
+        self.current_loop.set_home(position_rad);
         Ok(())
     }
 
@@ -86,8 +86,7 @@ impl<F: NorFlash> Device<F> {
             self.blocking = causes.fault_bits();
             return Err(self.staging.refuse(Abort::State, RemainingFaults(causes)));
         }
-        self.hil_armed = true;
-        self.hil.set_enabled(true);
+        self.samples.arm_hil(true);
         Ok(())
     }
 
@@ -120,15 +119,15 @@ impl<F: NorFlash> Device<F> {
             buildable.and_then(|()| LoopParts::build(set, self.identity.stage, PERIOD_S).map(drop));
         let accepted = buildable.and_then(|()| self.supervisor.configure(&set.thresholds));
         accepted.map_err(|error| self.staging.refuse(Abort::Value, error))?;
-        self.hil = hil;
+        self.samples.set_hil(hil);
         self.staging.activate();
         let set = self.staging.active();
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(set, &self.settings);
-        self.reset_over_compensation();
+        self.compensation.reset();
         self.supervisor.set_parameter_source(ParameterSource::Set);
         self.update_commissioned();
-        self.set_number = self.set_number.wrapping_add(1);
+        self.current_loop.take_set();
         Ok(())
     }
 
@@ -143,7 +142,7 @@ impl<F: NorFlash> Device<F> {
         }
         self.settings.commissioned = seen;
         // A measurement turned the motor. Without it, the wiring may have been changed before the confirmation.
-        self.settings.proven = if self.measured_wiring == Some(seen) { seen } else { 0 };
+        self.settings.proven = if self.motor.has_measured(seen) { seen } else { 0 };
         self.update_commissioned();
         Ok(())
     }
@@ -159,7 +158,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Keeps the proof of the wiring if the motor watch has one. It is stored with the next save.
     pub(super) fn keep_proof(&mut self) {
-        if self.motor_state.is_proven && !self.is_wiring_proven() {
+        if self.motor.state().is_proven && !self.is_wiring_proven() {
             self.settings.proven = self.staging.wiring_crc();
         }
     }
@@ -176,7 +175,7 @@ impl<F: NorFlash> Device<F> {
         let (network, setup) = (set.network.as_ref(), settings.hil_setup());
         let live = LiveNetwork::of(set, &settings);
         let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
-        self.hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        self.samples.set_hil(hil.map_err(|error| self.staging.refuse(Abort::Value, error))?);
         self.watch = watch;
         self.network = live;
         self.settings = settings;
@@ -194,18 +193,18 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
         let block = emit_block(&self.settings, self.staging.active());
         self.write_block(&block)?;
-        self.is_stored = true;
+        self.memory.mark_stored();
         Ok(())
     }
 
     /// Stores the defaults; they apply from the next start, as in CiA 301.
     pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
-        self.write_block(&emit_block(&self.defaults, &ParameterSet::default()))
+        self.write_block(&emit_block(self.memory.defaults(), &ParameterSet::default()))
     }
 
     fn write_block(&mut self, block: &[u8]) -> Result<(), Abort> {
-        let saved = self.store.save(block);
-        self.supervisor.set_store_health(self.store.health());
+        let saved = self.memory.save(block);
+        self.supervisor.set_store_health(self.memory.store().health());
         match saved {
             Ok(_) => Ok(()),
             Err(error) => Err(self.staging.refuse(Abort::Hardware, error)),

@@ -6,8 +6,8 @@
 
 use super::{Device, InputSource};
 use crate::control::LoopFlags;
-use crate::control::velocity_loop::{VelocityGains, VelocityLoop};
-use crate::driver::holding_brake::BrakeInputs;
+use crate::control::velocity_loop::VelocityGains;
+use crate::driver::holding_brake::{BrakeInputs, HoldingBrake};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::stop::{StopCause, StopReaction, fault_cause};
 use crate::driver::profile::{self, STANDSTILL_RAD_S};
@@ -49,10 +49,55 @@ pub(super) struct BrakedLoad {
     at_rad: f32,
 }
 
-impl Stop {
-    /// Returns the gains of the velocity loop with the ramp of this stop.
+/// The stop under way, and the holding brake.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::driver) struct Stopping {
+    stop: Option<Stop>,
+    /// The reaction to the last stop was to short the low sides.
+    shorts_low_sides: bool,
+    /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
+    held_rad: Option<f32>,
+    brake: HoldingBrake,
+    /// Load of the joint when the brake closed.
+    braked_load: Option<BrakedLoad>,
+}
+
+impl Stopping {
+    /// Returns the holding brake.
+    pub(in crate::driver) const fn brake(&self) -> &HoldingBrake {
+        &self.brake
+    }
+
+    /// Returns true if the low sides are to be shorted while the bridge drives nothing.
+    pub(super) const fn shorts_low_sides(&self) -> bool {
+        self.shorts_low_sides
+    }
+
+    /// Opens the low sides, as a master does by disarming the joint.
+    pub(super) fn open_low_sides(&mut self) {
+        self.shorts_low_sides = false;
+    }
+
+    /// Ends the stop.
+    pub(super) fn end(&mut self) {
+        self.stop = None;
+    }
+
+    /// Returns the gains of the velocity loop, with the ramp of the stop if there is one.
     pub(super) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
-        gains.with_acceleration(self.deceleration_rad_s2, REPORT_PERIOD_S)
+        self.stop.map_or(*gains, |stop| {
+            gains.with_acceleration(stop.deceleration_rad_s2, REPORT_PERIOD_S)
+        })
+    }
+
+    /// Returns true if a stop that ends with an open bridge is under way.
+    pub(super) fn is_to_rest(&self) -> bool {
+        self.stop.is_some_and(|stop| !stop.holds)
+    }
+
+    /// Returns true if the joint stands, held by a halt.
+    pub(super) fn is_held(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.holds && stop.rest_us.is_some())
     }
 }
 
@@ -60,16 +105,6 @@ impl<F: NorFlash> Device<F> {
     /// Returns true if the bridge is in use: parameters must not change.
     pub(in crate::driver) fn is_bridge_in_use(&self) -> bool {
         self.is_armed() || self.supervisor.is_stopping()
-    }
-
-    /// Returns true if a stop that ends with an open bridge is under way.
-    pub(super) fn is_stopping_to_rest(&self) -> bool {
-        self.stop.is_some_and(|stop| !stop.holds)
-    }
-
-    /// Returns true if the joint stands, held by a halt.
-    pub(super) fn is_held(&self) -> bool {
-        self.stop.is_some_and(|stop| stop.holds && stop.rest_us.is_some())
     }
 
     /// Returns true if the driver can stop the joint with a ramp: it drives the joint, and does not measure its motor.
@@ -85,8 +120,8 @@ impl<F: NorFlash> Device<F> {
         if self.supervisor.is_armed() {
             // The interrupt opens the bridge before the driver knows the fault.
             let reaction = self.settings.drive.reaction(StopCause::Fault);
-            self.shorts_low_sides = reaction == StopReaction::Short;
-            if self.is_stopping_to_rest() {
+            self.stopping.shorts_low_sides = reaction == StopReaction::Short;
+            if self.stopping.is_to_rest() {
                 self.supervisor.record_command(now_us);
             }
         }
@@ -97,7 +132,7 @@ impl<F: NorFlash> Device<F> {
         let faults = self.supervisor.faults();
         if !faults.is_empty() {
             let reaction = self.settings.drive.reaction(fault_cause(faults));
-            self.shorts_low_sides = reaction == StopReaction::Short;
+            self.stopping.shorts_low_sides = reaction == StopReaction::Short;
         }
     }
 
@@ -110,7 +145,7 @@ impl<F: NorFlash> Device<F> {
                 self.begin_stop(StopCause::ConnectionLost, deceleration);
             }
             _ => {
-                self.shorts_low_sides = reaction == StopReaction::Short;
+                self.stopping.shorts_low_sides = reaction == StopReaction::Short;
                 self.disarm();
             }
         }
@@ -119,7 +154,7 @@ impl<F: NorFlash> Device<F> {
     /// Begins, changes or ends a stop according to the supervisor and the controlword.
     pub(super) fn update_stop(&mut self) {
         if !self.supervisor.is_bridge_allowed() || !self.can_ramp() {
-            self.stop = None;
+            self.stopping.stop = None;
             if self.profile.stop_cause().is_some_and(|cause| cause != StopCause::Halt) {
                 // A joint in HIL has no ramp.
                 self.profile.end_stop();
@@ -135,19 +170,19 @@ impl<F: NorFlash> Device<F> {
             self.profile.stop_cause().filter(|cause| *cause != StopCause::Halt || !is_free)
         } else {
             // Without the profile, only the network stops the joint.
-            self.stop.map(|stop| stop.cause)
+            self.stopping.stop.map(|stop| stop.cause)
         };
-        if cause == self.stop.map(|stop| stop.cause) {
+        if cause == self.stopping.stop.map(|stop| stop.cause) {
             return;
         }
         let Some(cause) = cause else {
-            self.stop = None;
+            self.stopping.stop = None;
             return;
         };
         match self.settings.drive.reaction(cause) {
             StopReaction::Ramp(deceleration) => self.begin_stop(cause, deceleration),
             reaction => {
-                self.shorts_low_sides = reaction == StopReaction::Short;
+                self.stopping.shorts_low_sides = reaction == StopReaction::Short;
                 self.profile.end_stop();
                 self.disarm();
             }
@@ -155,15 +190,15 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn begin_stop(&mut self, cause: StopCause, deceleration: u32) {
-        if self.stop.is_none() && !self.is_in_csv() && !self.is_in_position_control() {
-            self.velocity = VelocityLoop::begin_loaded(self.report.velocity_rad_s, self.load_a());
-            self.velocity_command = self.velocity.command(0.0);
+        if self.stopping.stop.is_none() && !self.is_in_csv() && !self.is_in_position_control() {
+            self.velocity.begin_loaded(self.current_loop.report().velocity_rad_s, self.load_a());
+            self.velocity.withhold_current();
         }
         let deceleration_rad_s2 = deceleration as f32 * 1e-6;
-        let ramp_s = self.velocity_command.reference_rad_s.abs() / deceleration_rad_s2;
+        let ramp_s = self.velocity.command().reference_rad_s.abs() / deceleration_rad_s2;
         let until_us = self.now_us.saturating_add((ramp_s * 1e6) as u64 + MARGIN_US);
         let holds = self.settings.drive.holds_after(cause);
-        self.stop = Some(Stop {
+        self.stopping.stop = Some(Stop {
             cause,
             deceleration_rad_s2,
             holds,
@@ -171,13 +206,13 @@ impl<F: NorFlash> Device<F> {
             rest_us: None,
             closes_brake: false,
         });
-        self.held_rad = None;
+        self.stopping.held_rad = None;
     }
 
     /// Returns the current that holds the load of a joint in torque mode, A. At rest it is the commanded current. In
     /// motion it is the torque that inertia and friction do not explain, which needs the inertia; without it, 0.
     fn load_a(&self) -> f32 {
-        let (report, set) = (&self.report, self.set());
+        let (report, set) = (self.current_loop.report(), self.set());
         if report.velocity_rad_s.abs() < STANDSTILL_RAD_S {
             return report.current_reference_a - report.feed_forward_current_a;
         }
@@ -189,9 +224,9 @@ impl<F: NorFlash> Device<F> {
 
     /// Ends a stop when the joint stands, or when it does not stop in time.
     pub(super) fn watch_stop(&mut self) {
-        let (now_us, speed_rad_s) = (self.now_us, self.report.velocity_rad_s.abs());
-        let is_down = self.held_rad.is_some();
-        let Some(stop) = &mut self.stop else { return };
+        let (now_us, speed_rad_s) = (self.now_us, self.current_loop.report().velocity_rad_s.abs());
+        let is_down = self.stopping.held_rad.is_some();
+        let Some(stop) = &mut self.stopping.stop else { return };
         if !is_down || speed_rad_s > STANDSTILL_RAD_S {
             stop.rest_us = None;
         } else if stop.rest_us.is_none() {
@@ -203,12 +238,13 @@ impl<F: NorFlash> Device<F> {
         }
         // The motor holds the joint until the brake is closed.
         stop.closes_brake = true;
-        if self.brake.is_closed(&self.settings.drive, now_us) {
+        if self.stopping.brake.is_closed(&self.settings.drive, now_us) {
             if self.settings.drive.brake_output != 0 {
-                let (load_a, at_rad) = (self.velocity_command.current_a, self.report.turned_rad);
-                self.braked_load = Some(BrakedLoad { load_a, at_rad });
+                let (load_a, at_rad) =
+                    (self.velocity.command().current_a, self.current_loop.report().turned_rad);
+                self.stopping.braked_load = Some(BrakedLoad { load_a, at_rad });
             }
-            self.shorts_low_sides = false;
+            self.stopping.shorts_low_sides = false;
             self.profile.end_stop();
             self.disarm();
         }
@@ -216,13 +252,13 @@ impl<F: NorFlash> Device<F> {
 
     /// Runs a step of the holding brake.
     pub(super) fn step_brake(&mut self) {
-        let report = &self.report;
+        let report = self.current_loop.report();
         let is_driven = self.supervisor.is_bridge_allowed()
             && !report.loop_flags.contains(LoopFlags::BRIDGE_OFF)
             && !self.is_measuring_motor();
         let is_known = !report.loop_flags.contains(LoopFlags::ENCODER_LOST);
         // Homing by the present position gives no torque, so that the brake must hold the joint.
-        let wants_closed = self.stop.is_some_and(|stop| stop.closes_brake)
+        let wants_closed = self.stopping.stop.is_some_and(|stop| stop.closes_brake)
             || self.is_torque_free_homing() && !self.is_commissioning();
         let inputs = BrakeInputs {
             is_driven,
@@ -230,7 +266,7 @@ impl<F: NorFlash> Device<F> {
             speed_rad_s: is_known.then_some(report.velocity_rad_s.abs()),
             now_us: self.now_us,
         };
-        self.brake.step(&self.settings.drive, &inputs);
+        self.stopping.brake.step(&self.settings.drive, &inputs);
     }
 
     /// Returns true in homing by the present position, which gives no torque.
@@ -240,30 +276,30 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns true while the driver holds the joint: a stop, or a brake that is not yet open.
     pub(super) fn holds_joint(&self) -> bool {
-        self.stop.is_some()
+        self.stopping.stop.is_some()
             || self.supervisor.is_armed()
                 && self.can_ramp()
                 && !self.is_torque_free_homing()
-                && !self.brake.is_open(&self.settings.drive, self.now_us)
+                && !self.stopping.brake.is_open(&self.settings.drive, self.now_us)
     }
 
     /// Starts the velocity loop with the current that held the joint when the brake closed, if it has not moved since.
     pub(super) fn preload_brake(&mut self) {
-        self.held_rad = None;
-        let Some(BrakedLoad { load_a, at_rad }) = self.braked_load.take() else { return };
-        if (self.report.turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
-            self.velocity = VelocityLoop::begin_loaded(self.report.velocity_rad_s, load_a);
+        self.stopping.held_rad = None;
+        let Some(BrakedLoad { load_a, at_rad }) = self.stopping.braked_load.take() else { return };
+        if (self.current_loop.report().turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
+            self.velocity.begin_loaded(self.current_loop.report().velocity_rad_s, load_a);
         }
     }
 
     /// Returns the velocity that holds the joint, rad/s: 0 during a ramp, then a velocity towards the position at which
     /// it ended.
     pub(super) fn holding_velocity(&mut self) -> f32 {
-        let at_rad = self.report.turned_rad;
-        if self.held_rad.is_none() && self.velocity_command.reference_rad_s != 0.0 {
+        let at_rad = self.current_loop.report().turned_rad;
+        if self.stopping.held_rad.is_none() && self.velocity.command().reference_rad_s != 0.0 {
             return 0.0;
         }
-        let held_rad = *self.held_rad.get_or_insert(at_rad);
+        let held_rad = *self.stopping.held_rad.get_or_insert(at_rad);
         let gain = self.settings.drive.position_gain as f32 * 1e-3;
         (gain * (held_rad - at_rad)).clamp(-HOLDING_RAD_S, HOLDING_RAD_S)
     }

@@ -23,7 +23,7 @@ impl<F: NorFlash> Device<F> {
             return self.is_position_known();
         }
         let mut covariates = match self.settings.source {
-            InputSource::Sensors => self.covariates,
+            InputSource::Sensors => *self.seal_sensors.covariates(),
             InputSource::Bus => self.received.covariates(0.0, self.now_us),
         };
         let hold_s = self.set().friction.compensator.hold_s;

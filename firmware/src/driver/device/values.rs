@@ -1,9 +1,7 @@
 //! Values of the objects that report the device's state.
 
-use super::{Counters, Device, HilReply, JointState};
-use crate::node::dictionary::records::{
-    self, EnclosureObject, InputsObject, MeasuredObject, OutputsObject, WatchObject,
-};
+use super::{Counters, Device, JointState};
+use crate::node::dictionary::records::{self, EnclosureObject, MeasuredObject, WatchObject};
 use crate::node_settings::InputSource;
 use crate::sensors::bme280::Air;
 use embedded_storage::nor_flash::NorFlash;
@@ -11,10 +9,6 @@ use embedded_storage::nor_flash::NorFlash;
 impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn error_register(&self) -> u8 {
         self.supervisor.faults().error_register() | self.supervisor.limits().error_register()
-    }
-
-    pub(in crate::driver) fn sequence(&self) -> u32 {
-        self.hil.inbox().sequence()
     }
 
     pub(in crate::driver) fn state_object(&self) -> records::StateObject {
@@ -37,12 +31,8 @@ impl<F: NorFlash> Device<F> {
         Counters { sent: self.outbox.sent(), not_sent: self.outbox.lost(), ..self.counters }
     }
 
-    pub(in crate::driver) const fn last_inputs(&self) -> InputsObject {
-        self.inputs
-    }
-
     pub(in crate::driver) fn measured(&self) -> MeasuredObject {
-        let received = &self.inputs;
+        let received = self.samples.inputs();
         match self.settings.source {
             InputSource::Bus => MeasuredObject {
                 velocity_rad_s: received.velocity_rad_s,
@@ -51,23 +41,11 @@ impl<F: NorFlash> Device<F> {
                 load_torque_nm: received.load_torque_nm,
             },
             InputSource::Sensors => MeasuredObject {
-                velocity_rad_s: self.report.velocity_rad_s.to_bits(),
-                position_rad: self.report.position_rad.to_bits(),
-                torque_nm: self.report.motor_torque_nm.to_bits(),
+                velocity_rad_s: self.current_loop.report().velocity_rad_s.to_bits(),
+                position_rad: self.current_loop.report().position_rad.to_bits(),
+                torque_nm: self.current_loop.report().motor_torque_nm.to_bits(),
                 load_torque_nm: received.load_torque_nm,
             },
-        }
-    }
-
-    pub(in crate::driver) fn last_outputs(&self) -> OutputsObject {
-        let HilReply { answer, status, telemetry } = self.reply;
-        OutputsObject {
-            friction_torque_nm: answer.friction_torque_nm.to_bits(),
-            feed_forward_current_a: answer.feed_forward_current_a.to_bits(),
-            flags: status.flags.bits(),
-            sequence: status.sequence,
-            current_a: telemetry.current_a.to_bits(),
-            residual_torque_nm: telemetry.residual_torque_nm.to_bits(),
         }
     }
 

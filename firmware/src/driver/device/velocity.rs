@@ -4,9 +4,8 @@
 //! compensator, are sent with the next commands. The age of the set-point remains the time since the master's
 //! last message.
 
-use super::position::VelocityTarget;
 use super::{Device, InputSource};
-use crate::control::velocity_loop::{VelocityGains, VelocityLoop};
+use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::control::{LoopFlags, Setpoint};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::CSV;
@@ -15,6 +14,74 @@ use embedded_storage::nor_flash::NorFlash;
 
 /// Turns per minute of a radian per second.
 const RPM: f32 = 60.0 / TAU;
+
+/// Target of a step of the velocity loop.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum VelocityTarget {
+    /// Velocity, rad/s, approached with the acceleration of the gains.
+    Slew(VelocityGains, f32),
+    /// Velocity, rad/s, as it is, and its change that the inertia needs, rad/s.
+    Track(f32, f32),
+}
+
+/// The velocity loop with its gains and its last command.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct VelocityControl {
+    control: VelocityLoop,
+    gains: VelocityGains,
+    command: VelocityCommand,
+}
+
+impl VelocityControl {
+    /// Restarts the loop from the present velocity, rad/s, with these gains and no current.
+    fn begin(&mut self, gains: VelocityGains, velocity_rad_s: f32) {
+        self.gains = gains;
+        self.control = VelocityLoop::begin(velocity_rad_s);
+        self.withhold_current();
+    }
+
+    /// Restarts the loop from the present velocity, rad/s, with the current that holds a load, A. The last command is
+    /// kept until the next step.
+    pub(super) fn begin_loaded(&mut self, velocity_rad_s: f32, load_a: f32) {
+        self.control = VelocityLoop::begin_loaded(velocity_rad_s, load_a);
+    }
+
+    /// Commands no current until the next step.
+    pub(super) fn withhold_current(&mut self) {
+        self.command = self.control.command(0.0);
+    }
+
+    /// Returns the last command.
+    pub(super) const fn command(&self) -> &VelocityCommand {
+        &self.command
+    }
+
+    /// Returns the gains.
+    pub(super) const fn gains(&self) -> &VelocityGains {
+        &self.gains
+    }
+
+    /// Runs a step. Returns true if the reference changed its direction.
+    fn step(
+        &mut self,
+        target: VelocityTarget,
+        velocity_rad_s: f32,
+        limit_a: f32,
+        withheld_a: f32,
+    ) -> bool {
+        let before_rad_s = self.command.reference_rad_s;
+        self.command = match target {
+            VelocityTarget::Slew(gains, target_rad_s) => {
+                self.control.step(&gains, target_rad_s, velocity_rad_s, limit_a, withheld_a)
+            }
+            VelocityTarget::Track(target_rad_s, change_rad_s) => {
+                let reference = [target_rad_s, change_rad_s];
+                self.control.track(&self.gains, reference, velocity_rad_s, limit_a, withheld_a)
+            }
+        };
+        before_rad_s * self.command.reference_rad_s < 0.0
+    }
+}
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if the joint is in velocity mode on its own sensors.
@@ -28,9 +95,8 @@ impl<F: NorFlash> Device<F> {
         let mut motor = *motor;
         motor.acceleration_max_rad_s2 = acceleration_rad_s2;
         let constant = joint.compensator.torque_constant_nm_per_a;
-        self.velocity_gains = VelocityGains::build(&motor, constant, REPORT_PERIOD_S);
-        self.velocity = VelocityLoop::begin(self.report.velocity_rad_s);
-        self.velocity_command = self.velocity.command(0.0);
+        let gains = VelocityGains::build(&motor, constant, REPORT_PERIOD_S);
+        self.velocity.begin(gains, self.current_loop.report().velocity_rad_s);
     }
 
     /// Runs a step with a report.
@@ -43,23 +109,26 @@ impl<F: NorFlash> Device<F> {
         }
         let (target, limit_a) = if rubs {
             let (target_rad_s, limit_a) = self.friction_target();
-            (VelocityTarget::Slew(self.velocity_gains, target_rad_s), limit_a)
+            (VelocityTarget::Slew(*self.velocity.gains(), target_rad_s), limit_a)
         } else {
             (self.velocity_target(holds), self.rated().0 * self.profile.max_share())
         };
         if rubs && !self.is_friction_run() {
-            self.velocity_command = self.velocity.command(0.0);
+            self.velocity.withhold_current();
             self.supervisor.disarm();
             return;
         }
-        let before_rad_s = self.velocity_command.reference_rad_s;
         let share = if rubs { 1.0 } else { self.torque_share() };
         let limit_a = limit_a * share * self.supervisor.current_share();
         let withheld_a = self.withheld_current_a();
-        self.velocity_command = self.velocity_step(target, limit_a, withheld_a);
-        let turned = before_rad_s * self.velocity_command.reference_rad_s < 0.0;
-        if rubs && turned {
-            self.velocity.turn_integral();
+        let has_turned = self.velocity.step(
+            target,
+            self.current_loop.report().velocity_rad_s,
+            limit_a,
+            withheld_a,
+        );
+        if rubs && has_turned {
+            self.velocity.control.turn_integral();
         }
     }
 
@@ -67,22 +136,21 @@ impl<F: NorFlash> Device<F> {
     fn velocity_target(&mut self, holds: bool) -> VelocityTarget {
         if holds {
             self.interrupt_position();
-            let gains =
-                self.stop.map_or(self.velocity_gains, |stop| stop.gains(&self.velocity_gains));
+            let gains = self.stopping.gains(self.velocity.gains());
             return VelocityTarget::Slew(gains, self.holding_velocity());
         }
         if self.is_in_csv() {
             self.position.is_limited = false;
             let (target_rad_s, _) = self.profile.target_rad_s(self.max_speed_rad_s());
             let target_rad_s = self.bounded_velocity(target_rad_s);
-            return VelocityTarget::Slew(self.velocity_gains, target_rad_s);
+            return VelocityTarget::Slew(*self.velocity.gains(), target_rad_s);
         }
         self.position_target()
     }
 
     /// Returns the current that the current loop applied less the last command, A; 0 if none of its limits acted.
     fn withheld_current_a(&self) -> f32 {
-        let report = &self.report;
+        let report = self.current_loop.report();
         let applied_a = if report.loop_flags.contains(LoopFlags::VOLTAGE_LIMITED) {
             report.current_a
         } else if report.loop_flags.contains(LoopFlags::CURRENT_LIMITED) {
@@ -90,7 +158,7 @@ impl<F: NorFlash> Device<F> {
         } else {
             return 0.0;
         };
-        applied_a - report.feed_forward_current_a - self.velocity_command.current_a
+        applied_a - report.feed_forward_current_a - self.velocity.command.current_a
     }
 
     /// Returns the set-point, with current and reference of the velocity loop if it is active.
@@ -99,9 +167,9 @@ impl<F: NorFlash> Device<F> {
         if !(is_in_use || self.holds_joint()) {
             return self.bounded_setpoint(setpoint);
         }
-        let order = self.velocity_command;
+        let order = self.velocity.command;
         // A stop needs no master.
-        let age_s = if self.is_stopping_to_rest() { 0.0 } else { setpoint.age_s };
+        let age_s = if self.stopping.is_to_rest() { 0.0 } else { setpoint.age_s };
         Setpoint {
             age_s,
             current_a: order.current_a,
@@ -111,7 +179,7 @@ impl<F: NorFlash> Device<F> {
 
     /// 606Bh, 1e-6 rad/s: the present reference.
     pub(in crate::driver) fn velocity_demand(&self) -> i32 {
-        super::drive::micro(self.velocity_command.reference_rad_s)
+        super::drive::micro(self.velocity.command.reference_rad_s)
     }
 
     /// 6080h: the value that a master wrote, or the motor speed at the joint's maximum speed.

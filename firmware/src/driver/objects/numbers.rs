@@ -3,9 +3,7 @@
 use super::Area;
 use crate::driver::device::Device;
 use crate::driver::profile;
-use crate::node::dictionary::records::{
-    self, CommissioningObject, CommitObject, OperationObject, TraceObject,
-};
+use crate::node::dictionary::records::{self, CommissioningObject, CommitObject, OperationObject};
 use crate::node::dictionary::{HOMING_METHODS, index};
 use crate::node::sdo::Abort;
 use compensator_core::can::cob_id;
@@ -31,10 +29,7 @@ impl<F: NorFlash> Device<F> {
         match at_index {
             index::DEVICE_TYPE => Ok(profile::DEVICE_TYPE),
             index::ERROR_REGISTER => Ok(u32::from(self.error_register())),
-            index::ERROR_FIELD => {
-                let newest = usize::from(place).wrapping_sub(1);
-                self.errors.iter().rev().nth(newest).copied().ok_or(Abort::NoSubIndex)
-            }
+            index::ERROR_FIELD => self.history.error(place).ok_or(Abort::NoSubIndex),
             index::SYNC_IDENTIFIER => Ok(cob_id::SYNC.into()),
             index::EMERGENCY_IDENTIFIER => Ok(self.own_identifier(cob_id::EMERGENCY)),
             // Parameters are saved and restored on command, not automatically.
@@ -99,11 +94,7 @@ impl<F: NorFlash> Device<F> {
     fn joint_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
         let settings = self.settings();
         match at_index {
-            index::TRACE => {
-                let joint_kind = self.joint_kind as u32;
-                let (run, sequence) = (self.run, self.sequence());
-                entry(&TraceObject { run, sequence, joint_kind }.words(), place)
-            }
+            index::TRACE => entry(&self.samples.trace_object().words(), place),
             index::OPERATION => entry(
                 &OperationObject {
                     source: settings.source as u32,
@@ -121,8 +112,8 @@ impl<F: NorFlash> Device<F> {
             ),
             index::STATE => entry(&self.state_object().words(), place),
             index::FRAME_COUNTERS => entry(&self.all_counters().words(), place),
-            index::INPUTS => entry(&self.last_inputs().words(), place),
-            index::OUTPUTS => entry(&self.last_outputs().words(), place),
+            index::INPUTS => entry(&self.samples.inputs().words(), place),
+            index::OUTPUTS => entry(&self.samples.outputs().words(), place),
             index::COMMISSIONING => entry(
                 &CommissioningObject {
                     commissioned: self.is_commissioned().into(),
@@ -145,7 +136,7 @@ impl<F: NorFlash> Device<F> {
             index::SCOPE_SIGNALS => self.scope_signal(place),
             index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
             index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
-                Ok(self.brake.is_released().into())
+                Ok(self.stopping.brake().is_released().into())
             }
             index::HOLDING_BRAKE | index::HOMING_STOP => {
                 settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex)

@@ -1,80 +1,10 @@
-//! Objects with several values: each entry with name, type and access, and a struct for the values.
+//! Objects with several values: each entry with name, type, access and rights, and a struct for the values.
 //!
 //! From one list, the macro `record` generates both the [`Entry`] list that tools see and a struct that the
 //! driver fills by field name. A new entry is one row here; the compiler then requires its value. Entries
 //! that are written, or mapped to process frames, also get a constant for their sub-index.
 
-/// Type of a value, by its number in CiA 301.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum DataType {
-    /// 8-bit signed integer.
-    Integer8 = 0x02,
-    /// 16-bit signed integer.
-    Integer16 = 0x03,
-    /// 32-bit signed integer.
-    Integer32 = 0x04,
-    /// 8-bit unsigned integer.
-    Unsigned8 = 0x05,
-    /// 16-bit unsigned integer.
-    Unsigned16 = 0x06,
-    /// 32-bit unsigned integer.
-    Unsigned32 = 0x07,
-    /// `f32`.
-    Real32 = 0x08,
-    /// Text.
-    VisibleString = 0x09,
-    /// Bytes.
-    Domain = 0x0F,
-}
-
-impl DataType {
-    /// Returns the length in bytes; `None` if it varies.
-    pub const fn length(self) -> Option<usize> {
-        match self {
-            Self::Unsigned8 | Self::Integer8 => Some(1),
-            Self::Unsigned16 | Self::Integer16 => Some(2),
-            Self::Unsigned32 | Self::Integer32 | Self::Real32 => Some(4),
-            Self::VisibleString | Self::Domain => None,
-        }
-    }
-}
-
-/// Access rights of a value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    /// The value is constant.
-    Const,
-    /// Only the driver changes the value.
-    ReadOnly,
-    /// A tool may write the value.
-    ReadWrite,
-    /// A tool or a process frame may write the value. Objects mapped to a receive PDO must be writable.
-    Input,
-    /// A tool may write the value but not read it.
-    WriteOnly,
-}
-
-/// One value of an object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Entry {
-    /// Name, as used in the rest of the project; empty on a board.
-    pub name: &'static str,
-    /// Type of the value.
-    pub data: DataType,
-    /// Access rights of a value.
-    pub access: Access,
-}
-
-pub(super) const fn entry(name: &'static str, data: DataType, access: Access) -> Entry {
-    Entry { name: name_on_host(name), data, access }
-}
-
-/// Returns the name on a host and an empty string on a board, to save flash. Tools take the names from
-/// their own copy of this dictionary or from `joint.eds`.
-pub(super) const fn name_on_host(name: &'static str) -> &'static str {
-    if cfg!(target_os = "none") { "" } else { name }
-}
+use super::entry::{Access, DataType, Entry, entry};
 
 /// Returns the sub-index of an entry. In a constant, an unknown name does not compile.
 const fn sub_index(names: &[&str], name: &str) -> u8 {
@@ -98,7 +28,7 @@ const fn is_same(a: &[u8], b: &[u8]) -> bool {
 
 macro_rules! record {
     ($(#[$doc:meta])* $record:ident {
-        $($field:ident: $data:ident, $access:ident $(, $AT:ident)?;)*
+        $($field:ident: $data:ident, $access:ident $(, $AT:ident)? $([$right:ident])?;)*
     }) => {
         $(#[$doc])*
         ///
@@ -111,7 +41,7 @@ macro_rules! record {
         impl $record {
             /// The entries, starting with sub-index 1.
             pub const ENTRIES: &'static [Entry] =
-                &[$(entry(stringify!($field), DataType::$data, Access::$access)),*];
+                &[$(entry(stringify!($field), DataType::$data, Access::$access)$(.$right())?),*];
 
             #[allow(dead_code)] // Records without sub-index constants do not use it.
             const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
@@ -174,9 +104,9 @@ record! {
     TransmitPdoObject {
         cob_id: Unsigned32, ReadWrite;
         transmission_type: Unsigned8, ReadWrite;
-        inhibit_time_100us: Unsigned16, ReadWrite;
+        inhibit_time_100us: Unsigned16, ReadWrite [armed];
         compatibility_entry: Unsigned8, Const;
-        event_timer_ms: Unsigned16, ReadWrite;
+        event_timer_ms: Unsigned16, ReadWrite [armed];
         sync_start: Unsigned8, ReadWrite;
     }
 }
@@ -193,22 +123,22 @@ record! {
 record! {
     /// Settings of the node on its bus.
     OperationObject {
-        source: Unsigned8, ReadWrite, SOURCE;
+        source: Unsigned8, ReadWrite, SOURCE [service];
         number: Unsigned8, ReadWrite, NUMBER;
         period_s: Real32, ReadWrite, PERIOD_S;
         campaign_h: Real32, ReadWrite, CAMPAIGN_H;
         telemetry_every: Unsigned8, ReadWrite, TELEMETRY_EVERY;
-        node: Unsigned8, ReadWrite, NODE;
-        bit_rate_kbit: Unsigned16, ReadWrite, BIT_RATE;
-        data_bit_rate_kbit: Unsigned16, ReadWrite, DATA_BIT_RATE;
-        fd_telemetry: Unsigned8, ReadWrite, FD_TELEMETRY;
+        node: Unsigned8, ReadWrite, NODE [service];
+        bit_rate_kbit: Unsigned16, ReadWrite, BIT_RATE [service];
+        data_bit_rate_kbit: Unsigned16, ReadWrite, DATA_BIT_RATE [service];
+        fd_telemetry: Unsigned8, ReadWrite, FD_TELEMETRY [service];
     }
 }
 
 record! {
     /// State machine of the joint.
     StateObject {
-        request: Unsigned8, WriteOnly, REQUEST;
+        request: Unsigned8, WriteOnly, REQUEST [armed];
         state: Unsigned8, ReadOnly;
         faults: Unsigned32, ReadOnly;
         limits: Unsigned32, ReadOnly;
@@ -321,7 +251,7 @@ record! {
         commit: Unsigned32, WriteOnly, COMMIT;
         discard: Unsigned8, WriteOnly, DISCARD;
         friction_record: Domain, ReadWrite, FRICTION_RECORD;
-        drive_record: Domain, ReadWrite, DRIVE_RECORD;
+        drive_record: Domain, ReadWrite, DRIVE_RECORD [service];
         network_record: Domain, ReadWrite, NETWORK_RECORD;
     }
 }
@@ -340,7 +270,7 @@ record! {
 record! {
     /// The automatic commissioning run: its limits, its progress and its results.
     CommissioningRunObject {
-        order: Unsigned8, WriteOnly, ORDER;
+        order: Unsigned8, WriteOnly, ORDER [armed];
         current_a: Real32, ReadWrite, CURRENT;
         travel_rad: Real32, ReadWrite, TRAVEL;
         step: Unsigned8, ReadOnly, STEP;
@@ -377,10 +307,10 @@ record! {
     AccessObject {
         level: Unsigned8, ReadOnly;
         challenge: Domain, ReadOnly, CHALLENGE;
-        response: Domain, WriteOnly, RESPONSE;
-        lock: Unsigned8, WriteOnly, LOCK;
-        new_key: Domain, WriteOnly, NEW_KEY;
-        locked_by_default: Unsigned8, ReadWrite, LOCKED_BY_DEFAULT;
+        response: Domain, WriteOnly, RESPONSE [armed];
+        lock: Unsigned8, WriteOnly, LOCK [armed];
+        new_key: Domain, WriteOnly, NEW_KEY [service];
+        locked_by_default: Unsigned8, ReadWrite, LOCKED_BY_DEFAULT [service];
         wrong_responses: Unsigned16, ReadOnly;
     }
 }

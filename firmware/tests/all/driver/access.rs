@@ -143,7 +143,8 @@ fn every_writable_object_has_a_decided_level() {
         let is_of_model = (index::MODEL..=index::PARAMETERS).contains(&at_index);
         open_entries += u32::from(!decided && !is_of_model);
         let level = if decided { Level::Service } else { Level::Open };
-        assert_eq!(dictionary::level(at_index, sub_index), level, "{at_index:04X}h:{sub_index}");
+        let entry = dictionary::find(at_index, sub_index).expect("an entry");
+        assert_eq!(entry.level, level, "{at_index:04X}h:{sub_index}");
     }
     assert_eq!(open_entries, 218, "a new entry of an open object is open: is that right?");
     for (at_index, first, last) in SERVICE {

@@ -80,7 +80,10 @@ fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, e
     );
     // No key of the format: a comment, which tools pass over.
     let is_written = !matches!(entry.access, Access::Const | Access::ReadOnly);
-    if is_written && dictionary::level(object.index, sub_index) == Level::Service {
+    if is_written
+        && dictionary::find(object.index, sub_index)
+            .is_ok_and(|entry| entry.level == Level::Service)
+    {
         text.push_str(";AccessLevel=service\n");
     }
     if let Some(default) = default(bench, object, sub_index, entry) {

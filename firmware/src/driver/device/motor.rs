@@ -1,0 +1,44 @@
+//! What the reports show of the motor: see [`crate::driver::motor_watch`].
+
+use crate::control::MotorParameters;
+use crate::driver::loop_data::LoopReport;
+use crate::driver::motor_watch::{MotorState, MotorWatch};
+use crate::supervisor::Thresholds;
+
+/// The watch of the motor with its last result, and the wiring that was measured.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct MotorObservation {
+    watch: MotorWatch,
+    state: MotorState,
+    /// CRC of the wiring that the last complete measurement of the motor found.
+    measured_wiring: Option<u32>,
+}
+
+impl MotorObservation {
+    /// Evaluates a report.
+    pub(super) fn step(
+        &mut self,
+        report: &LoopReport,
+        motor: &MotorParameters,
+        thresholds: &Thresholds,
+        drives: bool,
+        proven: bool,
+    ) {
+        self.state = self.watch.step(report, motor, thresholds, drives, proven);
+    }
+
+    /// Returns the result of the last report.
+    pub(super) const fn state(&self) -> &MotorState {
+        &self.state
+    }
+
+    /// Keeps the CRC of the wiring that a complete measurement found.
+    pub(super) fn record_measurement(&mut self, wiring_crc: u32) {
+        self.measured_wiring = Some(wiring_crc);
+    }
+
+    /// Returns true if the last complete measurement found this wiring.
+    pub(super) fn has_measured(&self, wiring_crc: u32) -> bool {
+        self.measured_wiring == Some(wiring_crc)
+    }
+}

@@ -1,0 +1,93 @@
+//! An entry of an object: one value with name, type, access and rights.
+
+use crate::access::Level;
+
+/// Type of a value, by its number in CiA 301.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum DataType {
+    /// 8-bit signed integer.
+    Integer8 = 0x02,
+    /// 16-bit signed integer.
+    Integer16 = 0x03,
+    /// 32-bit signed integer.
+    Integer32 = 0x04,
+    /// 8-bit unsigned integer.
+    Unsigned8 = 0x05,
+    /// 16-bit unsigned integer.
+    Unsigned16 = 0x06,
+    /// 32-bit unsigned integer.
+    Unsigned32 = 0x07,
+    /// `f32`.
+    Real32 = 0x08,
+    /// Text.
+    VisibleString = 0x09,
+    /// Bytes.
+    Domain = 0x0F,
+}
+
+impl DataType {
+    /// Returns the length in bytes; `None` if it varies.
+    pub const fn length(self) -> Option<usize> {
+        match self {
+            Self::Unsigned8 | Self::Integer8 => Some(1),
+            Self::Unsigned16 | Self::Integer16 => Some(2),
+            Self::Unsigned32 | Self::Integer32 | Self::Real32 => Some(4),
+            Self::VisibleString | Self::Domain => None,
+        }
+    }
+}
+
+/// Access rights of a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// The value is constant.
+    Const,
+    /// Only the driver changes the value.
+    ReadOnly,
+    /// A tool may write the value.
+    ReadWrite,
+    /// A tool or a process frame may write the value. Objects mapped to a receive PDO must be writable.
+    Input,
+    /// A tool may write the value but not read it.
+    WriteOnly,
+}
+
+/// One value of an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Name, as used in the rest of the project; empty on a board.
+    pub name: &'static str,
+    /// Type of the value.
+    pub data: DataType,
+    /// Access rights of a value.
+    pub access: Access,
+    /// Level that a write needs.
+    pub level: Level,
+    /// An armed joint accepts a write, too.
+    pub is_written_armed: bool,
+}
+
+impl Entry {
+    /// A write needs the service level.
+    pub(super) const fn service(self) -> Self {
+        Self { level: Level::Service, ..self }
+    }
+
+    /// An armed joint accepts a write, too.
+    pub(super) const fn armed(self) -> Self {
+        Self { is_written_armed: true, ..self }
+    }
+}
+
+/// Returns an entry that every node of the bus may write while the joint is disarmed.
+pub(super) const fn entry(name: &'static str, data: DataType, access: Access) -> Entry {
+    let name = name_on_host(name);
+    Entry { name, data, access, level: Level::Open, is_written_armed: false }
+}
+
+/// Returns the name on a host and an empty string on a board, to save flash. Tools take the names from
+/// their own copy of this dictionary or from `joint.eds`.
+pub(super) const fn name_on_host(name: &'static str) -> &'static str {
+    if cfg!(target_os = "none") { "" } else { name }
+}
