@@ -3,6 +3,9 @@
 //! An input that breaks a target is written to `found/NAME` in the folder of temporary files of the build, and its path is
 //! printed. Put it into `tests/fuzz/seeds/NAME` when the cause is mended.
 
+use compensator_core::record;
+use firmware::node_settings::{NodeSettings, emit_block};
+use firmware::parameter_set::ParameterSet;
 use fuzz::Target;
 use fuzz::mutation::Mutator;
 use std::path::{Path, PathBuf};
@@ -33,6 +36,19 @@ impl Drop for Executed<'_> {
     }
 }
 
+/// Returns the seeds that the program itself emits, for formats with checksums.
+fn emitted(name: &str) -> Vec<Vec<u8>> {
+    let set = ParameterSet::default();
+    match name {
+        "record" => vec![
+            record::emit(&set.friction).to_vec(),
+            set.emit().to_vec(),
+            emit_block(&NodeSettings::default(), &set).to_vec(),
+        ],
+        _ => Vec::new(),
+    }
+}
+
 fn execute(target: &Target, input: &[u8]) {
     let _executed = Executed(target.name, input);
     (target.run)(input);
@@ -46,7 +62,8 @@ fn replay(name: &str, runs: usize) {
         println!("{}", file.display());
         execute(target, seed);
     }
-    let corpus: Vec<Vec<u8>> = seeds.into_iter().map(|(_, seed)| seed).collect();
+    let mut corpus: Vec<Vec<u8>> = seeds.into_iter().map(|(_, seed)| seed).collect();
+    corpus.extend(emitted(name));
     let mut mutator = Mutator::new(&corpus, target.longest, SEED);
     for _ in 0..runs {
         execute(target, &mutator.input());
@@ -73,16 +90,16 @@ macro_rules! replay {
 }
 
 replay! {
-    candump 20000
-    csv 20000
-    driver 20000
-    dry_side 20000
-    package 20000
-    params 20000
-    program 20000
-    program_flash 20000
-    record 20000
+    candump 30000
+    csv 6000
+    driver 4000
+    dry_side 2000
+    package 40000
+    params 40000
+    program 1500
+    program_flash 6000
+    record 40000
     scope 20000
-    sdo 20000
-    slcan 20000
+    sdo 30000
+    slcan 100000
 }
