@@ -56,8 +56,11 @@ impl ZstdPages {
     /// Returns the header of the next page and its length in bytes, or `None` at the end of the chunk.
     fn header(&self) -> Result<Option<(Header, u64)>> {
         let left = self.end - self.at;
+        if left == 0 {
+            return Ok(None);
+        }
         let mut window = HEADER_WINDOW.min(left);
-        while left > 0 {
+        loop {
             let bytes = self.file.get_bytes(self.at, size(window)?)?;
             match parse_struct(&bytes) {
                 Some((fields, length)) => {
@@ -67,7 +70,6 @@ impl ZstdPages {
                 None => window = (window * 8).min(left),
             }
         }
-        Ok(None)
     }
 
     fn checked(&self, fields: Fields, left: u64) -> Result<Header> {
