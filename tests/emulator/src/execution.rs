@@ -3,10 +3,34 @@
 use crate::chip::dma::Memory;
 use crate::chip::{Chip, REGISTER_REGIONS};
 use crate::cycles::{self, Block, Cost};
-use crate::machine::{CCM, FLASH, HandlerRun, RAM, RETURN_BASE};
 use crate::nvic::NMI;
 use crate::world::World;
 use unicorn_engine::{HookType, MemType, Prot, RegisterARM, TlbEntry, TlbType, Unicorn, uc_error};
+
+/// Start of the flash, and its length.
+pub const FLASH: (u32, u32) = (0x0800_0000, 512 << 10);
+/// Start of the RAM, and its length with the alias of CCM behind it.
+pub const RAM: (u32, u32) = (0x2000_0000, 96 << 10);
+/// Start of CCM on the instruction bus, and its length.
+pub const CCM: (u32, u32) = (0x1000_0000, 32 << 10);
+
+/// First of the values of LR that return from an exception.
+pub(crate) const RETURN_BASE: u32 = 0xFFFF_FFE0;
+
+/// Cost of one run of an exception handler, without those that preempted it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HandlerRun {
+    /// Exception number; 0 is thread mode.
+    pub exception: usize,
+    /// Cycles.
+    pub cost: Cost,
+    /// Number of instructions.
+    pub instructions: u32,
+    /// Time at which it was entered, and left, cycles.
+    pub from: u64,
+    /// Time at which it was left, cycles.
+    pub until: u64,
+}
 
 /// Alias of CCM behind the RAM.
 const CCM_ALIAS: u32 = 0x2001_8000;

@@ -6,28 +6,20 @@
 
 use crate::chip::Chip;
 use crate::cycles::{self, Cost};
+pub use crate::execution::{CCM, FLASH, HandlerRun, RAM};
 use crate::execution::{
-    Context, CoreMemory, add_barrier_hooks, add_hooks, follow_flash, is_allowed, map_memory,
-    watch_torn,
+    Context, CoreMemory, RETURN_BASE, add_barrier_hooks, add_hooks, follow_flash, is_allowed,
+    map_memory, watch_torn,
 };
 use crate::image::Image;
 use crate::nvic::HARD_FAULT;
 use crate::world::World;
 use unicorn_engine::{Arch, ArmCpuModel, Mode, RegisterARM, Unicorn, uc_error};
 
-/// Start of the flash, and its length.
-pub const FLASH: (u32, u32) = (0x0800_0000, 512 << 10);
-/// Start of the RAM, and its length with the alias of CCM behind it.
-pub const RAM: (u32, u32) = (0x2000_0000, 96 << 10);
-/// Start of CCM on the instruction bus, and its length.
-pub const CCM: (u32, u32) = (0x1000_0000, 32 << 10);
-
 /// Content of RAM before the start.
 const PAINT: u32 = 0xA5A5_5A5A;
 
 const FPU_ACTIVE: u32 = 1 << 4;
-/// First of the values of LR that return from an exception.
-pub(crate) const RETURN_BASE: u32 = 0xFFFF_FFE0;
 
 /// Reason why [`Machine::run`] returned.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,21 +30,6 @@ pub enum StopReason {
     Reset,
     /// The core is locked up: a fault in the handler of a fault.
     Lockup(String),
-}
-
-/// Cost of one run of an exception handler, without those that preempted it.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct HandlerRun {
-    /// Exception number; 0 is thread mode.
-    pub exception: usize,
-    /// Cycles.
-    pub cost: Cost,
-    /// Number of instructions.
-    pub instructions: u32,
-    /// Time at which it was entered, and left, cycles.
-    pub from: u64,
-    /// Time at which it was left, cycles.
-    pub until: u64,
 }
 
 /// A processor with its chip.
