@@ -17,6 +17,7 @@ mod backlash;
 mod channel_delay;
 mod direction_asymmetry;
 mod dwell_time_static;
+mod followed;
 mod formula;
 mod gravity_imbalance;
 mod load_torque_coulomb;

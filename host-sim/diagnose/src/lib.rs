@@ -73,6 +73,7 @@ pub mod finding;
 pub mod gram_blocks;
 pub mod harmonics;
 pub mod hysteresis;
+mod improvement;
 pub mod late_channel;
 pub mod left_out;
 pub mod model;

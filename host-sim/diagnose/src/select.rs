@@ -10,10 +10,10 @@
 //! below the naming threshold are removed (`SearchState::decide`), and it starts again without them.
 
 use super::accepted_cause::AcceptedCause;
-use super::block_errors::{BlockErrors, Improvement};
+use super::block_errors::BlockErrors;
 use super::cause::{Cause, CauseCandidate, CauseIdentity};
-use super::error_reduction::ErrorReduction;
 use super::gram_blocks::CandidateFit;
+use super::improvement::at_bound;
 use super::model::{FittedModel, with_candidate};
 use super::review::review;
 use super::round::{CandidateScore, Round};
@@ -279,21 +279,6 @@ struct Winner {
     fitted: FittedModel,
 }
 
-/// A parameter of the candidate's term that the fit drove to its bound: there the term stands in for something
-/// else.
-pub fn at_bound(fitted: &FittedModel, candidate: &CauseCandidate) -> Option<ParameterId> {
-    /// Distance from a bound within which a value counts as at the bound, as a share of the bound.
-    const BOUND_TOLERANCE: f64 = 0.01;
-    let near = |value: f64, bound: f64| {
-        bound != 0.0 && bound.abs() < 1e6 && (value - bound).abs() <= BOUND_TOLERANCE * bound.abs()
-    };
-    let own = candidate.term.parameters().iter().copied();
-    own.filter(|id| fitted.free.contains(id)).find(|id| {
-        let (info, value) = (id.info(), fitted.parameters.get(*id));
-        near(value, info.lower) || near(value, info.upper)
-    })
-}
-
 /// In pure sliding two causes may be identical, for example an offset of the sensor and a difference between
 /// the directions. If this log cannot distinguish them, the yielding one is removed here and later named as confounded with
 /// the other.
@@ -309,22 +294,6 @@ fn yield_in_sliding(round: &Round, shortlist: &mut Vec<CandidateFit>) {
             shortlist.remove(yielding);
         }
     }
-}
-
-/// By how much a model is better than without one of its causes.
-pub fn better(
-    search: &Search,
-    model: &FittedModel,
-    rest: &Round,
-    cause: &dyn Cause,
-) -> Improvement {
-    let standing = BlockErrors::of_model(search.log, model, rest.length);
-    standing.better_than(&rest.block_errors).weighted_for(cause)
-}
-
-/// A fall as a share of another model's squared error on the same unseen rows.
-pub fn share(fall: &ErrorReduction, of: &BlockErrors) -> f64 {
-    (fall.value / of.sse().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! if its name determines the joint: with two candidates the user is asked. A unit that the log does not state (a
 //! current, a drive's own velocity unit) is asked for as well. The pairs that were used become a note.
 
+mod kind;
 mod table;
 
 use std::collections::BTreeSet;
@@ -14,24 +15,8 @@ use super::error::{DataError, listed};
 use super::options::ReadOptions;
 use super::unit;
 use crate::setting::{Setting, shell_word};
+pub use kind::Preset;
 use table::{Pattern, PresetUnit, Rule};
-
-/// A tool whose logs have known column names and units.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Preset {
-    /// Tables exported by PlotJuggler: `__time` and topics in SI units.
-    PlotJuggler,
-    /// Logs of mjbots' moteus: `tview` in CSV and JSON lines, and register dumps. Turns, turns per second, Nm.
-    Moteus,
-    /// Properties of an ODrive: `axis0.encoder.vel_estimate` in turns per second.
-    ODrive,
-    /// Registers of a Dynamixel of the X series: 0.229 rpm, 4096 counts per turn, load in 0.1 %.
-    Dynamixel,
-    /// Objects of CiA 402 on EtherCAT: `0x6077` in per mille of the rated torque.
-    EtherCat,
-    /// Exports of TwinCAT Scope: a preamble, and times in ms for each channel.
-    TwinCatScope,
-}
 
 /// The pairs of `--columns` that a preset supplies.
 pub(super) struct PresetColumns {
@@ -51,28 +36,6 @@ struct Candidate {
 }
 
 impl Preset {
-    /// All presets.
-    pub const ALL: [Self; 6] = [
-        Self::PlotJuggler,
-        Self::Moteus,
-        Self::ODrive,
-        Self::Dynamixel,
-        Self::EtherCat,
-        Self::TwinCatScope,
-    ];
-
-    /// Returns the name for the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::PlotJuggler => "plotjuggler",
-            Self::Moteus => "moteus",
-            Self::ODrive => "odrive",
-            Self::Dynamixel => "dynamixel",
-            Self::EtherCat => "ethercat",
-            Self::TwinCatScope => "twincat-scope",
-        }
-    }
-
     /// Returns the preset with a name.
     pub fn parse(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|preset| preset.name() == name)

@@ -12,10 +12,10 @@ use compensator_core::quantity::Quantity;
 
 use super::clean::{CleanRun, FileData};
 use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
+use super::describe::with_likely_columns;
 use super::error::{BadRows, DataError};
 use super::options::ReadOptions;
 use super::source::{read_content, read_file};
-use super::survey::with_likely_columns;
 use super::table::{Table, read_table};
 use crate::setting::Setting;
 use crate::work::checkpoint;

@@ -5,6 +5,7 @@
 //! [`Cleaner`](super::clean::Cleaner), which validates them alike for all formats. Known unsupported files get an
 //! error that names their type, instead of a hundred bad rows.
 
+mod above_table;
 #[cfg(feature = "arrow")]
 mod arrow_file;
 #[cfg(feature = "arrow")]

@@ -10,7 +10,7 @@
 //! highest, and the scale of a saturation. The core evaluates the formula at the knots of its table
 //! ([`LookupFormula`]). A driver therefore has the same computing time as for any other table.
 
-use super::unknown::Followed;
+use super::followed::Followed;
 use crate::candidate::{Candidate, InitialGuess, Row, row};
 use crate::extended::{Extended, Size};
 use crate::train_test::FollowedColumn;

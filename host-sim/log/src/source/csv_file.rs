@@ -13,11 +13,12 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
+use super::above_table::Preamble;
 use super::blanks::SingleBlanks;
 use super::channel_clocks::{ChannelClocks, groups};
 use super::format::{HEAD_BYTES, Input, LogFormat};
 use super::number_style::NumberStyle;
-use super::preamble::{Preamble, find_preamble};
+use super::preamble::find_preamble;
 use super::records::{RecordPosition, RecordReader, cell_names, is_blank, reader_builder};
 use super::separator::separator;
 use super::{utf16, windows_1252};

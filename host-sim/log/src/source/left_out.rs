@@ -1,24 +1,28 @@
 //! Formats that a build does not read because it lacks their feature. Their files are recognised and refused with the name of
 //! the feature; as a table of text, they would give a hundred bad rows.
 
-use super::format::{Input, LogFormat, is_arrow, is_mcap, is_parquet};
+use super::format::{self, Input, LogFormat};
 use crate::clean::FileData;
 use crate::error::DataError;
 
 /// Recordings of ROS 2 and Foxglove.
 #[cfg(any(test, not(feature = "mcap")))]
-pub(super) const MCAP: LogFormat =
-    LogFormat { matches: is_mcap, read: |input| refuse(&input, "an MCAP recording", "mcap") };
+pub(super) const MCAP: LogFormat = LogFormat {
+    matches: format::is_mcap,
+    read: |input| refuse(&input, "an MCAP recording", "mcap"),
+};
 
 /// Parquet files.
 #[cfg(any(test, not(feature = "parquet")))]
-pub(super) const PARQUET: LogFormat =
-    LogFormat { matches: is_parquet, read: |input| refuse(&input, "a Parquet file", "parquet") };
+pub(super) const PARQUET: LogFormat = LogFormat {
+    matches: format::is_parquet,
+    read: |input| refuse(&input, "a Parquet file", "parquet"),
+};
 
 /// Files and streams of Arrow IPC.
 #[cfg(any(test, not(feature = "arrow")))]
 pub(super) const ARROW: LogFormat = LogFormat {
-    matches: is_arrow,
+    matches: format::is_arrow,
     read: |input| refuse(&input, "an Arrow or Feather file", "arrow"),
 };
 

@@ -7,29 +7,14 @@
 //! Other lines of text above a header (`Operator;Kim`) are skipped if the rows below that header are numbers, and if
 //! the first line of the file is no such header. TwinCAT Scope has no header but rows of properties of the channels.
 
+use super::above_table::{Preamble, cells, is_number};
 use super::scope_preamble::find_scope_preamble;
 use super::separator::separator;
-use crate::column_names::ColumnNames;
 use crate::{guess, unit};
 use std::ops::Range;
 
 /// Minimum number of columns of a table below lines of text: time, motion and torque.
 const MIN_COLUMNS: usize = 3;
-
-/// The lines above a table.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Preamble {
-    /// Start of the table, bytes: its header, or its first row if the header is a comment.
-    pub start: usize,
-    /// Number of lines above the table.
-    pub lines: u64,
-    /// The header in the last comment, if there is one.
-    pub header: Option<Range<usize>>,
-    /// The columns, if the lines above the table describe them.
-    pub columns: Option<ColumnNames>,
-    /// The first line of text that is skipped.
-    pub skipped: Option<String>,
-}
 
 /// Finds the preamble of a file, given its first bytes without the byte order mark. `skip` is the number of lines that
 /// the user skips.
@@ -146,31 +131,6 @@ fn is_unit_row(row: &[&[u8]], columns: usize) -> bool {
     row.len() == columns
         && !row.iter().any(|cell| is_number(cell))
         && row.iter().filter(|cell| !cell.is_empty()).filter(is_unit).count() > 0
-}
-
-/// Splits a line into its cells, outside quotes, without the quotes around a cell.
-pub(super) fn cells(line: &[u8], by: u8) -> Vec<&[u8]> {
-    let mut is_quoted = false;
-    let parts = line.split(move |byte| {
-        is_quoted ^= *byte == b'"';
-        *byte == by && !is_quoted
-    });
-    let bare = |cell: &'_ [u8]| -> Range<usize> {
-        let trimmed = cell.trim_ascii();
-        let start = cell.len() - cell.trim_ascii_start().len();
-        let quotes = usize::from(
-            trimmed.len() > 1 && trimmed.starts_with(b"\"") && trimmed.ends_with(b"\""),
-        );
-        start + quotes..start + trimmed.len() - quotes
-    };
-    let cells = parts.map(|cell| &cell[bare(cell)]);
-    cells.filter(|cell| by != b' ' || !cell.is_empty()).collect()
-}
-
-/// Returns true if a cell is a number, with a decimal point or comma.
-pub(super) fn is_number(cell: &[u8]) -> bool {
-    let plain: Vec<u8> = cell.iter().map(|&byte| if byte == b',' { b'.' } else { byte }).collect();
-    fast_float2::parse::<f64, _>(&plain).is_ok()
 }
 
 /// Finds the comments above a table.

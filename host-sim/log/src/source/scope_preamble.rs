@@ -4,7 +4,7 @@
 //! channels, with the property's name before each group of channels: `Name<TAB>v<TAB>Name<TAB>tau`. The column of that
 //! name is the group's time column, in ms. Depending on the settings, only the line `Name` exists.
 
-use super::preamble::{Preamble, cells, is_number};
+use super::above_table::{Preamble, cells, is_number};
 use super::separator::separator;
 use crate::column_names::ColumnNames;
 
