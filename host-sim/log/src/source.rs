@@ -20,6 +20,7 @@ mod csv_file;
 mod date_text;
 mod format;
 mod json_lines;
+#[cfg(any(test, not(all(feature = "arrow", feature = "mcap", feature = "parquet"))))]
 mod left_out;
 #[cfg(feature = "mcap")]
 mod mcap_file;

@@ -69,7 +69,7 @@ mod tests {
             let (options, file) = (ReadOptions::default(), tempfile::tempfile().expect("a file"));
             let path = Path::new("my.log");
             let input = Input { path, file, head, size: 8, options: &options, progress: &|_| {} };
-            let error = (format.read)(input).err().expect("a refusal");
+            let Err(error) = (format.read)(input) else { panic!("read") };
             assert_eq!(error.to_string(), format!("my.log: {expected}"));
         }
     }
