@@ -18,7 +18,6 @@ mod identify_network;
 mod input;
 #[cfg(feature = "papers")]
 mod inside;
-#[cfg(any(test, not(feature = "papers")))]
 mod missing_feature;
 mod monitor;
 mod node;

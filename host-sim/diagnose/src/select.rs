@@ -20,7 +20,6 @@ use super::round::{CandidateScore, Round};
 use super::rules::{self, Rejection, RuleDecision};
 use super::search::{Extension, Search};
 use super::thresholds::SHORTLISTED;
-use compensator_core::ParameterId;
 use friction_fit::spec::SpecError;
 
 /// Most causes that are sought.

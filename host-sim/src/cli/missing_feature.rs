@@ -22,6 +22,10 @@ pub fn feature_with_command(feature: &str) -> String {
 }
 
 /// Returns the refusal of a command with these arguments.
+#[cfg(any(
+    test,
+    not(all(feature = "monitor", feature = "onnx", feature = "papers", feature = "update"))
+))]
 fn refusal_of(what: &str, feature: &str, arguments: impl Iterator<Item = OsString>) -> String {
     format!("{what}: not in this build, which lacks the {}", with_command(feature, arguments))
 }
