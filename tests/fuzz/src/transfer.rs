@@ -99,7 +99,7 @@ fn blocks(sender: &mut Sender, part: &[u8], has_wrong_crc: bool) -> Option<()> {
         let (mut answer, mut sent) = (None, 0);
         for (number, chunk) in rest.chunks(7).take(most.into()).enumerate() {
             let is_last = chunk.len() + 7 * number == rest.len();
-            answer = sender.send(&frame(number as u8 + 1 | u8::from(is_last) << 7, chunk))?;
+            answer = sender.send(&frame((number as u8 + 1) | (u8::from(is_last) << 7), chunk))?;
             (unused, sent) = (7 - chunk.len(), number + 1);
         }
         // A confirmation is missing if the last segment was lost: the client then stops.

@@ -15,7 +15,7 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
 pub fn run(data: &[u8]) {
     std::fs::write(&*FILE, data).expect("the file can be written");
     let options = ReadOptions { columns: vec![], skip: data.len() % 3, ..ReadOptions::default() };
-    let outcome = read(&[FILE.clone()], &options, &|_, _| {});
+    let outcome = read(std::slice::from_ref(&*FILE), &options, &|_, _| {});
     let _ = std::fs::remove_file(&*FILE);
     let data = match outcome {
         Ok(data) => data,

@@ -250,7 +250,8 @@ impl World {
         let sub_index =
             (u16::from(bytes.byte()) % (u16::from(object.highest_sub_index()) + 1)) as u8;
         let length = object.entry(sub_index).and_then(|entry| entry.data.length()).unwrap_or(4);
-        let word = if bytes.byte() % 2 == 0 { bytes.number().to_bits() } else { bytes.word() };
+        let word =
+            if bytes.byte().is_multiple_of(2) { bytes.number().to_bits() } else { bytes.word() };
         self.write(object.index, sub_index, &word.to_le_bytes()[..length]);
     }
 
@@ -339,7 +340,7 @@ fn step(world: &mut World, selector: u8, bytes: &mut Bytes) {
 /// Returns a report of the current loop with values from the input.
 fn loop_report(bytes: &mut Bytes) -> LoopReport {
     LoopReport {
-        bus_voltage_v: (bytes.byte() % 2 == 0).then(|| bytes.number() * 24.0),
+        bus_voltage_v: (bytes.byte().is_multiple_of(2)).then(|| bytes.number() * 24.0),
         phase_currents_a: Some(std::array::from_fn(|_| bytes.number())),
         current_a: bytes.number(),
         current_reference_a: bytes.number(),
@@ -351,7 +352,7 @@ fn loop_report(bytes: &mut Bytes) -> LoopReport {
         residual_torque_nm: bytes.number(),
         flags: Flags::from_bits_truncate(bytes.word()),
         bridge_temperature_c: Some(bytes.number() * 50.0),
-        motor_temperature_c: (bytes.byte() % 2 == 0).then(|| bytes.number() * 50.0),
+        motor_temperature_c: (bytes.byte().is_multiple_of(2)).then(|| bytes.number() * 50.0),
         sample_age_us: Some(bytes.word() % 4096),
         gate_driver_fault: bytes.byte() == 255,
         stack_intact: bytes.byte() != 255,

@@ -217,7 +217,7 @@ fn causes(readings: &Readings, sensors: &SensorParameters) -> [bool; 7] {
     let leaks = sensors.leak_connected != 0.0;
     let share = readings.leak_share.unwrap_or(f32::NAN);
     let is_wet = leaks && share < sensors.leak_wet_share;
-    let is_open = leaks && !(share < sensors.leak_open_share);
+    let is_open = leaks && (share.is_nan() || share >= sensors.leak_open_share);
     let breathes = sensors.air_connected != 0.0;
     let air = readings.air.unwrap_or(Air::INVALID);
     let (low, high) = (sensors.housing_pressure_min_pa, sensors.housing_pressure_max_pa);

@@ -82,7 +82,7 @@ enum Running {
     /// The image of this slot.
     Driver(Box<Driver<WatchedFlash>>, usize),
     Recovery(Box<Recovery<WatchedFlash>>),
-    Off(WatchedFlash),
+    Off(Box<WatchedFlash>),
 }
 
 struct Joint {
@@ -105,7 +105,7 @@ impl Joint {
             let SlotState::Image(image) = marks::state(&mut flash, slot) else { panic!() };
             marks::confirm(&mut flash, slot, &image).expect("space");
         }
-        let running = Running::Off(flash);
+        let running = Running::Off(Box::new(flash));
         let mut joint = Self { running, now_us: 0, has_image, passes_self_test: true };
         joint.start(ResetCause::PowerOn);
         joint
@@ -130,7 +130,8 @@ impl Joint {
         let selection = select(&mut flash, &SLOTS, &key, has_failed, |_, _| true);
         let Selection::Start { slot, is_trial } = selection else {
             assert!(!self.has_image, "nothing starts");
-            flash.allowed = vec![SLOTS[1].start..SLOTS[1].marks + PAGE];
+            let second_slot = SLOTS[1].start..SLOTS[1].marks + PAGE;
+            flash.allowed = vec![second_slot];
             let node = Recovery::boot(NodeId::FIRST, flash, program(0), identity(9), self.now_us);
             self.running = Running::Recovery(Box::new(node));
             return;
@@ -142,7 +143,8 @@ impl Joint {
         let SlotState::Image(image) = before[slot] else { panic!("an incomplete image starts") };
         assert!(!image.is_rejected && is_trial != image.is_confirmed);
         let board = program(slot);
-        flash.allowed = vec![board.stores[1]..board.stores[1] + board.store_bytes];
+        let store = board.stores[1]..board.stores[1] + board.store_bytes;
+        flash.allowed = vec![store];
         let self_test_passed = self.passes_self_test || !is_trial;
         let boot = Boot { cause, self_test_passed, program: Some(board), ..Boot::default() };
         let node = Identity { hardware: "fuzz", serial: 9, stage: StageTraits::NONE };
@@ -175,7 +177,7 @@ impl Joint {
         };
         self.note_confirmation();
         if !self.flash().flash.has_power() {
-            self.running = Running::Off(self.flash().clone());
+            self.running = Running::Off(Box::new(self.flash().clone()));
         } else if is_reset {
             self.start(ResetCause::Software);
         }
