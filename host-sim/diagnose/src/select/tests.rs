@@ -6,6 +6,7 @@ use crate::fixtures::{
     with_search,
 };
 use crate::train_test::FollowedColumn;
+use compensator_core::ParameterId;
 use compensator_core::term::LookupFormula;
 
 /// Returns the selection beside the linear law, with this naming threshold, without these causes.
