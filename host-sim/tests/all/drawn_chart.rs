@@ -68,7 +68,8 @@ fn chart(figure: &str) -> DrawnChart {
         ends.split(' ').map(str::to_owned).collect()
     };
     let scales = [scale("data-x"), scale("data-y")];
-    let title = between(figure, "-title\">", "</p>").expect("a title");
+    let title = between(figure, "<p class=\"chart-title\"", "</p>").expect("a title");
+    let title = title.split_once('>').expect("the end of the tag").1;
     let ticks = ["x-ticks", "y-ticks"].iter().filter_map(|name| between(figure, name, "</div>"));
     let ticks = ticks.flat_map(|ticks| ticks.split("<span ").skip(1));
     let ticks = ticks.filter_map(|tick| between(tick, ">", "</span>")).map(plain).collect();
