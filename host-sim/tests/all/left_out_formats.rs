@@ -12,14 +12,14 @@ fn identify_with_format_left_out_names_feature_and_command() {
     ] {
         fs::write(folder.path().join(name), head).expect("a file");
         let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
-        let command = command.current_dir(&folder).args(["identify", name, "--skip", "0"]);
+        let command = command.current_dir(&folder).args(["identify", name, "--model", "linear"]);
         let output = command.output().expect("it runs");
         assert_eq!(output.status.code(), Some(2), "{name}");
         let error = String::from_utf8(output.stderr).expect("text");
         assert_eq!(error.lines().count(), 1, "{name}: {error}");
         let refusal = format!(
             "not in this build, which lacks the feature {feature}: \
-             cargo run --release --features {feature} -- identify {name} --skip 0\n"
+             cargo run --release --features {feature} -- identify {name} --model linear\n"
         );
         // Cargo unites the features of packages that are built together: Python's reads all formats.
         let is_damaged = error.contains("expected an intact");
