@@ -15,8 +15,9 @@ import pathlib
 import sys
 
 TABLE = pathlib.Path(__file__).resolve().parent / "stage-times.md"
-FACTOR = 2.0
-NEGLIGIBLE = 0.02
+# Wide, as the table is assembled from partial runs; 2 and 0.02 hold between whole runs of one machine.
+FACTOR = 4.0
+NEGLIGIBLE = 0.06
 
 HEAD = """# Times of the stages of `tests/run`
 
@@ -70,7 +71,7 @@ def test():
     cases = {
         "equal": (differences(run, table, True), 0),
         "a slower machine": (differences(slower, table, True), 0),
-        "a stage that takes longer": (differences(changed(book=400), table, True), 1),
+        "a stage that takes longer": (differences(changed(book=900), table, True), 1),
         "a stage that takes less": (differences(changed(tests=20), table, True), 1),
         "a used target folder": (differences(changed(build=5), table, False), 0),
         "a small stage": (differences(changed(eds=12), table, True), 0),
