@@ -1,6 +1,6 @@
 //! Options for reading logs.
 
-use super::preset::Preset;
+use super::preset::kind::Preset;
 
 /// How files are read.
 #[derive(Debug, Clone, Default)]

@@ -4,7 +4,7 @@
 //! if its name determines the joint: with two candidates the user is asked. A unit that the log does not state (a
 //! current, a drive's own velocity unit) is asked for as well. The pairs that were used become a note.
 
-mod kind;
+pub(super) mod kind;
 mod table;
 
 use std::collections::BTreeSet;
