@@ -100,6 +100,13 @@ impl Model {
         };
         let failed = |error: String| refused(py, &error);
         let file: ParameterFile = params::parse(&self.toml, &[]).map_err(failed)?;
+        #[cfg(not(feature = "onnx"))]
+        if format == ExportFormat::Onnx {
+            return Err(refused(
+                py,
+                "to=\"onnx\": not in this build, which lacks the feature onnx: MATURIN_PEP517_ARGS='--features full' pip install ./python",
+            ));
+        }
         let exported = export(&file, format, "params.toml").map_err(failed)?;
         let further = exported.further_files.iter().map(|(name, content)| (*name, content));
         let files = std::iter::once((format.file_name(&file), &exported.content)).chain(further);

@@ -39,23 +39,16 @@ use compensator_core::record;
 use friction_fit::params::ParameterFile;
 use joint_log::setting::Setting;
 
-/// Format of an exported model.
+/// Format of an exported model; `description` says what each holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[expect(missing_docs, reason = "each is described to users by `description`")]
 pub enum ExportFormat {
-    /// The bytes of the driver's flash record.
     Record,
-    /// Rust constants for a control loop that uses the core.
     Rust,
-    /// A C header with one step of the law.
     C,
-    /// The bytes of the network's flash record.
     Network,
-    /// ONNX graphs: one step and the start of a law, or one evaluation of a network.
     Onnx,
-    /// Attributes of a MuJoCo joint.
     Mujoco,
-    /// The dynamics element of a URDF joint.
     Urdf,
 }
 
@@ -64,17 +57,29 @@ impl ExportFormat {
     pub const ALL: [Self; 7] =
         [Self::Record, Self::Rust, Self::C, Self::Network, Self::Onnx, Self::Mujoco, Self::Urdf];
 
+    fn row(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Record => ("record", "The bytes of the driver's flash record"),
+            Self::Rust => ("rust", "Rust constants for a control loop that uses the core"),
+            Self::C => ("c", "A C header with one step of the law"),
+            Self::Network => ("network", "The bytes of the network's flash record"),
+            Self::Onnx => (
+                "onnx",
+                "ONNX graphs: one step and the start of a law, or one evaluation of a network",
+            ),
+            Self::Mujoco => ("mujoco", "Attributes of a MuJoCo joint"),
+            Self::Urdf => ("urdf", "The dynamics element of a URDF joint"),
+        }
+    }
+
     /// Returns the name of the format for users.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Record => "record",
-            Self::Rust => "rust",
-            Self::C => "c",
-            Self::Network => "network",
-            Self::Onnx => "onnx",
-            Self::Mujoco => "mujoco",
-            Self::Urdf => "urdf",
-        }
+        self.row().0
+    }
+
+    /// Returns what the file holds, as the help of the command line says it.
+    pub fn description(self) -> &'static str {
+        self.row().1
     }
 
     /// Returns the format with this name.
@@ -172,7 +177,7 @@ fn export_without_notes(
             None => onnx_step::export(file, source),
         },
         #[cfg(not(feature = "onnx"))]
-        ExportFormat::Onnx => Err(format!("{}: this build lacks the feature onnx", format.setting())),
+        ExportFormat::Onnx => Err(format!("{}: not in this build, which lacks the feature onnx", format.setting())),
         ExportFormat::Record => Ok(ExportedModel::new(
             record::emit(&file.friction()).to_vec(),
             record_notes(file, source),

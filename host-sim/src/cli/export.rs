@@ -3,6 +3,7 @@
 use super::output::{OutputArguments, pretty, print_text};
 use super::words::text_in_options;
 use crate::driver_file;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_results::export::{ExportFormat, export};
 use serde_json::json;
 use std::path::PathBuf;
@@ -14,10 +15,19 @@ pub struct ExportArguments {
     #[arg(value_name = "PARAMS.TOML")]
     params: PathBuf,
     /// Output format
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = formats())]
     to: ExportFormat,
     #[command(flatten)]
     output: OutputArguments,
+}
+
+/// Returns the parser of a format, which lists all formats in the help.
+fn formats() -> impl TypedValueParser<Value = ExportFormat> {
+    PossibleValuesParser::new(
+        ExportFormat::ALL
+            .map(|format| PossibleValue::new(format.name()).help(format.description())),
+    )
+    .map(|name| ExportFormat::parse(&name).expect("one of the possible values"))
 }
 
 /// Runs the command.
