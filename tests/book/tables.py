@@ -270,7 +270,8 @@ def figure_block(lines):
         if line.startswith("# "):
             parts.append(f"#{line}")
         elif "\t" in line:
-            table.append(line.split("\t"))
+            # Text such as `Compensator<f32>`, which is no tag of HTML.
+            table.append([cell if "`" in cell else cell.replace("<", "&lt;") for cell in line.split("\t")])
         else:
             parts.append(line)
     if table:

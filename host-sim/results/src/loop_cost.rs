@@ -1,6 +1,6 @@
 //! Estimates the computing time of a model in the current loop of the joint driver.
 //!
-//! `tests/cost/table.md` lists the instructions of the whole current-loop interrupt on an emulated processor, without
+//! `tests/cost/core-cost.tsv` lists the instructions of the whole current-loop interrupt on an emulated processor, without
 //! terms and with each term alone. Its cycles assume two cycles per instruction. The cost of a model is the sum of the
 //! interrupt without terms, the overhead of the term list, and for each term its own cost and its overhead in the list.
 //! This reproduces the rows of the table with three and with eight terms.
@@ -11,8 +11,8 @@
 
 use compensator_core::TermKind;
 
-// A link to tests/cost/table.md, so that packages of the source contain the table.
-const TABLE: &str = include_str!("cost_table");
+// A link to tests/cost/core-cost.tsv, so that packages of the source contain the table.
+const TABLE: &str = include_str!("core_cost");
 
 /// First words of the rows with at most one term.
 const BASE_LAW_ROW: &str = "improved LuGre";
@@ -31,7 +31,7 @@ pub const LATE_LOOP_PERCENT: f64 = 90.0;
 fn row(terms: Option<&str>) -> Option<[f64; 2]> {
     let wanted = terms.map_or(BASE_LAW_ROW.to_owned(), |term| format!("{BASE_LAW_ROW} + {term}"));
     TABLE.lines().find_map(|line| {
-        let mut cells = line.trim_matches('|').split('|').map(str::trim);
+        let mut cells = line.split('\t');
         (cells.next() == Some(wanted.as_str()) && cells.clone().count() == 4).then_some(())?;
         let mut numbers = cells.skip(2).map(|cell| cell.parse().ok());
         Some([numbers.next()??, numbers.next()??])

@@ -3,7 +3,7 @@
 use crate::Goal;
 
 /// The table at build time.
-const TABLE: &str = include_str!("../../../../tests/cost/table.md");
+const TABLE: &str = include_str!("../../../../tests/cost/core-cost.tsv");
 
 const NAMED_CAUSES_ROW: &str = "LuGre + backlash + directions + a level's formula, f32";
 const NETWORK_ROW: &str = "network of 8 cells, f32";
@@ -22,8 +22,8 @@ const NETWORK_GOAL: f64 = 2500.0;
 
 /// Returns the worst-case instructions of an update.
 fn worst_case_instructions(row: &str) -> Option<f64> {
-    let line = TABLE.lines().find(|line| line.starts_with(&format!("| {row} |")))?;
-    line.split('|').rev().nth(1)?.trim().parse().ok()
+    let line = TABLE.lines().find(|line| line.starts_with(&format!("{row}\t")))?;
+    line.rsplit('\t').next()?.parse().ok()
 }
 
 /// Returns the comparison as a sentence; `None` if a row is missing in the table.
@@ -38,7 +38,7 @@ pub(super) fn cost_sentence() -> Option<String> {
     let verdict = if share <= COST_SHARE_GOAL { "met" } else { "missed" };
     let per_second = |instructions: f64| instructions / 1e6;
     Some(format!(
-        "Cost on a Cortex-M4F (tests/cost/table.md): a step of the named causes takes {named:.0} instructions, an evaluation of \
+        "Cost on a Cortex-M4F (tests/cost/core-cost.tsv): a step of the named causes takes {named:.0} instructions, an evaluation of \
          the network with a step of its law {evaluated:.0}. The share is {:.0} %, so the goal of a hundredth is {verdict}. The \
          network is small (8 cells) and runs at 128 Hz, the law at {:.0} kHz. Per second \
          the named causes take {:.1} million instructions and lugre-lstm {:.1} million.",
