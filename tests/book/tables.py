@@ -4,8 +4,8 @@
     tests/book/tables.py                prints all tables
     tests/book/tables.py supports html  exit code 0: the preprocessor serves every renderer
 
-A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects, bus
-load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
+A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects,
+commands, rules, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
 hash, so that a change shows in a diff; `tests/book/run --update` writes it.
 
 The lists in the source are macros of one line per entry. They are found by a name that stands in them, because files and
@@ -128,6 +128,71 @@ def flags(texts):
     return rows(["bit", "flag", "meaning"], lines)
 
 
+def text_with(texts, place):
+    return next(text for text in texts if place in text)
+
+
+def sentence(doc):
+    return " ".join(line.strip().removeprefix("///").strip() for line in doc.splitlines())
+
+
+def commands(texts):
+    """Commands of host-sim by the enumeration of the command line. One that a feature adds has two entries."""
+    body = text_with(texts, "enum Command {").split("enum Command {\n", 1)[1].split("\n}\n", 1)[0]
+    found = {}
+    for doc, name in re.findall(r"((?: *///.*\n)+)(?: *#\[.*\n)* *(\w+)\(", body):
+        found.setdefault(name.lower(), sentence(doc))
+    return rows(["command", "does"], [[f"`{name}`", cell(doc)] for name, doc in sorted(found.items())])
+
+
+def options(name):
+    """Options of a structure of the command line."""
+
+    def made(texts):
+        body = text_with(texts, f"pub struct {name} {{").split(f"pub struct {name} {{\n", 1)[1].split("\n}\n", 1)[0] + "\n"
+        lines = []
+        for found in re.finditer(r"((?: *///.*\n)+)((?: *#\[(?:.*\n)*?.*?\]\n)?) *(?:pub )?(\w+): .*,\n", body):
+            doc, attribute, field = found.groups()
+            if "arg(long" not in attribute:
+                continue
+            long = re.search(r'long = "([^"]+)"', attribute)
+            value = re.search(r'value_name = "([^"]+)"', attribute)
+            default = re.search(r'default_value = "([^"]+)"', attribute)
+            option = f"--{long[1] if long else field.replace('_', '-')}" + (f" {value[1]}" if value else "")
+            lines.append([f"`{option}`", cell(sentence(doc)) + (f"; default {default[1]}" if default else "")])
+        return rows(["option", "meaning"], lines)
+
+    return made
+
+
+def rules(texts):
+    """Hard rules of the diagnosis: what each requires, its limit and the reason for it."""
+    pattern = r'((?:^///.*\n)+)pub const \w+: Rule = Rule \{\s+name: "(.*?)",\s+limit: (\S+),\s+reason: "((?:.*\\\n)*.*?)",'
+    lines = []
+    for doc, name, limit, reason in re.findall(pattern, text_with(texts, "pub const NO_REDUCTION: Rule"), re.M):
+        value = "–" if "NAN" in limit else number(limit)
+        lines.append([f"`{name}`", cell(sentence(doc)), value, cell(re.sub(r"\\\n\s*", "", reason))])
+    return rows(["rule", "requirement", "limit", "what the limit is"], lines)
+
+
+def tests_that_state(kind):
+    """Statement, bound and name of each test whose documentation has a line of this kind, by statement."""
+    listed = subprocess.run(["git", "grep", "-l", f"/// {kind}: ", "--", "*.rs"], cwd=ROOT, capture_output=True, text=True).stdout
+    pattern = rf"^ */// {kind}: (.*?)\.(?: Bound: (.*?)\.)?\n(?: *///.*\n| *#\[.*\n)* *fn (\w+)"
+    found = [statement for name in listed.split() for statement in re.findall(pattern, (ROOT / name).read_text(), re.M)]
+    return [[cell(what), cell(bound) or "–", f"`{test}`"] for what, bound, test in found]
+
+
+def attacks(_):
+    """What an attacker on the bus can do: the tests whose documentation states an attack."""
+    return rows(["an attacker can", "bounded by", "test"], tests_that_state("Attack"))
+
+
+def defences(_):
+    """What an attacker on the bus cannot do: the tests whose documentation states what they exclude."""
+    return rows(["an attacker cannot", "test"], [[what, test] for what, _, test in tests_that_state("Excluded")])
+
+
 TYPES = {1: "bool", 2: "i8", 3: "i16", 4: "i32", 5: "u8", 6: "u16", 7: "u32", 8: "f32", 9: "text", 15: "bytes"}
 
 
@@ -242,6 +307,14 @@ MADE = {
     "limits": codes(False),
     "flags": flags,
     "objects": objects,
+    "commands": commands,
+    "options-output": options("OutputArguments"),
+    "options-bus": options("BusArguments"),
+    "options-log": options("DataArguments"),
+    "options-scope": options("ScopeArguments"),
+    "rules": rules,
+    "attacks": attacks,
+    "defences": defences,
     **{name: bus_load(name) for name in CYCLES | FD_CYCLES},
 }
 

@@ -136,6 +136,7 @@ fn select_without_intact_image_recovers() {
     assert_eq!(start(&mut flash, false), started(0, true));
 }
 
+/// Excluded: install a program with a smaller anti-rollback counter.
 #[test]
 fn receiver_with_foreign_package_names_the_reason() {
     let mut flash = flash_with(&package(1, 5));
@@ -205,6 +206,7 @@ fn receiver_with_changed_image_or_hash_refuses_it_before_the_restart() {
     assert_eq!(start(&mut flash, false), started(0, false));
 }
 
+/// Excluded: start an image that was changed together with its CRC.
 #[test]
 fn select_with_changed_image_and_its_crc_rejects_it() {
     let mut flash = flash_with(&package(1, 5));

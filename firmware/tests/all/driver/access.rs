@@ -155,6 +155,7 @@ fn every_writable_object_has_a_decided_level() {
     }
 }
 
+/// Excluded: write an object of the service level.
 #[test]
 fn locked_joint_refuses_every_service_object_and_no_other() {
     let mut bench = locked();
@@ -169,6 +170,7 @@ fn locked_joint_refuses_every_service_object_and_no_other() {
     }
 }
 
+/// Excluded: write one in segments or in blocks.
 #[test]
 fn begin_of_a_block_or_segmented_download_to_a_locked_joint_is_refused() {
     let mut bench = locked();
@@ -180,6 +182,7 @@ fn begin_of_a_block_or_segmented_download_to_a_locked_joint_is_refused() {
     }
 }
 
+/// Excluded: write one by process data.
 #[test]
 fn process_data_cannot_write_an_object_of_the_service_level() {
     for (at_index, sub_index, _) in entries() {
@@ -207,6 +210,7 @@ fn right_response_unlocks_until_the_lock() {
     assert_eq!(bench.number(index::FOLLOWING_TIME, 0), 5);
 }
 
+/// Excluded: use a recorded response.
 #[test]
 fn response_is_valid_once_and_for_the_last_challenge_only() {
     let mut bench = locked();
@@ -224,6 +228,7 @@ fn response_is_valid_once_and_for_the_last_challenge_only() {
     assert_eq!(bench.number(index::ACCESS, LEVEL), 0);
 }
 
+/// Excluded: try responses quickly.
 #[test]
 fn wrong_response_delays_the_right_one() {
     let mut bench = locked();
@@ -249,6 +254,7 @@ fn response_of_a_wrong_length_is_refused_without_a_delay() {
     assert_eq!(bench.write(index::ACCESS, NEW_KEY, &[0; 17]), Err(0x0607_0012));
 }
 
+/// Excluded: use a session that was left.
 #[test]
 fn unused_session_ends_after_ten_minutes() {
     let mut bench = unlocked();
@@ -267,6 +273,7 @@ fn unused_session_ends_after_ten_minutes() {
     assert_eq!(bench.number(index::ACCESS, LEVEL), 0);
 }
 
+/// Excluded: use a session after a reset.
 #[test]
 fn reset_of_node_or_communication_locks_the_joint() {
     let mut bench = restarted(unlocked());
@@ -277,6 +284,7 @@ fn reset_of_node_or_communication_locks_the_joint() {
     assert_eq!(bench.number(index::ACCESS, LEVEL), 0);
 }
 
+/// Excluded: commit what a tool has staged and left.
 #[test]
 fn lock_discards_what_was_staged_at_service_level() {
     let mut bench = unlocked();
@@ -325,6 +333,7 @@ fn configure(bench: &mut Bench, request: [u8; 8]) -> u8 {
     answer.data()[1]
 }
 
+/// Excluded: change number or bit rate by LSS.
 #[test]
 fn lss_changes_number_and_bit_rate_of_a_numbered_joint_only_at_service_level() {
     let requests =

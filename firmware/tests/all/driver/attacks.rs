@@ -71,6 +71,7 @@ fn commanded_a(bench: &Bench) -> f32 {
     bench.driver.loop_commands(bench.now_us).setpoint.current_a
 }
 
+/// Attack: arm a commissioned joint and drive it. Bound: the limits of the service level.
 #[test]
 fn attacker_arms_a_locked_joint_and_drives_it_within_its_limits() {
     let mut bench = installed();
@@ -88,6 +89,7 @@ fn attacker_arms_a_locked_joint_and_drives_it_within_its_limits() {
     assert_eq!(bench.write(index::MOTOR, 1, &99f32.to_le_bytes()), Err(LOCKED));
 }
 
+/// Attack: stop, disarm and reset the joint. Bound: the configured stop reaction.
 #[test]
 fn attacker_stops_disarms_and_resets_an_armed_joint() {
     for command in [2, 0x80, 0x81, 0x82] {
@@ -100,6 +102,7 @@ fn attacker_stops_disarms_and_resets_an_armed_joint() {
     assert!(!bench.driver.is_armed());
 }
 
+/// Attack: send set-points in place of the master. Bound: the limits of the service level.
 #[test]
 fn attacker_replaces_the_set_points_of_the_master() {
     let mut bench = armed();
@@ -110,6 +113,7 @@ fn attacker_replaces_the_set_points_of_the_master() {
     assert_eq!(bench.driver.counters().command_late, 1);
 }
 
+/// Attack: repeat recorded commands. Bound: the limits of the service level.
 #[test]
 fn attacker_repeats_recorded_commands() {
     let recorded: Vec<Frame> = (0..20u8)
@@ -125,6 +129,7 @@ fn attacker_repeats_recorded_commands() {
     assert_eq!(commanded_a(&bench), 3.0);
 }
 
+/// Attack: send telemetry and states in the name of the joint. Bound: nothing: do not base a safety function on them.
 #[test]
 fn attacker_sends_telemetry_in_the_name_of_the_joint() {
     let forged = TelemetryFrame { current_a: 0.0, residual_torque_nm: 0.0 };
@@ -134,6 +139,7 @@ fn attacker_sends_telemetry_in_the_name_of_the_joint() {
     assert!(matches!(Message::parse(&forged), Ok(Message::Telemetry(NODE, _))));
 }
 
+/// Attack: send a false side load, pressure or temperature. Bound: the envelope, the current limits and the over-compensation watch.
 #[test]
 fn attacker_sends_a_false_side_load() {
     let mut bench = armed();
@@ -143,6 +149,7 @@ fn attacker_sends_a_false_side_load() {
     assert_eq!(covariates.radial_force_n.value, 900.0);
 }
 
+/// Attack: set the position or the home of a disarmed joint. Bound: nothing: the position limits move with it, use end stops.
 #[test]
 fn attacker_shifts_the_position_and_with_it_its_limits() {
     let mut bench = installed();
@@ -153,6 +160,7 @@ fn attacker_shifts_the_position_and_with_it_its_limits() {
     assert_eq!(bench.write(index::POSITION_LIMITS, 2, &[0; 4]), Err(LOCKED));
 }
 
+/// Attack: change the friction model of a disarmed joint. Bound: the watches; the stored model is back after a restart.
 #[test]
 fn attacker_changes_the_friction_model_until_the_next_start() {
     let mut bench = installed();
@@ -168,6 +176,7 @@ fn attacker_changes_the_friction_model_until_the_next_start() {
     assert_eq!(restarted(bench).number(index::COMMIT, 1), stored);
 }
 
+/// Attack: change identifiers and mappings of a disarmed joint. Bound: the defaults are back after a reset.
 #[test]
 fn attacker_redirects_the_process_data_of_a_disarmed_joint() {
     let mut bench = installed();
@@ -180,6 +189,7 @@ fn attacker_redirects_the_process_data_of_a_disarmed_joint() {
     assert_eq!(bench.number(index::TRANSMIT_STATUS, 1), 0x281);
 }
 
+/// Attack: read parameters, states and logs. Bound: the key cannot be read.
 #[test]
 fn attacker_reads_every_object_but_the_key() {
     let mut bench = installed();
@@ -202,6 +212,7 @@ fn attacker_reads_every_object_but_the_key() {
     }
 }
 
+/// Attack: write service objects while a tool has unlocked the joint. Bound: 10 minutes, the lock.
 #[test]
 fn attacker_uses_the_session_of_a_tool() {
     let mut bench = installed();
@@ -214,6 +225,7 @@ fn attacker_uses_the_session_of_a_tool() {
     assert_eq!(bench.write(index::FOLLOWING_TIME, 0, &[6, 0]), Err(LOCKED));
 }
 
+/// Attack: listen while a key is set.
 #[test]
 fn attacker_who_listens_to_a_key_change_has_the_key() {
     // The frames of the tool: 2041h:5 with 16 bytes, in segments of seven.
@@ -236,6 +248,7 @@ fn attacker_who_listens_to_a_key_change_has_the_key() {
     bench.unlock(&Key::new(heard[..16].try_into().unwrap())).expect("the key that was heard");
 }
 
+/// Attack: unlock a joint with the default key.
 #[test]
 fn attacker_unlocks_a_joint_that_has_the_default_key() {
     let mut bench = Bench::on_sensors();
@@ -244,6 +257,7 @@ fn attacker_unlocks_a_joint_that_has_the_default_key() {
     bench.write(index::MOTOR, 1, &8f32.to_le_bytes()).unwrap();
 }
 
+/// Attack: keep a tool from unlocking.
 #[test]
 fn attacker_keeps_a_tool_out_with_wrong_responses() {
     let mut bench = installed();
@@ -256,6 +270,7 @@ fn attacker_keeps_a_tool_out_with_wrong_responses() {
     assert!(bench.write(index::ACCESS, RESPONSE, &response).is_err());
 }
 
+/// Attack: abort transfers of a tool. Bound: nothing is changed by an incomplete one.
 #[test]
 fn attacker_ends_the_transfer_of_a_tool() {
     let mut bench = installed();
@@ -268,6 +283,7 @@ fn attacker_ends_the_transfer_of_a_tool() {
     assert_eq!(bench.sent()[0].data()[0], 0x80);
 }
 
+/// Attack: give a number to a joint without stored settings.
 #[test]
 fn attacker_gives_a_number_to_a_joint_without_stored_settings() {
     let mut bench = Bench::blank(7);

@@ -62,6 +62,7 @@ fn flood_of_syncs_is_limited_by_the_outbox() {
 }
 
 proptest! {
+    /// Excluded: close the bridge or stop the driver with malformed frames.
     #[test]
     fn random_frames_at_random_times_never_close_the_bridge(
         frames in proptest::collection::vec(

@@ -53,6 +53,7 @@ fn every_object_can_be_read_or_returns_its_abort_code() {
     assert_eq!(bench.read(index::STATE, 99), Err(0x0609_0011));
 }
 
+/// Excluded: change parameters of an armed joint.
 #[test]
 fn write_while_armed_or_out_of_range_is_refused_with_a_reason() {
     let mut bench = Bench::hil();

@@ -127,6 +127,7 @@ fn transfer_with_flipped_bits_is_repaired() {
     assert!(flips.get() > 5);
 }
 
+/// Attack: disturb a program update. Bound: the running image is never written; the transfer is repeated.
 #[test]
 fn update_beside_a_second_master_is_confirmed() {
     let abort = [0x80, 0x50, 0x1F, 1, 0, 0, 0, 8];

@@ -186,6 +186,7 @@ fn trial_that_hangs_at_its_start_returns_to_the_old_image() {
     assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Failed as u32);
 }
 
+/// Excluded: start a program that the holder of the signing key did not sign.
 #[test]
 fn image_of_another_key_is_not_started() {
     let mut content = confirmed(&[(0, "1.0.0")]);
@@ -228,6 +229,7 @@ fn image_with_flipped_bits_in_flash_does_not_start() {
     println!("measured: {flips} flipped bits of an image in flash");
 }
 
+/// Attack: send a package to a joint in recovery, which has no lock. Bound: the signature.
 #[test]
 fn board_without_good_image_receives_one_in_recovery() {
     // Most of an update is there, and the old image is lost.
