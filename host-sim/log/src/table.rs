@@ -1,8 +1,11 @@
-//! Tables in memory as a source of rows: data frames, record batches, columns of arrays.
+//! Tables as named columns of cells: data frames, Parquet files, Arrow files.
 //!
-//! Their rows pass the same validation as those of a file, so that the same log gives the same data however it is held.
+//! A table is in memory, or its rows come in batches ([`TableHeader`]). They pass the same validation as those of a text, so
+//! that the same log gives the same data however it is held.
 
-use std::borrow::Cow;
+use std::borrow::{Borrow, Cow};
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 
 use super::clean::{Cleaner, FileData};
@@ -12,6 +15,8 @@ use super::error::{DataError, at_header};
 use super::header::layout;
 use super::options::ReadOptions;
 use super::row::LogRow;
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+use crate::work::Cancelled;
 use crate::work::checkpoint_at;
 
 /// The cells of a column, one for each row.
@@ -35,6 +40,10 @@ pub enum Cells {
 }
 
 impl Cells {
+    /// The cells of a file's column that is not needed.
+    #[cfg(any(feature = "arrow", feature = "parquet"))]
+    pub(super) const NOT_READ: Self = Self::Unreadable { rows: 0, kind: String::new() };
+
     /// Returns the number of rows.
     pub fn len(&self) -> usize {
         match self {
@@ -86,22 +95,23 @@ pub struct Table {
     pub columns: Vec<(String, Cells)>,
 }
 
-struct TableRow<'a> {
-    columns: &'a [(String, Cells)],
+/// One row of columns.
+struct TableRow<'a, C> {
+    columns: &'a [C],
     row: usize,
 }
 
-impl LogRow for TableRow<'_> {
+impl<C: Borrow<Cells>> LogRow for TableRow<'_, C> {
     fn number(&self, column: usize) -> Option<f64> {
-        self.columns[column].1.number(self.row)
+        self.columns[column].borrow().number(self.row)
     }
 
     fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        self.columns[column].1.text(self.row)
+        self.columns[column].borrow().text(self.row)
     }
 }
 
-/// Validates a table. Row numbers are those of the same table as a CSV file, whose header is row 1.
+/// Validates a table in memory.
 ///
 /// # Errors
 /// As for a file, and if the columns differ in length.
@@ -116,33 +126,85 @@ pub(super) fn read_table(table: &Table, options: &ReadOptions) -> Result<FileDat
             expected: format!("{rows} as in column {}", columns[0].0),
         });
     }
-    let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
-    let mut layout = layout(path, names, options)?;
-    let kind = |at: usize| match &columns[at].1 {
+    let unreadable = |(_, cells): &(String, Cells)| match cells {
         Cells::Unreadable { kind, .. } => Some(kind.clone()),
         _ => None,
     };
-    let required = layout.required.iter().map(|reading| reading.index).chain(layout.run);
-    for at in required {
-        if let Some(kind) = kind(at) {
-            return Err(at_header(
-                path,
-                &columns[at].0,
-                &kind,
-                "a column of plain numbers or text",
-            ));
+    let header = TableHeader {
+        names: columns.iter().map(|(name, _)| name.clone()).collect(),
+        unreadable: columns.iter().map(unreadable).collect(),
+    };
+    let cells: Vec<&Cells> = columns.iter().map(|(_, cells)| cells).collect();
+    header.read(path, options, |_| Ok(std::iter::once(Ok(cells))))
+}
+
+/// The columns of a table whose rows follow in batches.
+pub(super) struct TableHeader {
+    pub names: Vec<String>,
+    /// Why each column cannot be read, as the end of "it is ..".
+    pub unreadable: Vec<Option<String>>,
+}
+
+impl TableHeader {
+    /// Validates the batches that `open` returns. It gets whether each column is needed; the cells of another column may be of
+    /// any kind and number. Row numbers are those of the same table as a CSV file, whose header is row 1.
+    ///
+    /// # Errors
+    /// As for a file.
+    pub fn read<C: Borrow<Cells>, B: Iterator<Item = Result<Vec<C>, DataError>>>(
+        self,
+        path: &Path,
+        options: &ReadOptions,
+        open: impl FnOnce(Vec<bool>) -> Result<B, DataError>,
+    ) -> Result<FileData, DataError> {
+        let unreadable = self.unreadable;
+        let mut layout = layout(path, self.names, options)?;
+        let required = layout.required.iter().map(|reading| reading.index).chain(layout.run);
+        for at in required.filter(|_| !layout.is_survey) {
+            if let Some(kind) = &unreadable[at] {
+                let expected = "a column of plain numbers or text";
+                return Err(at_header(path, &layout.names[at], kind, expected));
+            }
         }
+        layout.optional.retain(|column| {
+            let name = layout.names[column.reading.index].clone();
+            let why = unreadable[column.reading.index].as_ref().map(|kind| format!("it is {kind}"));
+            layout.left_out.extend(why.clone().map(|why| LeftOutColumn { name, why }));
+            why.is_none()
+        });
+        let mut is_needed = vec![false; unreadable.len()];
+        layout.needed().filter(|at| unreadable[*at].is_none()).for_each(|at| is_needed[at] = true);
+        let mut cleaner = Cleaner::new(path, layout);
+        let mut number = 1;
+        for columns in open(is_needed)? {
+            let columns = columns?;
+            let rows = columns.iter().map(|cells| cells.borrow().len()).max();
+            for row in 0..rows.unwrap_or_default() {
+                checkpoint_at(row);
+                number += 1;
+                cleaner.add_row(number, &TableRow { columns: &columns, row })?;
+            }
+        }
+        cleaner.finish()
     }
-    layout.optional.retain(|column| {
-        let why = kind(column.reading.index).map(|kind| format!("it is {kind}"));
-        let name = columns[column.reading.index].0.clone();
-        layout.left_out.extend(why.clone().map(|why| LeftOutColumn { name, why }));
-        why.is_none()
-    });
-    let mut cleaner = Cleaner::new(path, layout);
-    for row in 0..rows {
-        checkpoint_at(row);
-        cleaner.add_row(row as u64 + 2, &TableRow { columns, row })?;
-    }
-    cleaner.finish()
+}
+
+/// Calls `read`, which uses a library that reports a few damaged files with a panic, for example a page that refers to a missing
+/// dictionary. A damaged file must not look like a defect of this program, so a panic becomes an error.
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+pub(super) fn read_damaged(
+    path: &Path,
+    expected: &str,
+    read: impl FnOnce() -> Result<FileData, DataError>,
+) -> Result<FileData, DataError> {
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
+        if panic.is::<Cancelled>() {
+            resume_unwind(panic);
+        }
+        Err(DataError::File {
+            file: path.into(),
+            found: "damaged data".into(),
+            expected: expected.into(),
+        })
+    })
 }

@@ -1,18 +1,15 @@
 //! Parquet files as a source of rows.
 //!
 //! Parquet stores columns separately and compressed, but a row is accepted or rejected as a whole. So one reader per
-//! needed column advances some thousand rows at a time, and the rows go through the same validation (`clean`) as those
-//! of a CSV file. A null is an empty cell. Memory holds one such batch and the pages being decompressed.
+//! needed column advances some thousand rows at a time. A null is an empty cell. Memory holds one such batch and the pages
+//! being decompressed.
 //!
 //! Supported are the flat columns that pandas, polars and similar tools write: numbers, booleans (as the words `true`
 //! and `false`), text, and dates with or without a time of day (as the text of a CSV file, to the nanosecond),
 //! uncompressed or compressed with snappy, zstd or brotli. Lists, times of day and decimals are not measurements and are left
 //! out by name.
 
-use std::borrow::Cow;
 use std::fs::File;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::Path;
 
 use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
@@ -24,13 +21,9 @@ use parquet::schema::types::ColumnDescriptor;
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
 use super::format::{Input, LogFormat, is_parquet};
 use super::parquet_zstd::ZstdPages;
-use crate::clean::{Cleaner, FileData};
-use crate::dataset::LeftOutColumn;
-use crate::error::{BadCell, DataError, one_line};
-use crate::header::layout;
-use crate::options::ReadOptions;
-use crate::row::LogRow;
-use crate::work::Cancelled;
+use crate::clean::FileData;
+use crate::error::{DataError, one_line};
+use crate::table::{Cells, TableHeader, read_damaged};
 
 /// Rows that are decompressed at a time.
 const BATCH_ROWS: usize = 8 * 1024;
@@ -48,77 +41,16 @@ enum ColumnType {
     },
 }
 
-/// Consecutive rows of one column.
-enum Batch {
-    /// Null is NaN.
-    Numbers(Vec<f64>),
-    /// Null is empty.
-    Texts(Vec<ByteArray>),
-    /// The column is not needed.
-    NotRead,
-}
-
-/// One row of the batches of all columns.
-struct BatchRow<'a> {
-    columns: &'a [Batch],
-    row: usize,
-}
-
-impl LogRow for BatchRow<'_> {
-    fn number(&self, column: usize) -> Option<f64> {
-        match &self.columns[column] {
-            Batch::Numbers(values) => values.get(self.row).copied(),
-            Batch::Texts(values) => {
-                fast_float2::parse(values.get(self.row)?.data().trim_ascii()).ok()
-            }
-            Batch::NotRead => None,
-        }
-    }
-
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        match &self.columns[column] {
-            Batch::Texts(values) => {
-                values.get(self.row).map_or(&[][..], |value| value.data().trim_ascii()).into()
-            }
-            Batch::Numbers(values) => match values.get(self.row) {
-                Some(value) if !value.is_nan() => value.to_string().into_bytes().into(),
-                _ => Cow::Borrowed(&[]),
-            },
-            Batch::NotRead => Cow::Borrowed(&[]),
-        }
-    }
-}
-
 /// Apache Parquet.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_parquet, read };
 
-/// Reads a file.
-///
-/// The `parquet` crate reports nearly every damaged file as an error, but a few with a panic, for example a page that
-/// refers to a missing dictionary. A damaged file must not look like a defect of this program, so a panic becomes an
-/// error too.
 fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, file, size, options, progress, .. } = input;
-    let share = |share: f64| progress((share * size as f64) as u64);
-    let reading = AssertUnwindSafe(|| read_table(path, file, options, &share));
-    catch_unwind(reading).unwrap_or_else(|panic| {
-        if panic.is::<Cancelled>() {
-            resume_unwind(panic);
-        }
-        Err(DataError::File {
-            file: path.into(),
-            found: "damaged data".into(),
-            expected: "an intact Parquet file".into(),
-        })
-    })
+    let path = input.path;
+    read_damaged(path, "an intact Parquet file", || read_table(input))
 }
 
-fn read_table(
-    path: &Path,
-    file: File,
-    options: &ReadOptions,
-    progress: &dyn Fn(f64),
-) -> Result<FileData, DataError> {
+fn read_table(input: Input) -> Result<FileData, DataError> {
+    let Input { path, file, size, options, progress, .. } = input;
     let failed = |error: ParquetError| DataError::File {
         file: path.into(),
         found: one_line(&error.to_string()),
@@ -126,58 +58,40 @@ fn read_table(
     };
     let pages = file.try_clone().map_err(|error| failed(error.into()))?;
     let reader = SerializedFileReader::new(file).map_err(failed)?;
-    let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let names: Vec<String> =
-        schema.columns().iter().map(|column| column.path().parts().join(".")).collect();
+    let file_metadata = reader.metadata().file_metadata();
+    let columns = file_metadata.schema_descr().columns();
     let kinds: Vec<Result<ColumnType, &str>> =
-        schema.columns().iter().map(|column| column_type(column)).collect();
-
-    let mut layout = layout(path, names, options)?;
-    let required = layout.required.iter().map(|reading| reading.index);
-    let required: Vec<usize> = required.chain(layout.run).filter(|_| !layout.is_survey).collect();
-    for at in required {
-        if let Err(why) = kinds[at] {
-            return Err(DataError::Cell(BadCell {
-                file: path.into(),
-                row: 1,
-                column: layout.names[at].clone(),
-                found: why.into(),
-                expected: "a column of plain numbers or text".into(),
-            }));
-        }
-    }
-    layout.optional.retain(|column| match kinds[column.reading.index] {
-        Ok(_) => true,
-        Err(why) => {
-            let name = layout.names[column.reading.index].clone();
-            layout.left_out.push(LeftOutColumn { name, why: format!("it is {why}") });
-            false
-        }
-    });
-    let mut needed = vec![false; kinds.len()];
-    layout.needed().for_each(|at| needed[at] = true);
-
-    let total = reader.metadata().file_metadata().num_rows().max(1) as f64;
-    let mut cleaner = Cleaner::new(path, layout);
-    // Row numbers are those of the same table as a CSV file, whose header is row 1.
-    let mut number = 1;
-    for group in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(group).map_err(failed)?;
-        let mut readers = open_readers(&pages, &*group, &kinds, &needed).map_err(failed)?;
-        loop {
-            let columns = next_batches(&mut readers).map_err(failed)?;
-            let rows = rows_of(&columns).map_err(failed)?;
-            if rows == 0 {
-                break;
+        columns.iter().map(|column| column_type(column)).collect();
+    let header = TableHeader {
+        names: columns.iter().map(|column| column.path().parts().join(".")).collect(),
+        unreadable: kinds.iter().map(|kind| kind.err().map(str::to_owned)).collect(),
+    };
+    let total = file_metadata.num_rows().max(1) as f64;
+    header.read(path, options, |is_needed| {
+        let (mut group, mut done) = (0, 0);
+        let mut readers: Option<Vec<Option<BatchReader>>> = None;
+        let mut next = move || loop {
+            let open = match &mut readers {
+                Some(open) => open,
+                None if group == reader.num_row_groups() => return Ok(None),
+                None => {
+                    let rows = reader.get_row_group(group)?;
+                    group += 1;
+                    readers.insert(open_readers(&pages, &*rows, &kinds, &is_needed)?)
+                }
+            };
+            let columns = next_batches(open)?;
+            let rows = rows_of(&columns)?;
+            if rows > 0 {
+                // The rows before these are validated.
+                progress(((done as f64 / total).min(1.0) * size as f64) as u64);
+                done += rows;
+                return Ok(Some(columns));
             }
-            for row in 0..rows {
-                number += 1;
-                cleaner.add_row(number, &BatchRow { columns: &columns, row })?;
-            }
-            progress(((number - 1) as f64 / total).min(1.0));
-        }
-    }
-    cleaner.finish()
+            readers = None;
+        };
+        Ok(std::iter::from_fn(move || next().map_err(failed).transpose()))
+    })
 }
 
 /// Returns the type of a column, or why it cannot be read, as the end of "it is ..".
@@ -270,70 +184,66 @@ fn open_readers(
     kinds.iter().zip(needed).enumerate().map(open).collect()
 }
 
-fn next_batches(readers: &mut [Option<BatchReader>]) -> Result<Vec<Batch>, ParquetError> {
+fn next_batches(readers: &mut [Option<BatchReader>]) -> Result<Vec<Cells>, ParquetError> {
     let batch =
-        |reader: &mut Option<BatchReader>| reader.as_mut().map_or(Ok(Batch::NotRead), next_batch);
+        |reader: &mut Option<BatchReader>| reader.as_mut().map_or(Ok(Cells::NOT_READ), next_batch);
     readers.iter_mut().map(batch).collect()
 }
 
-fn next_batch(reader: &mut BatchReader) -> Result<Batch, ParquetError> {
+fn next_batch(reader: &mut BatchReader) -> Result<Cells, ParquetError> {
     let BatchReader { values, kind, value_level } = reader;
     let (value_level, unsigned) = (*value_level, *kind == ColumnType::Number { unsigned: true });
     let unit_ns = if let ColumnType::Date { unit_ns } = *kind { Some(unit_ns) } else { None };
-    let empty = ByteArray::from("");
+    let empty = String::new();
     Ok(match (values, unit_ns) {
         (ColumnReader::Int32ColumnReader(values), Some(unit_ns)) => {
-            Batch::Texts(spread(values, value_level, empty, |&v| date(i64::from(v), unit_ns))?)
+            Cells::Texts(spread(values, value_level, empty, |&v| date_text(i64::from(v), unit_ns))?)
         }
         (ColumnReader::Int64ColumnReader(values), Some(unit_ns)) => {
-            Batch::Texts(spread(values, value_level, empty, |&v| date(v, unit_ns))?)
+            Cells::Texts(spread(values, value_level, empty, |&v| date_text(v, unit_ns))?)
         }
         (ColumnReader::Int96ColumnReader(values), Some(unit_ns)) => {
-            Batch::Texts(spread(values, value_level, empty, |v| date(v.to_nanos(), unit_ns))?)
+            Cells::Texts(spread(values, value_level, empty, |v| date_text(v.to_nanos(), unit_ns))?)
         }
         (values, _) => numbers_or_text(values, unsigned, value_level)?,
     })
-}
-
-/// Formats a date as text. Returns an empty text if the calendar does not cover it.
-fn date(count: i64, unit_ns: i64) -> ByteArray {
-    ByteArray::from(date_text(count, unit_ns).into_bytes())
 }
 
 fn numbers_or_text(
     values: &mut ColumnReader,
     unsigned: bool,
     value_level: i16,
-) -> Result<Batch, ParquetError> {
+) -> Result<Cells, ParquetError> {
     let nan = f64::NAN;
-    let empty = ByteArray::from("");
+    let empty = String::new();
     Ok(match values {
         ColumnReader::DoubleColumnReader(values) => {
-            Batch::Numbers(spread(values, value_level, nan, |&v| v)?)
+            Cells::Numbers(spread(values, value_level, nan, |&v| v)?)
         }
         ColumnReader::FloatColumnReader(values) => {
-            Batch::Numbers(spread(values, value_level, nan, |&v| f64::from(v))?)
+            Cells::Numbers(spread(values, value_level, nan, |&v| f64::from(v))?)
         }
         ColumnReader::Int32ColumnReader(values) if unsigned => {
-            Batch::Numbers(spread(values, value_level, nan, |&v| f64::from(v.cast_unsigned()))?)
+            Cells::Numbers(spread(values, value_level, nan, |&v| f64::from(v.cast_unsigned()))?)
         }
         ColumnReader::Int32ColumnReader(values) => {
-            Batch::Numbers(spread(values, value_level, nan, |&v| f64::from(v))?)
+            Cells::Numbers(spread(values, value_level, nan, |&v| f64::from(v))?)
         }
         ColumnReader::Int64ColumnReader(values) if unsigned => {
-            Batch::Numbers(spread(values, value_level, nan, |&v| v.cast_unsigned() as f64)?)
+            Cells::Numbers(spread(values, value_level, nan, |&v| v.cast_unsigned() as f64)?)
         }
         ColumnReader::Int64ColumnReader(values) => {
-            Batch::Numbers(spread(values, value_level, nan, |&v| v as f64)?)
+            Cells::Numbers(spread(values, value_level, nan, |&v| v as f64)?)
         }
         ColumnReader::BoolColumnReader(values) => {
-            let word = |&v: &bool| ByteArray::from(if v { "true" } else { "false" });
-            Batch::Texts(spread(values, value_level, empty, word)?)
+            let word = |&v: &bool| if v { "true" } else { "false" }.to_owned();
+            Cells::Texts(spread(values, value_level, empty, word)?)
         }
         ColumnReader::ByteArrayColumnReader(values) => {
-            Batch::Texts(spread(values, value_level, empty, ByteArray::clone)?)
+            let text = |v: &ByteArray| String::from_utf8_lossy(v.data()).into_owned();
+            Cells::Texts(spread(values, value_level, empty, text)?)
         }
-        _ => Batch::NotRead,
+        _ => Cells::NOT_READ,
     })
 }
 
@@ -355,18 +265,12 @@ fn spread<T: DataType, V: Clone>(
     Ok(levels.iter().map(next).map(|value| value.unwrap_or_else(|| null.clone())).collect())
 }
 
-/// Returns the number of rows, which must be the same in all batches.
-fn rows_of(columns: &[Batch]) -> Result<usize, ParquetError> {
-    let mut rows = None;
-    for column in columns {
-        let length = match column {
-            Batch::Numbers(values) => values.len(),
-            Batch::Texts(values) => values.len(),
-            Batch::NotRead => continue,
-        };
-        if *rows.get_or_insert(length) != length {
-            return Err(ParquetError::General("columns of different length".into()));
-        }
+/// Returns the number of rows, which must be the same in all columns that are read.
+fn rows_of(columns: &[Cells]) -> Result<usize, ParquetError> {
+    let mut lengths = columns.iter().filter(|cells| **cells != Cells::NOT_READ).map(Cells::len);
+    let rows = lengths.next().unwrap_or(0);
+    if lengths.any(|length| length != rows) {
+        return Err(ParquetError::General("columns of different length".into()));
     }
-    Ok(rows.unwrap_or(0))
+    Ok(rows)
 }
