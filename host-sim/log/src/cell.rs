@@ -7,7 +7,7 @@ use super::row::LogRow;
 use super::unit::Conversion;
 
 /// Reads the numbers of one column.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct CellReader {
     /// The column in the file.
     pub index: usize,
@@ -20,7 +20,7 @@ pub(super) struct CellReader {
 impl CellReader {
     /// Returns the reader of a column without list or conversion.
     pub fn plain(index: usize) -> Self {
-        Self { index, element: None, conversion: None }
+        Self { index, ..Self::default() }
     }
 
     /// Returns the number as in the file.

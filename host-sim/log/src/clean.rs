@@ -69,7 +69,7 @@ fn is_ambiguous_comma(cell: &[u8]) -> bool {
 }
 
 /// The valid rows of a file.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct FileData {
     pub joint: JointKind,
     pub runs: Vec<CleanRun>,

@@ -16,7 +16,7 @@ use std::ops::Range;
 use super::clean::{CleanRun, Cleaner, FileData, MAX_BAD_SHARE, OpenRun};
 use super::columns::{ColumnUse, FINITE};
 use super::dataset::LeftOutColumn;
-use super::error::{BadRows, DataError, NAMED_BAD_ROWS, asked_rows};
+use super::error::{DataError, NAMED_BAD_ROWS, asked_rows};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::order::{check_order, late_rows, recordings, sorting_order};
@@ -132,21 +132,10 @@ impl Cleaner<'_> {
 
     /// Returns the description of the columns instead of data.
     fn described(self) -> FileData {
+        let columns = self.samples.finish(self.layout.names, self.layout.units);
         FileData {
-            joint: self.layout.joint,
-            runs: Vec::new(),
-            optional: Vec::new(),
-            left_out: Vec::new(),
-            notes: Vec::new(),
-            sources: Vec::new(),
-            origin_ns: None,
-            has_runs: false,
-            rows: 0,
-            bad: BadRows::default(),
-            survey: Survey {
-                columns: self.samples.finish(self.layout.names, self.layout.units),
-                preset: self.layout.suggested,
-            },
+            survey: Survey { columns, preset: self.layout.suggested },
+            ..FileData::default()
         }
     }
 

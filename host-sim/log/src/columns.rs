@@ -74,32 +74,13 @@ impl ColumnTally {
 pub(super) const FINITE: &str = "a finite number";
 
 /// Words for a value that is missing, in lower case. The longer ones are those of historians and spreadsheets.
-const MISSING_VALUES: [&str; 19] = [
-    "",
-    "nan",
-    "na",
-    "n/a",
-    "null",
-    "none",
-    "-",
-    "inf",
-    "-inf",
-    "#n/a",
-    "#nv",
-    "no data",
-    "nodata",
-    "bad",
-    "bad input",
-    "i/o timeout",
-    "timeout",
-    "not available",
-    "missing",
-];
+const MISSING_VALUES: &str = "|nan|na|n/a|null|none|-|inf|-inf|#n/a|#nv|no data|nodata|bad|bad input|i/o timeout|timeout|\
+                              not available|missing";
 
 /// Returns true if the cell states in one of the usual ways that there is no value.
 pub(super) fn is_missing_value(cell: &[u8]) -> bool {
     let cell = cell.trim_ascii();
-    MISSING_VALUES.iter().any(|word| cell.eq_ignore_ascii_case(word.as_bytes()))
+    MISSING_VALUES.split('|').any(|word| cell.eq_ignore_ascii_case(word.as_bytes()))
 }
 
 /// Numbers of one optional column in one run. They are aligned with the run's rows once it is closed.

@@ -16,7 +16,7 @@ use super::error::BadRows;
 use compensator_core::quantity::{JointKind, Quantity};
 
 /// All data that were read and validated.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Dataset {
     /// The joint kind, by the target column: `torque_nm` or `force_n`.
     pub joint: JointKind,
@@ -204,15 +204,8 @@ impl Dataset {
         };
         let mut data = Self {
             joint,
-            runs: Vec::new(),
-            files: Vec::new(),
-            rows: 0,
-            rows_read: 0,
-            bad_rows: BadRows::default(),
             covariates: names.iter().filter(|name| place(name).is_none()).cloned().collect(),
-            left_out_columns: Vec::new(),
-            notes: Vec::new(),
-            sources: Vec::new(),
+            ..Self::default()
         };
         for quantity in required {
             let name = quantity.name(joint);

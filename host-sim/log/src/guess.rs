@@ -10,94 +10,31 @@ use super::unit;
 use compensator_core::quantity::Quantity;
 
 /// Words that name a quantity in logs of drives, ROS and MATLAB.
-const WORDS: [(&str, &[&str]); 3] = [
-    (
-        "time",
-        &[
-            "time",
-            "timestamp",
-            "stamp",
-            "t",
-            "clock",
-            "secs",
-            "%time",
-            "zeit",
-            "uhrzeit",
-            "temps",
-            "heure",
-            "ts",
-            "millis",
-            "micros",
-        ],
-    ),
+const WORDS: [(&str, &str); 3] = [
+    ("time", "time timestamp stamp t clock secs %time zeit uhrzeit temps heure ts millis micros"),
     (
         "velocity",
-        &[
-            "velocity",
-            "velo",
-            "vel",
-            "speed",
-            "omega",
-            "dq",
-            "qd",
-            "qdot",
-            "dtheta",
-            "w",
-            "v",
-            "rpm",
-            "drehzahl",
-            "geschwindigkeit",
-            "istgeschwindigkeit",
-            "vitesse",
-            "gyro",
-            "gyroscope",
-        ],
+        "velocity velo vel speed omega dq qd qdot dtheta w v rpm drehzahl geschwindigkeit istgeschwindigkeit vitesse gyro \
+         gyroscope",
     ),
-    (
-        "torque",
-        &[
-            "torque",
-            "tau",
-            "effort",
-            "moment",
-            "force",
-            "trq",
-            "drehmoment",
-            "kraft",
-            "istmoment",
-            "couple",
-        ],
-    ),
+    ("torque", "torque tau effort moment force trq drehmoment kraft istmoment couple"),
 ];
 
 /// Words that name the other quantities in a description of columns.
-const OTHER_WORDS: [(&str, &[&str]); 4] = [
-    ("position_rad", &["position", "pos", "angle", "theta", "q"]),
-    ("temperature_c", &["temperature", "temp"]),
-    ("pressure_diff_pa", &["pressure", "druck"]),
-    ("acceleration_rad_s2", &["acceleration", "accel", "ddq"]),
+const OTHER_WORDS: [(&str, &str); 4] = [
+    ("position_rad", "position pos angle theta q"),
+    ("temperature_c", "temperature temp"),
+    ("pressure_diff_pa", "pressure druck"),
+    ("acceleration_rad_s2", "acceleration accel ddq"),
 ];
 
 /// Words of a value that is not measured.
-const NOT_MEASURED: &[&str] = &[
-    "des",
-    "desired",
-    "cmd",
-    "command",
-    "ref",
-    "reference",
-    "target",
-    "goal",
-    "setpoint",
-    "limit",
-    "max",
-    "min",
-    "err",
-    "error",
-    "std",
-    "cov",
-    "filt",
-];
+const NOT_MEASURED: &str = "des desired cmd command ref reference target goal setpoint limit max min err error std cov filt";
+
+/// Returns true if a word is one of some words.
+fn is_among(words: &str, word: &str) -> bool {
+    words.split(' ').any(|of| of == word)
+}
 
 /// Minimum length of a word that is recognised inside another word (`ActVelo` has none, `motorspeed` has one).
 const MIN_INNER_CHARS: usize = 4;
@@ -109,20 +46,20 @@ pub(super) fn score(contract_name: &str, name: &str) -> u32 {
     let other = OTHER_WORDS.iter().find(|(of, _)| *of == contract_name).map(|(_, words)| *words);
     let Some(words) = words.or(other) else { return 0 };
     let parts = parts(name);
-    let fits = |part: &String| words.contains(&&**part);
-    let inner = |word: &&&str| {
+    let fits = |part: &String| is_among(words, part);
+    let inner = |word: &str| {
         let is_long = word.len() >= MIN_INNER_CHARS;
         // The beginning of a long word, too: `Velo`, `Temp`.
         let begins = |part: &String| part.len() >= MIN_INNER_CHARS && word.starts_with(&**part);
-        is_long && parts.iter().any(|part| part.contains(**word) || begins(part))
+        is_long && parts.iter().any(|part| part.contains(word) || begins(part))
     };
     let fit = match (parts.last().is_some_and(fits), parts.iter().any(fits)) {
         (true, _) => 6,
         (false, true) => 4,
-        _ if words.iter().any(|word| inner(&word)) => 2,
+        _ if words.split(' ').any(inner) => 2,
         _ => return 0,
     };
-    let is_measured = !parts.iter().any(|part| NOT_MEASURED.contains(&&**part));
+    let is_measured = !parts.iter().any(|part| is_among(NOT_MEASURED, part));
     if is_measured { fit } else { 1 }
 }
 
@@ -176,7 +113,7 @@ const MAX_NAME_BYTES: usize = 60;
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
-    let is_alike = |name: &str| parts(name).iter().any(|part| words.contains(&&**part));
+    let is_alike = |name: &str| parts(name).iter().any(|part| is_among(words, part));
     let all: Vec<&&str> = columns.iter().filter(|name| is_alike(name)).collect();
     // Of several times, the one with a unit: `ts_us` beside `T`.
     let with_unit = all.iter().filter(|name| unit::stated(contract_name, name).is_some());

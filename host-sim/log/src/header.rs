@@ -8,13 +8,14 @@
 //! Joints side by side are read one at a time (`joints`). An ambiguous header is an error, not a guess: two columns
 //! of one name, two targets, or a linear velocity with a torque (unless the pairs say so).
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use compensator_core::quantity::{JointKind, Quantity};
 
 use super::cell::CellReader;
 use super::column_names::ColumnNames;
-use super::contract::{POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
+use super::contract::{self, POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, at_header, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
@@ -56,7 +57,7 @@ pub(super) struct JointNameColumn {
 }
 
 /// The interpreted header.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Layout {
     pub joint: JointKind,
     /// All names as in the file, for messages.
@@ -98,22 +99,12 @@ impl Layout {
             is_mapped: false,
         });
         Self {
-            joint: JointKind::Revolute,
-            run: None,
-            required: [CellReader::plain(0); 3],
-            dates: None,
-            is_position: false,
-            velocity_kind: JointKind::Revolute,
             optional: optional.collect(),
-            only: Vec::new(),
-            joint_names: Vec::new(),
-            left_out: Vec::new(),
-            notes: Vec::new(),
-            sources: Vec::new(),
             is_survey: true,
             suggested,
             units,
             names,
+            ..Self::default()
         }
     }
 
@@ -123,6 +114,24 @@ impl Layout {
         let optional = self.optional.iter().map(|column| column.reading.index);
         let names = self.joint_names.iter().map(|column| column.index).chain(self.dates);
         required.chain(optional).chain(names).chain(self.only.iter().map(|only| only.index))
+    }
+
+    /// Keeps only the columns that the contract or `--columns` names, of a file with many others. `own` are the columns that
+    /// the file itself does not have.
+    pub fn keep_named_columns(&mut self, file: &Path, own: usize) {
+        self.optional.retain(|column| column.is_mapped || column.quantity.is_some());
+        let optional = &self.optional;
+        self.sources.retain(|source| {
+            contract::names().any(|name| name == source.name)
+                || optional.iter().any(|column| column.name == source.name)
+        });
+        self.notes.retain(|note| !note.contains("is read as a covariate"));
+        let used = self.needed().collect::<HashSet<usize>>().len() - own;
+        let count = self.names.len() - own;
+        self.notes.push(format!(
+            "{}: {used} of {count} columns are read: those with a name of the contract",
+            file.display()
+        ));
     }
 
     /// Reads units from the first row and returns true, if that row holds units instead of values. This is so if at
@@ -161,24 +170,8 @@ impl Layout {
 
 /// Names of columns that identify a row's joint. A column `name` mostly names something else and is treated
 /// separately.
-const JOINT_NAMES: [&str; 16] = [
-    "joint",
-    "joint_name",
-    "joint_id",
-    "joint_index",
-    "axis",
-    "axis_name",
-    "axis_id",
-    "motor",
-    "motor_id",
-    "motor_name",
-    "actuator",
-    "actuator_id",
-    "drive",
-    "node_id",
-    "controller",
-    "controller_id",
-];
+const JOINT_NAMES: &str = "joint joint_name joint_id joint_index axis axis_name axis_id motor motor_id motor_name \
+                           actuator actuator_id drive node_id controller controller_id";
 
 /// Names of columns of dates beside a column of times of day.
 const DATE_NAMES: [&str; 5] = ["date", "datum", "day", "fecha", "data"];
@@ -322,16 +315,11 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
         dates: date_column(&names, time.index),
         is_position,
         velocity_kind: motion.kind,
-        optional: Vec::new(),
         joint_names: joint_name_columns(&names, &only, run),
         only,
         left_out: naming.replaced(),
         notes: one.note.iter().cloned().chain(kind_note).collect(),
-        sources: Vec::new(),
-        is_survey: false,
-        suggested: None,
-        units: Vec::new(),
-        names: Vec::new(),
+        ..Layout::default()
     };
     let sources = [
         Some((TIME, time)),
@@ -436,7 +424,7 @@ fn joint_name_columns(
 ) -> Vec<JointNameColumn> {
     let suspect = |(index, name): (usize, &String)| {
         let name = name.trim_start_matches('#').trim().to_lowercase();
-        let is_certain = JOINT_NAMES.contains(&name.as_str());
+        let is_certain = JOINT_NAMES.split(' ').any(|of| of == name);
         let is_free = run != Some(index) && only.iter().all(|only| only.index != index);
         (is_free && (is_certain || name == "name")).then_some(JointNameColumn { index, is_certain })
     };

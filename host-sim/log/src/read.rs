@@ -13,7 +13,7 @@ use compensator_core::quantity::Quantity;
 use super::clean::{CleanRun, FileData};
 use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::describe::with_likely_columns;
-use super::error::{BadRows, DataError};
+use super::error::DataError;
 use super::options::ReadOptions;
 use super::source::{read_content, read_file};
 use super::table::{Table, read_table};
@@ -167,18 +167,7 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
             });
         }
     }
-    let mut data = Dataset {
-        joint,
-        runs: Vec::new(),
-        files: files.to_vec(),
-        rows: 0,
-        rows_read: 0,
-        bad_rows: BadRows::default(),
-        covariates: Vec::new(),
-        left_out_columns: Vec::new(),
-        notes: Vec::new(),
-        sources: Vec::new(),
-    };
+    let mut data = Dataset { joint, files: files.to_vec(), ..Dataset::default() };
     let shared = shared_columns(files, &parts, &mut data.notes);
     for (quantity, name) in &shared {
         if quantity.is_none() {

@@ -20,26 +20,8 @@ const WORDS: [Words; 6] = [
 ];
 
 /// Words of a value that was not measured at the joint.
-const OTHER_WORDS: [&str; 18] = [
-    "set",
-    "setpoint",
-    "ref",
-    "reference",
-    "cmd",
-    "command",
-    "commanded",
-    "des",
-    "desired",
-    "target",
-    "goal",
-    "limit",
-    "max",
-    "min",
-    "ambient",
-    "room",
-    "error",
-    "rate",
-];
+const OTHER_WORDS: &str = "set setpoint ref reference cmd command commanded des desired target goal limit max min ambient \
+                           room error rate";
 
 /// Maximum number of suggestions.
 const MAX_SUGGESTIONS: usize = 3;
@@ -84,7 +66,7 @@ fn quantity(name: &str) -> Option<Quantity> {
     }
     let lower = name.to_lowercase();
     let words: Vec<&str> = lower.split(|c: char| !c.is_alphabetic()).collect();
-    if words.iter().any(|word| OTHER_WORDS.contains(word)) {
+    if OTHER_WORDS.split(' ').any(|other| words.contains(&other)) {
         return None;
     }
     let is_alike = |(_, groups): &&Words| {

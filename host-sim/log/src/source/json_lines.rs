@@ -7,7 +7,6 @@
 
 use super::format::{Input, LogFormat};
 use crate::clean::{Cleaner, FileData};
-use crate::contract;
 use crate::error::{DataError, quoted};
 use crate::header::{Layout, layout};
 use crate::row::LogRow;
@@ -142,7 +141,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let mut layout = layout(path, names, input.options)?;
     let has_channels = fewest < count && !layout.is_survey;
     if has_channels {
-        keep_named_columns(&mut layout, count, &path.display().to_string());
+        layout.keep_named_columns(path, 0);
     }
     let is_measured = measured_columns(&layout);
     let mut cleaner = Cleaner::new(path, layout);
@@ -188,23 +187,6 @@ impl Columns {
         });
         self.fewest = self.fewest.min(fields);
     }
-}
-
-/// Leaves out the covariates that only their own name makes one.
-fn keep_named_columns(layout: &mut Layout, count: usize, file: &str) {
-    layout.optional.retain(|column| column.is_mapped || column.quantity.is_some());
-    let kept: Vec<String> = layout.optional.iter().map(|column| column.name.clone()).collect();
-    layout.sources.retain(|source| {
-        contract::names().any(|name| name == source.name) || kept.contains(&source.name)
-    });
-    layout.notes.retain(|note| !note.contains("is read as a covariate"));
-    let mut used: Vec<usize> = layout.needed().collect();
-    used.sort_unstable();
-    used.dedup();
-    layout.notes.push(format!(
-        "{file}: {} of {count} columns are read: those with a name of the contract",
-        used.len()
-    ));
 }
 
 /// Returns for each column whether it is a measurement, and not the time or a name.

@@ -80,23 +80,14 @@ fn read(input: Input) -> Result<FileData, DataError> {
     progress(size);
     let MessageTable { names, mut rows, ignored, .. } = table;
     rows.sort_by_key(|row| row.time_ns);
-    let all = names.len() - 1;
     let mut layout = layout(path, names, options)?;
-    let is_survey = layout.is_survey;
-    layout.optional.retain(|column| is_survey || column.is_mapped || column.quantity.is_some());
-    let kept: Vec<String> = layout.optional.iter().map(|column| column.name.clone()).collect();
-    layout.sources.retain(|source| {
-        contract::names().any(|name| name == source.name) || kept.contains(&source.name)
-    });
-    let used = layout.needed().count() - 1;
-    let file = path.display();
-    layout.notes.retain(|note| !note.contains("is read as a covariate"));
-    layout.notes.push(format!(
-        "{file}: {used} of {all} columns are read: those with a name of the contract"
-    ));
+    if !layout.is_survey {
+        layout.keep_named_columns(path, 1);
+    }
     if ignored > 0 {
         layout.notes.push(format!(
-            "{file}: {ignored} messages are ignored: they are damaged, or neither CDR nor JSON"
+            "{}: {ignored} messages are ignored: they are damaged, or neither CDR nor JSON",
+            path.display()
         ));
     }
     let mut needed = vec![false; layout.names.len()];
