@@ -9,7 +9,7 @@
 use super::cell::CellReader;
 use super::date::{ACCEPTED, DateOrder, Stamp, parse_day, parse_stamp};
 use super::row::LogRow;
-use chrono::{DateTime, Timelike};
+use chrono::{DateTime, NaiveDate, Timelike};
 
 /// Stamps of at least this size, ns (three years), count from 1970. Smaller ones count from the start of the logger.
 const MIN_EPOCH_NS: i128 = 100_000_000_000_000_000;
@@ -157,6 +157,24 @@ pub(super) fn format_stamp(ns: i128) -> Option<String> {
     Some(stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string())
 }
 
+/// Formats seconds since 1970 as `2026-11-22 12:34`, in UTC.
+pub fn utc_minute(epoch_s: u64) -> String {
+    let stamp = DateTime::from_timestamp(epoch_s as i64, 0).unwrap_or_default();
+    stamp.format("%Y-%m-%d %H:%M").to_string()
+}
+
+/// Returns the days since 1970 of a date as `2026-11-25` or `20261125`.
+pub fn day_number(date: &str) -> Option<i64> {
+    let is_of_date = |(at, letter): (usize, char)| match (date.len(), at) {
+        (10, 4 | 7) => letter == '-',
+        (8 | 10, _) => letter.is_ascii_digit(),
+        _ => false,
+    };
+    let digits = date.replace('-', "");
+    let day = NaiveDate::parse_from_str(&digits, "%Y%m%d").ok()?;
+    date.char_indices().all(is_of_date).then(|| (day - NaiveDate::default()).num_days())
+}
+
 /// Formats the origin for a message.
 pub(super) fn format_origin(origin_ns: i128) -> String {
     let seconds = origin_ns.div_euclid(1_000_000_000) as i64;
@@ -223,5 +241,30 @@ mod tests {
         assert_eq!(date_error(b"14/Foo/2024 09:15:02", None), Some(ACCEPTED));
         assert_eq!(date_error(b"Channels", None), None);
         assert!(is_date(b"03/04/2024 09:15:02") && !is_date(b"a-1"));
+    }
+
+    #[test]
+    fn utc_minute_formats_epoch_seconds_as_calendar_time() {
+        for (epoch_s, text) in [
+            (0, "1970-01-01 00:00"),
+            (951_782_399, "2000-02-28 23:59"),
+            (951_782_400, "2000-02-29 00:00"),
+            (951_868_800, "2000-03-01 00:00"),
+            (1_795_350_600, "2026-11-22 12:30"),
+            (4_107_542_399, "2100-02-28 23:59"),
+            (4_107_542_400, "2100-03-01 00:00"),
+        ] {
+            assert_eq!(utc_minute(epoch_s), text);
+        }
+    }
+
+    #[test]
+    fn day_number_with_date_returns_days_since_1970() {
+        assert_eq!([day_number("1970-01-02"), day_number("20000229")], [Some(1), Some(11_016)]);
+        for other in
+            ["12345678", "1970-1-02", "2026-02-30", "19700102x", "-1970-0102", "dive 10", ""]
+        {
+            assert_eq!(day_number(other), None, "{other}");
+        }
     }
 }

@@ -58,6 +58,7 @@ mod zone;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::{MAX_BAD_SHARE, MAX_RUNS};
+pub use clock::{day_number, utc_minute};
 pub use compensator_core::quantity::{JointKind, Quantity};
 pub use dataset::{Dataset, LeftOutColumn, Measured, Run, SourceColumn};
 pub use decimate::AntiAlias;

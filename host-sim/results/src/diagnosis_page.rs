@@ -26,7 +26,7 @@ mod words;
 
 pub use stochastic::stochastic_section;
 
-use super::page::{FitReport, View, glossary, in_rows, tables as shared};
+use super::page::{self as shared, FitReport, View};
 use super::ranking::{RankedCandidate, left_out_in_words, ranking};
 use crate::report::{Block, Page};
 use friction_diagnose::{Diagnosis, summary};
@@ -158,7 +158,7 @@ fn whole_page(scene: &Scene) -> Page {
     let charts = largest_effect::chart(scene).into_iter().chain([lead::above_the_floor(scene)]);
     page.push(Block::Lead { facts: lead::facts(scene), charts: charts.collect() });
     page.push(Block::Contents);
-    page.push(Block::Heading("Summary".into()));
+    page.push(Block::heading("Summary"));
     page.push(Block::List(summary::summary(scene.about.found)));
     let sections = [
         log::log(scene),
@@ -170,8 +170,8 @@ fn whole_page(scene: &Scene) -> Page {
         where_in_motion(scene),
         parameters(scene),
         stochastic(scene),
-        methods(scene),
-        sources(scene),
+        shared::methods(&scene.view, words::methods(scene)),
+        shared::data(&scene.view, words::sources(scene)),
     ];
     page.blocks.extend(sections.into_iter().flatten());
     page
@@ -184,62 +184,55 @@ fn memory(predicted: &Predicted) -> f64 {
 
 fn gain(scene: &Scene) -> Vec<Block> {
     vec![
-        Block::Heading("Prediction error on held-out rows".into()),
-        Block::Paragraph(left_out_in_words(scene.about.found).into()),
-        Block::Chart(figures::errors(scene)),
+        Block::heading("Prediction error on held-out rows"),
+        Block::paragraph(left_out_in_words(scene.about.found)),
+        figures::errors(scene).into(),
     ]
 }
 
 fn predictions(scene: &Scene) -> Vec<Block> {
-    let Some(charts) = figures::predictions(scene) else { return Vec::new() };
-    let mut blocks = vec![
-        Block::Heading(format!("Logged and simulated {}", scene.torque())),
+    let Some([over_time, close_up @ ..]) = figures::predictions(scene) else { return Vec::new() };
+    vec![
+        Block::heading(format!("Logged and simulated {}", scene.torque())),
         Block::Paragraph(words::predictions(scene)),
-    ];
-    let [over_time, close_up @ ..] = charts;
-    blocks.push(Block::Chart(over_time));
-    blocks.push(Block::Row(close_up.to_vec()));
-    blocks
+        over_time.into(),
+        Block::Row(close_up.to_vec()),
+    ]
 }
 
 fn evidence(scene: &Scene) -> Vec<Block> {
-    let mut blocks = vec![Block::Heading("Evidence".into())];
+    let mut blocks = vec![Block::heading("Evidence")];
     let findings = &scene.about.found.findings;
     let Some((first, others)) = findings.split_first() else {
         blocks.push(Block::Paragraph(words::nothing_found(scene)));
-        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+        blocks.push(figures::autocorrelation(scene).into());
         return blocks;
     };
     blocks.push(Block::List(words::reading_means(scene)));
-    blocks.extend(in_rows(evidence::of(scene, first)));
-    if scene.is_extended() {
-        blocks.push(Block::Chart(figures::added(scene)));
-    } else {
-        blocks.push(Block::Chart(figures::autocorrelation(scene)));
-    }
-    for other in others {
-        blocks.push(Block::Details {
-            summary: format!("Evidence for {}", other.cause.name()),
-            blocks: in_rows(evidence::of(scene, other)),
-        });
-    }
+    blocks.extend(Block::rows(evidence::of(scene, first)));
+    blocks.push(match scene.is_extended() {
+        true => figures::added(scene).into(),
+        false => figures::autocorrelation(scene).into(),
+    });
+    blocks.extend(others.iter().map(|other| {
+        let summary = format!("Evidence for {}", other.cause.name());
+        Block::details(summary, Block::rows(evidence::of(scene, other)))
+    }));
     blocks
 }
 
 fn left_over(scene: &Scene) -> Vec<Block> {
     let mut blocks = vec![
-        Block::Heading("Remaining residual".into()),
+        Block::heading("Remaining residual"),
         Block::Paragraph(words::left_over(scene)),
-        Block::Chart(over_time::over_time(scene)),
+        over_time::over_time(scene).into(),
     ];
     let (along, plain) = evidence::survey(scene);
-    blocks.extend(in_rows(along));
-    blocks.push(Block::Details {
-        summary: "The same charts without the sign of the motion".into(),
-        blocks: [vec![Block::Paragraph(words::PLAIN.into())], in_rows(plain)].concat(),
-    });
+    blocks.extend(Block::rows(along));
+    let plain = [vec![Block::paragraph(words::PLAIN)], Block::rows(plain)].concat();
+    blocks.push(Block::details("The same charts without the sign of the motion", plain));
     if !scene.about.found.findings.is_empty() && scene.is_extended() {
-        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+        blocks.push(figures::autocorrelation(scene).into());
     }
     blocks
 }
@@ -247,72 +240,60 @@ fn left_over(scene: &Scene) -> Vec<Block> {
 fn where_in_motion(scene: &Scene) -> Vec<Block> {
     let found = scene.about.found;
     vec![
-        Block::Heading("Error of the base model by state of motion".into()),
+        Block::heading("Error of the base model by state of motion"),
         Block::Row(vec![
             figures::shares(scene, "By state of motion", &found.by_regime, words::REGIMES),
             figures::shares(scene, "By direction", &found.by_direction, words::DIRECTIONS),
         ]),
         Block::Paragraph(words::reversals(found, scene.unit())),
-        Block::Table(tables::shares(scene)),
+        tables::shares(scene).into(),
     ]
 }
 
 fn candidates(scene: &Scene) -> Vec<Block> {
     let found = scene.about.found;
-    let heading = match scene.is_extended() {
+    let mut blocks = vec![Block::heading(match scene.is_extended() {
         true => "Findings and rejected candidates",
         false => "Rejected candidates",
-    };
-    let mut blocks = vec![Block::Heading(heading.into())];
+    })];
     if !found.findings.is_empty() {
-        blocks.push(Block::Table(tables::findings(scene)));
+        blocks.push(tables::findings(scene).into());
         blocks.push(Block::List(words::findings(found)));
     }
     let ranking = ranking(found);
     // Findings are always drawn, whatever their rank.
-    let drawn = ranking
-        .iter()
-        .enumerate()
-        .filter(|(place, own)| *place < MAX_CHART_CANDIDATES || own.is_finding);
+    let is_drawn =
+        |(place, own): &(usize, &RankedCandidate)| *place < MAX_CHART_CANDIDATES || own.is_finding;
+    let drawn = ranking.iter().enumerate().filter(is_drawn);
     let drawn: Vec<&RankedCandidate> = drawn.map(|(_, own)| own).collect();
     if drawn.is_empty() {
-        blocks.push(Block::Paragraph(
-            "There are no candidates: no column of this log varies enough to be tested.".into(),
-        ));
+        let why = "There are no candidates: no column of this log varies enough to be tested.";
+        blocks.push(Block::paragraph(why));
         return blocks;
     }
-    blocks.push(Block::Chart(figures::ranking(&drawn)));
+    blocks.push(figures::ranking(&drawn).into());
     let open = &ranking[..ranking.len().min(MAX_TABLE_CANDIDATES)];
-    blocks.push(Block::Table(tables::ranking(
-        "Each candidate added alone to the base model, best first",
-        open,
-    )));
+    let caption = "Each candidate added alone to the base model, best first";
+    blocks.push(tables::ranking(caption, open).into());
     if ranking.len() > MAX_TABLE_CANDIDATES {
-        blocks.push(Block::Details {
-            summary: format!("All {} candidates", ranking.len()),
-            blocks: vec![Block::Table(tables::ranking(
-                "Each candidate in its best setting",
-                &ranking,
-            ))],
-        });
+        let all = tables::ranking("Each candidate in its best setting", &ranking);
+        let summary = format!("All {} candidates", ranking.len());
+        blocks.push(Block::details(summary, vec![all.into()]));
     }
     blocks
 }
 
 fn parameters(scene: &Scene) -> Vec<Block> {
     let mut blocks = vec![
-        Block::Heading("Parameters".into()),
-        Block::Paragraph(words::PARAMETERS.into()),
-        Block::Table(tables::parameters(scene)),
+        Block::heading("Parameters"),
+        Block::paragraph(words::PARAMETERS),
+        tables::parameters(scene).into(),
     ];
     let verdicts = words::verdicts(scene);
     if !verdicts.is_empty() {
         blocks.push(Block::List(verdicts));
     }
-    if let Some(table) = shared::correlation(&scene.about.found.extended) {
-        let summary = format!("{}: correlation of the estimates", scene.about.found.extended.spec);
-        blocks.push(Block::Details { summary, blocks: vec![Block::Table(table)] });
-    }
+    blocks.extend(shared::tables::correlation(&scene.about.found.extended));
     blocks
 }
 
@@ -320,27 +301,4 @@ fn stochastic(scene: &Scene) -> Vec<Block> {
     let made = &scene.about.found.certificates;
     let after = if scene.is_extended() { made.after.json() } else { Value::Null };
     stochastic_section(&made.before.json(), &after, Some(&made.reading))
-}
-
-fn methods(scene: &Scene) -> Vec<Block> {
-    vec![
-        Block::Heading("Method".into()),
-        Block::List(words::methods(scene)),
-        Block::Details {
-            summary: "Models".into(),
-            blocks: vec![Block::List(glossary::models(&scene.view))],
-        },
-    ]
-}
-
-fn sources(scene: &Scene) -> Vec<Block> {
-    vec![
-        Block::Heading("Data".into()),
-        Block::Table(shared::files(&scene.view)),
-        Block::List(words::sources(scene)),
-        Block::Details {
-            summary: "Runs".into(),
-            blocks: vec![Block::Table(shared::runs(&scene.view))],
-        },
-    ]
 }

@@ -9,13 +9,13 @@
 //! collapsed blocks.
 
 mod figures;
-pub(super) mod glossary;
+mod glossary;
 pub(super) mod held_out;
 mod summary;
 pub(super) mod tables;
 pub(super) mod words;
 
-use crate::report::{Block, Page};
+use crate::report::{Block, Chart, Page};
 use compensator_core::LawKind;
 use friction_fit::{Outcome, Rows};
 use held_out::HeldOut;
@@ -152,107 +152,68 @@ pub fn compare_fits(study: &FitReport) -> Comparison {
         over_velocity(&view),
         left_over(&view),
         parameters(&view),
-        methods(&view),
-        data(&view),
+        methods(&view, glossary::methods(&view)),
+        data(&view, words::data(&view)),
     ];
     page.blocks.extend(sections.into_iter().flatten());
     Comparison { page, summary, chosen: view.chosen() }
 }
 
 fn predictions(view: &View) -> Vec<Block> {
+    let metrics = vec![Block::List(glossary::metrics(view)), tables::train_metrics(view).into()];
     vec![
-        Block::Heading("Prediction error on held-out rows".into()),
-        Block::Chart(figures::errors(view)),
-        Block::Table(tables::held_out_metrics(view)),
-        Block::Details {
-            summary: "Definition of the metrics, and their values on the training rows".into(),
-            blocks: vec![
-                Block::List(glossary::metrics(view)),
-                Block::Table(tables::train_metrics(view)),
-            ],
-        },
+        Block::heading("Prediction error on held-out rows"),
+        figures::errors(view).into(),
+        tables::held_out_metrics(view).into(),
+        Block::details("Definition of the metrics, and their values on the training rows", metrics),
     ]
 }
 
 fn over_velocity(view: &View) -> Vec<Block> {
-    let mut torque = view.torque().to_owned();
-    torque[..1].make_ascii_uppercase();
-    let mut blocks = vec![
-        Block::Heading(format!("{torque} over velocity")),
-        Block::Paragraph(words::over_velocity(view)),
-    ];
+    let heading = format!("{} over velocity", words::capitalised(view.torque()));
+    let mut blocks = vec![Block::heading(heading), Block::Paragraph(words::over_velocity(view))];
     let (shown, rest) = view.shown_and_rest();
-    blocks.extend(in_rows(figures::over_velocity(view, &shown)));
-    blocks.extend(in_rows(figures::cycle(view, &shown)));
+    blocks.extend(Block::rows(figures::over_velocity(view, &shown)));
+    blocks.extend(Block::rows(figures::cycle(view, &shown)));
     blocks.extend(collapsed("Other models", figures::over_velocity(view, &rest)));
     blocks
 }
 
 fn left_over(view: &View) -> Vec<Block> {
     let (shown, rest) = view.shown_and_rest();
-    let mut blocks = vec![
-        Block::Heading("Residual of each model".into()),
-        Block::Paragraph(words::left_over(view)),
-    ];
-    blocks.extend(in_rows(figures::residuals(view, &shown)));
+    let mut blocks =
+        vec![Block::heading("Residual of each model"), Block::Paragraph(words::left_over(view))];
+    blocks.extend(Block::rows(figures::residuals(view, &shown)));
     blocks.extend(collapsed("Other models", figures::residuals(view, &rest)));
-    blocks.push(Block::Chart(figures::residual_over_velocity(view)));
+    blocks.push(figures::residual_over_velocity(view).into());
     blocks
 }
 
 fn parameters(view: &View) -> Vec<Block> {
-    let best = view.best();
-    let mut blocks = vec![Block::Heading("Parameters".into())];
-    blocks.push(Block::Paragraph(words::PARAMETERS.into()));
-    blocks.extend(tables::parameters(view, best));
+    let mut blocks = vec![Block::heading("Parameters"), Block::paragraph(words::PARAMETERS)];
+    blocks.extend(tables::parameters(view, view.best()));
     for &fit in &view.ranking[1..] {
         let count = view.fit(fit).verdicts.len();
         let plural = if count == 1 { "" } else { "s" };
-        blocks.push(Block::Details {
-            summary: format!("{}: {count} verdict{plural}", view.name(fit)),
-            blocks: tables::parameters(view, fit),
-        });
+        let summary = format!("{}: {count} verdict{plural}", view.name(fit));
+        blocks.push(Block::details(summary, tables::parameters(view, fit)));
     }
     blocks
 }
 
-fn methods(view: &View) -> Vec<Block> {
-    vec![
-        Block::Heading("Method".into()),
-        Block::List(glossary::methods(view)),
-        Block::Details {
-            summary: "Models".into(),
-            blocks: vec![Block::List(glossary::models(view))],
-        },
-    ]
+/// Returns the section about the method, of which `steps` are the sentences.
+pub(super) fn methods(view: &View, steps: Vec<String>) -> Vec<Block> {
+    let models = Block::details("Models", vec![Block::List(glossary::models(view))]);
+    vec![Block::heading("Method"), Block::List(steps), models]
 }
 
-fn data(view: &View) -> Vec<Block> {
-    let mut blocks = vec![Block::Heading("Data".into()), Block::Table(tables::files(view))];
-    blocks.push(Block::List(words::data(view)));
-    blocks.push(Block::Details {
-        summary: "Runs".into(),
-        blocks: vec![Block::Table(tables::runs(view))],
-    });
-    blocks
-}
-
-/// Arranges charts in rows of two; with an odd number, the first row has three.
-pub(super) fn in_rows(mut charts: Vec<crate::report::Chart>) -> Vec<Block> {
-    if charts.len() == 1 {
-        return charts.into_iter().map(Block::Chart).collect();
-    }
-    let mut rows = Vec::new();
-    while !charts.is_empty() {
-        let rest = charts.split_off(if charts.len() % 2 == 1 { 3 } else { 2 });
-        rows.push(Block::Row(charts));
-        charts = rest;
-    }
-    rows
+/// Returns the section about the data with notes on them.
+pub(super) fn data(view: &View, notes: Vec<String>) -> Vec<Block> {
+    let runs = Block::details("Runs", vec![tables::runs(view).into()]);
+    vec![Block::heading("Data"), tables::files(view).into(), Block::List(notes), runs]
 }
 
 /// Returns charts in a collapsed block; `None` if there are no charts.
-fn collapsed(summary: &str, charts: Vec<crate::report::Chart>) -> Option<Block> {
-    let blocks = in_rows(charts);
-    (!blocks.is_empty()).then(|| Block::Details { summary: summary.into(), blocks })
+fn collapsed(summary: &str, charts: Vec<Chart>) -> Option<Block> {
+    (!charts.is_empty()).then(|| Block::details(summary, Block::rows(charts)))
 }

@@ -201,12 +201,7 @@ impl ScopeResult {
             row.extend([of.min, of.mean, of.max, of.rms].map(|value| Cell::from(figure(value))));
             row
         });
-        Table {
-            caption: "Statistics of the signals over all captures".to_owned(),
-            header: ["signal", "min", "mean", "max", "RMS"].map(str::to_owned).to_vec(),
-            rows: rows.collect(),
-            best: Vec::new(),
-        }
+        Table::new("Statistics of the signals over all captures", "signal|min|mean|max|RMS", rows)
     }
 }
 

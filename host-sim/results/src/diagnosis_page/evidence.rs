@@ -9,7 +9,7 @@ use super::Scene;
 use super::bins::{Bins, Mean, Spacing};
 use super::figures::{AFTER, fitting_range};
 use super::rows::{REST_SPEED_SHARE, Rows, rate, rest_before, since_reversal};
-use crate::report::{Axis, Chart, Series, Style, rounded, thin_scatter};
+use crate::report::{Axis, Chart, Series, Style, rounded};
 use friction_diagnose::Finding;
 use friction_diagnose::evidence::{self, Evidence, PlaneAxis, ResidualView};
 use friction_fit::predict::predict;
@@ -275,8 +275,7 @@ fn chart(scene: &Scene, rows: &Rows, plane: &Plane, wide: bool) -> Option<Chart>
     let column = |of: fn(&Mean) -> f64| rounded(&base.iter().map(of).collect::<Vec<_>>());
     let mut series = Vec::new();
     if wide && weight.is_none() {
-        let (x, y) = thin_scatter(&plane.x, &before, CLOUD_POINTS);
-        series.push(Series::points("single rows", rounded(&x), rounded(&y)).muted());
+        series.push(Series::thin_points("single rows", &plane.x, &before, CLOUD_POINTS).muted());
     } else if weight.is_none() {
         let name = "middle half of the rows";
         series.push(

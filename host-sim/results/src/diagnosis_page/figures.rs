@@ -6,7 +6,7 @@ use super::rows::Stretch;
 use super::rows::times;
 use crate::page::words::quantity;
 use crate::ranking::RankedCandidate;
-use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
+use crate::report::{Axis, Chart, Series, rounded};
 use friction_diagnose::Share;
 use joint_log::number::significant;
 
@@ -152,8 +152,7 @@ pub(super) fn predictions(scene: &Scene) -> Option<[Chart; 3]> {
     let velocity: Vec<f64> = stretch.track.samples.iter().map(|s| s.velocity_rad_s).collect();
     let logged = &stretch.track.torque;
     let curve = |name: &str, rows: std::ops::Range<usize>, torque: &[f64]| {
-        let (x, y) = thin_series(&time[rows.clone()], &torque[rows], CURVE_POINTS);
-        Series::line(name, rounded(&x), rounded(&y))
+        Series::thin_line(name, &time[rows.clone()], &torque[rows], CURVE_POINTS)
     };
     let curves = |rows: std::ops::Range<usize>| {
         let mut series = vec![curve(LOGGED, rows.clone(), logged).muted()];
@@ -163,10 +162,8 @@ pub(super) fn predictions(scene: &Scene) -> Option<[Chart; 3]> {
         }
         series
     };
-    let cloud = |name: &str, torque: &[f64]| {
-        let (x, y) = thin_scatter(&velocity, torque, CLOUD_POINTS);
-        Series::points(name, rounded(&x), rounded(&y))
-    };
+    let cloud =
+        |name: &str, torque: &[f64]| Series::thin_points(name, &velocity, torque, CLOUD_POINTS);
     let mut clouds = vec![cloud(LOGGED, logged).muted(), cloud(scene.base(), stretch.before)];
     if scene.is_extended() {
         clouds.push(cloud(AFTER, stretch.after));
@@ -229,7 +226,6 @@ pub(super) fn added(scene: &Scene) -> Chart {
     let bins = Bins::new(held, &added, Spacing::Even, 30, scene.memory);
     let means = bins.means(&added, &held.before, None);
     let column = |of: &dyn Fn(&Mean) -> f64| rounded(&means.iter().map(of).collect::<Vec<_>>());
-    let (x, y) = thin_scatter(&added, &held.before, CLOUD_POINTS);
     let ends: Vec<f64> = [means.first(), means.last()].into_iter().flatten().map(|m| m.x).collect();
     let ends = rounded(&ends);
     let line = Series::line(BEFORE, column(&|m| m.x), column(&|m| m.y));
@@ -244,7 +240,7 @@ pub(super) fn added(scene: &Scene) -> Chart {
             ..Axis::new(format!("logged − base model ({})", scene.unit()))
         },
         series: vec![
-            Series::points("single rows", rounded(&x), rounded(&y)).muted(),
+            Series::thin_points("single rows", &added, &held.before, CLOUD_POINTS).muted(),
             Series::line("ideal", ends.clone(), ends).coloured_as(AFTER),
             line.with_error(column(&|m| 2.0 * m.error)),
         ],
@@ -259,8 +255,7 @@ pub(super) fn autocorrelation(scene: &Scene) -> Chart {
     let period = held.period_s();
     let lags: Vec<f64> = (0..=most).map(|lag| lag as f64 * period).collect();
     let curve = |name: &str, residual: &[f64]| {
-        let (x, y) = thin_series(&lags, &held.autocorrelation(residual, most), 400);
-        Series::line(name, rounded(&x), rounded(&y))
+        Series::thin_line(name, &lags, &held.autocorrelation(residual, most), 400)
     };
     let mut series = vec![curve(scene.base(), &held.before)];
     if scene.is_extended() {

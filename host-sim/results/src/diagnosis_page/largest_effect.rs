@@ -7,7 +7,8 @@
 use super::Scene;
 use super::figures::{AFTER, CURVE_POINTS, LOGGED};
 use super::rows::{Stretch, times};
-use crate::report::{Axis, Chart, Series, rounded, thin_series};
+use crate::page::words::capitalised;
+use crate::report::{Axis, Chart, Series, rounded};
 use joint_log::number::significant;
 use std::ops::Range;
 
@@ -63,8 +64,7 @@ pub(super) fn chart(scene: &Scene) -> Option<Chart> {
     let Window { stretch, rows, ratio } = windows.max_by(|a, b| a.ratio.total_cmp(&b.ratio))?;
     let time: Vec<f64> = times(stretch).collect();
     let curve = |name: &str, torque: &[f64]| {
-        let (x, y) = thin_series(&time[rows.clone()], &torque[rows.clone()], CURVE_POINTS);
-        Series::line(name, rounded(&x), rounded(&y))
+        Series::thin_line(name, &time[rows.clone()], &torque[rows.clone()], CURVE_POINTS)
     };
     let length = (rows.len() / MEANS).max(1);
     // A mean over rows between which the torque changes shows neither.
@@ -121,11 +121,4 @@ fn means(stretch: &Stretch, time: &[f64], rows: &Range<usize>, length: usize) ->
     };
     let error = whole().map(error).collect();
     Series::line(LOGGED, rounded(&x), rounded(&y)).with_error(error).muted()
-}
-
-/// Returns a word with a capital first letter.
-fn capitalised(word: &str) -> String {
-    let mut word = word.to_owned();
-    word[..1].make_ascii_uppercase();
-    word
 }

@@ -8,16 +8,15 @@ use joint_log::number::figure;
 /// Returns the section.
 pub(super) fn log(scene: &Scene) -> Vec<Block> {
     let found = &scene.about.found.log_findings;
-    let mut blocks = vec![Block::Heading("Log check".into()), columns(scene)];
+    let mut blocks = vec![Block::heading("Log check"), columns(scene).into()];
     let notes = &scene.about.data.notes;
     if !notes.is_empty() {
         blocks.push(Block::List(notes.clone()));
     }
     if found.is_empty() {
-        blocks.push(Block::Paragraph(
+        blocks.push(Block::paragraph(
             "The log was checked for held and delayed channels, noise, quantisation, saturation, wrong units, wrong signs and \
-             time jumps. No problem was found."
-                .into(),
+             time jumps. No problem was found.",
         ));
         return blocks;
     }
@@ -30,19 +29,14 @@ pub(super) fn log(scene: &Scene) -> Vec<Block> {
             if finding.corrected { "yes" } else { "no" }.into(),
         ]
     };
-    let header = ["problem", "columns", "size", "unit", "corrected"];
-    blocks.push(Block::Table(Table {
-        caption: "Problems of the log".into(),
-        header: header.map(str::to_owned).to_vec(),
-        rows: found.iter().map(row).collect(),
-        best: Vec::new(),
-    }));
+    let header = "problem|columns|size|unit|corrected";
+    blocks.push(Table::new("Problems of the log", header, found.iter().map(row)).into());
     blocks.push(Block::List(found.iter().map(|finding| finding.in_words.clone()).collect()));
     blocks
 }
 
 /// Returns the table of the columns with their range and source.
-fn columns(scene: &Scene) -> Block {
+fn columns(scene: &Scene) -> Table {
     let data = scene.about.data;
     let read = overview(data);
     let row = |column: &ColumnOverview| {
@@ -53,13 +47,9 @@ fn columns(scene: &Scene) -> Block {
         let [least, most] = column.range.map(|limit| Cell::ShortNumber(limit, 4));
         vec![column.name.as_str().into(), least, most, column.unit.as_str().into(), from.into()]
     };
-    let header = ["column", "minimum", "maximum", "unit", "column in file"];
     let [slowest, fastest] = read.rate_hz.map(figure);
     let rate = if slowest == fastest { fastest } else { format!("{slowest} to {fastest}") };
-    Block::Table(Table {
-        caption: format!("Columns as used: {} rows in {} runs, {rate} Hz", read.rows, read.runs),
-        header: header.map(str::to_owned).to_vec(),
-        rows: read.columns.iter().map(row).collect(),
-        best: Vec::new(),
-    })
+    let caption = format!("Columns as used: {} rows in {} runs, {rate} Hz", read.rows, read.runs);
+    let rows = read.columns.iter().map(row);
+    Table::new(caption, "column|minimum|maximum|unit|column in file", rows)
 }

@@ -10,7 +10,7 @@
 use super::Scene;
 use super::figures::{AFTER, CURVE_POINTS};
 use crate::page::words::quantity;
-use crate::report::{Axis, Chart, Series, rounded, thin_series};
+use crate::report::{Axis, Chart, Series, rounded};
 
 /// Number of segments of the held-out time; each has one mean.
 const SEGMENTS: usize = 300;
@@ -77,9 +77,8 @@ pub(super) fn over_time(scene: &Scene) -> Chart {
         means(&with_holes(&variance)).iter().map(|variance| 2.0 * variance.sqrt()).collect();
     let below: Vec<f64> = edge.iter().map(|edge| -edge).collect();
     let last = if scene.is_extended() { &scene.held.after } else { &scene.held.before };
-    let (x, y) = thin_series(&time, &with_holes(last), CURVE_POINTS);
     let mut series = vec![
-        Series::line("single rows", rounded(&x), rounded(&y)).muted(),
+        Series::thin_line("single rows", &time, &with_holes(last), CURVE_POINTS).muted(),
         Series::band(
             "noise floor, ±2 standard deviations",
             at.clone(),

@@ -16,38 +16,25 @@ pub fn stochastic_section(before: &Value, after: &Value, reading: Option<&str>) 
     if names.is_empty() {
         return Vec::new();
     }
-    let mut blocks = vec![Block::Heading("Stochastic extension".into())];
-    blocks.push(Block::Paragraph(introduction(before)));
-    if let Some(reading) = reading {
-        blocks.push(Block::Paragraph(reading.to_owned()));
-    }
+    let mut blocks =
+        vec![Block::heading("Stochastic extension"), Block::Paragraph(introduction(before))];
+    blocks.extend(reading.map(Block::paragraph));
     let made: Vec<(&str, &Value)> = [(BEFORE, before), (AFTER, after)]
         .into_iter()
         .filter(|(_, certificate)| cv(certificate).is_some_and(|cv| !cv.is_empty()))
         .collect();
-    blocks.push(Block::Chart(chart(&made, &names)));
-    blocks.push(Block::Table(sums(&made, &names)));
-    let classes: Vec<Block> = made
-        .iter()
-        .flat_map(|(label, certificate)| {
-            [
-                by_class(
-                    format!("Each parameter varied alone, {label}"),
-                    certificate,
-                    "cv_by_class",
-                ),
-                by_class(
-                    format!("All parameters varied together, {label}"),
-                    certificate,
-                    "cv_together_by_class",
-                ),
-            ]
-        })
-        .flatten()
-        .map(Block::Table)
-        .collect();
+    blocks.push(chart(&made, &names).into());
+    blocks.push(sums(&made, &names).into());
+    let kinds = [
+        ("Each parameter varied alone", "cv_by_class"),
+        ("All parameters varied together", "cv_together_by_class"),
+    ];
+    let classes = made.iter().flat_map(|(label, certificate)| {
+        kinds.map(|(kind, key)| by_class(format!("{kind}, {label}"), certificate, key))
+    });
+    let classes: Vec<Block> = classes.flatten().map(Block::Table).collect();
     if !classes.is_empty() {
-        blocks.push(Block::Details { summary: "By speed class".into(), blocks: classes });
+        blocks.push(Block::details("By speed class", classes));
     }
     blocks
 }

@@ -10,10 +10,6 @@ use friction_fit::{Estimate, Outcome, State};
 use joint_log::JointKind;
 use joint_log::number::significant;
 
-fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
-    names.map(str::to_owned).to_vec()
-}
-
 /// A share in percent with two digits.
 fn percent(share: f64) -> Cell {
     Cell::ShortNumber(100.0 * share, 2)
@@ -46,19 +42,14 @@ pub(super) fn shares(scene: &Scene) -> Table {
         ]
     };
     let unit = scene.unit();
-    let mut header =
-        header(["", "share of rows (%)", "share of squared error (%, ± 2 standard errors)"]);
-    header.push(format!("RMSE ({unit})"));
-    header.push(format!("mean error ({unit})"));
-    Table {
-        caption: match found.log.leaves_each_out {
-            true => "Base model fitted to all runs".into(),
-            false => "Base model on held-out rows".into(),
-        },
-        header,
-        rows: found.by_regime.iter().chain(&found.by_direction).map(row).collect(),
-        best: Vec::new(),
-    }
+    let header = format!(
+        "|share of rows (%)|share of squared error (%, ± 2 standard errors)|RMSE ({unit})|mean error ({unit})"
+    );
+    let caption = match found.log.leaves_each_out {
+        true => "Base model fitted to all runs",
+        false => "Base model on held-out rows",
+    };
+    Table::new(caption, &header, found.by_regime.iter().chain(&found.by_direction).map(row))
 }
 
 /// Returns the table of the findings, strongest first.
@@ -85,22 +76,9 @@ pub(super) fn findings(scene: &Scene) -> Table {
             rivals.join(", ").into(),
         ]
     });
-    Table {
-        caption: "Findings, strongest first".into(),
-        header: header([
-            "cause",
-            "columns",
-            "size",
-            "95 % interval",
-            "share (%)",
-            "probability",
-            "p",
-            "stability",
-            "indistinguishable from",
-        ]),
-        rows: rows.collect(),
-        best: Vec::new(),
-    }
+    let header =
+        "cause|columns|size|95 % interval|share (%)|probability|p|stability|indistinguishable from";
+    Table::new("Findings, strongest first", header, rows)
 }
 
 /// Returns the table of the candidates, best first, with their rejection reasons.
@@ -116,18 +94,9 @@ pub(super) fn ranking(caption: impl Into<String>, ranking: &[RankedCandidate]) -
             verdict.into(),
         ]
     };
-    Table {
-        caption: caption.into(),
-        header: header([
-            "candidate",
-            "gain on held-out rows (% of the squared error, ± 2 standard errors)",
-            "probability",
-            "p",
-            "rejected because",
-        ]),
-        rows: ranking.iter().map(row).collect(),
-        best: Vec::new(),
-    }
+    let gain = "gain on held-out rows (% of the squared error, ± 2 standard errors)";
+    let header = format!("candidate|{gain}|probability|p|rejected because");
+    Table::new(caption, &header, ranking.iter().map(row))
 }
 
 /// Returns the table of the parameters before and after.
@@ -135,26 +104,19 @@ pub(super) fn parameters(scene: &Scene) -> Table {
     let found = scene.about.found;
     let joint = scene.about.data.joint;
     let mut ids: Vec<ParameterId> = found.baseline.estimates.iter().map(|e| e.id).collect();
-    ids.extend(
-        found
-            .extended
-            .estimates
-            .iter()
-            .map(|e| e.id)
-            .filter(|id| !ids.contains(id))
-            .collect::<Vec<_>>(),
-    );
+    let added = found.extended.estimates.iter().map(|e| e.id).filter(|id| !ids.contains(id));
+    ids.extend(added.collect::<Vec<_>>());
     ids.retain(|id| !is_unused(&found.baseline, *id) || !is_unused(&found.extended, *id));
     let row = |id: &ParameterId| row(found, *id, joint, scene.is_extended());
-    let mut names = header(["parameter", "unit", "before ± standard error", "state"]);
+    let mut header = "parameter|unit|before ± standard error|state".to_owned();
     if scene.is_extended() {
-        names.extend(header(["after ± standard error", "state"]));
+        header += "|after ± standard error|state";
     }
     let caption = match scene.is_extended() {
         true => format!("Before: {}. After: {}.", found.baseline.spec, found.extended.spec),
         false => format!("{}.", found.baseline.spec),
     };
-    Table { caption, header: names, rows: ids.iter().map(row).collect(), best: Vec::new() }
+    Table::new(caption, &header, ids.iter().map(row))
 }
 
 fn row(found: &Diagnosis, id: ParameterId, joint: JointKind, extended: bool) -> Vec<Cell> {

@@ -6,6 +6,7 @@
 
 use super::statistics::{Limit, OUTLIER_SCORE, Trend, outliers, trends};
 use super::{FleetRow, LEVELS};
+use crate::page::words::counted;
 use crate::report::{Axis, Block, Cell, Chart, Finder, Page, Series, Table};
 use joint_log::number::{count, significant};
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,14 +33,9 @@ pub fn page(rows: &[FleetRow], limits: &[Limit]) -> Page {
     trend_blocks(&trends, &mut page);
     sizes(rows, &mut page);
     failures(rows, &mut page);
-    page.push(Block::Heading("All joints".into()));
+    page.push(Block::heading("All joints"));
     page.push(Block::Find(finder(rows)));
     page
-}
-
-/// Returns `1 joint` or `2 joints`.
-fn counted(things: usize, name: &str) -> String {
-    format!("{} {name}{}", count(things as u64), if things == 1 { "" } else { "s" })
 }
 
 fn summary(rows: &[FleetRow], trends: &[Trend]) -> String {
@@ -111,10 +107,10 @@ fn cut(total: usize) -> String {
 
 fn standing_out(rows: &[FleetRow], page: &mut Page) {
     let found = outliers(rows);
-    page.push(Block::Heading("Joints that stand out".into()));
+    page.push(Block::heading("Joints that stand out"));
     if found.is_empty() {
         let text = "No level of a joint is far from those of the other joints of its model.";
-        page.push(Block::Paragraph(text.into()));
+        page.push(Block::paragraph(text));
         return;
     }
     let listed = found.iter().take(MAX_LISTED).map(|outlier| {
@@ -129,21 +125,16 @@ fn standing_out(rows: &[FleetRow], page: &mut Page) {
             row.cause.as_str().into(),
         ]
     });
-    page.push(Block::Records(Table {
-        caption: format!(
-            "Latest level more than {OUTLIER_SCORE} robust standard deviations from the median of the fleet.{}",
-            cut(found.len())
-        ),
-        header: ["joint", "campaign", "level", "value", "median", "robust z-score", "cause"]
-            .map(String::from)
-            .to_vec(),
-        rows: listed.collect(),
-        best: Vec::new(),
-    }));
+    let caption = format!(
+        "Latest level more than {OUTLIER_SCORE} robust standard deviations from the median of the fleet.{}",
+        cut(found.len())
+    );
+    let header = "joint|campaign|level|value|median|robust z-score|cause";
+    page.push(Block::Records(Table::new(caption, header, listed)));
 }
 
 fn trend_blocks(trends: &[Trend], page: &mut Page) {
-    page.push(Block::Heading("Trends".into()));
+    page.push(Block::heading("Trends"));
     let found: Vec<&Trend> = trends.iter().filter(|trend| trend.is_significant).collect();
     if found.is_empty() {
         let text = format!(
@@ -177,23 +168,13 @@ fn trend_blocks(trends: &[Trend], page: &mut Page) {
             until(trend),
         ]
     });
-    page.push(Block::Records(Table {
-        caption: format!(
-            "Levels of the fixed model that change over the campaigns; the intervals are of 95 %.{}",
-            cut(found.len())
-        ),
-        header: vec![
-            "joint".into(),
-            "level".into(),
-            "now".into(),
-            format!("change per {unit}"),
-            format!("% per {unit}"),
-            "campaigns".into(),
-            format!("{unit}s until the limit"),
-        ],
-        rows: listed.collect(),
-        best: Vec::new(),
-    }));
+    let caption = format!(
+        "Levels of the fixed model that change over the campaigns; the intervals are of 95 %.{}",
+        cut(found.len())
+    );
+    let header =
+        format!("joint|level|now|change per {unit}|% per {unit}|campaigns|{unit}s until the limit");
+    page.push(Block::Records(Table::new(caption, &header, listed)));
     let charts = found.iter().take(MAX_DRAWN).map(|trend| trend_chart(trend)).collect();
     page.push(Block::Row(charts));
 }
@@ -257,7 +238,7 @@ fn sizes(rows: &[FleetRow], page: &mut Page) {
         })
         .collect();
     if !charts.is_empty() {
-        page.push(Block::Heading("Sizes of the causes".into()));
+        page.push(Block::heading("Sizes of the causes"));
         page.push(Block::Row(charts));
     }
 }
@@ -271,13 +252,9 @@ fn failures(rows: &[FleetRow], page: &mut Page) {
         let error = row.error.clone().unwrap_or_default();
         vec![row.joint.as_str().into(), row.campaign.as_str().into(), error.into()]
     });
-    page.push(Block::Heading("Failures".into()));
-    page.push(Block::Records(Table {
-        caption: format!("Logs without a result.{}", cut(failed.len())),
-        header: ["joint", "campaign", "reason"].map(String::from).to_vec(),
-        rows: listed.collect(),
-        best: Vec::new(),
-    }));
+    page.push(Block::heading("Failures"));
+    let caption = format!("Logs without a result.{}", cut(failed.len()));
+    page.push(Block::Records(Table::new(caption, "joint|campaign|reason", listed)));
 }
 
 fn finder(rows: &[FleetRow]) -> Finder {

@@ -225,24 +225,12 @@ fn natural_key(name: &str) -> Vec<(String, u64)> {
     parts
 }
 
-/// Parses `2026-11-25` or `20261125` as days since 1970.
+/// Days since 1970 of the dates that name campaigns. A number beyond them, such as a serial number, is no date.
+const CAMPAIGN_DAYS: std::ops::RangeInclusive<i64> = 0..=84_370;
+
+/// Returns the days since 1970 of a campaign that is named by its date.
 fn parse_day(name: &str) -> Option<f64> {
-    let digits: String = name.chars().filter(|letter| *letter != '-').collect();
-    let has_hyphens = name.len() == 10 && name.as_bytes()[4] == b'-' && name.as_bytes()[7] == b'-';
-    if digits.len() != 8 || !(has_hyphens || name.len() == 8) {
-        return None;
-    }
-    let number = |range: std::ops::Range<usize>| digits.get(range)?.parse::<i64>().ok();
-    let (year, month, day) = (number(0..4)?, number(4..6)?, number(6..8)?);
-    if !(1970..=2200).contains(&year) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
-        return None;
-    }
-    // Days from civil (Hinnant): years begin in March, so that the leap day is the last of a year.
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let (era, of_era) = (year / 400, year % 400);
-    let of_year = (153 * month + 2) / 5 + day - 1;
-    let days = era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468;
-    Some(days as f64)
+    joint_log::day_number(name).filter(|day| CAMPAIGN_DAYS.contains(day)).map(|day| day as f64)
 }
 
 /// What makes levels comparable: model, unit, and index of the level.

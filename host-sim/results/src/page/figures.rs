@@ -6,7 +6,7 @@
 
 use super::View;
 use super::words::quantity;
-use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
+use crate::report::{Axis, Chart, Series, rounded};
 use joint_log::number::significant;
 
 /// Maximum number of points of a cloud.
@@ -43,14 +43,12 @@ pub(super) fn errors(view: &View) -> Chart {
 pub(super) fn over_velocity(view: &View, fits: &[usize]) -> Vec<Chart> {
     let rows = &view.held_out;
     let range = torque_range(view);
-    let cloud = |torque: &[f64]| {
-        let (x, y) = thin_scatter(&rows.velocity, torque, CLOUD_POINTS);
-        (rounded(&x), rounded(&y))
+    let cloud = |name: &str, torque: &[f64]| {
+        Series::thin_points(name, &rows.velocity, torque, CLOUD_POINTS)
     };
-    let logged = cloud(&rows.logged);
+    let logged = cloud(LOGGED, &rows.logged).muted();
     let chart = |&fit: &usize| {
         let name = view.name(fit);
-        let (x, y) = cloud(&rows.simulated[fit].torque);
         let error = quantity(view.fit(fit).test.rmse, view.unit());
         Chart {
             title: name.clone(),
@@ -59,10 +57,7 @@ pub(super) fn over_velocity(view: &View, fits: &[usize]) -> Vec<Chart> {
             ),
             x: velocity_axis(view),
             y: Axis { range, ..torque_axis(view) },
-            series: vec![
-                Series::points(LOGGED, logged.0.clone(), logged.1.clone()).muted(),
-                Series::points(name, x, y),
-            ],
+            series: vec![logged.clone(), cloud(&name, &rows.simulated[fit].torque)],
         }
     };
     fits.iter().map(chart).collect()
@@ -76,8 +71,7 @@ pub(super) fn cycle(view: &View, fits: &[usize]) -> Vec<Chart> {
     let seconds: Vec<f64> = rows.time[cycle.clone()].iter().map(|time| time - begin).collect();
     let curves = |x: &[f64]| {
         let line = |name: String, torque: &[f64]| {
-            let (x, y) = thin_series(x, &torque[cycle.clone()], CLOUD_POINTS);
-            Series::line(name, rounded(&x), rounded(&y))
+            Series::thin_line(name, x, &torque[cycle.clone()], CLOUD_POINTS)
         };
         let logged = line(LOGGED.into(), &rows.logged).muted();
         let model = |&fit: &usize| line(view.name(fit), &rows.simulated[fit].torque);
@@ -112,7 +106,6 @@ pub(super) fn residuals(view: &View, fits: &[usize]) -> Vec<Chart> {
     let time = rows.at_judged(&rows.time);
     let range = residual_range(view);
     let chart = |&fit: &usize| {
-        let (x, y) = thin_series(&time, &rows.simulated[fit].residual, CURVE_POINTS);
         let name = view.name(fit);
         Chart {
             title: name.clone(),
@@ -123,7 +116,12 @@ pub(super) fn residuals(view: &View, fits: &[usize]) -> Vec<Chart> {
             ),
             x: Axis::new("held-out time without pauses (s)"),
             y: Axis { range, ..residual_axis(view) },
-            series: vec![Series::line(name, rounded(&x), rounded(&y))],
+            series: vec![Series::thin_line(
+                name,
+                &time,
+                &rows.simulated[fit].residual,
+                CURVE_POINTS,
+            )],
         }
     };
     fits.iter().map(chart).collect()
@@ -134,7 +132,6 @@ pub(super) fn residual_over_velocity(view: &View) -> Chart {
     let rows = &view.held_out;
     let fit = view.best();
     let (velocity, residual) = (rows.at_judged(&rows.velocity), &rows.simulated[fit].residual);
-    let (x, y) = thin_scatter(&velocity, residual, 2 * CLOUD_POINTS);
     let (at, mean) = means(&velocity, residual);
     let name = view.name(fit);
     Chart {
@@ -145,7 +142,7 @@ pub(super) fn residual_over_velocity(view: &View) -> Chart {
         x: velocity_axis(view),
         y: residual_axis(view),
         series: vec![
-            Series::points("single rows", rounded(&x), rounded(&y)).muted(),
+            Series::thin_points("single rows", &velocity, residual, 2 * CLOUD_POINTS).muted(),
             Series::line("mean at this velocity", rounded(&at), rounded(&mean)).coloured_as(name),
         ],
     }

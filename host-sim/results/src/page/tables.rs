@@ -5,13 +5,10 @@ use crate::report::{Best, Block, Cell, Table};
 use friction_fit::params::{unit, unit_in_words};
 use friction_fit::{Estimate, Metrics, Outcome, State};
 use std::ops::Range;
+use std::path::PathBuf;
 
 /// Maximum number of runs in the table of runs.
 const MAX_RUNS: usize = 200;
-
-fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
-    names.map(str::to_owned).to_vec()
-}
 
 fn errors(metrics: &Metrics) -> [Cell; 5] {
     [
@@ -28,14 +25,13 @@ fn metrics(
     view: &View,
     caption: String,
     of: fn(&Outcome) -> &Metrics,
-    names: &[&str],
+    names: &str,
     more: fn(&Outcome) -> Vec<Cell>,
 ) -> Table {
     let unit = view.unit();
-    let mut header = header(["model", "", "", "NRMSE, of std (%)", "of range (%)", "relative (%)"]);
-    header[1] = format!("RMSE ({unit})");
-    header[2] = format!("SSE ({unit}²)");
-    header.extend(names.iter().map(|name| (*name).to_owned()));
+    let header = format!(
+        "model|RMSE ({unit})|SSE ({unit}²)|NRMSE, of std (%)|of range (%)|relative (%)|{names}"
+    );
     let row = |&index: &usize| {
         let fit = view.fit(index);
         let mut cells = vec![Cell::Text(view.name(index))];
@@ -44,13 +40,9 @@ fn metrics(
         cells
     };
     // With a single model, no value is marked.
-    let best = if view.study.fits.len() > 1 { 1..header.len() } else { 1..1 };
-    Table {
-        caption,
-        rows: view.ranking.iter().map(row).collect(),
-        best: best.map(|column| (column, Best::Smallest)).collect(),
-        header,
-    }
+    let table = Table::new(caption, &header, view.ranking.iter().map(row));
+    let best = if view.study.fits.len() > 1 { 1..table.header.len() } else { 1..1 };
+    Table { best: best.map(|column| (column, Best::Smallest)).collect(), ..table }
 }
 
 pub(crate) fn held_out_metrics(view: &View) -> Table {
@@ -58,7 +50,7 @@ pub(crate) fn held_out_metrics(view: &View) -> Table {
     let more = |fit: &Outcome| vec![Cell::ShortNumber(fit.seconds, 2)];
     let marked = if view.study.fits.len() > 1 { "; the best of each column is marked" } else { "" };
     let caption = format!("On {rows} held-out rows{marked}");
-    metrics(view, caption, |fit| &fit.test, &["time of fit (s)"], more)
+    metrics(view, caption, |fit| &fit.test, "time of fit (s)", more)
 }
 
 pub(crate) fn train_metrics(view: &View) -> Table {
@@ -69,7 +61,7 @@ pub(crate) fn train_metrics(view: &View) -> Table {
         vec![Cell::ShortNumber(fit.bic, digits), Cell::Count(fitted(fit).count() as u64)]
     };
     let caption = format!("On {rows} training rows");
-    metrics(view, caption, |fit| &fit.train, &["BIC", "fitted parameters"], more)
+    metrics(view, caption, |fit| &fit.train, "BIC|fitted parameters", more)
 }
 
 /// Returns the parameters of a model, their verdicts and their correlations.
@@ -79,10 +71,7 @@ pub(crate) fn parameters(view: &View, index: usize) -> Vec<Block> {
     if !fit.verdicts.is_empty() {
         blocks.push(Block::List(fit.verdicts.iter().map(|verdict| sentence(verdict)).collect()));
     }
-    if let Some(table) = correlation(fit) {
-        let summary = format!("{}: correlation of the estimates", view.name(index));
-        blocks.push(Block::Details { summary, blocks: vec![Block::Table(table)] });
-    }
+    blocks.extend(correlation(fit));
     blocks
 }
 
@@ -106,16 +95,13 @@ fn values(view: &View, index: usize) -> Table {
         let unit = unit_in_words(unit(*id, view.study.data.joint));
         vec![id.name().into(), value, unit.into(), state.replace('-', " ").into()]
     };
-    Table {
-        caption: format!("Parameters of {}", view.name(index)),
-        header: header(["parameter", "value ± standard error", "unit", "state"]),
-        rows: view.fit(index).estimates.iter().map(row).collect(),
-        best: Vec::new(),
-    }
+    let rows = view.fit(index).estimates.iter().map(row);
+    let caption = format!("Parameters of {}", view.name(index));
+    Table::new(caption, "parameter|value ± standard error|unit|state", rows)
 }
 
-/// Returns the lower triangle of the correlation matrix; columns have the numbers of the rows.
-pub(crate) fn correlation(fit: &Outcome) -> Option<Table> {
+/// Returns the lower triangle of the correlation matrix in a collapsed block; columns have the numbers of the rows.
+pub(crate) fn correlation(fit: &Outcome) -> Option<Block> {
     let estimates: Vec<&Estimate> = fitted(fit).collect();
     let row = |(i, estimate): (usize, &&Estimate)| {
         let mut cells = vec![Cell::Text(format!("{} {}", i + 1, estimate.id.name()))];
@@ -127,26 +113,19 @@ pub(crate) fn correlation(fit: &Outcome) -> Option<Table> {
     };
     let mut header = vec![String::new()];
     header.extend((1..=estimates.len()).map(|number| number.to_string()));
-    (estimates.len() > 1).then(|| Table {
-        caption:
-            "Correlation of the estimates; beyond ±0.98, the data determine only a combination of the two parameters"
-                .into(),
-        header,
-        rows: estimates.iter().enumerate().map(row).collect(),
-        best: Vec::new(),
-    })
+    let caption = "Correlation of the estimates; beyond ±0.98, the data determine only a combination of the two parameters";
+    let rows = estimates.iter().enumerate().map(row).collect();
+    let table = Table { caption: caption.into(), header, rows, best: Vec::new() };
+    let summary = format!("{}: correlation of the estimates", fit.spec);
+    (estimates.len() > 1).then(|| Block::details(summary, vec![table.into()]))
 }
 
 pub(crate) fn files(view: &View) -> Table {
     let files = view.study.data.files.iter().zip(view.study.hashes);
-    Table {
-        caption: "Files".into(),
-        header: header(["file", "SHA-256"]),
-        rows: files
-            .map(|(file, hash)| vec![file.display().to_string().into(), hash.as_str().into()])
-            .collect(),
-        best: Vec::new(),
-    }
+    let row = |(file, hash): (&PathBuf, &String)| {
+        vec![file.display().to_string().into(), hash.as_str().into()]
+    };
+    Table::new("Files", "file|SHA-256", files.map(row))
 }
 
 pub(crate) fn runs(view: &View) -> Table {
@@ -170,10 +149,6 @@ pub(crate) fn runs(view: &View) -> Table {
         0 => "All runs".to_owned(),
         more => format!("The first {MAX_RUNS} runs; {more} more are not shown"),
     };
-    Table {
-        caption,
-        header: header(["run", "training rows", "held-out rows", "length (s)", "rows per second"]),
-        rows: data.runs.iter().take(MAX_RUNS).enumerate().map(row).collect(),
-        best: Vec::new(),
-    }
+    let rows = data.runs.iter().take(MAX_RUNS).enumerate().map(row);
+    Table::new(caption, "run|training rows|held-out rows|length (s)|rows per second", rows)
 }

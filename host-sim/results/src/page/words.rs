@@ -179,6 +179,13 @@ pub(crate) fn quantity(value: f64, unit: &str) -> String {
     format!("{}\u{a0}{unit}", significant(value, 3))
 }
 
+/// Returns a word with a capital first letter.
+pub(crate) fn capitalised(word: &str) -> String {
+    let mut word = word.to_owned();
+    word[..1].make_ascii_uppercase();
+    word
+}
+
 /// Formats a count and a noun: "1 run", "2 runs".
 pub(crate) fn counted(number: usize, thing: &str) -> String {
     format!("{} {thing}{}", count(number as u64), if number == 1 { "" } else { "s" })

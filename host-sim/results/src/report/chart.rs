@@ -4,6 +4,8 @@
 //! Every axis label must contain its unit. The caption should be a sentence that states what the chart shows, because
 //! screen readers also use it. Values that are not finite are gaps: a curve is interrupted, a point is left out.
 
+use super::thin::{rounded, thin_scatter, thin_series};
+
 /// One axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
@@ -86,6 +88,18 @@ impl Series {
     /// Creates a curve.
     pub fn line(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self::new(name, Style::Line, x, y)
+    }
+
+    /// Creates a curve of at most `most` points ([`thin_series`]) with the digits that a chart shows.
+    pub fn thin_line(name: impl Into<String>, x: &[f64], y: &[f64], most: usize) -> Self {
+        let (x, y) = thin_series(x, y, most);
+        Self::line(name, rounded(&x), rounded(&y))
+    }
+
+    /// Creates a series of at most `most` dots ([`thin_scatter`]) with the digits that a chart shows.
+    pub fn thin_points(name: impl Into<String>, x: &[f64], y: &[f64], most: usize) -> Self {
+        let (x, y) = thin_scatter(x, y, most);
+        Self::points(name, rounded(&x), rounded(&y))
     }
 
     /// Creates a curve with steps.

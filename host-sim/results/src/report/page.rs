@@ -141,7 +141,48 @@ impl Page {
     }
 }
 
+impl From<Chart> for Block {
+    fn from(chart: Chart) -> Self {
+        Self::Chart(chart)
+    }
+}
+
+impl From<Table> for Block {
+    fn from(table: Table) -> Self {
+        Self::Table(table)
+    }
+}
+
 impl Block {
+    /// Creates the title of a section.
+    pub fn heading(text: impl Into<String>) -> Self {
+        Self::Heading(text.into())
+    }
+
+    /// Creates a text.
+    pub fn paragraph(text: impl Into<String>) -> Self {
+        Self::Paragraph(text.into())
+    }
+
+    /// Creates a collapsed block.
+    pub fn details(summary: impl Into<String>, blocks: Vec<Self>) -> Self {
+        Self::Details { summary: summary.into(), blocks }
+    }
+
+    /// Arranges charts in rows of two; with an odd number, the first row has three.
+    pub fn rows(mut charts: Vec<Chart>) -> Vec<Self> {
+        if charts.len() == 1 {
+            return charts.into_iter().map(Self::Chart).collect();
+        }
+        let mut rows = Vec::new();
+        while !charts.is_empty() {
+            let rest = charts.split_off(if charts.len() % 2 == 1 { 3 } else { 2 });
+            rows.push(Self::Row(charts));
+            charts = rest;
+        }
+        rows
+    }
+
     fn render(&self, drawing: &mut Drawing, nested: bool) -> Markup {
         html! {
             @match self {

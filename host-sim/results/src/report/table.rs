@@ -123,6 +123,16 @@ struct ColumnLayout {
 }
 
 impl Table {
+    /// Creates a table without marked numbers. In `header`, `|` separates the names of the columns.
+    pub fn new(
+        caption: impl Into<String>,
+        header: &str,
+        rows: impl IntoIterator<Item = Vec<Cell>>,
+    ) -> Self {
+        let header = header.split('|').map(str::to_owned).collect();
+        Self { caption: caption.into(), header, rows: rows.into_iter().collect(), best: Vec::new() }
+    }
+
     pub(super) fn render(&self) -> Markup {
         self.render_as("table", &vec![None; self.header.len()])
     }
