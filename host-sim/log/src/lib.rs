@@ -15,6 +15,9 @@
 //! [`log_check`] then reports and corrects what is wrong with a measurement, and [`motion`] estimates the true motion from the
 //! logged motion. [`work`] stops long computations. [`setting`] is how a front end names the settings that an error refers to.
 
+#[macro_use]
+mod named;
+
 mod acceleration;
 mod cell;
 mod clean;

@@ -36,11 +36,6 @@ struct Candidate {
 }
 
 impl Preset {
-    /// Returns the preset with a name.
-    pub fn parse(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|preset| preset.name() == name)
-    }
-
     /// Returns the preset whose logs have such columns.
     pub(super) fn recognise(names: &ColumnNames) -> Option<Self> {
         if names.is_twincat_scope {

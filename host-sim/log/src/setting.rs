@@ -5,29 +5,31 @@
 
 use std::fmt;
 
-/// A setting of a front end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Setting {
-    /// Names and units of the columns, `ours=theirs:unit`, separated by commas.
-    Columns,
-    /// Selection of rows, `column=value`.
-    Where,
-    /// Samples dropped at the start of each run.
-    Skip,
-    /// The torque of 100 %.
-    RatedTorque,
-    /// The model's name.
-    Model,
-    /// Rigid-body parts of the torque column.
-    RigidBody,
-    /// The tool that wrote the log.
-    Preset,
-    /// Lines of text above the header.
-    SkipLines,
-    /// Form of an exported model.
-    ExportFormat,
-    /// A cargo feature of the front end, which it enables under the same name.
-    Feature,
+named! {
+    /// A setting of a front end.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Setting {
+        /// Names and units of the columns, `ours=theirs:unit`, separated by commas.
+        Columns = "columns",
+        /// Selection of rows, `column=value`.
+        Where = "where",
+        /// Samples dropped at the start of each run.
+        Skip = "skip",
+        /// The torque of 100 %.
+        RatedTorque = "rated torque",
+        /// The model's name.
+        Model = "model",
+        /// Rigid-body parts of the torque column.
+        RigidBody = "rigid body",
+        /// The tool that wrote the log.
+        Preset = "preset",
+        /// Lines of text above the header.
+        SkipLines = "skip lines",
+        /// Form of an exported model.
+        ExportFormat = "format",
+        /// A cargo feature of the front end, which it enables under the same name.
+        Feature = "feature",
+    }
 }
 
 /// A reference to a setting in a message.
@@ -48,35 +50,6 @@ const VALUE: char = '\u{3}';
 const END: char = '\u{4}';
 
 impl Setting {
-    const ALL: [Self; 10] = [
-        Self::Columns,
-        Self::Where,
-        Self::Skip,
-        Self::RatedTorque,
-        Self::Model,
-        Self::RigidBody,
-        Self::Preset,
-        Self::SkipLines,
-        Self::ExportFormat,
-        Self::Feature,
-    ];
-
-    /// Returns the setting's name in words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Columns => "columns",
-            Self::Where => "where",
-            Self::Skip => "skip",
-            Self::RatedTorque => "rated torque",
-            Self::Model => "model",
-            Self::RigidBody => "rigid body",
-            Self::Preset => "preset",
-            Self::SkipLines => "skip lines",
-            Self::ExportFormat => "format",
-            Self::Feature => "feature",
-        }
-    }
-
     /// Returns a reference to the setting as such, for a message.
     pub fn alone(self) -> String {
         self.given("")
@@ -114,7 +87,7 @@ pub fn worded(text: &str, word: &dyn Fn(Reference) -> String) -> String {
         rest = &rest[begin + 1..];
         let end = rest.find(END).unwrap_or(rest.len());
         if let Some((name, value)) = rest[..end].split_once(VALUE)
-            && let Some(setting) = Setting::ALL.into_iter().find(|own| own.name() == name)
+            && let Some(setting) = Setting::parse(name)
         {
             message.push_str(&word(Reference { setting, value, is_suggestion }));
         }

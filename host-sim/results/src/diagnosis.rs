@@ -231,7 +231,7 @@ pub fn document(
     split: &Split,
     hashes: &[String],
 ) -> DiagnosisDocument {
-    let mut about = serde_json::to_value(sources(data, split, hashes)).unwrap_or_default();
+    let mut about = sources(data, split, hashes);
     about["noise_floor"] = json!(finite(found.noise_floor));
     about["calibration"] = json!(Calibration::current().name);
     about["naming_threshold"] = json!(Calibration::current().naming_threshold);

@@ -39,54 +39,28 @@ use compensator_core::record;
 use friction_fit::params::ParameterFile;
 use joint_log::setting::Setting;
 
-/// Format of an exported model; `description` says what each holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "each is described to users by `description`")]
-pub enum ExportFormat {
-    Record,
-    Rust,
-    C,
-    Network,
-    Onnx,
-    Mujoco,
-    Urdf,
+joint_log::named! {
+    /// Format of an exported model.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum ExportFormat {
+        /// The bytes of the driver's flash record.
+        Record = "record",
+        /// Rust constants for a control loop that uses the core.
+        Rust = "rust",
+        /// A C header with one step of the law.
+        C = "c",
+        /// The bytes of the network's flash record.
+        Network = "network",
+        /// ONNX graphs: one step and the start of a law, or one evaluation of a network.
+        Onnx = "onnx",
+        /// Attributes of a MuJoCo joint.
+        Mujoco = "mujoco",
+        /// The dynamics element of a URDF joint.
+        Urdf = "urdf",
+    }
 }
 
 impl ExportFormat {
-    /// All formats.
-    pub const ALL: [Self; 7] =
-        [Self::Record, Self::Rust, Self::C, Self::Network, Self::Onnx, Self::Mujoco, Self::Urdf];
-
-    fn row(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Record => ("record", "The bytes of the driver's flash record"),
-            Self::Rust => ("rust", "Rust constants for a control loop that uses the core"),
-            Self::C => ("c", "A C header with one step of the law"),
-            Self::Network => ("network", "The bytes of the network's flash record"),
-            Self::Onnx => (
-                "onnx",
-                "ONNX graphs: one step and the start of a law, or one evaluation of a network",
-            ),
-            Self::Mujoco => ("mujoco", "Attributes of a MuJoCo joint"),
-            Self::Urdf => ("urdf", "The dynamics element of a URDF joint"),
-        }
-    }
-
-    /// Returns the name of the format for users.
-    pub fn name(self) -> &'static str {
-        self.row().0
-    }
-
-    /// Returns what the file holds, as the help of the command line says it.
-    pub fn description(self) -> &'static str {
-        self.row().1
-    }
-
-    /// Returns the format with this name.
-    pub fn parse(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|format| format.name() == name)
-    }
-
     /// Returns a reference to the format, for a message.
     fn setting(self) -> String {
         Setting::ExportFormat.given(self.name())

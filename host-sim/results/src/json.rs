@@ -6,7 +6,7 @@
 
 use friction_fit::params::unit;
 use friction_fit::spec::Spec;
-use friction_fit::{Estimate, Metrics, Outcome};
+use friction_fit::{Estimate, Outcome};
 use joint_log::log_check::{ColumnOverview, overview};
 use joint_log::{Dataset, Split};
 use serde::Serialize;
@@ -14,59 +14,19 @@ use serde_json::{Map, Value, json};
 
 /// The JSON document of one or more fits.
 #[derive(Clone, Debug, Serialize)]
-pub struct FitDocument {
-    schema: u32,
-    data: DataSummary,
-    models: Vec<ModelSummary>,
-    /// The model of `params.toml`, if there are several.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    chosen: Option<String>,
-    /// Errors of the model of `params.toml` on all rows, and the file with each row.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    prediction: Option<Value>,
-}
+#[serde(transparent)]
+pub struct FitDocument(Value);
 
 impl FitDocument {
-    /// Sets the errors of the model of `params.toml` on all rows.
+    /// Sets the errors of the model of `params.toml` on all rows, and the file with each row.
     pub fn set_prediction(&mut self, summary: Value) {
-        self.prediction = Some(summary);
+        self.0["prediction"] = summary;
     }
 
-    /// Sets the recommended model.
+    /// Sets the recommended model, if there are several.
     pub fn choose(&mut self, model: &Spec) {
-        self.chosen = Some(model.to_string());
+        self.0["chosen"] = json!(model.to_string());
     }
-}
-
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct DataSummary {
-    runs: usize,
-    rows: usize,
-    rows_left_out: usize,
-    unit: &'static str,
-    train_runs: Vec<String>,
-    test_runs: Vec<String>,
-    files: Vec<String>,
-    sha256: Vec<String>,
-    columns: Vec<Value>,
-    notes: Vec<String>,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct ModelSummary {
-    model: String,
-    rigid_body: Vec<&'static str>,
-    seconds: f64,
-    bic: f64,
-    converged: bool,
-    substeps: usize,
-    extrapolated: bool,
-    autocorrelation_time: f64,
-    verdicts: Vec<String>,
-    params: Map<String, Value>,
-    correlation: Map<String, Value>,
-    train: Metrics,
-    test: Metrics,
 }
 
 pub(super) fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
@@ -96,28 +56,26 @@ fn correlation(outcome: &Outcome) -> Map<String, Value> {
 
 /// Returns the document of fits to a data set. `hashes` are those of the files, in order.
 pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcome]) -> FitDocument {
-    let model = |outcome: &Outcome| ModelSummary {
-        model: outcome.spec.to_string(),
-        rigid_body: outcome.spec.rigid_body.iter().map(|term| term.name()).collect(),
-        seconds: outcome.seconds,
-        bic: outcome.bic,
-        converged: outcome.converged,
-        substeps: outcome.resolution.substeps,
-        extrapolated: outcome.resolution.extrapolated,
-        autocorrelation_time: outcome.autocorrelation_time,
-        verdicts: outcome.verdicts.clone(),
-        params: outcome.estimates.iter().map(|e| parameter(e, data)).collect(),
-        correlation: correlation(outcome),
-        train: outcome.train,
-        test: outcome.test,
+    let model = |outcome: &Outcome| {
+        let params = outcome.estimates.iter().map(|estimate| parameter(estimate, data));
+        json!({
+            "model": outcome.spec.to_string(),
+            "rigid_body": outcome.spec.rigid_body.iter().map(|term| term.name()).collect::<Vec<_>>(),
+            "seconds": outcome.seconds,
+            "bic": outcome.bic,
+            "converged": outcome.converged,
+            "substeps": outcome.resolution.substeps,
+            "extrapolated": outcome.resolution.extrapolated,
+            "autocorrelation_time": outcome.autocorrelation_time,
+            "verdicts": outcome.verdicts,
+            "params": params.collect::<Map<_, _>>(),
+            "correlation": correlation(outcome),
+            "train": outcome.train,
+            "test": outcome.test,
+        })
     };
-    FitDocument {
-        schema: 1,
-        data: sources(data, split, hashes),
-        models: fits.iter().map(model).collect(),
-        chosen: None,
-        prediction: None,
-    }
+    let models: Vec<Value> = fits.iter().map(model).collect();
+    FitDocument(json!({ "schema": 1, "data": sources(data, split, hashes), "models": models }))
 }
 
 /// Describes a column as used, and its source in the file.
@@ -135,17 +93,18 @@ fn column(of: &ColumnOverview) -> Value {
 }
 
 /// Describes the data and their split.
-pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> DataSummary {
-    DataSummary {
-        runs: data.runs.len(),
-        rows: data.rows,
-        rows_left_out: data.bad_rows.count,
-        unit: data.joint.torque_unit(),
-        train_runs: split.train_runs(data),
-        test_runs: split.test_runs(data),
-        files: data.files.iter().map(|file| file.display().to_string()).collect(),
-        sha256: hashes.to_vec(),
-        columns: overview(data).columns.iter().map(column).collect(),
-        notes: data.notes.clone(),
-    }
+pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> Value {
+    let files: Vec<String> = data.files.iter().map(|file| file.display().to_string()).collect();
+    json!({
+        "runs": data.runs.len(),
+        "rows": data.rows,
+        "rows_left_out": data.bad_rows.count,
+        "unit": data.joint.torque_unit(),
+        "train_runs": split.train_runs(data),
+        "test_runs": split.test_runs(data),
+        "files": files,
+        "sha256": hashes,
+        "columns": overview(data).columns.iter().map(column).collect::<Vec<_>>(),
+        "notes": data.notes,
+    })
 }

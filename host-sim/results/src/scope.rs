@@ -9,6 +9,7 @@ use crate::report::{Axis, Block, Cell, Chart, Page, Series, Table};
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use joint_log::number::figure;
 use serde::Serialize;
+use serde_json::json;
 
 /// File with the rows.
 pub const ROWS_FILE: &str = "scope.parquet";
@@ -52,18 +53,6 @@ pub struct SignalSummary {
     pub rms: f64,
 }
 
-#[derive(Serialize)]
-struct ScopeDocument<'a> {
-    schema: u32,
-    joint: &'a str,
-    trigger: &'a str,
-    period_s: f64,
-    captures: usize,
-    rows: usize,
-    trigger_rows: Vec<usize>,
-    signals: Vec<SignalSummary>,
-}
-
 impl ScopeResult {
     fn rows(&self) -> usize {
         self.captures.iter().map(|capture| capture.columns.first().map_or(0, Vec::len)).sum()
@@ -93,16 +82,17 @@ impl ScopeResult {
     /// # Errors
     /// One line, if a value cannot be represented in JSON.
     pub fn document(&self) -> Result<String, String> {
-        pretty(&ScopeDocument {
-            schema: 1,
-            joint: &self.joint,
-            trigger: &self.trigger,
-            period_s: self.period_s,
-            captures: self.captures.len(),
-            rows: self.rows(),
-            trigger_rows: self.captures.iter().map(|capture| capture.trigger_row).collect(),
-            signals: self.summary(),
-        })
+        let trigger_rows = self.captures.iter().map(|capture| capture.trigger_row);
+        pretty(&json!({
+            "schema": 1,
+            "joint": self.joint,
+            "trigger": self.trigger,
+            "period_s": self.period_s,
+            "captures": self.captures.len(),
+            "rows": self.rows(),
+            "trigger_rows": trigger_rows.collect::<Vec<_>>(),
+            "signals": self.summary(),
+        }))
     }
 
     /// Returns all files.

@@ -1,76 +1,35 @@
 //! Findings of the checks of a log.
 
-/// Kind of a measurement defect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum LogFindingKind {
-    /// The velocity has noise, in motion or at rest.
-    VelocityNoise,
-    /// The velocity is late or early relative to the derivative of the position.
-    VelocityLag,
-    /// The torque is late relative to the motion.
-    TorqueLag,
-    /// Another column is late or early relative to the torque it follows.
-    ChannelLag,
-    /// A column is held over several rows.
-    HeldChannel,
-    /// A column has coarse quantisation.
-    Quantised,
-    /// A column is clipped at an end of its range.
-    Saturated,
-    /// The clock jumps or repeats stamps, or rows are missing.
-    TimeJump,
-    /// A column may have another unit or origin than its name states.
-    UnitSuspect,
-    /// The position wraps, for example after each turn.
-    WrappedAngle,
-    /// The torque may have the wrong sign.
-    SignSuspect,
-    /// A column holds impossible values.
-    Outlier,
-    /// The log has too few independent rows.
-    TooLittle,
-}
-
-impl LogFindingKind {
-    /// All kinds.
-    pub const ALL: [Self; 13] = [
-        Self::VelocityNoise,
-        Self::VelocityLag,
-        Self::TorqueLag,
-        Self::ChannelLag,
-        Self::HeldChannel,
-        Self::Quantised,
-        Self::Saturated,
-        Self::TimeJump,
-        Self::UnitSuspect,
-        Self::WrappedAngle,
-        Self::SignSuspect,
-        Self::Outlier,
-        Self::TooLittle,
-    ];
-
-    /// Returns the name used in files and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::VelocityNoise => "velocity-noise",
-            Self::VelocityLag => "velocity-lag",
-            Self::TorqueLag => "torque-lag",
-            Self::ChannelLag => "channel-lag",
-            Self::HeldChannel => "held-channel",
-            Self::Quantised => "quantised",
-            Self::Saturated => "saturated",
-            Self::TimeJump => "time-jump",
-            Self::UnitSuspect => "unit-suspect",
-            Self::WrappedAngle => "wrapped-angle",
-            Self::SignSuspect => "sign-suspect",
-            Self::Outlier => "outlier",
-            Self::TooLittle => "too-little",
-        }
-    }
-
-    /// Returns the kind with a name.
-    pub fn parse(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
+named! {
+    /// Kind of a measurement defect.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum LogFindingKind {
+        /// The velocity has noise, in motion or at rest.
+        VelocityNoise = "velocity-noise",
+        /// The velocity is late or early relative to the derivative of the position.
+        VelocityLag = "velocity-lag",
+        /// The torque is late relative to the motion.
+        TorqueLag = "torque-lag",
+        /// Another column is late or early relative to the torque it follows.
+        ChannelLag = "channel-lag",
+        /// A column is held over several rows.
+        HeldChannel = "held-channel",
+        /// A column has coarse quantisation.
+        Quantised = "quantised",
+        /// A column is clipped at an end of its range.
+        Saturated = "saturated",
+        /// The clock jumps or repeats stamps, or rows are missing.
+        TimeJump = "time-jump",
+        /// A column may have another unit or origin than its name states.
+        UnitSuspect = "unit-suspect",
+        /// The position wraps, for example after each turn.
+        WrappedAngle = "wrapped-angle",
+        /// The torque may have the wrong sign.
+        SignSuspect = "sign-suspect",
+        /// A column holds impossible values.
+        Outlier = "outlier",
+        /// The log has too few independent rows.
+        TooLittle = "too-little",
     }
 }
 

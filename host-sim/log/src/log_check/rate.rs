@@ -6,6 +6,7 @@ use super::log::Log;
 use super::{header, typed};
 use crate::number::figure;
 use crate::setting::Setting;
+use crate::unit::conversion;
 use crate::{DataError, Dataset};
 
 /// Plausible rates of a log of friction, Hz. Slow logs of steady speeds have about 4 Hz.
@@ -17,25 +18,19 @@ const MAX_RATE_HZ: f64 = 1e6;
 /// Probable true rates of a log whose clock has another unit, Hz.
 const PROBABLE_RATES_HZ: (f64, f64) = (10.0, 1e5);
 
-/// Units of time, with their length in s.
-const TIME_UNITS: [(&str, f64); 7] = [
-    ("s", 1.0),
-    ("ms", 1e-3),
-    ("us", 1e-6),
-    ("ns", 1e-9),
-    ("min", 60.0),
-    ("h", 3600.0),
-    ("days", 86_400.0),
-];
+/// Units of time.
+const TIME_UNITS: [&str; 7] = ["s", "ms", "us", "ns", "min", "h", "days"];
 
 /// Returns the units of time that make a rate probable, with the rate in each.
 fn probable_units(data: &Dataset, rate_hz: f64) -> Vec<(&'static str, f64)> {
     let source = data.sources.iter().find(|source| source.name == "time_s");
     let given = source.and_then(|source| source.unit.as_deref()).unwrap_or("s");
-    let length = |unit: &str| TIME_UNITS.iter().find(|of| of.0 == unit).map(|of| of.1);
+    let length = |unit: &str| Some(conversion("time_s", unit).ok()?.apply(1.0));
     // A unit in another notation, such as `msec`, leaves the lengths unknown.
-    let Some(given_s) = length(given) else { return Vec::new() };
-    let rated = TIME_UNITS.iter().map(|(unit, length_s)| (*unit, rate_hz * given_s / length_s));
+    let given_s = TIME_UNITS.contains(&given).then(|| length(given)).flatten();
+    let Some(given_s) = given_s else { return Vec::new() };
+    let rated =
+        TIME_UNITS.iter().filter_map(|unit| Some((*unit, rate_hz * given_s / length(unit)?)));
     let is_probable = |rate: f64| (PROBABLE_RATES_HZ.0..PROBABLE_RATES_HZ.1).contains(&rate);
     rated.filter(|(_, rate)| is_probable(*rate)).collect()
 }

@@ -7,40 +7,31 @@ use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::{rate, typed};
 use crate::number::figure;
+use crate::unit::conversion;
 use compensator_core::quantity::{JointKind, Quantity};
-use std::f64::consts::{PI, TAU};
 
-/// A unit with its size, relative to the contract's.
+/// A unit with the number in the column for one unit of the contract.
 type SizedUnit = (&'static str, f64);
 
-/// Units of the velocity: the number in the column for 1 rad/s or 1 m/s.
-const VELOCITY_UNITS: [&[SizedUnit]; 2] = [
-    &[
-        ("rad/s", 1.0),
-        ("rpm", 60.0 / TAU),
-        ("deg/s", 180.0 / PI),
-        ("rps", 1.0 / TAU),
-        ("mrad/s", 1e3),
-    ],
-    &[
-        ("m/s", 1.0),
-        ("mm/s", 1e3),
-        ("cm/s", 1e2),
-        ("m/min", 60.0),
-        ("mm/min", 6e4),
-        ("in/s", 1.0 / 0.0254),
-    ],
+/// Probable units of the velocity, of a revolute and a prismatic joint.
+const VELOCITY_UNITS: [&[&str]; 2] = [
+    &["rad/s", "rpm", "deg/s", "rps", "mrad/s"],
+    &["m/s", "mm/s", "cm/s", "m/min", "mm/min", "in/s"],
 ];
 
-/// Units of the position: the number in the column for 1 rad or 1 m.
-const POSITION_UNITS: [&[SizedUnit]; 2] = [
-    &[("rad", 1.0), ("deg", 180.0 / PI), ("rev", 1.0 / TAU), ("mrad", 1e3)],
-    &[("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("um", 1e6), ("inch", 1.0 / 0.0254)],
-];
+/// Probable units of the position.
+const POSITION_UNITS: [&[&str]; 2] =
+    [&["rad", "deg", "rev", "mrad"], &["m", "mm", "cm", "um", "inch"]];
 
-/// Returns the units of the velocity with the number in the column for 1 rad/s or 1 m/s.
-pub fn velocity_units(joint: JointKind) -> impl Iterator<Item = SizedUnit> {
-    VELOCITY_UNITS[joint as usize].iter().copied()
+/// Returns the probable units of the velocity with their sizes.
+pub fn velocity_units(joint: JointKind) -> Vec<SizedUnit> {
+    sized(Quantity::Velocity, joint, &VELOCITY_UNITS)
+}
+
+fn sized(of: Quantity, joint: JointKind, units: &[&'static [&'static str]; 2]) -> Vec<SizedUnit> {
+    let size =
+        |unit: &&'static str| Some((*unit, conversion(of.name(joint), unit).ok()?.inverse(1.0)));
+    units[joint as usize].iter().filter_map(size).collect()
 }
 
 /// Maximum relative difference to a gain of the table.
@@ -104,9 +95,10 @@ fn probable_cause(log: &Log, gain: f64) -> Option<String> {
     if is_near(1.0) {
         return None;
     }
-    let joint = log.data.joint as usize;
-    let velocities = relative(VELOCITY_UNITS[joint], given_unit(log, log.velocity()));
-    let positions = relative(POSITION_UNITS[joint], given_unit(log, log.position()));
+    let joint = log.data.joint;
+    let velocities = relative(&velocity_units(joint), given_unit(log, log.velocity()));
+    let positions = sized(Quantity::Position, joint, &POSITION_UNITS);
+    let positions = relative(&positions, given_unit(log, log.position()));
     let option = |name: &str, unit: &str| typed(log.data, name, unit);
     let mut causes = Vec::new();
     for (unit, _) in velocities.iter().filter(|(_, size)| is_near(*size)) {
