@@ -5,7 +5,7 @@ use super::error::{DataError, listed};
 use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::Preset;
-use super::source::read_file;
+use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey};
 use super::{guess, unit};
 use crate::setting::{Setting, shell_word};
@@ -25,17 +25,9 @@ const REQUIRED: [&str; 3] = ["time_s", "velocity_rad_s", "torque_nm"];
 /// # Errors
 /// If the file cannot be read as a table.
 pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
-    let size =
-        std::fs::metadata(file).map_err(|source| DataError::Io { file: file.into(), source })?;
-    if size.is_dir() {
-        return Err(DataError::File {
-            file: file.into(),
-            found: "a directory".into(),
-            expected: "a CSV or Parquet file".into(),
-        });
-    }
+    let size = file_size(file)?;
     let options = ReadOptions { is_survey: true, ..options.clone() };
-    let mut survey = read_file(file, size.len(), &options, &|_| {})?.survey;
+    let mut survey = read_file(file, size, &options, &|_| {})?.survey;
     let is_time = |name: &str| guess::quantity(name) == Some("time_s");
     let times = survey.columns.iter().filter(|column| is_time(&column.name)).count();
     for column in &mut survey.columns {

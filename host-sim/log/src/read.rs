@@ -15,7 +15,7 @@ use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::describe::with_likely_columns;
 use super::error::DataError;
 use super::options::ReadOptions;
-use super::source::{read_content, read_file};
+use super::source::{file_size, read_content, read_file};
 use super::table::{Table, read_table};
 use crate::setting::Setting;
 use crate::work::checkpoint;
@@ -132,21 +132,17 @@ fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
     }
     let mut seen = HashSet::new();
     let size = |path: &PathBuf| {
+        let size = file_size(path)?;
         let failed = |source| DataError::Io { file: path.clone(), source };
-        let wrong = |found: &str, expected: &str| DataError::File {
-            file: path.clone(),
-            found: found.into(),
-            expected: expected.into(),
-        };
-        let about = std::fs::metadata(path).map_err(failed)?;
-        if about.is_dir() {
-            return Err(wrong("a directory", "a CSV or Parquet file"));
-        }
         if !seen.insert(path.canonicalize().map_err(failed)?) {
             // The same rows on both sides of a split would understate the held-out error.
-            return Err(wrong("the file given twice", "each file once"));
+            return Err(DataError::File {
+                file: path.clone(),
+                found: "the file given twice".into(),
+                expected: "each file once".into(),
+            });
         }
-        Ok(about.len())
+        Ok(size)
     };
     files.iter().map(size).collect()
 }

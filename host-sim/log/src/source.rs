@@ -10,7 +10,6 @@ mod above_table;
 mod arrow_file;
 #[cfg(feature = "arrow")]
 mod arrow_messages;
-mod blanks;
 mod can_trace;
 #[cfg(feature = "mcap")]
 mod cdr;
@@ -68,6 +67,20 @@ const FORMATS: &[LogFormat] = &[
     json_lines::FORMAT,
     csv_file::FORMAT,
 ];
+
+/// Returns the size of a file, bytes.
+pub(super) fn file_size(path: &Path) -> Result<u64, DataError> {
+    let about =
+        std::fs::metadata(path).map_err(|source| DataError::Io { file: path.into(), source })?;
+    if about.is_dir() {
+        return Err(DataError::File {
+            file: path.into(),
+            found: "a directory".into(),
+            expected: "a CSV or Parquet file".into(),
+        });
+    }
+    Ok(about.len())
+}
 
 /// Reads a file of `size` bytes in any supported format, which may be packed with gzip or zip.
 pub(super) fn read_file(

@@ -82,6 +82,13 @@ fn unit(name: &str) -> String {
     found.map_or("as logged", |(_, unit)| unit).into()
 }
 
+/// Returns the least and the largest value; infinities for no values.
+pub fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| {
+        [least.min(value), most.max(value)]
+    })
+}
+
 /// Returns a quantile; 0 for no values.
 pub fn quantile(values: &mut [f64], share: f64) -> f64 {
     if values.is_empty() {

@@ -1,5 +1,6 @@
 //! Torques that hold no information: one value throughout, or one in each run while the motion of the run changes.
 
+use super::column::extent as range;
 use super::header;
 use crate::number::figure;
 use crate::setting::Setting;
@@ -11,13 +12,6 @@ const MAX_RANGE_SHARE: f64 = 1e-6;
 
 /// Minimum change of the velocity in a run, as a share of the largest speed of the log, that a torque must follow.
 const MIN_VELOCITY_CHANGE: f64 = 0.1;
-
-/// Returns the range of some values.
-fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| {
-        [least.min(value), most.max(value)]
-    })
-}
 
 fn is_constant([least, most]: [f64; 2]) -> bool {
     most - least <= MAX_RANGE_SHARE * least.abs().max(most.abs())

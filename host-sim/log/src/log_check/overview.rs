@@ -3,7 +3,7 @@
 //! Most misread logs show at a glance: a rate of 1 Hz, a speed of 3000 rad/s, half of the rows left out. So the
 //! summary states rows, runs, rate, and the range, unit and origin of each column.
 
-use super::column::{Column, all, quantile};
+use super::column::{Column, all, extent, quantile};
 use crate::number::figure;
 use crate::{Dataset, SourceColumn};
 
@@ -48,21 +48,16 @@ fn rounded(value: f64) -> String {
 /// Summarises a log.
 pub fn overview(data: &Dataset) -> Overview {
     let source = |name: &str| data.sources.iter().find(|source| source.name == name).cloned();
-    let span = |values: &mut dyn Iterator<Item = f64>| {
-        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| {
-            [least.min(value), most.max(value)]
-        })
-    };
     let mut columns = vec![ColumnOverview {
         name: "time_s".into(),
         unit: "s".into(),
-        range: span(&mut data.runs.iter().flat_map(|run| run.time_s.iter().copied())),
+        range: extent(data.runs.iter().flat_map(|run| run.time_s.iter().copied())),
         source: source("time_s"),
     }];
     columns.extend(all(data).iter().map(|column: &Column| ColumnOverview {
         name: column.name.clone(),
         unit: column.unit.clone(),
-        range: span(&mut column.values()),
+        range: extent(column.values()),
         source: source(&column.name),
     }));
     let rates = data.runs.iter().filter_map(|run| {
@@ -70,7 +65,7 @@ pub fn overview(data: &Dataset) -> Overview {
         let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
         (!steps.is_empty()).then(|| 1.0 / quantile(&mut steps, 0.5))
     });
-    let [least, most] = span(&mut rates.into_iter());
+    let [least, most] = extent(rates);
     let ends = data.runs.iter().filter_map(|run| Some((run.time_s.first()?, run.time_s.last()?)));
     Overview {
         runs: data.runs.len(),

@@ -3,6 +3,7 @@
 //! At a clipped end, many consecutive rows hold exactly the same extreme value, while elsewhere the column rarely
 //! repeats itself.
 
+use super::column::extent;
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use crate::number::figure;
@@ -22,10 +23,7 @@ const MAX_REPEAT_SHARE: f64 = 0.1;
 pub fn saturated(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
     for column in &log.columns {
-        let ends =
-            column.values().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| {
-                [least.min(value), most.max(value)]
-            });
+        let ends = extent(column.values());
         // A filled column is constant after its last value.
         let filled = log.data.sources.iter().any(|of| of.name == column.name && of.filled > 0);
         if ends[0] == ends[1] || filled {

@@ -14,12 +14,13 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::above_table::Preamble;
-use super::blanks::SingleBlanks;
 use super::channel_clocks::{ChannelClocks, groups};
 use super::format::{HEAD_BYTES, Input, LogFormat};
 use super::number_style::NumberStyle;
 use super::preamble::find_preamble;
-use super::records::{RecordPosition, RecordReader, cell_names, is_blank, reader_builder};
+use super::records::{
+    RecordPosition, RecordReader, cell_names, is_blank, reader_builder, without_blanks,
+};
 use super::separator::separator;
 use super::{utf16, windows_1252};
 use crate::clean::{Cleaner, FileData};
@@ -92,13 +93,11 @@ fn read(input: Input) -> Result<FileData, DataError> {
     if order.is_some() || is_windows_1252 {
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(io)?;
-        let text = match order {
-            Some(order) => utf16::decode(&bytes, order),
-            None => windows_1252::decode(&bytes),
-        };
-        drop(bytes);
-        let bytes = text.as_bytes();
-        let mut data = read_bytes(path, bytes, options, &|bytes| progress(bytes.min(size)))?;
+        let progress = |bytes: u64| progress(bytes.min(size));
+        if is_windows_1252 {
+            bytes = windows_1252::decode(&bytes).into_bytes();
+        }
+        let mut data = read_bytes(path, &bytes, options, &progress)?;
         if is_windows_1252 {
             let note = "the text is not UTF-8 and is read as Windows-1252";
             data.notes.push(format!("{}: {note}", path.display()));
@@ -193,10 +192,14 @@ impl TextTable<'_> {
         let mut names = Vec::new();
         if let Some(line) = self.commented() {
             let by = self.separator();
-            let line = SingleBlanks::new(line, by == b' ');
             let mut header = reader_builder(by).from_reader(line);
             if header.read_byte_record(&mut records.record)? {
-                names = cell_names(&records.record);
+                let record = &records.record;
+                names = if by == b' ' {
+                    cell_names(&without_blanks(record))
+                } else {
+                    cell_names(record)
+                };
             }
         }
         while names.is_empty() && records.advance()? {
@@ -234,7 +237,6 @@ impl TextTable<'_> {
         let separator = self.separator();
         let format = NumberFormat { is_comma_free: separator != b',', style: Cell::new(style) };
         let bytes = self.size.saturating_sub(self.before.start as u64);
-        let text = SingleBlanks::new(text, separator == b' ');
         let records = RecordReader::new(text, separator, self.before.lines, bytes);
         let data = self.read_records(records, &format, options, progress).map(|mut data| {
             data.notes.extend(self.notes(format.style.get()));

@@ -10,6 +10,7 @@ use std::io::{Chain, Read};
 
 /// The records of a table.
 pub(super) struct RecordReader<R> {
+    separator: u8,
     reader: csv::Reader<Chain<R, &'static [u8]>>,
     pub record: ByteRecord,
     /// Lines above the table.
@@ -43,6 +44,7 @@ impl<R: Read> RecordReader<R> {
     pub fn new(text: R, separator: u8, lines_above: u64, bytes: u64) -> Self {
         let mut builder = reader_builder(separator);
         Self {
+            separator,
             reader: builder.buffer_capacity(256 * 1024).from_reader(text.chain(&b"\n"[..])),
             record: ByteRecord::new(),
             lines_above,
@@ -54,7 +56,11 @@ impl<R: Read> RecordReader<R> {
     /// Reads the next record. Returns false at the end of the table.
     pub fn advance(&mut self) -> Result<bool, csv::Error> {
         self.line_before = self.reader.position().line();
-        self.reader.read_byte_record(&mut self.record)
+        let is_read = self.reader.read_byte_record(&mut self.record)?;
+        if self.separator == b' ' {
+            self.record = without_blanks(&self.record);
+        }
+        Ok(is_read)
     }
 
     /// Returns the number of bytes read.
@@ -78,6 +84,14 @@ impl<R: Read> RecordReader<R> {
     }
 }
 
+/// Returns the words of a record that is split at single blanks. numpy's `savetxt` and Fortran align the columns of a table
+/// with several blanks. A comment after blanks has no words.
+pub(super) fn without_blanks(record: &ByteRecord) -> ByteRecord {
+    let words = record.iter().filter(|cell| !cell.trim_ascii().is_empty());
+    let is_comment = words.clone().next().is_some_and(|word| word.starts_with(b"#"));
+    words.filter(|_| !is_comment).collect()
+}
+
 /// Returns the cells of a header.
 pub(super) fn cell_names(record: &ByteRecord) -> Vec<String> {
     let name = |cell: &[u8]| String::from_utf8_lossy(cell.trim_ascii()).into_owned();
@@ -87,4 +101,28 @@ pub(super) fn cell_names(record: &ByteRecord) -> Vec<String> {
 /// Returns true if the row is empty, or holds only separators as spreadsheets write for an empty row.
 pub(super) fn is_blank(record: &ByteRecord) -> bool {
     record.as_slice().trim_ascii().is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn advance_with_aligned_columns_returns_words() {
+        let text = "  t   v\r\n 0.1  -2 \r\n\n  # remark\n3 \"a b\"";
+        let read = |separator| {
+            let mut reader = RecordReader::new(text.as_bytes(), separator, 0, text.len() as u64);
+            let mut found = Vec::new();
+            while reader.advance().unwrap() {
+                found.push((reader.position().line, cell_names(&reader.record)));
+            }
+            found
+        };
+        let lines =
+            [(1, vec!["t", "v"]), (2, vec!["0.1", "-2"]), (4, vec![]), (5, vec!["3", "a b"])];
+        let lines =
+            lines.map(|(line, words)| (line, words.into_iter().map(str::to_owned).collect()));
+        assert_eq!(read(b' '), lines);
+        assert_eq!(read(b',')[0], (1, vec!["t   v".to_owned()]));
+    }
 }
