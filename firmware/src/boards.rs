@@ -1,17 +1,16 @@
-//! The boards of the joint driver: pins, registers and interrupts around the common library.
+//! The board of the joint driver: pins, registers and interrupts around the common library.
 //!
 //! A board implements [`firmware::background::Board`] (frames, time, sensors, watchdog) and, if it has a
 //! bridge, [`firmware::control::PowerStage`]. It accesses its flash through `embedded_storage`. A board
-//! contains no logic that works without registers: such logic is in the library, where a PC tests it. A new
-//! board is a folder here with its `memory.x`, a line below and a feature; see `docs/src/how-to/porting.md`.
+//! contains no logic that works without registers: such logic is in the library, where a PC tests it. Another
+//! board is a package of its own; see `docs/src/how-to/porting.md`.
 //!
 //! All boards share these rules:
 //!
-//! - A cargo feature `board-NAME` selects the board; `build.rs` ensures that an image has exactly one.
-//!   Dependencies of a board are optional, behind its feature and `cfg(target_os = "none")`.
+//! - Dependencies of the board are optional, behind its feature and `cfg(target_os = "none")`, so that another
+//!   board has none of them.
 //! - `main.rs` only includes this module. The board's file defines its entry point (`#[entry]` or an RTIC
-//!   app) and its `defmt` logger: `defmt-rtt` on the stm32g474, `defmt-semihosting` on qemu. The stm32f405
-//!   logs nothing.
+//!   app) and its `defmt` logger, if it logs.
 //! - A panic or a hard fault opens the bridge (`open_bridge` of the board), stores its text in RAM that
 //!   survives a reset ([`firmware::panic`]) and resets, which opens the bridge as well. The next start
 //!   passes the text to the driver in `Boot::panic` (`panic::take`).
@@ -19,20 +18,8 @@
 //!   `LoopReport::stack_intact`. `take_overflow`, called before `paint`, goes to `Boot::stack_overflowed`.
 //! - `HardFault` is handled here; each board defines its own `DefaultHandler`.
 
-#[cfg(feature = "board-qemu")]
-mod qemu;
-#[cfg(any(feature = "board-qemu", feature = "board-stm32f405"))]
-mod serial_bus;
-#[cfg(feature = "board-stm32f405")]
-mod stm32f405;
-#[cfg(feature = "board-stm32g474")]
 mod stm32g474;
 
-#[cfg(feature = "board-qemu")]
-use qemu::open_bridge;
-#[cfg(feature = "board-stm32f405")]
-use stm32f405::open_bridge;
-#[cfg(feature = "board-stm32g474")]
 use stm32g474::open_bridge;
 
 /// Opens the bridge, stores the text and resets the processor. The bridge comes first, because storing

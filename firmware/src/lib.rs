@@ -4,13 +4,12 @@
 //! is a joint on its bus, with its objects ([`node`]), parameters ([`parameter_set`], [`node_settings`],
 //! [`store`]), [`supervisor`] and [`watch`]. It processes frames, and a tick every millisecond. [`loop_task`] is
 //! the work of the fast interrupt: the current loop ([`control`]) with its time guard ([`deadline`]). The queues
-//! of [`loop_link`] connect the two. [`sensors`] are sensor drivers without a board. The boards are in the
-//! binary `firmware`, and only they access registers. Time is passed in everywhere, so a PC runs all of this in
+//! of [`loop_link`] connect the two. [`sensors`] are sensor drivers without a board. The board is in the
+//! binary `firmware`, and only boards access registers. Time is passed in everywhere, so a PC runs all of this in
 //! virtual time.
 //!
-//! Measurements of the core on its processor use [`reference_joint`] (its network is
-//! `compensator_core::network::reference`). [`fingerprint`] has the runs whose output bits must agree between PC and
-//! microcontroller. The binary `cost` counts instructions.
+//! Measurements of the core on its processor, which `tests/boards` has, use [`reference_joint`] (its network is
+//! `compensator_core::network::reference`).
 #![cfg_attr(not(test), no_std)]
 
 pub mod access;
@@ -20,7 +19,6 @@ pub mod control;
 pub mod deadline;
 pub mod drive_settings;
 pub mod driver;
-pub mod fingerprint;
 pub mod hil;
 mod log;
 pub mod loop_link;

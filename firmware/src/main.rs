@@ -1,4 +1,4 @@
-//! The joint driver's image: see `boards` for what runs on which board.
+//! The joint driver's image: see `boards`.
 //!
 //! On a PC this is a stub, so that the workspace builds and tests as a whole.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -6,9 +6,8 @@
 #[cfg(target_os = "none")]
 mod boards;
 
-/// Slot of the image, if the board has two: A.
+/// Slot of the image: A.
 #[cfg(target_os = "none")]
-#[allow(dead_code)] // Other boards have one.
 const SLOT: usize = 0;
 
 #[cfg(not(target_os = "none"))]

@@ -2,8 +2,7 @@
 //!
 //! On a board the text is stored in RAM that start-up code does not clear ([`crate::panic_note`]) and the
 //! processor is reset. The reset opens the bridge in hardware at once, and the next start reports the text
-//! on the bus. In the emulator's measurement the text is printed and the emulator ends with exit code 1, so
-//! that a test fails. The `#[panic_handler]` of each binary selects one of the two.
+//! on the bus.
 
 #![allow(unsafe_code)] // One static that survives a reset, accessed only through `place`.
 
@@ -44,14 +43,4 @@ pub fn take() -> Option<String<MAX_PANIC_TEXT_BYTES>> {
         let note = unsafe { note_storage() };
         note.take()
     })
-}
-
-/// Prints the text in the emulator and ends it with exit code 1.
-#[cfg(feature = "board-qemu")]
-pub fn print_and_exit(what: &dyn Display) -> ! {
-    use cortex_m_semihosting::{debug, hprintln};
-    hprintln!("{}", what);
-    loop {
-        debug::exit(debug::EXIT_FAILURE);
-    }
 }

@@ -11,21 +11,22 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 TARGET_FOLDER = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
 IMAGES_FOLDER = TARGET_FOLDER / "images"
 TARGET = "thumbv7em-none-eabihf"
+BOARDS = "test-boards"
 
-# Name of each image or set of images: its programs and its features.
+# Name of each image or set of images: its package, its programs and its features.
 IMAGES = {
     # What ships: the images of both slots. The boot program belongs to them and is built for size.
-    "stm32g474": (["firmware", "firmware-b", "boot"], "board-stm32g474,terms"),
-    "qemu": (["firmware"], "board-qemu,terms"),
-    "stm32f405": (["firmware"], "board-stm32f405,terms"),
-    "cost": (["cost"], "board-qemu,c-reference,terms"),
-    "cost-bare": (["cost"], "board-qemu"),
+    "stm32g474": ("firmware", ["firmware", "firmware-b", "boot"], "board-stm32g474,terms"),
+    "qemu": (BOARDS, ["qemu-board"], "qemu,terms"),
+    "stm32f405": (BOARDS, ["stm32f405-board"], "terms"),
+    "cost": (BOARDS, ["cost"], "c-reference,terms"),
+    "cost-bare": (BOARDS, ["cost"], ""),
     # Images that differ by the core alone.
-    "footprint": (["footprint"], "board-qemu,footprint"),
-    "footprint-loop": (["footprint"], "board-qemu,footprint-loop"),
-    "footprint-loop-terms": (["footprint"], "board-qemu,footprint-loop,terms"),
-    "footprint-core": (["footprint"], "board-qemu,footprint-core"),
-    "footprint-core-terms": (["footprint"], "board-qemu,footprint-core,terms"),
+    "footprint": (BOARDS, ["footprint"], ""),
+    "footprint-loop": (BOARDS, ["footprint"], "footprint-loop"),
+    "footprint-loop-terms": (BOARDS, ["footprint"], "footprint-loop,terms"),
+    "footprint-core": (BOARDS, ["footprint"], "footprint-core"),
+    "footprint-core-terms": (BOARDS, ["footprint"], "footprint-core,terms"),
 }
 
 
@@ -49,15 +50,20 @@ def cargo(*arguments, root=ROOT):
 
 def build(name):
     """Builds the images of this name; returns the folder with their programs."""
-    programs, features = IMAGES[name]
+    package, programs, features = IMAGES[name]
     folder = IMAGES_FOLDER / name
     folder.mkdir(parents=True, exist_ok=True)
     binaries = [word for program in programs if program != "boot" for word in ("--bin", program)]
-    built = cargo("build", "--locked", "-p", "firmware", *binaries, *selection(features))
+    built = cargo("build", "--locked", "-p", package, *binaries, *selection(features))
     if "boot" in programs:
-        built |= cargo("rustc", "--locked", "-p", "firmware", "--bin", "boot", *selection(features), "--", "-C", "opt-level=z")
+        built |= cargo("rustc", "--locked", "-p", package, "--bin", "boot", *selection(features), "--", "-C", "opt-level=z")
     for program in programs:
         place, built_at = folder / program, built[program].stat().st_mtime
         if not (place.exists() and place.stat().st_mtime == built_at):
             shutil.copy2(built[program], place)
     return folder
+
+
+def build_driver(name):
+    """Builds the images of this name; returns the path of the driver's."""
+    return build(name) / IMAGES[name][1][0]

@@ -18,7 +18,7 @@ DECODER = "defmt-print@1.2.0"
 def build_firmware(name="qemu"):
     """Returns the image of this board, or the one that FIRMWARE_QEMU names."""
     given = os.environ.get("FIRMWARE_QEMU") if name == "qemu" else None
-    return pathlib.Path(given).resolve() if given else images.build(name) / "firmware"
+    return pathlib.Path(given).resolve() if given else images.build_driver(name)
 
 
 def build_host_sim():

@@ -4,7 +4,6 @@
 
 mod closed_loop;
 mod driver;
-mod fingerprint;
 mod store;
 mod supervisor;
 mod update;

@@ -7,7 +7,7 @@
 //! ```text
 //! qemu-system-arm -M mps2-an386 -display none -monitor none -echr 256
 //!     -chardev socket,id=can,path=can.sock,server=on,wait=off,mux=on -serial chardev:can
-//!     -semihosting-config enable=on,target=native,arg=joint,arg=flash=flash.bin -kernel firmware | defmt-print -e firmware
+//!     -semihosting-config enable=on,target=native,arg=joint,arg=flash=flash.bin -kernel qemu-board | defmt-print -e qemu-board
 //! host-sim params status --bus slcan:can.sock
 //! ```
 //!
@@ -21,7 +21,6 @@ mod flash;
 mod kept;
 mod uart;
 
-use super::serial_bus::{SerialBus, SerialLine};
 use clock::Clock;
 use compensator_core::can::Frame;
 use core::ffi::CStr;
@@ -36,6 +35,7 @@ use flash::{BoardFlash, OpenError};
 use heapless::Vec;
 use kept::Kept;
 use semihosting::experimental::env;
+use test_boards::serial_bus::{SerialBus, SerialLine};
 use uart::Uart;
 
 /// Maximum length of the command line, bytes.
@@ -43,8 +43,23 @@ const MAX_COMMAND_LINE_BYTES: usize = 1024;
 
 defmt::timestamp!("{=u64:us}", u64::from(clock::stamp_us()));
 
-/// Does nothing: this board has no bridge.
-pub fn open_bridge() {}
+/// Handles a hard fault: the next start reports its text. There is no bridge to open.
+///
+/// # Safety
+/// Only the processor calls it; it never returns.
+#[allow(unsafe_code)]
+#[cortex_m_rt::exception]
+unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
+    panic::record_and_reset(&format_args!("hard fault at {:#010x}", frame.pc()))
+}
+
+#[panic_handler]
+fn handle_panic(info: &core::panic::PanicInfo) -> ! {
+    match info.location() {
+        Some(place) => panic::record_and_reset(&format_args!("panicked at {place}")),
+        None => panic::record_and_reset(&"panicked"),
+    }
+}
 
 #[cortex_m_rt::entry]
 fn main() -> ! {

@@ -19,9 +19,6 @@ mod registers;
 mod scales;
 mod stage;
 
-pub use stage::open_bridge;
-
-use super::serial_bus::{SerialBus, SerialLine};
 use compensator_core::can::Frame;
 use core::cell::UnsafeCell;
 use cortex_m::peripheral::NVIC;
@@ -38,7 +35,8 @@ use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
 use heapless::spsc::{Consumer, Producer, Queue};
 use registers::{Line, TIM5, USART1, read, timer, write};
-use stage::Stage;
+use stage::{Stage, open_bridge};
+use test_boards::serial_bus::{SerialBus, SerialLine};
 
 /// Capacity of the receive queue, bytes. The background is away for a millisecond at most: 12 bytes at
 /// 115,200 baud.
@@ -78,6 +76,31 @@ impl<T> Owned<T> {
 static LOOP: Owned<(LoopTask, Stage, LoopPort<'static>)> = Owned::empty();
 static SERIAL: Owned<Producer<'static, u8>> = Owned::empty();
 
+/// Opens the bridge, stores the text and resets the processor. The bridge comes first, because storing
+/// takes time and may itself fail.
+fn stop(what: &dyn core::fmt::Display) -> ! {
+    open_bridge();
+    panic::record_and_reset(what)
+}
+
+/// Handles a hard fault like a panic.
+///
+/// # Safety
+/// Only the processor calls it; it never returns.
+#[cortex_m_rt::exception]
+unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
+    open_bridge();
+    stop(&format_args!("hard fault at {:#010x}", frame.pc()))
+}
+
+#[panic_handler]
+fn handle_panic(info: &core::panic::PanicInfo) -> ! {
+    match info.location() {
+        Some(place) => stop(&format_args!("panicked at {place}")),
+        None => stop(&"panicked"),
+    }
+}
+
 /// Handles all peripheral interrupts; only that of the serial line is unmasked.
 ///
 /// # Safety
@@ -88,7 +111,7 @@ unsafe fn DefaultHandler(number: i16) {
         // SAFETY: this is the owning interrupt.
         unsafe { SERIAL.with(receive) }
     } else {
-        super::stop(&format_args!("unexpected interrupt {number}"))
+        stop(&format_args!("unexpected interrupt {number}"))
     }
 }
 

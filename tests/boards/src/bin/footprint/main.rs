@@ -1,6 +1,6 @@
 //! Images that differ only by the core: the difference of their sizes is the core's flash.
 //!
-//! Feature `footprint` builds the reference image, which passes words from a source to a sink.
+//! Without a feature it is the reference image, which passes words from a source to a sink. Feature
 //! `footprint-loop` adds what runs in the current loop: step and sum of a compensator that already exists
 //! in memory. `footprint-core` adds the rest: parsing a record, validating and building. All inputs come
 //! from, and all outputs go to, places that the compiler cannot see. So nothing is computed at build time

@@ -7,12 +7,12 @@
 //! directions, the Stribeck range, values outside the envelope, and NaN. One different bit in any step changes
 //! the fingerprint.
 
-use crate::control::PERIOD_S;
-use crate::reference_joint::configuration;
 use compensator_core::compensator::Reading;
 use compensator_core::model::{ModelState, Sample};
 use compensator_core::network::{NetworkState, reference as reference_network};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
+use firmware::control::PERIOD_S;
+use firmware::reference_joint::configuration;
 
 /// Samples per run.
 pub const STEPS: usize = 10_000;
@@ -185,7 +185,6 @@ impl Samples {
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
 
     #[test]
@@ -195,5 +194,19 @@ mod tests {
             assert_ne!(*print, 0);
             assert!(!prints[..index].contains(print));
         }
+    }
+
+    /// The table has the fingerprints of the emulated Cortex-M4F as well; `tests/cost/run` compares those with it.
+    #[test]
+    fn fingerprints_on_this_pc_match_table_of_target() {
+        let table = include_str!("../../cost/core-cost.tsv");
+        let (_, rows) = table.split_once("# Fingerprints").expect("a section");
+        let mut count = 0;
+        for (name, value) in all() {
+            let row = format!("{name}\t{value:08x}\t{value:08x}");
+            assert!(rows.lines().any(|line| line == row), "not in tests/cost/core-cost.tsv: {row}");
+            count += 1;
+        }
+        assert_eq!(count, 10, "runs");
     }
 }

@@ -20,7 +20,6 @@ use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
 use firmware::control::{BridgeFault, PERIOD_S, PowerStage, StageSample};
 use firmware::deadline::DeadlineLimits;
 use firmware::driver::{Home, LoopCommands};
-use firmware::fingerprint;
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
@@ -29,6 +28,7 @@ use firmware::parameter_set::ParameterSet;
 use firmware::reference_joint::COSTLIEST_TERMS;
 use firmware::reference_joint::configuration;
 use heapless::Vec;
+use test_boards::fingerprint;
 
 /// Cycles of a period on the joint driver's board, 170 MHz and 20 kHz, and cycles from trigger to handler.
 const PERIOD_CYCLES: u32 = 8500;
