@@ -5,8 +5,7 @@
 //! held-out rows than the base model ([`answer`]).
 //!
 //! `measured/answers.tsv` stores answers, and the limits are tested on them in every run. The cases in [`SHORT`] are
-//! diagnosed in every run, all with `LONG_TESTS=1`, and their answers are compared with the stored ones. A case without a
-//! stored answer is diagnosed, a slow one only in the long form. The following command writes the answers of all cases:
+//! diagnosed in every run, all with `LONG_TESTS=1`, and their answers are compared with the stored ones. The following command writes the answers of all cases:
 //!
 //! ```text
 //! LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-diagnose --test all measured_diagnosis::
@@ -23,7 +22,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 /// Cases that every run diagnoses, by files and split.
-const SHORT: [&str; 2] = ["screw-antibacklash.csv runs", "seal-oring.csv tail"];
+const SHORT: [&str; 3] =
+    ["screw-antibacklash.csv runs", "servo-pendulum.csv runs", "worm-drive.csv runs"];
 
 /// Largest difference of a number from its stored value, relative to values above 1. Another processor or C library changes
 /// the last bits of a sine, and a fit then ends elsewhere within its tolerance.
@@ -44,8 +44,6 @@ struct Case {
     rigid_body: &'static str,
     skip: usize,
     decimate: usize,
-    /// True if the diagnosis takes minutes.
-    is_slow: bool,
     /// Name of the split.
     split: &'static str,
     rule: fn(&[PathBuf]) -> SplitRule,
@@ -57,7 +55,6 @@ const CASE: Case = Case {
     rigid_body: "",
     skip: 0,
     decimate: 1,
-    is_slow: false,
     split: "runs",
     rule: |_| SplitRule::LeaveOneRunOut,
 };
@@ -213,7 +210,7 @@ fn answer(case: &Case) -> Option<(Answer, Option<Diagnosis>)> {
     let name = format!("{} {}", case.files.join("+"), case.split);
     let known = || stored().into_iter().find(|own| own.case == name);
     let is_long = std::env::var_os("LONG_TESTS").is_some();
-    let is_short = SHORT.contains(&name.as_str()) || (known().is_none() && !case.is_slow);
+    let is_short = SHORT.contains(&name.as_str());
     let folder = folder();
     if folder.is_none() {
         println!("skipped: the diagnosis of {name}: the measured logs are missing");
@@ -264,13 +261,7 @@ fn diagnose_seals_with_held_out_tail_names_pressure_and_calibration() {
         [(&["seal-oring.csv"], 1.2, 1.76), (&["seal-kdn.csv"], 0.4, 0.74)];
     for (files, least, most) in seals {
         let rule = |_: &[PathBuf]| SplitRule::Tail { share: 0.3 };
-        let Some((answer, _)) = answer(&Case {
-            files,
-            is_slow: files[0] == "seal-kdn.csv",
-            split: "tail",
-            rule,
-            ..CASE
-        }) else {
+        let Some((answer, _)) = answer(&Case { files, split: "tail", rule, ..CASE }) else {
             continue;
         };
         assert_eq!(answer.cause(), "pressure-coulomb", "{answer:?}");
@@ -297,7 +288,6 @@ fn diagnose_positioning_system_names_direction_asymmetry() {
         rigid_body: "inertia,offset",
         skip: 49,
         decimate: 10,
-        is_slow: true,
         split: "pulses",
         rule: |files| SplitRule::Files(vec![files[1].clone()]),
     }) else {
@@ -313,7 +303,7 @@ fn diagnose_positioning_system_names_direction_asymmetry() {
 fn diagnose_seals_with_held_out_pressure_names_pressure() {
     // Each run has its own pressure, so that each is predicted by a law fitted to the others.
     for files in [&["seal-oring.csv"], &["seal-kdn.csv"]] as [&'static [&'static str]; 2] {
-        let Some((answer, _)) = answer(&Case { files, is_slow: true, ..CASE }) else { continue };
+        let Some((answer, _)) = answer(&Case { files, ..CASE }) else { continue };
         assert_eq!(answer.cause(), "pressure-coulomb", "{answer:?}");
     }
 }
@@ -331,8 +321,7 @@ fn diagnose_cogging_motor_names_ripple_of_order_seven() {
 
 #[test]
 fn diagnose_second_damper_names_asymmetry_and_backlash() {
-    let Some((answer, _)) = answer(&Case { files: &["damper-2.csv"], is_slow: true, ..CASE })
-    else {
+    let Some((answer, _)) = answer(&Case { files: &["damper-2.csv"], ..CASE }) else {
         return;
     };
     assert_eq!(answer.cause(), "direction-asymmetry", "{answer:?}");
@@ -344,8 +333,7 @@ fn diagnose_second_damper_names_asymmetry_and_backlash() {
 
 #[test]
 fn diagnose_damper_names_backlash_and_tension() {
-    let Some((answer, _)) = answer(&Case { files: &["damper-1.csv"], is_slow: true, ..CASE })
-    else {
+    let Some((answer, _)) = answer(&Case { files: &["damper-1.csv"], ..CASE }) else {
         return;
     };
     // The README of the data reports 1595 N with both. The tension is not a cause of the catalogue: `unknown` names its
@@ -357,9 +345,7 @@ fn diagnose_damper_names_backlash_and_tension() {
 
 #[test]
 fn diagnose_robot_axis_with_balancer_names_a_cause() {
-    let Some((answer, _)) =
-        answer(&Case { files: &["robot-axis2.csv"], is_slow: true, ..ROBOT_AXIS })
-    else {
+    let Some((answer, _)) = answer(&Case { files: &["robot-axis2.csv"], ..ROBOT_AXIS }) else {
         return;
     };
     assert_ne!(answer.cause(), "none");
@@ -371,9 +357,7 @@ const ROBOT_AXIS: Case = Case { rigid_body: "inertia,load,offset", ..CASE };
 
 #[test]
 fn diagnose_third_robot_axis_names_ripple_of_order_eight() {
-    let Some((answer, _)) =
-        answer(&Case { files: &["robot-axis3.csv"], is_slow: true, ..ROBOT_AXIS })
-    else {
+    let Some((answer, _)) = answer(&Case { files: &["robot-axis3.csv"], ..ROBOT_AXIS }) else {
         return;
     };
     // A law with bristles does not show the direction asymmetry that a law without bristles has.
@@ -417,7 +401,7 @@ fn diagnose_other_logs_proposes_no_worse_model() {
     for files in
         [&["damper-1-actuators.csv"], &["damper-quakes.csv"]] as [&'static [&'static str]; 2]
     {
-        answer(&Case { files, is_slow: true, ..CASE });
+        answer(&Case { files, ..CASE });
     }
 }
 
@@ -438,7 +422,7 @@ fn diagnose_servo_names_load_first_and_not_temperature() {
     };
     // The README's 0.537 V is for the runs with a gain of 400 held out.
     let rule = |_: &[PathBuf]| SplitRule::parse_hold_out("kp=400").expect("a rule");
-    for case in [Case { split: "kp=400", rule, ..servo }, Case { is_slow: true, ..servo }] {
+    for case in [Case { split: "kp=400", rule, ..servo }, Case { ..servo }] {
         let Some((answer, _)) = answer(&case) else { continue };
         assert_eq!(answer.cause(), "load-torque-coulomb", "{answer:?}");
         assert!(!answer.uses("temperature_c"), "{answer:?}");

@@ -108,6 +108,10 @@ fn identify_lugre_covers_true_parameters_within_errors() {
 
 #[test]
 fn identify_improved_lugre_covers_true_parameters_within_errors() {
+    if !crate::is_long() {
+        println!("skipped: coverage of the improved LuGre model's parameters: tests/run --all");
+        return;
+    }
     let how = Recording { runs: 8, seconds: 3.0, ..Recording::default() };
     assert_covered("improved-lugre", how);
 }
