@@ -69,11 +69,7 @@ pub(super) const PARAMETERS: &str = "Values are given with one standard error. O
 
 /// Returns the title of the page: the files and the causes.
 pub(super) fn title(scene: &Scene) -> String {
-    let files = &scene.about.data.files;
-    let name = |file: &std::path::PathBuf| {
-        file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
-    };
-    let on = listed(&files.iter().map(name).collect::<Vec<_>>(), 3);
+    let on = shared::file_names(scene.about.data);
     let of = if on.is_empty() { "Diagnosis".to_owned() } else { format!("Diagnosis of {on}") };
     let mut causes: Vec<&str> =
         scene.about.found.findings.iter().map(|finding| finding.cause.name()).collect();

@@ -102,11 +102,8 @@ fn guard(graph: &mut Builder, file: &NetworkFile) -> (String, String) {
 /// Adds the recurrent layer. Returns the name of its output.
 fn recurrent(graph: &mut Builder, file: &NetworkFile, scaled: &str) -> String {
     let (cells, used) = (&file.network.lstm.cells, file.inputs.len());
-    let gates: [String; GATES] = ["forget", "input", "output", "candidate"].map(|name| {
-        let gate = ["forget", "input", "output", "candidate"]
-            .iter()
-            .position(|known| *known == name)
-            .unwrap_or_default();
+    let gates: [String; GATES] = std::array::from_fn(|gate| {
+        let name = ["forget", "input", "output", "candidate"][gate];
         let bias = cells.iter().map(|cell| cell.bias[gate]);
         let bias = graph.tensor(&format!("bias_{name}"), &[1, CELLS], bias);
         let of_input =

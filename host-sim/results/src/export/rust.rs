@@ -32,7 +32,7 @@ pub fn start(
 ";
 
 /// Writes a struct of named numbers as a constant.
-fn fields(text: &mut String, doc: &str, name: &str, kind: &str, names: &[&str], values: &[f32]) {
+fn fields(text: &mut String, [doc, name, kind]: [&str; 3], names: &[&str], values: &[f32]) {
     let _ = writeln!(text, "\n/// {doc}\npub const {name}: {kind} = {kind} {{");
     for (field, value) in names.iter().zip(values) {
         let _ = writeln!(text, "    {field}: {value:?},");
@@ -86,25 +86,11 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> ExportedModel {
          printed_extended: {},\n    allow_active: {},\n}};\n",
         choices.damping_fades, choices.printed_extended, choices.allow_active
     );
-    let envelope = model.envelope.to_array();
-    fields(
-        &mut text,
-        "Valid range of the inputs.",
-        "ENVELOPE",
-        "Envelope",
-        &Envelope::NAMES,
-        &envelope,
-    );
+    let constant = ["Valid range of the inputs.", "ENVELOPE", "Envelope"];
+    fields(&mut text, constant, &Envelope::NAMES, &model.envelope.to_array());
+    let constant = ["Parameters of the compensator.", "COMPENSATOR", "CompensatorParameters"];
     let compensator = configuration.compensator.to_array();
-    let names = &CompensatorParameters::NAMES;
-    fields(
-        &mut text,
-        "Parameters of the compensator.",
-        "COMPENSATOR",
-        "CompensatorParameters",
-        names,
-        &compensator,
-    );
+    fields(&mut text, constant, &CompensatorParameters::NAMES, &compensator);
     text.push_str(
         "\n/// Returns the configuration from which a compensator is built.\n\
          pub fn configuration() -> Configuration {\n    \

@@ -2,7 +2,7 @@
 
 use super::View;
 use joint_log::number::{count, significant};
-use joint_log::{JointKind, Part};
+use joint_log::{Dataset, JointKind, Part};
 
 /// Text above the parameter tables.
 pub(crate) const PARAMETERS: &str = "Values are given with one standard error. Only a \"determined\" parameter describes the \
@@ -10,16 +10,20 @@ pub(crate) const PARAMETERS: &str = "Values are given with one standard error. O
 
 /// Returns the title of the page: the files, and the model if there is only one.
 pub(crate) fn title(view: &View) -> String {
-    let files = &view.study.data.files;
-    let name = |file: &std::path::PathBuf| {
-        file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
-    };
-    let on = listed(&files.iter().map(name).collect::<Vec<_>>(), 3);
+    let on = file_names(view.study.data);
     let of = match view.study.fits {
         [one] => format!("Friction model {}", one.spec),
         _ => "Friction models".to_owned(),
     };
     if on.is_empty() { of } else { format!("{of} on {on}") }
+}
+
+/// Lists the names of the files; empty for data that were not read from files.
+pub(crate) fn file_names(data: &Dataset) -> String {
+    let name = |file: &std::path::PathBuf| {
+        file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
+    };
+    listed(&data.files.iter().map(name).collect::<Vec<_>>(), 3)
 }
 
 /// Describes the log: the kind of joint, the rows and the runs.
