@@ -1,0 +1,135 @@
+//! Causes as a table: a name, and the columns that the cause adds to a law.
+//!
+//! Most causes are one line: a covariate times the friction level, a power of the speed, the acceleration. A cause may have
+//! several variants, of which a hypothesis holds one: another covariate, a covariate that is logged some rows late, other
+//! orders of a ripple. What needs a search of its own is in [`backlash`] and [`ripple`].
+//!
+//! The friction level is the torque of the law's friction part, scaled to an RMS of one: +1 in forward sliding, -1 in reverse,
+//! and between them as the law has it.
+
+mod backlash;
+mod channel;
+mod motion;
+pub mod ripple;
+mod unknown;
+
+use super::law::Shapes;
+use super::rows::Rows;
+use ripple::RippleOrders;
+
+/// A way in which a cause may enter a model.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// The cause, as in a report.
+    pub cause: &'static str,
+    /// The column that the cause follows, or empty.
+    pub follows: String,
+    /// What distinguishes the variant: orders, rows of delay, shape.
+    pub detail: String,
+    /// Its columns in all rows.
+    pub columns: Vec<Vec<f64>>,
+    /// Prior cost: the share of the error that the variant must take to be worth its place.
+    pub price: f64,
+}
+
+/// What the columns of the causes are made of.
+pub struct Context<'a> {
+    /// The log.
+    pub rows: &'a Rows,
+    /// The columns of the laws.
+    pub shapes: &'a Shapes,
+    /// Index of the law's main travel.
+    pub travel: usize,
+    /// Friction level of the law.
+    pub level: &'a [f64],
+    /// Orders of the waves that are tried.
+    pub orders: &'a RippleOrders,
+    /// What the law leaves, as the torque channel would log it.
+    pub residual: &'a [f64],
+}
+
+/// A row of the table.
+struct CauseRow {
+    name: &'static str,
+    price: f64,
+    build: fn(&Context) -> Vec<Columns>,
+}
+
+/// Columns of one variant.
+#[derive(Default)]
+pub(crate) struct Columns {
+    follows: String,
+    detail: String,
+    columns: Vec<Vec<f64>>,
+}
+
+/// Price of a cause with a column of its own.
+const COLUMN: f64 = 0.02;
+
+/// Price of a cause of motion or time alone, which an inaccurate law resembles.
+const MIMIC: f64 = 0.04;
+
+const CAUSES: &[CauseRow] = &[
+    CauseRow { name: "pressure-coulomb", price: COLUMN, build: channel::pressure_coulomb },
+    CauseRow { name: "radial-force-coulomb", price: COLUMN, build: channel::radial_force_coulomb },
+    CauseRow { name: "radial-force-rate", price: MIMIC, build: channel::radial_force_rate },
+    CauseRow { name: "load-torque-coulomb", price: COLUMN, build: channel::load_torque_coulomb },
+    CauseRow { name: "load-gain", price: COLUMN, build: channel::load_gain },
+    CauseRow { name: "temperature-viscous", price: COLUMN, build: channel::temperature_viscous },
+    CauseRow { name: "temperature-coulomb", price: COLUMN, build: channel::temperature_coulomb },
+    CauseRow { name: "payload", price: MIMIC, build: channel::payload },
+    CauseRow { name: "joint-coupling", price: MIMIC, build: channel::joint_coupling },
+    CauseRow { name: "unknown", price: MIMIC, build: unknown::columns },
+    CauseRow { name: "direction-asymmetry", price: MIMIC, build: motion::direction_asymmetry },
+    CauseRow { name: "torque-offset", price: COLUMN, build: motion::torque_offset },
+    CauseRow { name: "quadratic-drag", price: MIMIC, build: motion::quadratic_drag },
+    CauseRow { name: "unmodelled-inertia", price: MIMIC, build: motion::unmodelled_inertia },
+    CauseRow { name: "gravity-imbalance", price: COLUMN, build: motion::gravity_imbalance },
+    CauseRow { name: "dwell-time-static", price: MIMIC, build: motion::dwell_time_static },
+    CauseRow { name: "time-drift", price: MIMIC, build: motion::time_drift },
+    CauseRow { name: "warm-up", price: MIMIC, build: motion::warm_up },
+    CauseRow { name: "stribeck-shape", price: MIMIC, build: motion::stribeck_shape },
+    CauseRow { name: "backlash", price: MIMIC, build: backlash::backlash },
+    CauseRow { name: "torque-ripple", price: MIMIC, build: ripple::torque_ripple },
+    CauseRow { name: "position-ripple", price: MIMIC, build: ripple::position_ripple },
+    CauseRow { name: "encoder-error", price: MIMIC, build: ripple::encoder_error },
+];
+
+/// Returns the variants of all causes that the log's columns allow. A column that does not vary or is not finite makes none.
+pub fn variants(context: &Context) -> Vec<Variant> {
+    let mut all = Vec::new();
+    for row in CAUSES {
+        for made in (row.build)(context) {
+            let is_usable = |column: &Vec<f64>| {
+                column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0)
+            };
+            if !made.columns.is_empty() && made.columns.iter().all(is_usable) {
+                all.push(Variant {
+                    cause: row.name,
+                    follows: made.follows,
+                    detail: made.detail,
+                    columns: made.columns,
+                    price: row.price,
+                });
+            }
+        }
+    }
+    all
+}
+
+impl Context<'_> {
+    /// Returns a function of each row's friction level and index.
+    fn with_level(&self, mut of: impl FnMut(usize) -> f64) -> Vec<f64> {
+        self.rows.map(|row| self.level[row] * of(row))
+    }
+
+    /// Returns the main stop.
+    fn stop(&self) -> &[f64] {
+        &self.shapes.stops[self.travel]
+    }
+}
+
+/// Returns columns without a covariate.
+fn plain(detail: &str, columns: Vec<Vec<f64>>) -> Columns {
+    Columns { detail: detail.into(), columns, ..Columns::default() }
+}

@@ -1,0 +1,137 @@
+//! Causes that follow a known column: pressure, side load, load torque, temperature, payload, other joints.
+//!
+//! A covariate may be logged late or early. The delay in rows that explains most of what the law leaves is a variant of its
+//! own beside the column as logged.
+
+use super::{Columns, Context};
+use crate::covariate::{Covariate, correlation};
+use crate::law::product;
+use crate::operator::{low_pass, shift};
+use joint_log::Quantity;
+
+/// Delays of a covariate that are tried, rows.
+const DELAYS: [i32; 10] = [-20, -10, -5, -3, -1, 1, 3, 5, 10, 20];
+
+/// Ratio of the squared correlations above which a delay is a variant.
+const MIN_DELAY_GAIN: f64 = 1.1;
+
+/// Most columns of other joints.
+const MOST_COUPLED: usize = 8;
+
+/// Returns a known covariate, with the delay that explains most in the given form.
+fn forms(
+    context: &Context,
+    quantity: Quantity,
+    form: impl Fn(&[f64]) -> Vec<f64>,
+) -> Vec<Columns> {
+    let Some(covariate) = context.rows.quantity(quantity) else { return Vec::new() };
+    with_delays(context, covariate, form)
+}
+
+fn with_delays(context: &Context, covariate: &Covariate, form: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Columns> {
+    let variant = |detail: String, column| Columns {
+        follows: covariate.name.clone(),
+        detail,
+        columns: vec![column],
+    };
+    let own = form(&covariate.scaled);
+    let explains = |column: &[f64]| correlation(column, context.residual).powi(2);
+    let base = explains(&own);
+    let mut found = vec![variant(String::new(), own)];
+    // A column with a few levels does not say when it changed within a level.
+    if covariate.levels < 12 {
+        return found;
+    }
+    let late = |rows: i32| form(&shift(&covariate.scaled, &context.rows.runs, -rows));
+    let best = DELAYS.into_iter().map(|rows| (explains(&late(rows)), rows)).max_by(|a, b| a.0.total_cmp(&b.0));
+    if let Some((gain, rows)) = best.filter(|(gain, _)| *gain > MIN_DELAY_GAIN * base && *gain > 0.01) {
+        let _ = gain;
+        found.push(variant(format!("column {rows} rows late"), late(rows)));
+    }
+    found
+}
+
+pub(super) fn pressure_coulomb(context: &Context) -> Vec<Columns> {
+    forms(context, Quantity::Pressure, |p| product(p, context.level))
+}
+
+pub(super) fn radial_force_coulomb(context: &Context) -> Vec<Columns> {
+    forms(context, Quantity::RadialForce, |f| product(f, context.level))
+}
+
+pub(super) fn radial_force_rate(context: &Context) -> Vec<Columns> {
+    let rows = context.rows;
+    forms(context, Quantity::RadialForce, |force| {
+        let rate = rows.slope(force);
+        let bends = rows.map(|row| rate[row] * (1.0 - context.stop()[row].abs()));
+        low_pass(&bends, &rows.runs, 3.0)
+    })
+    .into_iter()
+    .take(1)
+    .collect()
+}
+
+pub(super) fn load_torque_coulomb(context: &Context) -> Vec<Columns> {
+    let Some(load) = context.rows.quantity(Quantity::LoadTorque) else { return Vec::new() };
+    let column = context.with_level(|row| load.values[row].abs());
+    vec![Columns { follows: load.name.clone(), columns: vec![column], ..Columns::default() }]
+}
+
+/// The load torque itself: the gain or the sign of its channel is wrong, or the log's torque holds it.
+pub(super) fn load_gain(context: &Context) -> Vec<Columns> {
+    let load = context.rows.quantity(Quantity::LoadTorque).filter(|_| !context.rows.rigid_body.load);
+    let columns = load.map(|load| Columns {
+        follows: load.name.clone(),
+        columns: vec![load.values.clone()],
+        ..Columns::default()
+    });
+    columns.into_iter().collect()
+}
+
+pub(super) fn temperature_viscous(context: &Context) -> Vec<Columns> {
+    forms(context, Quantity::Temperature, |t| product(t, &context.rows.smooth_velocity))
+}
+
+pub(super) fn temperature_coulomb(context: &Context) -> Vec<Columns> {
+    forms(context, Quantity::Temperature, |t| product(t, context.level))
+}
+
+/// A column that scales gravity or inertia, such as the mass that the joint carries.
+pub(super) fn payload(context: &Context) -> Vec<Columns> {
+    let rows = context.rows;
+    let extras = rows.covariates.iter().filter(|covariate| covariate.quantity.is_none());
+    let scales = |covariate: &Covariate| {
+        let mut columns = Vec::new();
+        if rows.rigid_body.gravity {
+            columns.push(rows.map(|row| covariate.scaled[row] * rows.position[row].sin()));
+            columns.push(rows.map(|row| covariate.scaled[row] * rows.position[row].cos()));
+        }
+        if rows.rigid_body.inertia {
+            columns.push(product(&covariate.scaled, &rows.acceleration));
+        }
+        Columns { follows: covariate.name.clone(), columns, ..Columns::default() }
+    };
+    extras.map(scales).collect()
+}
+
+/// Velocities and accelerations of other joints, and products of two of them.
+pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
+    let is_motion = |name: &str| {
+        let name = name.to_lowercase();
+        ["veloc", "accel", "dq", "ddq", "qd", "rad_s", "speed"].iter().any(|part| name.contains(part))
+    };
+    let extras = context.rows.covariates.iter().filter(|covariate| covariate.quantity.is_none());
+    let others: Vec<&Covariate> = extras.filter(|covariate| is_motion(&covariate.name)).take(MOST_COUPLED).collect();
+    if others.is_empty() {
+        return Vec::new();
+    }
+    let follows = others.iter().map(|other| other.name.as_str()).collect::<Vec<_>>().join(", ");
+    let own: Vec<Vec<f64>> = others.iter().map(|other| other.values.clone()).collect();
+    let mut products = own.clone();
+    for (at, a) in own.iter().enumerate() {
+        products.extend(own[at..].iter().map(|b| product(a, b)));
+        products.push(product(a, &context.rows.velocity));
+    }
+    let variant = |detail: &str, columns| Columns { follows: follows.clone(), detail: detail.into(), columns };
+    vec![variant("linear", own), variant("with products", products)]
+}

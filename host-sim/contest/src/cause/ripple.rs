@@ -1,0 +1,157 @@
+//! Waves of the angle: torque ripple, friction ripple, and an encoder's error.
+//!
+//! A torque ripple is added whichever way the joint turns, a friction ripple (`position-ripple`) scales the friction level, an
+//! encoder's error is a wave of the motion itself and shows in speed and acceleration. The orders are found in what the largest
+//! model without waves leaves: the amplitude at each whole multiple of a base frequency. A wave of which the log spans less
+//! than one and a half periods is a slope and not a wave, and is refused.
+
+use super::{Columns, Context, plain};
+use crate::rows::Rows;
+use joint_log::JointKind;
+use std::f64::consts::TAU;
+
+/// Highest multiple of a turn, for a revolute joint.
+const MOST_ORDERS_OF_TURN: usize = 210;
+
+/// Highest multiple of the swing, for a linear joint or a small swing.
+const MOST_ORDERS_OF_SWING: usize = 30;
+
+/// Fewest periods within the swing of a run.
+const MIN_PERIODS: f64 = 1.5;
+
+/// Largest phase between two rows, rad: faster rows do not resolve the wave.
+const MAX_STEP: f64 = 1.2;
+
+/// Speed below which a row tells nothing of a wave, as a share of the top speed.
+const MIN_SPEED: f64 = 0.01;
+
+/// Most orders of one torque ripple.
+const MOST_WAVES: usize = 4;
+
+/// Orders of waves, in periods per rad or m times 2 pi.
+#[derive(Clone, Debug, Default)]
+pub struct RippleOrders {
+    /// Of an added torque, the strongest first.
+    pub torque: Vec<f64>,
+    /// Of the friction level, the strongest first.
+    pub level: Vec<f64>,
+}
+
+impl RippleOrders {
+    /// Finds the strongest orders in a residual. `level` is the friction level.
+    pub fn find(rows: &Rows, residual: &[f64], level: &[f64]) -> Self {
+        let (base, count) = base_order(rows);
+        if count == 0 || !rows.has_position {
+            return Self::default();
+        }
+        let least = (MIN_PERIODS * TAU / (rows.swing * base)).ceil().max(1.0) as usize;
+        let has_gravity = rows.joint == JointKind::Revolute;
+        let scaled: Vec<f64> = residual.iter().zip(level).map(|(r, s)| r * s).collect();
+        let find = |values: &[f64], first: usize| {
+            let powers = amplitudes(rows, values, base, count);
+            let mut orders: Vec<usize> = (first.max(least)..=count).collect();
+            orders.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
+            orders.truncate(MOST_WAVES);
+            orders.into_iter().filter(|order| powers[*order] > 0.0).map(|order| order as f64 * base).collect()
+        };
+        // The first order of a torque is gravity.
+        Self { torque: find(residual, if has_gravity { 2 } else { 1 }), level: find(&scaled, 1) }
+    }
+}
+
+/// Returns the base frequency and the number of its multiples: of a turn, or of the swing.
+fn base_order(rows: &Rows) -> (f64, usize) {
+    if rows.joint == JointKind::Revolute {
+        return (1.0, MOST_ORDERS_OF_TURN);
+    }
+    (TAU / rows.swing, MOST_ORDERS_OF_SWING)
+}
+
+/// Returns the amplitude of each multiple of `base` in some values, over the judged rows that resolve it, in units of what
+/// noise would have; index 0 is not used.
+fn amplitudes(rows: &Rows, values: &[f64], base: f64, count: usize) -> Vec<f64> {
+    let slowest = MIN_SPEED * rows.top_speed;
+    let moving: Vec<usize> =
+        rows.judged.iter().copied().filter(|row| rows.smooth_velocity[*row].abs() > slowest).collect();
+    let mut sums = vec![(0.0, 0.0, 0.0, 0usize); count + 1];
+    for row in &moving {
+        let w = rows.weights[*row];
+        let value = values[*row] * w;
+        let step = (rows.velocity[*row] * rows.step_s).abs() * base;
+        let most = ((MAX_STEP / step.max(1e-12)) as usize).min(count);
+        let (sine, cosine) = (base * rows.position[*row]).sin_cos();
+        let (mut s, mut c) = (sine, cosine);
+        for sum in &mut sums[1..=most] {
+            *sum = (sum.0 + value * c, sum.1 + value * s, sum.2 + value * value, sum.3 + 1);
+            (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
+        }
+    }
+    let enough = (moving.len() / 10).max(100);
+    let amplitude = |(c, s, square, rows): &(f64, f64, f64, usize)| {
+        if *rows < enough || *square <= 0.0 { 0.0 } else { ((c * c + s * s) / square).sqrt() }
+    };
+    sums.iter().map(amplitude).collect()
+}
+
+fn waves(rows: &Rows, orders: &[f64], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
+    let mut columns = Vec::new();
+    for order in orders {
+        let pair: Vec<(f64, f64)> = rows.position.iter().map(|q| (order * q).sin_cos()).collect();
+        columns.push(rows.map(|row| pair[row].0 * of(row)));
+        columns.push(rows.map(|row| pair[row].1 * of(row)));
+    }
+    columns
+}
+
+fn name(orders: &[f64]) -> String {
+    let list: Vec<String> = orders.iter().map(|order| format!("{order:.4}")).collect();
+    format!("order {}", list.join(", "))
+}
+
+pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
+    let orders = &context.orders.torque;
+    let sets = [1, 3, MOST_WAVES].into_iter().filter(|count| *count <= orders.len());
+    sets.map(|count| plain(&name(&orders[..count]), waves(context.rows, &orders[..count], |_| 1.0))).collect()
+}
+
+pub(super) fn position_ripple(context: &Context) -> Vec<Columns> {
+    let orders = context.orders.level.iter().take(2);
+    orders.map(|order| plain(&name(&[*order]), waves(context.rows, &[*order], |row| context.level[row]))).collect()
+}
+
+/// An error `e(q)` of the encoder makes `e' v` of the speed and `e'' v^2 + e' a` of the acceleration.
+pub(super) fn encoder_error(context: &Context) -> Vec<Columns> {
+    let rows = context.rows;
+    if !rows.rigid_body.inertia || !rows.has_position || rows.joint != JointKind::Revolute {
+        return Vec::new();
+    }
+    let mut orders: Vec<f64> = vec![1.0, 2.0];
+    orders.extend(context.orders.torque.iter().take(2).filter(|order| **order > 2.0));
+    let variant = |order: &f64| {
+        let mut columns = waves(rows, &[*order], |row| rows.velocity[row].powi(2));
+        columns.extend(waves(rows, &[*order], |row| rows.acceleration[row]));
+        plain(&name(&[*order]), columns)
+    };
+    orders.iter().map(variant).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rows::tests::example;
+
+    #[test]
+    fn find_of_wave_returns_its_order_first() {
+        let mut rows = example();
+        rows.position.iter_mut().for_each(|q| *q *= 10.0);
+        rows.swing *= 10.0;
+        rows.velocity.iter_mut().for_each(|v| *v *= 10.0);
+        rows.smooth_velocity = rows.velocity.clone();
+        let wave: Vec<f64> = rows.position.iter().map(|q| (7.0 * q + 0.4).sin()).collect();
+        let level: Vec<f64> = rows.velocity.iter().map(|v| v.signum()).collect();
+        let found = RippleOrders::find(&rows, &wave, &level);
+        assert_eq!(found.torque[0], 7.0);
+        let scaled: Vec<f64> = wave.iter().zip(&level).map(|(wave, level)| wave * level).collect();
+        assert_eq!(RippleOrders::find(&rows, &scaled, &level).level[0], 7.0);
+    }
+}

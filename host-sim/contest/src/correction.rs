@@ -1,0 +1,81 @@
+//! Corrections of the log: how its columns may be wrong in time.
+//!
+//! A correction is applied to the columns of the model, never to the measured torque: a torque that is logged late is
+//! explained by columns moved later, a torque that passed a filter by columns that pass the same filter. So every hypothesis
+//! is judged on the same numbers.
+
+use super::operator::{low_pass, shift};
+use super::rows::Rows;
+
+/// A correction of the log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Correction {
+    /// The log as it is.
+    None,
+    /// The torque is logged this many rows late (early if negative).
+    TorqueLate(i32),
+    /// The torque passed a first-order low-pass of this time constant, rows.
+    TorqueLowPass(f64),
+}
+
+/// Corrections that are tried beside the log as it is.
+pub const TRIED: [Correction; 14] = [
+    Correction::TorqueLate(-5),
+    Correction::TorqueLate(-3),
+    Correction::TorqueLate(-2),
+    Correction::TorqueLate(-1),
+    Correction::TorqueLate(1),
+    Correction::TorqueLate(2),
+    Correction::TorqueLate(3),
+    Correction::TorqueLate(5),
+    Correction::TorqueLate(8),
+    Correction::TorqueLate(13),
+    Correction::TorqueLowPass(1.5),
+    Correction::TorqueLowPass(4.0),
+    Correction::TorqueLowPass(10.0),
+    Correction::TorqueLowPass(25.0),
+];
+
+impl Correction {
+    /// Returns a column as the torque channel would have logged it.
+    pub fn apply(self, rows: &Rows, column: &[f64]) -> Vec<f64> {
+        match self {
+            Correction::None => column.to_vec(),
+            Correction::TorqueLate(by) => shift(column, &rows.runs, by),
+            Correction::TorqueLowPass(by) => low_pass(column, &rows.runs, by),
+        }
+    }
+
+    /// Returns the correction with its size in seconds, for a report.
+    pub fn describe(self, step_s: f64) -> String {
+        let milliseconds = |rows: f64| 1e3 * rows * step_s;
+        match self {
+            Correction::None => "none".into(),
+            Correction::TorqueLate(by) => {
+                let way = if by < 0 { "early" } else { "late" };
+                format!("torque {:.3} ms {way}", milliseconds(f64::from(by.abs())))
+            }
+            Correction::TorqueLowPass(by) => format!("torque low-pass of {:.3} ms", milliseconds(by)),
+        }
+    }
+
+    /// Returns true if the correction is a cause of its own, `channel-delay`.
+    pub fn is_delay(self) -> bool {
+        self != Correction::None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rows::tests::example;
+
+    #[test]
+    fn apply_of_late_torque_moves_columns_later_within_runs() {
+        let rows = example();
+        let moved = Correction::TorqueLate(2).apply(&rows, &rows.torque);
+        assert_eq!(moved[602], rows.torque[600]);
+        assert_eq!(moved[600], rows.torque[600]);
+        assert_eq!(Correction::None.apply(&rows, &rows.torque), rows.torque);
+    }
+}

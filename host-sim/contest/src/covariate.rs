@@ -1,0 +1,118 @@
+//! Columns beside the motion that may explain the torque.
+//!
+//! A motor current is the torque in another unit and holds every error of the model, so a column that follows the torque from
+//! row to row explains nothing. A copy of another column would make both of them useless. Neither is a covariate.
+
+use joint_log::{Dataset, Quantity, contract};
+
+/// Correlation of values above which a column is another reading of the torque.
+const SAME_VALUES: f64 = 0.95;
+
+/// Correlation of differences from row to row above which a column is another reading of the torque.
+const SAME_STEPS: f64 = 0.5;
+
+/// Correlation above which two columns are one.
+const SAME_COLUMN: f64 = 0.9999;
+
+/// A column beside the motion.
+#[derive(Clone, Debug)]
+pub struct Covariate {
+    /// Its name in the log.
+    pub name: String,
+    /// Its quantity, if the contract names it.
+    pub quantity: Option<Quantity>,
+    /// Its values in all rows.
+    pub values: Vec<f64>,
+    /// The values minus their mean, divided by their spread.
+    pub scaled: Vec<f64>,
+    /// Number of different values, up to 12.
+    pub levels: usize,
+}
+
+/// Returns the columns of a log that vary and are neither the torque nor a copy.
+pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
+    let long = |name: &str| -> Option<Vec<f64>> {
+        let columns = data.runs.iter().map(|run| data.column(run, name));
+        Some(columns.collect::<Option<Vec<&[f64]>>>()?.concat())
+    };
+    let torque: Vec<f64> = data.runs.iter().flat_map(|run| run.torque.iter().copied()).collect();
+    let motion = [Quantity::CampaignTime, Quantity::Velocity, Quantity::Position, Quantity::Acceleration];
+    let motion: Vec<Vec<f64>> =
+        motion.iter().filter_map(|quantity| long(quantity.name(data.joint))).collect();
+    let mut found: Vec<Covariate> = Vec::new();
+    let known = contract::covariates().map(|quantity| (Some(quantity), quantity.name(data.joint).to_owned()));
+    for (quantity, name) in known.chain(data.covariates.iter().map(|name| (None, name.clone()))) {
+        let Some(values) = long(&name) else { continue };
+        let Some(scaled) = scaled(&values) else { continue };
+        let is_extra = quantity.is_none();
+        let is_torque = is_extra
+            && (correlation(&values, &torque).abs() > SAME_VALUES
+                || correlation(&steps(&values), &steps(&torque)).abs() > SAME_STEPS);
+        let others = motion.iter().chain(found.iter().map(|other| &other.values));
+        let is_copy = || others.clone().any(|other| correlation(&values, other).abs() > SAME_COLUMN);
+        if is_torque || (is_extra && is_copy()) {
+            continue;
+        }
+        let levels = levels(&values);
+        found.push(Covariate { name, quantity, values, scaled, levels });
+    }
+    found
+}
+
+/// Returns the values minus their mean over their spread; `None` if they do not vary.
+fn scaled(values: &[f64]) -> Option<Vec<f64>> {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let varies = spread > 1e-9 * mean.abs() && spread > 0.0;
+    varies.then(|| values.iter().map(|v| (v - mean) / spread).collect())
+}
+
+fn levels(values: &[f64]) -> usize {
+    let mut seen: Vec<f64> = Vec::new();
+    for value in values {
+        if !seen.contains(value) {
+            seen.push(*value);
+        }
+        if seen.len() >= 12 {
+            break;
+        }
+    }
+    seen.len()
+}
+
+fn steps(values: &[f64]) -> Vec<f64> {
+    values.windows(2).map(|w| w[1] - w[0]).collect()
+}
+
+/// Returns the correlation of two columns; 0 if one does not vary.
+pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let count = a.len().max(1) as f64;
+    let (mean_a, mean_b) = (a.iter().sum::<f64>() / count, b.iter().sum::<f64>() / count);
+    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
+    for (x, y) in a.iter().zip(b) {
+        let (x, y) = (x - mean_a, y - mean_b);
+        (aa, bb, ab) = (aa + x * x, bb + y * y, ab + x * y);
+    }
+    if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn covariates_without_the_torque_in_another_unit_and_copies() {
+        let names =
+            ["time_s", "velocity_rad_s", "torque_nm", "temperature_c", "current_a", "copy", "constant"];
+        let row = |row: usize| {
+            let (t, wave) = (0.01 * row as f64, (0.3 * row as f64).sin());
+            [t, wave, wave * 2.0 + t.cos(), 20.0 + (7.0 * t).sin(), (wave * 2.0 + t.cos()) / 0.1, 20.0 + (7.0 * t).sin(), 5.0]
+        };
+        let columns = (0..7).map(|column| (0..500).map(|r| row(r)[column]).collect()).collect();
+        let data = Dataset::from_columns(&names.map(String::from), [("a".to_owned(), columns)]).unwrap();
+        let found = covariates(&data);
+        let names: Vec<&str> = found.iter().map(|covariate| covariate.name.as_str()).collect();
+        assert_eq!(names, ["temperature_c"]);
+    }
+}

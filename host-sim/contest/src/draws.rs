@@ -1,0 +1,89 @@
+//! Bayesian bootstrap over blocks: how often the winning hypothesis holds a cause.
+//!
+//! Each draw weighs the blocks (or the runs, if there are many) with random numbers that sum to their count, and the
+//! hypothesis of the least weighted error wins. The share of the draws in which it holds a cause is the cause's inclusion. The
+//! same table says which cause stands in for another: those that win where the other does not.
+
+use super::ledger::{CauseKey, Hypothesis};
+use super::rows::Rows;
+use rand::SeedableRng;
+use rand_distr::{Distribution, Exp1};
+use rand_pcg::Pcg64;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Number of draws.
+pub const DRAWS: usize = 800;
+
+/// Number of runs from which on runs are drawn in place of blocks.
+const MIN_RUNS: usize = 12;
+
+/// Seed of the draws. It is constant, so that a log always gives the same draws.
+const SEED: u64 = 0x636f_6e74_6573;
+
+/// Probability of another cause where this one is absent, above which the two stand in for each other.
+const MIN_SUBSTITUTION: f64 = 0.5;
+
+/// Winners of the draws.
+#[derive(Clone, Debug, Default)]
+pub struct Draws {
+    /// Share of the draws whose winner holds each cause.
+    pub inclusion: BTreeMap<CauseKey, f64>,
+    /// Number of draws that each set of causes won.
+    pub winners: Vec<(BTreeSet<CauseKey>, usize)>,
+}
+
+impl Draws {
+    /// Draws among hypotheses with their errors in every block.
+    pub fn new(rows: &Rows, hypotheses: &[&Hypothesis], errors: &[Vec<f64>]) -> Self {
+        let by_run = rows.runs.len() >= MIN_RUNS;
+        let units = if by_run { rows.runs.len() } else { rows.blocks.len() };
+        let unit = |block: usize| if by_run { rows.run_of_block[block] } else { block };
+        let summed: Vec<Vec<f64>> = errors
+            .iter()
+            .zip(hypotheses)
+            .map(|(errors, hypothesis)| {
+                let mut sums = vec![0.0; units];
+                let price = hypothesis.price.exp();
+                errors.iter().enumerate().for_each(|(block, error)| sums[unit(block)] += error * price);
+                sums
+            })
+            .collect();
+        let mut random = Pcg64::seed_from_u64(SEED);
+        let mut wins = vec![0usize; hypotheses.len()];
+        for _ in 0..DRAWS {
+            let weights: Vec<f64> = (0..units).map(|_| Exp1.sample(&mut random)).collect();
+            let error = |sums: &Vec<f64>| sums.iter().zip(&weights).map(|(e, w)| e * w).sum::<f64>();
+            let best = summed.iter().map(error).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((best, _)) = best {
+                wins[best] += 1;
+            }
+        }
+        let mut by_causes: BTreeMap<BTreeSet<CauseKey>, usize> = BTreeMap::new();
+        for (hypothesis, wins) in hypotheses.iter().zip(wins).filter(|(_, wins)| *wins > 0) {
+            *by_causes.entry(hypothesis.causes.clone()).or_default() += wins;
+        }
+        let mut draws = Self { inclusion: BTreeMap::new(), winners: by_causes.into_iter().collect() };
+        draws.winners.sort_by_key(|(_, wins)| std::cmp::Reverse(*wins));
+        for (causes, wins) in &draws.winners {
+            for cause in causes {
+                *draws.inclusion.entry(cause.clone()).or_default() += *wins as f64 / DRAWS as f64;
+            }
+        }
+        draws
+    }
+
+    /// Returns the causes that win where this one does not, and not where it does.
+    pub fn substitutes(&self, cause: &CauseKey) -> Vec<CauseKey> {
+        let share = |other: &CauseKey, with: bool| {
+            let own = self.winners.iter().filter(|(causes, _)| causes.contains(cause) == with);
+            let (mut all, mut held) = (0, 0);
+            for (causes, wins) in own {
+                all += wins;
+                held += if causes.contains(other) { *wins } else { 0 };
+            }
+            if all < DRAWS / 100 { 0.0 } else { held as f64 / all as f64 }
+        };
+        let others = self.inclusion.keys().filter(|other| *other != cause);
+        others.filter(|other| share(other, false) > MIN_SUBSTITUTION + share(other, true)).cloned().collect()
+    }
+}

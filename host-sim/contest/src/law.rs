@@ -1,0 +1,214 @@
+//! Base laws as columns: what friction is without a cause.
+//!
+//! A law is a sum of stops of some travels, a viscous column, and the stop times a falling function of speed (the Stribeck
+//! effect, whose shape is free within three widths). One stiff stop is Coulomb friction; one soft stop the Dahl law; with the
+//! Stribeck columns they are the static Stribeck law and a law like LuGre; several stops are Maxwell slip. The rigid-body parts
+//! of the torque column belong to every law.
+//!
+//! A stop with a negative size would return energy, so such a law is refused: otherwise the difference of two stops would stand
+//! in for a backlash.
+
+use super::bank::{Bank, Workspace};
+use super::operator::stop;
+use super::rows::Rows;
+use joint_log::Quantity;
+
+/// Number of travels that are tried.
+const TRAVELS: usize = 10;
+
+/// Largest travel as a share of the swing of a run.
+const LARGEST_TRAVEL: f64 = 0.3;
+
+/// Widths of the falling functions, as shares of the top speed.
+const WIDTHS: [f64; 3] = [0.02, 0.07, 0.25];
+
+/// Share of the error that another stop must take.
+const MIN_STOP_GAIN: f64 = 0.015;
+
+/// Most stops of a law.
+const MOST_STOPS: usize = 3;
+
+/// Ratio of a law's error to the best law's above which it does not compete.
+const MAX_ERROR_RATIO: f64 = 1.5;
+
+/// Most laws that compete.
+const MOST_LAWS: usize = 5;
+
+/// The columns of which laws are made, in all rows.
+#[derive(Clone, Debug)]
+pub struct Shapes {
+    /// Travels of the stops, in ascending order.
+    pub travels: Vec<f64>,
+    /// The stop of each travel.
+    pub stops: Vec<Vec<f64>>,
+    /// Falling functions of speed, one for each width.
+    pub falls: Vec<Vec<f64>>,
+    /// Rigid-body columns.
+    pub rigid: Vec<Vec<f64>>,
+}
+
+/// A base law: which columns it has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Law {
+    /// Its name in reports.
+    pub name: &'static str,
+    /// Indices of its travels, the main one first.
+    pub stops: Vec<usize>,
+    /// True with the Stribeck columns.
+    pub has_falls: bool,
+    /// Held-out error without a cause.
+    pub error: f64,
+}
+
+impl Shapes {
+    /// Computes the columns of all laws.
+    pub fn new(rows: &Rows) -> Self {
+        let least = rows.least_step;
+        let most = (LARGEST_TRAVEL * rows.swing).max(4.0 * least);
+        let ratio = (most / least).powf(1.0 / (TRAVELS - 1) as f64);
+        let travels: Vec<f64> = (0..TRAVELS).map(|at| least * ratio.powi(at as i32)).collect();
+        let stops = travels.iter().map(|travel| stop(&rows.position, &rows.runs, *travel)).collect();
+        let fall = |width: &f64| {
+            rows.map(|row| (-rows.smooth_velocity[row].abs() / (width * rows.top_speed)).exp())
+        };
+        Self { travels, stops, falls: WIDTHS.iter().map(fall).collect(), rigid: rigid(rows) }
+    }
+
+    /// Returns the columns of a law.
+    pub fn columns(&self, rows: &Rows, law: &Law) -> Vec<Vec<f64>> {
+        let mut columns: Vec<Vec<f64>> = law.stops.iter().map(|at| self.stops[*at].clone()).collect();
+        columns.push(rows.smooth_velocity.clone());
+        if law.has_falls {
+            columns.extend(self.falls.iter().map(|fall| product(&self.stops[law.stops[0]], fall)));
+        }
+        columns.extend(self.rigid.iter().cloned());
+        columns
+    }
+
+    /// Returns the competing laws, the best first: the static ones, those with one stop, and Maxwell slip.
+    pub fn laws(&self, rows: &Rows) -> Vec<Law> {
+        let table = LawTable::new(self, rows);
+        let mut laws: Vec<Law> = Vec::new();
+        for has_falls in [false, true] {
+            for at in 0..self.travels.len() {
+                laws.extend(table.law(&[at], has_falls));
+            }
+        }
+        laws.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let mut best = Vec::new();
+        for law in laws.iter().take(2) {
+            best.extend(table.with_more_stops(law));
+        }
+        best.extend(laws);
+        best.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let most = MAX_ERROR_RATIO * best.first().map_or(0.0, |law| law.error);
+        let mut kept: Vec<Law> = Vec::new();
+        for law in best {
+            let is_new = kept.iter().all(|other| other.stops != law.stops);
+            if is_new && law.error <= most && kept.len() < MOST_LAWS {
+                kept.push(law);
+            }
+        }
+        kept
+    }
+}
+
+fn rigid(rows: &Rows) -> Vec<Vec<f64>> {
+    let mut columns = Vec::new();
+    let parts = rows.rigid_body;
+    if parts.offset {
+        columns.push(vec![1.0; rows.len()]);
+    }
+    if parts.inertia {
+        columns.push(rows.acceleration.clone());
+    }
+    if parts.gravity {
+        columns.push(rows.position.iter().map(|q| q.sin()).collect());
+        columns.push(rows.position.iter().map(|q| q.cos()).collect());
+    }
+    if let Some(load) = rows.quantity(Quantity::LoadTorque).filter(|_| parts.load) {
+        columns.push(load.values.clone());
+    }
+    columns
+}
+
+/// Returns the product of two columns.
+pub fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+/// Products of the columns of all laws.
+struct LawTable {
+    bank: Bank,
+    travels: usize,
+    rigid: usize,
+}
+
+impl LawTable {
+    fn new(shapes: &Shapes, rows: &Rows) -> Self {
+        let falling = shapes.stops.iter().flat_map(|stop| shapes.falls.iter().map(move |fall| product(stop, fall)));
+        let falling: Vec<Vec<f64>> = falling.collect();
+        let mut all: Vec<&[f64]> = shapes.stops.iter().map(Vec::as_slice).collect();
+        all.push(&rows.smooth_velocity);
+        all.extend(shapes.rigid.iter().map(Vec::as_slice));
+        all.extend(falling.iter().map(Vec::as_slice));
+        Self { bank: Bank::new(rows, &all), travels: shapes.travels.len(), rigid: shapes.rigid.len() }
+    }
+
+    /// Returns a law with its held-out error; `None` if a stop has a negative size.
+    fn law(&self, stops: &[usize], has_falls: bool) -> Option<Law> {
+        let mut columns = stops.to_vec();
+        columns.extend(self.travels..=self.travels + self.rigid);
+        if has_falls {
+            let first = self.travels + 1 + self.rigid + WIDTHS.len() * stops[0];
+            columns.extend(first..first + WIDTHS.len());
+        }
+        let mut work = Workspace::default();
+        let sizes = self.bank.fit(&columns, &mut work);
+        if stops.len() > 1 && sizes[..stops.len()].iter().any(|size| *size < 0.0) {
+            return None;
+        }
+        let name = match (stops.len(), stops[0] == 0, has_falls) {
+            (1, true, false) => "linear",
+            (1, true, true) => "stribeck",
+            (1, false, false) => "dahl",
+            (1, false, true) => "lugre",
+            _ => "maxwell-slip",
+        };
+        Some(Law { name, stops: stops.to_vec(), has_falls, error: self.bank.error(&columns, &mut work) })
+    }
+
+    fn with_more_stops(&self, law: &Law) -> Option<Law> {
+        let mut now = law.clone();
+        while now.stops.len() < MOST_STOPS {
+            let others = (0..self.travels).filter(|at| !now.stops.contains(at));
+            let longer = others.filter_map(|at| {
+                let stops: Vec<usize> = now.stops.iter().copied().chain([at]).collect();
+                self.law(&stops, true)
+            });
+            let best = longer.min_by(|a, b| a.error.total_cmp(&b.error));
+            match best.filter(|best| best.error < (1.0 - MIN_STOP_GAIN) * now.error) {
+                Some(best) => now = best,
+                None => break,
+            }
+        }
+        (now.stops.len() > 1).then_some(now)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rows::tests::example;
+
+    #[test]
+    fn laws_of_coulomb_friction_are_no_worse_than_the_linear_law() {
+        let rows = example();
+        let shapes = Shapes::new(&rows);
+        let table = LawTable::new(&shapes, &rows);
+        let linear = table.law(&[0], false).unwrap();
+        let laws = shapes.laws(&rows);
+        assert!(laws[0].error <= linear.error, "{} {}", laws[0].error, linear.error);
+        assert!(laws.len() > 1);
+    }
+}

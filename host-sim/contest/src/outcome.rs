@@ -1,0 +1,172 @@
+//! The result of a contest: the best hypothesis, and for each cause the figures from which a probability follows.
+
+use super::bank::Workspace;
+use super::contest::Entry;
+use super::draws::Draws;
+use super::ledger::{CauseKey, Hypothesis, Ledger};
+use super::rows::Rows;
+use std::collections::BTreeSet;
+
+/// Least inclusion of a cause in the report.
+const MIN_INCLUSION: f64 = 0.02;
+
+/// The evidence for a cause.
+#[derive(Clone, Debug)]
+pub struct Figures {
+    /// The cause and its column.
+    pub key: CauseKey,
+    /// Detail of its variant in the best hypothesis, or empty.
+    pub detail: String,
+    /// True if the best hypothesis holds it.
+    pub is_in_best: bool,
+    /// Share of the draws whose winner holds it.
+    pub inclusion: f64,
+    /// Share of the base error that it takes alone.
+    pub alone: f64,
+    /// Share of the base error that it takes last: the best hypothesis without it, other causes unchanged.
+    pub last: f64,
+    /// As `last`, but the other causes may change: what no other cause can take.
+    pub irreplaceable: f64,
+    /// Causes that stand in for it.
+    pub confusable_with: Vec<CauseKey>,
+}
+
+impl Figures {
+    /// Returns the materiality: the mean of what the cause takes alone and last.
+    pub fn materiality(&self) -> f64 {
+        0.5 * (self.alone + self.last)
+    }
+}
+
+/// The result of a contest.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Base law of the best hypothesis.
+    pub law: &'static str,
+    /// Correction of the log in the best hypothesis.
+    pub correction: String,
+    /// True if the base law's friction is negative: the sign of the torque is reversed.
+    pub is_reversed: bool,
+    /// Causes with their figures, by materiality among those of the best hypothesis, then by inclusion.
+    pub causes: Vec<Figures>,
+    /// Held-out RMS error of the best law without a cause, unweighted.
+    pub base_rmse: f64,
+    /// Held-out RMS error of the best hypothesis, unweighted.
+    pub rmse: f64,
+    /// Ratio of the weighted squared errors of the best hypothesis and of the best law.
+    pub error_ratio: f64,
+    /// Error that the noise alone leaves.
+    pub noise_floor: f64,
+    /// Number of blocks.
+    pub blocks: usize,
+    /// Number of runs.
+    pub runs: usize,
+    /// Number of hypotheses that were scored.
+    pub hypotheses: usize,
+}
+
+/// What an outcome is made of.
+pub(crate) struct Table<'a> {
+    pub(crate) entries: &'a [Entry],
+    pub(crate) ledger: &'a Ledger,
+    pub(crate) draws: &'a Draws,
+}
+
+impl Outcome {
+    pub(crate) fn new(rows: &Rows, table: Table) -> Self {
+        let Some(best) = table.ledger.best() else { return Self::default() };
+        let none = BTreeSet::new();
+        let base = table.ledger.hypotheses.iter().filter(|h| h.causes == none);
+        let Some(base) = base.min_by(|a, b| a.error.total_cmp(&b.error)) else { return Self::default() };
+        let mut causes: Vec<Figures> = table
+            .draws
+            .inclusion
+            .keys()
+            .chain(&best.causes)
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .map(|key| table.figures(key, best, base.error))
+            .filter(|figures| figures.is_in_best || figures.inclusion >= MIN_INCLUSION)
+            .collect();
+        causes.sort_by(|a, b| {
+            let order = b.is_in_best.cmp(&a.is_in_best);
+            order.then(b.materiality().total_cmp(&a.materiality()))
+        });
+        let entry = &table.entries[best.bank];
+        Self {
+            law: entry.law.name,
+            correction: entry.correction.describe(rows.step_s),
+            is_reversed: is_reversed(rows, &table.entries[base.bank]),
+            causes,
+            base_rmse: table.rmse(rows, base),
+            rmse: table.rmse(rows, best),
+            error_ratio: best.error / base.error.max(f64::MIN_POSITIVE),
+            noise_floor: rows.noise_floor,
+            blocks: rows.blocks.len(),
+            runs: rows.runs.len(),
+            hypotheses: table.ledger.hypotheses.len(),
+        }
+    }
+}
+
+impl Table<'_> {
+    fn figures(&self, key: &CauseKey, best: &Hypothesis, base: f64) -> Figures {
+        let is_in_best = best.causes.contains(key);
+        let alone = self.ledger.error_of(&BTreeSet::from([key.clone()]));
+        let mut others = best.causes.clone();
+        let (with, without) = if is_in_best {
+            others.remove(key);
+            (Some(best.error), self.ledger.error_of(&others))
+        } else {
+            others.insert(key.clone());
+            (self.ledger.error_of(&others), Some(best.error))
+        };
+        let last = with.zip(without).map_or(0.0, |(with, without)| (without - with) / base);
+        let with = self.ledger.least_error(|h| h.causes.contains(key)).unwrap_or(base);
+        let without = self.ledger.least_error(|h| !h.causes.contains(key)).unwrap_or(base);
+        let own = best.set.iter().map(|at| &self.entries[best.bank].variants[*at as usize]);
+        let detail = own.filter(|v| v.cause == key.cause && v.follows == key.follows).map(|v| v.detail.clone()).next();
+        Figures {
+            key: key.clone(),
+            detail: detail.unwrap_or_default(),
+            is_in_best,
+            inclusion: self.draws.inclusion.get(key).copied().unwrap_or_default(),
+            alone: alone.map_or(0.0, |alone| (base - alone) / base),
+            last,
+            irreplaceable: (without - with) / base,
+            confusable_with: self.draws.substitutes(key),
+        }
+    }
+
+    /// Returns the unweighted held-out RMS error of a hypothesis.
+    fn rmse(&self, rows: &Rows, hypothesis: &Hypothesis) -> f64 {
+        let entry = &self.entries[hypothesis.bank];
+        let columns = entry.columns(&hypothesis.set);
+        let indices = entry.indices(&hypothesis.set);
+        let fits = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
+        let mut squares = 0.0;
+        for (block, fold) in rows.blocks.iter().zip(&rows.fold_of_block) {
+            for row in &rows.judged[block.clone()] {
+                let model: f64 =
+                    columns.iter().zip(&fits[*fold]).map(|(c, size)| rows.judged_value(c, *row) * size).sum();
+                squares += (rows.judged_value(&rows.torque, *row) - model).powi(2);
+            }
+        }
+        (squares / rows.judged.len().max(1) as f64).sqrt()
+    }
+}
+
+/// Returns true if the friction of a law drives the motion.
+fn is_reversed(rows: &Rows, entry: &Entry) -> bool {
+    let sizes = entry.bank.fit(&entry.indices(&[]), &mut Workspace::default());
+    let friction = entry.law.stops.len() + 1;
+    let power: f64 = rows
+        .judged
+        .iter()
+        .map(|row| {
+            let columns = entry.law_columns[..friction].iter().zip(&sizes);
+            columns.map(|(c, size)| c[*row] * size).sum::<f64>() * rows.velocity[*row]
+        })
+        .sum();
+    power < 0.0
+}

@@ -1,0 +1,313 @@
+//! The rows of a log on which every hypothesis is judged: fixed before any model.
+//!
+//! Two hypotheses compare only on the same rows, weights, folds and target. [`Rows`] therefore holds all of them, and no
+//! correction or law changes them: a correction changes the inputs of the model or filters the model's torque, never the
+//! measured torque. A block is a stretch of time within a run, the unit of the bootstrap. A fold is a set of blocks that is
+//! left out at once: whole runs if there are enough, else contiguous parts of runs, so that a column which is constant in
+//! each run can still be judged.
+
+use super::covariate::{Covariate, covariates};
+use super::operator::{slope, smooth};
+use friction_fit::scales::white_noise;
+use joint_log::{Dataset, JointKind, Quantity, Run, segments};
+use std::ops::Range;
+
+/// Fewest runs that are left out whole.
+const MIN_RUNS_FOR_FOLDS: usize = 8;
+
+/// Number of folds, or of runs if there are fewer and each is left out whole.
+const FOLDS: usize = 12;
+
+/// Fewest blocks of a log.
+const MIN_BLOCKS: usize = 60;
+
+/// Most rows that are judged; of a longer log, one row in several.
+const MOST_JUDGED: usize = 40_000;
+
+/// Speed quantile that stands for the usual fast motion.
+const TOP_SPEED: f64 = 0.95;
+
+/// Rigid-body parts that the torque column holds besides friction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RigidBody {
+    /// Inertia times acceleration.
+    pub inertia: bool,
+    /// Sine and cosine of the position.
+    pub gravity: bool,
+    /// A gain on the load torque.
+    pub load: bool,
+    /// A constant.
+    pub offset: bool,
+}
+
+/// A log in long columns, with what every hypothesis shares. Units are those of the log; a linear joint has N for Nm.
+#[derive(Clone, Debug)]
+pub struct Rows {
+    /// Kind of the joint.
+    pub joint: JointKind,
+    /// Rigid-body parts of the base law.
+    pub rigid_body: RigidBody,
+    /// Rows of each run.
+    pub runs: Vec<Range<usize>>,
+    /// Median sample period, s.
+    pub step_s: f64,
+    /// Time, s.
+    pub time_s: Vec<f64>,
+    /// Position: logged, or integrated from the velocity within each run.
+    pub position: Vec<f64>,
+    /// True if the position is logged.
+    pub has_position: bool,
+    /// Velocity.
+    pub velocity: Vec<f64>,
+    /// Velocity without its noise of single rows, for columns that bend near zero speed.
+    pub smooth_velocity: Vec<f64>,
+    /// Acceleration, measured or derived.
+    pub acceleration: Vec<f64>,
+    /// Measured torque: the target.
+    pub torque: Vec<f64>,
+    /// Other columns that may explain the torque.
+    pub covariates: Vec<Covariate>,
+    /// Usual high speed: the 95th percentile.
+    pub top_speed: f64,
+    /// Least displacement between rows in motion.
+    pub least_step: f64,
+    /// Median over the runs of the range of positions.
+    pub swing: f64,
+    /// True if time continues from run to run, as on the clock of a campaign.
+    pub has_campaign_clock: bool,
+    /// Weight of each row.
+    pub weights: Vec<f64>,
+    /// Judged rows, in order.
+    pub judged: Vec<usize>,
+    /// Number of rows whose mean is judged at once, from each judged row on.
+    pub averaged: usize,
+    /// Blocks, as ranges of `judged`.
+    pub blocks: Vec<Range<usize>>,
+    /// Run of each block.
+    pub run_of_block: Vec<usize>,
+    /// Fold of each block.
+    pub fold_of_block: Vec<usize>,
+    /// Error that the torque's noise alone leaves on the judged rows.
+    pub noise_floor: f64,
+}
+
+impl Rows {
+    /// Collects the rows of a log. `decimate` is the number of rows that are averaged to one.
+    pub fn new(data: &Dataset, rigid_body: RigidBody, decimate: usize) -> Self {
+        let runs = run_ranges(data);
+        let long = |of: &dyn Fn(&Run) -> Vec<f64>| data.runs.iter().flat_map(of).collect::<Vec<_>>();
+        let time_s = long(&|run| run.time_s.clone());
+        let velocity = long(&|run| run.velocity.clone());
+        let has_position = data.runs.iter().all(|run| run.get(Quantity::Position).is_some());
+        let position = long(&|run| match run.get(Quantity::Position).filter(|_| has_position) {
+            Some(position) => position.to_vec(),
+            None => integrated(run),
+        });
+        let smooth_velocity =
+            if has_position { smooth(&velocity, &runs, 5) } else { velocity.clone() };
+        let mut rows = Self {
+            joint: data.joint,
+            rigid_body,
+            step_s: median_step(&time_s, &runs),
+            acceleration: long(&|run| run.acceleration_or_derived().into_owned()),
+            torque: long(&|run| run.torque.clone()),
+            covariates: covariates(data),
+            top_speed: quantile(velocity.iter().map(|v| v.abs()).collect(), TOP_SPEED).max(1e-12),
+            least_step: least_step(&position, &runs),
+            swing: swing(&position, &runs),
+            has_campaign_clock: has_campaign_clock(&data.runs),
+            weights: long(&|run| (0..run.len()).map(|row| f64::from(u8::from(!run.is_spike(row)))).collect()),
+            judged: Vec::new(),
+            averaged: decimate.max(1),
+            blocks: Vec::new(),
+            run_of_block: Vec::new(),
+            fold_of_block: Vec::new(),
+            noise_floor: noise(data, decimate.max(1)),
+            runs,
+            time_s,
+            position,
+            has_position,
+            velocity,
+            smooth_velocity,
+        };
+        rows.divide();
+        rows
+    }
+
+    /// Divides the rows into blocks and folds.
+    fn divide(&mut self) {
+        let count = self.runs.len().max(1);
+        let stride = (self.time_s.len() / self.averaged).div_ceil(MOST_JUDGED).max(1) * self.averaged;
+        let whole = count >= MIN_RUNS_FOR_FOLDS;
+        let parts = if whole { 1 } else { FOLDS.div_ceil(count) };
+        let blocks = parts * MIN_BLOCKS.div_ceil(count * parts);
+        for (run, range) in self.runs.iter().enumerate() {
+            let first = self.judged.len();
+            let last = (range.end + 1).saturating_sub(self.averaged);
+            self.judged.extend((range.start..last.max(range.start + 1).min(range.end)).step_by(stride));
+            let judged = self.judged.len() - first;
+            for block in 0..blocks {
+                let edge = |block: usize| first + block * judged / blocks;
+                if edge(block + 1) > edge(block) {
+                    self.blocks.push(edge(block)..edge(block + 1));
+                    self.run_of_block.push(run);
+                    let fold = if whole { run % FOLDS } else { run * parts + block * parts / blocks };
+                    self.fold_of_block.push(fold);
+                }
+            }
+        }
+    }
+
+    /// Returns the number of folds.
+    pub fn fold_count(&self) -> usize {
+        self.fold_of_block.iter().max().map_or(0, |most| most + 1)
+    }
+
+    /// Returns the number of rows.
+    pub fn len(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Returns true if there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.time_s.is_empty()
+    }
+
+    /// Returns the value of a column that is judged from this row on.
+    pub fn judged_value(&self, column: &[f64], row: usize) -> f64 {
+        if self.averaged == 1 {
+            return column[row];
+        }
+        let values = &column[row..(row + self.averaged).min(column.len())];
+        values.iter().sum::<f64>() / values.len() as f64
+    }
+
+    /// Returns a function of each row's index.
+    pub fn map(&self, of: impl FnMut(usize) -> f64) -> Vec<f64> {
+        (0..self.len()).map(of).collect()
+    }
+
+    /// Returns the time derivative of a column within runs.
+    pub fn slope(&self, column: &[f64]) -> Vec<f64> {
+        slope(column, &self.time_s, &self.runs)
+    }
+
+    /// Returns a covariate by its quantity.
+    pub fn quantity(&self, quantity: Quantity) -> Option<&Covariate> {
+        self.covariates.iter().find(|covariate| covariate.quantity == Some(quantity))
+    }
+
+    /// Returns the sum of the squared weights of the judged rows.
+    pub fn weight(&self) -> f64 {
+        self.judged.iter().map(|row| self.weights[*row].powi(2)).sum()
+    }
+}
+
+fn run_ranges(data: &Dataset) -> Vec<Range<usize>> {
+    let mut at = 0;
+    let range = |run: &Run| {
+        at += run.len();
+        at - run.len()..at
+    };
+    data.runs.iter().map(range).collect()
+}
+
+/// Returns the displacement of a run without a position, by the trapezoid sum of its velocity over unbroken stretches.
+fn integrated(run: &Run) -> Vec<f64> {
+    let mut position = vec![0.0; run.len()];
+    for stretch in segments(run) {
+        for row in stretch {
+            let before = row.saturating_sub(1);
+            let seconds = run.time_s[row] - run.time_s[before];
+            let mean = 0.5 * (run.velocity[row] + run.velocity[before]);
+            position[row] = position[before] + mean * seconds;
+        }
+    }
+    position
+}
+
+fn median_step(time_s: &[f64], runs: &[Range<usize>]) -> f64 {
+    let steps = runs.iter().flat_map(|run| time_s[run.clone()].windows(2).map(|w| w[1] - w[0]));
+    quantile(steps.filter(|step| *step > 0.0).collect(), 0.5).max(1e-9)
+}
+
+fn least_step(position: &[f64], runs: &[Range<usize>]) -> f64 {
+    let steps = runs.iter().flat_map(|run| position[run.clone()].windows(2).map(|w| (w[1] - w[0]).abs()));
+    quantile(steps.filter(|step| *step > 0.0).collect(), 0.2).max(1e-12)
+}
+
+fn swing(position: &[f64], runs: &[Range<usize>]) -> f64 {
+    let range = |run: &Range<usize>| {
+        let values = position[run.clone()].iter();
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(*q), high.max(*q)));
+        high - low
+    };
+    quantile(runs.iter().map(range).collect(), 0.5).max(1e-12)
+}
+
+/// Returns a quantile of some values; 0 of none.
+pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+fn has_campaign_clock(runs: &[Run]) -> bool {
+    let mut ends: Vec<(f64, f64)> =
+        runs.iter().filter_map(|run| Some((*run.time_s.first()?, *run.time_s.last()?))).collect();
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ends.windows(2).all(|pair| pair[0].1 <= pair[1].0)
+}
+
+/// Returns the noise of the torque after an average of some rows, from its second differences.
+fn noise(data: &Dataset, averaged: usize) -> f64 {
+    let mean = |values: &[f64]| values.chunks(averaged).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
+    let stretches: Vec<Vec<f64>> = data
+        .runs
+        .iter()
+        .flat_map(|run| segments(run).into_iter().map(|rows| mean(&run.torque[rows])))
+        .collect();
+    white_noise(stretches.iter().map(Vec::as_slice)).max(1e-12)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A log of twelve runs: Coulomb and viscous friction with pressure, and noise.
+    pub(crate) fn example() -> Rows {
+        let names = ["time_s", "velocity_rad_s", "torque_nm", "position_rad", "pressure_diff_pa"].map(String::from);
+        let run = |index: usize| {
+            let pressure = 1e5 * (index % 5) as f64;
+            let row = |row: usize| {
+                let angle = 0.02 * row as f64 + index as f64;
+                let noise = 0.04 * ((row * 7919 % 1000) as f64 / 1000.0 - 0.5);
+                let velocity = angle.sin();
+                let torque = (1.0 + 1e-6 * pressure) * velocity.signum() + 0.3 * velocity + noise;
+                [0.01 * row as f64 + 10.0 * index as f64, velocity, torque, -0.5 * angle.cos(), pressure]
+            };
+            (format!("run {index}"), (0..5).map(|c| (0..600).map(|r| row(r)[c]).collect()).collect())
+        };
+        let data = Dataset::from_columns(&names, (0..12).map(run)).unwrap();
+        Rows::new(&data, RigidBody::default(), 1)
+    }
+
+    #[test]
+    fn new_with_many_runs_leaves_out_whole_runs() {
+        let rows = example();
+        assert_eq!(rows.fold_count(), 12);
+        assert_eq!(rows.blocks.len(), 60);
+        assert_eq!(rows.judged.len(), 7200);
+        assert!(rows.run_of_block.iter().zip(&rows.fold_of_block).all(|(run, fold)| run == fold));
+        assert!(rows.has_campaign_clock);
+    }
+
+    #[test]
+    fn judged_value_of_averaged_rows_is_their_mean() {
+        let rows = Rows { averaged: 4, ..example() };
+        let column: Vec<f64> = (0..rows.len()).map(|row| row as f64).collect();
+        assert_eq!(rows.judged_value(&column, 8), 9.5);
+    }
+}
