@@ -35,8 +35,12 @@ fn arguments() -> Result<Arguments, String> {
                 }
             }
             "--rigid-body" => arguments.rigid_body = rigid_body(&value()?)?,
-            "--skip" => arguments.read.skip = value()?.parse().map_err(|e| format!("--skip: {e}"))?,
-            "--decimate" => arguments.decimate = value()?.parse().map_err(|e| format!("--decimate: {e}"))?,
+            "--skip" => {
+                arguments.read.skip = value()?.parse().map_err(|e| format!("--skip: {e}"))?
+            }
+            "--decimate" => {
+                arguments.decimate = value()?.parse().map_err(|e| format!("--decimate: {e}"))?
+            }
             "--motion" => arguments.is_motion_logged = value()? == "logged",
             file => arguments.files.push(file.into()),
         }

@@ -76,10 +76,13 @@ impl Bank {
 
     /// Returns the held-out squared error of some columns.
     pub fn error(&self, columns: &[usize], work: &mut Workspace) -> f64 {
-        self.folds.iter().map(|fold| {
-            self.solve_without(Some(fold), columns, work);
-            square_error(fold, self.columns, columns, &work.coefficients)
-        }).sum()
+        self.folds
+            .iter()
+            .map(|fold| {
+                self.solve_without(Some(fold), columns, work);
+                square_error(fold, self.columns, columns, &work.coefficients)
+            })
+            .sum()
     }
 
     /// Returns the held-out squared error of some columns in every block.
@@ -122,7 +125,8 @@ impl Bank {
         for (i, a) in columns.iter().enumerate() {
             let row = a * self.columns;
             for (j, b) in columns[..=i].iter().enumerate() {
-                work.matrix[i * size + j] = self.total.gram[row + b] - fold.map_or(0.0, |f| f.gram[row + b]);
+                work.matrix[i * size + j] =
+                    self.total.gram[row + b] - fold.map_or(0.0, |f| f.gram[row + b]);
             }
             work.matrix[i * size + i] += RIDGE * mean;
             work.coefficients[i] = self.total.right[*a] - fold.map_or(0.0, |f| f.right[*a]);
@@ -132,7 +136,12 @@ impl Bank {
 }
 
 /// Returns the squared error of coefficients on some products.
-fn square_error(products: &Products, stride: usize, columns: &[usize], coefficients: &[f64]) -> f64 {
+fn square_error(
+    products: &Products,
+    stride: usize,
+    columns: &[usize],
+    coefficients: &[f64],
+) -> f64 {
     let mut error = products.square;
     for (i, a) in columns.iter().enumerate() {
         let row = &products.gram[a * stride..(a + 1) * stride];
@@ -192,14 +201,17 @@ mod tests {
             for a in 0..2 {
                 right[(a, 0)] += if inside { 0.0 } else { w * columns[a][row] * rows.torque[row] };
                 for b in 0..2 {
-                    gram[(a, b)] += if inside { 0.0 } else { w * columns[a][row] * columns[b][row] };
+                    gram[(a, b)] +=
+                        if inside { 0.0 } else { w * columns[a][row] * columns[b][row] };
                 }
             }
         }));
         let solution = gram.lu().solve(&right).unwrap();
         let mut error = 0.0;
         each(Box::new(|row, inside| {
-            let e = rows.torque[row] - solution[(0, 0)] * columns[0][row] - solution[(1, 0)] * columns[1][row];
+            let e = rows.torque[row]
+                - solution[(0, 0)] * columns[0][row]
+                - solution[(1, 0)] * columns[1][row];
             error += if inside { (rows.weights[row] * e).powi(2) } else { 0.0 };
         }));
         error

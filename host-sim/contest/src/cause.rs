@@ -7,7 +7,7 @@
 //! The friction level is the torque of the law's friction part, scaled to an RMS of one: +1 in forward sliding, -1 in reverse,
 //! and between them as the law has it.
 
-mod backlash;
+pub mod backlash;
 mod channel;
 mod motion;
 pub mod ripple;
@@ -15,6 +15,7 @@ mod unknown;
 
 use super::law::Shapes;
 use super::rows::Rows;
+use backlash::GapGrid;
 use ripple::RippleOrders;
 
 /// A way in which a cause may enter a model.
@@ -30,6 +31,15 @@ pub struct Variant {
     pub columns: Vec<Vec<f64>>,
     /// Prior cost: the share of the error that the variant must take to be worth its place.
     pub price: f64,
+    /// Sign of its first coefficient that is physically possible; 0 if both are.
+    pub sign: f64,
+}
+
+impl Variant {
+    /// Returns true if the variant is a cause of friction, and not a fault of the log.
+    pub fn is_cause(&self) -> bool {
+        self.cause != CHANNEL_GAIN
+    }
 }
 
 /// What the columns of the causes are made of.
@@ -42,6 +52,8 @@ pub struct Context<'a> {
     pub travel: usize,
     /// Friction level of the law.
     pub level: &'a [f64],
+    /// Gaps and travels of a backlash.
+    pub gaps: &'a GapGrid,
     /// Orders of the waves that are tried.
     pub orders: &'a RippleOrders,
     /// What the law leaves, as the torque channel would log it.
@@ -52,6 +64,8 @@ pub struct Context<'a> {
 struct CauseRow {
     name: &'static str,
     price: f64,
+    /// Sign of the coefficient that is physically possible, beside friction that is positive; 0 if both are.
+    sign: f64,
     build: fn(&Context) -> Vec<Columns>,
 }
 
@@ -63,6 +77,10 @@ pub(crate) struct Columns {
     columns: Vec<Vec<f64>>,
 }
 
+/// Name of the variants that correct the gain or the sign of a channel: an added torque in proportion to it. They are faults of
+/// the log and no cause.
+pub const CHANNEL_GAIN: &str = "channel-gain";
+
 /// Price of a cause with a column of its own.
 const COLUMN: f64 = 0.02;
 
@@ -70,29 +88,78 @@ const COLUMN: f64 = 0.02;
 const MIMIC: f64 = 0.04;
 
 const CAUSES: &[CauseRow] = &[
-    CauseRow { name: "pressure-coulomb", price: COLUMN, build: channel::pressure_coulomb },
-    CauseRow { name: "radial-force-coulomb", price: COLUMN, build: channel::radial_force_coulomb },
-    CauseRow { name: "radial-force-rate", price: MIMIC, build: channel::radial_force_rate },
-    CauseRow { name: "load-torque-coulomb", price: COLUMN, build: channel::load_torque_coulomb },
-    CauseRow { name: "load-gain", price: COLUMN, build: channel::load_gain },
-    CauseRow { name: "temperature-viscous", price: COLUMN, build: channel::temperature_viscous },
-    CauseRow { name: "temperature-coulomb", price: COLUMN, build: channel::temperature_coulomb },
-    CauseRow { name: "payload", price: MIMIC, build: channel::payload },
-    CauseRow { name: "joint-coupling", price: MIMIC, build: channel::joint_coupling },
-    CauseRow { name: "unknown", price: MIMIC, build: unknown::columns },
-    CauseRow { name: "direction-asymmetry", price: MIMIC, build: motion::direction_asymmetry },
-    CauseRow { name: "torque-offset", price: COLUMN, build: motion::torque_offset },
-    CauseRow { name: "quadratic-drag", price: MIMIC, build: motion::quadratic_drag },
-    CauseRow { name: "unmodelled-inertia", price: MIMIC, build: motion::unmodelled_inertia },
-    CauseRow { name: "gravity-imbalance", price: COLUMN, build: motion::gravity_imbalance },
-    CauseRow { name: "dwell-time-static", price: MIMIC, build: motion::dwell_time_static },
-    CauseRow { name: "time-drift", price: MIMIC, build: motion::time_drift },
-    CauseRow { name: "warm-up", price: MIMIC, build: motion::warm_up },
-    CauseRow { name: "stribeck-shape", price: MIMIC, build: motion::stribeck_shape },
-    CauseRow { name: "backlash", price: MIMIC, build: backlash::backlash },
-    CauseRow { name: "torque-ripple", price: MIMIC, build: ripple::torque_ripple },
-    CauseRow { name: "position-ripple", price: MIMIC, build: ripple::position_ripple },
-    CauseRow { name: "encoder-error", price: MIMIC, build: ripple::encoder_error },
+    CauseRow {
+        name: "pressure-coulomb",
+        price: COLUMN,
+        sign: 1.0,
+        build: channel::pressure_coulomb,
+    },
+    CauseRow {
+        name: "radial-force-coulomb",
+        price: COLUMN,
+        sign: 1.0,
+        build: channel::radial_force_coulomb,
+    },
+    CauseRow {
+        name: "radial-force-rate",
+        price: MIMIC,
+        sign: 0.0,
+        build: channel::radial_force_rate,
+    },
+    CauseRow {
+        name: "load-torque-coulomb",
+        price: COLUMN,
+        sign: 1.0,
+        build: channel::load_torque_coulomb,
+    },
+    CauseRow { name: CHANNEL_GAIN, price: COLUMN, sign: 0.0, build: channel::gain },
+    CauseRow {
+        name: "temperature-viscous",
+        price: COLUMN,
+        sign: -1.0,
+        build: channel::temperature_viscous,
+    },
+    CauseRow {
+        name: "temperature-coulomb",
+        price: COLUMN,
+        sign: -1.0,
+        build: channel::temperature_coulomb,
+    },
+    CauseRow { name: "payload", price: MIMIC, sign: 0.0, build: channel::payload },
+    CauseRow { name: "joint-coupling", price: MIMIC, sign: 0.0, build: channel::joint_coupling },
+    CauseRow { name: "unknown", price: MIMIC, sign: 0.0, build: unknown::columns },
+    CauseRow {
+        name: "direction-asymmetry",
+        price: MIMIC,
+        sign: 0.0,
+        build: motion::direction_asymmetry,
+    },
+    CauseRow { name: "torque-offset", price: COLUMN, sign: 0.0, build: motion::torque_offset },
+    CauseRow { name: "quadratic-drag", price: MIMIC, sign: 1.0, build: motion::quadratic_drag },
+    CauseRow {
+        name: "unmodelled-inertia",
+        price: MIMIC,
+        sign: 1.0,
+        build: motion::unmodelled_inertia,
+    },
+    CauseRow {
+        name: "gravity-imbalance",
+        price: COLUMN,
+        sign: 0.0,
+        build: motion::gravity_imbalance,
+    },
+    CauseRow {
+        name: "dwell-time-static",
+        price: MIMIC,
+        sign: 1.0,
+        build: motion::dwell_time_static,
+    },
+    CauseRow { name: "time-drift", price: MIMIC, sign: 0.0, build: motion::time_drift },
+    CauseRow { name: "warm-up", price: MIMIC, sign: -1.0, build: motion::warm_up },
+    CauseRow { name: "backlash", price: MIMIC, sign: 0.0, build: backlash::backlash },
+    CauseRow { name: "torque-ripple", price: MIMIC, sign: 0.0, build: ripple::torque_ripple },
+    CauseRow { name: "position-ripple", price: MIMIC, sign: 0.0, build: ripple::position_ripple },
+    CauseRow { name: "encoder-error", price: MIMIC, sign: 0.0, build: ripple::encoder_error },
 ];
 
 /// Returns the variants of all causes that the log's columns allow. A column that does not vary or is not finite makes none.
@@ -110,6 +177,7 @@ pub fn variants(context: &Context) -> Vec<Variant> {
                     detail: made.detail,
                     columns: made.columns,
                     price: row.price,
+                    sign: row.sign,
                 });
             }
         }

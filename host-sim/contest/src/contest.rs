@@ -5,6 +5,7 @@
 //! causes are in the model, and those that help get banks of their own.
 
 use super::bank::{Bank, Workspace};
+use super::cause::backlash::GapGrid;
 use super::cause::ripple::RippleOrders;
 use super::cause::{Context, Variant, variants};
 use super::correction::{Correction, TRIED};
@@ -33,6 +34,12 @@ const MOST_DRAWN: usize = 400;
 /// Ratio of the cost to the best cost above which a hypothesis is not drawn.
 const MAX_COST_RATIO: f64 = 1.6;
 
+/// What the nonlinear causes are chosen from.
+struct Waves {
+    orders: RippleOrders,
+    gaps: GapGrid,
+}
+
 /// Columns and products of one correction and law.
 pub(crate) struct Entry {
     pub(crate) law: Law,
@@ -40,6 +47,7 @@ pub(crate) struct Entry {
     pub(crate) law_columns: Vec<Vec<f64>>,
     pub(crate) variants: Vec<Variant>,
     pub(crate) bank: Bank,
+    pub(crate) friction_sign: f64,
 }
 
 /// Runs the contest. It sets the weights of the rows first.
@@ -50,9 +58,12 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     }
     let rows = &*rows;
     let laws = shapes.laws(rows);
-    let plain = |law: &Law| Entry::new(rows, &shapes, law, Correction::None, &RippleOrders::default());
-    let orders = laws.first().map(|law| orders(rows, &plain(law))).unwrap_or_default();
-    let build = |(law, correction): &(&Law, Correction)| Entry::new(rows, &shapes, law, *correction, &orders);
+    let Some(first) = laws.first() else { return Outcome::default() };
+    let mut waves = Waves { orders: RippleOrders::default(), gaps: GapGrid::new(rows, &shapes) };
+    waves.orders = orders(rows, &Entry::new(rows, &shapes, first, Correction::None, &waves));
+    let build = |(law, correction): &(&Law, Correction)| {
+        Entry::new(rows, &shapes, law, *correction, &waves)
+    };
     let first: Vec<(&Law, Correction)> = laws.iter().map(|law| (law, Correction::None)).collect();
     let mut entries: Vec<Entry> = first.par_iter().map(build).collect();
     let mut hypotheses: Vec<Hypothesis> = search_all(&entries, 0);
@@ -69,20 +80,25 @@ pub fn contest(rows: &mut Rows) -> Outcome {
 }
 
 impl Entry {
-    fn new(rows: &Rows, shapes: &Shapes, law: &Law, correction: Correction, orders: &RippleOrders) -> Self {
+    fn new(rows: &Rows, shapes: &Shapes, law: &Law, correction: Correction, waves: &Waves) -> Self {
         let mut law_columns = shapes.columns(rows, law);
-        let (level, residual) = level(rows, &law_columns, law);
+        let Level { level, residual, friction_sign } = Level::new(rows, &law_columns, law);
         let travel = law.stops[0];
-        let context = Context { rows, shapes, travel, level: &level, orders, residual: &residual };
+        let Waves { orders, gaps } = waves;
+        let context =
+            Context { rows, shapes, travel, level: &level, orders, gaps, residual: &residual };
         let mut variants = variants(&context);
         if correction != Correction::None {
             let columns = variants.iter_mut().flat_map(|variant| &mut variant.columns);
-            columns.chain(&mut law_columns).for_each(|column| *column = correction.apply(rows, column));
+            columns
+                .chain(&mut law_columns)
+                .for_each(|column| *column = correction.apply(rows, column));
         }
-        let columns = law_columns.iter().chain(variants.iter().flat_map(|variant| &variant.columns));
+        let columns =
+            law_columns.iter().chain(variants.iter().flat_map(|variant| &variant.columns));
         let columns: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
         let bank = Bank::new(rows, &columns);
-        Self { law: law.clone(), correction, law_columns, variants, bank }
+        Self { law: law.clone(), correction, law_columns, variants, bank, friction_sign }
     }
 
     /// Returns the columns of a set of variants, those of the law first.
@@ -93,23 +109,32 @@ impl Entry {
 
     /// Returns the indices of a set's columns in the bank.
     pub(crate) fn indices(&self, set: &[u16]) -> Vec<usize> {
-        Search::new(&self.bank, self.law_columns.len(), &self.variants).columns(set)
+        Search::new(&self.bank, self.law_columns.len(), &self.variants, self.friction_sign)
+            .columns(set)
     }
 
     fn search(&self, bank: usize) -> Vec<Hypothesis> {
-        let mut search = Search::new(&self.bank, self.law_columns.len(), &self.variants);
+        let mut search =
+            Search::new(&self.bank, self.law_columns.len(), &self.variants, self.friction_sign);
         search.run(&[]);
         let scores = std::mem::take(&mut search.scores);
         let hypothesis = |(set, error): (Vec<u16>, f64)| {
-            let mut causes: BTreeSet<CauseKey> = set.iter().map(|at| key(&self.variants[*at as usize])).collect();
-            let mut price = search.price(&set);
-            if self.correction.is_delay() {
+            let mut causes: BTreeSet<CauseKey> = set
+                .iter()
+                .map(|at| &self.variants[*at as usize])
+                .filter(|v| v.is_cause())
+                .map(key)
+                .collect();
+            let mut price = search.price(&set) + self.law.price();
+            if self.correction.is_cause() {
                 causes.insert(CauseKey { cause: "channel-delay", follows: String::new() });
+            }
+            if self.correction != Correction::None {
                 price += CORRECTION_PRICE;
             }
             Hypothesis { bank, set, causes, error, price }
         };
-        scores.into_iter().map(hypothesis).collect()
+        scores.into_iter().filter(|(_, error)| error.is_finite()).map(hypothesis).collect()
     }
 }
 
@@ -126,33 +151,47 @@ fn least(hypotheses: &[Hypothesis]) -> Option<&Hypothesis> {
     hypotheses.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
-/// Returns the friction level of a law, of RMS one, and what the law leaves.
-fn level(rows: &Rows, columns: &[Vec<f64>], law: &Law) -> (Vec<f64>, Vec<f64>) {
-    let all: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-    let bank = Bank::new(rows, &all);
-    let indices: Vec<usize> = (0..all.len()).collect();
-    let sizes = bank.fit(&indices, &mut Workspace::default());
-    let stops = law.stops.len();
-    let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
-    let is_friction = |at: usize| at < stops || falls.contains(&at);
-    let sum = |row: usize, is_meant: &dyn Fn(usize) -> bool| {
-        (0..all.len()).filter(|at| is_meant(*at)).map(|at| all[at][row] * sizes[at]).sum::<f64>()
-    };
-    let mut level = rows.map(|row| sum(row, &is_friction));
-    let residual = rows.map(|row| rows.torque[row] - sum(row, &|_| true));
-    let squares: f64 = level.iter().map(|v| v * v).sum();
-    // The level is positive in forward sliding, whatever the sign of the logged torque.
-    let along: f64 = level.iter().zip(&rows.velocity).map(|(a, b)| a * b).sum();
-    let scale = along.signum() / ((squares / level.len().max(1) as f64).sqrt() + 1e-300);
-    level.iter_mut().for_each(|v| *v *= scale);
-    (level, residual)
+/// The friction of a law, fitted to all rows.
+struct Level {
+    /// Friction torque over its RMS, positive in forward sliding.
+    level: Vec<f64>,
+    /// What the law leaves.
+    residual: Vec<f64>,
+    /// +1, or -1 if the friction drives the motion: the sign of the torque is reversed.
+    friction_sign: f64,
+}
+
+impl Level {
+    fn new(rows: &Rows, columns: &[Vec<f64>], law: &Law) -> Self {
+        let all: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let bank = Bank::new(rows, &all);
+        let indices: Vec<usize> = (0..all.len()).collect();
+        let sizes = bank.fit(&indices, &mut Workspace::default());
+        let stops = law.stops.len();
+        let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
+        let is_friction = |at: usize| at < stops || falls.contains(&at);
+        let sum = |row: usize, is_meant: &dyn Fn(usize) -> bool| {
+            (0..all.len())
+                .filter(|at| is_meant(*at))
+                .map(|at| all[at][row] * sizes[at])
+                .sum::<f64>()
+        };
+        let mut level = rows.map(|row| sum(row, &is_friction));
+        let residual = rows.map(|row| rows.torque[row] - sum(row, &|_| true));
+        let squares: f64 = level.iter().map(|v| v * v).sum();
+        // The level is positive in forward sliding, whatever the sign of the logged torque.
+        let along: f64 = level.iter().zip(&rows.velocity).map(|(a, b)| a * b).sum();
+        let scale = along.signum() / ((squares / level.len().max(1) as f64).sqrt() + 1e-300);
+        level.iter_mut().for_each(|v| *v *= scale);
+        Self { level, residual, friction_sign: along.signum() }
+    }
 }
 
 /// Finds the orders of waves in what the model with all other causes leaves.
 fn orders(rows: &Rows, entry: &Entry) -> RippleOrders {
     let set: Vec<u16> = (0..entry.variants.len() as u16).collect();
     let residual = residual(rows, entry, &set);
-    let (level, _) = level(rows, &entry.law_columns, &entry.law);
+    let Level { level, .. } = Level::new(rows, &entry.law_columns, &entry.law);
     RippleOrders::find(rows, &residual, &level)
 }
 
@@ -160,14 +199,17 @@ fn orders(rows: &Rows, entry: &Entry) -> RippleOrders {
 fn residual(rows: &Rows, entry: &Entry, set: &[u16]) -> Vec<f64> {
     let sizes = entry.bank.fit(&entry.indices(set), &mut Workspace::default());
     let columns = entry.columns(set);
-    rows.map(|row| rows.torque[row] - columns.iter().zip(&sizes).map(|(c, size)| c[row] * size).sum::<f64>())
+    rows.map(|row| {
+        rows.torque[row] - columns.iter().zip(&sizes).map(|(c, size)| c[row] * size).sum::<f64>()
+    })
 }
 
 /// Returns the corrections with which the columns of a hypothesis leave less.
 fn screen(rows: &Rows, entry: &Entry, best: &Hypothesis) -> Vec<Correction> {
     let columns = entry.columns(&best.set);
     let error = |correction: &Correction| {
-        let corrected: Vec<Vec<f64>> = columns.iter().map(|column| correction.apply(rows, column)).collect();
+        let corrected: Vec<Vec<f64>> =
+            columns.iter().map(|column| correction.apply(rows, column)).collect();
         let corrected: Vec<&[f64]> = corrected.iter().map(Vec::as_slice).collect();
         let bank = Bank::new(rows, &corrected);
         let all: Vec<usize> = (0..corrected.len()).collect();

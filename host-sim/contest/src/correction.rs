@@ -55,13 +55,16 @@ impl Correction {
                 let way = if by < 0 { "early" } else { "late" };
                 format!("torque {:.3} ms {way}", milliseconds(f64::from(by.abs())))
             }
-            Correction::TorqueLowPass(by) => format!("torque low-pass of {:.3} ms", milliseconds(by)),
+            Correction::TorqueLowPass(by) => {
+                format!("torque low-pass of {:.3} ms", milliseconds(by))
+            }
         }
     }
 
-    /// Returns true if the correction is a cause of its own, `channel-delay`.
-    pub fn is_delay(self) -> bool {
-        self != Correction::None
+    /// Returns true if the correction is a cause of its own, `channel-delay`. A row early or late is within the convention of
+    /// when a row is sampled, and a filtered torque is a fault of the log (`torque-lag`): both are corrected and are no cause.
+    pub fn is_cause(self) -> bool {
+        matches!(self, Correction::TorqueLate(rows) if rows.abs() > 1)
     }
 }
 

@@ -36,11 +36,13 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
         Some(columns.collect::<Option<Vec<&[f64]>>>()?.concat())
     };
     let torque: Vec<f64> = data.runs.iter().flat_map(|run| run.torque.iter().copied()).collect();
-    let motion = [Quantity::CampaignTime, Quantity::Velocity, Quantity::Position, Quantity::Acceleration];
+    let motion =
+        [Quantity::CampaignTime, Quantity::Velocity, Quantity::Position, Quantity::Acceleration];
     let motion: Vec<Vec<f64>> =
         motion.iter().filter_map(|quantity| long(quantity.name(data.joint))).collect();
     let mut found: Vec<Covariate> = Vec::new();
-    let known = contract::covariates().map(|quantity| (Some(quantity), quantity.name(data.joint).to_owned()));
+    let known = contract::covariates()
+        .map(|quantity| (Some(quantity), quantity.name(data.joint).to_owned()));
     for (quantity, name) in known.chain(data.covariates.iter().map(|name| (None, name.clone()))) {
         let Some(values) = long(&name) else { continue };
         let Some(scaled) = scaled(&values) else { continue };
@@ -49,7 +51,8 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
             && (correlation(&values, &torque).abs() > SAME_VALUES
                 || correlation(&steps(&values), &steps(&torque)).abs() > SAME_STEPS);
         let others = motion.iter().chain(found.iter().map(|other| &other.values));
-        let is_copy = || others.clone().any(|other| correlation(&values, other).abs() > SAME_COLUMN);
+        let is_copy =
+            || others.clone().any(|other| correlation(&values, other).abs() > SAME_COLUMN);
         if is_torque || (is_extra && is_copy()) {
             continue;
         }
@@ -103,14 +106,30 @@ mod tests {
 
     #[test]
     fn covariates_without_the_torque_in_another_unit_and_copies() {
-        let names =
-            ["time_s", "velocity_rad_s", "torque_nm", "temperature_c", "current_a", "copy", "constant"];
+        let names = [
+            "time_s",
+            "velocity_rad_s",
+            "torque_nm",
+            "temperature_c",
+            "current_a",
+            "copy",
+            "constant",
+        ];
         let row = |row: usize| {
             let (t, wave) = (0.01 * row as f64, (0.3 * row as f64).sin());
-            [t, wave, wave * 2.0 + t.cos(), 20.0 + (7.0 * t).sin(), (wave * 2.0 + t.cos()) / 0.1, 20.0 + (7.0 * t).sin(), 5.0]
+            [
+                t,
+                wave,
+                wave * 2.0 + t.cos(),
+                20.0 + (7.0 * t).sin(),
+                (wave * 2.0 + t.cos()) / 0.1,
+                20.0 + (7.0 * t).sin(),
+                5.0,
+            ]
         };
         let columns = (0..7).map(|column| (0..500).map(|r| row(r)[column]).collect()).collect();
-        let data = Dataset::from_columns(&names.map(String::from), [("a".to_owned(), columns)]).unwrap();
+        let data =
+            Dataset::from_columns(&names.map(String::from), [("a".to_owned(), columns)]).unwrap();
         let found = covariates(&data);
         let names: Vec<&str> = found.iter().map(|covariate| covariate.name.as_str()).collect();
         assert_eq!(names, ["temperature_c"]);

@@ -44,7 +44,10 @@ impl Draws {
             .map(|(errors, hypothesis)| {
                 let mut sums = vec![0.0; units];
                 let price = hypothesis.price.exp();
-                errors.iter().enumerate().for_each(|(block, error)| sums[unit(block)] += error * price);
+                errors
+                    .iter()
+                    .enumerate()
+                    .for_each(|(block, error)| sums[unit(block)] += error * price);
                 sums
             })
             .collect();
@@ -52,7 +55,8 @@ impl Draws {
         let mut wins = vec![0usize; hypotheses.len()];
         for _ in 0..DRAWS {
             let weights: Vec<f64> = (0..units).map(|_| Exp1.sample(&mut random)).collect();
-            let error = |sums: &Vec<f64>| sums.iter().zip(&weights).map(|(e, w)| e * w).sum::<f64>();
+            let error =
+                |sums: &Vec<f64>| sums.iter().zip(&weights).map(|(e, w)| e * w).sum::<f64>();
             let best = summed.iter().map(error).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((best, _)) = best {
                 wins[best] += 1;
@@ -62,7 +66,8 @@ impl Draws {
         for (hypothesis, wins) in hypotheses.iter().zip(wins).filter(|(_, wins)| *wins > 0) {
             *by_causes.entry(hypothesis.causes.clone()).or_default() += wins;
         }
-        let mut draws = Self { inclusion: BTreeMap::new(), winners: by_causes.into_iter().collect() };
+        let mut draws =
+            Self { inclusion: BTreeMap::new(), winners: by_causes.into_iter().collect() };
         draws.winners.sort_by_key(|(_, wins)| std::cmp::Reverse(*wins));
         for (causes, wins) in &draws.winners {
             for cause in causes {
@@ -84,6 +89,9 @@ impl Draws {
             if all < DRAWS / 100 { 0.0 } else { held as f64 / all as f64 }
         };
         let others = self.inclusion.keys().filter(|other| *other != cause);
-        others.filter(|other| share(other, false) > MIN_SUBSTITUTION + share(other, true)).cloned().collect()
+        others
+            .filter(|other| share(other, false) > MIN_SUBSTITUTION + share(other, true))
+            .cloned()
+            .collect()
     }
 }

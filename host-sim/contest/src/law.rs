@@ -25,6 +25,9 @@ const WIDTHS: [f64; 3] = [0.02, 0.07, 0.25];
 /// Share of the error that another stop must take.
 const MIN_STOP_GAIN: f64 = 0.015;
 
+/// Prior cost of each stop after the first, as a share of the error.
+const STOP_PRICE: f64 = 0.02;
+
 /// Most stops of a law.
 const MOST_STOPS: usize = 3;
 
@@ -60,6 +63,13 @@ pub struct Law {
     pub error: f64,
 }
 
+impl Law {
+    /// Returns the prior cost of the law: that of each stop after the first.
+    pub fn price(&self) -> f64 {
+        STOP_PRICE * (self.stops.len() - 1) as f64
+    }
+}
+
 impl Shapes {
     /// Computes the columns of all laws.
     pub fn new(rows: &Rows) -> Self {
@@ -67,7 +77,8 @@ impl Shapes {
         let most = (LARGEST_TRAVEL * rows.swing).max(4.0 * least);
         let ratio = (most / least).powf(1.0 / (TRAVELS - 1) as f64);
         let travels: Vec<f64> = (0..TRAVELS).map(|at| least * ratio.powi(at as i32)).collect();
-        let stops = travels.iter().map(|travel| stop(&rows.position, &rows.runs, *travel)).collect();
+        let stops =
+            travels.iter().map(|travel| stop(&rows.position, &rows.runs, *travel)).collect();
         let fall = |width: &f64| {
             rows.map(|row| (-rows.smooth_velocity[row].abs() / (width * rows.top_speed)).exp())
         };
@@ -76,7 +87,8 @@ impl Shapes {
 
     /// Returns the columns of a law.
     pub fn columns(&self, rows: &Rows, law: &Law) -> Vec<Vec<f64>> {
-        let mut columns: Vec<Vec<f64>> = law.stops.iter().map(|at| self.stops[*at].clone()).collect();
+        let mut columns: Vec<Vec<f64>> =
+            law.stops.iter().map(|at| self.stops[*at].clone()).collect();
         columns.push(rows.smooth_velocity.clone());
         if law.has_falls {
             columns.extend(self.falls.iter().map(|fall| product(&self.stops[law.stops[0]], fall)));
@@ -146,13 +158,20 @@ struct LawTable {
 
 impl LawTable {
     fn new(shapes: &Shapes, rows: &Rows) -> Self {
-        let falling = shapes.stops.iter().flat_map(|stop| shapes.falls.iter().map(move |fall| product(stop, fall)));
+        let falling = shapes
+            .stops
+            .iter()
+            .flat_map(|stop| shapes.falls.iter().map(move |fall| product(stop, fall)));
         let falling: Vec<Vec<f64>> = falling.collect();
         let mut all: Vec<&[f64]> = shapes.stops.iter().map(Vec::as_slice).collect();
         all.push(&rows.smooth_velocity);
         all.extend(shapes.rigid.iter().map(Vec::as_slice));
         all.extend(falling.iter().map(Vec::as_slice));
-        Self { bank: Bank::new(rows, &all), travels: shapes.travels.len(), rigid: shapes.rigid.len() }
+        Self {
+            bank: Bank::new(rows, &all),
+            travels: shapes.travels.len(),
+            rigid: shapes.rigid.len(),
+        }
     }
 
     /// Returns a law with its held-out error; `None` if a stop has a negative size.
@@ -175,7 +194,12 @@ impl LawTable {
             (1, false, true) => "lugre",
             _ => "maxwell-slip",
         };
-        Some(Law { name, stops: stops.to_vec(), has_falls, error: self.bank.error(&columns, &mut work) })
+        Some(Law {
+            name,
+            stops: stops.to_vec(),
+            has_falls,
+            error: self.bank.error(&columns, &mut work),
+        })
     }
 
     fn with_more_stops(&self, law: &Law) -> Option<Law> {

@@ -162,8 +162,9 @@ mod tests {
     #[test]
     fn rests_after_pause_reports_its_duration_and_the_path_since() {
         let time: Vec<f64> = (0..20).map(|row| 0.01 * f64::from(row)).collect();
-        let position: Vec<f64> =
-            (0..20).map(|row| 0.1 * f64::from(if row < 5 { row } else { (row - 8).max(4) })).collect();
+        let position: Vec<f64> = (0..20)
+            .map(|row| 0.1 * f64::from(if row < 5 { row } else { (row - 8).max(4) }))
+            .collect();
         let found = rests(&position, &time, &[0..20], 0.05);
         assert!((found.dwell_s[15] - 0.09).abs() < 1e-9, "{:?}", found.dwell_s);
         assert!((found.path[15] - 0.3).abs() < 1e-9, "{:?}", found.path);

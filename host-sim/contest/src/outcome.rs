@@ -77,7 +77,9 @@ impl Outcome {
         let Some(best) = table.ledger.best() else { return Self::default() };
         let none = BTreeSet::new();
         let base = table.ledger.hypotheses.iter().filter(|h| h.causes == none);
-        let Some(base) = base.min_by(|a, b| a.error.total_cmp(&b.error)) else { return Self::default() };
+        let Some(base) = base.min_by(|a, b| a.error.total_cmp(&b.error)) else {
+            return Self::default();
+        };
         let mut causes: Vec<Figures> = table
             .draws
             .inclusion
@@ -95,8 +97,8 @@ impl Outcome {
         let entry = &table.entries[best.bank];
         Self {
             law: entry.law.name,
-            correction: entry.correction.describe(rows.step_s),
-            is_reversed: is_reversed(rows, &table.entries[base.bank]),
+            correction: table.corrections(rows, best),
+            is_reversed: table.entries[base.bank].friction_sign < 0.0,
             causes,
             base_rmse: table.rmse(rows, base),
             rmse: table.rmse(rows, best),
@@ -125,7 +127,10 @@ impl Table<'_> {
         let with = self.ledger.least_error(|h| h.causes.contains(key)).unwrap_or(base);
         let without = self.ledger.least_error(|h| !h.causes.contains(key)).unwrap_or(base);
         let own = best.set.iter().map(|at| &self.entries[best.bank].variants[*at as usize]);
-        let detail = own.filter(|v| v.cause == key.cause && v.follows == key.follows).map(|v| v.detail.clone()).next();
+        let detail = own
+            .filter(|v| v.cause == key.cause && v.follows == key.follows)
+            .map(|v| v.detail.clone())
+            .next();
         Figures {
             key: key.clone(),
             detail: detail.unwrap_or_default(),
@@ -138,6 +143,18 @@ impl Table<'_> {
         }
     }
 
+    /// Returns the corrections of the log in a hypothesis: of time, and of the gain of channels.
+    fn corrections(&self, rows: &Rows, hypothesis: &Hypothesis) -> String {
+        let entry = &self.entries[hypothesis.bank];
+        let own = hypothesis.set.iter().map(|at| &entry.variants[*at as usize]);
+        let gains = own
+            .filter(|variant| !variant.is_cause())
+            .map(|variant| format!("gain of {}", variant.follows));
+        let all: Vec<String> =
+            [entry.correction.describe(rows.step_s)].into_iter().chain(gains).collect();
+        all.join(", ")
+    }
+
     /// Returns the unweighted held-out RMS error of a hypothesis.
     fn rmse(&self, rows: &Rows, hypothesis: &Hypothesis) -> f64 {
         let entry = &self.entries[hypothesis.bank];
@@ -147,26 +164,14 @@ impl Table<'_> {
         let mut squares = 0.0;
         for (block, fold) in rows.blocks.iter().zip(&rows.fold_of_block) {
             for row in &rows.judged[block.clone()] {
-                let model: f64 =
-                    columns.iter().zip(&fits[*fold]).map(|(c, size)| rows.judged_value(c, *row) * size).sum();
+                let model: f64 = columns
+                    .iter()
+                    .zip(&fits[*fold])
+                    .map(|(c, size)| rows.judged_value(c, *row) * size)
+                    .sum();
                 squares += (rows.judged_value(&rows.torque, *row) - model).powi(2);
             }
         }
         (squares / rows.judged.len().max(1) as f64).sqrt()
     }
-}
-
-/// Returns true if the friction of a law drives the motion.
-fn is_reversed(rows: &Rows, entry: &Entry) -> bool {
-    let sizes = entry.bank.fit(&entry.indices(&[]), &mut Workspace::default());
-    let friction = entry.law.stops.len() + 1;
-    let power: f64 = rows
-        .judged
-        .iter()
-        .map(|row| {
-            let columns = entry.law_columns[..friction].iter().zip(&sizes);
-            columns.map(|(c, size)| c[*row] * size).sum::<f64>() * rows.velocity[*row]
-        })
-        .sum();
-    power < 0.0
 }

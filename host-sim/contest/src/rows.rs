@@ -95,7 +95,8 @@ impl Rows {
     /// Collects the rows of a log. `decimate` is the number of rows that are averaged to one.
     pub fn new(data: &Dataset, rigid_body: RigidBody, decimate: usize) -> Self {
         let runs = run_ranges(data);
-        let long = |of: &dyn Fn(&Run) -> Vec<f64>| data.runs.iter().flat_map(of).collect::<Vec<_>>();
+        let long =
+            |of: &dyn Fn(&Run) -> Vec<f64>| data.runs.iter().flat_map(of).collect::<Vec<_>>();
         let time_s = long(&|run| run.time_s.clone());
         let velocity = long(&|run| run.velocity.clone());
         let has_position = data.runs.iter().all(|run| run.get(Quantity::Position).is_some());
@@ -116,7 +117,9 @@ impl Rows {
             least_step: least_step(&position, &runs),
             swing: swing(&position, &runs),
             has_campaign_clock: has_campaign_clock(&data.runs),
-            weights: long(&|run| (0..run.len()).map(|row| f64::from(u8::from(!run.is_spike(row)))).collect()),
+            weights: long(&|run| {
+                (0..run.len()).map(|row| f64::from(u8::from(!run.is_spike(row)))).collect()
+            }),
             judged: Vec::new(),
             averaged: decimate.max(1),
             blocks: Vec::new(),
@@ -137,21 +140,24 @@ impl Rows {
     /// Divides the rows into blocks and folds.
     fn divide(&mut self) {
         let count = self.runs.len().max(1);
-        let stride = (self.time_s.len() / self.averaged).div_ceil(MOST_JUDGED).max(1) * self.averaged;
+        let stride =
+            (self.time_s.len() / self.averaged).div_ceil(MOST_JUDGED).max(1) * self.averaged;
         let whole = count >= MIN_RUNS_FOR_FOLDS;
         let parts = if whole { 1 } else { FOLDS.div_ceil(count) };
         let blocks = parts * MIN_BLOCKS.div_ceil(count * parts);
         for (run, range) in self.runs.iter().enumerate() {
             let first = self.judged.len();
             let last = (range.end + 1).saturating_sub(self.averaged);
-            self.judged.extend((range.start..last.max(range.start + 1).min(range.end)).step_by(stride));
+            self.judged
+                .extend((range.start..last.max(range.start + 1).min(range.end)).step_by(stride));
             let judged = self.judged.len() - first;
             for block in 0..blocks {
                 let edge = |block: usize| first + block * judged / blocks;
                 if edge(block + 1) > edge(block) {
                     self.blocks.push(edge(block)..edge(block + 1));
                     self.run_of_block.push(run);
-                    let fold = if whole { run % FOLDS } else { run * parts + block * parts / blocks };
+                    let fold =
+                        if whole { run % FOLDS } else { run * parts + block * parts / blocks };
                     self.fold_of_block.push(fold);
                 }
             }
@@ -232,14 +238,16 @@ fn median_step(time_s: &[f64], runs: &[Range<usize>]) -> f64 {
 }
 
 fn least_step(position: &[f64], runs: &[Range<usize>]) -> f64 {
-    let steps = runs.iter().flat_map(|run| position[run.clone()].windows(2).map(|w| (w[1] - w[0]).abs()));
+    let steps =
+        runs.iter().flat_map(|run| position[run.clone()].windows(2).map(|w| (w[1] - w[0]).abs()));
     quantile(steps.filter(|step| *step > 0.0).collect(), 0.2).max(1e-12)
 }
 
 fn swing(position: &[f64], runs: &[Range<usize>]) -> f64 {
     let range = |run: &Range<usize>| {
         let values = position[run.clone()].iter();
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(*q), high.max(*q)));
+        let (low, high) = values
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(*q), high.max(*q)));
         high - low
     };
     quantile(runs.iter().map(range).collect(), 0.5).max(1e-12)
@@ -263,7 +271,9 @@ fn has_campaign_clock(runs: &[Run]) -> bool {
 
 /// Returns the noise of the torque after an average of some rows, from its second differences.
 fn noise(data: &Dataset, averaged: usize) -> f64 {
-    let mean = |values: &[f64]| values.chunks(averaged).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
+    let mean = |values: &[f64]| {
+        values.chunks(averaged).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect()
+    };
     let stretches: Vec<Vec<f64>> = data
         .runs
         .iter()
@@ -278,7 +288,8 @@ pub(crate) mod tests {
 
     /// A log of twelve runs: Coulomb and viscous friction with pressure, and noise.
     pub(crate) fn example() -> Rows {
-        let names = ["time_s", "velocity_rad_s", "torque_nm", "position_rad", "pressure_diff_pa"].map(String::from);
+        let names = ["time_s", "velocity_rad_s", "torque_nm", "position_rad", "pressure_diff_pa"]
+            .map(String::from);
         let run = |index: usize| {
             let pressure = 1e5 * (index % 5) as f64;
             let row = |row: usize| {
@@ -286,9 +297,18 @@ pub(crate) mod tests {
                 let noise = 0.04 * ((row * 7919 % 1000) as f64 / 1000.0 - 0.5);
                 let velocity = angle.sin();
                 let torque = (1.0 + 1e-6 * pressure) * velocity.signum() + 0.3 * velocity + noise;
-                [0.01 * row as f64 + 10.0 * index as f64, velocity, torque, -0.5 * angle.cos(), pressure]
+                [
+                    0.01 * row as f64 + 10.0 * index as f64,
+                    velocity,
+                    torque,
+                    -0.5 * angle.cos(),
+                    pressure,
+                ]
             };
-            (format!("run {index}"), (0..5).map(|c| (0..600).map(|r| row(r)[c]).collect()).collect())
+            (
+                format!("run {index}"),
+                (0..5).map(|c| (0..600).map(|r| row(r)[c]).collect()).collect(),
+            )
         };
         let data = Dataset::from_columns(&names, (0..12).map(run)).unwrap();
         Rows::new(&data, RigidBody::default(), 1)

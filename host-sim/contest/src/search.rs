@@ -31,6 +31,8 @@ pub struct Search<'a> {
     law: usize,
     /// First bank column of each variant.
     first: Vec<usize>,
+    /// +1, or -1 if the sign of the torque is reversed.
+    friction_sign: f64,
     work: Workspace,
     /// Held-out error of every set that was scored.
     pub scores: HashMap<CauseSet, f64>,
@@ -38,21 +40,23 @@ pub struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// Prepares a search. The bank holds the law's columns, then those of the variants in order.
-    pub fn new(bank: &'a Bank, law: usize, variants: &'a [Variant]) -> Self {
+    pub fn new(bank: &'a Bank, law: usize, variants: &'a [Variant], friction_sign: f64) -> Self {
         let mut at = law;
         let first = variants.iter().map(|variant| {
             at += variant.columns.len();
             at - variant.columns.len()
         });
         let first = first.collect();
-        Self { bank, variants, law, first, work: Workspace::default(), scores: HashMap::new() }
+        let work = Workspace::default();
+        Self { bank, variants, law, first, friction_sign, work, scores: HashMap::new() }
     }
 
     /// Returns the bank columns of a set.
     pub fn columns(&self, set: &[u16]) -> Vec<usize> {
         let mut columns: Vec<usize> = (0..self.law).collect();
         for variant in set {
-            let (first, count) = (self.first[*variant as usize], self.variants[*variant as usize].columns.len());
+            let (first, count) =
+                (self.first[*variant as usize], self.variants[*variant as usize].columns.len());
             columns.extend(first..first + count);
         }
         columns
@@ -94,7 +98,8 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        let mut sorted: Vec<(f64, CauseSet)> = found.into_iter().map(|(set, cost)| (cost, set)).collect();
+        let mut sorted: Vec<(f64, CauseSet)> =
+            found.into_iter().map(|(set, cost)| (cost, set)).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
         sorted
     }
@@ -141,13 +146,32 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// Returns true if no coefficient has a physically impossible sign: a negative mass, a seal that pressure relieves.
+    fn is_possible(&mut self, set: &[u16], columns: &[usize]) -> bool {
+        if set.iter().all(|at| self.variants[*at as usize].sign == 0.0) {
+            return true;
+        }
+        let sizes = self.bank.fit(columns, &mut self.work);
+        let mut at = self.law;
+        set.iter().all(|index| {
+            let variant = &self.variants[*index as usize];
+            at += variant.columns.len();
+            variant.sign * self.friction_sign * sizes[at - variant.columns.len()] >= 0.0
+        })
+    }
+
     /// Returns the held-out error of a set with its prior cost.
     fn cost(&mut self, set: &[u16]) -> f64 {
         let error = match self.scores.get(set) {
             Some(error) => *error,
             None => {
                 let columns = self.columns(set);
-                let error = self.bank.error(&columns, &mut self.work);
+                let possible = self.is_possible(set, &columns);
+                let error = if possible {
+                    self.bank.error(&columns, &mut self.work)
+                } else {
+                    f64::INFINITY
+                };
                 self.scores.insert(set.to_vec(), error);
                 error
             }
@@ -169,7 +193,14 @@ mod tests {
     use crate::rows::tests::example;
 
     fn variant(cause: &'static str, column: Vec<f64>) -> Variant {
-        Variant { cause, follows: String::new(), detail: String::new(), columns: vec![column], price: 0.02 }
+        Variant {
+            cause,
+            follows: String::new(),
+            detail: String::new(),
+            columns: vec![column],
+            price: 0.02,
+            sign: 1.0,
+        }
     }
 
     #[test]
@@ -178,12 +209,15 @@ mod tests {
         let sign: Vec<f64> = rows.velocity.iter().map(|v| v.signum()).collect();
         let pressure = &rows.covariates[0].scaled;
         let level: Vec<f64> = sign.iter().zip(pressure).map(|(s, p)| s * p).collect();
-        let decoy: Vec<f64> = level.iter().zip(&rows.acceleration).map(|(a, b)| a + 0.3 * b).collect();
+        let decoy: Vec<f64> =
+            level.iter().zip(&rows.acceleration).map(|(a, b)| a + 0.3 * b).collect();
         let variants = [variant("decoy", decoy), variant("pressure", level)];
         let columns: Vec<&[f64]> =
-            [&sign, &rows.velocity, &variants[0].columns[0], &variants[1].columns[0]].map(|c| c.as_slice()).to_vec();
+            [&sign, &rows.velocity, &variants[0].columns[0], &variants[1].columns[0]]
+                .map(|c| c.as_slice())
+                .to_vec();
         let bank = Bank::new(&rows, &columns);
-        let mut search = Search::new(&bank, 2, &variants);
+        let mut search = Search::new(&bank, 2, &variants, 1.0);
         search.run(&[]);
         let best = search.scores.iter().min_by(|a, b| {
             let cost = |of: &(&CauseSet, &f64)| *of.1 * search.price(of.0).exp();

@@ -36,7 +36,8 @@ pub fn weigh(rows: &mut Rows, shapes: &Shapes, law: &Law) {
     let all: Vec<usize> = (0..columns.len()).collect();
     let fit = bank.fit(&all, &mut Workspace::default());
     let residual = rows.map(|row| {
-        rows.torque[row] - columns.iter().zip(&fit).map(|(column, size)| column[row] * size).sum::<f64>()
+        rows.torque[row]
+            - columns.iter().zip(&fit).map(|(column, size)| column[row] * size).sum::<f64>()
     });
     let kinds = kinds(rows, &shapes.stops[law.stops[0]]);
     let spread = |kind: Option<Kind>| {

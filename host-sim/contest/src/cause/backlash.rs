@@ -1,58 +1,90 @@
 //! Backlash: after a reversal the joint travels a gap before friction builds up.
 //!
 //! The friction of a joint with a gap is a stop operator of the play operator of its position. Gap and travel enter
-//! nonlinearly, so a grid of both is computed, and the pairs that explain most beside the law become variants.
+//! nonlinearly, so a grid of both is computed once, and the pairs that explain most become variants: beside the law's own stop,
+//! beside it and an asymmetry, and in place of it.
 
 use super::{Columns, Context};
 use crate::bank::{Bank, Workspace};
-use crate::law::product;
+use crate::law::{Shapes, product};
 use crate::operator::{play, stop};
+use crate::rows::Rows;
 use rayon::prelude::*;
 
 /// Number of gaps in the grid.
-const GAPS: usize = 6;
+const GAPS: usize = 7;
 
 /// Largest gap as a share of the swing of a run.
-const LARGEST_GAP: f64 = 0.1;
+const LARGEST_GAP: f64 = 0.25;
 
-/// Every how many travels of the laws one is in the grid.
-const TRAVEL_STRIDE: usize = 3;
+/// Smallest gap as a share of the largest.
+const SMALLEST_GAP: f64 = 0.01;
 
-/// Number of variants.
-const VARIANTS: usize = 2;
+/// Gaps and travels with their columns, and the products of these with all that a law has.
+pub struct GapGrid {
+    pairs: Vec<(f64, f64, Vec<f64>)>,
+    bank: Option<Bank>,
+    stops: usize,
+    shared: usize,
+}
+
+impl GapGrid {
+    /// Computes the grid; an empty one without a position.
+    pub fn new(rows: &Rows, shapes: &Shapes) -> Self {
+        let stops = shapes.stops.len();
+        if !rows.has_position {
+            return Self { pairs: Vec::new(), bank: None, stops, shared: 0 };
+        }
+        let largest = LARGEST_GAP * rows.swing;
+        let ratio = SMALLEST_GAP.powf(1.0 / (GAPS - 1) as f64);
+        let gaps: Vec<f64> = (0..GAPS).map(|at| largest * ratio.powi(at as i32)).collect();
+        let pairs = |gap: &f64| {
+            let moved = play(&rows.position, &rows.runs, 0.5 * gap);
+            let pair = |travel: &f64| (*gap, *travel, stop(&moved, &rows.runs, *travel));
+            shapes.travels.iter().map(pair).collect::<Vec<_>>()
+        };
+        let pairs: Vec<(f64, f64, Vec<f64>)> = gaps.par_iter().flat_map_iter(pairs).collect();
+        let speed: Vec<f64> = rows.smooth_velocity.iter().map(|v| v.abs()).collect();
+        let one = vec![1.0; rows.len()];
+        let mut columns: Vec<&[f64]> = shapes.stops.iter().map(Vec::as_slice).collect();
+        columns.push(&rows.smooth_velocity);
+        columns.extend(shapes.rigid.iter().map(Vec::as_slice));
+        let shared = columns.len() - stops;
+        columns.extend([one.as_slice(), speed.as_slice()]);
+        columns.extend(pairs.iter().map(|(_, _, column)| column.as_slice()));
+        let bank = Some(Bank::new(rows, &columns));
+        Self { pairs, bank, stops, shared }
+    }
+
+    /// Returns the best pairs for a law's main travel.
+    fn best(&self, travel: usize) -> Vec<usize> {
+        let Some(bank) = &self.bank else { return Vec::new() };
+        let mut work = Workspace::default();
+        let shared = self.stops..self.stops + self.shared;
+        let asymmetry = shared.end..shared.end + 2;
+        let beside: Vec<usize> = [travel].into_iter().chain(shared.clone()).collect();
+        let with_asymmetry: Vec<usize> = beside.iter().copied().chain(asymmetry.clone()).collect();
+        let in_place: Vec<usize> = shared.chain(asymmetry.clone()).collect();
+        let mut found: Vec<usize> = Vec::new();
+        for law in [beside, with_asymmetry, in_place] {
+            let mut error = |pair: &usize| {
+                let set: Vec<usize> = law.iter().copied().chain([asymmetry.end + pair]).collect();
+                bank.error(&set, &mut work)
+            };
+            let scored = (0..self.pairs.len()).map(|pair| (error(&pair), pair));
+            if let Some((_, pair)) = scored.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                found.push(pair);
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+}
 
 pub(super) fn backlash(context: &Context) -> Vec<Columns> {
-    let rows = context.rows;
-    if !rows.has_position {
-        return Vec::new();
-    }
-    let (low, high) = (0.3 * context.shapes.travels[0], LARGEST_GAP * rows.swing);
-    let ratio = (high / low).max(1.0).powf(1.0 / (GAPS - 1) as f64);
-    let gaps: Vec<f64> = (0..GAPS).map(|at| low * ratio.powi(at as i32)).collect();
-    let pairs: Vec<(f64, f64, Vec<f64>)> = gaps
-        .par_iter()
-        .flat_map_iter(|gap| {
-            let moved = play(&rows.position, &rows.runs, 0.5 * gap);
-            let travels = context.shapes.travels.iter().step_by(TRAVEL_STRIDE).copied();
-            travels.map(|travel| (*gap, travel, stop(&moved, &rows.runs, travel))).collect::<Vec<_>>()
-        })
-        .collect();
-    let law = [context.stop(), rows.smooth_velocity.as_slice()];
-    let rigid = context.shapes.rigid.iter().map(Vec::as_slice);
-    let columns: Vec<&[f64]> =
-        law.into_iter().chain(rigid).chain(pairs.iter().map(|(_, _, column)| column.as_slice())).collect();
-    let first = columns.len() - pairs.len();
-    let bank = Bank::new(rows, &columns);
-    let mut work = Workspace::default();
-    let mut scored: Vec<(f64, usize)> = (0..pairs.len())
-        .map(|pair| {
-            let set: Vec<usize> = (0..first).chain([first + pair]).collect();
-            (bank.error(&set, &mut work), pair)
-        })
-        .collect();
-    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let variant = |(_, pair): &(f64, usize)| {
-        let (gap, travel, column) = &pairs[*pair];
+    let variant = |pair: usize| {
+        let (gap, travel, column) = &context.gaps.pairs[pair];
         let falling = product(column, &context.shapes.falls[1]);
         Columns {
             detail: format!("gap {gap:.3e}, travel {travel:.3e}"),
@@ -60,5 +92,5 @@ pub(super) fn backlash(context: &Context) -> Vec<Columns> {
             ..Columns::default()
         }
     };
-    scored.iter().take(VARIANTS).map(variant).collect()
+    context.gaps.best(context.travel).into_iter().map(variant).collect()
 }

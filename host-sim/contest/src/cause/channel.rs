@@ -19,16 +19,16 @@ const MIN_DELAY_GAIN: f64 = 1.1;
 const MOST_COUPLED: usize = 8;
 
 /// Returns a known covariate, with the delay that explains most in the given form.
-fn forms(
-    context: &Context,
-    quantity: Quantity,
-    form: impl Fn(&[f64]) -> Vec<f64>,
-) -> Vec<Columns> {
+fn forms(context: &Context, quantity: Quantity, form: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Columns> {
     let Some(covariate) = context.rows.quantity(quantity) else { return Vec::new() };
     with_delays(context, covariate, form)
 }
 
-fn with_delays(context: &Context, covariate: &Covariate, form: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Columns> {
+fn with_delays(
+    context: &Context,
+    covariate: &Covariate,
+    form: impl Fn(&[f64]) -> Vec<f64>,
+) -> Vec<Columns> {
     let variant = |detail: String, column| Columns {
         follows: covariate.name.clone(),
         detail,
@@ -43,8 +43,13 @@ fn with_delays(context: &Context, covariate: &Covariate, form: impl Fn(&[f64]) -
         return found;
     }
     let late = |rows: i32| form(&shift(&covariate.scaled, &context.rows.runs, -rows));
-    let best = DELAYS.into_iter().map(|rows| (explains(&late(rows)), rows)).max_by(|a, b| a.0.total_cmp(&b.0));
-    if let Some((gain, rows)) = best.filter(|(gain, _)| *gain > MIN_DELAY_GAIN * base && *gain > 0.01) {
+    let best = DELAYS
+        .into_iter()
+        .map(|rows| (explains(&late(rows)), rows))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    if let Some((gain, rows)) =
+        best.filter(|(gain, _)| *gain > MIN_DELAY_GAIN * base && *gain > 0.01)
+    {
         let _ = gain;
         found.push(variant(format!("column {rows} rows late"), late(rows)));
     }
@@ -77,15 +82,21 @@ pub(super) fn load_torque_coulomb(context: &Context) -> Vec<Columns> {
     vec![Columns { follows: load.name.clone(), columns: vec![column], ..Columns::default() }]
 }
 
-/// The load torque itself: the gain or the sign of its channel is wrong, or the log's torque holds it.
-pub(super) fn load_gain(context: &Context) -> Vec<Columns> {
-    let load = context.rows.quantity(Quantity::LoadTorque).filter(|_| !context.rows.rigid_body.load);
-    let columns = load.map(|load| Columns {
-        follows: load.name.clone(),
-        columns: vec![load.values.clone()],
+/// A torque in proportion to a known channel: its gain or sign is wrong where it was used to compute the torque.
+pub(super) fn gain(context: &Context) -> Vec<Columns> {
+    let rows = context.rows;
+    let known = [Quantity::Pressure, Quantity::RadialForce, Quantity::LoadTorque];
+    let is_free = |quantity: &Quantity| *quantity != Quantity::LoadTorque || !rows.rigid_body.load;
+    let channels = known
+        .iter()
+        .filter(|quantity| is_free(quantity))
+        .filter_map(|quantity| rows.quantity(*quantity));
+    let columns = |channel: &Covariate| Columns {
+        follows: channel.name.clone(),
+        columns: vec![channel.scaled.clone()],
         ..Columns::default()
-    });
-    columns.into_iter().collect()
+    };
+    channels.map(columns).collect()
 }
 
 pub(super) fn temperature_viscous(context: &Context) -> Vec<Columns> {
@@ -118,10 +129,13 @@ pub(super) fn payload(context: &Context) -> Vec<Columns> {
 pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
     let is_motion = |name: &str| {
         let name = name.to_lowercase();
-        ["veloc", "accel", "dq", "ddq", "qd", "rad_s", "speed"].iter().any(|part| name.contains(part))
+        ["veloc", "accel", "dq", "ddq", "qd", "rad_s", "speed"]
+            .iter()
+            .any(|part| name.contains(part))
     };
     let extras = context.rows.covariates.iter().filter(|covariate| covariate.quantity.is_none());
-    let others: Vec<&Covariate> = extras.filter(|covariate| is_motion(&covariate.name)).take(MOST_COUPLED).collect();
+    let others: Vec<&Covariate> =
+        extras.filter(|covariate| is_motion(&covariate.name)).take(MOST_COUPLED).collect();
     if others.is_empty() {
         return Vec::new();
     }
@@ -132,6 +146,10 @@ pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
         products.extend(own[at..].iter().map(|b| product(a, b)));
         products.push(product(a, &context.rows.velocity));
     }
-    let variant = |detail: &str, columns| Columns { follows: follows.clone(), detail: detail.into(), columns };
+    let variant = |detail: &str, columns| Columns {
+        follows: follows.clone(),
+        detail: detail.into(),
+        columns,
+    };
     vec![variant("linear", own), variant("with products", products)]
 }

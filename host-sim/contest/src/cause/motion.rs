@@ -9,6 +9,9 @@ use joint_log::JointKind;
 /// Dwell time below which the static friction does not grow, s.
 const DWELL_START_S: f64 = 0.02;
 
+/// Displacement within which a joint rests, as a share of the travel.
+const REST_TRAVEL: f64 = 0.02;
+
 /// Lengths of the path over which a breakaway decays, in travels.
 const BREAKAWAY_PATHS: [f64; 3] = [1.0, 4.0, 15.0];
 
@@ -59,17 +62,19 @@ pub(super) fn gravity_imbalance(context: &Context) -> Vec<Columns> {
 pub(super) fn dwell_time_static(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
     let travel = context.shapes.travels[context.travel];
-    let step = (2.0 * rows.least_step).max(0.3 * travel);
+    let step = (2.0 * rows.least_step).max(REST_TRAVEL * travel);
     let found = rests(&rows.position, &rows.time_s, &rows.runs, step);
-    if found.dwell_s.iter().all(|dwell| *dwell == 0.0) {
-        return Vec::new();
-    }
+    let growth = |row: usize| (found.dwell_s[row] / DWELL_START_S).ln_1p();
     let column = |paths: f64| {
-        context.with_level(|row| {
-            (found.dwell_s[row] / DWELL_START_S).ln_1p() * (-found.path[row] / (paths * travel)).exp()
-        })
+        let decay = |row: usize| (-found.path[row] / (paths * travel)).exp();
+        // The mean growth is a shape of the breakaway and no effect of the time.
+        let sums = (0..rows.len()).fold((0.0, 1e-12), |(sum, count), row| {
+            (sum + growth(row) * decay(row), count + decay(row))
+        });
+        context.with_level(|row| (growth(row) - sums.0 / sums.1) * decay(row))
     };
-    vec![plain("", BREAKAWAY_PATHS.map(column).to_vec())]
+    let variant = |paths: f64| plain(&format!("over {paths} travels"), vec![column(paths)]);
+    BREAKAWAY_PATHS.map(variant).into()
 }
 
 pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
@@ -77,7 +82,10 @@ pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
     if !rows.has_campaign_clock {
         return Vec::new();
     }
-    let ends = rows.time_s.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
+    let ends = rows
+        .time_s
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
     let share = rows.map(|row| (rows.time_s[row] - ends.0) / (ends.1 - ends.0).max(1e-9));
     let mut found = vec![plain("linear", vec![product(context.level, &share)])];
     for constant in DRIFTS {
@@ -88,7 +96,6 @@ pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
 }
 
 pub(super) fn warm_up(context: &Context) -> Vec<Columns> {
-    let rows = context.rows;
     let mut found = Vec::new();
     for cooling_s in COOLING_S {
         let heat = heat(context, cooling_s);
@@ -98,7 +105,6 @@ pub(super) fn warm_up(context: &Context) -> Vec<Columns> {
             found.push(plain(&format!("heat {share}, cooling {cooling_s} s"), vec![column]));
         }
     }
-    let _ = rows;
     found
 }
 
@@ -121,10 +127,4 @@ fn heat(context: &Context, cooling_s: f64) -> Vec<f64> {
         }
     }
     heat
-}
-
-/// The exponent of the Stribeck curve is not 2: the difference between its exponential and its Gaussian form.
-pub(super) fn stribeck_shape(_context: &Context) -> Vec<Columns> {
-    // The laws leave the shape free within three widths, so that nothing is left to add.
-    Vec::new()
 }

@@ -8,6 +8,7 @@
 use super::{Columns, Context, plain};
 use crate::rows::Rows;
 use joint_log::JointKind;
+use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
 /// Highest multiple of a turn, for a revolute joint.
@@ -26,7 +27,10 @@ const MAX_STEP: f64 = 1.2;
 const MIN_SPEED: f64 = 0.01;
 
 /// Most orders of one torque ripple.
-const MOST_WAVES: usize = 4;
+const MOST_WAVES: usize = 6;
+
+/// Most rows that are scanned for orders.
+const MOST_SCANNED: usize = 15_000;
 
 /// Orders of waves, in periods per rad or m times 2 pi.
 #[derive(Clone, Debug, Default)]
@@ -46,16 +50,86 @@ impl RippleOrders {
         }
         let least = (MIN_PERIODS * TAU / (rows.swing * base)).ceil().max(1.0) as usize;
         let has_gravity = rows.joint == JointKind::Revolute;
-        let scaled: Vec<f64> = residual.iter().zip(level).map(|(r, s)| r * s).collect();
-        let find = |values: &[f64], first: usize| {
-            let powers = amplitudes(rows, values, base, count);
-            let mut orders: Vec<usize> = (first.max(least)..=count).collect();
-            orders.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
-            orders.truncate(MOST_WAVES);
-            orders.into_iter().filter(|order| powers[*order] > 0.0).map(|order| order as f64 * base).collect()
-        };
+        let every = rows.judged.len().div_ceil(MOST_SCANNED);
+        let judged = rows.judged.iter().copied().step_by(every);
+        let moving: Vec<usize> = judged
+            .filter(|row| rows.smooth_velocity[*row].abs() > MIN_SPEED * rows.top_speed)
+            .collect();
+        let grid = Grid { rows, moving, base, count };
         // The first order of a torque is gravity.
-        Self { torque: find(residual, if has_gravity { 2 } else { 1 }), level: find(&scaled, 1) }
+        let torque = grid.pursue(residual, None, least.max(if has_gravity { 2 } else { 1 }));
+        Self { torque, level: grid.pursue(residual, Some(level), least) }
+    }
+}
+
+/// Multiples of a base frequency over the rows that resolve waves.
+struct Grid<'a> {
+    rows: &'a Rows,
+    moving: Vec<usize>,
+    base: f64,
+    count: usize,
+}
+
+impl Grid<'_> {
+    /// Returns the strongest orders, each found in what those before it leave. With a level, the waves scale it.
+    fn pursue(&self, values: &[f64], level: Option<&[f64]>, least: usize) -> Vec<f64> {
+        let level = |row: usize| level.map_or(1.0, |level| level[row]);
+        let mut left: Vec<f64> = self.moving.iter().map(|row| values[*row]).collect();
+        let mut orders = Vec::new();
+        while orders.len() < MOST_WAVES {
+            let powers = self.amplitudes(&left, level);
+            let free = (least..=self.count)
+                .filter(|order| powers[*order] > 0.0 && !orders.contains(order));
+            let Some(best) = free.max_by(|a, b| powers[*a].total_cmp(&powers[*b])) else { break };
+            self.remove(best as f64 * self.base, &mut left, level);
+            orders.push(best);
+        }
+        orders.into_iter().map(|order| order as f64 * self.base).collect()
+    }
+
+    /// Returns the amplitude of each multiple over the rows that resolve it, in units of what noise would have; index 0 is not
+    /// used.
+    fn amplitudes(&self, values: &[f64], level: impl Fn(usize) -> f64) -> Vec<f64> {
+        let (rows, base, count) = (self.rows, self.base, self.count);
+        let mut sums = vec![(0.0, 0.0, 0.0, 0usize); count + 1];
+        for (row, value) in self.moving.iter().zip(values) {
+            let value = value * rows.weights[*row] * level(*row);
+            let step = (rows.velocity[*row] * rows.step_s).abs() * base;
+            let most = ((MAX_STEP / step.max(1e-12)) as usize).min(count);
+            let (sine, cosine) = (base * rows.position[*row]).sin_cos();
+            let (mut s, mut c) = (sine, cosine);
+            for sum in &mut sums[1..=most] {
+                *sum = (sum.0 + value * c, sum.1 + value * s, sum.2 + value * value, sum.3 + 1);
+                (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
+            }
+        }
+        let enough = (self.moving.len() / 10).max(100);
+        let amplitude = |(c, s, square, rows): &(f64, f64, f64, usize)| {
+            if *rows < enough || *square <= 0.0 { 0.0 } else { ((c * c + s * s) / square).sqrt() }
+        };
+        sums.iter().map(amplitude).collect()
+    }
+
+    /// Subtracts the best wave of an order.
+    fn remove(&self, order: f64, left: &mut [f64], level: impl Fn(usize) -> f64) {
+        let (mut gram, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        let waves: Vec<Vector3<f64>> = self
+            .moving
+            .iter()
+            .map(|row| {
+                let (s, c) = (order * self.rows.position[*row]).sin_cos();
+                Vector3::new(1.0, s, c) * level(*row)
+            })
+            .collect();
+        for ((wave, value), row) in waves.iter().zip(left.iter()).zip(&self.moving) {
+            let weight = self.rows.weights[*row].powi(2);
+            gram += wave * wave.transpose() * weight;
+            right += wave * (value * weight);
+        }
+        let Some(sizes) = gram.lu().solve(&right) else { return };
+        for (value, wave) in left.iter_mut().zip(&waves) {
+            *value -= wave[1] * sizes[1] + wave[2] * sizes[2];
+        }
     }
 }
 
@@ -65,32 +139,6 @@ fn base_order(rows: &Rows) -> (f64, usize) {
         return (1.0, MOST_ORDERS_OF_TURN);
     }
     (TAU / rows.swing, MOST_ORDERS_OF_SWING)
-}
-
-/// Returns the amplitude of each multiple of `base` in some values, over the judged rows that resolve it, in units of what
-/// noise would have; index 0 is not used.
-fn amplitudes(rows: &Rows, values: &[f64], base: f64, count: usize) -> Vec<f64> {
-    let slowest = MIN_SPEED * rows.top_speed;
-    let moving: Vec<usize> =
-        rows.judged.iter().copied().filter(|row| rows.smooth_velocity[*row].abs() > slowest).collect();
-    let mut sums = vec![(0.0, 0.0, 0.0, 0usize); count + 1];
-    for row in &moving {
-        let w = rows.weights[*row];
-        let value = values[*row] * w;
-        let step = (rows.velocity[*row] * rows.step_s).abs() * base;
-        let most = ((MAX_STEP / step.max(1e-12)) as usize).min(count);
-        let (sine, cosine) = (base * rows.position[*row]).sin_cos();
-        let (mut s, mut c) = (sine, cosine);
-        for sum in &mut sums[1..=most] {
-            *sum = (sum.0 + value * c, sum.1 + value * s, sum.2 + value * value, sum.3 + 1);
-            (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
-        }
-    }
-    let enough = (moving.len() / 10).max(100);
-    let amplitude = |(c, s, square, rows): &(f64, f64, f64, usize)| {
-        if *rows < enough || *square <= 0.0 { 0.0 } else { ((c * c + s * s) / square).sqrt() }
-    };
-    sums.iter().map(amplitude).collect()
 }
 
 fn waves(rows: &Rows, orders: &[f64], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
@@ -111,12 +159,17 @@ fn name(orders: &[f64]) -> String {
 pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
     let orders = &context.orders.torque;
     let sets = [1, 3, MOST_WAVES].into_iter().filter(|count| *count <= orders.len());
-    sets.map(|count| plain(&name(&orders[..count]), waves(context.rows, &orders[..count], |_| 1.0))).collect()
+    sets.map(|count| plain(&name(&orders[..count]), waves(context.rows, &orders[..count], |_| 1.0)))
+        .collect()
 }
 
 pub(super) fn position_ripple(context: &Context) -> Vec<Columns> {
     let orders = context.orders.level.iter().take(2);
-    orders.map(|order| plain(&name(&[*order]), waves(context.rows, &[*order], |row| context.level[row]))).collect()
+    orders
+        .map(|order| {
+            plain(&name(&[*order]), waves(context.rows, &[*order], |row| context.level[row]))
+        })
+        .collect()
 }
 
 /// An error `e(q)` of the encoder makes `e' v` of the speed and `e'' v^2 + e' a` of the acceleration.

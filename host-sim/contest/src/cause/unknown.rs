@@ -17,7 +17,7 @@ const PAIRS: [(Quantity, Quantity); 3] = [
 
 pub(super) fn columns(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
-    let mut found = Vec::new();
+    let mut found = place(context);
     for covariate in rows.covariates.iter().filter(|covariate| covariate.quantity.is_none()) {
         let x = &covariate.scaled;
         let level = product(x, context.level);
@@ -37,6 +37,29 @@ pub(super) fn columns(context: &Context) -> Vec<Columns> {
     let pair = |(a, b): &(Quantity, Quantity)| Some((rows.quantity(*a)?, rows.quantity(*b)?));
     found.extend(PAIRS.iter().filter_map(pair).map(|(a, b)| together(context, a, b)));
     found
+}
+
+/// The place on the travel: the friction level, or a torque, as a smooth curve of the position.
+fn place(context: &Context) -> Vec<Columns> {
+    let rows = context.rows;
+    if !rows.has_position {
+        return Vec::new();
+    }
+    let ends = rows
+        .position
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(*q), b.max(*q)));
+    let half = (0.5 * (ends.1 - ends.0)).max(1e-12);
+    let at = rows.map(|row| (rows.position[row] - ends.0) / half - 1.0);
+    // Legendre polynomials, which are nearly independent over the travel.
+    let square: Vec<f64> = at.iter().map(|x| 1.5 * x * x - 0.5).collect();
+    let cube: Vec<f64> = at.iter().map(|x| 2.5 * x.powi(3) - 1.5 * x).collect();
+    let curve = [at, square, cube];
+    let level = curve.each_ref().map(|column| product(column, context.level)).to_vec();
+    let name = Quantity::Position.name(rows.joint);
+    let variant =
+        |detail: &str, columns| Columns { follows: name.into(), detail: detail.into(), columns };
+    vec![variant("level, curve", level), variant("torque, curve", curve.to_vec())]
 }
 
 fn together(context: &Context, a: &Covariate, b: &Covariate) -> Columns {
