@@ -190,7 +190,7 @@ mod tests {
     /// Least squares by hand on the rows outside a fold, and its squared error inside.
     fn refit(rows: &Rows, columns: &[&[f64]], fold: usize) -> f64 {
         let inside = |block: usize| rows.fold_of_block[block] == fold;
-        let (mut gram, mut right) = (DMatrix::zeros(2, 2), DMatrix::zeros(2, 1));
+        let (mut gram, mut right) = (DMatrix::<f64>::zeros(2, 2), DMatrix::<f64>::zeros(2, 1));
         let each = |mut f: Box<dyn FnMut(usize, bool) + '_>| {
             for (block, judged) in rows.blocks.iter().enumerate() {
                 rows.judged[judged.clone()].iter().for_each(|row| f(*row, inside(block)));
@@ -207,9 +207,9 @@ mod tests {
             }
         }));
         let solution = gram.lu().solve(&right).unwrap();
-        let mut error = 0.0;
+        let mut error = 0.0f64;
         each(Box::new(|row, inside| {
-            let e = rows.torque[row]
+            let e: f64 = rows.torque[row]
                 - solution[(0, 0)] * columns[0][row]
                 - solution[(1, 0)] * columns[1][row];
             error += if inside { (rows.weights[row] * e).powi(2) } else { 0.0 };

@@ -125,10 +125,15 @@ pub fn slope(values: &[f64], time_s: &[f64], runs: &[Range<usize>]) -> Vec<f64> 
 mod tests {
     use super::*;
 
+    /// Returns one run of some rows.
+    fn run(rows: usize) -> Vec<Range<usize>> {
+        std::iter::once(0..rows).collect()
+    }
+
     #[test]
     fn stop_over_reversal_slides_then_turns_with_the_travel() {
         let position = [0.0, 0.5, 1.0, 2.0, 1.5, 0.0, -4.0];
-        let found = stop(&position, &[0..7], 1.0);
+        let found = stop(&position, &run(7), 1.0);
         assert_eq!(found, [0.0, 0.5, 1.0, 1.0, 0.5, -1.0, -1.0]);
     }
 
@@ -139,15 +144,15 @@ mod tests {
 
     #[test]
     fn play_inside_gap_does_not_move() {
-        assert_eq!(play(&[0.0, 0.4, 2.0, 1.5, 0.0], &[0..5], 0.5), [0.0, 0.0, 1.5, 1.5, 0.5]);
+        assert_eq!(play(&[0.0, 0.4, 2.0, 1.5, 0.0], &run(5), 0.5), [0.0, 0.0, 1.5, 1.5, 0.5]);
     }
 
     #[test]
     fn shift_then_shift_back_returns_inner_rows() {
         let values: Vec<f64> = (0..10).map(f64::from).collect();
-        let later = shift(&values, &[0..10], 3);
+        let later = shift(&values, &run(10), 3);
         assert_eq!(later[3..], values[..7]);
-        assert_eq!(shift(&later, &[0..10], -3)[..7], values[..7]);
+        assert_eq!(shift(&later, &run(10), -3)[..7], values[..7]);
         assert_eq!(shift(&values, &[0..5, 5..10], 1), [0., 0., 1., 2., 3., 5., 5., 6., 7., 8.]);
     }
 
@@ -155,7 +160,7 @@ mod tests {
     fn low_pass_of_step_reaches_63_percent_after_its_time_constant() {
         let mut step = vec![1.0; 50];
         step[0] = 0.0;
-        let found = low_pass(&step, &[0..50], 10.0);
+        let found = low_pass(&step, &run(50), 10.0);
         assert!((found[10] - (1.0 - (-1.0f64).exp())).abs() < 1e-12);
     }
 
@@ -165,7 +170,7 @@ mod tests {
         let position: Vec<f64> = (0..20)
             .map(|row| 0.1 * f64::from(if row < 5 { row } else { (row - 8).max(4) }))
             .collect();
-        let found = rests(&position, &time, &[0..20], 0.05);
+        let found = rests(&position, &time, &run(20), 0.05);
         assert!((found.dwell_s[15] - 0.09).abs() < 1e-9, "{:?}", found.dwell_s);
         assert!((found.path[15] - 0.3).abs() < 1e-9, "{:?}", found.path);
     }

@@ -13,7 +13,13 @@ use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use std::ops::Range;
 
 /// Fewest runs that are left out whole.
-const MIN_RUNS_FOR_FOLDS: usize = 8;
+const MIN_RUNS_FOR_FOLDS: usize = 3;
+
+/// Fewest runs that are left out whole if a covariate is constant in each of them.
+const MIN_RUNS_OF_LEVELS: usize = 8;
+
+/// Share of a covariate's variance within runs below which it is constant in each run.
+const MAX_CONSTANT_SHARE: f64 = 0.05;
 
 /// Number of folds, or of runs if there are fewer and each is left out whole.
 const FOLDS: usize = 12;
@@ -142,7 +148,11 @@ impl Rows {
         let count = self.runs.len().max(1);
         let stride =
             (self.time_s.len() / self.averaged).div_ceil(MOST_JUDGED).max(1) * self.averaged;
-        let whole = count >= MIN_RUNS_FOR_FOLDS;
+        let is_level =
+            |covariate: &Covariate| within_runs(&covariate.scaled, &self.runs) < MAX_CONSTANT_SHARE;
+        let has_levels = self.covariates.iter().any(is_level);
+        let fewest = if has_levels { MIN_RUNS_OF_LEVELS } else { MIN_RUNS_FOR_FOLDS };
+        let whole = count >= fewest;
         let parts = if whole { 1 } else { FOLDS.div_ceil(count) };
         let blocks = parts * MIN_BLOCKS.div_ceil(count * parts);
         for (run, range) in self.runs.iter().enumerate() {
@@ -207,6 +217,16 @@ impl Rows {
     pub fn weight(&self) -> f64 {
         self.judged.iter().map(|row| self.weights[*row].powi(2)).sum()
     }
+}
+
+/// Returns the share of the variance of a column of variance one that lies within runs.
+fn within_runs(scaled: &[f64], runs: &[Range<usize>]) -> f64 {
+    let within = |run: &Range<usize>| {
+        let values = &scaled[run.clone()];
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
+    };
+    runs.iter().map(within).sum::<f64>() / scaled.len().max(1) as f64
 }
 
 fn run_ranges(data: &Dataset) -> Vec<Range<usize>> {

@@ -12,7 +12,7 @@ use crate::rows::Rows;
 use rayon::prelude::*;
 
 /// Number of gaps in the grid.
-const GAPS: usize = 7;
+const GAPS: usize = 9;
 
 /// Largest gap as a share of the swing of a run.
 const LARGEST_GAP: f64 = 0.25;

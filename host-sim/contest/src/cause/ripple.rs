@@ -29,6 +29,15 @@ const MIN_SPEED: f64 = 0.01;
 /// Most orders of one torque ripple.
 const MOST_WAVES: usize = 6;
 
+/// Fewest runs of a wave whose phase differs between runs.
+const MIN_FREE_RUNS: usize = 5;
+
+/// Highest order of such a wave.
+const MOST_FREE_ORDERS: usize = 40;
+
+/// Largest difference between the first positions of runs that begin alike, as a share of the swing.
+const MAX_START: f64 = 0.01;
+
 /// Most rows that are scanned for orders.
 const MOST_SCANNED: usize = 15_000;
 
@@ -39,6 +48,8 @@ pub struct RippleOrders {
     pub torque: Vec<f64>,
     /// Of the friction level, the strongest first.
     pub level: Vec<f64>,
+    /// A wave whose phase differs between the runs: its order, and the phase in each run, rad.
+    pub by_run: Option<(f64, Vec<f64>)>,
 }
 
 impl RippleOrders {
@@ -58,7 +69,8 @@ impl RippleOrders {
         let grid = Grid { rows, moving, base, count };
         // The first order of a torque is gravity.
         let torque = grid.pursue(residual, None, least.max(if has_gravity { 2 } else { 1 }));
-        Self { torque, level: grid.pursue(residual, Some(level), least) }
+        let by_run = phases(rows, residual);
+        Self { torque, level: grid.pursue(residual, Some(level), least), by_run }
     }
 }
 
@@ -141,6 +153,34 @@ fn base_order(rows: &Rows) -> (f64, usize) {
     (TAU / rows.swing, MOST_ORDERS_OF_SWING)
 }
 
+/// Returns the strongest wave whose phase is free in each run, if the position's zero is not the shaft's: every run begins at the
+/// same position.
+fn phases(rows: &Rows, residual: &[f64]) -> Option<(f64, Vec<f64>)> {
+    let starts = rows.runs.iter().map(|run| rows.position[run.start]);
+    let (low, high) =
+        starts.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)));
+    let begins_alike = high - low < MAX_START * rows.swing;
+    if rows.joint != JointKind::Revolute || rows.runs.len() < MIN_FREE_RUNS || !begins_alike {
+        return None;
+    }
+    let mut sums = vec![vec![(0.0, 0.0); rows.runs.len()]; MOST_FREE_ORDERS + 1];
+    for (run, range) in rows.runs.iter().enumerate() {
+        let mean = residual[range.clone()].iter().sum::<f64>() / range.len() as f64;
+        for row in range.clone() {
+            let value = (residual[row] - mean) / (range.len() as f64).sqrt();
+            let (sine, cosine) = rows.position[row].sin_cos();
+            let (mut s, mut c) = (sine, cosine);
+            for sums in &mut sums[1..] {
+                sums[run] = (sums[run].0 + value * s, sums[run].1 + value * c);
+                (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
+            }
+        }
+    }
+    let power = |order: &usize| sums[*order].iter().map(|(s, c)| s * s + c * c).sum::<f64>();
+    let best = (1..=MOST_FREE_ORDERS).max_by(|a, b| power(a).total_cmp(&power(b)))?;
+    Some((best as f64, sums[best].iter().map(|(s, c)| c.atan2(*s)).collect()))
+}
+
 fn waves(rows: &Rows, orders: &[f64], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
     let mut columns = Vec::new();
     for order in orders {
@@ -159,8 +199,25 @@ fn name(orders: &[f64]) -> String {
 pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
     let orders = &context.orders.torque;
     let sets = [1, 3, MOST_WAVES].into_iter().filter(|count| *count <= orders.len());
-    sets.map(|count| plain(&name(&orders[..count]), waves(context.rows, &orders[..count], |_| 1.0)))
-        .collect()
+    let whole = sets.map(|count| {
+        plain(&name(&orders[..count]), waves(context.rows, &orders[..count], |_| 1.0))
+    });
+    whole.chain(free_phase(context)).collect()
+}
+
+/// The wave whose phase differs between the runs, and its first harmonic.
+fn free_phase(context: &Context) -> Option<Columns> {
+    let (order, phases) = context.orders.by_run.as_ref()?;
+    let rows = context.rows;
+    let mut shifted = rows.clone();
+    for (run, phase) in rows.runs.iter().zip(phases) {
+        shifted.position[run.clone()].iter_mut().for_each(|q| *q += phase / order);
+    }
+    let orders = [*order, 2.0 * order];
+    Some(plain(
+        &format!("{}, another phase in each run", name(&orders)),
+        waves(&shifted, &orders, |_| 1.0),
+    ))
 }
 
 pub(super) fn position_ripple(context: &Context) -> Vec<Columns> {
