@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Grades the contest (host-sim/contest) on the measured logs, beside the plain regression.
+"""Grades the contest (lab/contest) on the measured logs, beside the plain regression.
 
     cargo build --release -p friction-contest --example contest
     lab/grading/measured_contest.py PROGRAM ../shared/data [--regression FILE] [--details] [--only TEXT]

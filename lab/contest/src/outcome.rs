@@ -1,8 +1,8 @@
 //! The result of a contest: the best hypothesis, and for each cause the figures from which a probability follows.
 
 use super::bank::Workspace;
-use super::contest::Entry;
 use super::draws::Draws;
+use super::entry::Entry;
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::rows::Rows;
 use std::collections::BTreeSet;
