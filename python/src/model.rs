@@ -100,14 +100,7 @@ impl Model {
         };
         let failed = |error: String| refused(py, &error);
         let file: ParameterFile = params::parse(&self.toml, &[]).map_err(failed)?;
-        #[cfg(not(feature = "onnx"))]
-        if format == ExportFormat::Onnx {
-            return Err(refused(
-                py,
-                "to=\"onnx\": not in this build, which lacks the feature onnx: MATURIN_PEP517_ARGS='--features full' pip install ./python",
-            ));
-        }
-        let exported = export(&file, format, "params.toml").map_err(failed)?;
+        let exported = export(&file, format, "params.toml").map_err(|e| failed(with_command(e)))?;
         let further = exported.further_files.iter().map(|(name, content)| (*name, content));
         let files = std::iter::once((format.file_name(&file), &exported.content)).chain(further);
         let files = files.map(|(name, content)| (name, PyBytes::new(py, content))).collect();
@@ -270,4 +263,12 @@ fn with_column(table: &joint_log::Table, name: &str, values: Vec<f64>) -> Table 
     table.columns.retain(|(known, _)| known != name);
     table.columns.push((name.to_owned(), Cells::Numbers(values)));
     Table(table)
+}
+
+/// Adds the command to an error about a feature that this build of the module lacks.
+fn with_command(error: String) -> String {
+    if error.contains("lacks the feature") {
+        return format!("{error}: MATURIN_PEP517_ARGS='--features full' pip install ./python");
+    }
+    error
 }
