@@ -4,7 +4,8 @@
 //! out once, unless a published figure uses another split. For every log, the proposed extension must not be worse on
 //! held-out rows than the base model ([`answer`]).
 //!
-//! `measured/answers.tsv` stores answers, and the limits are tested on them in every run. The cases in [`SHORT`] are
+//! `measured/answers.tsv`, once the command below has written it, stores answers, and the limits are tested on them in every
+//! run. The cases in [`SHORT`] are
 //! diagnosed in every run, all with `LONG_TESTS=1`, and their answers are compared with the stored ones. The following command writes the answers of all cases:
 //!
 //! ```text
