@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Grades the contest (lab/contest) on the measured logs, beside the plain regression.
+"""Grades the contest (friction_diagnose::contest) on the measured logs, beside the plain regression.
 
-    cargo build --release -p friction-contest --example contest
+    cargo build --release -p friction-diagnose --example contest
     lab/grading/measured_contest.py PROGRAM ../shared/data [--regression FILE] [--details] [--only TEXT]
 
 PROGRAM is the built example. FILE holds the printed lines of prototypes/regression.py, whose base error and gain give its

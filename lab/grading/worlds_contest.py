@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Grades the contest (lab/contest) on simulated worlds, and writes its evidence for a calibration.
+"""Grades the contest (friction_diagnose::contest) on simulated worlds, and writes its evidence for a calibration.
 
     cargo run --release -p unkind-worlds --example write_worlds -- training 1 60 DIR
     lab/grading/worlds_contest.py PROGRAM DIR [--evidence FILE]

@@ -62,6 +62,7 @@ pub mod calibration;
 pub mod candidate;
 pub mod cause;
 pub mod cause_evidence;
+pub mod contest;
 pub mod corrected_log;
 pub mod decision;
 pub mod error_reduction;

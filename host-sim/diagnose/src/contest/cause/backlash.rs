@@ -5,10 +5,10 @@
 //! beside it and an asymmetry, and in place of it.
 
 use super::{Columns, Context};
-use crate::bank::{Bank, Workspace};
-use crate::law::{Shapes, product};
-use crate::operator::{play, stop};
-use crate::rows::Rows;
+use crate::contest::bank::{Bank, Workspace};
+use crate::contest::law::{Shapes, product};
+use crate::contest::operator::{play, stop};
+use crate::contest::rows::Rows;
 use rayon::prelude::*;
 
 /// Number of gaps in the grid.

@@ -1,9 +1,9 @@
 //! Causes of the motion and the time alone: asymmetry, offset, drag, inertia, gravity, dwell, drift, warm-up, shape.
 
 use super::{Columns, Context, plain};
-use crate::law::product;
-use crate::operator::rests;
-use crate::rows::quantile;
+use crate::contest::law::product;
+use crate::contest::operator::rests;
+use crate::contest::rows::quantile;
 use joint_log::JointKind;
 
 /// Dwell time below which the static friction does not grow, s.

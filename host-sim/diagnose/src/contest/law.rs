@@ -223,7 +223,7 @@ impl LawTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::tests::example;
+    use crate::contest::rows::tests::example;
 
     #[test]
     fn laws_of_coulomb_friction_are_no_worse_than_the_linear_law() {

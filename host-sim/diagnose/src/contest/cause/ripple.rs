@@ -6,7 +6,7 @@
 //! than one and a half periods is a slope and not a wave, and is refused.
 
 use super::{Columns, Context, plain};
-use crate::rows::Rows;
+use crate::contest::rows::Rows;
 use joint_log::JointKind;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
@@ -248,7 +248,7 @@ pub(super) fn encoder_error(context: &Context) -> Vec<Columns> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::tests::example;
+    use crate::contest::rows::tests::example;
 
     #[test]
     fn find_of_wave_returns_its_order_first() {

@@ -4,8 +4,8 @@
 //! of the variant, so that the report says how the torque follows the column.
 
 use super::{Columns, Context};
-use crate::covariate::Covariate;
-use crate::law::product;
+use crate::contest::covariate::Covariate;
+use crate::contest::law::product;
 use joint_log::Quantity;
 
 /// Pairs of quantities whose product may scale the friction level.

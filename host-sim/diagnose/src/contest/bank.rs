@@ -185,7 +185,7 @@ fn products(rows: &Rows, columns: &[&[f64]], scale: &[f64], judged: Range<usize>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::tests::example;
+    use crate::contest::rows::tests::example;
 
     /// Least squares by hand on the rows outside a fold, and its squared error inside.
     fn refit(rows: &Rows, columns: &[&[f64]], fold: usize) -> f64 {

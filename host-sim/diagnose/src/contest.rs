@@ -14,7 +14,6 @@
 
 pub mod bank;
 pub mod cause;
-pub mod contest;
 pub mod correction;
 pub mod covariate;
 pub mod draws;
@@ -24,10 +23,11 @@ pub mod ledger;
 pub mod operator;
 pub mod outcome;
 pub mod rows;
+pub mod run;
 pub mod search;
 pub mod solve;
 pub mod weights;
 
-pub use contest::contest;
 pub use outcome::{Figures, Outcome};
 pub use rows::{RigidBody, Rows};
+pub use run::contest;

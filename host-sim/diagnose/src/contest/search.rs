@@ -190,7 +190,7 @@ fn with(set: &[u16], variant: u16) -> CauseSet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::tests::example;
+    use crate::contest::rows::tests::example;
 
     fn variant(cause: &'static str, column: Vec<f64>) -> Variant {
         Variant {

@@ -1,11 +1,11 @@
 //! Runs the contest on a log and prints one line of JSON.
 //!
 //! ```text
-//! cargo run --release -p friction-contest --example contest -- DATA [--columns a=b,..] [--rigid-body inertia,gravity,load,offset]
+//! cargo run --release -p friction-diagnose --example contest -- DATA [--columns a=b,..] [--rigid-body inertia,gravity,load,offset]
 //!     [--skip N] [--decimate N] [--motion logged]
 //! ```
 
-use friction_contest::{Figures, Outcome, RigidBody, Rows, contest};
+use friction_diagnose::contest::{Figures, Outcome, RigidBody, Rows, contest};
 use joint_log::log_check::{self, Corrections};
 use joint_log::{Dataset, ReadOptions, read};
 use rustix::time::{ClockId, clock_gettime};

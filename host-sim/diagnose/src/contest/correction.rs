@@ -71,7 +71,7 @@ impl Correction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::tests::example;
+    use crate::contest::rows::tests::example;
 
     #[test]
     fn apply_of_late_torque_moves_columns_later_within_runs() {

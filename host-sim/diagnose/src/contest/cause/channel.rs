@@ -4,9 +4,9 @@
 //! own beside the column as logged.
 
 use super::{Columns, Context};
-use crate::covariate::{Covariate, correlation};
-use crate::law::product;
-use crate::operator::{low_pass, shift};
+use crate::contest::covariate::{Covariate, correlation};
+use crate::contest::law::product;
+use crate::contest::operator::{low_pass, shift};
 use joint_log::Quantity;
 
 /// Delays of a covariate that are tried, rows.
