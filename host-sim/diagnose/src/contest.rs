@@ -28,6 +28,6 @@ pub mod search;
 pub mod solve;
 pub mod weights;
 
-pub use outcome::{Figures, Outcome};
+pub use outcome::{Figures, Finalist, FinalistCause, LawStart, Outcome};
 pub use rows::{RigidBody, Rows};
 pub use run::contest;

@@ -40,6 +40,15 @@ impl Variant {
     pub fn is_cause(&self) -> bool {
         self.cause != CHANNEL_GAIN
     }
+
+    /// Returns the RMS of the torque that these coefficients contribute on the judged rows.
+    pub(crate) fn torque_rms(&self, rows: &Rows, sizes: &[f64]) -> f64 {
+        let torque = |row: usize| -> f64 {
+            self.columns.iter().zip(sizes).map(|(column, size)| column[row] * size).sum()
+        };
+        let squares: f64 = rows.judged.iter().map(|row| torque(*row).powi(2)).sum();
+        (squares / rows.judged.len().max(1) as f64).sqrt()
+    }
 }
 
 /// What the columns of the causes are made of.

@@ -20,7 +20,7 @@ const TRAVELS: usize = 10;
 const LARGEST_TRAVEL: f64 = 0.3;
 
 /// Widths of the falling functions, as shares of the top speed.
-const WIDTHS: [f64; 3] = [0.02, 0.07, 0.25];
+pub(crate) const WIDTHS: [f64; 3] = [0.02, 0.07, 0.25];
 
 /// Share of the error that another stop must take.
 const MIN_STOP_GAIN: f64 = 0.015;

@@ -1,8 +1,10 @@
 //! The result of a contest: the best hypothesis, and for each cause the figures from which a probability follows.
 
 use super::bank::Workspace;
-use super::draws::Draws;
+use super::correction::Correction;
+use super::draws::{DRAWS, Draws};
 use super::entry::Entry;
+use super::law::{Shapes, WIDTHS};
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::rows::Rows;
 use std::collections::BTreeSet;
@@ -63,10 +65,13 @@ pub struct Outcome {
     pub runs: usize,
     /// Number of hypotheses that were scored.
     pub hypotheses: usize,
+    /// Hypotheses to be fitted with the driver's law: the best one first, then those that win draws.
+    pub finalists: Vec<Finalist>,
 }
 
 /// What an outcome is made of.
 pub(crate) struct Table<'a> {
+    pub(crate) shapes: &'a Shapes,
     pub(crate) entries: &'a [Entry],
     pub(crate) ledger: &'a Ledger,
     pub(crate) draws: &'a Draws,
@@ -107,6 +112,7 @@ impl Outcome {
             blocks: rows.blocks.len(),
             runs: rows.runs.len(),
             hypotheses: table.ledger.hypotheses.len(),
+            finalists: table.finalists(rows),
         }
     }
 }
@@ -174,4 +180,139 @@ impl Table<'_> {
         }
         (squares / rows.judged.len().max(1) as f64).sqrt()
     }
+}
+
+/// Most finalists.
+const MOST_FINALISTS: usize = 3;
+
+/// Share of the draws that a hypothesis after the best one must win to be a finalist.
+const MIN_WINS: f64 = 0.1;
+
+/// A hypothesis to be fitted with the driver's law.
+#[derive(Clone, Debug)]
+pub struct Finalist {
+    /// Its correction of the log.
+    pub correction: Correction,
+    /// Where a fit of its law begins.
+    pub law: LawStart,
+    /// Its causes, in the order of the bank. The delay of a correction is not among them.
+    pub causes: Vec<FinalistCause>,
+    /// Held-out RMS error, unweighted.
+    pub rmse: f64,
+    /// Held-out RMS error without its causes, with its law and correction, unweighted.
+    pub law_rmse: f64,
+}
+
+/// A cause of a finalist.
+#[derive(Clone, Debug)]
+pub struct FinalistCause {
+    /// The cause and its column.
+    pub key: CauseKey,
+    /// What distinguishes its variant.
+    pub detail: String,
+    /// Coefficients of its columns.
+    pub sizes: Vec<f64>,
+    /// RMS of the torque that it contributes, and its standard error over the folds (a delete-one jackknife).
+    pub torque_rms: (f64, f64),
+}
+
+/// Parameters of a law as its columns have them, in the units of the log.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LawStart {
+    /// Its name.
+    pub name: &'static str,
+    /// Friction level in sliding.
+    pub coulomb: f64,
+    /// What the level at rest exceeds it by.
+    pub static_excess: f64,
+    /// Speed at which most of the excess is gone.
+    pub stribeck_velocity: f64,
+    /// Travel over which friction builds up.
+    pub travel: f64,
+    /// Viscous coefficient.
+    pub viscous: f64,
+}
+
+impl Table<'_> {
+    fn finalists(&self, rows: &Rows) -> Vec<Finalist> {
+        let wins = |hypothesis: &Hypothesis| {
+            let own = self.draws.winners.iter().find(|(causes, _)| *causes == hypothesis.causes);
+            own.map_or(0.0, |(_, wins)| *wins as f64 / DRAWS as f64)
+        };
+        let mut sets: Vec<&BTreeSet<CauseKey>> = Vec::new();
+        let mut finalists = Vec::new();
+        for (at, hypothesis) in self.ledger.hypotheses.iter().enumerate() {
+            let is_finalist = at == 0 || wins(hypothesis) >= MIN_WINS;
+            if is_finalist && !sets.contains(&&hypothesis.causes) {
+                sets.push(&hypothesis.causes);
+                finalists.push(self.finalist(rows, hypothesis));
+            }
+            if finalists.len() == MOST_FINALISTS {
+                break;
+            }
+        }
+        finalists
+    }
+
+    fn finalist(&self, rows: &Rows, hypothesis: &Hypothesis) -> Finalist {
+        let entry = &self.entries[hypothesis.bank];
+        let indices = entry.indices(&hypothesis.set);
+        let sizes = entry.bank.fit(&indices, &mut Workspace::default());
+        let folds = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
+        let alone = Hypothesis { set: Vec::new(), ..hypothesis.clone() };
+        let mut at = entry.law_columns.len();
+        let mut causes = Vec::new();
+        for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
+            let own = at..at + variant.columns.len();
+            at = own.end;
+            if variant.is_cause() {
+                let rms = |sizes: &[f64]| variant.torque_rms(rows, sizes);
+                let drawn: Vec<f64> = folds.iter().map(|fold| rms(&fold[own.clone()])).collect();
+                causes.push(FinalistCause {
+                    key: CauseKey { cause: variant.cause, follows: variant.follows.clone() },
+                    detail: variant.detail.clone(),
+                    torque_rms: (rms(&sizes[own.clone()]), jackknife(&drawn)),
+                    sizes: sizes[own].to_vec(),
+                });
+            }
+        }
+        Finalist {
+            correction: entry.correction,
+            law: self.law_start(rows, entry, &sizes),
+            causes,
+            rmse: self.rmse(rows, hypothesis),
+            law_rmse: self.rmse(rows, &alone),
+        }
+    }
+
+    /// Returns the parameters of an entry's law from the coefficients of its columns.
+    fn law_start(&self, rows: &Rows, entry: &Entry, sizes: &[f64]) -> LawStart {
+        let law = &entry.law;
+        let stops = &sizes[..law.stops.len()];
+        let falls = sizes[law.stops.len() + 1..].iter().take(if law.has_falls { 3 } else { 0 });
+        let falls: Vec<f64> = falls.map(|size| (entry.friction_sign * size).max(0.0)).collect();
+        let excess: f64 = falls.iter().sum();
+        let width: f64 = falls.iter().zip(WIDTHS).map(|(fall, width)| fall * width).sum();
+        let level: f64 = stops.iter().map(|size| size.abs()).sum::<f64>().max(f64::MIN_POSITIVE);
+        let travel: f64 =
+            law.stops.iter().zip(stops).map(|(at, s)| self.shapes.travels[*at] * s.abs()).sum();
+        LawStart {
+            name: law.name,
+            coulomb: stops.iter().sum::<f64>() * entry.friction_sign,
+            static_excess: excess,
+            stribeck_velocity: rows.top_speed
+                * if excess > 0.0 { width / excess } else { WIDTHS[1] },
+            travel: travel / level,
+            viscous: sizes[law.stops.len()],
+        }
+    }
+}
+
+/// Returns the standard error of a value from its values without one fold each.
+fn jackknife(values: &[f64]) -> f64 {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count.max(1.0);
+    ((count - 1.0).max(0.0) / count.max(1.0)
+        * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>())
+    .sqrt()
 }

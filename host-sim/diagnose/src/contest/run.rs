@@ -55,7 +55,7 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     entries.extend(later);
     let ledger = Ledger::new(hypotheses);
     let draws = draw(rows, &entries, &ledger);
-    Outcome::new(rows, Table { entries: &entries, ledger: &ledger, draws: &draws })
+    Outcome::new(rows, Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws })
 }
 
 fn search_all(entries: &[Entry], first: usize) -> Vec<Hypothesis> {
