@@ -62,6 +62,7 @@ pub mod calibration;
 pub mod candidate;
 pub mod cause;
 pub mod cause_evidence;
+pub mod ceiling;
 pub mod contest;
 pub mod corrected_log;
 pub mod decision;
@@ -108,12 +109,14 @@ pub use round::CandidateScore;
 pub use train_test::TrainTest;
 
 use accepted_cause::AcceptedCause;
+use ceiling::Ceiling;
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use corrected_log::CorrectedLog;
 use decision::Decision;
 use extended::{Observation, Unexplained};
 use friction_fit::clock::Instant;
+use friction_fit::predict::predict;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::statistics::autocorrelation_time;
 use friction_fit::{FitOptions, Loss, Outcome, State};
@@ -170,6 +173,8 @@ pub struct Diagnosis {
     pub findings: Vec<Finding>,
     /// What the extension gains on held-out rows.
     pub gain: Gain,
+    /// What a flexible model with the same columns leaves.
+    pub ceiling: Ceiling,
     /// Where in the motion the base model is wrong, held-out rows.
     pub by_regime: Vec<Share>,
     /// In which direction.
@@ -272,6 +277,9 @@ pub fn diagnose(
         let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
         findings.extend(observed(|cause| cause.in_rest(&rest)));
     }
+    progress("fitting a flexible model");
+    let left_out = decision.proposal.left_out;
+    let ceiling = ceiling_of(&log, left_out, &after, &models.extended);
     progress("certifying");
     let certificates = certificates(&log, &models, &findings, question.seed);
     let Models { baseline, extended } = models;
@@ -281,6 +289,7 @@ pub fn diagnose(
     Ok(Diagnosis {
         log_findings: corrected.findings,
         noise_floor,
+        ceiling,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
@@ -289,7 +298,7 @@ pub fn diagnose(
         decisions: decision.decisions,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
-        left_out: decision.proposal.left_out,
+        left_out,
         log,
         baseline,
         extended,
@@ -334,6 +343,18 @@ fn models(
     let mut extended = proposal.extended.clone().unwrap_or_else(|| baseline.clone());
     extended.test = proposal.after.metrics;
     Ok(Models { baseline, extended })
+}
+
+/// Returns what a flexible model leaves of the extended model's error.
+fn ceiling_of(
+    log: &TrainTest,
+    left_out: Option<LeftOut>,
+    after: &Predicted,
+    model: &Outcome,
+) -> Ceiling {
+    let on_training = || predict(&model.parameters, log.train_rows(), model.resolution);
+    let trained = left_out.is_none().then(on_training);
+    Ceiling::new(log, left_out, after, trained.as_ref())
 }
 
 /// Errors that no model of the joint can avoid, Nm.

@@ -16,6 +16,7 @@ use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use friction_diagnose::calibration::Calibration;
 use friction_diagnose::cause_evidence::{CauseEvidence, FIGURES};
+use friction_diagnose::ceiling;
 use friction_diagnose::finding::Finding;
 use friction_diagnose::prepare::Prepared;
 use friction_diagnose::rules::RuleDecision;
@@ -250,6 +251,11 @@ pub fn document(
         "cause": found.cause(),
         "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),
         "extended": extended,
+        "ceiling": {
+            "rmse": finite(found.ceiling.rmse),
+            "std_error": finite(found.ceiling.std_error),
+            "method": ceiling::METHOD,
+        },
         "stochastic_extension": {
             "before": found.certificates.before.json(),
             "after": found.certificates.after.json(),
