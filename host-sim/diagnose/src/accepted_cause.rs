@@ -68,7 +68,7 @@ impl AcceptedCause {
             let why = format!("its size {} is below {least}, the least possible", size.in_words());
             return Some(Rejection::new(&rules::UNPHYSICAL, why));
         }
-        let [low, high] = size.ci95;
+        let [low, high] = size.ci95();
         let has_interval = low < high && low.is_finite() && high.is_finite();
         let spans = (low..=high).contains(&self.cause.no_effect_size());
         (has_interval && spans).then(|| {

@@ -125,6 +125,21 @@ fn blocks(before: &Predicted, after: &Predicted) -> Vec<[f64; 2]> {
     blocks
 }
 
+/// Returns the RMS errors of a model in logs that are drawn block by block from its own, sorted, Nm.
+pub fn resampled_errors(model: &Predicted, seed: u64) -> Vec<f64> {
+    let blocks = blocks(model, model);
+    let total: f64 = blocks.iter().map(|[error, _]| error).sum();
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut drawn: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let drawn = (0..blocks.len()).map(|_| blocks[random.random_range(0..blocks.len())][0]);
+            model.metrics.rmse * (drawn.sum::<f64>() / total.max(f64::MIN_POSITIVE)).sqrt()
+        })
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    drawn
+}
+
 /// Returns the difference between the squared errors of `before` and `after`, in standard errors
 /// over blocks.
 pub fn paired(before: &Predicted, after: &Predicted) -> f64 {

@@ -16,28 +16,58 @@ use joint_log::number::figure;
 const NINETY_FIVE: f64 = 1.96;
 
 /// A size with its interval.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Size {
     /// The value, in `unit`.
     pub value: f64,
     /// Its unit.
     pub unit: String,
-    /// 95 % interval.
-    pub ci95: [f64; 2],
+    ci95: [f64; 2],
+}
+
+/// A size that is not known.
+impl Default for Size {
+    fn default() -> Self {
+        Self::new(0.0, 0.0, "")
+    }
 }
 
 impl Size {
-    /// A value with its standard error.
+    /// A value with its standard error. An error that is not positive stands for a value that the log does not determine.
     pub fn new(value: f64, error: f64, unit: &str) -> Self {
         let reach = NINETY_FIVE * error;
-        Self { value, unit: unit.to_owned(), ci95: [value - reach, value + reach] }
+        Self::with_interval(value, [value - reach, value + reach], unit)
+    }
+
+    /// A value with a 95 % interval, which is widened to hold the value. Without a width, the log does not determine the
+    /// value, and the interval has no bounds.
+    pub fn with_interval(value: f64, [low, high]: [f64; 2], unit: &str) -> Self {
+        let ci95 = match low < high {
+            true => [low.min(value), high.max(value)],
+            false => [f64::NEG_INFINITY, f64::INFINITY],
+        };
+        Self { value, unit: unit.to_owned(), ci95 }
+    }
+
+    /// Returns the 95 % interval. It holds the value and has a width; the bounds of a value that the log does not determine
+    /// are infinite.
+    pub fn ci95(&self) -> [f64; 2] {
+        self.ci95
+    }
+
+    /// Returns the 95 % interval if it has bounds.
+    pub fn bounds(&self) -> Option<[f64; 2]> {
+        self.ci95.iter().all(|bound| bound.is_finite()).then_some(self.ci95)
     }
 
     /// With unit and interval.
     pub fn in_words(&self) -> String {
         let unit = if self.unit == "1" { String::new() } else { format!(" {}", self.unit) };
-        let [low, high] = self.ci95;
-        format!("{}{unit} (95 % interval {} to {})", figure(self.value), figure(low), figure(high))
+        let interval = match self.bounds() {
+            Some([low, high]) => format!("95 % interval {} to {}", figure(low), figure(high)),
+            None => "its interval is not determined".to_owned(),
+        };
+        format!("{}{unit} ({interval})", figure(self.value))
     }
 }
 
@@ -134,4 +164,34 @@ pub struct Observation {
     pub in_words: String,
     /// Where it shows.
     pub evidence: Option<Evidence>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ci95_of_any_size_holds_its_value_and_has_a_width() {
+        let values = [0.0, 0.6768, -3.0];
+        let intervals = [[0.6594, 0.6594], [0.1, 0.2], [0.5, 0.9], [0.2, 0.1], [f64::NAN, 1.0]];
+        let drawn = values.iter().flat_map(|value| {
+            intervals.map(|interval| Size::with_interval(*value, interval, "Nm"))
+        });
+        let errors = [0.0, 0.1, f64::NAN, f64::INFINITY];
+        let fitted = values.iter().flat_map(|value| errors.map(|e| Size::new(*value, e, "Nm")));
+        for size in drawn.chain(fitted) {
+            let [low, high] = size.ci95();
+            assert!(low < high && (low..=high).contains(&size.value), "{size:?}");
+        }
+        assert_eq!(Size::with_interval(0.15, [0.1, 0.2], "Nm").bounds(), Some([0.1, 0.2]));
+        assert_eq!(Size::new(1.0, 0.0, "Nm").bounds(), None);
+    }
+
+    #[test]
+    fn in_words_of_size_without_bounds_prints_no_number_as_interval() {
+        assert_eq!(
+            Size::new(1.0, 0.0, "Nm").in_words(),
+            "1.000 Nm (its interval is not determined)"
+        );
+    }
 }

@@ -60,7 +60,7 @@ fn finding(finding: &Finding) -> Value {
         "size": {
             "value": finite(finding.size.value),
             "unit": finding.size.unit,
-            "ci95": finding.size.ci95.map(finite),
+            "ci95": finding.size.ci95().map(finite),
         },
         "p_value": finite(finding.p_value),
         "probability": finite(finding.probability),

@@ -239,7 +239,7 @@ impl Answer {
         let is_right = named.first().is_some_and(|name| hidden.contains(name));
         let size = first.zip(scenario.truth.hidden.first()).filter(|_| is_right);
         let size = size.map(|(finding, truth)| {
-            let [low, high] = finding.size.ci95;
+            let [low, high] = finding.size.ci95();
             (finding.size.value, (low..=high).contains(&truth.size))
         });
         Self { hidden, named, confusable, is_right, size }

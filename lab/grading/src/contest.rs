@@ -178,7 +178,7 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
         gain: found.gain.value,
         error_over_floor: found.after.metrics.rmse / floor_of_held_out(&found, &parts, truth),
         size_inside: named_first.map(|(finding, hidden)| {
-            let [low, high] = finding.size.ci95;
+            let [low, high] = finding.size.ci95();
             (low..=high).contains(&hidden.size)
         }),
         probabilities: probabilities(&found, truth),
@@ -219,7 +219,7 @@ fn figures(found: &Diagnosis) -> Value {
     let first = found.findings.first().map(|first| {
         json!({
             "size": first.size.value,
-            "ci95": first.size.ci95,
+            "ci95": first.size.ci95(),
             "p_value": first.p_value,
             "probability": first.probability,
             "stability": first.stability,

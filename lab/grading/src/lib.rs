@@ -139,7 +139,7 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
     let only = matches!(kind, Kind::One(_) | Kind::Decoy) && is_first_true;
     let sizes = first.filter(|_| only).and_then(|finding| {
         let hidden = truth.hidden.first()?;
-        Some((hidden.size, finding.size.value, finding.size.ci95))
+        Some((hidden.size, finding.size.value, finding.size.ci95()))
     });
     let candidates = found
         .scores

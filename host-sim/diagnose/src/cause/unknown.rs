@@ -10,6 +10,7 @@ use super::definition::{Cause, Remedy};
 use super::followed::Followed;
 use super::formula;
 use crate::candidate::{Candidate, FitContext, InitialGuess, Row, row};
+use crate::evaluation::resampled_errors;
 use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::extended::{Extended, Observation, Size, Unexplained};
 use crate::train_test::FollowedColumn;
@@ -19,7 +20,6 @@ use compensator_core::{ParameterId as Id, Quantity, TermKind};
 use friction_fit::State;
 use friction_fit::predict::Predicted;
 use joint_log::number::figure;
-use rand::{RngExt, SeedableRng};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// Factor on the gain of a curve of any shape, which must explain more than a named cause.
@@ -28,9 +28,6 @@ const ANY_SHAPE_WEIGHT: f64 = 0.8;
 /// Factor on the gain of a covariate's gain error. It is as simple as a named cause, but it is not
 /// friction.
 const GAIN_ERROR_WEIGHT: f64 = 0.9;
-
-/// Number of bootstrap samples for the size of unexplained structure.
-const RESAMPLES: usize = 400;
 
 /// Unknown cause; see the module documentation.
 pub struct Unknown;
@@ -297,37 +294,18 @@ fn shape(extended: &Extended, level: bool) -> &'static str {
 
 /// Returns the observation of structure that follows no column.
 ///
-/// Its size is the error above the noise floor. The interval comes from resampled tracks.
+/// Its size is the error above the noise floor. The interval comes from resampled blocks of rows.
 fn unexplained(rest: &Unexplained) -> Observation {
     let Unexplained { after, noise_floor, .. } = *rest;
     let rmse = after.metrics.rmse;
     let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
-    let per_track: Vec<(f64, f64)> = after
-        .residuals
-        .iter()
-        .map(|track| (track.iter().map(|r| r * r).sum(), track.len() as f64))
-        .collect();
-    let mut random = rand_pcg::Pcg64::seed_from_u64(rest.seed);
-    let mut drawn: Vec<f64> = (0..RESAMPLES)
-        .map(|_| {
-            let (mut sum, mut rows) = (0.0, 0.0);
-            for _ in 0..per_track.len() {
-                let (own, count) = per_track[random.random_range(0..per_track.len())];
-                sum += own;
-                rows += count;
-            }
-            beyond((sum / f64::max(rows, 1.0)).sqrt())
-        })
-        .collect();
-    drawn.sort_by(f64::total_cmp);
+    let drawn: Vec<f64> = resampled_errors(after, rest.seed).into_iter().map(beyond).collect();
     let least = beyond(rest.times_floor * noise_floor);
     let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
     let unit = rest.log.train.joint.torque_unit();
-    let size = Size {
-        value: beyond(rmse),
-        unit: unit.to_owned(),
-        ci95: [drawn[drawn.len() / 40], drawn[drawn.len() - 1 - drawn.len() / 40]],
-    };
+    let tail = drawn.len() / 40;
+    let interval = [drawn[tail], drawn[drawn.len() - 1 - tail]];
+    let size = Size::with_interval(beyond(rmse), interval, unit);
     Observation {
         columns: Vec::new(),
         in_words: format!(

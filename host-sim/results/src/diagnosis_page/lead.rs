@@ -126,7 +126,7 @@ fn size(scene: &Scene, finding: &Finding) -> String {
     let unit = scene.unit();
     if size.unit == "1" {
         let [value, low, high] =
-            [size.value, size.ci95[0], size.ci95[1]].map(|share| significant(100.0 * share, 3));
+            [size.value, size.ci95()[0], size.ci95()[1]].map(|share| significant(100.0 * share, 3));
         return format!(
             "{value}\u{a0}% of the friction (95\u{a0}% interval {low} to {high}\u{a0}%)"
         );
@@ -143,8 +143,8 @@ fn size(scene: &Scene, finding: &Finding) -> String {
         "{}\u{a0}{unit} (95\u{a0}% interval {} to {}) from the lowest to the highest {} in this log ({} to \
          {}\u{a0}{shown})",
         over(size.value),
-        over(size.ci95[0]),
-        over(size.ci95[1]),
+        over(size.ci95()[0]),
+        over(size.ci95()[1]),
         label.unwrap_or(column),
         significant(scale * least, 3),
         significant(scale * most, 3),

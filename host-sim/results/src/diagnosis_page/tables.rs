@@ -56,7 +56,7 @@ pub(super) fn shares(scene: &Scene) -> Table {
 pub(super) fn findings(scene: &Scene) -> Table {
     let found = scene.about.found;
     let rows = found.findings.iter().map(|finding| {
-        let [low, high] = finding.size.ci95;
+        let [low, high] = finding.size.ci95();
         let unit = if finding.size.unit == "1" { "" } else { finding.size.unit.as_str() };
         let rivals: Vec<&str> =
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();

@@ -236,7 +236,7 @@ fn row(job: &FleetJob, joint: &str, input: &Prepared, found: &Diagnosis) -> Flee
         probability: finding.map(|finding| finding.probability),
         size: finding.map(|finding| finding.size.value),
         size_unit: finding.map(|finding| finding.size.unit.to_string()).unwrap_or_default(),
-        size_ci95: finding.map(|finding| finding.size.ci95),
+        size_ci95: finding.map(|finding| finding.size.ci95()),
         gain: Some(found.gain.value),
         gain_ci95: Some(found.gain.ci95),
         test_rmse: Some(found.extended.test.rmse),
