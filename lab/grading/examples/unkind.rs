@@ -23,7 +23,7 @@ struct Arguments {
     /// Base of their seeds: 1 for tuning, others for grading
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Only this family of worlds: training, or lubricated-seal, which no calibration has seen
+    /// Only this family of worlds: training, lubricated-seal or mixed
     #[arg(long, value_parser = family)]
     family: Option<Family>,
     /// Only worlds with this kind of sensors: exact, encoder, velocity-noise, no-position, torque-filtered, held
@@ -66,11 +66,10 @@ fn sensor(name: &str) -> Result<SensorKind, String> {
 }
 
 fn family(name: &str) -> Result<Family, String> {
-    match name {
-        "training" => Ok(Family::Training),
-        "lubricated-seal" => Ok(Family::LubricatedSeal),
-        _ => Err("expected training or lubricated-seal".into()),
-    }
+    Family::parse(name).ok_or_else(|| {
+        let known: Vec<&str> = Family::ALL.iter().map(|family| family.name()).collect();
+        format!("expected one of {}", known.join(", "))
+    })
 }
 
 fn main() -> Result<(), String> {

@@ -103,7 +103,7 @@ pub fn verdict(
     if first == cause || (is_first && cause != "none" && confusable.contains(&cause)) {
         return Verdict::Right;
     }
-    match (open, truth.hidden.is_some() && !truth.is_detectable()) {
+    match (open, !truth.hidden.is_empty() && !truth.is_detectable()) {
         (true, true) => Verdict::Right,
         (true, false) => Verdict::Abstained,
         (false, _) => Verdict::Wrong,
@@ -169,7 +169,7 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
     let confusable: Vec<&'static str> = first.map_or(Vec::new(), |finding| {
         finding.confusable_with.iter().map(|rival| rival.cause.name()).collect()
     });
-    let hidden = truth.hidden.as_ref();
+    let hidden = truth.hidden.first().map(|effect| &effect.hidden);
     let named_first = first.zip(hidden).filter(|(finding, hidden)| {
         finding.cause.name() == hidden.cause && hidden.cause != "unknown"
     });
@@ -193,7 +193,7 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
 
 /// Returns the causes that the calibration weighed, without those that hold for the log whatever is hidden.
 pub(super) fn weighed_of_world(found: &Diagnosis, truth: &UnkindTruth) -> Vec<WeighedCause> {
-    let mut causes = weighed(found, |name| truth.hidden.is_some() && truth.cause() == name);
+    let mut causes = weighed(found, |name| truth.is_hidden(name));
     causes.retain(|own| !truth.true_of_the_log.contains(&own.cause));
     causes
 }
@@ -201,7 +201,7 @@ pub(super) fn weighed_of_world(found: &Diagnosis, truth: &UnkindTruth) -> Vec<We
 /// Returns the calibrated probability of each finding that was fitted, and whether its cause is hidden in the world. Causes
 /// that hold for the log whatever is hidden are left out.
 fn probabilities(found: &Diagnosis, truth: &UnkindTruth) -> Vec<(f64, bool)> {
-    let is_hidden = |name: &str| truth.hidden.is_some() && truth.cause() == name;
+    let is_hidden = |name: &str| truth.is_hidden(name);
     let fitted = found.findings.iter().filter(|finding| {
         let name = finding.cause.name();
         let was_weighed = found.weighed.iter().any(|own| own.cause == finding.cause);
@@ -313,8 +313,8 @@ impl Contest {
             truth.plant,
             self.rows,
             truth.cause(),
-            truth.effect_in_floors,
-            truth.gain_in_errors,
+            truth.effect_in_floors(),
+            truth.gain_in_errors(),
             self.rival.verdict.name(),
             self.rival.names(),
             self.rival.gain,

@@ -13,7 +13,7 @@ use friction_diagnose::cause_evidence::{CauseEvidence, FIGURES};
 use friction_fit::spec::parse_rigid_body;
 use joint_rig::simulated;
 use serde_json::{Value, json};
-use unkind_worlds::{UnkindTruth, UnkindWorld};
+use unkind_worlds::UnkindWorld;
 
 /// Cases of one world.
 #[derive(Clone, Debug)]
@@ -54,17 +54,13 @@ pub fn world_cases(seed: u64) -> Result<WorldCases, String> {
     let passed = found.scores.iter().filter(|own| counts(own.cause.name()));
     let candidates = passed
         .filter(|own| own.fit.unseen.value > 0.0)
-        .map(|own| case(&own.evidence, is_hidden(&truth, own.cause.name())));
+        .map(|own| case(&own.evidence, truth.is_hidden(own.cause.name())));
     Ok(WorldCases {
         seed,
-        is_detectable: truth.hidden.is_some() && truth.is_detectable(),
+        is_detectable: truth.is_detectable(),
         findings: findings.collect(),
         candidates: candidates.collect(),
     })
-}
-
-fn is_hidden(truth: &UnkindTruth, name: &str) -> bool {
-    truth.hidden.is_some() && truth.cause() == name
 }
 
 impl WorldCases {

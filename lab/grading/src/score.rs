@@ -78,8 +78,8 @@ pub fn tables(contests: &[Contest]) -> String {
     }
     row(&mut text, "**all**", &pick(&|_| true));
     let _ = write!(text, "\n| hidden effect {head}");
-    row(&mut text, "nothing", &pick(&|c| c.truth.hidden.is_none()));
-    let hides = |c: &Contest| c.truth.hidden.is_some();
+    row(&mut text, "nothing", &pick(&|c| c.truth.hidden.is_empty()));
+    let hides = |c: &Contest| !c.truth.hidden.is_empty();
     row(&mut text, "detectable", &pick(&|c| hides(c) && c.truth.is_detectable()));
     row(&mut text, "undetectable", &pick(&|c| hides(c) && !c.truth.is_detectable()));
     for plant in ["bristles", "slip-elements", "lubricated-seal"] {
@@ -88,7 +88,7 @@ pub fn tables(contests: &[Contest]) -> String {
     let _ = write!(text, "\n| effect, in floors {head}");
     for (at, from) in EFFECT_BINS.iter().enumerate() {
         let to = EFFECT_BINS.get(at + 1).copied().unwrap_or(f64::INFINITY);
-        let inside = |c: &Contest| hides(c) && (*from..to).contains(&c.truth.effect_in_floors);
+        let inside = |c: &Contest| hides(c) && (*from..to).contains(&c.truth.effect_in_floors());
         row(&mut text, &format!("{from} to {to}"), &pick(&inside));
     }
     let _ = write!(text, "\n| detectable cause {head}");

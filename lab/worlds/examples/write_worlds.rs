@@ -1,9 +1,12 @@
 //! Writes worlds of a family as CSV files with their truth, for programs that grade an engine on files.
 //!
 //! ```text
-//! cargo run --release -p unkind-worlds --example write_worlds -- training|lubricated-seal BASE COUNT DIR
+//! cargo run --release -p unkind-worlds --example write_worlds -- FAMILY BASE COUNT DIR
 //! ```
+//!
+//! FAMILY is `training`, `lubricated-seal` or `mixed`. Worlds that the folder already holds are kept.
 
+use rayon::prelude::*;
 use std::path::Path;
 use unkind_worlds::{Family, draw_family, seeds};
 
@@ -12,22 +15,23 @@ fn main() -> Result<(), String> {
     let [family, base, count, folder] = given.as_slice() else {
         return Err("expected FAMILY BASE COUNT DIR".into());
     };
-    let kind = match family.as_str() {
-        "training" => Family::Training,
-        "lubricated-seal" => Family::LubricatedSeal,
-        _ => return Err("expected training or lubricated-seal".into()),
-    };
+    let family = Family::parse(family).ok_or("FAMILY: unknown name")?;
     let base: u64 = base.parse().map_err(|e| format!("BASE: {e}"))?;
     let count: usize = count.parse().map_err(|e| format!("COUNT: {e}"))?;
     std::fs::create_dir_all(folder).map_err(|e| format!("{folder}: {e}"))?;
-    for seed in seeds(base).take(count) {
-        let world = draw_family(seed, kind);
-        let write = |end: &str, text: String| {
-            let path = Path::new(folder).join(format!("{family}-{seed}{end}"));
-            std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))
-        };
-        write(".csv", world.log.csv())?;
-        write(".json", world.truth.json().to_string())?;
+    // A bridge, so that the worlds are written in the order of their seeds.
+    seeds(base).take(count).par_bridge().try_for_each(|seed| write(Path::new(folder), family, seed))
+}
+
+fn write(folder: &Path, family: Family, seed: u64) -> Result<(), String> {
+    let path = |end: &str| folder.join(format!("{}-{seed}{end}", family.name()));
+    // The truth is written last: where it exists, the log is complete.
+    if path(".json").exists() {
+        return Ok(());
+    }
+    let world = draw_family(seed, family);
+    for (end, text) in [(".csv", world.log.csv()), (".json", world.truth.json().to_string())] {
+        std::fs::write(path(end), text).map_err(|e| format!("{}: {e}", path(end).display()))?;
     }
     Ok(())
 }

@@ -5,6 +5,7 @@
 //! error, so it is part of the error floor.
 
 use super::campaign::Campaign;
+use super::mechanism::Mechanism;
 use super::plant::{Machine, Trajectory};
 use super::visible::{Rows, difference};
 use simulated_machines::friction::Seal;
@@ -14,8 +15,6 @@ use simulated_machines::scenarios::joint::Joint;
 const ITERATIONS: usize = 8;
 /// Initial stiffnesses relative to the elements' mean. Elements are stiffer before the first slip.
 const INITIAL_STIFFNESS_RATIOS: [f64; 2] = [0.8, 4.0];
-/// Maximum number of fitted runs. It limits the computing time.
-const MAX_FITTED_RUNS: usize = 6;
 const PARAMETERS: usize = 6;
 
 /// Returns the logarithms of a seal's parameters. The static level is expressed by its excess over Coulomb.
@@ -31,30 +30,29 @@ fn seal(logarithms: &[f64; PARAMETERS], like: &Seal) -> Seal {
     Seal { coulomb_nm, static_nm: coulomb_nm + excess, stribeck_rad_s, k0, k2, k1, ..*like }
 }
 
-/// Fits the bristles of a seal to a torque. `joint` holds the hidden effect and the initial seal.
+/// Fits the bristles of a seal to a torque. `mechanism` holds the hidden effects and the initial seal.
 pub(super) fn fit(
     campaign: &Campaign,
-    joint: &Joint,
+    mechanism: &Mechanism,
     trajectories: &[Trajectory],
     torque: &Rows,
 ) -> Seal {
-    let every = campaign.runs.len().div_ceil(MAX_FITTED_RUNS);
+    let (_, most_runs) = campaign.family.model_effort();
+    let every = campaign.runs.len().div_ceil(most_runs);
     let runs: Vec<usize> = (0..campaign.runs.len()).step_by(every).collect();
     let target: Rows = runs.iter().map(|run| torque[*run].clone()).collect();
     let errors = |at: &[f64; PARAMETERS]| {
-        let joint = Joint { seal: seal(at, &joint.seal), ..joint.clone() };
-        let inputs = runs.iter().map(|run| {
-            let plan = &campaign.runs[*run];
-            (&plan.condition, &trajectories[*run], plan.held)
-        });
-        let simulated = Machine::bristles(&joint).torques(inputs);
+        let joint = Joint { seal: seal(at, &mechanism.joint.seal), ..mechanism.joint.clone() };
+        let tried = Mechanism { joint, ..mechanism.clone() };
+        let inputs = runs.iter().map(|run| campaign.runs[*run].input(&trajectories[*run]));
+        let simulated = Machine::bristles(&tried).torques(inputs);
         let read = simulated.iter().zip(&runs).map(|(torque, run)| {
             campaign.sensing.torque_channel(&campaign.runs[*run].times, torque)
         });
         difference(&target, &read.collect())
     };
     let fits = INITIAL_STIFFNESS_RATIOS.map(|ratio| {
-        let start = Seal { k0: ratio * joint.seal.k0, ..joint.seal };
+        let start = Seal { k0: ratio * mechanism.joint.seal.k0, ..mechanism.joint.seal };
         descend(logarithms(&start), &errors)
     });
     let best = fits.into_iter().min_by(|(_, a), (_, b)| a.total_cmp(b));

@@ -4,10 +4,11 @@
 //! runs. The presliding travel may be far smaller than the travel between two rows. Logs begin and end anywhere in a
 //! motion. Covariates may be correlated (up to 0.9), take few values, or rise with the order of the runs.
 
-use super::family::PlantKind;
+use super::family::{Family, PlantKind};
 use super::lubricated::LubricatedSeal;
+use super::mechanism::Beside;
 use super::motions::{Drive, STYLES, draw_motion};
-use super::plant::{Element, Plant, Point, Trajectory};
+use super::plant::{Element, Plant, Point, RunInput, Trajectory};
 use super::sensing::{Sensing, SensorKind};
 use simulated_machines::friction::Seal;
 use simulated_machines::scenarios::motion::Motion;
@@ -16,8 +17,6 @@ use simulated_machines::scenarios::surroundings::{Condition, Extra, Signal};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Range of the total number of rows of a log.
-const ROWS: (f64, f64) = (3_000.0, 20_000.0);
 /// Range of the sample rate, Hz.
 const RATE_HZ: (f64, f64) = (50.0, 2000.0);
 /// Range of the number of runs.
@@ -31,6 +30,7 @@ pub(super) struct RunPlan {
     pub motion: Motion,
     pub start_angle: f64,
     pub condition: Condition,
+    pub beside: Beside,
     /// Sample times, s from the start of the motion.
     pub times: Vec<f64>,
     /// Ranges of lost rows.
@@ -40,9 +40,42 @@ pub(super) struct RunPlan {
     pub seed: u64,
 }
 
+impl RunPlan {
+    /// Returns the run with a trajectory as the input of a machine.
+    pub fn input<'a>(&'a self, trajectory: &'a Trajectory) -> RunInput<'a> {
+        let Self { condition, beside, held, .. } = self;
+        RunInput { condition, beside, trajectory, held: *held }
+    }
+}
+
+/// A column of the log that is neither a motion nor a covariate of the contract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum AddedColumn {
+    /// Velocity of another joint, rad/s.
+    OtherVelocity,
+    /// Acceleration of another joint, rad/s^2.
+    OtherAcceleration,
+    /// The payload, kg.
+    Payload,
+    /// Current of the motor, A: another reading of the torque.
+    MotorCurrent,
+    /// Set-point of the joint's own velocity, rad/s.
+    VelocitySetpoint,
+}
+
+/// Clock of the log.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Clock {
+    /// Resolution, s; at least a microsecond.
+    pub step_s: f64,
+    /// Random error of a time stamp, s.
+    pub error_s: f64,
+}
+
 /// A campaign: its plant, sensors and planned runs.
 #[derive(Clone, Debug)]
 pub(super) struct Campaign {
+    pub family: Family,
     pub seal: Seal,
     pub plant: Plant,
     pub sensing: Sensing,
@@ -52,6 +85,8 @@ pub(super) struct Campaign {
     /// Covariates and extra columns of the log.
     pub columns: Vec<&'static str>,
     pub extras: Vec<Extra>,
+    pub added: Vec<(&'static str, AddedColumn)>,
+    pub clock: Clock,
     /// Rigid-body parts of the torque, named as in `--rigid-body`.
     pub rigid_body: Vec<&'static str>,
     /// Time from the start of the first run to the end of the last, s.
@@ -69,20 +104,22 @@ const COVARIATES: [(&str, f64, f64); 4] = [
 ];
 
 impl Campaign {
-    /// Draws a campaign with the given sensor kind and plant.
+    /// Draws a campaign of a family with the given sensor kind and plant.
     ///
     /// The order of the draws is part of the result: it must not change.
-    pub fn draw(sampler: &mut Sampler, kind: SensorKind, plant: PlantKind) -> Self {
+    pub fn draw(sampler: &mut Sampler, kind: SensorKind, plant: PlantKind, family: Family) -> Self {
         let rate_hz = sampler.log_between(RATE_HZ.0, RATE_HZ.1).round();
-        let rows = sampler.log_between(ROWS.0, ROWS.1);
+        let (least, most) = family.row_range();
+        let rows = sampler.log_between(least, most);
         let total_s = rows / rate_hz;
         let count = sampler.log_between(RUNS.0, RUNS.1).min(total_s).max(RUNS.0) as usize;
         let seconds = total_s / count as f64;
 
         let (seal, drive) = draw_seal_and_drive(sampler, seconds);
-        let draw_sensing = match plant {
-            PlantKind::Bristles | PlantKind::SlipElements => Sensing::draw,
-            PlantKind::LubricatedSeal => Sensing::draw_second_maker,
+        let draw_sensing = if family.draw_second_maker(sampler) {
+            Sensing::draw_second_maker
+        } else {
+            Sensing::draw
         };
         let sensing = draw_sensing(sampler, kind, rate_hz, seal.coulomb_nm);
         let plant = match plant {
@@ -101,6 +138,7 @@ impl Campaign {
         let rigid_body = draw_rigid_body(sampler, &sensing);
         let columns = draw_columns(sampler, &rigid_body);
         Self {
+            family,
             seal,
             plant,
             sensing,
@@ -109,6 +147,8 @@ impl Campaign {
             runs,
             columns,
             extras,
+            added: Vec::new(),
+            clock: Clock::default(),
             rigid_body,
             campaign_s,
             correlation,
@@ -227,6 +267,7 @@ fn draw_runs(
             motion,
             start_angle: sampler.between(-TAU, TAU),
             condition,
+            beside: Beside::default(),
             times,
             lost,
             held: sampler.between(-0.9, 0.9),

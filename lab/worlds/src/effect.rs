@@ -39,6 +39,24 @@ pub(super) fn draw(
 ) -> DrawnCause {
     let flavour =
         (effect == HiddenCause::OutsideCatalogue).then(|| draw_outside(sampler, campaign));
+    draw_properties(sampler, campaign, effect, flavour)
+}
+
+/// Draws an effect outside the catalogue of initial size.
+pub(super) fn draw_with_flavour(
+    sampler: &mut Sampler,
+    campaign: &mut Campaign,
+    flavour: Flavour,
+) -> DrawnCause {
+    draw_properties(sampler, campaign, HiddenCause::OutsideCatalogue, Some(flavour))
+}
+
+fn draw_properties(
+    sampler: &mut Sampler,
+    campaign: &mut Campaign,
+    effect: HiddenCause,
+    flavour: Option<Flavour>,
+) -> DrawnCause {
     let (least_c, most_c) = campaign.range(|condition| condition.temperature);
     let order = if sampler.chance(0.8) {
         sampler.log_between(1.0, 60.9).floor()

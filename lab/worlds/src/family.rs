@@ -1,4 +1,4 @@
-//! Families of worlds: those for calibration, and those for grading only.
+//! Families of worlds: their plants, sensors and effects.
 
 use simulated_machines::scenarios::sampler::Sampler;
 
@@ -8,9 +8,11 @@ pub enum Family {
     /// Bristles or slip elements. A diagnosis may be calibrated on these worlds.
     Training,
     /// Elasto-plastic contact elements with a lubricant film, and sensors of a second maker.
-    ///
-    /// No calibration may use these worlds. They show whether a calibration holds on plants it has not been fitted to.
     LubricatedSeal,
+    /// All plants and both makers, with every cause that a world can have, one or two at once.
+    ///
+    /// A diagnosis may be calibrated on these worlds. Worlds for grading have seeds that were drawn after its last change.
+    Mixed,
 }
 
 /// Share of the training worlds whose plant consists of slip elements.
@@ -25,6 +27,23 @@ pub(super) enum PlantKind {
 }
 
 impl Family {
+    /// All families.
+    pub const ALL: [Family; 3] = [Family::Training, Family::LubricatedSeal, Family::Mixed];
+
+    /// Returns the name of the family.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Family::Training => "training",
+            Family::LubricatedSeal => "lubricated-seal",
+            Family::Mixed => "mixed",
+        }
+    }
+
+    /// Returns the family with this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|family| family.name() == name)
+    }
+
     /// Returns the sampler of a world.
     ///
     /// The families use different samplers, so that worlds of one seed share neither motions nor effects.
@@ -32,6 +51,7 @@ impl Family {
         match self {
             Family::Training => Sampler::new(seed, 7),
             Family::LubricatedSeal => Sampler::new(seed, 11),
+            Family::Mixed => Sampler::new(seed, 13),
         }
     }
 
@@ -41,6 +61,36 @@ impl Family {
             Family::Training if sampler.chance(SLIP_ELEMENT_SHARE) => PlantKind::SlipElements,
             Family::Training => PlantKind::Bristles,
             Family::LubricatedSeal => PlantKind::LubricatedSeal,
+            Family::Mixed => {
+                [PlantKind::Bristles, PlantKind::SlipElements, PlantKind::LubricatedSeal]
+                    [sampler.below(3)]
+            }
+        }
+    }
+
+    /// Returns the range of the total number of rows of a log.
+    pub(super) const fn row_range(self) -> (f64, f64) {
+        match self {
+            Family::Training | Family::LubricatedSeal => (3_000.0, 20_000.0),
+            Family::Mixed => (2_500.0, 14_000.0),
+        }
+    }
+
+    /// Returns the number of integration points of the true plant for one of a model, and the number of runs to which a
+    /// model is fitted. Thousands of mixed worlds are drawn, and most of their time is that of the models.
+    pub(super) const fn model_effort(self) -> (usize, usize) {
+        match self {
+            Family::Training | Family::LubricatedSeal => (1, 6),
+            Family::Mixed => (4, 3),
+        }
+    }
+
+    /// Draws whether the devices are those of the second maker.
+    pub(super) fn draw_second_maker(self, sampler: &mut Sampler) -> bool {
+        match self {
+            Family::Training => false,
+            Family::LubricatedSeal => true,
+            Family::Mixed => sampler.chance(0.5),
         }
     }
 }

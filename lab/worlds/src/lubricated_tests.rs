@@ -3,7 +3,8 @@
 use super::campaign::Campaign;
 use super::family::{Family, PlantKind};
 use super::lubricated::{ContactElement, LubricatedSeal};
-use super::plant::{Machine, Plant, Point, Trajectory};
+use super::mechanism::{Beside, Mechanism};
+use super::plant::{Machine, Plant, Point, RunInput, Trajectory};
 use super::{seeds, sensor_kind};
 use simulated_machines::friction::Seal;
 use simulated_machines::scenarios::joint::{Drift, Joint, Play, Thinning, Wave};
@@ -11,7 +12,7 @@ use simulated_machines::scenarios::outside::{Flavour, Outside};
 use simulated_machines::scenarios::sampler::Sampler;
 use simulated_machines::scenarios::surroundings::{Condition, Signal};
 
-const SEAL: Seal = Seal {
+pub(super) const SEAL: Seal = Seal {
     k0: 2.0e4,
     k1: 0.0,
     k2: 0.05,
@@ -65,8 +66,14 @@ fn trajectory(step_s: f64, seconds: f64, motion: impl Fn(f64) -> (f64, f64)) -> 
 /// Returns the torque of each point of a trajectory, Nm.
 fn torques(joint: &Joint, condition: &Condition, run: &Trajectory, held: f64) -> Vec<f64> {
     let plant = Plant::LubricatedSeal(lubricated());
-    let machine = Machine { plant: &plant, joint, covariate_hz: None };
-    machine.torques(std::iter::once((condition, run, held))).remove(0)
+    let mechanism = Mechanism::plain(joint.clone());
+    let machine = Machine { plant: &plant, mechanism: &mechanism, covariate_hz: None };
+    rows(&machine, condition, run, held)
+}
+
+fn rows(machine: &Machine, condition: &Condition, trajectory: &Trajectory, held: f64) -> Vec<f64> {
+    let input = RunInput { condition, beside: &Beside::default(), trajectory, held };
+    machine.torques(std::iter::once(input)).remove(0)
 }
 
 /// Returns the torque at the end of a long motion at constant velocity, Nm.
@@ -122,9 +129,8 @@ fn small_oscillation_below_breakaway_does_not_drift() {
         assert!(drift.abs() < 1e-9, "{at}: {drift}");
     }
     // Bristles drift from the same state.
-    let bristles = Machine::bristles(&joint);
-    let condition = Condition::default();
-    let found = bristles.torques(std::iter::once((&condition, &run, held))).remove(0);
+    let mechanism = Mechanism::plain(joint);
+    let found = rows(&Machine::bristles(&mechanism), &Condition::default(), &run, held);
     assert!((found[5000] - found[0]).abs() > 0.01 * SEAL.coulomb_nm, "{}", found[5000]);
 }
 
@@ -292,7 +298,7 @@ fn draw_of_campaign_with_lubricated_seal_and_same_seed_gives_same_torque() {
             let mut sampler = Family::LubricatedSeal.sampler(seed);
             let plant = Family::LubricatedSeal.draw_plant_kind(&mut sampler);
             assert_eq!(plant, PlantKind::LubricatedSeal);
-            Campaign::draw(&mut sampler, sensor_kind(seed), plant)
+            Campaign::draw(&mut sampler, sensor_kind(seed), plant, Family::LubricatedSeal)
         };
         let (one, other) = (drawn(), drawn());
         assert_eq!(format!("{:?}", one.plant), format!("{:?}", other.plant));

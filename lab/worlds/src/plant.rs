@@ -13,7 +13,7 @@
 //! velocity.
 
 use super::lubricated::{ContactStep, LubricatedSeal, mean_of_decay};
-use simulated_machines::scenarios::joint::Joint;
+use super::mechanism::{Beside, Mechanism};
 use simulated_machines::scenarios::surroundings::{Condition, Conditions};
 
 /// An elasto-slip element.
@@ -76,10 +76,41 @@ pub(super) struct Trajectory {
     pub accelerations: Vec<f64>,
 }
 
+impl Trajectory {
+    /// Returns the trajectory with every row and every `stride`-th of the points between rows.
+    pub fn thinned(&self, stride: usize) -> Self {
+        if stride == 1 {
+            return self.clone();
+        }
+        let mut thin = Self { accelerations: self.accelerations.clone(), ..Self::default() };
+        let mut rows = self.rows.iter().peekable();
+        for (at, point) in self.points.iter().enumerate() {
+            let is_row = rows.peek() == Some(&&at);
+            if is_row || at % stride == 0 {
+                thin.points.push(*point);
+            }
+            while rows.next_if(|row| **row == at).is_some() {
+                thin.rows.push(thin.points.len() - 1);
+            }
+        }
+        thin
+    }
+}
+
+/// A run of a machine.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RunInput<'a> {
+    pub condition: &'a Condition,
+    pub beside: &'a Beside,
+    pub trajectory: &'a Trajectory,
+    /// Contact torque at the start, as a share of the Coulomb level.
+    pub held: f64,
+}
+
 /// A plant with the parameters and effects of its joint.
 pub(super) struct Machine<'a> {
     pub plant: &'a Plant,
-    pub joint: &'a Joint,
+    pub mechanism: &'a Mechanism,
     /// Sample rate of the covariates, Hz. `None` if they are continuous.
     pub covariate_hz: Option<f64>,
 }
@@ -102,24 +133,21 @@ struct State {
 
 impl<'a> Machine<'a> {
     /// Returns the bristle plant with continuous covariates.
-    pub fn bristles(joint: &'a Joint) -> Self {
-        Self { plant: &Plant::Bristles, joint, covariate_hz: None }
+    pub fn bristles(mechanism: &'a Mechanism) -> Self {
+        Self { plant: &Plant::Bristles, mechanism, covariate_hz: None }
     }
 
     /// Returns the torque of each row of each run without sensor effects, Nm.
-    ///
-    /// The third item of each run is the contact torque at its start, as a share of the Coulomb level.
-    pub fn torques<'r>(
-        &self,
-        runs: impl Iterator<Item = (&'r Condition, &'r Trajectory, f64)>,
-    ) -> Vec<Vec<f64>> {
+    pub fn torques<'r>(&self, runs: impl Iterator<Item = RunInput<'r>>) -> Vec<Vec<f64>> {
         let (mut heat_j, mut end_s) = (0.0, f64::NEG_INFINITY);
-        runs.map(|(condition, trajectory, held)| {
-            if let (Some(warm), Some(first)) = (self.joint.warming, trajectory.points.first()) {
+        runs.map(|input| {
+            let RunInput { condition, trajectory, .. } = input;
+            let warming = self.mechanism.joint.warming;
+            if let (Some(warm), Some(first)) = (warming, trajectory.points.first()) {
                 let pause_s = (condition.start_s + first.t - end_s).max(0.0);
                 heat_j *= if pause_s.is_finite() { (-pause_s / warm.cooling_s).exp() } else { 0.0 };
             }
-            let torques = self.run(condition, trajectory, held, &mut heat_j);
+            let torques = self.run(&input, &mut heat_j);
             end_s = condition.start_s + trajectory.points.last().map_or(0.0, |point| point.t);
             torques
         })
@@ -127,15 +155,10 @@ impl<'a> Machine<'a> {
     }
 
     /// Returns the torque of each row of a run, Nm, and updates the heat.
-    fn run(
-        &self,
-        condition: &Condition,
-        trajectory: &Trajectory,
-        held: f64,
-        heat_j: &mut f64,
-    ) -> Vec<f64> {
+    fn run(&self, input: &RunInput, heat_j: &mut f64) -> Vec<f64> {
+        let RunInput { condition, beside, trajectory, held } = *input;
         let Some(&first) = trajectory.points.first() else { return Vec::new() };
-        let seal = &self.joint.seal;
+        let seal = &self.mechanism.joint.seal;
         let shares = self.plant.shares();
         let mut state = State {
             z: held * seal.coulomb_nm / seal.k0,
@@ -143,7 +166,7 @@ impl<'a> Machine<'a> {
             slides: vec![false; shares.len()],
             film_rad_s: first.velocity.abs(),
             age_s: 0.0,
-            play: self.joint.play.map_or(0.0, |play| 0.5 * play.travel_rad),
+            play: self.mechanism.joint.play.map_or(0.0, |play| 0.5 * play.travel_rad),
             direction: if held < 0.0 { -1.0 } else { 1.0 },
             heat_j: *heat_j,
         };
@@ -156,7 +179,8 @@ impl<'a> Machine<'a> {
             }
             // Several rows may share a point: with a delay, all rows before the start of the motion.
             while let Some((_, &acceleration)) = rows.next_if(|(row, _)| **row == at) {
-                torques.push(self.torque(&here, acceleration, &state));
+                let added = self.mechanism.added(beside, &here.point, acceleration);
+                torques.push(self.torque(&here, acceleration, &state) + added);
             }
         }
         *heat_j = state.heat_j;
@@ -169,7 +193,7 @@ impl<'a> Machine<'a> {
         let conditions = Conditions {
             heat_j: state.heat_j,
             campaign_s: condition.start_s + point.t,
-            ..self.joint.conditions_at(condition, seen_s)
+            ..self.mechanism.joint.conditions_at(condition, seen_s)
         };
         let level = self.level(&point, &conditions, state);
         StepStart { point, conditions, level }
@@ -178,14 +202,15 @@ impl<'a> Machine<'a> {
     /// Returns the friction level at a point, Nm.
     fn level(&self, point: &Point, conditions: &Conditions, state: &State) -> f64 {
         let State { direction, age_s, .. } = *state;
-        let (joint, speed) = (self.joint, point.velocity.abs());
-        match self.plant {
+        let (joint, speed) = (&self.mechanism.joint, point.velocity.abs());
+        let level = match self.plant {
             Plant::LubricatedSeal(seal) => {
                 let curve = seal.mean_curve(joint, state.film_rad_s);
                 joint.level_on_curve(curve, speed, direction, point.angle, age_s, conditions)
             }
             _ => joint.level(speed, direction, point.angle, age_s, conditions),
-        }
+        };
+        level * self.mechanism.level_factor(point.angle)
     }
 
     /// Integrates to the point `to`.
@@ -196,7 +221,7 @@ impl<'a> Machine<'a> {
         to: Point,
         state: &mut State,
     ) -> StepStart {
-        let joint = self.joint;
+        let joint = &self.mechanism.joint;
         let (seconds, displacement) = (to.t - from.point.t, to.angle - from.point.angle);
         let has_reversed = displacement != 0.0 && displacement.signum() != state.direction;
         let mut begin_level = from.level;
@@ -241,6 +266,7 @@ impl<'a> Machine<'a> {
                 let (speed, now) = (to.velocity.abs(), &here.conditions);
                 seal.advance(joint, &step, &mut state.torques, |curve, direction| {
                     joint.level_on_curve(curve, speed, direction, to.angle, age_s, now)
+                        * self.mechanism.level_factor(to.angle)
                 });
             }
         }
@@ -256,7 +282,7 @@ impl<'a> Machine<'a> {
         bent: f64,
         state: &mut State,
     ) {
-        let joint = self.joint;
+        let joint = &self.mechanism.joint;
         let (k0, direction) = (joint.seal.k0, state.direction);
         let passed = 0.5 * k0 * taken_up * (1.0 / begin_level + 1.0 / here.level);
         let (begin, end) = (direction * begin_level / k0, direction * here.level / k0);
@@ -268,7 +294,8 @@ impl<'a> Machine<'a> {
         // The bristle torque is limited to the level at rest.
         if (state.z * k0).abs() > here.level {
             let (side, angle) = (state.z.signum(), here.point.angle);
-            let held = joint.level(0.0, side, angle, state.age_s, &here.conditions);
+            let held = joint.level(0.0, side, angle, state.age_s, &here.conditions)
+                * self.mechanism.level_factor(angle);
             state.z = state.z.clamp(-held / k0, held / k0);
         }
     }
@@ -292,7 +319,7 @@ impl<'a> Machine<'a> {
                 *torque += (direction * level - *torque) * settles;
                 continue;
             }
-            let stiffness = self.joint.seal.k0 * one.share / one.travel;
+            let stiffness = self.mechanism.joint.seal.k0 * one.share / one.travel;
             *torque += stiffness * displacement;
             if torque.abs() >= level {
                 *torque = torque.clamp(-level, level);
@@ -303,7 +330,7 @@ impl<'a> Machine<'a> {
 
     /// Crosses the play and returns the travel that reaches the contact, rad.
     fn taken_up(&self, travel: f64, state: &mut State) -> f64 {
-        let Some(play) = self.joint.play else { return travel };
+        let Some(play) = self.mechanism.joint.play else { return travel };
         let room = if state.direction > 0.0 { play.travel_rad - state.play } else { state.play };
         let crossed = travel.min(room.max(0.0));
         state.play += state.direction * crossed;
@@ -312,7 +339,7 @@ impl<'a> Machine<'a> {
 
     /// Returns the torque at a point, Nm.
     fn torque(&self, here: &StepStart, acceleration: f64, state: &State) -> f64 {
-        let (joint, seal) = (self.joint, &self.joint.seal);
+        let (joint, seal) = (&self.mechanism.joint, &self.mechanism.joint.seal);
         let Point { angle, velocity, .. } = here.point;
         let direction = if velocity == 0.0 { state.direction } else { velocity.signum() };
         let contact = match self.plant {

@@ -5,10 +5,11 @@
 //! method may have a smaller error.
 
 use super::campaign::RunPlan;
-use super::plant::{Machine, Point, Trajectory};
+use super::plant::{Machine, Point, RunInput, Trajectory};
 
 /// Logged angle, velocity and torque of all rows of a run, including lost rows.
 pub(super) struct Logged {
+    pub acceleration: Vec<f64>,
     pub position: Vec<f64>,
     pub velocity: Vec<f64>,
     pub torque: Vec<f64>,
@@ -105,9 +106,9 @@ pub(super) fn estimate_start(
         rows: cut.rows[..rows].to_vec(),
         accelerations: cut.accelerations[..rows].to_vec(),
     };
-    let seal = &machine.joint.seal;
+    let seal = &machine.mechanism.joint.seal;
     let error = |held: f64| -> f64 {
-        let torques = machine.torques(std::iter::once((&run.condition, &start, held)));
+        let torques = machine.torques(std::iter::once(RunInput { held, ..run.input(&start) }));
         let torque: Vec<f64> = torques.into_iter().flatten().collect();
         channel(&torque).iter().zip(&logged.torque).map(|(m, t)| (m - t) * (m - t)).sum()
     };

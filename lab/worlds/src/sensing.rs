@@ -137,6 +137,10 @@ pub(super) struct Sensing {
     motion_rows: usize,
     /// Update rate of the covariates, Hz.
     pub covariate_hz: Option<f64>,
+    /// Noise and resolution of the covariates, as shares of their range.
+    pub covariate_errors: [f64; 2],
+    /// Delay of the covariates, s.
+    pub covariate_delay_s: f64,
     /// Periodic error of the angle. `None` if the angle has no such error.
     angle_error: Option<AngleError>,
     /// Hum and converter of the torque. `None` if the torque has neither.
@@ -157,6 +161,8 @@ impl Sensing {
             torque_rows: 1,
             motion_rows: 1,
             covariate_hz: None,
+            covariate_errors: [0.0; 2],
+            covariate_delay_s: 0.0,
             angle_error: None,
             amplifier: None,
         }
@@ -272,6 +278,11 @@ impl Sensing {
         if is_delayed { vec!["channel-delay"] } else { Vec::new() }
     }
 
+    /// Returns true if the angle has a periodic error.
+    pub fn has_angle_error(&self) -> bool {
+        self.angle_error.is_some() && self.has_position()
+    }
+
     /// Returns the logged angle of each row, rad.
     pub fn angles(&self, times: &[f64], angles: &[f64]) -> Vec<f64> {
         let lines = |angle: f64| match self.lines_per_rad {
@@ -347,7 +358,7 @@ impl Sensing {
             Some(hz) => (t * hz).floor() / hz,
             None => t,
         };
-        times.iter().map(|&t| at(refreshed(t))).collect()
+        times.iter().map(|&t| at(refreshed(t) - self.covariate_delay_s)).collect()
     }
 
     /// Returns a description of the sensors in one sentence.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! e      torque with the effect - torque without it, along the same motion
-//! B      derivatives of the plant without the effect by its parameters, and rigid-body parts
+//! B      derivatives of the plant without the effect by its parameters, rigid-body parts, and other effects of the world
 //! e'     e minus its projection on B: the part that only the cause explains
 //! r      logged torque - torque of the true plant with the motion reconstructed from the log
 //! gain   sum e'^2;  its standard error  2 sqrt(sum over blocks (sum r e')^2)

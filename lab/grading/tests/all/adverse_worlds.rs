@@ -83,10 +83,10 @@ fn draw_covers_all_sensor_kinds_and_plants() {
     for plant in ["bristles", "slip-elements"] {
         assert!(worlds.iter().any(|w| w.truth.plant == plant), "{plant}");
     }
-    let hidden = |w: &&unkind_worlds::UnkindWorld| w.truth.hidden.is_some();
+    let hidden = |w: &&unkind_worlds::UnkindWorld| !w.truth.hidden.is_empty();
     assert!(worlds.iter().any(|w| !hidden(&w)));
     assert!(worlds.iter().filter(hidden).any(|w| !w.truth.is_detectable()));
-    assert!(worlds.iter().filter(hidden).any(|w| w.truth.gain_in_errors > 30.0));
+    assert!(worlds.iter().filter(hidden).any(|w| w.truth.gain_in_errors() > 30.0));
     for world in &worlds {
         let truth = &world.truth;
         let seed = truth.seed;

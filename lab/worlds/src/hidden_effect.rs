@@ -1,0 +1,154 @@
+//! An effect that a world hides: one of the joint's friction law, or one of its surroundings and sensors.
+
+use super::campaign::{AddedColumn, Campaign};
+use super::effect;
+use super::family::Family;
+use super::mechanism::{Along, Coupling, Mechanism, Payload, TravelShape};
+use simulated_machines::scenarios::drawn_cause::DrawnCause;
+use simulated_machines::scenarios::joint::Wave;
+use simulated_machines::scenarios::{Hidden, HiddenCause};
+
+/// An effect with its size.
+#[derive(Clone, Debug)]
+pub(super) enum HiddenEffect {
+    /// An effect of the friction law.
+    Joint(DrawnCause),
+    /// An error of the encoder over the angle.
+    Encoder(Wave),
+    /// Torque by another joint.
+    Coupling(Coupling),
+    /// Torque by a payload.
+    Payload(Payload),
+    /// Friction along the travel.
+    Along(Along),
+}
+
+impl HiddenEffect {
+    /// Returns the name of the cause.
+    pub fn cause(&self) -> &'static str {
+        match self {
+            Self::Joint(drawn) => drawn.effect.name(),
+            Self::Encoder(_) => "encoder-error",
+            Self::Coupling(_) => "joint-coupling",
+            Self::Payload(_) => "payload",
+            Self::Along(_) => "unknown",
+        }
+    }
+
+    /// Adds the effect to a mechanism.
+    pub fn apply_to(&self, mechanism: &mut Mechanism) {
+        match self {
+            Self::Joint(drawn) => drawn.apply_to(&mut mechanism.joint),
+            Self::Encoder(error) => mechanism.encoder = Some(*error),
+            Self::Coupling(coupling) => mechanism.coupling = Some(*coupling),
+            Self::Payload(payload) => mechanism.payload = Some(*payload),
+            Self::Along(along) => mechanism.along = Some(*along),
+        }
+    }
+
+    /// Returns the size.
+    pub fn size(&self) -> f64 {
+        match self {
+            Self::Joint(drawn) => drawn.size,
+            Self::Encoder(error) => error.size,
+            Self::Coupling(coupling) => coupling.size,
+            Self::Payload(payload) => payload.size,
+            Self::Along(along) => along.size,
+        }
+    }
+
+    /// Sets the size.
+    pub fn set_size(&mut self, size: f64) {
+        match self {
+            Self::Joint(drawn) => drawn.size = size,
+            Self::Encoder(error) => error.size = size,
+            Self::Coupling(coupling) => coupling.size = size,
+            Self::Payload(payload) => payload.size = size,
+            Self::Along(along) => along.size = size,
+        }
+    }
+
+    /// Returns true if the effect is proportional to its size.
+    pub fn is_scalable(&self) -> bool {
+        !matches!(self, Self::Joint(drawn) if !drawn.is_scalable())
+    }
+
+    /// Returns the smallest and largest magnitude to which the size is scaled.
+    pub fn limits(&self, campaign: &Campaign) -> (f64, f64) {
+        let most = match self {
+            Self::Joint(drawn) => {
+                let (least, most) = effect::limits(drawn, campaign);
+                // A delay of a row is within the convention of when a row is sampled.
+                let is_delay =
+                    campaign.family == Family::Mixed && drawn.effect == HiddenCause::ChannelDelay;
+                return if is_delay { (2.0 / campaign.rate_hz, most) } else { (least, most) };
+            }
+            // A magnet that is a few tenths of a millimetre off its axis.
+            Self::Encoder(error) => 0.03 / error.order,
+            Self::Coupling(_) | Self::Payload(_) => 3.0 * campaign.seal.coulomb_nm,
+            Self::Along(_) => 0.8,
+        };
+        (1e-3 * most, most)
+    }
+
+    /// Returns the columns that the effect follows.
+    pub fn columns(&self, campaign: &Campaign) -> Vec<&'static str> {
+        let added = |meant: &[AddedColumn]| {
+            let own = campaign.added.iter().filter(|(_, column)| meant.contains(column));
+            own.map(|(name, _)| *name).collect()
+        };
+        match self {
+            Self::Joint(drawn) => drawn.columns(),
+            Self::Encoder(_) | Self::Along(_) => vec!["position_rad"],
+            Self::Coupling(_) => {
+                added(&[AddedColumn::OtherVelocity, AddedColumn::OtherAcceleration])
+            }
+            Self::Payload(_) => added(&[AddedColumn::Payload]),
+        }
+    }
+
+    /// Returns the effect for the truth. `visible_rms_nm` is the RMS of its torque.
+    pub fn describe(&self, campaign: &Campaign, visible_rms_nm: f64) -> Hidden {
+        let periodic =
+            |cause| matches!(cause, HiddenCause::PositionRipple | HiddenCause::TorqueRipple);
+        let (unit, order, details, in_words) = match self {
+            Self::Joint(drawn) => (
+                drawn.unit(),
+                periodic(drawn.effect).then_some(drawn.order),
+                drawn.details(),
+                drawn.words(),
+            ),
+            Self::Encoder(error) => {
+                let words = format!("encoder-error of {:.1e} rad", error.size);
+                ("rad", Some(error.order), vec![("phase_rad", error.phase)], words)
+            }
+            Self::Coupling(own) => {
+                let [inertia, square, product] = own.shares;
+                let details =
+                    vec![("acceleration", inertia), ("square", square), ("product", product)];
+                ("Nm", None, details, format!("joint-coupling of {:.2e} Nm", own.size))
+            }
+            Self::Payload(own) => {
+                let details = vec![("weight", own.shares[0]), ("inertia", own.shares[1])];
+                ("Nm", None, details, format!("payload of {:.2e} Nm", own.size))
+            }
+            Self::Along(own) => {
+                let (what, details) = match own.shape {
+                    TravelShape::Slope => ("a slope", Vec::new()),
+                    TravelShape::Dip { at, width } => ("a dip", vec![("at", at), ("width", width)]),
+                };
+                ("1", None, details, format!("unknown: {what} of {:.2} along the travel", own.size))
+            }
+        };
+        Hidden {
+            cause: self.cause(),
+            columns: self.columns(campaign),
+            size: self.size(),
+            unit,
+            order,
+            visible_rms_nm,
+            details,
+            in_words,
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! Simulation of a drawn world: scaled effects, torque, error floor and detectability.
+
+use super::campaign::{Campaign, RunPlan};
+use super::hidden_effect::HiddenEffect;
+use super::mechanism::Mechanism;
+use super::plant::{Machine, Plant, Trajectory};
+use super::reading::{Logged, Reading, estimate_start};
+use super::sensing::SensorKind;
+use super::visible::{Rows, difference, evaluate_visibility, rms};
+use super::{UnkindWorld, bristle_fit, truth};
+use simulated_machines::friction::Seal;
+use simulated_machines::scenarios::joint::{Joint, Wave};
+
+/// A drawn world before its simulation.
+pub(super) struct World {
+    pub campaign: Campaign,
+    /// The mechanism without a hidden effect.
+    pub plain: Mechanism,
+    pub seed: u64,
+}
+
+impl World {
+    /// Returns the torque of each row after the sensor channel and without noise, Nm.
+    fn torques(&self, machine: &Machine, trajectories: &[Trajectory]) -> Rows {
+        let Campaign { sensing, runs, .. } = &self.campaign;
+        let inputs = runs.iter().zip(trajectories);
+        let torques = machine.torques(inputs.map(|(run, trajectory)| run.input(trajectory)));
+        let read = torques
+            .iter()
+            .zip(runs)
+            .map(|(torque, run)| sensing.torque_channel(&run.times, torque));
+        read.collect()
+    }
+
+    /// Returns the torques of the true plant. With a delay, each row refers to the state `delay_s` earlier.
+    fn true_torques(&self, mechanism: &Mechanism, trajectories: &[Trajectory]) -> Rows {
+        let machine = Machine { plant: &self.campaign.plant, mechanism, covariate_hz: None };
+        if mechanism.joint.delay_s == 0.0 {
+            return self.torques(&machine, trajectories);
+        }
+        self.torques(&machine, &self.trajectories(mechanism.joint.delay_s))
+    }
+
+    /// Returns the trajectories of the models, `delay_s` earlier.
+    fn model_trajectories(&self, delay_s: f64) -> Vec<Trajectory> {
+        let (stride, _) = self.campaign.family.model_effort();
+        self.trajectories(delay_s).iter().map(|own| own.thinned(stride)).collect()
+    }
+
+    /// Returns the torque of bristles as a model computes it from the log. `knows_encoder` is false for a model that takes an
+    /// erroneous angle for the true one.
+    fn model(
+        &self,
+        mechanism: &Mechanism,
+        trajectories: &[Trajectory],
+        knows_encoder: bool,
+    ) -> Rows {
+        let machine = Machine::bristles(mechanism);
+        if mechanism.encoder.is_some() && !knows_encoder {
+            let read = trajectories.iter().map(|own| mechanism.read_trajectory(own));
+            return self.torques(&machine, &read.collect::<Vec<Trajectory>>());
+        }
+        if mechanism.joint.delay_s == 0.0 {
+            return self.torques(&machine, trajectories);
+        }
+        self.torques(&machine, &self.model_trajectories(mechanism.joint.delay_s))
+    }
+
+    /// Returns the true trajectories, `delay_s` earlier.
+    fn trajectories(&self, delay_s: f64) -> Vec<Trajectory> {
+        if delay_s == 0.0 {
+            return self.campaign.trajectories();
+        }
+        let mut late = self.campaign.clone();
+        for run in &mut late.runs {
+            run.times.iter_mut().for_each(|t| *t = (*t - delay_s).max(0.0));
+        }
+        late.trajectories()
+    }
+
+    fn with_effects<'a>(&self, effects: impl Iterator<Item = &'a HiddenEffect>) -> Mechanism {
+        let mut mechanism = self.plain.clone();
+        effects.for_each(|effect| effect.apply_to(&mut mechanism));
+        mechanism
+    }
+
+    /// Returns the torque that an effect alone adds to the log or takes from the model, Nm.
+    fn effect_alone(
+        &self,
+        mechanism: &Mechanism,
+        trajectories: &[Trajectory],
+        without: &Rows,
+    ) -> Rows {
+        if mechanism.encoder.is_some() {
+            return difference(without, &self.model(mechanism, trajectories, false));
+        }
+        difference(&self.true_torques(mechanism, trajectories), without)
+    }
+
+    /// Scales an effect so that it alone changes the torque by about `target_nm` RMS.
+    fn scale_effect(
+        &self,
+        effect: &mut HiddenEffect,
+        target_nm: f64,
+        trajectories: &[Trajectory],
+        without: &Rows,
+    ) {
+        let (least, most) = effect.limits(&self.campaign);
+        for _ in 0..3 {
+            let mechanism = self.with_effects(std::iter::once(&*effect));
+            let seen_nm = rms(&self.effect_alone(&mechanism, trajectories, without));
+            let close = (seen_nm / target_nm - 1.0).abs() < 0.15;
+            if close || seen_nm <= 0.0 || !effect.is_scalable() {
+                break;
+            }
+            let next = (effect.size().abs() * target_nm / seen_nm).clamp(least, most);
+            if next == effect.size().abs() {
+                break;
+            }
+            effect.set_size(next.copysign(effect.size()));
+        }
+    }
+
+    /// Scales the effects to their targets, simulates the torque, determines the detectability, and creates the log.
+    pub fn simulate(self, mut effects: Vec<(HiddenEffect, f64)>) -> UnkindWorld {
+        let trajectories = self.trajectories(0.0);
+        let without = self.true_torques(&self.plain, &trajectories);
+        for (effect, target_nm) in &mut effects {
+            self.scale_effect(effect, *target_nm, &trajectories, &without);
+        }
+        let effects: Vec<HiddenEffect> = effects.into_iter().map(|(effect, _)| effect).collect();
+        let all = self.with_effects(effects.iter());
+        let torque = if effects.is_empty() {
+            without.clone()
+        } else {
+            self.true_torques(&all, &trajectories)
+        };
+        let runs = || self.campaign.runs.iter().zip(&trajectories).zip(&torque);
+        let log_with = |mechanism: &Mechanism| -> Vec<Logged> {
+            runs().map(|((run, own), torque)| self.log_run(run, mechanism, own, torque)).collect()
+        };
+        let logged = log_with(&all);
+        let corrected = all.encoder.map(|_| log_with(&Mechanism { encoder: None, ..all.clone() }));
+        // Bristles fitted to the other plants, effects included: the best result of a law with one state.
+        let seal = match self.campaign.plant {
+            Plant::Bristles => self.campaign.seal,
+            Plant::SlipElements { .. } | Plant::LubricatedSeal(_) => {
+                let late = self.model_trajectories(all.joint.delay_s);
+                bristle_fit::fit(&self.campaign, &all, &late, &torque)
+            }
+        };
+        let fitted = |mechanism: &Mechanism| {
+            let joint =
+                Joint { seal: with_effect(seal, &mechanism.joint.seal), ..mechanism.joint.clone() };
+            Mechanism { joint, ..mechanism.clone() }
+        };
+        let errors =
+            self.floor(&fitted(&all), &trajectories, corrected.as_ref().unwrap_or(&logged));
+        let kept = |rows: &Rows| -> Rows {
+            let run = |(rows, run): (&Vec<f64>, &RunPlan)| run.keep(rows);
+            rows.iter().zip(&self.campaign.runs).map(run).collect()
+        };
+        let errors = kept(&errors);
+        let thinned = self.model_trajectories(0.0);
+        let modelled = self.model(&fitted(&all), &thinned, true);
+        // What each effect adds in the true plant, and in the model that knows the others.
+        let parts: Vec<(Rows, Rows)> = (0..effects.len())
+            .map(|own| {
+                let others = effects.iter().enumerate().filter(|(at, _)| *at != own);
+                let rest = self.with_effects(others.map(|(_, effect)| effect));
+                let effect = if matches!(effects[own], HiddenEffect::Encoder(_)) {
+                    difference(&modelled, &self.model(&fitted(&all), &thinned, false))
+                } else {
+                    difference(&modelled, &self.model(&fitted(&rest), &thinned, true))
+                };
+                let rest = if effects.len() == 1 {
+                    without.clone()
+                } else {
+                    self.true_torques(&rest, &trajectories)
+                };
+                (kept(&difference(&torque, &rest)), kept(&effect))
+            })
+            .collect();
+        let base: Vec<Rows> =
+            self.base_columns(&fitted(&self.plain), &thinned).iter().map(kept).collect();
+        let floor_nm = rms(&errors);
+        let mut hidden: Vec<truth::HiddenEffect> = (0..effects.len())
+            .map(|own| {
+                let others = (0..effects.len()).filter(|at| *at != own);
+                let mut base = base.clone();
+                base.extend(others.map(|at| parts[at].1.clone()));
+                let visible = evaluate_visibility(&parts[own].1, &base, &errors);
+                truth::HiddenEffect {
+                    hidden: effects[own].describe(&self.campaign, rms(&parts[own].0)),
+                    effect_in_floors: visible.rms_nm / floor_nm,
+                    gain_in_errors: visible.gain_in_errors,
+                }
+            })
+            .collect();
+        hidden.sort_by(|a, b| b.effect_in_floors.total_cmp(&a.effect_in_floors));
+        let truth = self.truth(hidden, floor_nm, errors, kept(&torque));
+        UnkindWorld { log: self.log(&logged), truth }
+    }
+
+    /// Returns the derivatives of the plant's torque by its parameters, run by run.
+    ///
+    /// They span what a refit without the effect can explain.
+    fn base_columns(&self, plain: &Mechanism, trajectories: &[Trajectory]) -> Vec<Rows> {
+        /// Relative change of a parameter in a difference quotient.
+        const RELATIVE_STEP: f64 = 0.02;
+        let without = self.torques(&Machine::bristles(plain), trajectories);
+        let changed = |change: &dyn Fn(&mut Joint)| {
+            let mut mechanism = plain.clone();
+            change(&mut mechanism.joint);
+            difference(&self.torques(&Machine::bristles(&mechanism), trajectories), &without)
+        };
+        let mut columns = vec![
+            changed(&|joint| joint.seal.coulomb_nm *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.static_nm *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.stribeck_rad_s *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.k0 *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.k2 *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| {
+                joint.seal.k1 += RELATIVE_STEP * (joint.seal.k1 + 1e-3 * joint.seal.k0)
+            }),
+        ];
+        let level = self.campaign.seal.coulomb_nm;
+        for part in &self.campaign.rigid_body {
+            match *part {
+                "inertia" => columns.push(changed(&|joint| joint.inertia += level)),
+                "load" => columns.push(changed(&|joint| joint.load_gain += 1.0)),
+                "offset" => columns.push(changed(&|joint| joint.offset_nm += level)),
+                _ => {
+                    for phase in [0.0, 0.25 * std::f64::consts::TAU] {
+                        let wave = Wave { size: level, order: 1.0, phase };
+                        columns.push(changed(&|joint| joint.torque_ripple.push(wave)));
+                    }
+                }
+            }
+        }
+        columns
+    }
+
+    /// Returns the logged torque minus the torque of bristles with the effects, Nm.
+    ///
+    /// The motion is the best of several simple reconstructions from the log.
+    fn floor(&self, mechanism: &Mechanism, trajectories: &[Trajectory], logged: &[Logged]) -> Rows {
+        let sensing = &self.campaign.sensing;
+        let machine =
+            Machine { covariate_hz: sensing.covariate_hz, ..Machine::bristles(mechanism) };
+        let errors = |trajectories: &[Trajectory]| -> Rows {
+            let Campaign { runs, .. } = &self.campaign;
+            let started: Vec<(Trajectory, f64)> = runs
+                .iter()
+                .zip(trajectories)
+                .zip(logged)
+                .map(|((run, trajectory), logged)| {
+                    estimate_start(&machine, run, trajectory, logged, |torque| {
+                        sensing.torque_channel(&run.times[..torque.len()], torque)
+                    })
+                })
+                .collect();
+            let inputs = runs.iter().zip(&started).map(|(run, (trajectory, held))| {
+                super::plant::RunInput { held: *held, ..run.input(trajectory) }
+            });
+            let torques = machine.torques(inputs);
+            let run = |((torque, run), logged): ((Vec<f64>, &RunPlan), &Logged)| {
+                let read = sensing.torque_channel(&run.times, &torque);
+                logged.torque.iter().zip(read).map(|(logged, model)| logged - model).collect()
+            };
+            torques.into_iter().zip(runs).zip(logged).map(run).collect()
+        };
+        let delay_s = mechanism.joint.delay_s;
+        if delay_s != 0.0 || sensing.kind == SensorKind::Exact {
+            // The true motion is used: its uncertainty is zero.
+            return errors(&self.model_trajectories(delay_s));
+        }
+        let runs = || self.campaign.runs.iter().zip(trajectories).zip(logged);
+        let delay_s = sensing.velocity_delay_s(self.campaign.rate_hz);
+        let readings = [1, 5, 15]
+            .into_iter()
+            .flat_map(|smooth| [true, false].map(|angle| Reading { angle, smooth, delay_s }));
+        let possible = readings.filter(|reading| !reading.angle || sensing.has_position());
+        let tried = possible.map(|reading| {
+            let trajectories: Vec<Trajectory> = runs()
+                .map(|((run, trajectory), logged)| reading.trajectory(run, trajectory, logged))
+                .collect();
+            errors(&trajectories)
+        });
+        tried.min_by(|a, b| rms(a).total_cmp(&rms(b))).unwrap_or_default()
+    }
+}
+
+/// Returns `seal` with the hidden effect of `hidden`.
+fn with_effect(seal: Seal, hidden: &Seal) -> Seal {
+    Seal {
+        per_pressure: hidden.per_pressure,
+        per_force: hidden.per_force,
+        eta3: hidden.eta3,
+        ..seal
+    }
+}
