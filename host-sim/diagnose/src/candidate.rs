@@ -165,6 +165,17 @@ pub struct FitContext<'a> {
     pub spec: &'a Spec,
     /// What it does, row by row.
     pub at: &'a Sensitivities,
+    /// What a contest has found of causes that enter nonlinearly; empty to search for it.
+    pub found: FoundSettings,
+}
+
+/// Settings of nonlinear causes that are known before a fit.
+#[derive(Clone, Debug, Default)]
+pub struct FoundSettings {
+    /// Orders of a ripple, 1/rad or 1/m.
+    pub orders: Vec<f64>,
+    /// Gap of a backlash and travel of the friction beside it, rad or m.
+    pub gap: Option<(f64, f64)>,
 }
 
 impl FitContext<'_> {

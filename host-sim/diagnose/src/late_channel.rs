@@ -15,7 +15,7 @@
 //! velocity is that of the later time. The friction that is fitted is the shaft's; nothing of either is handed to a driver.
 
 use super::baseline::independent_rows;
-use super::candidate::{FitContext, Regressor, row};
+use super::candidate::{FitContext, FoundSettings, Regressor, row};
 use super::hysteresis;
 use super::model::{FittedModel, again};
 use super::sensitivities::sensitivities;
@@ -197,7 +197,12 @@ fn screening_lags(log: &TrainTest) -> Vec<f64> {
 /// constants, s, in Nm^2.
 fn sse_beside(log: &TrainTest, model: &FittedModel, lags_s: &[f64]) -> f64 {
     let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
-    let mut columns = hysteresis::columns(&FitContext { log, spec: &model.spec, at: &at });
+    let mut columns = hysteresis::columns(&FitContext {
+        log,
+        spec: &model.spec,
+        at: &at,
+        found: FoundSettings::default(),
+    });
     columns.extend(lags_s.iter().map(|time_s| lag(*time_s)));
     survey(log, &at, &[], &columns, block_length(log, &at)).sse_beside_other_laws()
 }

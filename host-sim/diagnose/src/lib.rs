@@ -63,6 +63,7 @@ pub mod candidate;
 pub mod cause;
 pub mod cause_evidence;
 pub mod ceiling;
+pub mod columns;
 pub mod contest;
 pub mod corrected_log;
 pub mod decision;

@@ -1,7 +1,7 @@
 //! One round: all candidates beside a fitted model.
 
 use super::block_errors::{BlockErrors, Improvement};
-use super::candidate::FitContext;
+use super::candidate::{FitContext, FoundSettings};
 use super::cause::{Cause, CauseCandidate, cause_candidates};
 use super::cause_evidence::CauseEvidence;
 use super::error_reduction::ErrorReduction;
@@ -65,7 +65,8 @@ impl Round {
     pub fn new(log: &TrainTest, model: &FittedModel) -> Self {
         let log = &*log.following(model.follows.as_ref());
         let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
-        let context = FitContext { log, spec: &model.spec, at: &at };
+        let context =
+            FitContext { log, spec: &model.spec, at: &at, found: FoundSettings::default() };
         let candidates = cause_candidates(&context);
         let length = block_length(log, &at);
         let gram = survey(log, &at, &candidates, &other_laws::columns(&context), length);

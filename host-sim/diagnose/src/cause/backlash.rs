@@ -76,6 +76,23 @@ fn stroke(context: &FitContext) -> f64 {
     middle.unwrap_or(0.0)
 }
 
+/// Returns the candidate of a travel, rad, of whether it is crossed at zero torque, and of a bristle stiffness, Nm/rad.
+fn candidate(columns: &[&str], (travel, unloaded, stiffness): (f64, f64, f64)) -> Candidate {
+    let settings = vec![
+        (Id::BacklashTravel, travel),
+        (Id::BacklashUnloaded, unloaded),
+        (Id::BristleStiffness, stiffness),
+    ];
+    let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
+    Candidate::new(TermKind::Backlash, columns, vec![Regressor::Exact(by)])
+        .starting_at(&[
+            (Id::BacklashTravel, InitialGuess::At(travel)),
+            (Id::BacklashUnloaded, InitialGuess::At(unloaded)),
+            (Id::BristleStiffness, InitialGuess::At(stiffness)),
+        ])
+        .keeping(&[Id::BacklashStiffnessRatio, Id::BacklashUnloaded])
+}
+
 impl Cause for Backlash {
     fn name(&self) -> &'static str {
         "backlash"
@@ -133,6 +150,11 @@ impl Cause for Backlash {
         let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
         let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
         let stiffness = parameters.get(Id::BristleStiffness);
+        if let Some((gap, travel)) = context.found.gap {
+            let level = stiffness * presliding;
+            let ways = [0.0, 1.0].map(|unloaded| (gap, unloaded, level / travel.max(1e-12)));
+            return ways.map(|way| candidate(&columns, way)).into();
+        }
         let stiffer = [(0.5 * presliding, 0.0), (0.5 * presliding, 1.0)];
         let stiffer = stiffer.map(|(travel, unloaded)| (travel, unloaded, STIFFER * stiffness));
         kept.into_iter()
@@ -140,22 +162,7 @@ impl Cause for Backlash {
             .chain(by_stroke)
             .map(|(travel, unloaded)| (travel, unloaded, stiffness))
             .chain(stiffer)
-            .map(|(travel, unloaded, stiffness)| {
-                let settings = vec![
-                    (Id::BacklashTravel, travel),
-                    (Id::BacklashUnloaded, unloaded),
-                    (Id::BristleStiffness, stiffness),
-                ];
-                let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
-                let by = vec![Regressor::Exact(by)];
-                Candidate::new(TermKind::Backlash, &columns, by)
-                    .starting_at(&[
-                        (Id::BacklashTravel, InitialGuess::At(travel)),
-                        (Id::BacklashUnloaded, InitialGuess::At(unloaded)),
-                        (Id::BristleStiffness, InitialGuess::At(stiffness)),
-                    ])
-                    .keeping(&[Id::BacklashStiffnessRatio, Id::BacklashUnloaded])
-            })
+            .map(|way| candidate(&columns, way))
             .chain([several_stiffnesses(&columns, parameters.get(Id::BristleStiffness))])
             .collect()
     }

@@ -51,6 +51,10 @@ impl Cause for PositionRipple {
         if !log.varies(name) {
             return Vec::new();
         }
+        if !context.found.orders.is_empty() {
+            let orders = context.found.orders.iter();
+            return orders.map(|order| candidate(name, *order, 1.0)).collect();
+        }
         let points: Vec<Point> = log
             .train_tracks
             .iter()
@@ -66,22 +70,12 @@ impl Cause for PositionRipple {
             .collect();
         let is_revolute = log.train.joint == JointKind::Revolute;
         let most = most(log);
-        let candidate = |peak: &crate::order::Peak| {
+        let of_peak = |peak: &crate::order::Peak| {
             let (n, comparisons) =
                 if is_revolute { peak.whole(most) } else { (peak.order, peak.independent) };
-            let by = vec![
-                row(move |r| r.level * (n * r.sample.position_rad).sin()),
-                row(move |r| r.level * (n * r.sample.position_rad).cos()),
-            ];
-            Candidate::new(TermKind::PositionRipple, &[name], by)
-                .starting_at(&[
-                    (Id::RippleOrder, InitialGuess::At(n)),
-                    (Id::RippleSine, InitialGuess::Times(0, 1.0)),
-                    (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
-                ])
-                .of_order(n, comparisons)
+            candidate(name, n, comparisons)
         };
-        peaks(&points, most, ORDERS).iter().map(candidate).collect()
+        peaks(&points, most, ORDERS).iter().map(of_peak).collect()
     }
 
     /// None: the size is the amplitude of one order, and the others may hold the effect.
@@ -124,4 +118,19 @@ impl Cause for PositionRipple {
         )
         .into()
     }
+}
+
+/// Returns the candidate of an order, which was chosen from this number of others.
+fn candidate(position: &str, n: f64, comparisons: f64) -> Candidate {
+    let by = vec![
+        row(move |r| r.level * (n * r.sample.position_rad).sin()),
+        row(move |r| r.level * (n * r.sample.position_rad).cos()),
+    ];
+    Candidate::new(TermKind::PositionRipple, &[position], by)
+        .starting_at(&[
+            (Id::RippleOrder, InitialGuess::At(n)),
+            (Id::RippleSine, InitialGuess::Times(0, 1.0)),
+            (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
+        ])
+        .of_order(n, comparisons)
 }

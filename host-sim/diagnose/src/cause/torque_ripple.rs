@@ -51,6 +51,10 @@ impl Cause for TorqueRipple {
         if !log.varies(name) {
             return Vec::new();
         }
+        if !context.found.orders.is_empty() {
+            let count = context.found.orders.len().min(TORQUE_RIPPLE_ORDERS);
+            return vec![candidate(name, &context.found.orders[..count], 1.0)];
+        }
         let is_revolute = log.train.joint == JointKind::Revolute;
         let most = most(log);
         let is_gravitys = is_revolute && log.aligned_order.is_none();

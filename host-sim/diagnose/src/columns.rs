@@ -1,0 +1,86 @@
+//! Columns of a fitted model and of regressors beside it, along one track.
+//!
+//! The columns are the derivatives of the simulated torque by each free parameter, then the regressors, then the residual. All
+//! pass the filter of the torque channel, are weighted as their rows and decimated as the log. What the unknown torque at the
+//! start of a track explains is taken out.
+
+use super::candidate::{Regressor, Row};
+use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
+use super::train_test::TrainTest;
+use friction_fit::Track;
+use friction_fit::channel::filter_column;
+use joint_log::AntiAlias;
+
+/// Returns the columns along a track. A regressor comes with the index of the extra covariate that it reads, if any.
+pub fn columns(
+    log: &TrainTest,
+    model: &Sensitivities,
+    (track, at): (&Track, &TrackSensitivities),
+    regressors: &[(&Regressor, Option<usize>)],
+) -> Vec<Vec<f64>> {
+    let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
+    let slope = slope(track, &at.shaft_torque);
+    for (regressor, extra) in regressors {
+        let extra = extra.map(|index| &track.covariates[index]);
+        columns.push(match regressor {
+            Regressor::Exact(effect) => exact(model, track, at, effect),
+            Regressor::Track(of) => filter_column(track, of(track, at)),
+            Regressor::Row(of) => {
+                let row = |row: usize| {
+                    of(&Row {
+                        sample: &track.samples[row],
+                        added: at.added[row],
+                        level: at.level[row],
+                        viscous: at.viscous[row],
+                        slope: slope[row],
+                        extra: extra.map_or(0.0, |extra| extra[row]),
+                    })
+                };
+                filter_column(track, (0..track.len()).map(row).collect())
+            }
+        });
+    }
+    let mut memory = at.memory.clone();
+    if !track.is_evenly_weighted() {
+        for column in columns.iter_mut().chain([&mut memory]) {
+            let weighed = column.iter_mut().enumerate();
+            weighed.for_each(|(row, value)| *value *= track.weight(row).sqrt());
+        }
+    }
+    columns.push(at.residual.clone());
+    if log.decimate > 1 {
+        let filter = AntiAlias::new(log.decimate);
+        memory.resize(track.len(), 0.0);
+        memory = filter.thin(memory);
+        columns = columns.into_iter().map(|column| filter.thin(column)).collect();
+    }
+    forget_start(&mut columns, &memory);
+    columns
+}
+
+/// Takes out of every column what the unknown torque held at the start of the track explains.
+fn forget_start(columns: &mut [Vec<f64>], memory: &[f64]) {
+    let power: f64 = memory.iter().map(|m| m * m).sum();
+    if power <= 0.0 {
+        return;
+    }
+    for column in columns {
+        let share = column.iter().zip(memory).map(|(c, m)| c * m).sum::<f64>() / power;
+        column.iter_mut().zip(memory).for_each(|(c, m)| *c -= share * m);
+    }
+}
+
+/// Rate of the simulated torque, Nm/s.
+fn slope(track: &Track, torque: &[f64]) -> Vec<f64> {
+    let last = torque.len() - 1;
+    (0..torque.len())
+        .map(|row| {
+            let (before, after) = (row.saturating_sub(1), (row + 1).min(last));
+            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| {
+                ratios[before + 1..=after].iter().sum::<f64>() / (after - before) as f64
+            });
+            let time = (after - before) as f64 * track.period_s * ratio;
+            if time > 0.0 { (torque[after] - torque[before]) / time } else { 0.0 }
+        })
+        .collect()
+}
