@@ -8,7 +8,7 @@
 
 use super::sensitivities::{Exact, Sensitivities, TrackSensitivities};
 use super::train_test::{FollowedColumn, TrainTest};
-use compensator_core::{ParameterId, Sample, TermKind};
+use compensator_core::{ParameterId, Parameters, Sample, TermKind};
 use friction_fit::Track;
 use friction_fit::spec::Spec;
 
@@ -149,6 +149,18 @@ impl Candidate {
     pub fn weighing(mut self, weight: f64) -> Self {
         self.weight = weight;
         self
+    }
+
+    /// Sets the parameters of its term, given the coefficients of its regressors.
+    pub fn set(&self, parameters: &mut Parameters<f64>, coefficients: &[f64]) {
+        for (id, guess) in &self.guesses {
+            let value = match guess {
+                InitialGuess::At(value) => *value,
+                InitialGuess::Times(column, factor) => coefficients[*column] * factor,
+            };
+            let info = id.info();
+            parameters.set(*id, value.clamp(info.lower, info.upper));
+        }
     }
 
     /// Whether it is a curve of any shape.

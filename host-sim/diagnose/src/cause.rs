@@ -35,6 +35,7 @@ mod torque_ripple;
 mod unknown;
 mod unmodelled_inertia;
 mod warm_up;
+mod without_term;
 
 pub mod definition;
 
@@ -67,6 +68,9 @@ pub const ALL: &[&dyn Cause] = &[
     &torque_ripple::TorqueRipple,
     &time_drift::TimeDrift,
     &warm_up::WarmUp,
+    &without_term::ENCODER_ERROR,
+    &without_term::JOINT_COUPLING,
+    &without_term::PAYLOAD,
     &unknown::Unknown,
 ];
 
@@ -74,6 +78,11 @@ pub const ALL: &[&dyn Cause] = &[
 /// beforehand.
 pub fn of_term(term: TermKind) -> Option<&'static dyn Cause> {
     ALL.iter().copied().find(|cause| cause.remedy().term() == Some(term))
+}
+
+/// Returns the cause of this name.
+pub fn named(name: &str) -> Option<&'static dyn Cause> {
+    ALL.iter().copied().find(|cause| cause.name() == name)
 }
 
 /// Returns the causes that act through a parameter of a law.

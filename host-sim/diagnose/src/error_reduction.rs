@@ -18,7 +18,7 @@
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 /// Reduction of the squared error on held-out rows, with its standard error.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ErrorReduction {
     /// The reduction, Nm^2.
     pub value: f64,

@@ -45,6 +45,23 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// Creates a finding of a cause without figures.
+    pub fn of(cause: &'static dyn Cause) -> Self {
+        Self {
+            cause,
+            columns: Vec::new(),
+            size: Size::default(),
+            order: None,
+            p_value: 1.0,
+            probability: 0.0,
+            stability: 0.0,
+            share_of_residual: 0.0,
+            confusable_with: Vec::new(),
+            in_words: String::new(),
+            evidence: None,
+        }
+    }
+
     /// Creates the finding of a cause that was observed without a fit.
     pub fn observed(cause: &'static dyn Cause, seen: Observation) -> Self {
         Self {

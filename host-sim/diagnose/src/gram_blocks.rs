@@ -90,7 +90,7 @@ pub struct CandidateOptions {
 }
 
 /// What the linear fit of a candidate beside the base says.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct CandidateFit {
     /// Which.
     pub candidate: usize,

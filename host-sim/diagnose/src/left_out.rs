@@ -12,13 +12,16 @@
 //! A held-out stretch is still simulated, because the bristles depend on the previous motion. Its
 //! rows have the weight 0 in the fit. Every fit starts from the fit to all rows.
 
+use super::columns::columns;
 use super::gram_blocks::{LeftOut, STRETCHES};
 use super::model::{FittedModel, again};
+use super::sensitivities::sensitivities;
 use super::train_test::TrainTest;
 use friction_fit::Track;
 use friction_fit::metrics::Metrics;
 use friction_fit::predict::{Predicted, predict};
 use friction_fit::{Rows, track};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Largest number of fits of a model with whole runs held out.
@@ -71,6 +74,140 @@ pub fn predict_left_out(log: &TrainTest, model: &FittedModel, left_out: LeftOut)
     }
     whole.metrics = metrics(log, &whole);
     whole
+}
+
+/// Largest ratio by which a fit without some rows changes a positive parameter.
+const MAX_CHANGE: f64 = 3.0;
+
+/// Ridge of such a fit, relative to the diagonal.
+const RIDGE: f64 = 1e-7;
+
+/// Ratio of squared errors on its own rows above which such a fit has diverged.
+const DIVERGED: f64 = 1.02;
+
+/// Returns the prediction of every row of `judged` by a fit without it: one Gauss-Newton step from the fit to all rows, shorter
+/// if that would raise the error of the other rows. `fitted` has the weights of the fit, `judged` those of the evaluation.
+pub fn one_step_left_out(fitted: &TrainTest, judged: &TrainTest, model: &FittedModel) -> Predicted {
+    let (fitted, judged) =
+        (&*fitted.following(model.follows.as_ref()), &*judged.following(model.follows.as_ref()));
+    let way = unit(judged);
+    let of_track = |track: &Track| -> Vec<usize> {
+        (0..track.len().div_ceil(judged.decimate))
+            .map(|row| group(judged, track, row * judged.decimate, way))
+            .collect()
+    };
+    let groups: Vec<Vec<usize>> = judged.train_tracks.iter().map(of_track).collect();
+    let count = groups.iter().flatten().max().map_or(0, |most| most + 1);
+    let products = group_products(fitted, model, &groups, count);
+    let mut whole = predict(&model.parameters, judged.train_rows(), model.resolution);
+    let total = products
+        .iter()
+        .fold(DMatrix::zeros(model.free.len() + 1, model.free.len() + 1), |sum, own| sum + own);
+    let parts: Vec<Option<Predicted>> = (0..count)
+        .into_par_iter()
+        .map(|own| {
+            let step = step(&(&total - &products[own]))?;
+            stepped(judged, model, &step, &whole, (&groups, own))
+        })
+        .collect();
+    for (own, part) in parts.iter().enumerate() {
+        let Some(part) = part else { continue };
+        for (track, groups) in groups.iter().enumerate() {
+            for (row, torque) in whole.torque[track].iter_mut().enumerate() {
+                if groups[row / judged.decimate] == own {
+                    *torque = part.torque[track][row];
+                }
+            }
+            for (row, residual) in whole.residuals[track].iter_mut().enumerate() {
+                if groups[row.min(groups.len() - 1)] == own {
+                    *residual = part.residuals[track][row];
+                }
+            }
+        }
+    }
+    whole.metrics = metrics(judged, &whole);
+    whole
+}
+
+/// Returns the products of the derivatives and the residual over the rows of each group.
+fn group_products(
+    log: &TrainTest,
+    model: &FittedModel,
+    groups: &[Vec<usize>],
+    count: usize,
+) -> Vec<DMatrix<f64>> {
+    let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
+    let size = model.free.len() + 1;
+    let tracks: Vec<_> = log.train_tracks.iter().zip(&at.tracks).zip(groups).collect();
+    let of_track = |((track, own), groups): &((&Track, &_), &Vec<usize>)| {
+        let columns = columns(log, &at, (track, own), &[]);
+        let mut products = vec![DMatrix::zeros(size, size); count];
+        let mut from = 0;
+        while from < columns[0].len() {
+            let group = groups[from.min(groups.len() - 1)];
+            let same = (from..columns[0].len())
+                .take_while(|row| groups[(*row).min(groups.len() - 1)] == group);
+            let rows = same.count();
+            let wide = DMatrix::from_fn(rows, size, |row, column| {
+                let value = columns[column][from + row];
+                if value.is_finite() { value } else { 0.0 }
+            });
+            products[group] += wide.transpose() * &wide;
+            from += rows;
+        }
+        products
+    };
+    let parts: Vec<Vec<DMatrix<f64>>> = tracks.par_iter().map(of_track).collect();
+    let mut sums = vec![DMatrix::zeros(size, size); count];
+    for part in parts {
+        sums.iter_mut().zip(part).for_each(|(sum, own)| *sum += own);
+    }
+    sums
+}
+
+/// Returns the Gauss-Newton step of products whose last column is the residual.
+fn step(products: &DMatrix<f64>) -> Option<DVector<f64>> {
+    let size = products.nrows() - 1;
+    let scale: Vec<f64> =
+        (0..size).map(|at| products[(at, at)].sqrt().max(f64::MIN_POSITIVE)).collect();
+    let ridge = |i: usize, j: usize| if i == j { RIDGE } else { 0.0 };
+    let system =
+        DMatrix::from_fn(size, size, |i, j| products[(i, j)] / (scale[i] * scale[j]) + ridge(i, j));
+    let right = DVector::from_fn(size, |i, _| products[(i, size)] / scale[i]);
+    let solved = Cholesky::new(system)?.solve(&right);
+    Some(DVector::from_fn(size, |i, _| solved[i] / scale[i]))
+}
+
+/// Returns the prediction after a step; `None` if even a short one raises the error of the rows outside the group.
+fn stepped(
+    log: &TrainTest,
+    model: &FittedModel,
+    step: &DVector<f64>,
+    whole: &Predicted,
+    (groups, own): (&[Vec<usize>], usize),
+) -> Option<Predicted> {
+    let outside = |predicted: &Predicted| -> f64 {
+        let tracks = predicted.residuals.iter().zip(groups);
+        let rows = tracks.flat_map(|(residuals, groups)| {
+            let rows = residuals.iter().enumerate();
+            rows.filter(|(row, _)| groups[(*row).min(groups.len() - 1)] != own)
+        });
+        rows.map(|(_, residual)| residual * residual).sum()
+    };
+    let before = outside(whole);
+    [1.0, 0.5, 0.25].into_iter().find_map(|share| {
+        let mut parameters = model.parameters.clone();
+        for (id, change) in model.free.iter().zip(step.iter()) {
+            let (value, info) = (model.parameters.get(*id), id.info());
+            let mut next = value + share * change;
+            if value > 0.0 && info.lower >= 0.0 {
+                next = next.clamp(value / MAX_CHANGE, value * MAX_CHANGE);
+            }
+            parameters.set(*id, next.clamp(info.lower, info.upper));
+        }
+        let predicted = predict(&parameters, log.train_rows(), model.resolution);
+        (outside(&predicted) <= DIVERGED * before).then_some(predicted)
+    })
 }
 
 /// Returns the prediction by a fit without one group; `None` if the group or the rest is empty.

@@ -58,6 +58,7 @@
 pub mod accepted_cause;
 pub mod baseline;
 pub mod block_errors;
+pub mod by_contest;
 pub mod calibration;
 pub mod candidate;
 pub mod cause;
@@ -72,6 +73,7 @@ pub mod evaluation;
 pub mod evidence;
 pub mod experiment;
 pub mod extended;
+pub mod finalist;
 pub mod finding;
 pub mod gram_blocks;
 pub mod harmonics;
@@ -80,6 +82,7 @@ mod improvement;
 pub mod late_channel;
 pub mod left_out;
 pub mod model;
+pub mod naming;
 pub mod order;
 pub mod other_laws;
 pub mod prepare;
@@ -130,6 +133,16 @@ use rules::RuleDecision;
 use stochastic_extension::Certificate;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
 
+/// How causes are searched for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Engine {
+    /// One cause after the other beside a fitted model.
+    #[default]
+    Search,
+    /// A contest of whole hypotheses.
+    Contest,
+}
+
 /// Options of a diagnosis.
 #[derive(Clone, Debug, Default)]
 pub struct DiagnosisOptions {
@@ -151,6 +164,8 @@ pub struct DiagnosisOptions {
     pub loss: Loss,
     /// If true, evidence is weighed for the calibration, and no extension is proposed.
     pub only_weighs: bool,
+    /// How causes are searched for.
+    pub engine: Engine,
 }
 
 /// Result of a diagnosis.
@@ -258,6 +273,9 @@ pub fn diagnose(
     question: &DiagnosisOptions,
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
+    if question.engine == Engine::Contest {
+        return diagnose_by_contest(data, split, question, progress);
+    }
     let begin = Instant::now();
     let log = TrainTest::new(data, split, question.decimate, &question.rigid_body);
     let corrected = CorrectedLog::new(log, data.joint, question, progress)?;
@@ -307,6 +325,64 @@ pub fn diagnose(
         after,
         findings,
         gain: decision.proposal.gain,
+        unexplained_memory_rows,
+        seconds: begin.elapsed().as_secs_f64(),
+    })
+}
+
+/// Diagnoses a log by a contest of hypotheses.
+fn diagnose_by_contest(
+    data: &Dataset,
+    split: &Split,
+    question: &DiagnosisOptions,
+    progress: &dyn Fn(&str),
+) -> Result<Diagnosis, SpecError> {
+    let begin = Instant::now();
+    let log = TrainTest::new(data, split, question.decimate, &question.rigid_body);
+    let answer = by_contest::answer(log, question, progress)?;
+    let by_contest::Answer { log, mut baseline, mut extended, before, after, .. } = answer;
+    baseline.test = before.metrics;
+    extended.test = after.metrics;
+    let Floors { noise_floor, coloured } = floors(&log, &after);
+    let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
+    let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
+    let mut findings = answer.findings;
+    findings.extend(observed(|cause| cause.in_log(&log)));
+    if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
+    {
+        let (after, log, seed) = (&after, &log, question.seed);
+        let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
+        findings.extend(observed(|cause| cause.in_rest(&rest)));
+    }
+    progress("fitting a flexible model");
+    let ceiling = ceiling_of(&log, answer.left_out, &after, &extended);
+    progress("certifying");
+    let models = Models { baseline, extended };
+    let certificates = certificates(&log, &models, &findings, question.seed);
+    let Models { baseline, extended } = models;
+    let (tracks, resolution) = (&log.test_tracks, baseline.resolution);
+    let at = sensitivities::sensitivities(&baseline.parameters, &[], tracks, resolution);
+    let log_findings = question.log_findings.iter().cloned().chain(answer.log_findings).collect();
+    Ok(Diagnosis {
+        log_findings,
+        noise_floor,
+        ceiling,
+        by_regime: regime::by_regime(&log.test_tracks, &at),
+        by_direction: regime::by_direction(&log.test_tracks, &at),
+        by_column: regime::by_column(&log, &at),
+        scores: by_contest::scores(&answer.weighed),
+        weighed: Vec::new(),
+        decisions: Vec::new(),
+        certificates,
+        auxiliary: answer.auxiliary,
+        left_out: answer.left_out,
+        log,
+        baseline,
+        extended,
+        before,
+        after,
+        findings,
+        gain: answer.gain,
         unexplained_memory_rows,
         seconds: begin.elapsed().as_secs_f64(),
     })

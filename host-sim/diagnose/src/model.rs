@@ -3,7 +3,7 @@
 //! A search repeats fits. After a rejected cause it starts again and reaches models that it has
 //! already fitted. [`FitCache`] stores the fits on its log by their starting point.
 
-use super::candidate::{Candidate, InitialGuess};
+use super::candidate::Candidate;
 use super::gram_blocks::CandidateFit;
 use super::train_test::FollowedColumn;
 use super::train_test::TrainTest;
@@ -157,14 +157,7 @@ pub fn with_candidate(
         parameters.set(id, model.parameters.get(id));
     }
     parameters.choices = model.parameters.choices;
-    for (id, seed) in &candidate.guesses {
-        let value = match seed {
-            InitialGuess::At(value) => *value,
-            InitialGuess::Times(column, factor) => linear.coefficients[*column] * factor,
-        };
-        let info = id.info();
-        parameters.set(*id, value.clamp(info.lower, info.upper));
-    }
+    candidate.set(&mut parameters, &linear.coefficients);
     let mut fixed = model.fixed.clone();
     fixed.extend(&candidate.fixed);
     let follows = candidate.follows.clone().or_else(|| model.follows.clone());

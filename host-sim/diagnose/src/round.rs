@@ -7,6 +7,7 @@ use super::cause_evidence::CauseEvidence;
 use super::error_reduction::ErrorReduction;
 use super::gram_blocks::{CandidateFit, CandidateOptions, GramBlocks};
 use super::model::FittedModel;
+use super::naming::WeighedCause;
 use super::other_laws;
 use super::rules::{self, Rejection};
 use super::sensitivities::sensitivities;
@@ -34,6 +35,8 @@ pub struct CandidateScore {
     pub rejection: Option<Rejection>,
     /// Evidence from the linear fit.
     pub evidence: CauseEvidence,
+    /// The cause as the contest weighed it, if it was found there.
+    pub weighed: Option<WeighedCause>,
 }
 
 /// A fitted model with all its candidates.
@@ -246,6 +249,7 @@ impl Round {
                     rejection: self.linear_rejection(fit),
                     evidence: self.evidence(fit, &better),
                     fit: fit.clone(),
+                    weighed: None,
                 }
             })
             .collect();

@@ -67,6 +67,13 @@ pub const CONTRADICTED: Rule = Rule {
     reason: "number of contradictions between the fitted parameters and the meaning of the cause",
 };
 
+/// A log must show a wave more than once.
+pub const SHORT_WAVE: Rule = Rule {
+    name: "short-wave",
+    limit: 1.5,
+    reason: "periods of a wave in the range of the positions: fewer are a trend",
+};
+
 /// A size must be physically possible.
 pub const UNPHYSICAL: Rule = Rule {
     name: "unphysical-size",
@@ -112,7 +119,8 @@ pub const BELOW_THRESHOLD: Rule = Rule {
 };
 
 /// All rules.
-pub const ALL: [&Rule; 12] = [
+pub const ALL: [&Rule; 13] = [
+    &SHORT_WAVE,
     &NO_REDUCTION,
     &NOT_SIGNIFICANT,
     &NEGLIGIBLE,

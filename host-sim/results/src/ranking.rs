@@ -117,6 +117,9 @@ pub fn probability(found: &Diagnosis, score: &CandidateScore) -> f64 {
     if let Some(finding) = finding {
         return finding.probability;
     }
+    if let Some(weighed) = &score.weighed {
+        return weighed.probability;
+    }
     let is_own = |own: &&AcceptedCause| own.cause == score.cause && own.columns == score.columns;
     let reviewed = found.weighed.iter().find(is_own).map(|own| own.probability);
     reviewed.unwrap_or_else(|| match score.rejection {

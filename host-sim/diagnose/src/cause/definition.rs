@@ -23,16 +23,16 @@ pub enum Remedy {
     /// A column of the log is to be corrected: it is the sensor or the logger. A term may stand in for the
     /// correction until that is done.
     CorrectColumn(Option<TermKind>),
-    /// The rigid body is to be known better: the term is a part of it, not friction.
-    RigidBody(TermKind),
+    /// The rigid body is to be known better: the term, if there is one, is a part of it, not friction.
+    RigidBody(Option<TermKind>),
 }
 
 impl Remedy {
     /// The term that takes the cause into the model, if there is one.
     pub fn term(self) -> Option<TermKind> {
         match self {
-            Self::Term(term) | Self::RigidBody(term) => Some(term),
-            Self::CorrectColumn(term) => term,
+            Self::Term(term) => Some(term),
+            Self::CorrectColumn(term) | Self::RigidBody(term) => term,
         }
     }
 }

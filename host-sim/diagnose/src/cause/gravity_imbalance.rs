@@ -25,7 +25,7 @@ impl Cause for GravityImbalance {
     }
 
     fn remedy(&self) -> Remedy {
-        Remedy::RigidBody(TermKind::GravityImbalance)
+        Remedy::RigidBody(Some(TermKind::GravityImbalance))
     }
 
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {

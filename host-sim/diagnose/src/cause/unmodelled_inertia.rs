@@ -24,7 +24,7 @@ impl Cause for UnmodelledInertia {
     }
 
     fn remedy(&self) -> Remedy {
-        Remedy::RigidBody(TermKind::UnmodelledInertia)
+        Remedy::RigidBody(Some(TermKind::UnmodelledInertia))
     }
 
     fn is_confounded_with_model_error(&self) -> bool {

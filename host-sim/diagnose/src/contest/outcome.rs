@@ -201,6 +201,22 @@ pub struct Finalist {
     pub rmse: f64,
     /// Held-out RMS error without its causes, with its law and correction, unweighted.
     pub law_rmse: f64,
+    /// Squared error with its correction as a share of that without, with the same causes.
+    pub share_left: f64,
+}
+
+impl Finalist {
+    /// Returns the hypothesis without a cause, for a log on which none can be scored.
+    pub fn without_cause() -> Self {
+        Self {
+            correction: Correction::None,
+            law: LawStart { name: "linear", ..LawStart::default() },
+            causes: Vec::new(),
+            rmse: 0.0,
+            law_rmse: 0.0,
+            share_left: 1.0,
+        }
+    }
 }
 
 /// A cause of a finalist.
@@ -282,7 +298,18 @@ impl Table<'_> {
             causes,
             rmse: self.rmse(rows, hypothesis),
             law_rmse: self.rmse(rows, &alone),
+            share_left: self.share_left(hypothesis),
         }
+    }
+
+    /// Returns the error of a hypothesis as a share of the least one with the same causes in the log as it is.
+    fn share_left(&self, hypothesis: &Hypothesis) -> f64 {
+        let delay = |key: &&CauseKey| key.cause != "channel-delay";
+        let without = self.ledger.least_error(|other| {
+            self.entries[other.bank].correction == Correction::None
+                && other.causes.iter().filter(delay).eq(hypothesis.causes.iter().filter(delay))
+        });
+        without.map_or(1.0, |without| (hypothesis.error / without).min(1.0))
     }
 
     /// Returns the parameters of an entry's law from the coefficients of its columns.

@@ -1,0 +1,503 @@
+//! A diagnosis by the contest of hypotheses.
+//!
+//! ```text
+//! TrainTest -> Rows -> contest -> Outcome           what competes, linear               contest
+//!           -> WeighedCause                         probability of each cause           naming
+//!           -> FittedFinalist                       the best few in the driver's law    finalist
+//!           -> Offer                                fitted to all rows, held out        here
+//! ```
+
+use super::cause_evidence::CauseEvidence;
+use super::contest::correction::Correction;
+use super::contest::{
+    Finalist, FinalistCause, LawStart, Outcome as ContestOutcome, RigidBody, Rows, contest,
+};
+use super::evaluation::{Gain, gain};
+use super::extended::{Extended, Size};
+use super::finalist::{
+    FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters,
+};
+use super::finding::Finding;
+use super::gram_blocks::{CandidateFit, LeftOut};
+use super::late_channel::{LateChannel, LateChannelKind};
+use super::left_out::{one_step_left_out, unit};
+use super::model::FittedModel;
+use super::naming::{NAMED, WeighedCause, confounded, weigh};
+use super::round::CandidateScore;
+use super::rules::{self, Rejection};
+use super::train_test::TrainTest;
+use super::{DiagnosisOptions, unknown_zero};
+use compensator_core::{LawKind, TermKind};
+use friction_fit::predict::{Predicted, predict};
+use friction_fit::spec::{Spec, SpecError};
+use friction_fit::torque_low_pass::LowPassShape;
+use friction_fit::{FitOptions, Outcome, identify};
+use joint_log::JointKind;
+use joint_log::log_check::LogFinding;
+
+/// What a diagnosis by the contest answers.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// The log with the correction of the chosen hypothesis.
+    pub log: TrainTest,
+    /// What the contest has found wrong with the log.
+    pub log_findings: Vec<LogFinding>,
+    /// The base model, fitted to all rows.
+    pub baseline: Outcome,
+    /// The extended model; the base model if none is offered.
+    pub extended: Outcome,
+    /// The column that the extended model follows besides those that the core knows.
+    pub auxiliary: Option<String>,
+    /// The base model on held-out rows.
+    pub before: Predicted,
+    /// The extended one.
+    pub after: Predicted,
+    /// The gain.
+    pub gain: Gain,
+    /// What was left out at a time, where nothing is set apart.
+    pub left_out: Option<LeftOut>,
+    /// The named causes, strongest first.
+    pub findings: Vec<Finding>,
+    /// All causes of the contest with their probabilities.
+    pub weighed: Vec<WeighedCause>,
+}
+
+/// Answers by the contest.
+///
+/// # Errors
+/// If a model has more terms than the core takes.
+pub fn answer(
+    log: TrainTest,
+    options: &DiagnosisOptions,
+    progress: &dyn Fn(&str),
+) -> Result<Answer, SpecError> {
+    progress("comparing hypotheses");
+    let mut rows = Rows::new(&log.train, rigid_body(&log.rigid_body), log.decimate);
+    let outcome = contest(&mut rows);
+    let mut weighed = weigh(&outcome, &rows);
+    progress("fitting the best hypotheses");
+    let search = Search { log: &log, rows: &rows, outcome: &outcome, options };
+    let mut chosen = search.best(&weighed)?;
+    progress("fitting the extended model to all rows");
+    let corrected = &chosen.corrected;
+    let baseline = corrected.identify(&chosen.base)?;
+    let before = match &options.given {
+        Some((_, parameters)) => {
+            predict(parameters, corrected.judged.test_rows(), baseline.resolution)
+        }
+        None => corrected.held_out(&model_of(&baseline, &chosen.base)),
+    };
+    let offer = loop {
+        let offer = corrected.offer(&chosen.finalist, &before, options.seed)?;
+        let names: Vec<bool> = weighed.iter().map(WeighedCause::is_named).collect();
+        if let Some(offer) = &offer {
+            check_sizes(&mut weighed, &chosen, offer);
+        }
+        if weighed.iter().map(WeighedCause::is_named).eq(names) {
+            break offer;
+        }
+        chosen.finalist = search.again(&chosen, &weighed)?;
+    };
+    set_shortfall(&mut weighed, &chosen, &before, offer.as_ref());
+    let findings = findings(&weighed, &chosen, offer.as_ref(), &outcome);
+    let judged = chosen.corrected.judged.clone();
+    let follows =
+        offer.as_ref().and_then(|offer| offer.model.follows.clone()).filter(|own| own.extra);
+    let log = judged.following(follows.as_ref()).into_owned();
+    let (extended, after, gain) = match offer {
+        Some(Offer { outcome, after, gain, .. }) => (outcome, after, gain),
+        None => (baseline.clone(), before.clone(), Gain::default()),
+    };
+    Ok(Answer {
+        log_findings: chosen.corrected.finding.into_iter().collect(),
+        left_out: log.leaves_each_out.then(|| unit(&log)),
+        log,
+        baseline,
+        extended,
+        auxiliary: follows.map(|follows| follows.column),
+        before,
+        after,
+        gain,
+        findings,
+        weighed,
+    })
+}
+
+/// Returns the rigid-body parts as the contest takes them.
+fn rigid_body(terms: &[TermKind]) -> RigidBody {
+    let has = |term| terms.contains(&term);
+    RigidBody {
+        inertia: has(TermKind::UnmodelledInertia),
+        gravity: has(TermKind::GravityImbalance),
+        load: has(TermKind::LoadGain),
+        offset: has(TermKind::TorqueOffset),
+    }
+}
+
+/// The log with the correction of a hypothesis.
+#[derive(Clone, Debug)]
+struct CorrectedRows {
+    /// With the weights of the contest, for fits.
+    fitted: TrainTest,
+    /// As it is judged.
+    judged: TrainTest,
+    /// Delay of the torque that the model has as a cause, s.
+    delay_s: Option<f64>,
+    /// The correction as a fault of the log.
+    finding: Option<LogFinding>,
+}
+
+/// A model that gains on held-out rows.
+struct Offer {
+    model: FittedModel,
+    outcome: Outcome,
+    after: Predicted,
+    gain: Gain,
+    realised: Vec<Realised>,
+}
+
+impl CorrectedRows {
+    fn new(log: &TrainTest, rows: &Rows, finalist: &Finalist, joint: JointKind) -> Self {
+        let step_s = rows.step_s;
+        let (mut judged, mut delay_s, mut finding) = (log.clone(), None, None);
+        match finalist.correction {
+            Correction::None => {}
+            Correction::TorqueLate(late) if late > 1 => delay_s = Some(f64::from(late) * step_s),
+            Correction::TorqueLate(late) => {
+                judged = judged.with_later_velocity(-f64::from(late) * step_s);
+            }
+            Correction::TorqueLowPass(late) => {
+                let channel = LateChannel {
+                    late: LateChannelKind::LowPassedTorque,
+                    time_s: late * step_s,
+                    shape: LowPassShape::FirstOrder,
+                    share_left: finalist.share_left,
+                };
+                judged = channel.lag_compensated(judged);
+                finding = Some(channel.finding(joint));
+            }
+        }
+        let mut fitted = judged.clone();
+        for track in &mut fitted.train_tracks {
+            let first = rows.runs[track.run].start + track.first_row;
+            track.scale_weights(|row| rows.weights[first + row].powi(2));
+        }
+        Self { fitted, judged, delay_s, finding }
+    }
+
+    /// Fits a model to all rows, from its parameters, until it converges.
+    fn identify(&self, model: &FittedModel) -> Result<Outcome, SpecError> {
+        let log = self.fitted.following(model.follows.as_ref());
+        let options = FitOptions {
+            starts: 1,
+            start: Some(model.parameters.clone()),
+            fixed: model.fixed.clone(),
+            ..FitOptions::default()
+        };
+        identify(&model.spec, &model.parameters, log.train_rows(), log.test_rows(), &options)
+    }
+
+    /// Returns the model on held-out rows.
+    fn held_out(&self, model: &FittedModel) -> Predicted {
+        match self.judged.leaves_each_out {
+            true => one_step_left_out(&self.fitted, &self.judged, model),
+            false => model.on_test(&self.judged),
+        }
+    }
+
+    /// Fits the finalist to all rows. Returns `None` if it has no term or does not gain on held-out rows.
+    fn offer(
+        &self,
+        finalist: &FittedFinalist,
+        before: &Predicted,
+        seed: u64,
+    ) -> Result<Option<Offer>, SpecError> {
+        if finalist.realised.is_empty() {
+            return Ok(None);
+        }
+        let outcome = self.identify(&finalist.model)?;
+        let model = model_of(&outcome, &finalist.model);
+        let after = self.held_out(&model);
+        let gain = gain(before, &after, seed);
+        let realised = finalist.realised.clone();
+        let offer = Offer { model, outcome, after, gain, realised };
+        Ok((gain.value > 0.0 && gain.ci95[0] > 0.0).then_some(offer))
+    }
+}
+
+/// Returns the fitted model of an outcome that was fitted from a start.
+fn model_of(outcome: &Outcome, start: &FittedModel) -> FittedModel {
+    let free = outcome.estimates.iter().filter(|own| own.std_error.is_some());
+    FittedModel {
+        parameters: outcome.parameters.clone(),
+        free: free.map(|own| own.id).collect(),
+        resolution: outcome.resolution,
+        sse: outcome.train.sse,
+        ..start.clone()
+    }
+}
+
+/// The hypothesis that was chosen, fitted to the excerpt.
+struct Chosen {
+    place: usize,
+    corrected: CorrectedRows,
+    excerpt: TrainTest,
+    base: FittedModel,
+    finalist: FittedFinalist,
+}
+
+/// What the choice among the finalists is made from.
+struct Search<'a> {
+    log: &'a TrainTest,
+    rows: &'a Rows,
+    outcome: &'a ContestOutcome,
+    options: &'a DiagnosisOptions,
+}
+
+impl Search<'_> {
+    /// Returns the base law and the terms that a hypothesis is fitted with.
+    fn spec(&self, law: LawKind) -> Spec {
+        let given = self.options.given.as_ref().map(|(spec, _)| spec);
+        let asked = given.or(self.options.model.as_ref()).cloned();
+        asked.unwrap_or_else(|| Spec::law(law)).on(&self.log.rigid_body)
+    }
+
+    fn is_law_free(&self) -> bool {
+        self.options.given.is_none() && self.options.model.is_none()
+    }
+
+    /// Returns the finalist with the least held-out error on an excerpt of the log.
+    fn best(&self, weighed: &[WeighedCause]) -> Result<Chosen, SpecError> {
+        let mut best: Option<Chosen> = None;
+        let fallback = [Finalist::without_cause()];
+        let finalists =
+            if self.outcome.finalists.is_empty() { &fallback[..] } else { &self.outcome.finalists };
+        for (place, finalist) in finalists.iter().enumerate() {
+            let joint = self.log.train.joint;
+            let mut corrected = CorrectedRows::new(self.log, self.rows, finalist, joint);
+            let is_meant = |own: &FinalistCause| is_named(weighed, own);
+            let causes: Vec<FinalistCause> =
+                finalist.causes.iter().filter(|own| is_meant(own)).cloned().collect();
+            let law = law_kind(&finalist.law, &causes);
+            let base = self.base(&corrected, &finalist.law, law)?;
+            if has_free_phase(&causes)
+                && let Some(aligned) = unknown_zero::aligned(&corrected.judged, &base)
+            {
+                corrected.align(&aligned);
+            }
+            let excerpt = excerpt(&corrected.fitted);
+            let mut laws = vec![base.spec.law];
+            if base.spec.law != law {
+                laws.push(law);
+            }
+            for law in laws {
+                let fitted = fit_finalist(
+                    &excerpt,
+                    finalist,
+                    &self.spec(law),
+                    &is_meant,
+                    corrected.delay_s,
+                )?;
+                let error = |own: &FittedFinalist| own.held_out.metrics.rmse;
+                if best.as_ref().is_none_or(|best| error(&fitted) < error(&best.finalist)) {
+                    let (corrected, excerpt, base) =
+                        (corrected.clone(), excerpt.clone(), base.clone());
+                    best = Some(Chosen { place, corrected, excerpt, base, finalist: fitted });
+                }
+            }
+        }
+        let Some(best) = best else { unreachable!("there is always a finalist") };
+        Ok(best)
+    }
+
+    /// Returns the chosen hypothesis with the causes that are still named.
+    fn again(
+        &self,
+        chosen: &Chosen,
+        weighed: &[WeighedCause],
+    ) -> Result<FittedFinalist, SpecError> {
+        let finalist = &self.outcome.finalists[chosen.place];
+        let is_meant = |own: &FinalistCause| is_named(weighed, own);
+        let spec = self.spec(chosen.finalist.model.spec.law);
+        fit_finalist(&chosen.excerpt, finalist, &spec, &is_meant, chosen.corrected.delay_s)
+    }
+
+    /// Returns the base model: the law, or the linear law if that has the smaller held-out error.
+    fn base(
+        &self,
+        corrected: &CorrectedRows,
+        start: &LawStart,
+        law: LawKind,
+    ) -> Result<FittedModel, SpecError> {
+        let excerpt = excerpt(&corrected.fitted);
+        let fit =
+            |law: LawKind, start: Option<&LawStart>| -> Result<(f64, FittedModel), SpecError> {
+                let spec = self.spec(law);
+                let from = match (&self.options.given, start) {
+                    (Some((_, parameters)), _) => Some(parameters.clone()),
+                    (None, Some(start)) => Some(law_parameters(&spec, start, &[], &excerpt)?),
+                    (None, None) => None,
+                };
+                let model = fitted(&excerpt, &spec, from.as_ref(), &[], None)?;
+                Ok((one_step_left_out(&excerpt, &excerpt, &model).metrics.rmse, model))
+            };
+        let own = fit(law, Some(start))?;
+        if !self.is_law_free() || law == LawKind::Linear {
+            return Ok(own.1);
+        }
+        let linear = fit(LawKind::Linear, Some(start))?;
+        if own.0 <= linear.0 {
+            return Ok(own.1);
+        }
+        let again = fit(law, None)?;
+        Ok(if again.0 <= linear.0 { again.1 } else { linear.1 })
+    }
+}
+
+impl CorrectedRows {
+    /// Takes the positions of a log whose runs have a common phase.
+    fn align(&mut self, aligned: &TrainTest) {
+        for log in [&mut self.fitted, &mut self.judged] {
+            let weights: Vec<Vec<f64>> =
+                log.train_tracks.iter().map(|track| track.weights.clone()).collect();
+            *log = aligned.clone();
+            for (track, weights) in log.train_tracks.iter_mut().zip(weights) {
+                track.weights = weights;
+            }
+        }
+    }
+}
+
+/// Returns true if a ripple has another phase in each run.
+fn has_free_phase(causes: &[FinalistCause]) -> bool {
+    causes.iter().any(|own| own.detail.ends_with("another phase in each run"))
+}
+
+/// Returns true if a cause of a finalist is named.
+fn is_named(weighed: &[WeighedCause], own: &FinalistCause) -> bool {
+    weighed.iter().any(|weighed| weighed.figures.key == own.key && weighed.is_named())
+}
+
+/// Lowers the probability of causes whose fitted size is impossible.
+fn check_sizes(weighed: &mut [WeighedCause], chosen: &Chosen, offer: &Offer) {
+    let log = &chosen.corrected.judged;
+    for realised in &offer.realised {
+        let extended =
+            Extended { outcome: &offer.outcome, log, follows: realised.follows.as_ref() };
+        let size = realised.cause.size(&extended);
+        let least = realised.cause.least_size(log);
+        if let Some(own) = weighed.iter_mut().find(|own| realises(realised, own)) {
+            own.check_size(&size, least);
+        }
+    }
+}
+
+/// Returns true if a realised cause is this one.
+fn realises(realised: &Realised, own: &WeighedCause) -> bool {
+    let follows = realised.follows.as_ref().map(|follows| follows.column.as_str());
+    realised.cause == own.cause && follows.is_none_or(|column| column == own.figures.key.follows)
+}
+
+/// Sets what the driver's law keeps less than the linear promise.
+fn set_shortfall(
+    weighed: &mut [WeighedCause],
+    chosen: &Chosen,
+    before: &Predicted,
+    offer: Option<&Offer>,
+) {
+    let _ = (chosen, before, offer);
+    for own in weighed.iter_mut().filter(|own| own.is_named()) {
+        own.shortfall = None;
+    }
+}
+
+/// Returns the findings: the named causes, with the size that the extended model gives them.
+fn findings(
+    weighed: &[WeighedCause],
+    chosen: &Chosen,
+    offer: Option<&Offer>,
+    outcome: &ContestOutcome,
+) -> Vec<Finding> {
+    let named = weighed.iter().filter(|own| own.is_named());
+    let finding = |own: &WeighedCause| {
+        let realised = offer.and_then(|offer| {
+            let own = offer.realised.iter().find(|realised| realises(realised, own))?;
+            Some((own, offer))
+        });
+        let mut finding = match realised {
+            Some((realised, offer)) => in_model(realised, offer, &chosen.corrected.judged),
+            None => outside_model(own, outcome, &chosen.corrected.judged),
+        };
+        let figures = &own.figures;
+        finding.probability = own.probability;
+        finding.p_value = (1.0 - figures.inclusion).max(1.0 / super::contest::draws::DRAWS as f64);
+        finding.stability = figures.inclusion;
+        finding.share_of_residual = figures.last.clamp(0.0, 1.0);
+        finding.confusable_with = confounded(weighed, figures);
+        let rivals: Vec<&str> =
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
+        if !rivals.is_empty() {
+            finding.in_words +=
+                &format!("; this log cannot distinguish it from {}", rivals.join(" or "));
+        }
+        finding
+    };
+    named.map(finding).collect()
+}
+
+/// A finding whose term is in the extended model.
+fn in_model(realised: &Realised, offer: &Offer, log: &TrainTest) -> Finding {
+    let extended = Extended { outcome: &offer.outcome, log, follows: realised.follows.as_ref() };
+    let cause = realised.cause;
+    let size = cause.size(&extended);
+    Finding {
+        in_words: cause.in_words(&size, &extended),
+        order: cause.order(&extended),
+        evidence: cause.evidence(&realised.columns, &extended),
+        columns: realised.columns.clone(),
+        size,
+        ..Finding::of(cause)
+    }
+}
+
+/// A finding that the extended model has no term for: its size is the torque that it makes.
+fn outside_model(own: &WeighedCause, outcome: &ContestOutcome, log: &TrainTest) -> Finding {
+    let causes = outcome.finalists.iter().flat_map(|finalist| &finalist.causes);
+    let (rms, error) = causes
+        .clone()
+        .find(|cause| cause.key == own.figures.key)
+        .map_or((0.0, 0.0), |cause| cause.torque_rms);
+    let size = Size::new(rms, error, log.train.joint.torque_unit());
+    let mut in_words =
+        format!("{}: it makes a torque of {} RMS", own.cause.meaning(), size.in_words());
+    if !own.figures.detail.is_empty() {
+        in_words += &format!(" ({})", own.figures.detail);
+    }
+    Finding { in_words, columns: own.columns(), size, ..Finding::of(own.cause) }
+}
+
+/// Returns the causes of the contest as candidates of a report.
+pub fn scores(weighed: &[WeighedCause]) -> Vec<CandidateScore> {
+    let score = |own: &WeighedCause| {
+        let below = || {
+            let why = format!(
+                "a probability of {:.2} is below the naming threshold of {NAMED:.2}",
+                own.probability
+            );
+            Rejection::new(&rules::BELOW_THRESHOLD, why)
+        };
+        CandidateScore {
+            cause: own.cause,
+            columns: own.columns(),
+            level: own.figures.detail.starts_with("level"),
+            order: None,
+            fit: CandidateFit::default(),
+            share: own.figures.last.max(own.figures.irreplaceable),
+            share_error: 0.0,
+            rejection: (!own.is_named()).then(|| own.rejection.clone().unwrap_or_else(below)),
+            evidence: CauseEvidence::default(),
+            weighed: Some(own.clone()),
+        }
+    };
+    weighed.iter().map(score).collect()
+}

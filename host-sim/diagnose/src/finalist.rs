@@ -1,0 +1,415 @@
+//! A hypothesis of the contest, fitted with the driver's law.
+//!
+//! The contest is linear in its columns; a driver runs a law that is not. A fit of the law begins at the linear solution: the
+//! law has the values of its columns, and one linear fit beside the law at this point gives all terms their values jointly
+//! ([`LinearFit`]). Then all parameters are fitted. What the law leaves beyond the linear promise, the shortfall, is evidence
+//! against the hypothesis.
+//!
+//! Finalists are compared on an excerpt of the log; only the best one is fitted to all rows.
+
+use super::candidate::{Candidate, FitContext, FoundSettings};
+use super::cause::{self, Cause};
+use super::columns::columns;
+use super::contest::{Finalist, FinalistCause, LawStart};
+use super::left_out::one_step_left_out;
+use super::model::FittedModel;
+use super::sensitivities::sensitivities;
+use super::train_test::{FollowedColumn, TrainTest};
+use ParameterId as Id;
+use compensator_core::term::MAX_TERMS;
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
+use friction_fit::predict::Predicted;
+use friction_fit::scales::Scales;
+use friction_fit::simulate::Resolution;
+use friction_fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE, unobserved_parameters};
+use friction_fit::spec::{Spec, SpecError};
+use friction_fit::{FitOptions, fit, treatment};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Rows of an excerpt on which finalists are compared.
+const MOST_ROWS: usize = 20_000;
+
+/// Fewest rows of a track in an excerpt: some strokes.
+const FEWEST_ROWS: usize = 2_000;
+
+/// Simulations per parameter in the fit of a finalist.
+const PATIENCE: usize = 4;
+
+/// Share of the squared error that a candidate must remove for each coefficient that it has more than another one.
+const MIN_GAIN_PER_COEFFICIENT: f64 = 0.01;
+
+/// Largest ratio by which the linear fit changes a positive parameter of the law.
+const MAX_CHANGE: f64 = 3.0;
+
+/// A cause with the term that takes it into the model.
+#[derive(Clone, Debug)]
+pub struct Realised {
+    /// The cause.
+    pub cause: &'static dyn Cause,
+    /// Its term.
+    pub term: TermKind,
+    /// Columns of the log that it needs.
+    pub columns: Vec<String>,
+    /// What it follows, for a cause that may follow any column.
+    pub follows: Option<FollowedColumn>,
+    /// Index among the causes of the hypothesis; `None` for the delay of its correction.
+    pub place: Option<usize>,
+}
+
+/// A hypothesis fitted with the driver's law.
+#[derive(Clone, Debug)]
+pub struct FittedFinalist {
+    /// The model.
+    pub model: FittedModel,
+    /// The causes that have a term in it.
+    pub realised: Vec<Realised>,
+    /// The model on held-out rows of the excerpt.
+    pub held_out: Predicted,
+}
+
+/// Returns the law of the core that is nearest to a law of the contest. A gap, an age of the contact and a changing side load
+/// act through bristles.
+pub fn law_kind(start: &LawStart, causes: &[FinalistCause]) -> LawKind {
+    let needs_bristles = causes
+        .iter()
+        .any(|own| ["backlash", "dwell-time-static", "radial-force-rate"].contains(&own.key.cause));
+    let has_curve = start.static_excess > 0.0;
+    match start.name {
+        "linear" if !needs_bristles => LawKind::Linear,
+        "stribeck" if !needs_bristles => LawKind::Stribeck,
+        _ if has_curve => LawKind::Lugre,
+        _ => LawKind::Dahl,
+    }
+}
+
+/// Returns the parameters of a law with the values of its columns.
+///
+/// # Errors
+/// If there are more terms than the core takes.
+pub fn law_parameters(
+    spec: &Spec,
+    start: &LawStart,
+    causes: &[FinalistCause],
+    log: &TrainTest,
+) -> Result<Parameters<f64>, SpecError> {
+    let scales = Scales::of(&log.train_tracks);
+    let mut parameters = spec.parameters()?;
+    let mut set = |id: Id, value: f64| {
+        let info = id.info();
+        parameters.set(id, value.clamp(info.lower, info.upper));
+    };
+    // A backlash has a stop of its own, behind the gap.
+    let gap = gap(causes);
+    let behind: f64 =
+        causes.iter().filter(|own| own.key.cause == "backlash").map(|own| own.sizes[0]).sum();
+    let coulomb = (start.coulomb + behind).max(0.02 * scales.torque);
+    let level = coulomb + start.static_excess;
+    set(Id::CoulombTorque, coulomb);
+    set(Id::CoulombTorqueNegative, coulomb);
+    set(Id::StaticTorque, level);
+    set(Id::StaticTorqueNegative, level);
+    set(Id::StribeckVelocity, start.stribeck_velocity);
+    set(Id::ViscousFriction, start.viscous);
+    set(Id::BristleStiffness, level / gap.map_or(start.travel, |(_, travel)| travel).max(1e-12));
+    set(Id::BristleDamping, 0.01 * treatment::typical(Id::BristleDamping, &scales));
+    set(Id::TemperatureReference, scales.temperature_c);
+    Ok(parameters)
+}
+
+/// Returns the parameters that a fit varies.
+pub fn free_parameters(spec: &Spec, parameters: &Parameters<f64>, log: &TrainTest) -> Vec<Id> {
+    let unobserved = unobserved_parameters(spec, &log.train_tracks);
+    parameters
+        .active()
+        .filter(|id| !treatment::of(*id).is_fixed_by_default && !unobserved.contains(id))
+        .collect()
+}
+
+/// Returns the model fitted to the training rows from a start, in few steps.
+pub fn fitted(
+    log: &TrainTest,
+    spec: &Spec,
+    start: Option<&Parameters<f64>>,
+    fixed: &[Id],
+    follows: Option<&FollowedColumn>,
+) -> Result<FittedModel, SpecError> {
+    let log = &*log.following(follows);
+    let options = FitOptions {
+        starts: 1,
+        start: start.cloned(),
+        fixed: fixed.to_vec(),
+        resolution: Some(Resolution::PLAIN),
+        patience: PATIENCE,
+        tolerance: COMPARISON_TOLERANCE,
+        stagnation: COMPARISON_STAGNATION,
+        ..FitOptions::default()
+    };
+    let base = match start {
+        Some(start) => start.clone(),
+        None => spec.parameters()?,
+    };
+    let solution = fit(spec, &base, log.train_rows(), &options);
+    Ok(FittedModel {
+        spec: spec.clone(),
+        parameters: solution.parameters(),
+        free: solution.coordinates.ids().collect(),
+        fixed: fixed.to_vec(),
+        resolution: solution.resolution,
+        sse: solution.reduced.sum_of_squares(),
+        follows: follows.cloned(),
+    })
+}
+
+/// Returns the log with at most about [`MOST_ROWS`] training rows: the middle of each track.
+pub fn excerpt(log: &TrainTest) -> TrainTest {
+    let rows: usize = log.train_tracks.iter().map(|track| track.len()).sum();
+    let mut excerpt = log.clone();
+    if rows <= MOST_ROWS {
+        return excerpt;
+    }
+    let share = MOST_ROWS as f64 / rows as f64;
+    for track in &mut excerpt.train_tracks {
+        let most = ((track.len() as f64 * share) as usize).max(FEWEST_ROWS).min(track.len());
+        let from = (track.len() - most) / 2;
+        *track = track.part(from..from + most);
+    }
+    excerpt
+}
+
+/// A hypothesis as a start of a fit.
+struct Start {
+    spec: Spec,
+    parameters: Parameters<f64>,
+    fixed: Vec<Id>,
+    follows: Option<FollowedColumn>,
+    realised: Vec<Realised>,
+}
+
+/// Fits a hypothesis with a law, with those of its causes that are meant and have a term, and evaluates it on held-out rows.
+///
+/// # Errors
+/// If there are more terms than the core takes.
+pub fn fit_finalist(
+    log: &TrainTest,
+    finalist: &Finalist,
+    base: &Spec,
+    is_meant: &dyn Fn(&FinalistCause) -> bool,
+    delay_s: Option<f64>,
+) -> Result<FittedFinalist, SpecError> {
+    let start = start(log, finalist, base, is_meant, delay_s)?;
+    let Start { spec, parameters, fixed, follows, realised } = start;
+    let model = fitted(log, &spec, Some(&parameters), &fixed, follows.as_ref())?;
+    let held_out = one_step_left_out(log, log, &model);
+    Ok(FittedFinalist { model, realised, held_out })
+}
+
+fn start(
+    log: &TrainTest,
+    finalist: &Finalist,
+    base: &Spec,
+    is_meant: &dyn Fn(&FinalistCause) -> bool,
+    delay_s: Option<f64>,
+) -> Result<Start, SpecError> {
+    let mut spec = base.clone();
+    let mut realised = Vec::new();
+    if let (Some(_), Some(cause)) = (delay_s, cause::of_term(TermKind::ChannelDelay)) {
+        spec.terms.push(TermKind::ChannelDelay);
+        let columns = vec![log.velocity_name().to_owned()];
+        realised.push(Realised {
+            cause,
+            term: TermKind::ChannelDelay,
+            columns,
+            follows: None,
+            place: None,
+        });
+    }
+    let mut parameters = law_parameters(&spec, &finalist.law, &finalist.causes, log)?;
+    if let Some(delay_s) = delay_s {
+        parameters.set(Id::ChannelDelay, delay_s);
+    }
+    let free = free_parameters(&spec, &parameters, log);
+    let at = sensitivities(&parameters, &free, &log.train_tracks, Resolution::PLAIN);
+    let mut ways: Vec<Way> = Vec::new();
+    for (place, own) in finalist.causes.iter().enumerate().filter(|(_, own)| is_meant(own)) {
+        let Some(cause) = cause::named(own.key.cause) else { continue };
+        let found =
+            FoundSettings { orders: orders(&own.detail), gap: gap(std::slice::from_ref(own)) };
+        let context = FitContext { log, spec: &spec, at: &at, found };
+        let is_used = cause.remedy().term().is_none_or(|term| context.has(term));
+        if is_used || spec.terms.len() + spec.rigid_body.len() + ways.len() >= MAX_TERMS {
+            continue;
+        }
+        let candidates = cause.candidates(&context).into_iter().filter(|candidate| {
+            !candidate.is_null_model && !candidate.is_comparison_only && is_variant(candidate, own)
+        });
+        let is_new = |way: &Way| {
+            way.candidates[0].term != cause.remedy().term().unwrap_or(TermKind::LoadGain)
+        };
+        let way = Way { place, cause, candidates: candidates.collect() };
+        if !way.candidates.is_empty() && ways.iter().all(is_new) {
+            ways.push(way);
+        }
+    }
+    let linear = LinearFit::new(log, &at, &ways);
+    let chosen = linear.choose(&ways);
+    let solution = linear
+        .solve(&chosen.iter().map(|(way, own)| linear.columns_of(*way, *own)).collect::<Vec<_>>());
+    let mut fixed: Vec<Id> = Vec::new();
+    let mut follows = None;
+    let law_values = parameters.clone();
+    for (way, own) in &chosen {
+        let candidate = &ways[*way].candidates[*own];
+        spec.terms.push(candidate.term);
+        follows = follows.or_else(|| candidate.follows.clone());
+        fixed.extend(&candidate.fixed);
+        realised.push(Realised {
+            cause: ways[*way].cause,
+            term: candidate.term,
+            columns: candidate.columns.clone(),
+            follows: candidate.follows.clone(),
+            place: Some(ways[*way].place),
+        });
+    }
+    let mut parameters = spec.parameters()?;
+    for (id, change) in free.iter().zip(&solution.base) {
+        parameters.set(*id, changed(*id, law_values.get(*id), *change));
+    }
+    for id in law_values.active().filter(|id| !free.contains(id)) {
+        parameters.set(id, law_values.get(id));
+    }
+    for ((way, own), sizes) in chosen.iter().zip(&solution.candidates) {
+        ways[*way].candidates[*own].set(&mut parameters, sizes);
+    }
+    Ok(Start { spec, parameters, fixed, follows, realised })
+}
+
+/// Returns a parameter of the law after the change of the linear fit.
+fn changed(id: Id, value: f64, change: f64) -> f64 {
+    let info = id.info();
+    let mut next = value + change;
+    if value > 0.0 && info.lower >= 0.0 {
+        next = next.clamp(value / MAX_CHANGE, value * MAX_CHANGE);
+    }
+    next.clamp(info.lower, info.upper)
+}
+
+/// Returns true if a candidate is the variant that the contest has found.
+fn is_variant(candidate: &Candidate, own: &FinalistCause) -> bool {
+    let Some(follows) = &candidate.follows else { return true };
+    follows.column == own.key.follows && follows.level == own.detail.starts_with("level")
+}
+
+/// Returns the orders of a ripple.
+fn orders(detail: &str) -> Vec<f64> {
+    let list = detail.strip_prefix("order ").unwrap_or_default();
+    list.split(", ").map_while(|order| order.parse().ok()).collect()
+}
+
+/// Returns gap and travel of a backlash among the causes.
+fn gap(causes: &[FinalistCause]) -> Option<(f64, f64)> {
+    let own = causes.iter().find(|own| own.key.cause == "backlash")?;
+    let (gap, travel) = own.detail.strip_prefix("gap ")?.split_once(", travel ")?;
+    Some((gap.parse().ok()?, travel.parse().ok()?))
+}
+
+/// A cause with the ways in which it may enter the model.
+struct Way {
+    place: usize,
+    cause: &'static dyn Cause,
+    candidates: Vec<Candidate>,
+}
+
+/// Products of the columns of a law and of candidates with the residual.
+struct LinearFit {
+    products: DMatrix<f64>,
+    scale: Vec<f64>,
+    base: usize,
+    /// First column of each candidate of each way, and their number.
+    places: Vec<Vec<(usize, usize)>>,
+}
+
+/// Solution of a linear fit.
+struct LinearSolution {
+    base: Vec<f64>,
+    candidates: Vec<Vec<f64>>,
+    sse: f64,
+}
+
+/// Ridge of the linear fit, relative to columns of unit length.
+const RIDGE: f64 = 1e-6;
+
+impl LinearFit {
+    fn new(log: &TrainTest, at: &super::sensitivities::Sensitivities, ways: &[Way]) -> Self {
+        let mut places = Vec::new();
+        let mut first = at.free.len();
+        let mut regressors = Vec::new();
+        for way in ways {
+            let mut own = Vec::new();
+            for candidate in &way.candidates {
+                own.push((first, candidate.regressors.len()));
+                first += candidate.regressors.len();
+                regressors.extend(candidate.regressors.iter().map(|by| (by, candidate.extra)));
+            }
+            places.push(own);
+        }
+        let tracks: Vec<_> = log.train_tracks.iter().zip(&at.tracks).collect();
+        let product = |(track, own): &(&friction_fit::Track, &_)| {
+            let columns = columns(log, at, (track, own), &regressors);
+            let wide = DMatrix::from_fn(columns[0].len(), columns.len(), |row, column| {
+                let value = columns[column][row];
+                if value.is_finite() { value } else { 0.0 }
+            });
+            wide.transpose() * &wide
+        };
+        let parts: Vec<DMatrix<f64>> = tracks.par_iter().map(product).collect();
+        let size = first + 1;
+        let products = parts.into_iter().fold(DMatrix::zeros(size, size), |sum, part| sum + part);
+        let scale = (0..size).map(|at| products[(at, at)].sqrt().max(f64::MIN_POSITIVE)).collect();
+        Self { products, scale, base: at.free.len(), places }
+    }
+
+    fn columns_of(&self, way: usize, candidate: usize) -> std::ops::Range<usize> {
+        let (first, count) = self.places[way][candidate];
+        first..first + count
+    }
+
+    /// Solves for the law and some candidates.
+    fn solve(&self, candidates: &[std::ops::Range<usize>]) -> LinearSolution {
+        let all: Vec<usize> = (0..self.base).chain(candidates.iter().cloned().flatten()).collect();
+        let last = self.products.nrows() - 1;
+        let scaled = |a: usize, b: usize| self.products[(a, b)] / (self.scale[a] * self.scale[b]);
+        let ridge = |i: usize, j: usize| if i == j { RIDGE } else { 0.0 };
+        let system =
+            DMatrix::from_fn(all.len(), all.len(), |i, j| scaled(all[i], all[j]) + ridge(i, j));
+        let right = DVector::from_fn(all.len(), |i, _| scaled(all[i], last));
+        let solution = Cholesky::new(system)
+            .map_or_else(|| DVector::zeros(all.len()), |own| own.solve(&right));
+        let square = self.products[(last, last)];
+        let sse = square * (1.0 - solution.dot(&right));
+        let mut sizes =
+            all.iter().zip(solution.iter()).map(|(at, x)| x * self.scale[last] / self.scale[*at]);
+        let base = sizes.by_ref().take(self.base).collect();
+        let candidates =
+            candidates.iter().map(|own| sizes.by_ref().take(own.len()).collect()).collect();
+        LinearSolution { base, candidates, sse }
+    }
+
+    /// Chooses the candidate of each way, one way after the other.
+    fn choose(&self, ways: &[Way]) -> Vec<(usize, usize)> {
+        let mut chosen: Vec<(usize, usize)> = Vec::new();
+        for (way, own) in ways.iter().enumerate() {
+            let so_far: Vec<_> =
+                chosen.iter().map(|(way, own)| self.columns_of(*way, *own)).collect();
+            let cost = |candidate: &usize| {
+                let columns = self.columns_of(way, *candidate);
+                let count = columns.len() as f64;
+                let all: Vec<_> = so_far.iter().cloned().chain([columns]).collect();
+                self.solve(&all).sse * (MIN_GAIN_PER_COEFFICIENT * count).exp()
+            };
+            let costs = (0..own.candidates.len()).map(|candidate| (cost(&candidate), candidate));
+            chosen.extend(costs.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, best)| (way, best)));
+        }
+        chosen
+    }
+}

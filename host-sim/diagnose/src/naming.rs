@@ -1,0 +1,126 @@
+//! Probability of each cause of a contest, and what is physically impossible.
+//!
+//! The probability is the evidence. A rule refuses only what cannot be, and it does so through the probability, so that no
+//! report shows a likely cause that is not named beside an unlikely one that is.
+
+use super::cause::{self, Cause};
+use super::contest::ledger::CauseKey;
+use super::contest::{Figures, Outcome, Rows};
+use super::extended::Size;
+use super::finding::ConfoundedCause;
+use super::rules::{self, Rejection};
+use std::f64::consts::TAU;
+
+/// Probability at and above which a cause is named.
+pub const NAMED: f64 = 0.5;
+
+/// Materiality of a cause that counts fully.
+const FULL_MATERIALITY: f64 = 0.04;
+
+/// Highest probability of what is physically impossible.
+const IMPOSSIBLE: f64 = 0.05;
+
+/// Highest probability of a cause whose size may be none.
+const MAY_BE_NONE: f64 = 0.45;
+
+/// Fewest periods of a wave in the range of the positions.
+const MIN_PERIODS: f64 = 1.5;
+
+/// A cause with its evidence and probability.
+#[derive(Clone, Debug)]
+pub struct WeighedCause {
+    /// The cause.
+    pub cause: &'static dyn Cause,
+    /// Its figures in the contest.
+    pub figures: Figures,
+    /// Probability that it is real.
+    pub probability: f64,
+    /// What the driver's law keeps less than the linear promise, as a share of it; `None` if it was not fitted.
+    pub shortfall: Option<f64>,
+    /// The rule that lowered the probability.
+    pub rejection: Option<Rejection>,
+}
+
+impl WeighedCause {
+    /// Returns true if the cause is named.
+    pub fn is_named(&self) -> bool {
+        self.probability >= NAMED
+    }
+
+    /// Columns of the log that it follows.
+    pub fn columns(&self) -> Vec<String> {
+        columns(&self.figures.key)
+    }
+
+    /// Lowers the probability by a rule.
+    pub fn reject(&mut self, limit: f64, rejection: Rejection) {
+        self.probability = self.probability.min(limit);
+        self.rejection = Some(rejection);
+    }
+
+    /// Lowers the probability if the fitted size is impossible, or if its interval holds no effect.
+    pub fn check_size(&mut self, size: &Size, least: Option<f64>) {
+        if let Some(least) = least.filter(|least| size.value < *least) {
+            let why = format!("its size {} is below {least}, the least possible", size.in_words());
+            self.reject(IMPOSSIBLE, Rejection::new(&rules::UNPHYSICAL, why));
+        }
+        let no_effect = self.cause.no_effect_size();
+        if size.bounds().is_some_and(|[low, high]| (low..=high).contains(&no_effect)) {
+            let why = format!("its size {} does not exclude no effect", size.in_words());
+            self.reject(MAY_BE_NONE, Rejection::new(&rules::SPANS_NO_EFFECT, why));
+        }
+    }
+}
+
+/// Returns the columns that a key names.
+pub fn columns(key: &CauseKey) -> Vec<String> {
+    let names = key.follows.split(" x ").flat_map(|part| part.split(", "));
+    names.filter(|name| !name.is_empty()).map(str::to_owned).collect()
+}
+
+/// Returns the causes of a contest with their probabilities, in its order.
+pub fn weigh(outcome: &Outcome, rows: &Rows) -> Vec<WeighedCause> {
+    let weighed = |figures: &Figures| {
+        let mut weighed = WeighedCause {
+            cause: cause::named(figures.key.cause)?,
+            probability: probability(figures),
+            figures: figures.clone(),
+            shortfall: None,
+            rejection: None,
+        };
+        if let Some(periods) = periods(figures, rows).filter(|periods| *periods < MIN_PERIODS) {
+            let why = format!(
+                "the log spans {periods:.1} periods of the wave, which do not determine it"
+            );
+            weighed.reject(IMPOSSIBLE, Rejection::new(&rules::SHORT_WAVE, why));
+        }
+        Some(weighed)
+    };
+    outcome.causes.iter().filter_map(weighed).collect()
+}
+
+/// Returns the probability of a cause. A stand-in until the contest has a calibration of its own.
+fn probability(figures: &Figures) -> f64 {
+    figures.inclusion * (figures.materiality() / FULL_MATERIALITY).clamp(0.0, 1.0)
+}
+
+/// Returns how many periods of the slowest wave of a ripple the positions span; `None` for another cause.
+fn periods(figures: &Figures, rows: &Rows) -> Option<f64> {
+    let orders = figures.detail.strip_prefix("order ")?.split(", ");
+    let order = orders.filter_map(|order| order.parse::<f64>().ok()).reduce(f64::min)?;
+    let ends = rows
+        .position
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(*q), b.max(*q)));
+    Some(order * (ends.1 - ends.0) / TAU)
+}
+
+/// Returns the causes that stand in for one of them.
+pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCause> {
+    let rival = |key: &CauseKey| {
+        let other = weighed.iter().find(|other| other.figures.key == *key)?;
+        let share = (other.figures.alone / own.alone.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        Some(ConfoundedCause { cause: other.cause, columns: other.columns(), share })
+    };
+    own.confusable_with.iter().filter_map(rival).collect()
+}
