@@ -92,12 +92,13 @@ fn describe(outcome: &Outcome, rows: usize, seconds: [f64; 2]) -> Value {
         "gain": 1.0 - outcome.rmse / outcome.base_rmse,
         "error_ratio": outcome.error_ratio,
         "noise_floor": outcome.noise_floor,
-        "floors": outcome.rmse / outcome.noise_floor,
-        "base_floors": outcome.base_rmse / outcome.noise_floor,
+        "floors": outcome.floors,
+        "base_floors": outcome.base_floors,
         "rows": rows,
         "blocks": outcome.blocks,
         "runs": outcome.runs,
         "hypotheses": outcome.hypotheses,
+        "entries": outcome.entries,
         "seconds": { "read": seconds[0], "contest": seconds[1] },
         "causes": outcome.causes.iter().map(figures).collect::<Vec<_>>(),
     })
@@ -115,6 +116,9 @@ fn figures(figures: &Figures) -> Value {
         "alone": figures.alone,
         "last": figures.last,
         "irreplaceable": figures.irreplaceable,
+        "last_in_errors": figures.last_in_errors,
+        "torque_share": figures.torque_share,
+        "laws": figures.laws,
         "confusable_with": confusable,
     })
 }

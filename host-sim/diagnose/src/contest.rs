@@ -18,6 +18,7 @@ pub mod correction;
 pub mod covariate;
 pub mod draws;
 mod entry;
+pub mod kernel;
 pub mod law;
 pub mod ledger;
 pub mod operator;

@@ -79,7 +79,7 @@ fn follow(
 }
 
 /// Returns the RMS difference of the draws' torques in each row, Nm; empty if there are no draws.
-fn errors(
+pub(crate) fn errors(
     parameters: &Parameters<f64>,
     track: &Track,
     resolution: Resolution,

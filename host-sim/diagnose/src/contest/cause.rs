@@ -11,6 +11,7 @@ pub mod backlash;
 mod channel;
 mod motion;
 pub mod ripple;
+pub mod simulated;
 mod unknown;
 
 use super::law::Shapes;

@@ -4,7 +4,7 @@
 //! explained by columns moved later, a torque that passed a filter by columns that pass the same filter. So every hypothesis
 //! is judged on the same numbers.
 
-use super::operator::{low_pass, shift};
+use super::operator::{later, low_pass};
 use super::rows::Rows;
 
 /// A correction of the log.
@@ -13,23 +13,25 @@ pub enum Correction {
     /// The log as it is.
     None,
     /// The torque is logged this many rows late (early if negative).
-    TorqueLate(i32),
+    TorqueLate(f64),
     /// The torque passed a first-order low-pass of this time constant, rows.
     TorqueLowPass(f64),
 }
 
 /// Corrections that are tried beside the log as it is.
-pub const TRIED: [Correction; 14] = [
-    Correction::TorqueLate(-5),
-    Correction::TorqueLate(-3),
-    Correction::TorqueLate(-2),
-    Correction::TorqueLate(-1),
-    Correction::TorqueLate(1),
-    Correction::TorqueLate(2),
-    Correction::TorqueLate(3),
-    Correction::TorqueLate(5),
-    Correction::TorqueLate(8),
-    Correction::TorqueLate(13),
+pub const TRIED: [Correction; 16] = [
+    Correction::TorqueLate(-5.0),
+    Correction::TorqueLate(-3.0),
+    Correction::TorqueLate(-2.0),
+    Correction::TorqueLate(-1.0),
+    Correction::TorqueLate(-0.5),
+    Correction::TorqueLate(0.5),
+    Correction::TorqueLate(1.0),
+    Correction::TorqueLate(2.0),
+    Correction::TorqueLate(3.0),
+    Correction::TorqueLate(5.0),
+    Correction::TorqueLate(8.0),
+    Correction::TorqueLate(13.0),
     Correction::TorqueLowPass(1.5),
     Correction::TorqueLowPass(4.0),
     Correction::TorqueLowPass(10.0),
@@ -37,11 +39,21 @@ pub const TRIED: [Correction; 14] = [
 ];
 
 impl Correction {
+    /// Returns the corrections beside this one, nearer to it than its neighbours in [`TRIED`].
+    pub fn nearer(self) -> Vec<Self> {
+        let sizes = |size: f64| [0.7 * size, 0.85 * size, 1.2 * size, 1.45 * size];
+        match self {
+            Correction::None => Vec::new(),
+            Correction::TorqueLate(by) => sizes(by).map(Correction::TorqueLate).into(),
+            Correction::TorqueLowPass(by) => sizes(by).map(Correction::TorqueLowPass).into(),
+        }
+    }
+
     /// Returns a column as the torque channel would have logged it.
     pub fn apply(self, rows: &Rows, column: &[f64]) -> Vec<f64> {
         match self {
             Correction::None => column.to_vec(),
-            Correction::TorqueLate(by) => shift(column, &rows.runs, by),
+            Correction::TorqueLate(by) => later(column, &rows.runs, by),
             Correction::TorqueLowPass(by) => low_pass(column, &rows.runs, by),
         }
     }
@@ -52,8 +64,8 @@ impl Correction {
         match self {
             Correction::None => "none".into(),
             Correction::TorqueLate(by) => {
-                let way = if by < 0 { "early" } else { "late" };
-                format!("torque {:.3} ms {way}", milliseconds(f64::from(by.abs())))
+                let way = if by < 0.0 { "early" } else { "late" };
+                format!("torque {:.3} ms {way}", milliseconds(by.abs()))
             }
             Correction::TorqueLowPass(by) => {
                 format!("torque low-pass of {:.3} ms", milliseconds(by))
@@ -64,7 +76,7 @@ impl Correction {
     /// Returns true if the correction is a cause of its own, `channel-delay`. A row early or late is within the convention of
     /// when a row is sampled, and a filtered torque is a fault of the log (`torque-lag`): both are corrected and are no cause.
     pub fn is_cause(self) -> bool {
-        matches!(self, Correction::TorqueLate(rows) if rows.abs() > 1)
+        matches!(self, Correction::TorqueLate(rows) if rows.abs() > 1.0)
     }
 }
 
@@ -76,7 +88,7 @@ mod tests {
     #[test]
     fn apply_of_late_torque_moves_columns_later_within_runs() {
         let rows = example();
-        let moved = Correction::TorqueLate(2).apply(&rows, &rows.torque);
+        let moved = Correction::TorqueLate(2.0).apply(&rows, &rows.torque);
         assert_eq!(moved[602], rows.torque[600]);
         assert_eq!(moved[600], rows.torque[600]);
         assert_eq!(Correction::None.apply(&rows, &rows.torque), rows.torque);

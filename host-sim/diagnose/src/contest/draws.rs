@@ -32,25 +32,28 @@ pub struct Draws {
     pub winners: Vec<(BTreeSet<CauseKey>, usize)>,
 }
 
+/// Returns the sums of the errors of blocks over the units that are drawn: runs if there are many, else blocks.
+pub fn unit_errors(rows: &Rows, errors: &[f64]) -> Vec<f64> {
+    if rows.runs.len() < MIN_RUNS {
+        return errors.to_vec();
+    }
+    let mut sums = vec![0.0; rows.runs.len()];
+    rows.run_of_block.iter().zip(errors).for_each(|(run, error)| sums[*run] += error);
+    sums
+}
+
 impl Draws {
     /// Draws among hypotheses with their errors in every block.
     pub fn new(rows: &Rows, hypotheses: &[&Hypothesis], errors: &[Vec<f64>]) -> Self {
-        let by_run = rows.runs.len() >= MIN_RUNS;
-        let units = if by_run { rows.runs.len() } else { rows.blocks.len() };
-        let unit = |block: usize| if by_run { rows.run_of_block[block] } else { block };
         let summed: Vec<Vec<f64>> = errors
             .iter()
             .zip(hypotheses)
             .map(|(errors, hypothesis)| {
-                let mut sums = vec![0.0; units];
                 let price = hypothesis.price.exp();
-                errors
-                    .iter()
-                    .enumerate()
-                    .for_each(|(block, error)| sums[unit(block)] += error * price);
-                sums
+                unit_errors(rows, errors).into_iter().map(|error| error * price).collect()
             })
             .collect();
+        let units = summed.first().map_or(0, Vec::len);
         let mut random = Pcg64::seed_from_u64(SEED);
         let mut wins = vec![0usize; hypotheses.len()];
         for _ in 0..DRAWS {

@@ -5,14 +5,19 @@ use super::cause::backlash::GapGrid;
 use super::cause::ripple::RippleOrders;
 use super::cause::{Context, Variant, variants};
 use super::correction::Correction;
-use super::law::{Law, Shapes};
+use super::kernel::KernelLaw;
+use super::law::{Law, Shapes, product};
 use super::ledger::{CauseKey, Hypothesis};
 use super::rows::Rows;
 use super::search::Search;
+use compensator_core::Parameters;
 use std::collections::BTreeSet;
 
 /// Prior cost of a correction.
 const CORRECTION_PRICE: f64 = 0.04;
+
+/// Causes that the driver's law simulates.
+const SIMULATED: [&str; 3] = ["backlash", "dwell-time-static", "radial-force-rate"];
 
 /// What the nonlinear causes are chosen from.
 pub(crate) struct Waves {
@@ -20,59 +25,174 @@ pub(crate) struct Waves {
     pub(crate) gaps: GapGrid,
 }
 
+/// What a base law was made from.
+#[derive(Clone)]
+pub(crate) enum Origin {
+    /// Stops and falling functions.
+    Shapes(Law),
+    /// The driver's law at these parameters.
+    Kernel(Parameters<f64>),
+}
+
+/// A base law as columns.
+#[derive(Clone)]
+pub(crate) struct Base {
+    /// Its name in reports.
+    pub(crate) name: &'static str,
+    /// Its columns, before a correction.
+    pub(crate) columns: Vec<Vec<f64>>,
+    /// Friction torque over its RMS, positive in forward sliding.
+    pub(crate) level: Vec<f64>,
+    /// What the law leaves, fitted to all rows.
+    pub(crate) residual: Vec<f64>,
+    /// True if the friction drives the motion: the sign of the torque is reversed.
+    pub(crate) is_driving: bool,
+    /// What it was made from.
+    pub(crate) origin: Origin,
+    /// Simulated causes, which take the place of those of shape.
+    simulated: Vec<Variant>,
+    /// Index of its main travel.
+    pub(crate) travel: usize,
+    /// Prior cost.
+    price: f64,
+}
+
+impl Base {
+    /// Returns a law of stops and falling functions.
+    pub(crate) fn of_shapes(rows: &Rows, shapes: &Shapes, law: &Law) -> Self {
+        let columns = shapes.columns(rows, law);
+        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
+        let stops = law.stops.len();
+        let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
+        let own = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
+        let own: Vec<usize> = own.collect();
+        let level = rows.map(|row| own.iter().map(|at| columns[*at][row] * sizes[*at]).sum());
+        let (level, is_driving) = scaled_level(rows, level);
+        Self {
+            name: law.name,
+            columns,
+            level,
+            residual,
+            is_driving,
+            origin: Origin::Shapes(law.clone()),
+            simulated: Vec::new(),
+            travel: law.stops[0],
+            price: law.price(),
+        }
+    }
+
+    /// Returns the driver's law, beside stops and falling functions of `free` that may take what it misses.
+    pub(crate) fn of_kernel(
+        rows: &Rows,
+        shapes: &Shapes,
+        kernel: &KernelLaw,
+        free: Option<&Law>,
+    ) -> Self {
+        let mut columns = kernel.columns.clone();
+        let travel = shapes.nearest_travel(kernel.travel);
+        let mut price = 0.0;
+        if let Some(law) = free {
+            let stops = law.stops.iter().copied();
+            columns.extend(stops.map(|at| shapes.stops[at].clone()));
+            columns.extend(shapes.falls.iter().map(|fall| product(&shapes.stops[travel], fall)));
+            price = law.price();
+        }
+        let Fitted { residual, .. } = Fitted::new(rows, &columns);
+        let (level, is_driving) = scaled_level(rows, kernel.level.clone());
+        let name = if free.is_some() { "lugre with slip" } else { "lugre" };
+        let simulated = kernel.simulated.clone();
+        Self {
+            name,
+            columns,
+            level,
+            residual,
+            is_driving,
+            origin: Origin::Kernel(kernel.parameters.clone()),
+            simulated,
+            travel,
+            price,
+        }
+    }
+}
+
+/// A fit of columns to all rows.
+struct Fitted {
+    sizes: Vec<f64>,
+    residual: Vec<f64>,
+}
+
+impl Fitted {
+    fn new(rows: &Rows, columns: &[Vec<f64>]) -> Self {
+        let all: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let indices: Vec<usize> = (0..all.len()).collect();
+        let sizes = Bank::new(rows, &all).fit(&indices, &mut Workspace::default());
+        let model = |row: usize| all.iter().zip(&sizes).map(|(c, size)| c[row] * size).sum::<f64>();
+        let residual = rows.map(|row| rows.torque[row] - model(row));
+        Self { sizes, residual }
+    }
+}
+
+/// Returns a friction torque over its RMS, positive in forward sliding and whether it drives the motion.
+fn scaled_level(rows: &Rows, mut level: Vec<f64>) -> (Vec<f64>, bool) {
+    let squares: f64 = level.iter().map(|v| v * v).sum();
+    let along: f64 = level.iter().zip(&rows.velocity).map(|(a, b)| a * b).sum();
+    let scale = along.signum() / ((squares / level.len().max(1) as f64).sqrt() + 1e-300);
+    level.iter_mut().for_each(|v| *v *= scale);
+    (level, along < 0.0)
+}
+
 /// Columns and products of one correction and law.
 pub(crate) struct Entry {
-    pub(crate) law: Law,
+    pub(crate) base: Base,
     pub(crate) correction: Correction,
-    pub(crate) law_columns: Vec<Vec<f64>>,
     pub(crate) variants: Vec<Variant>,
     pub(crate) bank: Bank,
-    pub(crate) friction_sign: f64,
 }
 
 impl Entry {
     pub(crate) fn new(
         rows: &Rows,
         shapes: &Shapes,
-        law: &Law,
+        mut base: Base,
         correction: Correction,
         waves: &Waves,
     ) -> Self {
-        let mut law_columns = shapes.columns(rows, law);
-        let Level { level, residual, friction_sign } = Level::new(rows, &law_columns, law);
-        let travel = law.stops[0];
         let Waves { orders, gaps } = waves;
-        let context =
-            Context { rows, shapes, travel, level: &level, orders, gaps, residual: &residual };
+        let (travel, level, residual) = (base.travel, &base.level, &base.residual);
+        let context = Context { rows, shapes, travel, level, orders, gaps, residual };
         let mut variants = variants(&context);
+        let simulated = std::mem::take(&mut base.simulated);
+        if !simulated.is_empty() {
+            let is_replaced = |own: &Variant| SIMULATED.contains(&own.cause);
+            variants.retain(|own| !is_replaced(own));
+            variants.extend(simulated);
+        }
         if correction != Correction::None {
             let columns = variants.iter_mut().flat_map(|variant| &mut variant.columns);
             columns
-                .chain(&mut law_columns)
+                .chain(&mut base.columns)
                 .for_each(|column| *column = correction.apply(rows, column));
         }
         let columns =
-            law_columns.iter().chain(variants.iter().flat_map(|variant| &variant.columns));
+            base.columns.iter().chain(variants.iter().flat_map(|variant| &variant.columns));
         let columns: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
         let bank = Bank::new(rows, &columns);
-        Self { law: law.clone(), correction, law_columns, variants, bank, friction_sign }
+        Self { base, correction, variants, bank }
     }
 
     /// Returns the columns of a set of variants, those of the law first.
     pub(crate) fn columns(&self, set: &[u16]) -> Vec<&[f64]> {
         let own = set.iter().flat_map(|variant| &self.variants[*variant as usize].columns);
-        self.law_columns.iter().chain(own).map(Vec::as_slice).collect()
+        self.base.columns.iter().chain(own).map(Vec::as_slice).collect()
     }
 
     /// Returns the indices of a set's columns in the bank.
     pub(crate) fn indices(&self, set: &[u16]) -> Vec<usize> {
-        Search::new(&self.bank, self.law_columns.len(), &self.variants, self.friction_sign)
-            .columns(set)
+        Search::new(&self.bank, self.base.columns.len(), &self.variants).columns(set)
     }
 
     pub(crate) fn search(&self, bank: usize) -> Vec<Hypothesis> {
-        let mut search =
-            Search::new(&self.bank, self.law_columns.len(), &self.variants, self.friction_sign);
+        let mut search = Search::new(&self.bank, self.base.columns.len(), &self.variants);
         search.run(&[]);
         let scores = std::mem::take(&mut search.scores);
         let hypothesis = |(set, error): (Vec<u16>, f64)| {
@@ -82,7 +202,7 @@ impl Entry {
                 .filter(|v| v.is_cause())
                 .map(key)
                 .collect();
-            let mut price = search.price(&set) + self.law.price();
+            let mut price = search.price(&set) + self.base.price;
             if self.correction.is_cause() {
                 causes.insert(CauseKey { cause: "channel-delay", follows: String::new() });
             }
@@ -97,40 +217,4 @@ impl Entry {
 
 fn key(variant: &Variant) -> CauseKey {
     CauseKey { cause: variant.cause, follows: variant.follows.clone() }
-}
-
-/// The friction of a law, fitted to all rows.
-pub(crate) struct Level {
-    /// Friction torque over its RMS, positive in forward sliding.
-    pub(crate) level: Vec<f64>,
-    /// What the law leaves.
-    residual: Vec<f64>,
-    /// +1, or -1 if the friction drives the motion: the sign of the torque is reversed.
-    friction_sign: f64,
-}
-
-impl Level {
-    pub(crate) fn new(rows: &Rows, columns: &[Vec<f64>], law: &Law) -> Self {
-        let all: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let bank = Bank::new(rows, &all);
-        let indices: Vec<usize> = (0..all.len()).collect();
-        let sizes = bank.fit(&indices, &mut Workspace::default());
-        let stops = law.stops.len();
-        let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
-        let is_friction = |at: usize| at < stops || falls.contains(&at);
-        let sum = |row: usize, is_meant: &dyn Fn(usize) -> bool| {
-            (0..all.len())
-                .filter(|at| is_meant(*at))
-                .map(|at| all[at][row] * sizes[at])
-                .sum::<f64>()
-        };
-        let mut level = rows.map(|row| sum(row, &is_friction));
-        let residual = rows.map(|row| rows.torque[row] - sum(row, &|_| true));
-        let squares: f64 = level.iter().map(|v| v * v).sum();
-        // The level is positive in forward sliding, whatever the sign of the logged torque.
-        let along: f64 = level.iter().zip(&rows.velocity).map(|(a, b)| a * b).sum();
-        let scale = along.signum() / ((squares / level.len().max(1) as f64).sqrt() + 1e-300);
-        level.iter_mut().for_each(|v| *v *= scale);
-        Self { level, residual, friction_sign: along.signum() }
-    }
 }

@@ -97,6 +97,13 @@ impl Shapes {
         columns
     }
 
+    /// Returns the index of the travel that is nearest to a displacement, as a ratio.
+    pub fn nearest_travel(&self, displacement: f64) -> usize {
+        let distance = |at: &usize| (self.travels[*at] / displacement).ln().abs();
+        let all = 0..self.travels.len();
+        all.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or_default()
+    }
+
     /// Returns the competing laws, the best first: the static ones, those with one stop, and Maxwell slip.
     pub fn laws(&self, rows: &Rows) -> Vec<Law> {
         let table = LawTable::new(self, rows);

@@ -64,8 +64,9 @@ impl Ledger {
         self.hypotheses.iter().filter(|h| is_meant(h)).map(|h| h.error).min_by(f64::total_cmp)
     }
 
-    /// Returns the least error with exactly these causes.
-    pub fn error_of(&self, causes: &BTreeSet<CauseKey>) -> Option<f64> {
-        self.least_error(|hypothesis| hypothesis.causes == *causes)
+    /// Returns the hypothesis of least error with exactly these causes.
+    pub fn with_causes(&self, causes: &BTreeSet<CauseKey>) -> Option<&Hypothesis> {
+        let own = self.hypotheses.iter().filter(|hypothesis| hypothesis.causes == *causes);
+        own.min_by(|a, b| a.error.total_cmp(&b.error))
     }
 }

@@ -69,6 +69,18 @@ pub fn rests(position: &[f64], time_s: &[f64], runs: &[Range<usize>], step: f64)
     found
 }
 
+/// Returns values moved later by a number of rows within each run, by linear interpolation; the ends repeat.
+pub fn later(values: &[f64], runs: &[Range<usize>], rows: f64) -> Vec<f64> {
+    let whole = rows.floor();
+    let share = rows - whole;
+    let mut out = shift(values, runs, whole as i32);
+    if share > 0.0 {
+        let next = shift(values, runs, whole as i32 + 1);
+        out.iter_mut().zip(next).for_each(|(own, next)| *own += share * (next - *own));
+    }
+    out
+}
+
 /// Returns the values of a first-order low-pass with a time constant in rows, started at each run's first value.
 pub fn low_pass(values: &[f64], runs: &[Range<usize>], rows: f64) -> Vec<f64> {
     let mut out = values.to_vec();
@@ -154,6 +166,13 @@ mod tests {
         assert_eq!(later[3..], values[..7]);
         assert_eq!(shift(&later, &run(10), -3)[..7], values[..7]);
         assert_eq!(shift(&values, &[0..5, 5..10], 1), [0., 0., 1., 2., 3., 5., 5., 6., 7., 8.]);
+    }
+
+    #[test]
+    fn later_by_part_of_a_row_interpolates() {
+        let values: Vec<f64> = (0..6).map(f64::from).collect();
+        assert_eq!(later(&values, &run(6), 1.5)[2..], [0.5, 1.5, 2.5, 3.5]);
+        assert_eq!(later(&values, &run(6), -0.5)[..5], [0.5, 1.5, 2.5, 3.5, 4.5]);
     }
 
     #[test]

@@ -2,15 +2,22 @@
 
 use super::bank::Workspace;
 use super::correction::Correction;
-use super::draws::{DRAWS, Draws};
-use super::entry::Entry;
+use super::draws::{self, DRAWS, Draws};
+use super::entry::{Entry, Origin};
 use super::law::{Shapes, WIDTHS};
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::rows::Rows;
+use compensator_core::ParameterId;
 use std::collections::BTreeSet;
 
 /// Least inclusion of a cause in the report.
 const MIN_INCLUSION: f64 = 0.02;
+
+/// Share of what a cause takes last that is lost with another cause that stands in for it, at most.
+const MAX_STAND_IN_LOSS: f64 = 0.3;
+
+/// Ratio of a law's cost to the least cost below which it is competitive.
+const MAX_LAW_COST: f64 = 1.3;
 
 /// The evidence for a cause.
 #[derive(Clone, Debug)]
@@ -29,6 +36,12 @@ pub struct Figures {
     pub last: f64,
     /// As `last`, but the other causes may change: what no other cause can take.
     pub irreplaceable: f64,
+    /// What it takes last, in standard errors over the blocks or runs.
+    pub last_in_errors: f64,
+    /// RMS of what it takes last, as a share of the RMS torque.
+    pub torque_share: f64,
+    /// Share of the competitive laws whose own best hypothesis holds it.
+    pub laws: f64,
     /// Causes that stand in for it.
     pub confusable_with: Vec<CauseKey>,
 }
@@ -57,7 +70,11 @@ pub struct Outcome {
     pub rmse: f64,
     /// Ratio of the weighted squared errors of the best hypothesis and of the best law.
     pub error_ratio: f64,
-    /// Error that the noise alone leaves.
+    /// Weighted held-out RMS error of the best hypothesis, in noise floors.
+    pub floors: f64,
+    /// The same of the best law without a cause.
+    pub base_floors: f64,
+    /// Error that the noise and the uncertain motion alone leave.
     pub noise_floor: f64,
     /// Number of blocks.
     pub blocks: usize,
@@ -67,6 +84,8 @@ pub struct Outcome {
     pub hypotheses: usize,
     /// Hypotheses to be fitted with the driver's law: the best one first, then those that win draws.
     pub finalists: Vec<Finalist>,
+    /// Each entry's law and correction, with its error without a cause and its least error, as ratios to the base error.
+    pub entries: Vec<(String, f64, f64)>,
 }
 
 /// What an outcome is made of.
@@ -92,7 +111,7 @@ impl Outcome {
             .chain(&best.causes)
             .collect::<BTreeSet<_>>()
             .into_iter()
-            .map(|key| table.figures(key, best, base.error))
+            .map(|key| table.figures(rows, key, best, base.error))
             .filter(|figures| figures.is_in_best || figures.inclusion >= MIN_INCLUSION)
             .collect();
         causes.sort_by(|a, b| {
@@ -100,36 +119,60 @@ impl Outcome {
             order.then(b.materiality().total_cmp(&a.materiality()))
         });
         let entry = &table.entries[best.bank];
+        let floors = |error: f64| (error / rows.weight()).sqrt() / rows.noise_floor;
         Self {
-            law: entry.law.name,
+            law: entry.base.name,
             correction: table.corrections(rows, best),
-            is_reversed: table.entries[base.bank].friction_sign < 0.0,
+            is_reversed: rows.is_reversed,
             causes,
             base_rmse: table.rmse(rows, base),
             rmse: table.rmse(rows, best),
             error_ratio: best.error / base.error.max(f64::MIN_POSITIVE),
+            floors: floors(best.error),
+            base_floors: floors(base.error),
             noise_floor: rows.noise_floor,
             blocks: rows.blocks.len(),
             runs: rows.runs.len(),
             hypotheses: table.ledger.hypotheses.len(),
             finalists: table.finalists(rows),
+            entries: table.entries(rows, base.error),
         }
     }
 }
 
 impl Table<'_> {
-    fn figures(&self, key: &CauseKey, best: &Hypothesis, base: f64) -> Figures {
+    fn entries(&self, rows: &Rows, base: f64) -> Vec<(String, f64, f64)> {
+        let describe = |(at, entry): (usize, &Entry)| {
+            let own = || self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
+            let plain = own().find(|h| h.set.is_empty()).map_or(f64::NAN, |h| h.error / base);
+            let least = own().map(|h| h.error / base).fold(f64::INFINITY, f64::min);
+            (
+                format!("{}, {}", entry.base.name, entry.correction.describe(rows.step_s)),
+                plain,
+                least,
+            )
+        };
+        self.entries.iter().enumerate().map(describe).collect()
+    }
+
+    fn figures(&self, rows: &Rows, key: &CauseKey, best: &Hypothesis, base: f64) -> Figures {
         let is_in_best = best.causes.contains(key);
-        let alone = self.ledger.error_of(&BTreeSet::from([key.clone()]));
+        let alone = self.ledger.with_causes(&BTreeSet::from([key.clone()])).map(|h| h.error);
         let mut others = best.causes.clone();
         let (with, without) = if is_in_best {
             others.remove(key);
-            (Some(best.error), self.ledger.error_of(&others))
+            (Some(best), self.ledger.with_causes(&others))
         } else {
             others.insert(key.clone());
-            (self.ledger.error_of(&others), Some(best.error))
+            (self.ledger.with_causes(&others), Some(best))
         };
-        let last = with.zip(without).map_or(0.0, |(with, without)| (without - with) / base);
+        let pair = with.zip(without);
+        let last = pair.map_or(0.0, |(with, without)| (without.error - with.error) / base);
+        let last_in_errors =
+            pair.map_or(0.0, |(with, without)| self.in_errors(rows, with, without));
+        let squares =
+            rows.judged.iter().map(|row| (rows.weights[*row] * rows.torque[*row]).powi(2));
+        let torque = squares.sum::<f64>().max(f64::MIN_POSITIVE);
         let with = self.ledger.least_error(|h| h.causes.contains(key)).unwrap_or(base);
         let without = self.ledger.least_error(|h| !h.causes.contains(key)).unwrap_or(base);
         let own = best.set.iter().map(|at| &self.entries[best.bank].variants[*at as usize]);
@@ -145,8 +188,55 @@ impl Table<'_> {
             alone: alone.map_or(0.0, |alone| (base - alone) / base),
             last,
             irreplaceable: (without - with) / base,
-            confusable_with: self.draws.substitutes(key),
+            last_in_errors,
+            torque_share: (last.max(0.0) * base / torque).sqrt(),
+            laws: self.laws_with(key),
+            confusable_with: self.stand_ins(key, best, last * base),
         }
+    }
+
+    /// Returns the causes that stand in for one: those that win the draws where it does not, and those that the best
+    /// hypothesis without it holds in its place, if it loses little by that.
+    fn stand_ins(&self, key: &CauseKey, best: &Hypothesis, last: f64) -> Vec<CauseKey> {
+        let mut found = self.draws.substitutes(key);
+        let others = self.ledger.hypotheses.iter().filter(|h| !h.causes.contains(key));
+        let without = others.min_by(|a, b| a.cost().total_cmp(&b.cost()));
+        if let Some(without) = without
+            && best.causes.contains(key)
+            && without.error - best.error < MAX_STAND_IN_LOSS * last
+        {
+            let new = without.causes.difference(&best.causes).cloned();
+            found.extend(new.filter(|new| !found.contains(new)).collect::<Vec<_>>());
+        }
+        found
+    }
+
+    /// Returns the fall of the error from one hypothesis to another, in standard errors over blocks or runs.
+    fn in_errors(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> f64 {
+        let [with, without] = [with, without].map(|hypothesis| {
+            let entry = &self.entries[hypothesis.bank];
+            let indices = entry.indices(&hypothesis.set);
+            let errors = entry.bank.block_errors(&indices, &mut Workspace::default());
+            draws::unit_errors(rows, &errors)
+        });
+        let falls: Vec<f64> = without.iter().zip(&with).map(|(a, b)| a - b).collect();
+        let count = falls.len().max(2) as f64;
+        let mean = falls.iter().sum::<f64>() / count;
+        let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
+    }
+
+    /// Returns the share of the competitive laws whose own best hypothesis holds a cause.
+    fn laws_with(&self, key: &CauseKey) -> f64 {
+        let least = |at: usize| {
+            let own = self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
+            own.min_by(|a, b| a.cost().total_cmp(&b.cost()))
+        };
+        let best: Vec<&Hypothesis> = (0..self.entries.len()).filter_map(least).collect();
+        let most = best.iter().map(|h| h.cost()).fold(f64::INFINITY, f64::min) * MAX_LAW_COST;
+        let competitive: Vec<&Hypothesis> = best.into_iter().filter(|h| h.cost() <= most).collect();
+        let holding = competitive.iter().filter(|h| h.causes.contains(key)).count();
+        holding as f64 / competitive.len().max(1) as f64
     }
 
     /// Returns the corrections of the log in a hypothesis: of time, and of the gain of channels.
@@ -276,7 +366,7 @@ impl Table<'_> {
         let sizes = entry.bank.fit(&indices, &mut Workspace::default());
         let folds = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
         let alone = Hypothesis { set: Vec::new(), ..hypothesis.clone() };
-        let mut at = entry.law_columns.len();
+        let mut at = entry.base.columns.len();
         let mut causes = Vec::new();
         for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
             let own = at..at + variant.columns.len();
@@ -312,12 +402,25 @@ impl Table<'_> {
         without.map_or(1.0, |without| (hypothesis.error / without).min(1.0))
     }
 
-    /// Returns the parameters of an entry's law from the coefficients of its columns.
+    /// Returns the parameters of an entry's law: those of the driver's law, or from the coefficients of its columns.
     fn law_start(&self, rows: &Rows, entry: &Entry, sizes: &[f64]) -> LawStart {
-        let law = &entry.law;
+        let law = match &entry.base.origin {
+            Origin::Kernel(parameters) => {
+                let coulomb = parameters.get(ParameterId::CoulombTorque);
+                return LawStart {
+                    name: "lugre",
+                    coulomb,
+                    static_excess: parameters.get(ParameterId::StaticTorque) - coulomb,
+                    stribeck_velocity: parameters.get(ParameterId::StribeckVelocity),
+                    travel: coulomb / parameters.get(ParameterId::BristleStiffness),
+                    viscous: parameters.get(ParameterId::ViscousFriction),
+                };
+            }
+            Origin::Shapes(law) => law,
+        };
         let stops = &sizes[..law.stops.len()];
         let falls = sizes[law.stops.len() + 1..].iter().take(if law.has_falls { 3 } else { 0 });
-        let falls: Vec<f64> = falls.map(|size| (entry.friction_sign * size).max(0.0)).collect();
+        let falls: Vec<f64> = falls.map(|size| size.max(0.0)).collect();
         let excess: f64 = falls.iter().sum();
         let width: f64 = falls.iter().zip(WIDTHS).map(|(fall, width)| fall * width).sum();
         let level: f64 = stops.iter().map(|size| size.abs()).sum::<f64>().max(f64::MIN_POSITIVE);
@@ -325,7 +428,7 @@ impl Table<'_> {
             law.stops.iter().zip(stops).map(|(at, s)| self.shapes.travels[*at] * s.abs()).sum();
         LawStart {
             name: law.name,
-            coulomb: stops.iter().sum::<f64>() * entry.friction_sign,
+            coulomb: stops.iter().sum(),
             static_excess: excess,
             stribeck_velocity: rows.top_speed
                 * if excess > 0.0 { width / excess } else { WIDTHS[1] },

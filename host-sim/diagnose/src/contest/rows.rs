@@ -8,6 +8,8 @@
 
 use super::covariate::{Covariate, covariates};
 use super::operator::{slope, smooth};
+use compensator_core::TermKind;
+use friction_fit::Track;
 use friction_fit::scales::white_noise;
 use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use std::ops::Range;
@@ -44,6 +46,19 @@ pub struct RigidBody {
     pub load: bool,
     /// A constant.
     pub offset: bool,
+}
+
+impl RigidBody {
+    /// Returns the parts as terms of the core.
+    pub fn terms(self) -> Vec<TermKind> {
+        let parts = [
+            (self.inertia, TermKind::UnmodelledInertia),
+            (self.gravity, TermKind::GravityImbalance),
+            (self.load, TermKind::LoadGain),
+            (self.offset, TermKind::TorqueOffset),
+        ];
+        parts.into_iter().filter(|(has, _)| *has).map(|(_, term)| term).collect()
+    }
 }
 
 /// A log in long columns, with what every hypothesis shares. Units are those of the log; a linear joint has N for Nm.
@@ -95,6 +110,10 @@ pub struct Rows {
     pub fold_of_block: Vec<usize>,
     /// Error that the torque's noise alone leaves on the judged rows.
     pub noise_floor: f64,
+    /// True if the sign of the logged torque was reversed.
+    pub is_reversed: bool,
+    /// The unbroken stretches of the runs, for a simulation.
+    pub tracks: Vec<Track>,
 }
 
 impl Rows {
@@ -132,6 +151,8 @@ impl Rows {
             run_of_block: Vec::new(),
             fold_of_block: Vec::new(),
             noise_floor: noise(data, decimate.max(1)),
+            is_reversed: false,
+            tracks: friction_fit::tracks(data),
             runs,
             time_s,
             position,
@@ -172,6 +193,30 @@ impl Rows {
                 }
             }
         }
+    }
+
+    /// Returns the row at which a track begins.
+    pub fn first_row(&self, track: &Track) -> usize {
+        self.runs[track.run].start + track.first_row
+    }
+
+    /// Returns a column in all rows from its values along tracks; 0 in rows of no track.
+    pub(crate) fn from_tracks<'a>(
+        &self,
+        tracks: impl Iterator<Item = (&'a Track, &'a [f64])>,
+    ) -> Vec<f64> {
+        let mut column = vec![0.0; self.len()];
+        for (track, values) in tracks {
+            let first = self.first_row(track);
+            column[first..first + values.len()].copy_from_slice(values);
+        }
+        column
+    }
+
+    /// Reverses the sign of the torque.
+    pub fn reverse_torque(&mut self) {
+        self.is_reversed = !self.is_reversed;
+        self.torque.iter_mut().for_each(|torque| *torque = -*torque);
     }
 
     /// Returns the number of folds.

@@ -9,7 +9,8 @@ use super::cause::backlash::GapGrid;
 use super::cause::ripple::RippleOrders;
 use super::correction::{Correction, TRIED};
 use super::draws::Draws;
-use super::entry::{Entry, Level, Waves};
+use super::entry::{Base, Entry, Origin, Waves};
+use super::kernel::KernelLaw;
 use super::law::{Law, Shapes};
 use super::ledger::{Hypothesis, Ledger};
 use super::outcome::{Outcome, Table};
@@ -29,33 +30,152 @@ const MOST_DRAWN: usize = 400;
 /// Ratio of the cost to the best cost above which a hypothesis is not drawn.
 const MAX_COST_RATIO: f64 = 1.6;
 
+/// Most rounds in which the driver's law is linearised.
+const KERNEL_ROUNDS: usize = 4;
+
+/// Share of the cost that a round must take for another one.
+const MIN_ROUND_GAIN: f64 = 0.005;
+
+/// Most base laws of shapes that compete beside the driver's.
+const MOST_SHAPED: usize = 3;
+
 /// Runs the contest. It sets the weights of the rows first.
 pub fn contest(rows: &mut Rows) -> Outcome {
     let shapes = Shapes::new(rows);
-    if let Some(law) = shapes.laws(rows).first() {
-        weigh(rows, &shapes, law);
-    }
+    let Some(kernel) = prepare(rows, &shapes) else { return Outcome::default() };
     let rows = &*rows;
     let laws = shapes.laws(rows);
     let Some(first) = laws.first() else { return Outcome::default() };
     let mut waves = Waves { orders: RippleOrders::default(), gaps: GapGrid::new(rows, &shapes) };
-    waves.orders = orders(rows, &Entry::new(rows, &shapes, first, Correction::None, &waves));
-    let build = |(law, correction): &(&Law, Correction)| {
-        Entry::new(rows, &shapes, law, *correction, &waves)
+    let bases = laws.iter().take(MOST_SHAPED).map(|law| Base::of_shapes(rows, &shapes, law));
+    let bases: Vec<Base> = bases.collect();
+    let plain = kernel.as_ref().map(|kernel| Base::of_kernel(rows, &shapes, kernel, Some(first)));
+    let largest = plain.unwrap_or_else(|| bases[0].clone());
+    waves.orders = orders(rows, &Entry::new(rows, &shapes, largest, Correction::None, &waves));
+    let build = |(base, correction): (Base, Correction)| {
+        Entry::new(rows, &shapes, base, correction, &waves)
     };
-    let first: Vec<(&Law, Correction)> = laws.iter().map(|law| (law, Correction::None)).collect();
-    let mut entries: Vec<Entry> = first.par_iter().map(build).collect();
-    let mut hypotheses: Vec<Hypothesis> = search_all(&entries, 0);
-    let Some(best) = least(&hypotheses) else { return Outcome::default() };
-    let corrections = screen(rows, &entries[best.bank], best);
-    let best_law = entries[best.bank].law.clone();
-    let second: Vec<(&Law, Correction)> = corrections.iter().map(|c| (&best_law, *c)).collect();
-    let later: Vec<Entry> = second.par_iter().map(build).collect();
-    hypotheses.extend(search_all(&later, entries.len()));
-    entries.extend(later);
-    let ledger = Ledger::new(hypotheses);
-    let draws = draw(rows, &entries, &ledger);
-    Outcome::new(rows, Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws })
+    let mut found = Found::default();
+    found.add(bases.iter().cloned().map(|base| (base, Correction::None)).collect(), &build);
+    let mut kernels: Vec<(Correction, KernelLaw)> = Vec::new();
+    if let Some(kernel) = kernel {
+        found.add_kernel(&kernel, Correction::None, first, (rows, &shapes), &build);
+        kernels.push((Correction::None, kernel));
+    }
+    for _ in 0..KERNEL_ROUNDS {
+        let Some(best) = found.best().cloned() else { break };
+        let entry = &found.entries[best.bank];
+        let mut wanted = screen(rows, entry, &best);
+        wanted.retain(|correction| kernels.iter().all(|(own, _)| own != correction));
+        if matches!(entry.base.origin, Origin::Shapes(_)) {
+            // A correction changes the columns of its entry, so each begins with the law's own.
+            let own = bases
+                .iter()
+                .find(|base| base.name == entry.base.name && base.travel == entry.base.travel);
+            let shaped = wanted.iter().filter_map(|c| Some((own?.clone(), *c))).collect();
+            found.add(shaped, &build);
+        }
+        let best = found.best().cloned().unwrap_or(best);
+        let entry = &found.entries[best.bank];
+        let target = without_causes(rows, entry, &best.set);
+        let correction = entry.correction;
+        wanted.extend([correction, Correction::None]);
+        wanted.dedup();
+        let fit = |correction: &Correction| {
+            let own = kernels.iter().rev().find(|(own, _)| own == correction);
+            let before = own.or(kernels.first()).map(|(_, law)| law);
+            Some((*correction, KernelLaw::fit(rows, &target, *correction, before)?))
+        };
+        let fitted: Vec<(Correction, KernelLaw)> = wanted.par_iter().filter_map(fit).collect();
+        for (correction, law) in &fitted {
+            found.add_kernel(law, *correction, first, (rows, &shapes), &build);
+        }
+        kernels.extend(fitted);
+        let next = found.best().map_or(f64::INFINITY, Hypothesis::cost);
+        if next > (1.0 - MIN_ROUND_GAIN) * best.cost() {
+            break;
+        }
+    }
+    let ledger = Ledger::new(found.hypotheses);
+    let draws = draw(rows, &found.entries, &ledger);
+    Outcome::new(
+        rows,
+        Table { shapes: &shapes, entries: &found.entries, ledger: &ledger, draws: &draws },
+    )
+}
+
+/// Reverses a torque of the wrong sign, fits the driver's law without a cause and weighs the rows by what it leaves. Returns
+/// `None` if there is no law at all.
+fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
+    let law = shapes.laws(rows).into_iter().next()?;
+    let mut base = Base::of_shapes(rows, shapes, &law);
+    if base.is_driving {
+        rows.reverse_torque();
+        base = Base::of_shapes(rows, shapes, &law);
+    }
+    let torque = rows.torque.clone();
+    let kernel = KernelLaw::fit(rows, &torque, Correction::None, None);
+    let square =
+        |residual: &[f64]| rows.judged.iter().map(|row| residual[*row].powi(2)).sum::<f64>();
+    let stop = |travel: usize| &shapes.stops[travel];
+    match &kernel {
+        Some(kernel) if square(&kernel.residual) < square(&base.residual) => {
+            let stop = stop(shapes.nearest_travel(kernel.travel));
+            weigh(rows, &kernel.residual, stop, &kernel.motion_error, &kernel.memory);
+        }
+        Some(kernel) => {
+            weigh(rows, &base.residual, stop(base.travel), &kernel.motion_error, &kernel.memory);
+        }
+        None => weigh(rows, &base.residual, stop(base.travel), &[], &[]),
+    }
+    Some(kernel)
+}
+
+/// Entries with all hypotheses that were scored.
+#[derive(Default)]
+struct Found {
+    entries: Vec<Entry>,
+    hypotheses: Vec<Hypothesis>,
+}
+
+impl Found {
+    /// Builds entries and searches in them.
+    fn add(
+        &mut self,
+        wanted: Vec<(Base, Correction)>,
+        build: &(impl Fn((Base, Correction)) -> Entry + Sync),
+    ) {
+        let made: Vec<Entry> = wanted.into_par_iter().map(build).collect();
+        self.hypotheses.extend(search_all(&made, self.entries.len()));
+        self.entries.extend(made);
+    }
+
+    /// Adds the driver's law, alone and beside a law of shapes.
+    fn add_kernel(
+        &mut self,
+        kernel: &KernelLaw,
+        correction: Correction,
+        free: &Law,
+        (rows, shapes): (&Rows, &Shapes),
+        build: &(impl Fn((Base, Correction)) -> Entry + Sync),
+    ) {
+        let base = |free| (Base::of_kernel(rows, shapes, kernel, free), correction);
+        self.add(vec![base(None), base(Some(free))], build);
+    }
+
+    fn best(&self) -> Option<&Hypothesis> {
+        least(&self.hypotheses)
+    }
+}
+
+/// Returns the torque less the causes of a set.
+fn without_causes(rows: &Rows, entry: &Entry, set: &[u16]) -> Vec<f64> {
+    let sizes = entry.bank.fit(&entry.indices(set), &mut Workspace::default());
+    let columns = entry.columns(set);
+    let causes = entry.base.columns.len()..columns.len();
+    rows.map(|row| {
+        rows.torque[row] - causes.clone().map(|at| columns[at][row] * sizes[at]).sum::<f64>()
+    })
 }
 
 fn search_all(entries: &[Entry], first: usize) -> Vec<Hypothesis> {
@@ -71,8 +191,7 @@ fn least(hypotheses: &[Hypothesis]) -> Option<&Hypothesis> {
 fn orders(rows: &Rows, entry: &Entry) -> RippleOrders {
     let set: Vec<u16> = (0..entry.variants.len() as u16).collect();
     let residual = residual(rows, entry, &set);
-    let Level { level, .. } = Level::new(rows, &entry.law_columns, &entry.law);
-    RippleOrders::find(rows, &residual, &level)
+    RippleOrders::find(rows, &residual, &entry.base.columns, &entry.base.level)
 }
 
 /// Returns what a set of variants leaves, fitted to all rows.
@@ -98,7 +217,20 @@ fn screen(rows: &Rows, entry: &Entry, best: &Hypothesis) -> Vec<Correction> {
     let mut errors: Vec<(f64, Correction)> = TRIED.par_iter().map(error).collect();
     errors.retain(|(error, _)| *error < (1.0 - MIN_CORRECTION_GAIN) * best.error);
     errors.sort_by(|a, b| a.0.total_cmp(&b.0));
-    errors.into_iter().take(MOST_CORRECTIONS).map(|(_, correction)| correction).collect()
+    // The best of each kind, and that of the best at its best size.
+    let mut kept: Vec<Correction> = Vec::new();
+    for (own_error, correction) in errors {
+        let kind = std::mem::discriminant(&correction);
+        if kept.iter().any(|own| std::mem::discriminant(own) == kind) {
+            continue;
+        }
+        let near = correction.nearer();
+        let nearer = near.par_iter().map(error).min_by(|a, b| a.0.total_cmp(&b.0));
+        let nearer = nearer.filter(|(error, _)| *error < own_error).map(|(_, own)| own);
+        kept.push(nearer.unwrap_or(correction));
+    }
+    kept.truncate(MOST_CORRECTIONS);
+    kept
 }
 
 fn draw(rows: &Rows, entries: &[Entry], ledger: &Ledger) -> Draws {

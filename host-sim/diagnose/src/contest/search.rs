@@ -31,8 +31,6 @@ pub struct Search<'a> {
     law: usize,
     /// First bank column of each variant.
     first: Vec<usize>,
-    /// +1, or -1 if the sign of the torque is reversed.
-    friction_sign: f64,
     work: Workspace,
     /// Held-out error of every set that was scored.
     pub scores: HashMap<CauseSet, f64>,
@@ -40,7 +38,7 @@ pub struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// Prepares a search. The bank holds the law's columns, then those of the variants in order.
-    pub fn new(bank: &'a Bank, law: usize, variants: &'a [Variant], friction_sign: f64) -> Self {
+    pub fn new(bank: &'a Bank, law: usize, variants: &'a [Variant]) -> Self {
         let mut at = law;
         let first = variants.iter().map(|variant| {
             at += variant.columns.len();
@@ -48,7 +46,7 @@ impl<'a> Search<'a> {
         });
         let first = first.collect();
         let work = Workspace::default();
-        Self { bank, variants, law, first, friction_sign, work, scores: HashMap::new() }
+        Self { bank, variants, law, first, work, scores: HashMap::new() }
     }
 
     /// Returns the bank columns of a set.
@@ -156,7 +154,7 @@ impl<'a> Search<'a> {
         set.iter().all(|index| {
             let variant = &self.variants[*index as usize];
             at += variant.columns.len();
-            variant.sign * self.friction_sign * sizes[at - variant.columns.len()] >= 0.0
+            variant.sign * sizes[at - variant.columns.len()] >= 0.0
         })
     }
 
@@ -217,7 +215,7 @@ mod tests {
                 .map(|c| c.as_slice())
                 .to_vec();
         let bank = Bank::new(&rows, &columns);
-        let mut search = Search::new(&bank, 2, &variants, 1.0);
+        let mut search = Search::new(&bank, 2, &variants);
         search.run(&[]);
         let best = search.scores.iter().min_by(|a, b| {
             let cost = |of: &(&CauseSet, &f64)| *of.1 * search.price(of.0).exp();

@@ -2,10 +2,9 @@
 //!
 //! Errors differ by kind of row: a joint at rest holds a torque that its motion does not determine, a joint that bends after a
 //! reversal is known less well than one that slides. A law of free shape, fitted once, says how large the error of each kind
-//! is, and its rows get the inverse as weight. All hypotheses share these weights.
+//! is, and its rows get the inverse as weight. Where the motion is uncertain, the driver's law turns its error into an error of
+//! the torque that no model avoids, and such rows count less as well. All hypotheses share these weights.
 
-use super::bank::{Bank, Workspace};
-use super::law::{Law, Shapes};
 use super::rows::{Rows, quantile};
 
 /// Number of rows around a row that decide its kind.
@@ -28,18 +27,16 @@ enum Kind {
     Slide,
 }
 
-/// Sets the weights of the rows by the residual of a law.
-pub fn weigh(rows: &mut Rows, shapes: &Shapes, law: &Law) {
-    let columns = shapes.columns(rows, law);
-    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-    let bank = Bank::new(rows, &columns);
-    let all: Vec<usize> = (0..columns.len()).collect();
-    let fit = bank.fit(&all, &mut Workspace::default());
-    let residual = rows.map(|row| {
-        rows.torque[row]
-            - columns.iter().zip(&fit).map(|(column, size)| column[row] * size).sum::<f64>()
-    });
-    let kinds = kinds(rows, &shapes.stops[law.stops[0]]);
+/// Sets the weights of the rows by what a law leaves of them. `stop` bends where the law does. `motion_error` is the error
+/// that comes from the uncertain motion, or empty; `memory` the share of the unknown torque at a start, or empty.
+pub fn weigh(
+    rows: &mut Rows,
+    residual: &[f64],
+    stop: &[f64],
+    motion_error: &[f64],
+    memory: &[f64],
+) {
+    let kinds = kinds(rows, stop);
     let spread = |kind: Option<Kind>| {
         let own = rows.judged.iter().filter(|row| kind.is_none_or(|kind| kinds[**row] == kind));
         let values: Vec<f64> = own.map(|row| residual[*row].abs()).collect();
@@ -54,6 +51,19 @@ pub fn weigh(rows: &mut Rows, shapes: &Shapes, law: &Law) {
     for (weighed, kind) in rows.weights.iter_mut().zip(kinds) {
         *weighed *= weight[kind as usize];
     }
+    for (weighed, memory) in rows.weights.iter_mut().zip(memory) {
+        *weighed *= 1.0 - memory.abs().min(1.0);
+    }
+    if motion_error.is_empty() {
+        return;
+    }
+    let usual = usual.max(rows.noise_floor);
+    for (weighed, error) in rows.weights.iter_mut().zip(motion_error) {
+        *weighed /= (1.0 + (error / usual).powi(2)).sqrt();
+    }
+    let squares = rows.judged.iter().map(|row| (rows.weights[*row] * motion_error[*row]).powi(2));
+    let motion = squares.sum::<f64>() / rows.weight().max(f64::MIN_POSITIVE);
+    rows.noise_floor = (rows.noise_floor.powi(2) + motion).sqrt();
 }
 
 fn kinds(rows: &Rows, stop: &[f64]) -> Vec<Kind> {

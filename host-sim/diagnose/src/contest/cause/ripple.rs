@@ -1,21 +1,39 @@
 //! Waves of the angle: torque ripple, friction ripple, and an encoder's error.
 //!
 //! A torque ripple is added whichever way the joint turns, a friction ripple (`position-ripple`) scales the friction level, an
-//! encoder's error is a wave of the motion itself and shows in speed and acceleration. The orders are found in what the largest
-//! model without waves leaves: the amplitude at each whole multiple of a base frequency. A wave of which the log spans less
-//! than one and a half periods is a slope and not a wave, and is refused.
+//! encoder's error is a wave of the motion itself, once or a few times a turn, and shows in speed and acceleration. The orders
+//! are found in what the largest model without waves leaves. A gear between motor and joint gives orders that are no whole
+//! number. A wave of which the log spans less than one and a half periods is a slope and not a wave, and is refused.
 
 use super::{Columns, Context, plain};
+use crate::contest::bank::{Bank, Workspace};
 use crate::contest::rows::Rows;
 use joint_log::JointKind;
-use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
-/// Highest multiple of a turn, for a revolute joint.
-const MOST_ORDERS_OF_TURN: usize = 210;
+/// Highest order, in periods per turn, for a revolute joint.
+const HIGHEST_ORDER: f64 = 210.0;
 
-/// Highest multiple of the swing, for a linear joint or a small swing.
-const MOST_ORDERS_OF_SWING: usize = 30;
+/// Highest multiple of the swing, for a linear joint.
+const MOST_ORDERS_OF_SWING: f64 = 30.0;
+
+/// Steps of the scanned orders in one period over the swing of a run. A wave between two steps loses 10 % of its amplitude.
+const STEPS: f64 = 2.0;
+
+/// Most orders that are scanned.
+const MOST_SCANNED_ORDERS: usize = 3000;
+
+/// Strongest orders of the scan that compete.
+const COMPETING: usize = 24;
+
+/// Ratio of two orders nearer than which they are one.
+const SAME_ORDER: f64 = 1e-4;
+
+/// Distance from a whole order of a turn, in steps, within which the whole one competes as well.
+const NEAR_WHOLE: f64 = 1.0;
+
+/// Share of the error that another order must take.
+const MIN_ORDER_GAIN: f64 = 0.004;
 
 /// Fewest periods within the swing of a run.
 const MIN_PERIODS: f64 = 1.5;
@@ -25,6 +43,9 @@ const MAX_STEP: f64 = 1.2;
 
 /// Speed below which a row tells nothing of a wave, as a share of the top speed.
 const MIN_SPEED: f64 = 0.01;
+
+/// Orders of an encoder's error: eccentricity, tilt and their harmonics.
+const ENCODER_ORDERS: [f64; 4] = [1.0, 2.0, 3.0, 4.0];
 
 /// Most orders of one torque ripple.
 const MOST_WAVES: usize = 6;
@@ -53,64 +74,137 @@ pub struct RippleOrders {
 }
 
 impl RippleOrders {
-    /// Finds the strongest orders in a residual. `level` is the friction level.
-    pub fn find(rows: &Rows, residual: &[f64], level: &[f64]) -> Self {
-        let (base, count) = base_order(rows);
-        if count == 0 || !rows.has_position {
+    /// Finds the strongest orders in what a model leaves. `columns` are those of its base law, `level` its friction level.
+    ///
+    /// A scan of the residual proposes orders. Neighbours of a strong order are strong as well, so that those that help are
+    /// then chosen one by one beside the law, by their held-out error.
+    pub fn find(rows: &Rows, residual: &[f64], columns: &[Vec<f64>], level: &[f64]) -> Self {
+        if !rows.has_position {
             return Self::default();
         }
-        let least = (MIN_PERIODS * TAU / (rows.swing * base)).ceil().max(1.0) as usize;
-        let has_gravity = rows.joint == JointKind::Revolute;
+        let scan = Scan::new(rows);
+        let is_revolute = rows.joint == JointKind::Revolute;
+        // The first order of a torque is gravity.
+        let least = if is_revolute { 1.5 } else { 0.0 };
+        let torque = scan.proposed(residual, |_| 1.0, least);
+        let scaled = scan.proposed(residual, |row| level[row], 0.0);
+        Self {
+            torque: chosen(rows, columns, &torque, |_| 1.0),
+            level: chosen(rows, columns, &scaled, |row| level[row]),
+            by_run: phases(rows, residual),
+        }
+    }
+}
+
+/// Chooses orders one by one, each by the held-out error beside the law and the orders before it.
+fn chosen(
+    rows: &Rows,
+    law: &[Vec<f64>],
+    orders: &[f64],
+    of: impl Fn(usize) -> f64 + Copy,
+) -> Vec<f64> {
+    let pairs: Vec<Vec<f64>> = orders.iter().flat_map(|order| waves(rows, &[*order], of)).collect();
+    let columns: Vec<&[f64]> = law.iter().chain(&pairs).map(Vec::as_slice).collect();
+    let bank = Bank::new(rows, &columns);
+    let mut work = Workspace::default();
+    let mut set: Vec<usize> = (0..law.len()).collect();
+    let mut error = bank.error(&set, &mut work);
+    let mut kept: Vec<usize> = Vec::new();
+    while kept.len() < MOST_WAVES {
+        let mut with = |order: usize| {
+            let first = law.len() + 2 * order;
+            set.extend([first, first + 1]);
+            let error = bank.error(&set, &mut work);
+            set.truncate(set.len() - 2);
+            (error, order)
+        };
+        let free = (0..orders.len()).filter(|order| !kept.contains(order));
+        let best = free.map(&mut with).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((next, order)) = best else { break };
+        if next > (1.0 - MIN_ORDER_GAIN) * error {
+            break;
+        }
+        set.extend([law.len() + 2 * order, law.len() + 2 * order + 1]);
+        error = next;
+        kept.push(order);
+    }
+    kept.into_iter().map(|order| orders[order]).collect()
+}
+
+/// Orders from a wave of which a run spans one and a half periods to the highest, over the rows that resolve waves.
+struct Scan<'a> {
+    rows: &'a Rows,
+    moving: Vec<usize>,
+    least: f64,
+    step: f64,
+    count: usize,
+}
+
+impl<'a> Scan<'a> {
+    fn new(rows: &'a Rows) -> Self {
         let every = rows.judged.len().div_ceil(MOST_SCANNED);
         let judged = rows.judged.iter().copied().step_by(every);
         let moving: Vec<usize> = judged
             .filter(|row| rows.smooth_velocity[*row].abs() > MIN_SPEED * rows.top_speed)
             .collect();
-        let grid = Grid { rows, moving, base, count };
-        // The first order of a torque is gravity.
-        let torque = grid.pursue(residual, None, least.max(if has_gravity { 2 } else { 1 }));
-        let by_run = phases(rows, residual);
-        Self { torque, level: grid.pursue(residual, Some(level), least), by_run }
+        let period = TAU / rows.swing;
+        let least = MIN_PERIODS * period;
+        let highest = match rows.joint {
+            JointKind::Revolute => HIGHEST_ORDER,
+            JointKind::Prismatic => MOST_ORDERS_OF_SWING * period,
+        };
+        let span = (highest - least).max(0.0);
+        let step = (period / STEPS).max(span / MOST_SCANNED_ORDERS as f64).max(f64::MIN_POSITIVE);
+        Self { rows, moving, least, step, count: (span / step) as usize }
     }
-}
 
-/// Multiples of a base frequency over the rows that resolve waves.
-struct Grid<'a> {
-    rows: &'a Rows,
-    moving: Vec<usize>,
-    base: f64,
-    count: usize,
-}
-
-impl Grid<'_> {
-    /// Returns the strongest orders, each found in what those before it leave. With a level, the waves scale it.
-    fn pursue(&self, values: &[f64], level: Option<&[f64]>, least: usize) -> Vec<f64> {
-        let level = |row: usize| level.map_or(1.0, |level| level[row]);
-        let mut left: Vec<f64> = self.moving.iter().map(|row| values[*row]).collect();
-        let mut orders = Vec::new();
-        while orders.len() < MOST_WAVES {
-            let powers = self.amplitudes(&left, level);
-            let free = (least..=self.count)
-                .filter(|order| powers[*order] > 0.0 && !orders.contains(order));
-            let Some(best) = free.max_by(|a, b| powers[*a].total_cmp(&powers[*b])) else { break };
-            self.remove(best as f64 * self.base, &mut left, level);
-            orders.push(best);
+    /// Returns the strongest orders above `least` in a residual of waves times `of`, the whole orders beside them included.
+    fn proposed(&self, residual: &[f64], of: impl Fn(usize) -> f64, least: f64) -> Vec<f64> {
+        let powers = self.amplitudes(residual, of);
+        let at = |index: usize| powers.get(index).copied().unwrap_or_default();
+        let is_peak = |index: &usize| {
+            at(*index) > 0.0
+                && at(*index) >= at(index.wrapping_sub(1))
+                && at(*index) >= at(index + 1)
+        };
+        let mut peaks: Vec<usize> = (0..powers.len()).filter(is_peak).collect();
+        peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
+        let is_revolute = self.rows.joint == JointKind::Revolute;
+        let mut orders: Vec<f64> = Vec::new();
+        for peak in peaks {
+            let order = self.least + self.step * self.refined(peak, &powers);
+            let whole = order.round();
+            let is_near = is_revolute && (order - whole).abs() < NEAR_WHOLE * self.step;
+            for order in [Some(order), is_near.then_some(whole)].into_iter().flatten() {
+                let is_new = orders.iter().all(|own| (own / order - 1.0).abs() > SAME_ORDER);
+                if order >= least.max(self.least) && is_new && orders.len() < COMPETING {
+                    orders.push(order);
+                }
+            }
         }
-        orders.into_iter().map(|order| order as f64 * self.base).collect()
+        orders
     }
 
-    /// Returns the amplitude of each multiple over the rows that resolve it, in units of what noise would have; index 0 is not
-    /// used.
-    fn amplitudes(&self, values: &[f64], level: impl Fn(usize) -> f64) -> Vec<f64> {
-        let (rows, base, count) = (self.rows, self.base, self.count);
-        let mut sums = vec![(0.0, 0.0, 0.0, 0usize); count + 1];
-        for (row, value) in self.moving.iter().zip(values) {
-            let value = value * rows.weights[*row] * level(*row);
-            let step = (rows.velocity[*row] * rows.step_s).abs() * base;
-            let most = ((MAX_STEP / step.max(1e-12)) as usize).min(count);
-            let (sine, cosine) = (base * rows.position[*row]).sin_cos();
-            let (mut s, mut c) = (sine, cosine);
-            for sum in &mut sums[1..=most] {
+    /// Returns the place of a peak between the steps, by a parabola through three powers.
+    fn refined(&self, peak: usize, powers: &[f64]) -> f64 {
+        let at = |index: usize| powers.get(index).copied().unwrap_or_default();
+        let (before, own, after) = (at(peak.wrapping_sub(1)), at(peak), at(peak + 1));
+        let bend = before - 2.0 * own + after;
+        let shift = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+        peak as f64 + shift.clamp(-0.5, 0.5)
+    }
+
+    /// Returns the amplitude of each order over the rows that resolve it, in units of what noise would have.
+    fn amplitudes(&self, values: &[f64], of: impl Fn(usize) -> f64) -> Vec<f64> {
+        let rows = self.rows;
+        let mut sums = vec![(0.0, 0.0, 0.0, 0usize); self.count];
+        for row in &self.moving {
+            let value = values[*row] * rows.weights[*row] * of(*row);
+            let travel = (rows.velocity[*row] * rows.step_s).abs().max(1e-12);
+            let most = ((MAX_STEP / travel - self.least) / self.step).max(0.0) as usize;
+            let (mut s, mut c) = (self.least * rows.position[*row]).sin_cos();
+            let (sine, cosine) = (self.step * rows.position[*row]).sin_cos();
+            for sum in &mut sums[..most.min(self.count)] {
                 *sum = (sum.0 + value * c, sum.1 + value * s, sum.2 + value * value, sum.3 + 1);
                 (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
             }
@@ -121,36 +215,6 @@ impl Grid<'_> {
         };
         sums.iter().map(amplitude).collect()
     }
-
-    /// Subtracts the best wave of an order.
-    fn remove(&self, order: f64, left: &mut [f64], level: impl Fn(usize) -> f64) {
-        let (mut gram, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        let waves: Vec<Vector3<f64>> = self
-            .moving
-            .iter()
-            .map(|row| {
-                let (s, c) = (order * self.rows.position[*row]).sin_cos();
-                Vector3::new(1.0, s, c) * level(*row)
-            })
-            .collect();
-        for ((wave, value), row) in waves.iter().zip(left.iter()).zip(&self.moving) {
-            let weight = self.rows.weights[*row].powi(2);
-            gram += wave * wave.transpose() * weight;
-            right += wave * (value * weight);
-        }
-        let Some(sizes) = gram.lu().solve(&right) else { return };
-        for (value, wave) in left.iter_mut().zip(&waves) {
-            *value -= wave[1] * sizes[1] + wave[2] * sizes[2];
-        }
-    }
-}
-
-/// Returns the base frequency and the number of its multiples: of a turn, or of the swing.
-fn base_order(rows: &Rows) -> (f64, usize) {
-    if rows.joint == JointKind::Revolute {
-        return (1.0, MOST_ORDERS_OF_TURN);
-    }
-    (TAU / rows.swing, MOST_ORDERS_OF_SWING)
 }
 
 /// Returns the strongest wave whose phase is free in each run, if the position's zero is not the shaft's: every run begins at the
@@ -235,14 +299,12 @@ pub(super) fn encoder_error(context: &Context) -> Vec<Columns> {
     if !rows.rigid_body.inertia || !rows.has_position || rows.joint != JointKind::Revolute {
         return Vec::new();
     }
-    let mut orders: Vec<f64> = vec![1.0, 2.0];
-    orders.extend(context.orders.torque.iter().take(2).filter(|order| **order > 2.0));
     let variant = |order: &f64| {
         let mut columns = waves(rows, &[*order], |row| rows.velocity[row].powi(2));
         columns.extend(waves(rows, &[*order], |row| rows.acceleration[row]));
         plain(&name(&[*order]), columns)
     };
-    orders.iter().map(variant).collect()
+    ENCODER_ORDERS.iter().map(variant).collect()
 }
 
 #[cfg(test)]
@@ -259,9 +321,12 @@ mod tests {
         rows.smooth_velocity = rows.velocity.clone();
         let wave: Vec<f64> = rows.position.iter().map(|q| (7.0 * q + 0.4).sin()).collect();
         let level: Vec<f64> = rows.velocity.iter().map(|v| v.signum()).collect();
-        let found = RippleOrders::find(&rows, &wave, &level);
+        let columns = [level.clone()];
+        rows.torque = wave.clone();
+        let found = RippleOrders::find(&rows, &wave, &columns, &level);
         assert_eq!(found.torque[0], 7.0);
         let scaled: Vec<f64> = wave.iter().zip(&level).map(|(wave, level)| wave * level).collect();
-        assert_eq!(RippleOrders::find(&rows, &scaled, &level).level[0], 7.0);
+        rows.torque = scaled.clone();
+        assert_eq!(RippleOrders::find(&rows, &scaled, &columns, &level).level[0], 7.0);
     }
 }

@@ -1,0 +1,175 @@
+//! The driver's own law as a base law: its torque is linearised along the log.
+//!
+//! A law of columns with a free shape misses what a bristle does between two rows: its damping, the lag of its breakaway, and a
+//! deflection that depends on speed. The driver's LuGre law is therefore fitted to the log, less the causes of the best
+//! hypothesis so far, and its derivatives by the parameters are the columns of a law. LuGre's torque is homogeneous of degree
+//! one in levels, stiffness and damping, so that the derivatives span the torque itself, but for what the bristles held at the
+//! start of a run: that is one more column.
+//!
+//! The derivatives are those at the fitted point. As the causes change the point, the fit is repeated from there with the causes
+//! of a better hypothesis.
+
+use super::cause::{Variant, simulated};
+use super::correction::Correction;
+use super::operator::later;
+use super::rows::Rows;
+use crate::sensitivities::{Sensitivities, TrackSensitivities, sensitivities};
+use crate::uncertain_motion;
+use compensator_core::{LawKind, ParameterId, Parameters};
+use friction_fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE};
+use friction_fit::spec::Spec;
+use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
+use friction_fit::{FitOptions, Resolution, Track, fit};
+use rayon::prelude::*;
+
+/// Most rows of a fit.
+const MOST_FITTED: usize = 15_000;
+
+/// Fewest rows of a track that is cut.
+const SHORTEST_TRACK: usize = 1500;
+
+/// Starting points of the first fit.
+const STARTS: usize = 2;
+
+/// Simulations per parameter.
+const PATIENCE: usize = 5;
+
+/// A law of the driver at a point of its parameters.
+#[derive(Clone, Debug)]
+pub struct KernelLaw {
+    /// Parameters at the point.
+    pub parameters: Parameters<f64>,
+    /// Time resolution of its simulation.
+    pub resolution: Resolution,
+    /// Derivative of the torque by each free parameter, then what is left of the torque beside them, in all rows.
+    pub columns: Vec<Vec<f64>>,
+    /// Torque of the friction level, in all rows.
+    pub level: Vec<f64>,
+    /// Displacement over which the bristles build up the Coulomb level.
+    pub travel: f64,
+    /// What the law leaves of its target, in all rows.
+    pub residual: Vec<f64>,
+    /// Share of the unknown torque at the start of its track that a row still holds.
+    pub memory: Vec<f64>,
+    /// RMS error of the torque that comes from the uncertain motion, in all rows; empty if the motion is exact.
+    pub motion_error: Vec<f64>,
+    /// Columns of causes that change the dynamics of the bristles.
+    pub(crate) simulated: Vec<Variant>,
+}
+
+impl KernelLaw {
+    /// Fits the law to `target`, the torque that friction and rigid body are to explain, and linearises it. `before` is the law
+    /// of an earlier fit, from which this one starts. `None` if the law has no finite fit.
+    pub fn fit(
+        rows: &Rows,
+        target: &[f64],
+        correction: Correction,
+        before: Option<&KernelLaw>,
+    ) -> Option<Self> {
+        let spec = Spec::law(LawKind::Lugre).on(&rows.rigid_body.terms());
+        let tracks = tracks(rows, target, correction);
+        let fitted = shortened(&tracks);
+        let options = FitOptions {
+            starts: STARTS,
+            start: before.map(|law| law.parameters.clone()),
+            resolution: before.map(|law| law.resolution),
+            patience: PATIENCE,
+            tolerance: COMPARISON_TOLERANCE,
+            stagnation: COMPARISON_STAGNATION,
+            ..FitOptions::default()
+        };
+        let part = friction_fit::Rows { tracks: &fitted, decimate: 1 };
+        let solution = fit(&spec, &spec.parameters().ok()?, part, &options);
+        let free: Vec<ParameterId> = solution.coordinates.ids().collect();
+        Self::linearised(rows, &tracks, solution.parameters(), &free, solution.resolution)
+    }
+
+    fn linearised(
+        rows: &Rows,
+        tracks: &[Track],
+        parameters: Parameters<f64>,
+        free: &[ParameterId],
+        resolution: Resolution,
+    ) -> Option<Self> {
+        let at = sensitivities(&parameters, free, tracks, resolution);
+        let own = |of: &(dyn Fn(&TrackSensitivities) -> &[f64] + Sync)| {
+            rows.from_tracks(tracks.iter().zip(&at.tracks).map(|(track, at)| (track, of(at))))
+        };
+        let mut columns: Vec<Vec<f64>> =
+            (0..free.len()).map(|index| own(&|at| &at.jacobian[index])).collect();
+        let level = own(&|at| &at.level);
+        let torque = own(&|at| &at.torque);
+        let memory = own(&|at| &at.memory);
+        let scaling =
+            free.iter().zip(&columns).filter(|(id, _)| **id != ParameterId::StribeckVelocity);
+        let scaling: Vec<(f64, &Vec<f64>)> =
+            scaling.map(|(id, column)| (parameters.get(*id), column)).collect();
+        let rest = rows.map(|row| {
+            torque[row] - scaling.iter().map(|(value, column)| value * column[row]).sum::<f64>()
+        });
+        if rest.iter().any(|rest| *rest != 0.0) {
+            columns.push(rest);
+        }
+        let is_finite = columns.iter().chain([&level, &torque]).flatten().all(|v| v.is_finite());
+        let coulomb = parameters.get(ParameterId::CoulombTorque);
+        let travel = coulomb / parameters.get(ParameterId::BristleStiffness);
+        let target = rows.from_tracks(tracks.iter().map(|track| (track, track.torque.as_slice())));
+        let residual = target.iter().zip(&torque).map(|(target, own)| target - own).collect();
+        let simulated = simulated::variants(rows, tracks, &at, travel);
+        let motion_error = motion_error(rows, tracks, &at);
+        is_finite.then_some(Self {
+            parameters,
+            resolution,
+            columns,
+            level,
+            travel,
+            residual,
+            memory,
+            motion_error,
+            simulated,
+        })
+    }
+}
+
+/// Returns the error of the torque that the uncertain motion causes; empty if the motion is exact.
+fn motion_error(rows: &Rows, tracks: &[Track], at: &Sensitivities) -> Vec<f64> {
+    if tracks.iter().all(|track| track.velocity_draws.is_empty()) {
+        return Vec::new();
+    }
+    let error = |(track, own): (&Track, &TrackSensitivities)| {
+        uncertain_motion::errors(&at.parameters, track, at.resolution, &own.torque)
+    };
+    let errors: Vec<Vec<f64>> = tracks.par_iter().zip(&at.tracks).map(error).collect();
+    rows.from_tracks(tracks.iter().zip(errors.iter().map(Vec::as_slice)))
+}
+
+/// Returns the tracks with the target as their torque, and the rows' weights.
+fn tracks(rows: &Rows, target: &[f64], correction: Correction) -> Vec<Track> {
+    let mut tracks = rows.tracks.clone();
+    // The model of a fit is not late, so the torque is taken early.
+    let early = match correction {
+        Correction::TorqueLate(by) => Some(later(target, &rows.runs, -by)),
+        _ => None,
+    };
+    let target = early.as_deref().unwrap_or(target);
+    for track in &mut tracks {
+        let first = rows.first_row(track);
+        let own = first..first + track.len();
+        track.torque.copy_from_slice(&target[own.clone()]);
+        track.weights = rows.weights[own].iter().map(|weight| weight * weight).collect();
+        if let Correction::TorqueLowPass(by) = correction {
+            let time_s = by * rows.step_s;
+            track.torque_low_pass = TorqueLowPass { time_s, shape: LowPassShape::FirstOrder };
+        }
+    }
+    tracks
+}
+
+/// Returns evenly chosen tracks of about [`MOST_FITTED`] rows in total; long tracks are cut.
+fn shortened(tracks: &[Track]) -> Vec<Track> {
+    let rows: usize = tracks.iter().map(Track::len).sum();
+    let stride = rows.div_ceil(MOST_FITTED).clamp(1, tracks.len().max(1));
+    let chosen: Vec<&Track> = tracks.iter().step_by(stride).collect();
+    let most = (MOST_FITTED / chosen.len().max(1)).max(SHORTEST_TRACK);
+    chosen.into_iter().map(|track| track.part(0..track.len().min(most))).collect()
+}
