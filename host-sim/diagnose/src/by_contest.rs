@@ -162,9 +162,9 @@ impl CorrectedRows {
         let (mut judged, mut delay_s, mut finding) = (log.clone(), None, None);
         match finalist.correction {
             Correction::None => {}
-            Correction::TorqueLate(late) if late > 1 => delay_s = Some(f64::from(late) * step_s),
+            Correction::TorqueLate(late) if late > 1.0 => delay_s = Some(late * step_s),
             Correction::TorqueLate(late) => {
-                judged = judged.with_later_velocity(-f64::from(late) * step_s);
+                judged = judged.with_later_velocity(-late * step_s);
             }
             Correction::TorqueLowPass(late) => {
                 let channel = LateChannel {

@@ -18,6 +18,9 @@ pub enum Correction {
     TorqueLowPass(f64),
 }
 
+/// Relative difference of sizes below which two corrections are one.
+const NEAR: f64 = 0.2;
+
 /// Corrections that are tried beside the log as it is.
 pub const TRIED: [Correction; 16] = [
     Correction::TorqueLate(-5.0),
@@ -46,6 +49,17 @@ impl Correction {
             Correction::None => Vec::new(),
             Correction::TorqueLate(by) => sizes(by).map(Correction::TorqueLate).into(),
             Correction::TorqueLowPass(by) => sizes(by).map(Correction::TorqueLowPass).into(),
+        }
+    }
+
+    /// Returns true if the other correction is of the same kind and of nearly the same size.
+    pub fn is_near(self, other: Self) -> bool {
+        let alike = |a: f64, b: f64| (a - b).abs() < NEAR * a.abs().max(b.abs());
+        match (self, other) {
+            (Correction::None, Correction::None) => true,
+            (Correction::TorqueLate(a), Correction::TorqueLate(b)) => alike(a, b),
+            (Correction::TorqueLowPass(a), Correction::TorqueLowPass(b)) => alike(a, b),
+            _ => false,
         }
     }
 

@@ -23,7 +23,7 @@ use friction_fit::{FitOptions, Resolution, Track, fit};
 use rayon::prelude::*;
 
 /// Most rows of a fit.
-const MOST_FITTED: usize = 15_000;
+const MOST_FITTED: usize = 10_000;
 
 /// Fewest rows of a track that is cut.
 const SHORTEST_TRACK: usize = 1500;

@@ -66,7 +66,7 @@ pub fn contest(rows: &mut Rows) -> Outcome {
         let Some(best) = found.best().cloned() else { break };
         let entry = &found.entries[best.bank];
         let mut wanted = screen(rows, entry, &best);
-        wanted.retain(|correction| kernels.iter().all(|(own, _)| own != correction));
+        wanted.retain(|correction| kernels.iter().all(|(own, _)| !own.is_near(*correction)));
         if matches!(entry.base.origin, Origin::Shapes(_)) {
             // A correction changes the columns of its entry, so each begins with the law's own.
             let own = bases
@@ -79,8 +79,9 @@ pub fn contest(rows: &mut Rows) -> Outcome {
         let entry = &found.entries[best.bank];
         let target = without_causes(rows, entry, &best.set);
         let correction = entry.correction;
-        wanted.extend([correction, Correction::None]);
-        wanted.dedup();
+        if !wanted.contains(&correction) {
+            wanted.push(correction);
+        }
         let fit = |correction: &Correction| {
             let own = kernels.iter().rev().find(|(own, _)| own == correction);
             let before = own.or(kernels.first()).map(|(_, law)| law);
