@@ -29,6 +29,7 @@ pub mod search;
 pub mod solve;
 pub mod weights;
 
-pub use outcome::{Figures, Finalist, FinalistCause, LawStart, Outcome};
+pub use law::LawStart;
+pub use outcome::{Figures, Finalist, FinalistCause, Outcome};
 pub use rows::{RigidBody, Rows};
 pub use run::contest;

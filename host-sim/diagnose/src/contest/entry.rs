@@ -51,6 +51,8 @@ pub(crate) struct Base {
     pub(crate) origin: Origin,
     /// Simulated causes, which take the place of those of shape.
     simulated: Vec<Variant>,
+    /// Coefficients of its columns, fitted to all rows.
+    pub(crate) sizes: Vec<f64>,
     /// Index of its main travel.
     pub(crate) travel: usize,
     /// Prior cost.
@@ -74,6 +76,7 @@ impl Base {
             level,
             residual,
             is_driving,
+            sizes,
             origin: Origin::Shapes(law.clone()),
             simulated: Vec::new(),
             travel: law.stops[0],
@@ -97,7 +100,7 @@ impl Base {
             columns.extend(shapes.falls.iter().map(|fall| product(&shapes.stops[travel], fall)));
             price = law.price();
         }
-        let Fitted { residual, .. } = Fitted::new(rows, &columns);
+        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
         let (level, is_driving) = scaled_level(rows, kernel.level.clone());
         let name = if free.is_some() { "lugre with slip" } else { "lugre" };
         let simulated = kernel.simulated.clone();
@@ -107,6 +110,7 @@ impl Base {
             level,
             residual,
             is_driving,
+            sizes,
             origin: Origin::Kernel(kernel.parameters.clone()),
             simulated,
             travel,

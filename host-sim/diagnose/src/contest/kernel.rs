@@ -11,15 +11,17 @@
 
 use super::cause::{Variant, simulated};
 use super::correction::Correction;
+use super::law::LawStart;
 use super::operator::later;
 use super::rows::Rows;
 use crate::sensitivities::{Sensitivities, TrackSensitivities, sensitivities};
 use crate::uncertain_motion;
 use compensator_core::{LawKind, ParameterId, Parameters};
+use friction_fit::scales::Scales;
 use friction_fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE};
 use friction_fit::spec::Spec;
 use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
-use friction_fit::{FitOptions, Resolution, Track, fit};
+use friction_fit::{FitOptions, Resolution, Track, fit, treatment};
 use rayon::prelude::*;
 
 /// Most rows of a fit.
@@ -28,11 +30,52 @@ const MOST_FITTED: usize = 10_000;
 /// Fewest rows of a track that is cut.
 const SHORTEST_TRACK: usize = 1500;
 
-/// Starting points of the first fit.
-const STARTS: usize = 2;
+/// Most rows on which the starting points are tried.
+const MOST_TRIED: usize = 4_000;
+
+/// Simulations per parameter of a trial.
+const TRIAL_PATIENCE: usize = 3;
+
+/// Smallest friction level of a start, as a share of the RMS torque.
+const SMALLEST_LEVEL: f64 = 0.02;
+
+/// Smallest excess of the static level of a start, as a share of the level in sliding.
+const SMALLEST_EXCESS: f64 = 0.1;
 
 /// Simulations per parameter.
 const PATIENCE: usize = 5;
+
+/// Where a fit begins.
+#[derive(Clone, Debug)]
+pub struct KernelStart {
+    /// Parameters.
+    pub parameters: Parameters<f64>,
+    /// Resolution that is known to be fine enough.
+    pub resolution: Option<Resolution>,
+}
+
+impl KernelStart {
+    /// Returns the point that a law of shapes describes, with a breakaway level of its own: a law of columns may have none.
+    pub fn of_shapes(rows: &Rows, law: &LawStart) -> Option<Self> {
+        let spec = Spec::law(LawKind::Lugre).on(&rows.rigid_body.terms());
+        let mut parameters = spec.parameters().ok()?;
+        let scales = Scales::of(&rows.tracks);
+        let coulomb = law.coulomb.max(SMALLEST_LEVEL * scales.torque);
+        let level = coulomb + law.static_excess.clamp(SMALLEST_EXCESS * coulomb, coulomb);
+        let values = [
+            (ParameterId::CoulombTorque, coulomb),
+            (ParameterId::StaticTorque, level),
+            (ParameterId::StribeckVelocity, law.stribeck_velocity),
+            (ParameterId::ViscousFriction, law.viscous),
+            (ParameterId::BristleStiffness, coulomb / law.travel.max(f64::MIN_POSITIVE)),
+            (ParameterId::BristleDamping, treatment::typical(ParameterId::BristleDamping, &scales)),
+        ];
+        for (id, value) in values {
+            parameters.set(id, value.clamp(id.info().lower, id.info().upper));
+        }
+        Some(Self { parameters, resolution: None })
+    }
+}
 
 /// A law of the driver at a point of its parameters.
 #[derive(Clone, Debug)]
@@ -58,30 +101,50 @@ pub struct KernelLaw {
 }
 
 impl KernelLaw {
-    /// Fits the law to `target`, the torque that friction and rigid body are to explain, and linearises it. `before` is the law
-    /// of an earlier fit, from which this one starts. `None` if the law has no finite fit.
+    /// Fits the law to `target`, the torque that friction and rigid body are to explain, and linearises it. The fit begins at
+    /// each of the starts, briefly, and continues from the best. `None` if the law has no finite fit.
     pub fn fit(
         rows: &Rows,
         target: &[f64],
         correction: Correction,
-        before: Option<&KernelLaw>,
+        starts: &[KernelStart],
     ) -> Option<Self> {
         let spec = Spec::law(LawKind::Lugre).on(&rows.rigid_body.terms());
+        let base = spec.parameters().ok()?;
         let tracks = tracks(rows, target, correction);
-        let fitted = shortened(&tracks);
-        let options = FitOptions {
-            starts: STARTS,
-            start: before.map(|law| law.parameters.clone()),
-            resolution: before.map(|law| law.resolution),
-            patience: PATIENCE,
+        let options = |start: &KernelStart, patience: usize| FitOptions {
+            starts: 1,
+            start: Some(start.parameters.clone()),
+            resolution: start.resolution,
+            patience,
             tolerance: COMPARISON_TOLERANCE,
             stagnation: COMPARISON_STAGNATION,
             ..FitOptions::default()
         };
-        let part = friction_fit::Rows { tracks: &fitted, decimate: 1 };
-        let solution = fit(&spec, &spec.parameters().ok()?, part, &options);
+        let trial = shortened(&tracks, MOST_TRIED);
+        let trial = friction_fit::Rows { tracks: &trial, decimate: 1 };
+        let tried = starts.par_iter().map(|start| {
+            let start = KernelStart { resolution: Some(Resolution::PLAIN), ..start.clone() };
+            let solution = fit(&spec, &base, trial, &options(&start, TRIAL_PATIENCE));
+            (solution.reduced.sum_of_squares(), solution.parameters())
+        });
+        let start = match starts {
+            [only] => only.clone(),
+            _ => {
+                let best = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+                KernelStart { parameters: best.1, resolution: None }
+            }
+        };
+        let fitted = shortened(&tracks, MOST_FITTED);
+        let fitted = friction_fit::Rows { tracks: &fitted, decimate: 1 };
+        let solution = fit(&spec, &base, fitted, &options(&start, PATIENCE));
         let free: Vec<ParameterId> = solution.coordinates.ids().collect();
         Self::linearised(rows, &tracks, solution.parameters(), &free, solution.resolution)
+    }
+
+    /// Returns the point of the law, from which another fit may begin.
+    pub fn start(&self) -> KernelStart {
+        KernelStart { parameters: self.parameters.clone(), resolution: Some(self.resolution) }
     }
 
     fn linearised(
@@ -115,8 +178,10 @@ impl KernelLaw {
         let travel = coulomb / parameters.get(ParameterId::BristleStiffness);
         let target = rows.from_tracks(tracks.iter().map(|track| (track, track.torque.as_slice())));
         let residual = target.iter().zip(&torque).map(|(target, own)| target - own).collect();
-        let simulated = simulated::variants(rows, tracks, &at, travel);
-        let motion_error = motion_error(rows, tracks, &at);
+        // Differences of two simulations of the same coarse steps: the steps' error cancels.
+        let coarse = sensitivities(&parameters, &[], tracks, Resolution::PLAIN);
+        let simulated = simulated::variants(rows, tracks, &coarse, travel);
+        let motion_error = motion_error(rows, tracks, &coarse);
         is_finite.then_some(Self {
             parameters,
             resolution,
@@ -165,11 +230,11 @@ fn tracks(rows: &Rows, target: &[f64], correction: Correction) -> Vec<Track> {
     tracks
 }
 
-/// Returns evenly chosen tracks of about [`MOST_FITTED`] rows in total; long tracks are cut.
-fn shortened(tracks: &[Track]) -> Vec<Track> {
+/// Returns evenly chosen tracks of about `wanted` rows in total; long tracks are cut.
+fn shortened(tracks: &[Track], wanted: usize) -> Vec<Track> {
     let rows: usize = tracks.iter().map(Track::len).sum();
-    let stride = rows.div_ceil(MOST_FITTED).clamp(1, tracks.len().max(1));
+    let stride = rows.div_ceil(wanted).clamp(1, tracks.len().max(1));
     let chosen: Vec<&Track> = tracks.iter().step_by(stride).collect();
-    let most = (MOST_FITTED / chosen.len().max(1)).max(SHORTEST_TRACK);
+    let most = (wanted / chosen.len().max(1)).max(SHORTEST_TRACK);
     chosen.into_iter().map(|track| track.part(0..track.len().min(most))).collect()
 }

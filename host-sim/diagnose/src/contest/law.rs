@@ -227,6 +227,46 @@ impl LawTable {
     }
 }
 
+/// Parameters of a law as its columns have them, in the units of the log.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LawStart {
+    /// Its name.
+    pub name: &'static str,
+    /// Friction level in sliding.
+    pub coulomb: f64,
+    /// What the level at rest exceeds it by.
+    pub static_excess: f64,
+    /// Speed at which most of the excess is gone.
+    pub stribeck_velocity: f64,
+    /// Travel over which friction builds up.
+    pub travel: f64,
+    /// Viscous coefficient.
+    pub viscous: f64,
+}
+
+impl LawStart {
+    /// Returns the parameters of a law of shapes from the coefficients of its columns.
+    pub(crate) fn of_shapes(rows: &Rows, shapes: &Shapes, law: &Law, sizes: &[f64]) -> Self {
+        let stops = &sizes[..law.stops.len()];
+        let falls = sizes[law.stops.len() + 1..].iter().take(if law.has_falls { 3 } else { 0 });
+        let falls: Vec<f64> = falls.map(|size| size.max(0.0)).collect();
+        let excess: f64 = falls.iter().sum();
+        let width: f64 = falls.iter().zip(WIDTHS).map(|(fall, width)| fall * width).sum();
+        let level: f64 = stops.iter().map(|size| size.abs()).sum::<f64>().max(f64::MIN_POSITIVE);
+        let travel: f64 =
+            law.stops.iter().zip(stops).map(|(at, s)| shapes.travels[*at] * s.abs()).sum();
+        Self {
+            name: law.name,
+            coulomb: stops.iter().sum(),
+            static_excess: excess,
+            stribeck_velocity: rows.top_speed
+                * if excess > 0.0 { width / excess } else { WIDTHS[1] },
+            travel: travel / level,
+            viscous: sizes[law.stops.len()],
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,7 @@ use super::bank::Workspace;
 use super::correction::Correction;
 use super::draws::{self, DRAWS, Draws};
 use super::entry::{Entry, Origin};
-use super::law::{Shapes, WIDTHS};
+use super::law::{LawStart, Shapes};
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::rows::Rows;
 use compensator_core::ParameterId;
@@ -322,23 +322,6 @@ pub struct FinalistCause {
     pub torque_rms: (f64, f64),
 }
 
-/// Parameters of a law as its columns have them, in the units of the log.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct LawStart {
-    /// Its name.
-    pub name: &'static str,
-    /// Friction level in sliding.
-    pub coulomb: f64,
-    /// What the level at rest exceeds it by.
-    pub static_excess: f64,
-    /// Speed at which most of the excess is gone.
-    pub stribeck_velocity: f64,
-    /// Travel over which friction builds up.
-    pub travel: f64,
-    /// Viscous coefficient.
-    pub viscous: f64,
-}
-
 impl Table<'_> {
     fn finalists(&self, rows: &Rows) -> Vec<Finalist> {
         let wins = |hypothesis: &Hypothesis| {
@@ -418,23 +401,7 @@ impl Table<'_> {
             }
             Origin::Shapes(law) => law,
         };
-        let stops = &sizes[..law.stops.len()];
-        let falls = sizes[law.stops.len() + 1..].iter().take(if law.has_falls { 3 } else { 0 });
-        let falls: Vec<f64> = falls.map(|size| size.max(0.0)).collect();
-        let excess: f64 = falls.iter().sum();
-        let width: f64 = falls.iter().zip(WIDTHS).map(|(fall, width)| fall * width).sum();
-        let level: f64 = stops.iter().map(|size| size.abs()).sum::<f64>().max(f64::MIN_POSITIVE);
-        let travel: f64 =
-            law.stops.iter().zip(stops).map(|(at, s)| self.shapes.travels[*at] * s.abs()).sum();
-        LawStart {
-            name: law.name,
-            coulomb: stops.iter().sum(),
-            static_excess: excess,
-            stribeck_velocity: rows.top_speed
-                * if excess > 0.0 { width / excess } else { WIDTHS[1] },
-            travel: travel / level,
-            viscous: sizes[law.stops.len()],
-        }
+        LawStart::of_shapes(rows, self.shapes, law, sizes)
     }
 }
 

@@ -10,8 +10,8 @@ use super::cause::ripple::RippleOrders;
 use super::correction::{Correction, TRIED};
 use super::draws::Draws;
 use super::entry::{Base, Entry, Origin, Waves};
-use super::kernel::KernelLaw;
-use super::law::{Law, Shapes};
+use super::kernel::{KernelLaw, KernelStart};
+use super::law::{Law, LawStart, Shapes};
 use super::ledger::{Hypothesis, Ledger};
 use super::outcome::{Outcome, Table};
 use super::rows::Rows;
@@ -35,6 +35,9 @@ const KERNEL_ROUNDS: usize = 4;
 
 /// Share of the cost that a round must take for another one.
 const MIN_ROUND_GAIN: f64 = 0.005;
+
+/// Most laws of shapes from which the first fit of the driver's law begins.
+const MOST_STARTS: usize = 4;
 
 /// Most base laws of shapes that compete beside the driver's.
 const MOST_SHAPED: usize = 3;
@@ -84,8 +87,8 @@ pub fn contest(rows: &mut Rows) -> Outcome {
         }
         let fit = |correction: &Correction| {
             let own = kernels.iter().rev().find(|(own, _)| own == correction);
-            let before = own.or(kernels.first()).map(|(_, law)| law);
-            Some((*correction, KernelLaw::fit(rows, &target, *correction, before)?))
+            let start = own.or(kernels.first()).map(|(_, law)| law.start())?;
+            Some((*correction, KernelLaw::fit(rows, &target, *correction, &[start])?))
         };
         let fitted: Vec<(Correction, KernelLaw)> = wanted.par_iter().filter_map(fit).collect();
         for (correction, law) in &fitted {
@@ -108,14 +111,19 @@ pub fn contest(rows: &mut Rows) -> Outcome {
 /// Reverses a torque of the wrong sign, fits the driver's law without a cause and weighs the rows by what it leaves. Returns
 /// `None` if there is no law at all.
 fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
-    let law = shapes.laws(rows).into_iter().next()?;
-    let mut base = Base::of_shapes(rows, shapes, &law);
+    let laws = shapes.laws(rows);
+    let law = laws.first()?;
+    let mut base = Base::of_shapes(rows, shapes, law);
     if base.is_driving {
         rows.reverse_torque();
-        base = Base::of_shapes(rows, shapes, &law);
+        base = Base::of_shapes(rows, shapes, law);
     }
-    let torque = rows.torque.clone();
-    let kernel = KernelLaw::fit(rows, &torque, Correction::None, None);
+    let start = |law: &Law| {
+        let sizes = Base::of_shapes(rows, shapes, law).sizes;
+        KernelStart::of_shapes(rows, &LawStart::of_shapes(rows, shapes, law, &sizes))
+    };
+    let starts: Vec<KernelStart> = laws.iter().take(MOST_STARTS).filter_map(start).collect();
+    let kernel = KernelLaw::fit(rows, &rows.torque, Correction::None, &starts);
     let square =
         |residual: &[f64]| rows.judged.iter().map(|row| residual[*row].powi(2)).sum::<f64>();
     let stop = |travel: usize| &shapes.stops[travel];
