@@ -146,10 +146,11 @@ const CAUSES: &[CauseRow] = &[
     },
     CauseRow { name: "torque-offset", price: COLUMN, sign: 0.0, build: motion::torque_offset },
     CauseRow { name: "quadratic-drag", price: MIMIC, sign: 1.0, build: motion::quadratic_drag },
+    // The torque may be what is left beside an inertia that was taken too large.
     CauseRow {
         name: "unmodelled-inertia",
         price: MIMIC,
-        sign: 1.0,
+        sign: 0.0,
         build: motion::unmodelled_inertia,
     },
     CauseRow {

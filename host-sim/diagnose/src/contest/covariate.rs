@@ -27,6 +27,29 @@ pub struct Covariate {
     pub scaled: Vec<f64>,
     /// Number of different values, up to 12.
     pub levels: usize,
+    /// Whether it is a velocity or an acceleration of another joint.
+    pub motion: Option<OtherMotion>,
+}
+
+/// What a column says of another joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OtherMotion {
+    /// Its velocity.
+    Velocity,
+    /// Its acceleration.
+    Acceleration,
+}
+
+impl OtherMotion {
+    /// Returns what the name of a column says, by its words and its unit.
+    fn of_name(name: &str) -> Option<Self> {
+        let name = name.to_lowercase();
+        let has = |parts: &[&str]| parts.iter().any(|part| name.contains(part));
+        if has(&["accel", "ddq", "qdd", "rad_s2", "m_s2", "rad/s2", "rad/s^2"]) {
+            return Some(Self::Acceleration);
+        }
+        has(&["veloc", "speed", "dq", "qd", "rad_s", "rad/s", "rpm"]).then_some(Self::Velocity)
+    }
 }
 
 /// Returns the columns of a log that vary and are neither the torque nor a copy.
@@ -47,7 +70,10 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
         let Some(values) = long(&name) else { continue };
         let Some(scaled) = scaled(&values) else { continue };
         let is_extra = quantity.is_none();
+        let other = OtherMotion::of_name(&name).filter(|_| is_extra);
+        // The motion of another joint may make most of the torque, and is no reading of it.
         let is_torque = is_extra
+            && other.is_none()
             && (correlation(&values, &torque).abs() > SAME_VALUES
                 || correlation(&steps(&values), &steps(&torque)).abs() > SAME_STEPS);
         let others = motion.iter().chain(found.iter().map(|other| &other.values));
@@ -57,7 +83,7 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
             continue;
         }
         let levels = levels(&values);
-        found.push(Covariate { name, quantity, values, scaled, levels });
+        found.push(Covariate { name, quantity, values, scaled, levels, motion: other });
     }
     found
 }

@@ -94,6 +94,8 @@ pub struct Rows {
     pub least_step: f64,
     /// Median over the runs of the range of positions.
     pub swing: f64,
+    /// Range of the positions of all runs.
+    pub span: f64,
     /// True if time continues from run to run, as on the clock of a campaign.
     pub has_campaign_clock: bool,
     /// Weight of each row.
@@ -141,6 +143,7 @@ impl Rows {
             top_speed: quantile(velocity.iter().map(|v| v.abs()).collect(), TOP_SPEED).max(1e-12),
             least_step: least_step(&position, &runs),
             swing: swing(&position, &runs),
+            span: range(&position),
             has_campaign_clock: has_campaign_clock(&data.runs),
             weights: long(&|run| {
                 (0..run.len()).map(|row| f64::from(u8::from(!run.is_spike(row)))).collect()
@@ -309,13 +312,13 @@ fn least_step(position: &[f64], runs: &[Range<usize>]) -> f64 {
 }
 
 fn swing(position: &[f64], runs: &[Range<usize>]) -> f64 {
-    let range = |run: &Range<usize>| {
-        let values = position[run.clone()].iter();
-        let (low, high) = values
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(*q), high.max(*q)));
-        high - low
-    };
-    quantile(runs.iter().map(range).collect(), 0.5).max(1e-12)
+    quantile(runs.iter().map(|run| range(&position[run.clone()])).collect(), 0.5).max(1e-12)
+}
+
+fn range(values: &[f64]) -> f64 {
+    let ends = (f64::INFINITY, f64::NEG_INFINITY);
+    let (low, high) = values.iter().fold(ends, |(low, high), q| (low.min(*q), high.max(*q)));
+    (high - low).max(1e-12)
 }
 
 /// Returns a quantile of some values; 0 of none.

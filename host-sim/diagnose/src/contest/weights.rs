@@ -16,6 +16,12 @@ const MIN_ROWS: usize = 50;
 /// Further weight of rows at rest, as their errors last as long as the rest.
 const REST: f64 = 0.3;
 
+/// Least weight of a row that still holds the unknown torque of a start.
+const LEAST_BY_MEMORY: f64 = 0.05;
+
+/// Least weight of a row of uncertain motion: where all rows are such, they still are what there is.
+const LEAST_BY_MOTION: f64 = 0.2;
+
 /// Ratio of a median magnitude of normal noise to its standard deviation.
 const NORMAL: f64 = 1.4826;
 
@@ -52,14 +58,14 @@ pub fn weigh(
         *weighed *= weight[kind as usize];
     }
     for (weighed, memory) in rows.weights.iter_mut().zip(memory) {
-        *weighed *= 1.0 - memory.abs().min(1.0);
+        *weighed *= (1.0 - memory.abs()).max(LEAST_BY_MEMORY);
     }
     if motion_error.is_empty() {
         return;
     }
     let usual = usual.max(rows.noise_floor);
     for (weighed, error) in rows.weights.iter_mut().zip(motion_error) {
-        *weighed /= (1.0 + (error / usual).powi(2)).sqrt();
+        *weighed /= (1.0 + (error / usual).powi(2)).sqrt().min(1.0 / LEAST_BY_MOTION);
     }
     let squares = rows.judged.iter().map(|row| (rows.weights[*row] * motion_error[*row]).powi(2));
     let motion = squares.sum::<f64>() / rows.weight().max(f64::MIN_POSITIVE);

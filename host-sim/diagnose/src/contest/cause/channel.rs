@@ -4,7 +4,7 @@
 //! own beside the column as logged.
 
 use super::{Columns, Context};
-use crate::contest::covariate::{Covariate, correlation};
+use crate::contest::covariate::{Covariate, OtherMotion, correlation};
 use crate::contest::law::product;
 use crate::contest::operator::{low_pass, shift};
 use joint_log::Quantity;
@@ -110,7 +110,8 @@ pub(super) fn temperature_coulomb(context: &Context) -> Vec<Columns> {
 /// A column that scales gravity or inertia, such as the mass that the joint carries.
 pub(super) fn payload(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
-    let extras = rows.covariates.iter().filter(|covariate| covariate.quantity.is_none());
+    let is_load = |own: &&Covariate| own.quantity.is_none() && own.motion.is_none();
+    let extras = rows.covariates.iter().filter(is_load);
     let scales = |covariate: &Covariate| {
         let mut columns = Vec::new();
         if rows.rigid_body.gravity {
@@ -125,31 +126,43 @@ pub(super) fn payload(context: &Context) -> Vec<Columns> {
     extras.map(scales).collect()
 }
 
-/// Velocities and accelerations of other joints, and products of two of them.
+/// Velocities and accelerations of other joints, and products of two velocities. A joint without an acceleration in the log has
+/// the slope of its velocity.
 pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
-    let is_motion = |name: &str| {
-        let name = name.to_lowercase();
-        ["veloc", "accel", "dq", "ddq", "qd", "rad_s", "speed"]
-            .iter()
-            .any(|part| name.contains(part))
+    let rows = context.rows;
+    let of = |wanted: OtherMotion| {
+        let own = rows.covariates.iter().filter(move |own| own.motion == Some(wanted));
+        own.take(MOST_COUPLED).collect::<Vec<&Covariate>>()
     };
-    let extras = context.rows.covariates.iter().filter(|covariate| covariate.quantity.is_none());
-    let others: Vec<&Covariate> =
-        extras.filter(|covariate| is_motion(&covariate.name)).take(MOST_COUPLED).collect();
-    if others.is_empty() {
+    let (velocities, accelerations) = (of(OtherMotion::Velocity), of(OtherMotion::Acceleration));
+    let all: Vec<&Covariate> = velocities.iter().chain(&accelerations).copied().collect();
+    if all.is_empty() {
         return Vec::new();
     }
-    let follows = others.iter().map(|other| other.name.as_str()).collect::<Vec<_>>().join(", ");
-    let own: Vec<Vec<f64>> = others.iter().map(|other| other.values.clone()).collect();
-    let mut products = own.clone();
-    for (at, a) in own.iter().enumerate() {
-        products.extend(own[at..].iter().map(|b| product(a, b)));
-        products.push(product(a, &context.rows.velocity));
+    let follows = all.iter().map(|other| other.name.as_str()).collect::<Vec<_>>().join(", ");
+    let values = |own: &[&Covariate]| own.iter().map(|one| one.values.clone()).collect();
+    let speeds: Vec<Vec<f64>> = values(&velocities);
+    let mut inertial: Vec<Vec<f64>> = values(&accelerations);
+    if inertial.is_empty() {
+        inertial = speeds.iter().map(|speed| rows.slope(speed)).collect();
     }
-    let variant = |detail: &str, columns| Columns {
+    let mut products = Vec::new();
+    for (at, a) in speeds.iter().enumerate() {
+        products.extend(speeds[at..].iter().map(|b| product(a, b)));
+        products.push(product(a, &rows.velocity));
+    }
+    let linear: Vec<Vec<f64>> = speeds.iter().chain(&inertial).cloned().collect();
+    let quadratic = inertial.iter().chain(&products).cloned().collect();
+    let variant = |detail: &str, columns: Vec<Vec<f64>>| Columns {
         follows: follows.clone(),
         detail: detail.into(),
         columns,
     };
-    vec![variant("linear", own), variant("with products", products)]
+    let found = [
+        ("accelerations", inertial),
+        ("velocities", speeds),
+        ("velocities and accelerations", linear),
+        ("accelerations and products", quadratic),
+    ];
+    found.map(|(detail, columns)| variant(detail, columns)).into()
 }

@@ -17,7 +17,7 @@ const HIGHEST_ORDER: f64 = 210.0;
 /// Highest multiple of the swing, for a linear joint.
 const MOST_ORDERS_OF_SWING: f64 = 30.0;
 
-/// Steps of the scanned orders in one period over the swing of a run. A wave between two steps loses 10 % of its amplitude.
+/// Steps of the scanned orders in one period over the positions of the log. A wave between two steps loses 10 % of its amplitude.
 const STEPS: f64 = 2.0;
 
 /// Most orders that are scanned.
@@ -35,7 +35,7 @@ const NEAR_WHOLE: f64 = 1.0;
 /// Share of the error that another order must take.
 const MIN_ORDER_GAIN: f64 = 0.004;
 
-/// Fewest periods within the swing of a run.
+/// Fewest periods within the positions of the log.
 const MIN_PERIODS: f64 = 1.5;
 
 /// Largest phase between two rows, rad: faster rows do not resolve the wave.
@@ -147,7 +147,7 @@ impl<'a> Scan<'a> {
         let moving: Vec<usize> = judged
             .filter(|row| rows.smooth_velocity[*row].abs() > MIN_SPEED * rows.top_speed)
             .collect();
-        let period = TAU / rows.swing;
+        let period = TAU / rows.span;
         let least = MIN_PERIODS * period;
         let highest = match rows.joint {
             JointKind::Revolute => HIGHEST_ORDER,
@@ -317,6 +317,7 @@ mod tests {
         let mut rows = example();
         rows.position.iter_mut().for_each(|q| *q *= 10.0);
         rows.swing *= 10.0;
+        rows.span *= 10.0;
         rows.velocity.iter_mut().for_each(|v| *v *= 10.0);
         rows.smooth_velocity = rows.velocity.clone();
         let wave: Vec<f64> = rows.position.iter().map(|q| (7.0 * q + 0.4).sin()).collect();

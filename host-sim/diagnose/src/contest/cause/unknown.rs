@@ -18,7 +18,9 @@ const PAIRS: [(Quantity, Quantity); 3] = [
 pub(super) fn columns(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
     let mut found = place(context);
-    for covariate in rows.covariates.iter().filter(|covariate| covariate.quantity.is_none()) {
+    // Motions of other joints are a cause of their own.
+    let is_free = |own: &&Covariate| own.quantity.is_none() && own.motion.is_none();
+    for covariate in rows.covariates.iter().filter(is_free) {
         let x = &covariate.scaled;
         let level = product(x, context.level);
         let bent = product(x, &level);
