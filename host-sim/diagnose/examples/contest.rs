@@ -119,6 +119,8 @@ fn figures(figures: &Figures) -> Value {
         "last_in_errors": figures.last_in_errors,
         "torque_share": figures.torque_share,
         "laws": figures.laws,
+        "beside_slip": figures.beside_slip,
+        "size_in_errors": figures.size_in_errors,
         "confusable_with": confusable,
     })
 }

@@ -30,7 +30,6 @@ use super::{DiagnosisOptions, unknown_zero};
 use compensator_core::{LawKind, TermKind};
 use friction_fit::predict::{Predicted, predict};
 use friction_fit::spec::{Spec, SpecError};
-use friction_fit::torque_low_pass::LowPassShape;
 use friction_fit::{FitOptions, Outcome, identify};
 use joint_log::JointKind;
 use joint_log::log_check::LogFinding;
@@ -166,11 +165,11 @@ impl CorrectedRows {
             Correction::TorqueLate(late) => {
                 judged = judged.with_later_velocity(-late * step_s);
             }
-            Correction::TorqueLowPass(late) => {
+            Correction::TorqueLowPass(late, shape) => {
                 let channel = LateChannel {
                     late: LateChannelKind::LowPassedTorque,
                     time_s: late * step_s,
-                    shape: LowPassShape::FirstOrder,
+                    shape,
                     share_left: finalist.share_left,
                 };
                 judged = channel.lag_compensated(judged);

@@ -42,6 +42,12 @@ impl Variant {
         self.cause != CHANNEL_GAIN
     }
 
+    /// Returns true if it is a wave or a curve over the position.
+    pub(crate) fn is_of_position(&self) -> bool {
+        let is_curve = self.cause == "unknown" && self.follows.starts_with("position");
+        is_curve || ["torque-ripple", "position-ripple", "gravity-imbalance"].contains(&self.cause)
+    }
+
     /// Returns the RMS of the torque that these coefficients contribute on the judged rows.
     pub(crate) fn torque_rms(&self, rows: &Rows, sizes: &[f64]) -> f64 {
         let torque = |row: usize| -> f64 {
@@ -64,8 +70,8 @@ pub struct Context<'a> {
     pub level: &'a [f64],
     /// Gaps and travels of a backlash.
     pub gaps: &'a GapGrid,
-    /// Orders of the waves that are tried.
-    pub orders: &'a RippleOrders,
+    /// Orders of the waves that are tried, in lists that were found in different residuals.
+    pub orders: &'a [RippleOrders],
     /// What the law leaves, as the torque channel would log it.
     pub residual: &'a [f64],
 }
@@ -146,11 +152,10 @@ const CAUSES: &[CauseRow] = &[
     },
     CauseRow { name: "torque-offset", price: COLUMN, sign: 0.0, build: motion::torque_offset },
     CauseRow { name: "quadratic-drag", price: MIMIC, sign: 1.0, build: motion::quadratic_drag },
-    // The torque may be what is left beside an inertia that was taken too large.
     CauseRow {
         name: "unmodelled-inertia",
         price: MIMIC,
-        sign: 0.0,
+        sign: 1.0,
         build: motion::unmodelled_inertia,
     },
     CauseRow {

@@ -4,8 +4,9 @@
 //! explained by columns moved later, a torque that passed a filter by columns that pass the same filter. So every hypothesis
 //! is judged on the same numbers.
 
-use super::operator::{later, low_pass};
+use super::operator::{later, low_pass, running_mean};
 use super::rows::Rows;
+use friction_fit::torque_low_pass::LowPassShape;
 
 /// A correction of the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,41 +15,36 @@ pub enum Correction {
     None,
     /// The torque is logged this many rows late (early if negative).
     TorqueLate(f64),
-    /// The torque passed a first-order low-pass of this time constant, rows.
-    TorqueLowPass(f64),
+    /// The torque passed a low-pass of this delay, rows.
+    TorqueLowPass(f64, LowPassShape),
 }
 
 /// Relative difference of sizes below which two corrections are one.
 const NEAR: f64 = 0.2;
 
-/// Corrections that are tried beside the log as it is.
-pub const TRIED: [Correction; 16] = [
-    Correction::TorqueLate(-5.0),
-    Correction::TorqueLate(-3.0),
-    Correction::TorqueLate(-2.0),
-    Correction::TorqueLate(-1.0),
-    Correction::TorqueLate(-0.5),
-    Correction::TorqueLate(0.5),
-    Correction::TorqueLate(1.0),
-    Correction::TorqueLate(2.0),
-    Correction::TorqueLate(3.0),
-    Correction::TorqueLate(5.0),
-    Correction::TorqueLate(8.0),
-    Correction::TorqueLate(13.0),
-    Correction::TorqueLowPass(1.5),
-    Correction::TorqueLowPass(4.0),
-    Correction::TorqueLowPass(10.0),
-    Correction::TorqueLowPass(25.0),
-];
+/// Delays of the torque that are tried, rows.
+const DELAYS: [f64; 13] = [-5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 20.0];
+
+/// Delays of low-passes that are tried, rows.
+const LOW_PASSES: [f64; 4] = [1.5, 4.0, 10.0, 25.0];
+
+/// Returns the corrections that are tried beside the log as it is.
+pub fn tried() -> Vec<Correction> {
+    let low_pass = |shape| LOW_PASSES.map(move |by| Correction::TorqueLowPass(by, shape));
+    let low_passes = LowPassShape::ALL.into_iter().flat_map(low_pass);
+    DELAYS.into_iter().map(Correction::TorqueLate).chain(low_passes).collect()
+}
 
 impl Correction {
-    /// Returns the corrections beside this one, nearer to it than its neighbours in [`TRIED`].
+    /// Returns the corrections beside this one, nearer to it than its neighbours in [`tried`].
     pub fn nearer(self) -> Vec<Self> {
         let sizes = |size: f64| [0.7 * size, 0.85 * size, 1.2 * size, 1.45 * size];
         match self {
             Correction::None => Vec::new(),
             Correction::TorqueLate(by) => sizes(by).map(Correction::TorqueLate).into(),
-            Correction::TorqueLowPass(by) => sizes(by).map(Correction::TorqueLowPass).into(),
+            Correction::TorqueLowPass(by, shape) => {
+                sizes(by).map(|by| Correction::TorqueLowPass(by, shape)).into()
+            }
         }
     }
 
@@ -58,7 +54,9 @@ impl Correction {
         match (self, other) {
             (Correction::None, Correction::None) => true,
             (Correction::TorqueLate(a), Correction::TorqueLate(b)) => alike(a, b),
-            (Correction::TorqueLowPass(a), Correction::TorqueLowPass(b)) => alike(a, b),
+            (Correction::TorqueLowPass(a, own), Correction::TorqueLowPass(b, other)) => {
+                own == other && alike(a, b)
+            }
             _ => false,
         }
     }
@@ -68,7 +66,14 @@ impl Correction {
         match self {
             Correction::None => column.to_vec(),
             Correction::TorqueLate(by) => later(column, &rows.runs, by),
-            Correction::TorqueLowPass(by) => low_pass(column, &rows.runs, by),
+            Correction::TorqueLowPass(by, shape) => match shape {
+                LowPassShape::FirstOrder => low_pass(column, &rows.runs, by),
+                LowPassShape::SecondOrder => {
+                    let first = low_pass(column, &rows.runs, 0.5 * by);
+                    low_pass(&first, &rows.runs, 0.5 * by)
+                }
+                LowPassShape::RunningMean => running_mean(column, &rows.runs, 2.0 * by),
+            },
         }
     }
 
@@ -81,8 +86,13 @@ impl Correction {
                 let way = if by < 0.0 { "early" } else { "late" };
                 format!("torque {:.3} ms {way}", milliseconds(by.abs()))
             }
-            Correction::TorqueLowPass(by) => {
-                format!("torque low-pass of {:.3} ms", milliseconds(by))
+            Correction::TorqueLowPass(by, shape) => {
+                let kind = match shape {
+                    LowPassShape::FirstOrder => "first-order low-pass",
+                    LowPassShape::SecondOrder => "second-order low-pass",
+                    LowPassShape::RunningMean => "moving average",
+                };
+                format!("torque through a {kind} of {:.3} ms delay", milliseconds(by))
             }
         }
     }

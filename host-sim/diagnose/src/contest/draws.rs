@@ -32,9 +32,10 @@ pub struct Draws {
     pub winners: Vec<(BTreeSet<CauseKey>, usize)>,
 }
 
-/// Returns the sums of the errors of blocks over the units that are drawn: runs if there are many, else blocks.
-pub fn unit_errors(rows: &Rows, errors: &[f64]) -> Vec<f64> {
-    if rows.runs.len() < MIN_RUNS {
+/// Returns the sums of the errors of blocks over the units that are drawn: runs if there are at least
+/// `min_runs`, else blocks.
+pub fn unit_errors(rows: &Rows, errors: &[f64], min_runs: usize) -> Vec<f64> {
+    if rows.runs.len() < min_runs {
         return errors.to_vec();
     }
     let mut sums = vec![0.0; rows.runs.len()];
@@ -50,7 +51,7 @@ impl Draws {
             .zip(hypotheses)
             .map(|(errors, hypothesis)| {
                 let price = hypothesis.price.exp();
-                unit_errors(rows, errors).into_iter().map(|error| error * price).collect()
+                unit_errors(rows, errors, MIN_RUNS).into_iter().map(|error| error * price).collect()
             })
             .collect();
         let units = summed.first().map_or(0, Vec::len);

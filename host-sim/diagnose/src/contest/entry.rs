@@ -21,7 +21,7 @@ const SIMULATED: [&str; 3] = ["backlash", "dwell-time-static", "radial-force-rat
 
 /// What the nonlinear causes are chosen from.
 pub(crate) struct Waves {
-    pub(crate) orders: RippleOrders,
+    pub(crate) orders: Vec<RippleOrders>,
     pub(crate) gaps: GapGrid,
 }
 
@@ -47,6 +47,8 @@ pub(crate) struct Base {
     pub(crate) residual: Vec<f64>,
     /// True if the friction drives the motion: the sign of the torque is reversed.
     pub(crate) is_driving: bool,
+    /// True if it has slip of a free shape: several stops, or falling functions beside the driver's law.
+    pub(crate) has_slip: bool,
     /// What it was made from.
     pub(crate) origin: Origin,
     /// Simulated causes, which take the place of those of shape.
@@ -77,6 +79,7 @@ impl Base {
             residual,
             is_driving,
             sizes,
+            has_slip: law.stops.len() > 1,
             origin: Origin::Shapes(law.clone()),
             simulated: Vec::new(),
             travel: law.stops[0],
@@ -111,6 +114,7 @@ impl Base {
             residual,
             is_driving,
             sizes,
+            has_slip: free.is_some(),
             origin: Origin::Kernel(kernel.parameters.clone()),
             simulated,
             travel,

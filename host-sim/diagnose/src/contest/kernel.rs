@@ -20,7 +20,7 @@ use compensator_core::{LawKind, ParameterId, Parameters};
 use friction_fit::scales::Scales;
 use friction_fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE};
 use friction_fit::spec::Spec;
-use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
+use friction_fit::torque_low_pass::TorqueLowPass;
 use friction_fit::{FitOptions, Resolution, Track, fit, treatment};
 use rayon::prelude::*;
 
@@ -222,9 +222,8 @@ fn tracks(rows: &Rows, target: &[f64], correction: Correction) -> Vec<Track> {
         let own = first..first + track.len();
         track.torque.copy_from_slice(&target[own.clone()]);
         track.weights = rows.weights[own].iter().map(|weight| weight * weight).collect();
-        if let Correction::TorqueLowPass(by) = correction {
-            let time_s = by * rows.step_s;
-            track.torque_low_pass = TorqueLowPass { time_s, shape: LowPassShape::FirstOrder };
+        if let Correction::TorqueLowPass(by, shape) = correction {
+            track.torque_low_pass = TorqueLowPass { time_s: by * rows.step_s, shape };
         }
     }
     tracks

@@ -81,6 +81,24 @@ pub fn later(values: &[f64], runs: &[Range<usize>], rows: f64) -> Vec<f64> {
     out
 }
 
+/// Returns the mean of the last `window` rows within each run; before the first row the value is held.
+pub fn running_mean(values: &[f64], runs: &[Range<usize>], window: f64) -> Vec<f64> {
+    let window = window.max(1.0);
+    let (whole, share) = (window.floor() as usize, window.fract());
+    let mut out = vec![0.0; values.len()];
+    for run in runs {
+        let at = |row: usize, before: usize| values[row.saturating_sub(before).max(run.start)];
+        let mut sum: f64 = (0..whole).map(|before| at(run.start, before)).sum();
+        for row in run.clone() {
+            if row > run.start {
+                sum += values[row] - at(row - 1, whole - 1);
+            }
+            out[row] = (sum + share * at(row, whole)) / window;
+        }
+    }
+    out
+}
+
 /// Returns the values of a first-order low-pass with a time constant in rows, started at each run's first value.
 pub fn low_pass(values: &[f64], runs: &[Range<usize>], rows: f64) -> Vec<f64> {
     let mut out = values.to_vec();
@@ -173,6 +191,14 @@ mod tests {
         let values: Vec<f64> = (0..6).map(f64::from).collect();
         assert_eq!(later(&values, &run(6), 1.5)[2..], [0.5, 1.5, 2.5, 3.5]);
         assert_eq!(later(&values, &run(6), -0.5)[..5], [0.5, 1.5, 2.5, 3.5, 4.5]);
+    }
+
+    #[test]
+    fn running_mean_of_ramp_is_late_by_half_its_window() {
+        let values: Vec<f64> = (0..12).map(f64::from).collect();
+        assert_eq!(running_mean(&values, &run(12), 5.0)[6..8], [4.0, 5.0]);
+        assert!((running_mean(&values, &run(12), 2.5)[6] - 5.2).abs() < 1e-12);
+        assert_eq!(running_mean(&values, &run(12), 1.0), values);
     }
 
     #[test]

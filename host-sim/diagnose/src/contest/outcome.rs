@@ -16,6 +16,9 @@ const MIN_INCLUSION: f64 = 0.02;
 /// Share of what a cause takes last that is lost with another cause that stands in for it, at most.
 const MAX_STAND_IN_LOSS: f64 = 0.3;
 
+/// Number of runs from which on errors are compared by run: blocks of one run are not independent.
+const MIN_RUNS: usize = 5;
+
 /// Ratio of a law's cost to the least cost below which it is competitive.
 const MAX_LAW_COST: f64 = 1.3;
 
@@ -40,6 +43,10 @@ pub struct Figures {
     pub last_in_errors: f64,
     /// RMS of what it takes last, as a share of the RMS torque.
     pub torque_share: f64,
+    /// Share of the error that it takes alone beside a law that also has slip of a free shape; `alone` without such a law.
+    pub beside_slip: f64,
+    /// Its largest coefficient, in standard errors over the folds (a delete-one jackknife).
+    pub size_in_errors: f64,
     /// Share of the competitive laws whose own best hypothesis holds it.
     pub laws: f64,
     /// Causes that stand in for it.
@@ -167,6 +174,7 @@ impl Table<'_> {
             (self.ledger.with_causes(&others), Some(best))
         };
         let pair = with.zip(without);
+        let alone_share = alone.map_or(0.0, |alone| (base - alone) / base);
         let last = pair.map_or(0.0, |(with, without)| (without.error - with.error) / base);
         let last_in_errors =
             pair.map_or(0.0, |(with, without)| self.in_errors(rows, with, without));
@@ -185,11 +193,13 @@ impl Table<'_> {
             detail: detail.unwrap_or_default(),
             is_in_best,
             inclusion: self.draws.inclusion.get(key).copied().unwrap_or_default(),
-            alone: alone.map_or(0.0, |alone| (base - alone) / base),
+            alone: alone_share,
             last,
             irreplaceable: (without - with) / base,
             last_in_errors,
             torque_share: (last.max(0.0) * base / torque).sqrt(),
+            beside_slip: self.beside_slip(key).unwrap_or(alone_share),
+            size_in_errors: pair.map_or(0.0, |(with, _)| self.size_in_errors(key, with)),
             laws: self.laws_with(key),
             confusable_with: self.stand_ins(key, best, last * base),
         }
@@ -217,13 +227,46 @@ impl Table<'_> {
             let entry = &self.entries[hypothesis.bank];
             let indices = entry.indices(&hypothesis.set);
             let errors = entry.bank.block_errors(&indices, &mut Workspace::default());
-            draws::unit_errors(rows, &errors)
+            draws::unit_errors(rows, &errors, MIN_RUNS)
         });
         let falls: Vec<f64> = without.iter().zip(&with).map(|(a, b)| a - b).collect();
         let count = falls.len().max(2) as f64;
         let mean = falls.iter().sum::<f64>() / count;
         let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (count - 1.0);
         mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
+    }
+
+    /// Returns what a cause takes alone, as a share, beside the best law with slip of a free shape.
+    fn beside_slip(&self, key: &CauseKey) -> Option<f64> {
+        let has_slip = |h: &&Hypothesis| self.entries[h.bank].base.has_slip;
+        let best = self.ledger.hypotheses.iter().find(has_slip)?.bank;
+        let own = || self.ledger.hypotheses.iter().filter(move |h| h.bank == best);
+        let plain = own().find(|h| h.causes.is_empty())?.error;
+        let alone = own().filter(|h| h.causes.len() == 1 && h.causes.contains(key));
+        let alone = alone.map(|h| h.error).min_by(f64::total_cmp);
+        Some(alone.map_or(0.0, |alone| (plain - alone) / plain))
+    }
+
+    /// Returns the largest coefficient of a cause in a hypothesis over its standard error.
+    fn size_in_errors(&self, key: &CauseKey, hypothesis: &Hypothesis) -> f64 {
+        let entry = &self.entries[hypothesis.bank];
+        let indices = entry.indices(&hypothesis.set);
+        let whole = entry.bank.fit(&indices, &mut Workspace::default());
+        let folds = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
+        let mut at = entry.base.columns.len();
+        let mut largest = 0.0f64;
+        for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
+            let own = at..at + variant.columns.len();
+            at = own.end;
+            if variant.cause == key.cause && variant.follows == key.follows {
+                for column in own {
+                    let values: Vec<f64> = folds.iter().map(|fold| fold[column]).collect();
+                    let error = jackknife(&values).max(1e-12 * whole[column].abs());
+                    largest = largest.max(whole[column].abs() / error.max(f64::MIN_POSITIVE));
+                }
+            }
+        }
+        largest
     }
 
     /// Returns the share of the competitive laws whose own best hypothesis holds a cause.

@@ -7,7 +7,7 @@
 use super::bank::{Bank, Workspace};
 use super::cause::backlash::GapGrid;
 use super::cause::ripple::RippleOrders;
-use super::correction::{Correction, TRIED};
+use super::correction::{Correction, tried};
 use super::draws::Draws;
 use super::entry::{Base, Entry, Origin, Waves};
 use super::kernel::{KernelLaw, KernelStart};
@@ -49,63 +49,128 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     let rows = &*rows;
     let laws = shapes.laws(rows);
     let Some(first) = laws.first() else { return Outcome::default() };
-    let mut waves = Waves { orders: RippleOrders::default(), gaps: GapGrid::new(rows, &shapes) };
-    let bases = laws.iter().take(MOST_SHAPED).map(|law| Base::of_shapes(rows, &shapes, law));
-    let bases: Vec<Base> = bases.collect();
+    let waves = Waves { orders: Vec::new(), gaps: GapGrid::new(rows, &shapes) };
+    let mut contest =
+        Contest { rows, shapes: &shapes, free: first, waves, found: Found::default() };
+    let bases: Vec<Base> =
+        laws.iter().take(MOST_SHAPED).map(|law| Base::of_shapes(rows, &shapes, law)).collect();
     let plain = kernel.as_ref().map(|kernel| Base::of_kernel(rows, &shapes, kernel, Some(first)));
-    let largest = plain.unwrap_or_else(|| bases[0].clone());
-    waves.orders = orders(rows, &Entry::new(rows, &shapes, largest, Correction::None, &waves));
-    let build = |(base, correction): (Base, Correction)| {
-        Entry::new(rows, &shapes, base, correction, &waves)
-    };
-    let mut found = Found::default();
-    found.add(bases.iter().cloned().map(|base| (base, Correction::None)).collect(), &build);
+    contest.find_first_orders(plain.unwrap_or_else(|| bases[0].clone()));
+    contest.add(bases.iter().cloned().map(|base| (base, Correction::None)).collect());
     let mut kernels: Vec<(Correction, KernelLaw)> = Vec::new();
     if let Some(kernel) = kernel {
-        found.add_kernel(&kernel, Correction::None, first, (rows, &shapes), &build);
+        contest.add_kernel(&kernel, Correction::None);
         kernels.push((Correction::None, kernel));
     }
     for _ in 0..KERNEL_ROUNDS {
-        let Some(best) = found.best().cloned() else { break };
-        let entry = &found.entries[best.bank];
-        let mut wanted = screen(rows, entry, &best);
+        let before = contest.found.best().map_or(f64::INFINITY, Hypothesis::cost);
+        contest.round(&bases, &mut kernels);
+        let after = contest.found.best().map_or(f64::INFINITY, Hypothesis::cost);
+        if after > (1.0 - MIN_ROUND_GAIN) * before {
+            break;
+        }
+    }
+    let Found { entries, hypotheses } = contest.found;
+    let ledger = Ledger::new(hypotheses);
+    let draws = draw(rows, &entries, &ledger);
+    Outcome::new(rows, Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws })
+}
+
+/// A contest on the way.
+struct Contest<'a> {
+    rows: &'a Rows,
+    shapes: &'a Shapes,
+    /// The law of shapes that may take what the driver's law misses.
+    free: &'a Law,
+    waves: Waves,
+    found: Found,
+}
+
+/// Entries with all hypotheses that were scored.
+#[derive(Default)]
+struct Found {
+    entries: Vec<Entry>,
+    hypotheses: Vec<Hypothesis>,
+}
+
+impl Found {
+    fn best(&self) -> Option<&Hypothesis> {
+        self.hypotheses.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))
+    }
+}
+
+impl Contest<'_> {
+    /// Builds entries and searches in them.
+    fn add(&mut self, wanted: Vec<(Base, Correction)>) {
+        let (rows, shapes, waves) = (self.rows, self.shapes, &self.waves);
+        let build = |(base, correction)| Entry::new(rows, shapes, base, correction, waves);
+        let made: Vec<Entry> = wanted.into_par_iter().map(build).collect();
+        self.found.hypotheses.extend(search_all(&made, self.found.entries.len()));
+        self.found.entries.extend(made);
+    }
+
+    /// Adds the driver's law, alone and beside a law of shapes.
+    fn add_kernel(&mut self, kernel: &KernelLaw, correction: Correction) {
+        let base = |free| (Base::of_kernel(self.rows, self.shapes, kernel, free), correction);
+        let both = vec![base(None), base(Some(self.free))];
+        self.add(both);
+    }
+
+    /// Tries corrections of the log beside the best hypothesis, and linearises the driver's law anew with its causes.
+    fn round(&mut self, bases: &[Base], kernels: &mut Vec<(Correction, KernelLaw)>) {
+        let Some(best) = self.found.best().cloned() else { return };
+        let entry = &self.found.entries[best.bank];
+        let mut wanted = screen(self.rows, entry, &best);
         wanted.retain(|correction| kernels.iter().all(|(own, _)| !own.is_near(*correction)));
         if matches!(entry.base.origin, Origin::Shapes(_)) {
             // A correction changes the columns of its entry, so each begins with the law's own.
-            let own = bases
-                .iter()
-                .find(|base| base.name == entry.base.name && base.travel == entry.base.travel);
+            let is_own =
+                |base: &&Base| base.name == entry.base.name && base.travel == entry.base.travel;
+            let own = bases.iter().find(is_own);
             let shaped = wanted.iter().filter_map(|c| Some((own?.clone(), *c))).collect();
-            found.add(shaped, &build);
+            self.add(shaped);
         }
-        let best = found.best().cloned().unwrap_or(best);
-        let entry = &found.entries[best.bank];
-        let target = without_causes(rows, entry, &best.set);
-        let correction = entry.correction;
-        if !wanted.contains(&correction) {
-            wanted.push(correction);
+        let best = self.found.best().cloned().unwrap_or(best);
+        self.find_orders(&best);
+        let entry = &self.found.entries[best.bank];
+        let target = without_causes(self.rows, entry, &best.set);
+        if !wanted.contains(&entry.correction) {
+            wanted.push(entry.correction);
         }
         let fit = |correction: &Correction| {
             let own = kernels.iter().rev().find(|(own, _)| own == correction);
             let start = own.or(kernels.first()).map(|(_, law)| law.start())?;
-            Some((*correction, KernelLaw::fit(rows, &target, *correction, &[start])?))
+            Some((*correction, KernelLaw::fit(self.rows, &target, *correction, &[start])?))
         };
         let fitted: Vec<(Correction, KernelLaw)> = wanted.par_iter().filter_map(fit).collect();
         for (correction, law) in &fitted {
-            found.add_kernel(law, *correction, first, (rows, &shapes), &build);
+            self.add_kernel(law, *correction);
         }
         kernels.extend(fitted);
-        let next = found.best().map_or(f64::INFINITY, Hypothesis::cost);
-        if next > (1.0 - MIN_ROUND_GAIN) * best.cost() {
-            break;
+    }
+
+    /// Finds the orders of waves in what a law with all other causes leaves.
+    fn find_first_orders(&mut self, base: Base) {
+        let entry = Entry::new(self.rows, self.shapes, base, Correction::None, &self.waves);
+        let set: Vec<u16> = (0..entry.variants.len() as u16).collect();
+        let residual = residual(self.rows, &entry, &set);
+        let Base { columns, level, .. } = &entry.base;
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        self.waves.orders.push(RippleOrders::find(self.rows, &residual, &columns, level));
+    }
+
+    /// Finds the orders of waves in what a hypothesis leaves without its own causes of the position.
+    fn find_orders(&mut self, best: &Hypothesis) {
+        let entry = &self.found.entries[best.bank];
+        let mut set = best.set.clone();
+        set.retain(|at| !entry.variants[*at as usize].is_of_position());
+        let residual = residual(self.rows, entry, &set);
+        let found =
+            RippleOrders::find(self.rows, &residual, &entry.columns(&set), &entry.base.level);
+        if self.waves.orders.iter().all(|own| !own.is_like(&found)) {
+            self.waves.orders.push(found);
         }
     }
-    let ledger = Ledger::new(found.hypotheses);
-    let draws = draw(rows, &found.entries, &ledger);
-    Outcome::new(
-        rows,
-        Table { shapes: &shapes, entries: &found.entries, ledger: &ledger, draws: &draws },
-    )
 }
 
 /// Reverses a torque of the wrong sign, fits the driver's law without a cause and weighs the rows by what it leaves. Returns
@@ -140,43 +205,6 @@ fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
     Some(kernel)
 }
 
-/// Entries with all hypotheses that were scored.
-#[derive(Default)]
-struct Found {
-    entries: Vec<Entry>,
-    hypotheses: Vec<Hypothesis>,
-}
-
-impl Found {
-    /// Builds entries and searches in them.
-    fn add(
-        &mut self,
-        wanted: Vec<(Base, Correction)>,
-        build: &(impl Fn((Base, Correction)) -> Entry + Sync),
-    ) {
-        let made: Vec<Entry> = wanted.into_par_iter().map(build).collect();
-        self.hypotheses.extend(search_all(&made, self.entries.len()));
-        self.entries.extend(made);
-    }
-
-    /// Adds the driver's law, alone and beside a law of shapes.
-    fn add_kernel(
-        &mut self,
-        kernel: &KernelLaw,
-        correction: Correction,
-        free: &Law,
-        (rows, shapes): (&Rows, &Shapes),
-        build: &(impl Fn((Base, Correction)) -> Entry + Sync),
-    ) {
-        let base = |free| (Base::of_kernel(rows, shapes, kernel, free), correction);
-        self.add(vec![base(None), base(Some(free))], build);
-    }
-
-    fn best(&self) -> Option<&Hypothesis> {
-        least(&self.hypotheses)
-    }
-}
-
 /// Returns the torque less the causes of a set.
 fn without_causes(rows: &Rows, entry: &Entry, set: &[u16]) -> Vec<f64> {
     let sizes = entry.bank.fit(&entry.indices(set), &mut Workspace::default());
@@ -190,17 +218,6 @@ fn without_causes(rows: &Rows, entry: &Entry, set: &[u16]) -> Vec<f64> {
 fn search_all(entries: &[Entry], first: usize) -> Vec<Hypothesis> {
     let search = |(at, entry): (usize, &Entry)| entry.search(first + at);
     entries.par_iter().enumerate().flat_map(search).collect()
-}
-
-fn least(hypotheses: &[Hypothesis]) -> Option<&Hypothesis> {
-    hypotheses.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))
-}
-
-/// Finds the orders of waves in what the model with all other causes leaves.
-fn orders(rows: &Rows, entry: &Entry) -> RippleOrders {
-    let set: Vec<u16> = (0..entry.variants.len() as u16).collect();
-    let residual = residual(rows, entry, &set);
-    RippleOrders::find(rows, &residual, &entry.base.columns, &entry.base.level)
 }
 
 /// Returns what a set of variants leaves, fitted to all rows.
@@ -223,7 +240,7 @@ fn screen(rows: &Rows, entry: &Entry, best: &Hypothesis) -> Vec<Correction> {
         let all: Vec<usize> = (0..corrected.len()).collect();
         (bank.error(&all, &mut Workspace::default()), *correction)
     };
-    let mut errors: Vec<(f64, Correction)> = TRIED.par_iter().map(error).collect();
+    let mut errors: Vec<(f64, Correction)> = tried().par_iter().map(error).collect();
     errors.retain(|(error, _)| *error < (1.0 - MIN_CORRECTION_GAIN) * best.error);
     errors.sort_by(|a, b| a.0.total_cmp(&b.0));
     // The best of each kind, and that of the best at its best size.

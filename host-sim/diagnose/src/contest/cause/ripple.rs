@@ -29,6 +29,9 @@ const COMPETING: usize = 24;
 /// Ratio of two orders nearer than which they are one.
 const SAME_ORDER: f64 = 1e-4;
 
+/// Relative difference of the strongest orders of two lists below which they are alike.
+const SAME_FIRST_ORDER: f64 = 0.005;
+
 /// Distance from a whole order of a turn, in steps, within which the whole one competes as well.
 const NEAR_WHOLE: f64 = 1.0;
 
@@ -78,7 +81,7 @@ impl RippleOrders {
     ///
     /// A scan of the residual proposes orders. Neighbours of a strong order are strong as well, so that those that help are
     /// then chosen one by one beside the law, by their held-out error.
-    pub fn find(rows: &Rows, residual: &[f64], columns: &[Vec<f64>], level: &[f64]) -> Self {
+    pub fn find(rows: &Rows, residual: &[f64], columns: &[&[f64]], level: &[f64]) -> Self {
         if !rows.has_position {
             return Self::default();
         }
@@ -96,15 +99,27 @@ impl RippleOrders {
     }
 }
 
+impl RippleOrders {
+    /// Returns true if the strongest orders of both are the same.
+    pub fn is_like(&self, other: &Self) -> bool {
+        let alike = |a: &[f64], b: &[f64]| match (a.first(), b.first()) {
+            (Some(a), Some(b)) => (a / b - 1.0).abs() < SAME_FIRST_ORDER,
+            (_, None) => true,
+            (None, Some(_)) => false,
+        };
+        alike(&self.torque, &other.torque) && alike(&self.level, &other.level)
+    }
+}
+
 /// Chooses orders one by one, each by the held-out error beside the law and the orders before it.
 fn chosen(
     rows: &Rows,
-    law: &[Vec<f64>],
+    law: &[&[f64]],
     orders: &[f64],
     of: impl Fn(usize) -> f64 + Copy,
 ) -> Vec<f64> {
     let pairs: Vec<Vec<f64>> = orders.iter().flat_map(|order| waves(rows, &[*order], of)).collect();
-    let columns: Vec<&[f64]> = law.iter().chain(&pairs).map(Vec::as_slice).collect();
+    let columns: Vec<&[f64]> = law.iter().copied().chain(pairs.iter().map(Vec::as_slice)).collect();
     let bank = Bank::new(rows, &columns);
     let mut work = Workspace::default();
     let mut set: Vec<usize> = (0..law.len()).collect();
@@ -261,17 +276,21 @@ fn name(orders: &[f64]) -> String {
 }
 
 pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
-    let orders = &context.orders.torque;
-    let sets = [1, 3, MOST_WAVES].into_iter().filter(|count| *count <= orders.len());
-    let whole = sets.map(|count| {
-        plain(&name(&orders[..count]), waves(context.rows, &orders[..count], |_| 1.0))
-    });
-    whole.chain(free_phase(context)).collect()
+    let whole = |found: &RippleOrders| {
+        let orders = &found.torque;
+        let counts = [1, 3, MOST_WAVES].map(|count| count.min(orders.len()));
+        let mut sets: Vec<&[f64]> = counts.iter().map(|count| &orders[..*count]).collect();
+        sets.dedup();
+        sets.retain(|set| !set.is_empty());
+        let variant = |set: &&[f64]| plain(&name(set), waves(context.rows, set, |_| 1.0));
+        sets.iter().map(variant).collect::<Vec<Columns>>()
+    };
+    context.orders.iter().flat_map(whole).chain(free_phase(context)).collect()
 }
 
 /// The wave whose phase differs between the runs, and its first harmonic.
 fn free_phase(context: &Context) -> Option<Columns> {
-    let (order, phases) = context.orders.by_run.as_ref()?;
+    let (order, phases) = context.orders.first()?.by_run.as_ref()?;
     let rows = context.rows;
     let mut shifted = rows.clone();
     for (run, phase) in rows.runs.iter().zip(phases) {
@@ -285,12 +304,10 @@ fn free_phase(context: &Context) -> Option<Columns> {
 }
 
 pub(super) fn position_ripple(context: &Context) -> Vec<Columns> {
-    let orders = context.orders.level.iter().take(2);
-    orders
-        .map(|order| {
-            plain(&name(&[*order]), waves(context.rows, &[*order], |row| context.level[row]))
-        })
-        .collect()
+    let orders = context.orders.iter().flat_map(|found| found.level.iter().take(2));
+    let of_level = |row: usize| context.level[row];
+    let variant = |order: &f64| plain(&name(&[*order]), waves(context.rows, &[*order], of_level));
+    orders.map(variant).collect()
 }
 
 /// An error `e(q)` of the encoder makes `e' v` of the speed and `e'' v^2 + e' a` of the acceleration.
@@ -322,7 +339,7 @@ mod tests {
         rows.smooth_velocity = rows.velocity.clone();
         let wave: Vec<f64> = rows.position.iter().map(|q| (7.0 * q + 0.4).sin()).collect();
         let level: Vec<f64> = rows.velocity.iter().map(|v| v.signum()).collect();
-        let columns = [level.clone()];
+        let columns = [level.as_slice()];
         rows.torque = wave.clone();
         let found = RippleOrders::find(&rows, &wave, &columns, &level);
         assert_eq!(found.torque[0], 7.0);
