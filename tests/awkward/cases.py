@@ -238,8 +238,8 @@ suspect(
 suspect(
     "a torque that pushes along the motion",
     table(joint(torque=("torque_nm", lambda r: -r["tau"]))),
-    "sign-suspect: The torque pushes along the motion (100 % of the power comes out of the joint): the torque or the "
-    "velocity may have the other sign (--columns torque_nm=torque_nm:-Nm turns it). Nothing is changed.",
+    "sign-suspect: The sign of torque_nm is reversed: it drives the motion (100 % of the power comes out of the joint), "
+    "but friction opposes it. The diagnosis uses the torque with the other sign; --columns torque_nm=torque_nm:-Nm reads it so.",
 )
 case(
     "bar as pascal",

@@ -260,6 +260,7 @@ pub fn corrections(motion: bool, as_logged: &[String]) -> Result<Corrections, St
             Some(LogFindingKind::WrappedAngle) => correct.wrapped = false,
             Some(LogFindingKind::Outlier) => correct.outliers = false,
             Some(LogFindingKind::HeldChannel) => correct.held = false,
+            Some(LogFindingKind::SignSuspect) => correct.sign = false,
             // The diagnosis detects this kind itself.
             Some(LogFindingKind::TorqueLag) => {}
             Some(_) => return Err(format!("{name} is never corrected")),

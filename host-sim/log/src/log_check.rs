@@ -2,8 +2,8 @@
 //!
 //! A model explains whatever its columns hold, so it explains a logger's defects as friction: a late torque looks like
 //! backlash, a noisy velocity at rest like a bristle. Each module here looks for one kind of defect and reports its
-//! size in the log's own units; `CHECKS` is the list. Only four defects are corrected: a position that wraps is
-//! unwrapped, impossible values are left out and spikes have weight 0, the motion is reconstructed ([`crate::motion`]), and the rows between two readings of a held channel
+//! size in the log's own units; `CHECKS` is the list. Only five defects are corrected: a position that wraps is
+//! unwrapped, a torque whose sign is reversed is turned, impossible values are left out and spikes have weight 0, the motion is reconstructed ([`crate::motion`]), and the rows between two readings of a held channel
 //! are left out. Each correction can be switched off ([`Corrections`]), and the finding states whether it was applied.
 //! All other defects are only reported, because a correction would need information that the log does not hold.
 //!
@@ -44,12 +44,11 @@ use crate::{DataError, Dataset};
 use log::Log;
 
 /// The checks in the order of the report: first those that make the others doubtful. Wraps and outliers are checked
-/// before.
-const CHECKS: [fn(&Log) -> Vec<LogFinding>; 12] = [
+/// before, and the sign of the torque.
+const CHECKS: [fn(&Log) -> Vec<LogFinding>; 11] = [
     independence::too_little,
     unit::units,
     position_zero::position_zero,
-    sign::sign,
     time::jumps,
     velocity::noise,
     velocity::lag,
@@ -95,6 +94,8 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     findings.extend(outliers);
     let (data, spikes) = spike::spikes(data, correct.outliers);
     findings.extend(spikes);
+    let (data, turned) = sign::sign(data, correct.sign);
+    findings.extend(turned);
     let (smoothed, sensors) = motion::reconstruct(&data);
     let columns = column::all(&data);
     let log = Log { data: &data, smoothed: &smoothed, sensors, columns, correct };

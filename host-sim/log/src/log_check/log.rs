@@ -14,13 +14,15 @@ pub struct Corrections {
     pub wrapped: bool,
     /// Leave out rows with impossible values, and give weight 0 to spikes of the torque.
     pub outliers: bool,
+    /// Turn a torque that drives the motion.
+    pub sign: bool,
     /// Leave out the rows between two readings of a held torque or motion.
     pub held: bool,
 }
 
 impl Default for Corrections {
     fn default() -> Self {
-        Self { motion: true, wrapped: true, outliers: true, held: true }
+        Self { motion: true, wrapped: true, outliers: true, sign: true, held: true }
     }
 }
 
