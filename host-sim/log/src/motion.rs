@@ -15,6 +15,7 @@ pub mod agreement;
 pub mod columns;
 pub mod filter;
 pub mod levels;
+mod low_pass;
 pub mod quantum;
 pub mod rest;
 

@@ -2,7 +2,9 @@
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
+use crate::motion::agreement::Agreement;
 use crate::number::figure;
+use std::f64::consts::TAU;
 
 /// Maximum negligible noise at rest, as a share of the 95th percentile of speed. It does not disturb a bristle.
 const MAX_REST_NOISE: f64 = 5e-4;
@@ -15,7 +17,9 @@ const MIN_REST_ROWS: usize = 20;
 
 pub fn noise(log: &Log) -> Vec<LogFinding> {
     let sensors = &log.sensors;
-    if sensors.exact || sensors.speed <= 0.0 {
+    let is_filtered = sensors.agreement.is_some_and(|found| found.low_pass_rows.is_some());
+    // The error of a filtered velocity is its lag, at rest too.
+    if sensors.exact || sensors.speed <= 0.0 || is_filtered {
         return Vec::new();
     }
     let rests = sensors.rows_at_rest >= MIN_REST_ROWS;
@@ -61,9 +65,8 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
 }
 
 pub fn lag(log: &Log) -> Vec<LogFinding> {
-    let Some(agreement) = log.sensors.agreement.filter(|agreement| agreement.lags()) else {
-        return Vec::new();
-    };
+    let is_late = |found: &Agreement| found.lags() || found.low_pass_rows.is_some();
+    let Some(agreement) = log.sensors.agreement.filter(is_late) else { return Vec::new() };
     let sensors = &log.sensors;
     // A velocity that was derived from the position is late by half a row, but it was not logged.
     let sources = &log.data.sources;
@@ -74,7 +77,8 @@ pub fn lag(log: &Log) -> Vec<LogFinding> {
     if sensors.from_velocity_alone && !agreement.is_pure_delay() {
         return Vec::new();
     }
-    let lag_s = agreement.lag_rows * log.sensors.step_s;
+    let lag_rows = agreement.low_pass_rows.unwrap_or(agreement.lag_rows);
+    let lag_s = lag_rows * log.sensors.step_s;
     let moved = sensors.velocity_late_s().is_some();
     let corrected = log.correct.motion && (sensors.from_position_alone || moved);
     let done = if corrected && moved {
@@ -84,17 +88,25 @@ pub fn lag(log: &Log) -> Vec<LogFinding> {
     } else {
         "it is taken as logged"
     };
-    let late = if lag_s > 0.0 { "late" } else { "early" };
+    let how = match agreement.low_pass_rows {
+        Some(_) => format!(
+            "The velocity is the derivative of the position behind a low-pass with a time constant of {} ms ({} Hz)",
+            figure(1e3 * lag_s),
+            figure(1.0 / (TAU * lag_s))
+        ),
+        None => format!(
+            "The velocity is {} ms ({} rows) {} against the derivative of the position",
+            figure(1e3 * lag_s.abs()),
+            figure(lag_rows.abs()),
+            if lag_s > 0.0 { "late" } else { "early" }
+        ),
+    };
     vec![LogFinding {
         kind: LogFindingKind::VelocityLag,
         columns: vec![log.velocity().into(), log.position().into()],
         value: lag_s,
         unit: "s".into(),
         corrected,
-        in_words: format!(
-            "The velocity is {} ms ({} rows) {late} against the derivative of the position: {done}.",
-            figure(1e3 * lag_s.abs()),
-            figure(agreement.lag_rows.abs())
-        ),
+        in_words: format!("{how}: {done}."),
     }]
 }

@@ -6,6 +6,7 @@
 
 use super::filter::{Series, smooth};
 use super::levels::{Levels, likeliest};
+use super::low_pass::{Stretch, time_constant};
 use nalgebra::{DMatrix, DVector};
 
 /// Maximum number of rows that are evaluated, spread over the log.
@@ -70,6 +71,8 @@ pub struct Agreement {
     pub open: f64,
     /// True if the logged velocity has more fast components than the position: it was not derived from it.
     pub is_its_own: bool,
+    /// Time constant of the low-pass that the velocity is behind, rows, if that explains it better than a delay.
+    pub low_pass_rows: Option<f64>,
 }
 
 impl Agreement {
@@ -122,9 +125,12 @@ pub fn agreement(all: &[Series]) -> Agreement {
     let Levels { noise, jump } = likeliest(&alone);
     // Weighted sums of the normal equations. The later rounds leave out the largest residuals.
     let mut table: Vec<[f64; 4]> = Vec::new();
+    let mut stretches: Vec<Stretch> = Vec::new();
     let (mut starts, mut open, mut opened) = (Vec::new(), 0.0, 0.0);
     for (series, logged) in alone.iter().zip(&velocities) {
         let found = smooth(series, &noise, &vec![jump; series.len() - 1]);
+        let derivative = found.states.iter().map(|state| state[1]).collect();
+        stretches.push(Stretch { steps: series.steps.clone(), derivative, logged: logged.clone() });
         let ends = 4.min(series.len() / 4);
         starts.push(table.len());
         let inner = logged.iter().enumerate().take(series.len() - ends).skip(ends);
@@ -176,13 +182,14 @@ pub fn agreement(all: &[Series]) -> Agreement {
             left_correlation: correlation(&table, &starts, &left),
             open: f64::sqrt(open / f64::max(opened, 1.0)),
             is_its_own: is_its_own(&inside),
+            low_pass_rows: None,
         };
         let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
         let at = sizes.len() * 19 / 20;
         // Twice the 95th percentile is four standard deviations. Residuals beyond it are not noise.
         limit = 2.0 * *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
     }
-    result
+    Agreement { low_pass_rows: time_constant(&stretches), ..result }
 }
 
 /// Returns true if a logged velocity has more fast components than the position's derivative. In the regression

@@ -160,7 +160,7 @@ impl MotionAnalysis {
             let unstepped = sensors.position_quantum == 0.0;
             sensors.position_integrated = unstepped && start_alike(stretches) && is_sum(stretches);
             sensors.from_velocity_alone = sensors.position_integrated || found.is_pure_delay();
-            let is_worse = found.lags() || found.is_filtered();
+            let is_worse = found.lags() || found.is_filtered() || found.low_pass_rows.is_some();
             sensors.from_position_alone = is_worse && !sensors.from_velocity_alone;
         }
         let own_noise = noise_alone(all);

@@ -9,4 +9,5 @@ mod data_measured;
 #[cfg(feature = "parquet")]
 mod data_parquet;
 mod data_reading;
+mod filtered_velocity;
 mod motion;
