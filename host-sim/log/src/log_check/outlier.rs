@@ -65,7 +65,8 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     (kept, found)
 }
 
-fn without(run: &Run, bad: &BTreeSet<usize>) -> Run {
+/// Returns a run without these rows.
+pub(super) fn without(run: &Run, bad: &BTreeSet<usize>) -> Run {
     let keep = |column: &Vec<f64>| -> Vec<f64> {
         let rows = column.iter().enumerate().filter(|(row, _)| !bad.contains(row));
         rows.map(|(_, value)| *value).collect()

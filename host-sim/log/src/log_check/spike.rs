@@ -1,4 +1,4 @@
-//! Spikes of the torque: many single rows far outside the range of the others, as from a disturbed sensor line.
+//! Spikes of the torque or the velocity: many single rows far outside the range of the others, as from a disturbed sensor line.
 //!
 //! A squared error weighs a spike of ten times the torque as a hundred rows, so a few percent of spikes decide a fit.
 //! Unlike a failed reading ([`super::outlier`]) a spike may be in every fifth row, so that the range of the column is the
@@ -7,12 +7,15 @@
 //!
 //! A row with a spike keeps its motion and gets weight 0 ([`crate::Run::torque_spikes`]). Its torque becomes the
 //! median of its neighbours with the noise of a row nearby, because estimates such as that of the noise use every torque.
+//! A spike of the velocity has no motion to keep, and its row is left out.
 
 use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
+use super::outlier::without;
 use crate::number::figure;
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Rows on either side of a row whose median is compared with it. Of nine rows with 20 % of spikes, five are spikes of
@@ -45,40 +48,33 @@ const FAR_ROWS: usize = 50;
 /// Median of the magnitude of a standard normal variable.
 const NORMAL_MEDIAN: f64 = 0.6745;
 
-/// Finds the spikes of the torque. Sets their weights to 0 if `correct` is true.
+/// Finds the spikes of torque and velocity. If `correct` is true, sets the weights of the former to 0 and leaves out the
+/// rows of the latter.
 pub fn spikes(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
-    let Some(found) = Spikes::find(&data) else { return (data, Vec::new()) };
-    let torque = Quantity::Torque.name(data.joint);
-    let share = found.count as f64 / data.rows as f64;
-    let done = if correct {
-        "their rows have weight 0 in every fit and error; their motion is used"
-    } else {
-        "left in, as asked"
-    };
-    let finding = LogFinding {
-        kind: LogFindingKind::Outlier,
-        columns: vec![torque.into()],
-        value: share,
-        unit: "of the rows".into(),
-        corrected: correct,
-        in_words: format!(
-            "{} values of {torque} ({} % of the rows) are spikes, at least {} {} from the median of the rows beside \
-             them: {done}.",
-            found.count,
-            figure(100.0 * share),
-            figure(found.least),
-            data.joint.torque_unit()
-        ),
-    };
     let mut data = data;
-    if correct {
-        for (run, (is_spike, medians)) in data.runs.iter_mut().zip(found.runs) {
+    let mut findings = Vec::new();
+    // No joint crosses its range of speeds for a single row, so a few spikes of the velocity suffice.
+    if let Some(found) = Spikes::find(&data, |run| &run.velocity, 0.0) {
+        findings.push(found.finding(&data, Quantity::Velocity, correct, "their rows are left out"));
+        let mut left_out = 0;
+        for (run, (is_spike, _)) in data.runs.iter_mut().zip(&found.runs).filter(|_| correct) {
+            let bad: BTreeSet<usize> = (0..is_spike.len()).filter(|row| is_spike[*row]).collect();
+            left_out += bad.len();
+            *run = without(run, &bad);
+        }
+        data.rows -= left_out;
+        data.bad_rows.count += left_out;
+    }
+    if let Some(found) = Spikes::find(&data, |run| &run.torque, MIN_SHARE) {
+        let done = "their rows have weight 0 in every fit and error; their motion is used";
+        findings.push(found.finding(&data, Quantity::Torque, correct, done));
+        for (run, (is_spike, medians)) in data.runs.iter_mut().zip(found.runs).filter(|_| correct) {
             if is_spike.contains(&true) {
                 replace(run, &is_spike, &medians);
             }
         }
     }
-    (data, vec![finding])
+    (data, findings)
 }
 
 /// Replaces the torque of the rows with a spike.
@@ -102,25 +98,50 @@ struct Spikes {
     /// For each run: which rows are spikes, and the medians of their neighbours.
     runs: Vec<(Vec<bool>, Vec<f64>)>,
     count: usize,
-    /// Minimum distance of a spike, Nm or N.
+    /// Minimum distance of a spike, in the unit of the column.
     least: f64,
 }
 
 impl Spikes {
-    fn find(data: &Dataset) -> Option<Self> {
+    fn finding(&self, data: &Dataset, of: Quantity, correct: bool, done: &str) -> LogFinding {
+        let name = of.name(data.joint);
+        let share = self.count as f64 / data.rows as f64;
+        let unit = match of {
+            Quantity::Velocity => data.joint.velocity_unit(),
+            _ => data.joint.torque_unit(),
+        };
+        LogFinding {
+            kind: LogFindingKind::Outlier,
+            columns: vec![name.into()],
+            value: share,
+            unit: "of the rows".into(),
+            corrected: correct,
+            in_words: format!(
+                "{} values of {name} ({} % of the rows) are spikes, at least {} {unit} from the median of the rows beside \
+                 them: {}.",
+                self.count,
+                figure(100.0 * share),
+                figure(self.least),
+                if correct { done } else { "left in, as asked" }
+            ),
+        }
+    }
+
+    /// Returns the spikes of a column, if they are at least `least_share` of the rows.
+    fn find(data: &Dataset, of: fn(&Run) -> &Vec<f64>, least_share: f64) -> Option<Self> {
         let parts: Vec<Vec<Range<usize>>> = data.runs.iter().map(segments).collect();
         let all_medians = |is_spike: Option<&[Vec<bool>]>| -> Vec<Vec<f64>> {
             let runs = data.runs.iter().zip(&parts).enumerate();
             runs.map(|(index, (run, parts))| {
                 let is_spike = is_spike.map(|runs| runs[index].as_slice());
-                parts.iter().flat_map(|rows| medians(&run.torque, rows, is_spike)).collect()
+                parts.iter().flat_map(|rows| medians(of(run), rows, is_spike)).collect()
             })
             .collect()
         };
         let first = all_medians(None);
         let off = |medians: &[Vec<f64>]| -> Vec<Vec<f64>> {
             let run_off = |(run, medians): (&Run, &Vec<f64>)| {
-                run.torque
+                of(run)
                     .iter()
                     .zip(medians)
                     .map(|(torque, median)| (torque - median).abs())
@@ -144,7 +165,7 @@ impl Spikes {
         // most neighbours are spikes, the first median is one.
         let is_outside = |torque: &f64| *torque < low - least || *torque > high + least;
         let outside: Vec<Vec<bool>> =
-            data.runs.iter().map(|run| run.torque.iter().map(is_outside).collect()).collect();
+            data.runs.iter().map(|run| of(run).iter().map(is_outside).collect()).collect();
         let mut at_first = far(&distances);
         for (run, outside) in at_first.iter_mut().zip(&outside) {
             run.iter_mut().zip(outside).for_each(|(spike, outside)| *spike |= outside);
@@ -158,7 +179,7 @@ impl Spikes {
         let share = count as f64 / data.rows.max(1) as f64;
         let pairs = is_spike.iter().flat_map(|run| run.windows(2));
         let followed = pairs.filter(|pair| pair[0] && pair[1]).count() as f64 / count.max(1) as f64;
-        let is_many = count >= MIN_SPIKES && (MIN_SHARE..MAX_SHARE).contains(&share);
+        let is_many = count >= MIN_SPIKES && (least_share..MAX_SHARE).contains(&share);
         let runs = is_spike.into_iter().zip(medians).collect();
         (is_many && followed < share + MAX_FOLLOWED_SHARE).then_some(Self { runs, count, least })
     }
@@ -262,5 +283,23 @@ mod tests {
         let (data, findings) = spikes(log(white(20, 12.0)), false);
         assert!(findings[0].in_words.ends_with("left in, as asked."));
         assert_eq!(data.runs, log(white(20, 12.0)).runs);
+    }
+
+    #[test]
+    fn spikes_of_velocity_are_left_out() {
+        let spoiled = || {
+            let mut data = log(|_| 0.0);
+            (0..ROWS)
+                .filter(|row| row % 250 == 7)
+                .for_each(|row| data.runs[0].velocity[row] += 4.0);
+            data
+        };
+        let (data, findings) = spikes(spoiled(), true);
+        assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].columns, ["velocity_rad_s"]);
+        assert!((findings[0].value - 16.0 / ROWS as f64).abs() < 1e-12, "{findings:?}");
+        assert_eq!((data.rows, data.runs[0].len()), (ROWS - 16, ROWS - 16));
+        assert!(data.runs[0].velocity.iter().all(|velocity| velocity.abs() < 1.1));
+        assert_eq!(spikes(spoiled(), false).0.runs, spoiled().runs);
     }
 }
