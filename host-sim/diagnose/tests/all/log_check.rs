@@ -337,8 +337,13 @@ fn check_with_integrated_position_reports_it() {
 
 #[test]
 fn check_with_inverted_torque_reports_suspect_sign() {
-    let findings = found(|_, c| c[2].iter_mut().for_each(|torque| *torque = -*torque));
-    only(&findings, LogFindingKind::SignSuspect, &[]);
+    let turn = |_: usize, c: &mut Columns| c[2].iter_mut().for_each(|torque| *torque = -*torque);
+    let checked = check(log(turn), Corrections::default());
+    assert!(only(&checked.findings, LogFindingKind::SignSuspect, &[]).corrected);
+    assert_eq!(checked.data.runs[0].torque, log(|_, _| ()).runs[0].torque);
+    let as_logged = check(log(turn), Corrections { sign: false, ..Corrections::default() });
+    assert!(!only(&as_logged.findings, LogFindingKind::SignSuspect, &[]).corrected);
+    assert_eq!(as_logged.data.runs[0].torque, log(turn).runs[0].torque);
 }
 
 #[test]
@@ -394,4 +399,24 @@ fn check_with_many_spikes_keeps_the_fit() {
     let as_logged = check(log(spiked), Corrections { outliers: false, ..Corrections::default() });
     assert!(as_logged.findings.iter().any(|found| !found.corrected));
     assert_eq!(as_logged.data.runs[0].torque, log(spiked).runs[0].torque);
+}
+
+#[test]
+fn check_with_all_channels_held_keeps_one_row_of_each_reading() {
+    let spoil = |_: usize, columns: &mut Columns| {
+        for column in columns.iter_mut().skip(1) {
+            *column = (0..ROWS).map(|row| column[row - row % 10]).collect();
+        }
+    };
+    let checked = check(log(spoil), Corrections { motion: false, ..Corrections::default() });
+    let held = checked.findings.iter().filter(|own| own.kind == LogFindingKind::HeldChannel);
+    for finding in held.filter(|own| own.columns != ["gauge_torque_nm"]) {
+        assert!(finding.corrected, "{finding:?}");
+    }
+    let run = &checked.data.runs[0];
+    near(run.len() as f64, ROWS as f64 / 10.0, 10.0);
+    let exact = exact(0);
+    for (row, torque) in run.torque.iter().enumerate() {
+        assert_eq!(*torque, exact[2][(run.time_s[row] / STEP_S).round() as usize], "row {row}");
+    }
 }

@@ -6,8 +6,8 @@
 //!
 //! A held covariate is used as logged: its values in between were never measured. A torque that is held while the joint
 //! moves is wrong in every row but the first, and so is a held motion under a live torque. Then only the rows in which
-//! the held channel is read anew are kept ([`fresh_rows`]). If both are held no row is left out, because they may be
-//! read at different times.
+//! the held channel is read anew are kept ([`fresh_rows`]). If both are held and are read in the same rows, these rows are
+//! kept. If they are read at different times, no row is left out.
 
 use super::column::{Column, quantile};
 use super::finding::{LogFinding, LogFindingKind};
@@ -38,8 +38,10 @@ struct Held {
 
 /// The rows of each run in which the held torque or motion is read anew.
 pub struct FreshRows {
-    /// True if the motion is held, false if the torque is.
+    /// True if the motion is held.
     pub is_motion_held: bool,
+    /// True if the torque is held.
+    pub is_torque_held: bool,
     /// The rows of each run.
     pub runs: Vec<Vec<usize>>,
 }
@@ -76,9 +78,12 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         }),
         None => velocity,
     };
-    let (is_motion_held, held) = match (motion, held(log.torque())) {
-        (Some(motion), None) => (true, motion),
-        (None, Some(torque)) => (false, torque),
+    let torque = held(log.torque());
+    let (is_motion_held, is_torque_held) = (motion.is_some(), torque.is_some());
+    let held = match (motion, torque) {
+        (Some(motion), None) => motion,
+        (None, Some(torque)) => torque,
+        (Some(motion), Some(torque)) if are_read_together(&motion, &torque) => motion,
         _ => return None,
     };
     let most = held.rows.round().max(2.0) as usize;
@@ -94,17 +99,22 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         rows
     };
     let runs = log.columns[held.column].runs.iter().map(fresh).collect();
-    Some(FreshRows { is_motion_held, runs })
+    Some(FreshRows { is_motion_held, is_torque_held, runs })
 }
 
 /// Returns true if rows are left out because this column is held.
 fn is_corrected(log: &Log, fresh: Option<&FreshRows>, column: &Column) -> bool {
     let is_motion = column.name == log.position() || column.name == log.velocity();
-    fresh.is_some_and(
-        |fresh| {
-            if fresh.is_motion_held { is_motion } else { column.name == log.torque() }
-        },
-    )
+    let is_torque = column.name == log.torque();
+    fresh
+        .is_some_and(|fresh| fresh.is_motion_held && is_motion || fresh.is_torque_held && is_torque)
+}
+
+/// Returns true if two columns change in the same rows.
+fn are_read_together(one: &Held, other: &Held) -> bool {
+    let common = one.changes.iter().filter(|place| other.changes.binary_search(place).is_ok());
+    let fewest = one.changes.len().min(other.changes.len());
+    common.count() as f64 >= MIN_FOLLOWING_SHARE * fewest as f64
 }
 
 pub fn held(log: &Log) -> Vec<LogFinding> {
