@@ -111,6 +111,7 @@ impl AcceptedCause {
             probability: self.probability,
             stability: self.fit.stability,
             share_of_residual: self.share,
+            is_in_model: true,
             confusable_with: self.rivals.clone(),
             evidence: cause.evidence(&self.columns, &extended),
         }

@@ -455,6 +455,7 @@ fn in_model(realised: &Realised, offer: &Offer, log: &TrainTest) -> Finding {
         evidence: cause.evidence(&realised.columns, &extended),
         columns: realised.columns.clone(),
         size,
+        is_in_model: true,
         ..Finding::of(cause)
     }
 }

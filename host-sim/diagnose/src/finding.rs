@@ -3,6 +3,9 @@
 use super::cause::definition::Cause;
 use super::evidence::Evidence;
 use super::extended::{Observation, Size};
+use joint_log::JointKind;
+use joint_log::number::significant;
+use std::f64::consts::TAU;
 
 /// A cause that this log cannot distinguish from a finding.
 #[derive(Clone, Debug)]
@@ -36,6 +39,8 @@ pub struct Finding {
     pub stability: f64,
     /// Share of the squared residual that only this cause explains.
     pub share_of_residual: f64,
+    /// True if the extended model holds the cause. The error of any other finding remains.
+    pub is_in_model: bool,
     /// Causes that this log cannot distinguish from it.
     pub confusable_with: Vec<ConfoundedCause>,
     /// Description in one sentence.
@@ -56,6 +61,7 @@ impl Finding {
             probability: 0.0,
             stability: 0.0,
             share_of_residual: 0.0,
+            is_in_model: false,
             confusable_with: Vec::new(),
             in_words: String::new(),
             evidence: None,
@@ -73,9 +79,73 @@ impl Finding {
             probability: 1.0 - seen.p_value.clamp(0.0, 1.0),
             stability: seen.stability,
             share_of_residual: seen.share_of_residual,
+            is_in_model: false,
             confusable_with: Vec::new(),
             in_words: seen.in_words,
             evidence: seen.evidence,
         }
+    }
+
+    /// Returns the size with its interval, and with the order of a periodic cause.
+    pub fn size_in_words(&self, joint: JointKind) -> String {
+        self.with_order(joint, &self.size.in_words())
+    }
+
+    /// Returns the words for a size, after the order of a periodic cause.
+    pub fn with_order(&self, joint: JointKind, size: &str) -> String {
+        self.order.map_or_else(
+            || size.to_owned(),
+            |(order, error)| format!("{}: {size}", order_in_words(order, error, joint)),
+        )
+    }
+
+    /// Returns what the finding does to the squared error.
+    pub fn share_in_words(&self) -> String {
+        let percent = significant(100.0 * self.share_of_residual, 3);
+        match self.is_in_model {
+            true => format!("reduces the squared error by {percent} %"),
+            false => format!("makes {percent} % of the squared error, which the model keeps"),
+        }
+    }
+}
+
+/// Returns the order of a wave along the position with two standard errors. A joint that slides has no turn, and gets the
+/// length of a wave.
+fn order_in_words(order: f64, error: f64, joint: JointKind) -> String {
+    let reach = 2.0 * error;
+    let with_reach = |value: f64, reach: f64| match reach > 0.0 {
+        true => format!("{} ± {}", significant(value, 4), significant(reach, 1)),
+        false => significant(value, 4),
+    };
+    match joint {
+        JointKind::Revolute => format!("{} a turn", with_reach(order, reach)),
+        JointKind::Prismatic => {
+            let length = TAU / order;
+            format!("one wave in {} m", with_reach(length, length * reach / order))
+        }
+    }
+}
+
+/// Returns a probability for a report. A value that would be rounded to certainty is given as a bound.
+pub fn probability_in_words(probability: f64) -> String {
+    if probability > 0.99 { "above 0.99".to_owned() } else { format!("{probability:.2}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn order_in_words_names_turns_or_the_length_of_a_wave() {
+        assert_eq!(order_in_words(8.0, 0.0, JointKind::Revolute), "8 a turn");
+        assert_eq!(order_in_words(202.13, 0.11, JointKind::Revolute), "202.1 ± 0.2 a turn");
+        let slides = order_in_words(TAU / 0.02, TAU / 2.0, JointKind::Prismatic);
+        assert_eq!(slides, "one wave in 0.02 ± 0.0004 m");
+    }
+
+    #[test]
+    fn probability_in_words_is_never_certainty() {
+        assert_eq!(probability_in_words(1.0), "above 0.99");
+        assert_eq!(probability_in_words(0.9), "0.90");
     }
 }

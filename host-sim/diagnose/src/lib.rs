@@ -80,6 +80,7 @@ pub mod harmonics;
 pub mod hysteresis;
 mod improvement;
 pub mod late_channel;
+pub mod leading_fault;
 pub mod left_out;
 pub mod model;
 pub mod naming;
@@ -221,6 +222,11 @@ impl Diagnosis {
         self.findings.first().map_or("none", |finding| finding.cause.name())
     }
 
+    /// Returns the fault of the log that explains most of the error, if one does.
+    pub fn leading_fault(&self) -> Option<&LogFinding> {
+        leading_fault::leading_fault(&self.log_findings, &self.after.metrics)
+    }
+
     /// Returns the extended model for use on other logs and in a driver. If each run's position was shifted to a phase of its
     /// own ([`unknown_zero`]), the phase on another log is unknown, and a ripple with a wrong phase is worse than none.
     /// Its amplitudes are then 0, and a verdict reports this.
@@ -296,6 +302,7 @@ pub fn diagnose(
         let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
         findings.extend(observed(|cause| cause.in_rest(&rest)));
     }
+    limit_probabilities(&mut findings, &corrected.findings, &after);
     progress("fitting a flexible model");
     let left_out = decision.proposal.left_out;
     let ceiling = ceiling_of(&log, left_out, &after, &models.extended);
@@ -354,6 +361,9 @@ fn diagnose_by_contest(
         let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
         findings.extend(observed(|cause| cause.in_rest(&rest)));
     }
+    let log_findings: Vec<LogFinding> =
+        question.log_findings.iter().cloned().chain(answer.log_findings).collect();
+    limit_probabilities(&mut findings, &log_findings, &after);
     progress("fitting a flexible model");
     let ceiling = ceiling_of(&log, answer.left_out, &after, &extended);
     progress("certifying");
@@ -362,7 +372,6 @@ fn diagnose_by_contest(
     let Models { baseline, extended } = models;
     let (tracks, resolution) = (&log.test_tracks, baseline.resolution);
     let at = sensitivities::sensitivities(&baseline.parameters, &[], tracks, resolution);
-    let log_findings = question.log_findings.iter().cloned().chain(answer.log_findings).collect();
     Ok(Diagnosis {
         log_findings,
         noise_floor,
@@ -386,6 +395,16 @@ fn diagnose_by_contest(
         unexplained_memory_rows,
         seconds: begin.elapsed().as_secs_f64(),
     })
+}
+
+/// Limits the probabilities of findings beside a fault of the log that explains the error as well.
+fn limit_probabilities(findings: &mut [Finding], log: &[LogFinding], after: &Predicted) {
+    let fault = leading_fault::leading_fault(log, &after.metrics);
+    if fault.is_some_and(|fault| !fault.corrected) {
+        for finding in findings {
+            finding.probability = finding.probability.min(leading_fault::UNDECIDED);
+        }
+    }
 }
 
 /// Returns the log as the extended model sees it, with the notes of the decision.

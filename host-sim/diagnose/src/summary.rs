@@ -3,8 +3,9 @@
 //!
 //! Errors are RMS values in the joint's torque unit, Nm or N.
 
+use super::calibration::Calibration;
 use super::experiment::most_informative;
-use super::finding::Finding;
+use super::finding::{Finding, probability_in_words};
 use super::gram_blocks::LeftOut;
 use super::{Diagnosis, Share};
 use compensator_core::Quantity;
@@ -13,6 +14,15 @@ use joint_log::number::{figure, significant};
 
 /// Returns what to measure next.
 pub fn next_experiment(diagnosis: &Diagnosis) -> String {
+    if let Some(fault) = diagnosis.leading_fault() {
+        let what = format!("{}: {}", fault.kind.name(), fault.columns.join(", "));
+        return match fault.corrected {
+            true => format!(
+                "Mend the log at its source ({what}), so that later logs need no correction."
+            ),
+            false => format!("Correct the log first ({what}), and diagnose it again."),
+        };
+    }
     let confused = diagnosis.findings.iter().find(|finding| !finding.confusable_with.is_empty());
     if let Some(finding) = confused {
         let mut vary: Vec<String> = finding.columns.clone();
@@ -47,13 +57,15 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     if let Some(next) = diagnosis.findings.iter().find_map(asked) {
         return next;
     }
-    let possible = possible(diagnosis);
+    let doubts = doubts(diagnosis);
+    let possible: Vec<(&str, f64)> =
+        doubts.iter().map(|doubt| (doubt.cause, doubt.probability)).collect();
     let is_logged = |quantity: Quantity| diagnosis.log.has_column(name_in(quantity, diagnosis));
     if let Some(next) = most_informative(&possible, is_logged) {
         return format!(
             "{}: this log cannot confirm or exclude {}.",
             next.instruction,
-            names(&possible)
+            names(doubts.iter())
         );
     }
     let loose: Vec<&str> = diagnosis
@@ -99,28 +111,65 @@ fn name_in(quantity: Quantity, diagnosis: &Diagnosis) -> &'static str {
 /// Lowest probability of a cause that is reported as possible.
 const POSSIBLE: f64 = 0.1;
 
-/// Returns the causes below the naming threshold that remain possible, most likely first, with their probabilities.
-fn possible(diagnosis: &Diagnosis) -> Vec<(&'static str, f64)> {
+/// A cause that is possible and not named.
+#[derive(Debug)]
+struct Doubt<'a> {
+    cause: &'static str,
+    probability: f64,
+    /// Why a rule refused it, if one did.
+    refusal: Option<&'a str>,
+}
+
+/// Returns the causes that are possible and not named, most likely first.
+fn doubts(diagnosis: &Diagnosis) -> Vec<Doubt<'_>> {
+    let searched = diagnosis.weighed.iter().map(|own| {
+        let mut decisions = diagnosis.decisions.iter();
+        let decision =
+            decisions.find(|other| other.cause == own.cause && other.columns == own.columns);
+        (own.cause.name(), own.probability, decision.map(|decision| &decision.rejection))
+    });
+    let contested = diagnosis.scores.iter().filter_map(|score| score.weighed.as_ref());
+    let contested =
+        contested.map(|own| (own.cause.name(), own.probability, own.rejection.as_ref()));
     let is_named = |name: &str| diagnosis.findings.iter().any(|own| own.cause.name() == name);
-    let weighed = diagnosis.weighed.iter().map(|own| (own.cause.name(), own.probability));
-    let mut possible: Vec<(&str, f64)> =
-        weighed.filter(|(name, p)| *p >= POSSIBLE && !is_named(name)).collect();
-    possible.sort_by(|a, b| b.1.total_cmp(&a.1));
-    possible
+    let mut doubts: Vec<Doubt> = searched
+        .chain(contested)
+        .filter(|(cause, probability, _)| *probability >= POSSIBLE && !is_named(cause))
+        .map(|(cause, probability, rejection)| {
+            let refusal = rejection.map(|rejection| rejection.why.as_str());
+            Doubt { cause, probability, refusal }
+        })
+        .collect();
+    doubts.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    doubts
 }
 
 /// Returns causes with their probabilities as a list in words.
-fn names(possible: &[(&str, f64)]) -> String {
-    let names = possible.iter().map(|(name, p)| format!("{name} (probability {p:.2})"));
-    names.collect::<Vec<_>>().join(" or ")
+fn names<'a>(doubts: impl Iterator<Item = &'a Doubt<'a>>) -> String {
+    let name = |doubt: &Doubt| {
+        format!("{} (probability {})", doubt.cause, probability_in_words(doubt.probability))
+    };
+    doubts.map(name).collect::<Vec<_>>().join(" or ")
 }
 
-/// Returns a sentence on the causes that remain possible; empty if there are none.
-fn remaining(diagnosis: &Diagnosis) -> String {
-    match possible(diagnosis).as_slice() {
-        [] => String::new(),
-        possible => format!(" Possible, but not likely enough to be named: {}.", names(possible)),
+/// Returns sentences on the causes that are not named: below the threshold because they are not likely enough, and from the
+/// threshold on because of what refused them. It is empty if there are none.
+fn unnamed(doubts: &[Doubt], threshold: f64) -> String {
+    let (likely, unlikely): (Vec<&Doubt>, Vec<&Doubt>) =
+        doubts.iter().partition(|doubt| doubt.probability >= threshold);
+    let mut text = String::new();
+    let possible: Vec<&Doubt> = unlikely.into_iter().filter(|own| own.refusal.is_none()).collect();
+    if !possible.is_empty() {
+        text += &format!(
+            " Possible, but not likely enough to be named: {}.",
+            names(possible.into_iter())
+        );
     }
+    for doubt in likely {
+        let why = doubt.refusal.unwrap_or("the extension does not gain by it on held-out rows");
+        text += &format!(" Refused: {}, because {why}.", names(std::iter::once(doubt)));
+    }
+    text
 }
 
 /// Returns where in the motion the error lies.
@@ -176,19 +225,50 @@ pub fn above_floor(rmse: f64, floor: f64) -> f64 {
     (rmse * rmse - floor * floor).max(0.0).sqrt()
 }
 
-/// Returns a sentence on an error above the noise floor that is too small a part of the torque to
-/// count as a cause. It is empty if there is no such error.
-fn beyond(diagnosis: &Diagnosis) -> String {
-    if diagnosis.unexplained_memory_rows <= 0.0 {
-        return String::new();
+/// Errors up to this many noise floors are not told from the floor, which is an estimate.
+const AT_FLOOR: f64 = 1.05;
+
+/// Returns how much error remains, in noise floors.
+pub fn floors_in_words(diagnosis: &Diagnosis) -> String {
+    let floors = diagnosis.after.metrics.rmse / diagnosis.noise_floor;
+    if floors.is_finite() && floors > AT_FLOOR {
+        format!("{floors:.1} noise floors remain")
+    } else {
+        "the noise floor is reached".to_owned()
     }
-    let metrics = &diagnosis.after.metrics;
+}
+
+/// Returns a sentence that compares the remaining error with the ceiling and the noise.
+pub fn remaining_error(diagnosis: &Diagnosis) -> String {
+    let unit = diagnosis.log.train.joint.torque_unit();
     format!(
-        " The remaining error is {} times the noise floor and {} % of the torque's standard deviation, and correlates with \
-         none of the log's columns.",
-        significant(metrics.rmse / diagnosis.noise_floor, 2),
-        significant(100.0 * metrics.nrmse_std, 2)
+        "This model leaves {} {unit}, a flexible one of the same columns {} {unit}, and the noise is {} {unit}: {}.",
+        figure(diagnosis.after.metrics.rmse),
+        figure(diagnosis.ceiling.rmse),
+        figure(diagnosis.noise_floor),
+        floors_in_words(diagnosis)
     )
+}
+
+/// Share of the torque's variance that a model must explain for the torque to depend on the motion.
+const MIN_EXPLAINED: f64 = 0.1;
+
+/// Returns a warning if the torque does not depend on the motion.
+fn independent_torque(diagnosis: &Diagnosis) -> Option<String> {
+    let explained = 1.0 - diagnosis.after.metrics.nrmse_std.powi(2);
+    (explained < MIN_EXPLAINED).then(|| {
+        format!(
+            "The model explains {:.0} % of the torque's variance: the torque hardly depends on the motion. Probably it is an \
+             external torque, or friction has been subtracted from it; log the motor current.",
+            100.0 * explained.max(0.0)
+        )
+    })
+}
+
+/// Returns what a reader must know before anything else: the leading fault of the log, or that the torque is not friction.
+pub fn warning(diagnosis: &Diagnosis) -> Option<String> {
+    let fault = diagnosis.leading_fault().map(|fault| fault.in_words.clone());
+    fault.or_else(|| independent_torque(diagnosis))
 }
 
 /// Returns the five sentences.
@@ -214,27 +294,16 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
             runs(diagnosis.log.train.runs.len(), "run")
         ),
     };
+    let first = warning(diagnosis).map(|warning| warning + " ").unwrap_or_default();
     let wrong = format!(
-        "The held-out error of a {} model ({seen}) is {} {unit} RMS; the noise floor, the error of the best possible \
+        "{first}The held-out error of a {} model ({seen}) is {} {unit} RMS; the noise floor, the error of the best possible \
          model, is {} {unit}.",
         diagnosis.baseline.spec,
         figure(before),
         figure(diagnosis.noise_floor)
     );
     let place = place(diagnosis);
-    let why = match diagnosis.findings.as_slice() {
-        [] => {
-            let (beyond, closest) = (beyond(diagnosis), closest(diagnosis));
-            format!("No cause passed all criteria.{beyond}{closest}{}", remaining(diagnosis))
-        }
-        [first, others @ ..] => {
-            let mut text = format!("The cause is {}: {}", first.cause.name(), first.in_words);
-            for other in others {
-                text += &format!("; then {} ({})", other.cause.name(), other.in_words);
-            }
-            text + "." + &remaining(diagnosis)
-        }
-    };
+    let why = why(diagnosis);
     let gain = &diagnosis.gain;
     let better = if diagnosis.extended.spec == diagnosis.baseline.spec {
         "No extension is proposed, so the error stays the same.".to_owned()
@@ -259,5 +328,49 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
             100.0 * gain.ci95[1]
         )
     };
+    let better = format!("{better} {}", remaining_error(diagnosis));
     vec![wrong, place, why, better, next_experiment(diagnosis)]
+}
+
+/// Returns the causes, or why none is named.
+fn why(diagnosis: &Diagnosis) -> String {
+    let unnamed = unnamed(&doubts(diagnosis), Calibration::current().naming_threshold);
+    let likely = |finding: &Finding| probability_in_words(finding.probability);
+    match diagnosis.findings.as_slice() {
+        [] => format!("No cause passed all criteria.{}{unnamed}", closest(diagnosis)),
+        [first, others @ ..] => {
+            let name = first.cause.name();
+            let mut text =
+                format!("The cause is {name} (probability {}): {}", likely(first), first.in_words);
+            for other in others {
+                let name = other.cause.name();
+                text +=
+                    &format!("; then {name} (probability {}: {})", likely(other), other.in_words);
+            }
+            text + "." + &unnamed
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn doubt(probability: f64, refusal: Option<&str>) -> Doubt<'_> {
+        Doubt { cause: "position-ripple", probability, refusal }
+    }
+
+    #[test]
+    fn unnamed_calls_no_likely_cause_unlikely() {
+        for refusal in [None, Some("its order is at its bound")] {
+            for probability in [0.1, 0.49, 0.5, 0.94, 1.0] {
+                let text = unnamed(&[doubt(probability, refusal)], 0.5);
+                let is_unlikely = text.contains("not likely enough");
+                assert!(!is_unlikely || probability < 0.5, "{text}");
+                assert_eq!(text.contains("Refused"), probability >= 0.5, "{text}");
+            }
+        }
+        let text = unnamed(&[doubt(0.94, Some("its order is at its bound"))], 0.5);
+        assert!(text.contains("because its order is at its bound"), "{text}");
+    }
 }

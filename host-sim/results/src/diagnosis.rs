@@ -247,6 +247,7 @@ pub fn document(
         "schema": 1,
         "data": about,
         "log": found.log_findings.iter().map(log_finding).collect::<Vec<_>>(),
+        "leading_fault": found.leading_fault().map(|fault| fault.kind.name()),
         "baseline": model(&found.baseline, data),
         "cause": found.cause(),
         "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),

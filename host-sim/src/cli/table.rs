@@ -2,6 +2,7 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 use friction_diagnose::Diagnosis;
+use friction_diagnose::finding::probability_in_words;
 use friction_fit::params::{unit, unit_in_words};
 use friction_fit::{Outcome, State};
 use friction_results::ranking::{gain, left_out_in_words, ranking};
@@ -115,17 +116,18 @@ pub fn parameters(fit: &Outcome, data: &Dataset) -> String {
 /// Describes each finding, strongest first; without findings, the best candidates and why they were rejected.
 pub fn findings(found: &Diagnosis) -> String {
     let mut text = String::new();
+    let joint = found.log.train.joint;
     for finding in &found.findings {
         let columns = match finding.columns.join(", ") {
             none if none.is_empty() => none,
             columns => format!(" ({columns})"),
         };
-        text += &format!("{}{columns}: {}\n", finding.cause.name(), finding.size.in_words());
+        text += &format!("{}{columns}: {}\n", finding.cause.name(), finding.size_in_words(joint));
         text += &format!(
-            "  probability {:.2}, p = {}\n  reduces the squared error by {} %, found in {} % of resampled logs\n",
-            finding.probability,
+            "  probability {}, p = {}\n  {}, found in {} % of resampled logs\n",
+            probability_in_words(finding.probability),
             significant(finding.p_value, 1),
-            significant(100.0 * finding.share_of_residual, 3),
+            finding.share_in_words(),
             significant(100.0 * finding.stability, 3),
         );
         let rivals: Vec<&str> =
@@ -138,9 +140,10 @@ pub fn findings(found: &Diagnosis) -> String {
         text += "Best candidates, with their gain on held-out rows (% of the squared error):\n";
         for ranked in ranking(found).iter().take(LISTED_CANDIDATES) {
             let (name, reason) = (&ranked.name, &ranked.rejected_because);
-            let (gain, probability) = (gain(ranked.score), ranked.probability);
+            let gain = gain(ranked.score);
+            let probability = probability_in_words(ranked.probability);
             text += &format!(
-                "- {name}: {gain} %, probability {probability:.2}; rejected because: {reason}\n"
+                "- {name}: {gain} %, probability {probability}; rejected because: {reason}\n"
             );
         }
     }

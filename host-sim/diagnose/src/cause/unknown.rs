@@ -309,7 +309,7 @@ fn unexplained(rest: &Unexplained) -> Observation {
     Observation {
         columns: Vec::new(),
         in_words: format!(
-            "a smooth error remains, {} {unit} RMS above the noise of {} {unit}, which correlates with none of the log's columns",
+            "an error remains, {} {unit} RMS above the noise of {} {unit}, which no cause explains",
             figure(size.value),
             figure(noise_floor)
         ),

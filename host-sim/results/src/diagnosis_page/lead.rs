@@ -6,9 +6,10 @@
 
 use super::Scene;
 use super::figures::{AFTER, BEFORE};
-use crate::page::words::quantity;
+use crate::page::words::{capitalised, quantity};
 use crate::report::{Axis, Chart, Series};
 use compensator_core::Quantity;
+use friction_diagnose::finding::probability_in_words;
 use friction_diagnose::summary::above_floor;
 use friction_diagnose::{Finding, summary};
 use joint_log::number::significant;
@@ -18,11 +19,13 @@ use maud::html;
 pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     let found = scene.about.found;
     let mut facts: Vec<(&str, String)> = Vec::new();
+    facts.extend(summary::warning(found).map(|warning| ("Warning", warning)));
     match found.findings.split_first() {
         None => facts.push(("Cause", "None: all candidates were rejected.".into())),
         Some((first, others)) => {
             facts.push(("Cause", cause(first)));
-            facts.push(("Size", size(scene, first)));
+            let joint = scene.about.data.joint;
+            facts.push(("Size", first.with_order(joint, &size(scene, first))));
             if !others.is_empty() {
                 let names: Vec<String> = others.iter().map(cause).collect();
                 facts.push(("Further causes", names.join("; ")));
@@ -51,6 +54,7 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
         "The error of the base model is already at the noise floor.".into()
     };
     facts.push(("Gain on held-out rows", gain));
+    facts.push(("Remaining error", remaining(scene)));
     if scene.is_extended() {
         let how = format!(
             "params.toml contains the model {}. Write it to the driver: `host-sim params set params.toml --bus can0` Or \
@@ -61,6 +65,19 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     }
     facts.push(("Next experiment", summary::next_experiment(found)));
     facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
+}
+
+/// Describes the error that remains, in noise floors, and what a flexible model leaves.
+fn remaining(scene: &Scene) -> String {
+    let found = scene.about.found;
+    let unit = scene.unit();
+    let floors = capitalised(&summary::floors_in_words(found));
+    format!(
+        "{floors}: {}, with a noise floor of {}. A flexible model of the same columns leaves {}.",
+        quantity(found.after.metrics.rmse, unit),
+        quantity(found.noise_floor, unit),
+        quantity(found.ceiling.rmse, unit)
+    )
 }
 
 /// Width of the longest bar, px: a third of a notebook's cell on a small screen.
@@ -114,9 +131,14 @@ fn two_percentages(rmse: f64, floor: f64, unit: &str) -> String {
     )
 }
 
-/// Returns meaning and name of a finding's cause.
+/// Returns meaning, name and probability of a finding's cause.
 fn cause(finding: &Finding) -> String {
-    format!("{} ({})", finding.cause.meaning_of(finding.size.value), finding.cause.name())
+    format!(
+        "{} ({}), probability {}",
+        finding.cause.meaning_of(finding.size.value),
+        finding.cause.name(),
+        probability_in_words(finding.probability)
+    )
 }
 
 /// Describes the size of a finding. For a cause that depends on a column, the effect over the column's range in the log
@@ -124,9 +146,9 @@ fn cause(finding: &Finding) -> String {
 fn size(scene: &Scene, finding: &Finding) -> String {
     let size = &finding.size;
     let unit = scene.unit();
+    let Some([low, high]) = size.bounds() else { return size.in_words() };
     if size.unit == "1" {
-        let [value, low, high] =
-            [size.value, size.ci95()[0], size.ci95()[1]].map(|share| significant(100.0 * share, 3));
+        let [value, low, high] = [size.value, low, high].map(|share| significant(100.0 * share, 3));
         return format!(
             "{value}\u{a0}% of the friction (95\u{a0}% interval {low} to {high}\u{a0}%)"
         );
@@ -143,8 +165,8 @@ fn size(scene: &Scene, finding: &Finding) -> String {
         "{}\u{a0}{unit} (95\u{a0}% interval {} to {}) from the lowest to the highest {} in this log ({} to \
          {}\u{a0}{shown})",
         over(size.value),
-        over(size.ci95()[0]),
-        over(size.ci95()[1]),
+        over(low),
+        over(high),
         label.unwrap_or(column),
         significant(scale * least, 3),
         significant(scale * most, 3),

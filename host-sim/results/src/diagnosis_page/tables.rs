@@ -4,6 +4,7 @@ use super::Scene;
 use crate::ranking::{RankedCandidate, gain};
 use crate::report::{Cell, Table};
 use compensator_core::ParameterId;
+use friction_diagnose::finding::probability_in_words;
 use friction_diagnose::{Diagnosis, Share};
 use friction_fit::params::unit;
 use friction_fit::{Estimate, Outcome, State};
@@ -56,7 +57,12 @@ pub(super) fn shares(scene: &Scene) -> Table {
 pub(super) fn findings(scene: &Scene) -> Table {
     let found = scene.about.found;
     let rows = found.findings.iter().map(|finding| {
-        let [low, high] = finding.size.ci95();
+        let interval = finding.size.bounds().map_or_else(
+            || "not determined".to_owned(),
+            |[low, high]| {
+                format!("{} to {}", unbroken(significant(low, 3)), unbroken(significant(high, 3)))
+            },
+        );
         let unit = if finding.size.unit == "1" { "" } else { finding.size.unit.as_str() };
         let rivals: Vec<&str> =
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
@@ -67,10 +73,9 @@ pub(super) fn findings(scene: &Scene) -> Table {
             finding.cause.name().into(),
             finding.columns.join(", ").into(),
             format!("{} {unit}{order}", unbroken(significant(finding.size.value, 4))).into(),
-            format!("{} to {}", unbroken(significant(low, 3)), unbroken(significant(high, 3)))
-                .into(),
+            interval.into(),
             percent(finding.share_of_residual),
-            Cell::Text(format!("{:.2}", finding.probability)),
+            Cell::Text(probability_in_words(finding.probability)),
             Cell::Text(probability(finding.p_value)),
             Cell::Text(format!("{:.2}", finding.stability)),
             rivals.join(", ").into(),
@@ -89,7 +94,7 @@ pub(super) fn ranking(caption: impl Into<String>, ranking: &[RankedCandidate]) -
         vec![
             ranked.name.as_str().into(),
             Cell::Text(unbroken(gain(ranked.score))),
-            Cell::Text(format!("{:.2}", ranked.probability)),
+            Cell::Text(probability_in_words(ranked.probability)),
             Cell::Text(probability(ranked.score.fit.p_value)),
             verdict.into(),
         ]

@@ -163,7 +163,8 @@ pub(super) fn findings(found: &Diagnosis) -> Vec<String> {
     };
     let mut texts: Vec<String> = found.findings.iter().map(sentence).collect();
     texts.push(
-        "Share: the reduction of the squared residual of the base model when this cause is added last. p: the probability that the \
+        "Share: the reduction of the squared residual of the base model when this cause is added last; for \"unknown\", what remains \
+         unexplained. p: the probability that the \
          best of all candidates reaches this gain by chance, without any effect. Stability: the share of resampled logs in \
          which this cause is better than all others."
             .into(),
