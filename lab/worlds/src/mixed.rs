@@ -233,7 +233,9 @@ fn draw_effect(sampler: &mut Sampler, campaign: &mut Campaign, cause: Cause) -> 
     let phase = sampler.between(0.0, TAU);
     match cause {
         Cause::Joint(HiddenCause::OutsideCatalogue) => draw_unknown(sampler, campaign),
-        Cause::Joint(cause) => HiddenEffect::Joint(effect::draw(sampler, campaign, cause)),
+        Cause::Joint(cause) => {
+            HiddenEffect::Joint(restrained(effect::draw(sampler, campaign, cause)))
+        }
         Cause::Encoder => {
             let order = [1.0, 1.0, 2.0, 2.0, 4.0][sampler.below(5)];
             HiddenEffect::Encoder(Wave { size: 1e-3 / order, order, phase })
@@ -259,6 +261,22 @@ fn draw_effect(sampler: &mut Sampler, campaign: &mut Campaign, cause: Cause) -> 
             HiddenEffect::Payload(Payload { size: 0.1 * level, phase, reference_rad_s2, shares })
         }
     }
+}
+
+/// Returns an effect that its cause alone describes: a mass is positive, and a torque once per turn is gravity.
+fn restrained(mut drawn: DrawnCause) -> DrawnCause {
+    /// Least order of a torque ripple, per turn.
+    const MIN_ORDER: f64 = 2.0;
+    match drawn.effect {
+        HiddenCause::UnmodelledInertia => drawn.size = drawn.size.abs(),
+        HiddenCause::TorqueRipple if drawn.order < MIN_ORDER => {
+            let ratio = MIN_ORDER / drawn.order;
+            drawn.harmonics.iter_mut().for_each(|wave| wave.order *= ratio);
+            drawn.order = MIN_ORDER;
+        }
+        _ => {}
+    }
+    drawn
 }
 
 /// Draws a structure that no cause of the catalogue describes: an extra column, a place on the travel, or a band of speed.

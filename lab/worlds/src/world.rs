@@ -106,6 +106,9 @@ impl World {
         without: &Rows,
     ) {
         let (least, most) = effect.limits(&self.campaign);
+        if effect.is_scalable() {
+            effect.set_size(effect.size().abs().clamp(least, most).copysign(effect.size()));
+        }
         for _ in 0..3 {
             let mechanism = self.with_effects(std::iter::once(&*effect));
             let seen_nm = rms(&self.effect_alone(&mechanism, trajectories, without));
