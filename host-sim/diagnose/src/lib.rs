@@ -66,6 +66,7 @@ pub mod cause_evidence;
 pub mod ceiling;
 pub mod columns;
 pub mod contest;
+pub mod contest_calibration;
 pub mod corrected_log;
 pub mod decision;
 pub mod error_reduction;

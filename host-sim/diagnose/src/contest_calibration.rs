@@ -1,0 +1,222 @@
+//! Calibrated probability that a cause is real, from the figures of a contest.
+//!
+//! The log odds are a sum of figures with weights that are not negative: each figure is signed so that more of it never speaks
+//! against a cause. Causes of one [`Group`] share weights, because a covariate that enters a model by chance looks different from
+//! a motion that an inaccurate law resembles. Each cause has an offset of its own. A monotone step (isotonic regression, Zadrozny
+//! and Elkan 2002) then gives the observed frequency of cases that the weights were not fitted to.
+//!
+//! The table is `contest_calibration.toml`. `cargo run --release -p friction-grading --example calibrate_contest` makes it from
+//! the evidence on simulated and measured logs with known causes.
+
+mod fit;
+mod table;
+
+pub use fit::{Case, out_of_fold, probabilities_out_of_fold};
+pub use table::CalibrationError;
+
+use super::contest::{Figures, Outcome};
+use std::sync::OnceLock;
+
+/// Table in the repository.
+const TABLE: &str = include_str!("../contest_calibration.toml");
+
+/// Lowest and highest probability, because no set of logs makes certain.
+const BOUNDS: (f64, f64) = (0.005, 0.995);
+
+/// Kind of cause, by what may imitate it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Group {
+    /// Follows a column of the log besides the motion.
+    Covariate,
+    /// Follows the motion or the time alone, which an inaccurate law resembles.
+    Motion,
+    /// A function of the angle.
+    Angle,
+    /// A fault of the log.
+    Log,
+}
+
+impl Group {
+    /// All groups, in the order of the table.
+    pub const ALL: [Group; 4] = [Group::Covariate, Group::Motion, Group::Angle, Group::Log];
+
+    /// Returns the group of a cause that follows a column.
+    pub fn of(cause: &str, follows: &str) -> Self {
+        match cause {
+            "channel-delay" | "channel-gain" => Group::Log,
+            "gravity-imbalance" | "torque-ripple" | "position-ripple" | "encoder-error" => {
+                Group::Angle
+            }
+            "unknown" if follows.starts_with("position") => Group::Angle,
+            "direction-asymmetry"
+            | "torque-offset"
+            | "quadratic-drag"
+            | "unmodelled-inertia"
+            | "dwell-time-static"
+            | "time-drift"
+            | "warm-up"
+            | "backlash"
+            | "stribeck-shape" => Group::Motion,
+            _ => Group::Covariate,
+        }
+    }
+
+    /// Returns the name of the group in the table.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Group::Covariate => "covariate",
+            Group::Motion => "motion",
+            Group::Angle => "angle",
+            Group::Log => "log",
+        }
+    }
+}
+
+/// A figure of a candidate. More of it never speaks against the cause.
+pub struct Figure {
+    /// Name in the table and in evidence files.
+    pub name: &'static str,
+    of: fn(&Outcome, &Figures) -> f64,
+}
+
+const fn figure(name: &'static str, of: fn(&Outcome, &Figures) -> f64) -> Figure {
+    Figure { name, of }
+}
+
+/// Smallest share of an error that a logarithm tells from none.
+const LEAST_SHARE: f64 = 1e-4;
+
+fn log_share(share: f64) -> f64 {
+    share.max(LEAST_SHARE).ln() - LEAST_SHARE.ln()
+}
+
+/// The figures, with the signs and units of the table.
+pub const FIGURES: &[Figure] = &[
+    figure("inclusion", |_, own| {
+        let least = 0.01;
+        ((own.inclusion + least) / (1.0 - own.inclusion + least)).ln()
+    }),
+    figure("in_best", |_, own| f64::from(u8::from(own.is_in_best))),
+    figure("alone", |_, own| log_share(own.alone)),
+    figure("last", |_, own| log_share(own.last)),
+    figure("irreplaceable", |_, own| log_share(own.irreplaceable)),
+    // What the cause takes last, beside what the best hypothesis leaves.
+    figure("last_of_left", |outcome, own| log_share(own.last / outcome.error_ratio.max(1e-9))),
+    // RMS of what the cause takes last, in noise floors.
+    figure("floors_taken", |outcome, own| {
+        (own.last.max(0.0).sqrt() * outcome.base_floors).max(1e-2).ln()
+    }),
+    // A model that leaves much more than noise is inaccurate, and causes repair it by chance.
+    figure("floors_left", |outcome, _| -outcome.floors.max(1e-2).ln()),
+    figure("last_in_errors", |_, own| own.last_in_errors.clamp(-3.0, 30.0).max(0.1).ln()),
+    figure("torque_share", |_, own| log_share(own.torque_share)),
+    figure("laws", |_, own| own.laws),
+    figure("rivals", |_, own| -(own.confusable_with.len() as f64)),
+    // Share of the candidates' materiality that is this one's.
+    figure("dominance", |outcome, own| {
+        let all: f64 = outcome.causes.iter().map(|other| other.materiality().max(0.0)).sum();
+        own.materiality().max(0.0) / all.max(1e-9)
+    }),
+    figure("candidates", |outcome, _| -(outcome.causes.len() as f64).ln()),
+    figure("runs", |outcome, _| (outcome.runs.max(1) as f64).ln()),
+];
+
+/// Returns the figures of a candidate, in the order of [`FIGURES`].
+pub fn figures(outcome: &Outcome, own: &Figures) -> Vec<f64> {
+    FIGURES.iter().map(|figure| (figure.of)(outcome, own)).collect()
+}
+
+/// Weights of a group.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GroupWeights {
+    /// Log odds of figures that are all 0.
+    pub intercept: f64,
+    /// Weights of the figures, 0 or positive.
+    pub weights: Vec<f64>,
+}
+
+/// A calibration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContestCalibration {
+    /// Name of the table with the number of logs, as in `data.calibration`.
+    pub name: String,
+    /// Weights of the groups, in the order of [`Group::ALL`].
+    pub groups: Vec<GroupWeights>,
+    /// Offsets of causes, by name.
+    pub offsets: Vec<(String, f64)>,
+    /// Isotonic step: log odds and probability, both increasing. Empty for the plain logistic function.
+    pub steps: Vec<(f64, f64)>,
+}
+
+impl ContestCalibration {
+    /// Returns the calibration of the repository. If its table is invalid, no cause has a probability; a test holds it valid.
+    pub fn current() -> &'static Self {
+        static CURRENT: OnceLock<ContestCalibration> = OnceLock::new();
+        CURRENT.get_or_init(|| Self::parse(TABLE).unwrap_or_default())
+    }
+
+    /// Returns the probability of a candidate of a contest.
+    pub fn probability(&self, outcome: &Outcome, own: &Figures) -> f64 {
+        let key = &own.key;
+        self.probability_of(key.cause, &key.follows, &figures(outcome, own))
+    }
+
+    /// Returns the probability of a cause with given figures.
+    pub fn probability_of(&self, cause: &str, follows: &str, figures: &[f64]) -> f64 {
+        self.calibrated(self.log_odds(cause, follows, figures))
+    }
+
+    /// Returns the log odds before the isotonic step.
+    pub fn log_odds(&self, cause: &str, follows: &str, figures: &[f64]) -> f64 {
+        let group = Group::of(cause, follows) as usize;
+        let Some(own) = self.groups.get(group) else { return f64::NEG_INFINITY };
+        let offset = self.offsets.iter().find(|(name, _)| name == cause);
+        let sum: f64 = own.weights.iter().zip(figures).map(|(weight, x)| weight * x).sum();
+        own.intercept + offset.map_or(0.0, |(_, offset)| *offset) + sum
+    }
+
+    /// Returns the probability for log odds, interpolated between the steps.
+    pub fn calibrated(&self, log_odds: f64) -> f64 {
+        let steps = self.steps.as_slice();
+        let next = steps.partition_point(|(odds, _)| *odds <= log_odds);
+        let probability = match (steps, next) {
+            ([], _) => 1.0 / (1.0 + (-log_odds).exp()),
+            (_, 0) => steps[0].1,
+            (_, next) if next == steps.len() => steps[next - 1].1,
+            (_, next) => {
+                let ((from, low), (to, high)) = (steps[next - 1], steps[next]);
+                low + (high - low) * (log_odds - from) / (to - from).max(1e-12)
+            }
+        };
+        probability.clamp(BOUNDS.0, BOUNDS.1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn current_table_is_complete() {
+        let current = ContestCalibration::parse(TABLE).unwrap();
+        assert_eq!(current.groups.len(), Group::ALL.len());
+        assert!(current.groups.iter().all(|own| own.weights.len() == FIGURES.len()));
+        assert!(current.groups.iter().flat_map(|own| &own.weights).all(|weight| *weight >= 0.0));
+        assert!(current.steps.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1));
+    }
+
+    #[test]
+    fn calibrated_between_steps_is_interpolated_and_bounded() {
+        let steps = vec![(-1.0, 0.0), (1.0, 0.5), (2.0, 1.0)];
+        let own = ContestCalibration { steps, ..ContestCalibration::default() };
+        assert!((own.calibrated(0.0) - 0.25).abs() < 1e-12);
+        assert!((own.calibrated(1.5) - 0.75).abs() < 1e-12);
+        assert_eq!((own.calibrated(-9.0), own.calibrated(9.0)), (BOUNDS.0, BOUNDS.1));
+    }
+
+    #[test]
+    fn probability_without_table_names_nothing() {
+        let own = ContestCalibration::default();
+        assert_eq!(own.probability_of("backlash", "", &[9.0; FIGURES.len()]), BOUNDS.0);
+    }
+}
