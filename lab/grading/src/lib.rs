@@ -6,7 +6,10 @@
 
 mod cause_regressors;
 pub mod contest;
+pub mod contest_logs;
+pub mod contest_verdicts;
 pub mod evidence_cases;
+pub mod evidence_table;
 pub mod measured;
 pub mod planted;
 pub mod regression;

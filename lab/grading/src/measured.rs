@@ -108,6 +108,19 @@ impl MeasuredLog {
         if self.known.is_empty() { first != "none" } else { self.known.contains(&first) }
     }
 
+    /// Returns the arguments of the command line with which the log is read.
+    pub fn arguments(&self) -> Vec<String> {
+        let pairs = self.columns.iter().map(|(ours, theirs)| format!("{ours}={theirs}"));
+        let columns = pairs.collect::<Vec<String>>().join(",");
+        let all = [
+            ("--columns", columns),
+            ("--rigid-body", self.rigid_body.into()),
+            ("--skip", self.skip.to_string()),
+            ("--decimate", self.decimate.to_string()),
+        ];
+        all.into_iter().flat_map(|(name, value)| [name.to_owned(), value]).collect()
+    }
+
     /// Returns the known causes for a table.
     pub fn known(&self) -> String {
         if self.known.is_empty() { "not `none`".into() } else { self.known.join(" or ") }

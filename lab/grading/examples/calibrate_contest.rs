@@ -1,0 +1,208 @@
+//! Fits the calibration of the contest to the evidence on logs with known causes, and prints how well it holds on others.
+//!
+//! ```text
+//! cargo run --release -p friction-grading --example calibrate_contest -- evidence.tsv           contest_calibration.toml
+//! cargo run --release -p friction-grading --example calibrate_contest -- evidence.tsv --check   writes nothing
+//! ```
+//!
+//! `contest_evidence` makes the evidence. Every printed figure is out of fold: the weights and the isotonic step have seen neither
+//! the world, nor any log of the machine.
+
+use clap::Parser;
+use friction_diagnose::contest_calibration::{
+    Case, ContestCalibration, out_of_fold, probabilities_out_of_fold,
+};
+use friction_grading::contest_verdicts::Grades;
+use friction_grading::evidence_table::{EvidenceRow, parse};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+/// Fits the calibration of the contest.
+#[derive(Parser)]
+struct Arguments {
+    /// Tables of evidence
+    tables: Vec<PathBuf>,
+    /// Share of the weight that the measured logs have
+    #[arg(long, default_value_t = 0.15)]
+    measured_share: f64,
+    /// Fits and prints, but does not write the table
+    #[arg(long)]
+    check: bool,
+}
+
+/// Parts of the worlds.
+const FOLDS: usize = 5;
+
+/// Probability at and above which a cause is named.
+const NAMED: f64 = 0.5;
+
+fn main() -> Result<(), String> {
+    let arguments = Arguments::parse();
+    let mut rows: Vec<EvidenceRow> = Vec::new();
+    for path in &arguments.tables {
+        let failed = |why: String| format!("{}: {why}", path.display());
+        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+        rows.extend(parse(&text).map_err(failed)?);
+    }
+    let (at, cases) = cases(&rows, arguments.measured_share);
+    let odds = out_of_fold(&cases);
+    let held_out = probabilities_out_of_fold(&cases, &odds);
+    let logs = |is_measured: bool| {
+        let own = rows.iter().filter(|row| row.is_measured == is_measured);
+        own.map(|row| &row.log).collect::<BTreeSet<_>>().len()
+    };
+    let name = format!("{} simulated and {} measured logs", logs(false), logs(true));
+    let calibration = ContestCalibration::fit(name, &cases, &odds);
+    // Rows that are no cases have the probability of the whole fit: it decides nothing about them.
+    let mut probabilities: Vec<f64> = rows
+        .iter()
+        .map(|row| calibration.probability_of(&row.cause, &row.follows, &row.figures))
+        .collect();
+    at.iter().zip(&held_out).for_each(|(at, p)| probabilities[*at] = *p);
+
+    println!("{}\n", calibration.name);
+    for (what, is_measured) in [("worlds", false), ("measured", true)] {
+        let own = |at: usize| rows[at].is_measured == is_measured;
+        let pairs = at.iter().zip(&cases).zip(&held_out).filter(|((at, _), _)| own(**at));
+        let pairs: Vec<(&Case, f64)> = pairs.map(|((_, case), p)| (case, *p)).collect();
+        if pairs.is_empty() {
+            continue;
+        }
+        println!("{what}: {}\n\n{}", brier(&pairs), reliability(&pairs));
+    }
+    let simulated: Vec<(&Case, f64)> = at
+        .iter()
+        .zip(&cases)
+        .zip(&held_out)
+        .filter(|((at, _), _)| !rows[**at].is_measured)
+        .map(|((_, case), p)| (case, *p))
+        .collect();
+    println!("{}", by_cause(&simulated));
+    println!(
+        "| named from | clean wrong | not detectable wrong | one wrong | two wrong | effects found | measured right | wrong |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for percent in (30..100).step_by(10).chain([95]) {
+        println!("{}", threshold(&rows, &probabilities, 0.01 * f64::from(percent)));
+    }
+    println!("\nat {NAMED}:\n\n{}", Grades::new(&rows, &probabilities, NAMED).tables());
+    if arguments.check {
+        return Ok(());
+    }
+    let path =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/diagnose/contest_calibration.toml");
+    std::fs::write(path, calibration.emit()).map_err(|e| format!("{path}: {e}"))
+}
+
+/// Returns the cases with their rows. Worlds are divided into folds by their name; each machine is a fold of its own.
+fn cases(rows: &[EvidenceRow], measured_share: f64) -> (Vec<usize>, Vec<Case>) {
+    let machines: BTreeSet<&str> =
+        rows.iter().filter(|row| row.is_measured).map(|row| row.origin.as_str()).collect();
+    let fold = |row: &EvidenceRow| {
+        if row.is_measured {
+            let place = machines.iter().position(|machine| *machine == row.origin);
+            return FOLDS + place.unwrap_or_default();
+        }
+        row.log.bytes().fold(0usize, |sum, byte| (31 * sum + usize::from(byte)) % 1_000_003) % FOLDS
+    };
+    let weight = |is_measured: bool| {
+        let own = rows.iter().filter(|row| row.is_measured == is_measured);
+        own.filter_map(|row| row.case(1.0, 0)).map(|case| case.weight).sum::<f64>()
+    };
+    let (simulated, measured) = (weight(false), weight(true));
+    let share = measured_share / (1.0 - measured_share) * simulated / measured.max(1e-9);
+    let case = |(at, row): (usize, &EvidenceRow)| {
+        let weight = if row.is_measured { share } else { 1.0 };
+        Some((at, row.case(weight, fold(row))?))
+    };
+    rows.iter().enumerate().filter_map(case).unzip()
+}
+
+/// Returns the Brier score beside that of the base rate.
+fn brier(pairs: &[(&Case, f64)]) -> String {
+    let total: f64 = pairs.iter().map(|(case, _)| case.weight).sum::<f64>().max(1e-9);
+    let real = |case: &Case| f64::from(u8::from(case.is_real));
+    let rate = pairs.iter().map(|(case, _)| case.weight * real(case)).sum::<f64>() / total;
+    let score = |of: &dyn Fn(f64) -> f64| {
+        let squares = pairs.iter().map(|(case, p)| case.weight * (of(*p) - real(case)).powi(2));
+        squares.sum::<f64>() / total
+    };
+    let likely: Vec<(&Case, f64)> = pairs.iter().copied().filter(|(_, p)| *p >= NAMED).collect();
+    let squares = likely.iter().map(|(case, p)| (p - real(case)).powi(2)).sum::<f64>();
+    format!(
+        "{} candidates, {:.1} % real, Brier score {:.3} (base rate {:.3}); of those named {:.3}",
+        pairs.len(),
+        100.0 * rate,
+        score(&|p| p),
+        score(&|_| rate),
+        squares / likely.len().max(1) as f64
+    )
+}
+
+fn reliability(pairs: &[(&Case, f64)]) -> String {
+    let edges = [0.0, 0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.01];
+    let mut text = String::from("| probability | candidates | mean | real |\n|---|---|---|---|\n");
+    for edge in edges.windows(2) {
+        let own: Vec<&(&Case, f64)> =
+            pairs.iter().filter(|(_, p)| (edge[0]..edge[1]).contains(p)).collect();
+        let total = own.iter().map(|(case, _)| case.weight).sum::<f64>().max(1e-9);
+        let mean = |of: &dyn Fn(&(&Case, f64)) -> f64| {
+            own.iter().map(|pair| pair.0.weight * of(pair)).sum::<f64>() / total
+        };
+        text += &format!(
+            "| {:.1} to {:.1} | {} | {:.2} | {:.2} |\n",
+            edge[0],
+            edge[1].min(1.0),
+            own.len(),
+            mean(&|pair| pair.1),
+            mean(&|pair| f64::from(u8::from(pair.0.is_real)))
+        );
+    }
+    text
+}
+
+fn by_cause(pairs: &[(&Case, f64)]) -> String {
+    let mut causes: BTreeMap<&str, Vec<(&Case, f64)>> = BTreeMap::new();
+    for (case, p) in pairs {
+        causes.entry(&case.cause).or_default().push((case, *p));
+    }
+    let mut text = String::from(
+        "| cause | candidates | real | Brier | named | real of named |\n|---|---|---|---|---|---|\n",
+    );
+    for (cause, own) in causes {
+        let real = |pairs: &[&(&Case, f64)]| pairs.iter().filter(|(case, _)| case.is_real).count();
+        let named: Vec<&(&Case, f64)> = own.iter().filter(|(_, p)| *p >= NAMED).collect();
+        let squares = own.iter().map(|(case, p)| (p - f64::from(u8::from(case.is_real))).powi(2));
+        text += &format!(
+            "| {cause} | {} | {} | {:.3} | {} | {} |\n",
+            own.len(),
+            real(&own.iter().collect::<Vec<_>>()),
+            squares.sum::<f64>() / own.len() as f64,
+            named.len(),
+            real(&named)
+        );
+    }
+    text
+}
+
+fn threshold(rows: &[EvidenceRow], probabilities: &[f64], least: f64) -> String {
+    let grades = Grades::new(rows, probabilities, least);
+    let wrong = |kind: &str| {
+        let own = grades.sum(|_, other| other == kind);
+        let all = own.right + own.abstained + own.wrong;
+        format!("{} of {all}", own.wrong)
+    };
+    let all = grades.sum(|_, _| true);
+    let measured = grades.sum(|_, kind| kind == "measured");
+    format!(
+        "| {least:.2} | {} | {} | {} | {} | {} of {} | {} | {} |",
+        wrong("clean"),
+        wrong("not detectable"),
+        wrong("one"),
+        wrong("two"),
+        all.found,
+        all.effects,
+        measured.right,
+        measured.wrong
+    )
+}

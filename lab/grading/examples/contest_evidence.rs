@@ -1,0 +1,70 @@
+//! Runs the contest on logs with known causes, prints the verdicts of a plain rule, and writes the evidence for a calibration.
+//!
+//! ```text
+//! cargo run --release -p unkind-worlds --example write_worlds -- mixed 43001 2000 DIR
+//! cargo run --release -p friction-grading --example contest_evidence -- DIR --measured ../shared/data --out evidence.tsv
+//! ```
+
+use clap::Parser;
+use friction_grading::contest_logs::{self, KnownLog};
+use friction_grading::contest_verdicts::Grades;
+use friction_grading::evidence_table::{EvidenceRow, emit};
+use rayon::prelude::*;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+/// Collects the evidence of contests.
+#[derive(Parser)]
+struct Arguments {
+    /// Folders of worlds, each a pair of NAME.csv and NAME.json
+    folders: Vec<PathBuf>,
+    /// Folder of the measured logs
+    #[arg(long)]
+    measured: Option<PathBuf>,
+    /// Most worlds of each folder
+    #[arg(long, default_value_t = usize::MAX)]
+    worlds: usize,
+    /// Only logs with this text in their name
+    #[arg(long, default_value = "")]
+    only: String,
+    /// File of the evidence
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// Least inclusion and materiality of the plain rule.
+const PLAIN_RULE: [f64; 2] = [0.5, 0.04];
+
+fn main() -> Result<(), String> {
+    let arguments = Arguments::parse();
+    let mut logs: Vec<KnownLog> = Vec::new();
+    for folder in &arguments.folders {
+        logs.extend(contest_logs::worlds(folder)?.into_iter().take(arguments.worlds));
+    }
+    if let Some(folder) = &arguments.measured {
+        logs.extend(contest_logs::measured(folder)?);
+    }
+    logs.retain(|log| log.name.contains(&arguments.only));
+    let (begin, done) = (Instant::now(), AtomicUsize::new(0));
+    let evidence = |log: &KnownLog| {
+        let rows = log.evidence().inspect_err(|why| eprintln!("FAILED {why}"));
+        let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+        if count % 100 == 0 {
+            eprintln!("{count} of {}, {:.0} s", logs.len(), begin.elapsed().as_secs_f64());
+        }
+        rows.unwrap_or_default()
+    };
+    let rows: Vec<EvidenceRow> = logs.par_iter().flat_map_iter(evidence).collect();
+    // The rank of a named candidate is its materiality.
+    let score = |row: &EvidenceRow| {
+        let [inclusion, materiality] = row.plain;
+        if inclusion >= PLAIN_RULE[0] { materiality } else { f64::NEG_INFINITY }
+    };
+    let scores: Vec<f64> = rows.iter().map(score).collect();
+    println!("{}", Grades::new(&rows, &scores, PLAIN_RULE[1]).tables());
+    if let Some(path) = &arguments.out {
+        std::fs::write(path, emit(&rows)).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    Ok(())
+}
