@@ -100,6 +100,9 @@ pub const CHANNEL_GAIN: &str = "channel-gain";
 /// Price of a cause with a column of its own.
 const COLUMN: f64 = 0.02;
 
+/// Price of each column of a variant after the first.
+const COLUMN_PRICE: f64 = 0.004;
+
 /// Price of a cause of motion or time alone, which an inaccurate law resembles.
 const MIMIC: f64 = 0.04;
 
@@ -191,8 +194,8 @@ pub fn variants(context: &Context) -> Vec<Variant> {
                     cause: row.name,
                     follows: made.follows,
                     detail: made.detail,
+                    price: row.price + COLUMN_PRICE * (made.columns.len() - 1) as f64,
                     columns: made.columns,
-                    price: row.price,
                     sign: row.sign,
                 });
             }

@@ -31,7 +31,7 @@ pub(crate) enum Origin {
     /// Stops and falling functions.
     Shapes(Law),
     /// The driver's law at these parameters.
-    Kernel(Parameters<f64>),
+    Kernel(Box<Parameters<f64>>),
 }
 
 /// A base law as columns.
@@ -115,7 +115,7 @@ impl Base {
             is_driving,
             sizes,
             has_slip: free.is_some(),
-            origin: Origin::Kernel(kernel.parameters.clone()),
+            origin: Origin::Kernel(Box::new(kernel.parameters.clone())),
             simulated,
             travel,
             price,

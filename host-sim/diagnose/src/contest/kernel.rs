@@ -156,7 +156,7 @@ impl KernelLaw {
     ) -> Option<Self> {
         let at = sensitivities(&parameters, free, tracks, resolution);
         let own = |of: &(dyn Fn(&TrackSensitivities) -> &[f64] + Sync)| {
-            rows.from_tracks(tracks.iter().zip(&at.tracks).map(|(track, at)| (track, of(at))))
+            rows.along_tracks(tracks.iter().zip(&at.tracks).map(|(track, at)| (track, of(at))))
         };
         let mut columns: Vec<Vec<f64>> =
             (0..free.len()).map(|index| own(&|at| &at.jacobian[index])).collect();
@@ -176,7 +176,7 @@ impl KernelLaw {
         let is_finite = columns.iter().chain([&level, &torque]).flatten().all(|v| v.is_finite());
         let coulomb = parameters.get(ParameterId::CoulombTorque);
         let travel = coulomb / parameters.get(ParameterId::BristleStiffness);
-        let target = rows.from_tracks(tracks.iter().map(|track| (track, track.torque.as_slice())));
+        let target = rows.along_tracks(tracks.iter().map(|track| (track, track.torque.as_slice())));
         let residual = target.iter().zip(&torque).map(|(target, own)| target - own).collect();
         // Differences of two simulations of the same coarse steps: the steps' error cancels.
         let coarse = sensitivities(&parameters, &[], tracks, Resolution::PLAIN);
@@ -205,7 +205,7 @@ fn motion_error(rows: &Rows, tracks: &[Track], at: &Sensitivities) -> Vec<f64> {
         uncertain_motion::errors(&at.parameters, track, at.resolution, &own.torque)
     };
     let errors: Vec<Vec<f64>> = tracks.par_iter().zip(&at.tracks).map(error).collect();
-    rows.from_tracks(tracks.iter().zip(errors.iter().map(Vec::as_slice)))
+    rows.along_tracks(tracks.iter().zip(errors.iter().map(Vec::as_slice)))
 }
 
 /// Returns the tracks with the target as their torque, and the rows' weights.

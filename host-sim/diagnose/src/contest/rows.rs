@@ -204,7 +204,7 @@ impl Rows {
     }
 
     /// Returns a column in all rows from its values along tracks; 0 in rows of no track.
-    pub(crate) fn from_tracks<'a>(
+    pub(crate) fn along_tracks<'a>(
         &self,
         tracks: impl Iterator<Item = (&'a Track, &'a [f64])>,
     ) -> Vec<f64> {

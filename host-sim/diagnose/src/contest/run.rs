@@ -55,7 +55,7 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     let bases: Vec<Base> =
         laws.iter().take(MOST_SHAPED).map(|law| Base::of_shapes(rows, &shapes, law)).collect();
     let plain = kernel.as_ref().map(|kernel| Base::of_kernel(rows, &shapes, kernel, Some(first)));
-    contest.find_first_orders(plain.unwrap_or_else(|| bases[0].clone()));
+    contest.find_first_orders(plain.as_ref().unwrap_or(&bases[0]));
     contest.add(bases.iter().cloned().map(|base| (base, Correction::None)).collect());
     let mut kernels: Vec<(Correction, KernelLaw)> = Vec::new();
     if let Some(kernel) = kernel {
@@ -149,14 +149,11 @@ impl Contest<'_> {
         kernels.extend(fitted);
     }
 
-    /// Finds the orders of waves in what a law with all other causes leaves.
-    fn find_first_orders(&mut self, base: Base) {
-        let entry = Entry::new(self.rows, self.shapes, base, Correction::None, &self.waves);
-        let set: Vec<u16> = (0..entry.variants.len() as u16).collect();
-        let residual = residual(self.rows, &entry, &set);
-        let Base { columns, level, .. } = &entry.base;
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        self.waves.orders.push(RippleOrders::find(self.rows, &residual, &columns, level));
+    /// Finds the orders of waves in what a law leaves.
+    fn find_first_orders(&mut self, base: &Base) {
+        let columns: Vec<&[f64]> = base.columns.iter().map(Vec::as_slice).collect();
+        let found = RippleOrders::find(self.rows, &base.residual, &columns, &base.level);
+        self.waves.orders.push(found);
     }
 
     /// Finds the orders of waves in what a hypothesis leaves without its own causes of the position.

@@ -8,6 +8,7 @@
 use super::{Columns, Context, plain};
 use crate::contest::bank::{Bank, Workspace};
 use crate::contest::rows::Rows;
+use crate::contest::solve::solve_in_place;
 use joint_log::JointKind;
 use std::f64::consts::TAU;
 
@@ -21,19 +22,19 @@ const MOST_ORDERS_OF_SWING: f64 = 30.0;
 const STEPS: f64 = 2.0;
 
 /// Most orders that are scanned.
-const MOST_SCANNED_ORDERS: usize = 3000;
-
-/// Strongest orders of the scan that compete.
-const COMPETING: usize = 24;
-
-/// Ratio of two orders nearer than which they are one.
-const SAME_ORDER: f64 = 1e-4;
+const MOST_SCANNED_ORDERS: usize = 1500;
 
 /// Relative difference of the strongest orders of two lists below which they are alike.
 const SAME_FIRST_ORDER: f64 = 0.005;
 
+/// Ridge of the fits of a pursuit, relative to columns of length one.
+const RIDGE: f64 = 1e-6;
+
 /// Distance from a whole order of a turn, in steps, within which the whole one competes as well.
 const NEAR_WHOLE: f64 = 1.0;
+
+/// Ratio of amplitudes from which on a whole order is taken instead of a stronger one near it.
+const NEARLY_AS_STRONG: f64 = 0.97;
 
 /// Share of the error that another order must take.
 const MIN_ORDER_GAIN: f64 = 0.004;
@@ -42,7 +43,7 @@ const MIN_ORDER_GAIN: f64 = 0.004;
 const MIN_PERIODS: f64 = 1.5;
 
 /// Largest phase between two rows, rad: faster rows do not resolve the wave.
-const MAX_STEP: f64 = 1.2;
+const MAX_STEP: f64 = 3.0;
 
 /// Speed below which a row tells nothing of a wave, as a share of the top speed.
 const MIN_SPEED: f64 = 0.01;
@@ -63,7 +64,7 @@ const MOST_FREE_ORDERS: usize = 40;
 const MAX_START: f64 = 0.01;
 
 /// Most rows that are scanned for orders.
-const MOST_SCANNED: usize = 15_000;
+const MOST_SCANNED: usize = 6_000;
 
 /// Orders of waves, in periods per rad or m times 2 pi.
 #[derive(Clone, Debug, Default)]
@@ -78,22 +79,18 @@ pub struct RippleOrders {
 
 impl RippleOrders {
     /// Finds the strongest orders in what a model leaves. `columns` are those of its base law, `level` its friction level.
-    ///
-    /// A scan of the residual proposes orders. Neighbours of a strong order are strong as well, so that those that help are
-    /// then chosen one by one beside the law, by their held-out error.
     pub fn find(rows: &Rows, residual: &[f64], columns: &[&[f64]], level: &[f64]) -> Self {
         if !rows.has_position {
             return Self::default();
         }
         let scan = Scan::new(rows);
-        let is_revolute = rows.joint == JointKind::Revolute;
         // The first order of a torque is gravity.
-        let least = if is_revolute { 1.5 } else { 0.0 };
-        let torque = scan.proposed(residual, |_| 1.0, least);
-        let scaled = scan.proposed(residual, |row| level[row], 0.0);
+        let least = if rows.joint == JointKind::Revolute { 1.5 } else { 0.0 };
+        let torque = scan.pursue(residual, columns, |_| 1.0, least);
+        let of_level = scan.pursue(residual, columns, |row| level[row], 0.0);
         Self {
-            torque: chosen(rows, columns, &torque, |_| 1.0),
-            level: chosen(rows, columns, &scaled, |row| level[row]),
+            torque: helpful(rows, columns, torque, |_| 1.0),
+            level: helpful(rows, columns, of_level, |row| level[row]),
             by_run: phases(rows, residual),
         }
     }
@@ -111,11 +108,11 @@ impl RippleOrders {
     }
 }
 
-/// Chooses orders one by one, each by the held-out error beside the law and the orders before it.
-fn chosen(
+/// Returns the orders that lower the held-out error beside the law and the orders before them.
+fn helpful(
     rows: &Rows,
     law: &[&[f64]],
-    orders: &[f64],
+    orders: Vec<f64>,
     of: impl Fn(usize) -> f64 + Copy,
 ) -> Vec<f64> {
     let pairs: Vec<Vec<f64>> = orders.iter().flat_map(|order| waves(rows, &[*order], of)).collect();
@@ -124,26 +121,20 @@ fn chosen(
     let mut work = Workspace::default();
     let mut set: Vec<usize> = (0..law.len()).collect();
     let mut error = bank.error(&set, &mut work);
-    let mut kept: Vec<usize> = Vec::new();
-    while kept.len() < MOST_WAVES {
-        let mut with = |order: usize| {
-            let first = law.len() + 2 * order;
-            set.extend([first, first + 1]);
-            let error = bank.error(&set, &mut work);
+    let mut helps = |index: usize| {
+        let first = law.len() + 2 * index;
+        set.extend([first, first + 1]);
+        let next = bank.error(&set, &mut work);
+        let helps = next < (1.0 - MIN_ORDER_GAIN) * error;
+        if helps {
+            error = next;
+        } else {
             set.truncate(set.len() - 2);
-            (error, order)
-        };
-        let free = (0..orders.len()).filter(|order| !kept.contains(order));
-        let best = free.map(&mut with).min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((next, order)) = best else { break };
-        if next > (1.0 - MIN_ORDER_GAIN) * error {
-            break;
         }
-        set.extend([law.len() + 2 * order, law.len() + 2 * order + 1]);
-        error = next;
-        kept.push(order);
-    }
-    kept.into_iter().map(|order| orders[order]).collect()
+        helps
+    };
+    let kept = orders.into_iter().enumerate().filter(|(index, _)| helps(*index));
+    kept.map(|(_, order)| order).collect()
 }
 
 /// Orders from a wave of which a run spans one and a half periods to the highest, over the rows that resolve waves.
@@ -173,31 +164,66 @@ impl<'a> Scan<'a> {
         Self { rows, moving, least, step, count: (span / step) as usize }
     }
 
-    /// Returns the strongest orders above `least` in a residual of waves times `of`, the whole orders beside them included.
-    fn proposed(&self, residual: &[f64], of: impl Fn(usize) -> f64, least: f64) -> Vec<f64> {
-        let powers = self.amplitudes(residual, of);
-        let at = |index: usize| powers.get(index).copied().unwrap_or_default();
-        let is_peak = |index: &usize| {
-            at(*index) > 0.0
-                && at(*index) >= at(index.wrapping_sub(1))
-                && at(*index) >= at(index + 1)
+    /// Returns the strongest orders above `least` of waves times `of`, each found in what the law and those before it leave: the
+    /// neighbours of a strong order are strong as well.
+    fn pursue(
+        &self,
+        residual: &[f64],
+        law: &[&[f64]],
+        of: impl Fn(usize) -> f64 + Copy,
+        least: f64,
+    ) -> Vec<f64> {
+        let weighed = |column: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            self.moving.iter().map(|row| self.rows.weights[*row] * column(*row)).collect()
         };
-        let mut peaks: Vec<usize> = (0..powers.len()).filter(is_peak).collect();
-        peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
-        let is_revolute = self.rows.joint == JointKind::Revolute;
+        let target = weighed(&|row| residual[row]);
+        let mut columns: Vec<Vec<f64>> = law.iter().map(|own| weighed(&|row| own[row])).collect();
+        let mut left = target.clone();
         let mut orders: Vec<f64> = Vec::new();
-        for peak in peaks {
-            let order = self.least + self.step * self.refined(peak, &powers);
-            let whole = order.round();
-            let is_near = is_revolute && (order - whole).abs() < NEAR_WHOLE * self.step;
-            for order in [Some(order), is_near.then_some(whole)].into_iter().flatten() {
-                let is_new = orders.iter().all(|own| (own / order - 1.0).abs() > SAME_ORDER);
-                if order >= least.max(self.least) && is_new && orders.len() < COMPETING {
-                    orders.push(order);
-                }
-            }
+        while orders.len() < MOST_WAVES {
+            let Some(order) = self.strongest(&left, of, least, &orders) else { break };
+            orders.push(order);
+            columns.push(weighed(&|row| of(row) * (order * self.rows.position[row]).sin()));
+            columns.push(weighed(&|row| of(row) * (order * self.rows.position[row]).cos()));
+            left = unexplained(&target, &columns);
         }
         orders
+    }
+
+    /// Returns the strongest order that is not among others; a whole one if it is nearly as strong.
+    fn strongest(
+        &self,
+        values: &[f64],
+        of: impl Fn(usize) -> f64 + Copy,
+        least: f64,
+        others: &[f64],
+    ) -> Option<f64> {
+        let powers = self.amplitudes(values, of);
+        let order = |index: usize| self.least + self.step * index as f64;
+        let is_new = |own: f64| others.iter().all(|other| (own - other).abs() > self.step);
+        let free = (0..powers.len()).filter(|index| {
+            powers[*index] > 0.0 && order(*index) >= least && is_new(order(*index))
+        });
+        let peak = free.max_by(|a, b| powers[*a].total_cmp(&powers[*b]))?;
+        let found = self.least + self.step * self.refined(peak, &powers);
+        let whole = found.round();
+        let is_near = self.rows.joint == JointKind::Revolute
+            && (found - whole).abs() < NEAR_WHOLE * self.step
+            && whole >= least.max(self.least)
+            && is_new(whole);
+        let amplitude = |order: f64| self.amplitude(values, of, order);
+        let takes_whole = is_near && amplitude(whole) > NEARLY_AS_STRONG * amplitude(found);
+        Some(if takes_whole { whole } else { found })
+    }
+
+    /// Returns the amplitude of one order.
+    fn amplitude(&self, values: &[f64], of: impl Fn(usize) -> f64, order: f64) -> f64 {
+        let sum = self.moving.iter().zip(values).fold((0.0, 0.0), |(s, c), (row, value)| {
+            let (sine, cosine) = (order * self.rows.position[*row]).sin_cos();
+            let value = value * of(*row);
+            (s + value * sine, c + value * cosine)
+        });
+        sum.0.hypot(sum.1)
     }
 
     /// Returns the place of a peak between the steps, by a parabola through three powers.
@@ -209,12 +235,13 @@ impl<'a> Scan<'a> {
         peak as f64 + shift.clamp(-0.5, 0.5)
     }
 
-    /// Returns the amplitude of each order over the rows that resolve it, in units of what noise would have.
+    /// Returns the amplitude of each order over the rows that resolve it, in units of what noise would have. `values` belong to
+    /// the moving rows.
     fn amplitudes(&self, values: &[f64], of: impl Fn(usize) -> f64) -> Vec<f64> {
         let rows = self.rows;
         let mut sums = vec![(0.0, 0.0, 0.0, 0usize); self.count];
-        for row in &self.moving {
-            let value = values[*row] * rows.weights[*row] * of(*row);
+        for (row, value) in self.moving.iter().zip(values) {
+            let value = value * of(*row);
             let travel = (rows.velocity[*row] * rows.step_s).abs().max(1e-12);
             let most = ((MAX_STEP / travel - self.least) / self.step).max(0.0) as usize;
             let (mut s, mut c) = (self.least * rows.position[*row]).sin_cos();
@@ -230,6 +257,27 @@ impl<'a> Scan<'a> {
         };
         sums.iter().map(amplitude).collect()
     }
+}
+
+/// Returns what a fit of columns leaves of a target.
+fn unexplained(target: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
+    let size = columns.len();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let norm: Vec<f64> = columns.iter().map(|own| dot(own, own).sqrt().max(1e-300)).collect();
+    let mut gram = vec![0.0; size * size];
+    let mut sizes = vec![0.0; size];
+    for (i, a) in columns.iter().enumerate() {
+        for (j, b) in columns[..=i].iter().enumerate() {
+            gram[i * size + j] = dot(a, b) / (norm[i] * norm[j]);
+        }
+        gram[i * size + i] += RIDGE;
+        sizes[i] = dot(a, target) / norm[i];
+    }
+    solve_in_place(&mut gram, &mut sizes, size);
+    let model = |row: usize| -> f64 {
+        columns.iter().zip(&sizes).zip(&norm).map(|((c, size), norm)| c[row] * size / norm).sum()
+    };
+    target.iter().enumerate().map(|(row, target)| target - model(row)).collect()
 }
 
 /// Returns the strongest wave whose phase is free in each run, if the position's zero is not the shaft's: every run begins at the
@@ -285,7 +333,32 @@ pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
         let variant = |set: &&[f64]| plain(&name(set), waves(context.rows, set, |_| 1.0));
         sets.iter().map(variant).collect::<Vec<Columns>>()
     };
-    context.orders.iter().flat_map(whole).chain(free_phase(context)).collect()
+    let all = context.orders.iter().flat_map(whole).chain(free_phase(context));
+    all.chain(transmission_error(context)).collect()
+}
+
+/// A transmission error `e(q)` of a gear accelerates what is behind it: its ripple `J (e'' v^2 + e' a)` grows with the speed. The
+/// few lowest orders are those of an encoder ([`encoder_error`]).
+fn transmission_error(context: &Context) -> Vec<Columns> {
+    let rows = context.rows;
+    if !rows.rigid_body.inertia || rows.joint != JointKind::Revolute {
+        return Vec::new();
+    }
+    let highest = ENCODER_ORDERS.iter().copied().fold(0.0, f64::max);
+    let orders = context.orders.iter().filter_map(|found| found.torque.first());
+    let orders = orders.filter(|order| **order > highest);
+    orders
+        .map(|order| {
+            plain(&format!("{}, as of the speed", name(&[*order])), of_motion(rows, *order))
+        })
+        .collect()
+}
+
+/// Returns the columns of a wave of the motion: in proportion to the squared speed and to the acceleration.
+fn of_motion(rows: &Rows, order: f64) -> Vec<Vec<f64>> {
+    let mut columns = waves(rows, &[order], |row| rows.velocity[row].powi(2));
+    columns.extend(waves(rows, &[order], |row| rows.acceleration[row]));
+    columns
 }
 
 /// The wave whose phase differs between the runs, and its first harmonic.
@@ -316,11 +389,7 @@ pub(super) fn encoder_error(context: &Context) -> Vec<Columns> {
     if !rows.rigid_body.inertia || !rows.has_position || rows.joint != JointKind::Revolute {
         return Vec::new();
     }
-    let variant = |order: &f64| {
-        let mut columns = waves(rows, &[*order], |row| rows.velocity[row].powi(2));
-        columns.extend(waves(rows, &[*order], |row| rows.acceleration[row]));
-        plain(&name(&[*order]), columns)
-    };
+    let variant = |order: &f64| plain(&name(&[*order]), of_motion(rows, *order));
     ENCODER_ORDERS.iter().map(variant).collect()
 }
 

@@ -50,7 +50,7 @@ pub(crate) fn variants(
             .zip(&at.tracks)
             .map(|(track, own)| exact(at, track, own, &wanted.effect))
             .collect();
-        let column = rows.from_tracks(tracks.iter().zip(columns.iter().map(Vec::as_slice)));
+        let column = rows.along_tracks(tracks.iter().zip(columns.iter().map(Vec::as_slice)));
         let is_usable = column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0);
         is_usable.then(|| Variant {
             cause: wanted.cause,
