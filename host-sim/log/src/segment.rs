@@ -24,6 +24,14 @@ pub(super) fn segments_of(time: &[f64]) -> Vec<Range<usize>> {
     if time.is_empty() {
         return Vec::new();
     }
+    // Without a long step among the positive ones there is no gap, whatever their median.
+    let steps = time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+    let [least, most] = steps.fold([f64::INFINITY, 0.0], |[least, most], step| {
+        [f64::min(least, step), f64::max(most, step)]
+    });
+    if most <= GAP_FACTOR * least {
+        return vec![0..time.len()];
+    }
     let longest = median_step(time).map_or(f64::INFINITY, |step| GAP_FACTOR * step);
     let mut found = Vec::new();
     let mut start = 0;

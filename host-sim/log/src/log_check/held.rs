@@ -159,10 +159,13 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
 
 fn held_column(log: &Log, index: usize) -> Option<Held> {
     let column = &log.columns[index];
+    // Half of the holds must last for two rows or more.
+    let repeats = column.pairs().filter(|(before, now)| before == now);
+    if repeats.take(MIN_CHANGES / 2).count() < MIN_CHANGES / 2 {
+        return None;
+    }
     let still = 0.02 * log.sensors.speed;
-    let (mut lengths, mut changes) = (Vec::new(), Vec::new());
-    let (mut large, mut jumps) = (0usize, 0usize);
-    let step = quantum(column.runs.iter().copied());
+    let (mut lengths, mut changes, mut jumps) = (Vec::new(), Vec::new(), Vec::new());
     for (place, (run, values)) in log.data.runs.iter().zip(&column.runs).enumerate() {
         let mut last = 0;
         for row in 1..values.len() {
@@ -174,19 +177,23 @@ fn held_column(log: &Log, index: usize) -> Option<Held> {
             if last > 0 && !rested {
                 lengths.push((row - last) as f64);
                 changes.push((place, row));
-                jumps += 1;
-                large += usize::from((values[row] - values[row - 1]).abs() > 1.5 * step);
+                jumps.push((values[row] - values[row - 1]).abs());
             }
             last = row;
         }
     }
-    if lengths.len() < MIN_CHANGES || (large as f64) < MIN_LARGE_SHARE * jumps as f64 {
+    if lengths.len() < MIN_CHANGES {
         return None;
     }
     let usual = quantile(&mut lengths.clone(), 0.5);
     let within = (0.25 * usual).max(if usual > 2.0 { 1.0 } else { 0.0 });
     let alike = lengths.iter().filter(|length| (**length - usual).abs() <= within).count();
     if usual < 2.0 || (alike as f64) < MIN_REGULAR_SHARE * lengths.len() as f64 {
+        return None;
+    }
+    let step = quantum(column.runs.iter().copied());
+    let large = jumps.iter().filter(|jump| **jump > 1.5 * step).count();
+    if (large as f64) < MIN_LARGE_SHARE * jumps.len() as f64 {
         return None;
     }
     let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;

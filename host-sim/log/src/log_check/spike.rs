@@ -170,6 +170,10 @@ impl Spikes {
         for (run, outside) in at_first.iter_mut().zip(&outside) {
             run.iter_mut().zip(outside).for_each(|(spike, outside)| *spike |= outside);
         }
+        // Without a spike the second medians would be the first ones.
+        if !at_first.iter().flatten().any(|spike| *spike) {
+            return None;
+        }
         let medians = all_medians(Some(&at_first));
         let mut is_spike = far(&off(&medians));
         for (run, first) in is_spike.iter_mut().zip(&outside) {
@@ -195,8 +199,13 @@ fn medians(torque: &[f64], rows: &Range<usize>, is_spike: Option<&[bool]>) -> Ve
             let around = row.saturating_sub(reach).max(rows.start)..(row + reach + 1).min(rows.end);
             let is_whole = around == *rows;
             near.clear();
-            let valid = around.filter(|at| is_spike.is_none_or(|spikes| !spikes[*at]));
-            near.extend(valid.map(|at| torque[at]));
+            match is_spike {
+                None => near.extend_from_slice(&torque[around]),
+                Some(spikes) => near.extend(around.filter(|at| !spikes[*at]).map(|at| torque[at])),
+            }
+            if let Some(all) = near.as_chunks_mut::<9>().0.first_mut() {
+                break median_of_nine(all);
+            }
             match near.is_empty() {
                 false => break quantile(&mut near, 0.5),
                 true if is_whole => break torque[row],
@@ -205,6 +214,37 @@ fn medians(torque: &[f64], rows: &Range<usize>, is_spike: Option<&[bool]>) -> Ve
         }
     };
     rows.clone().map(median).collect()
+}
+
+/// Returns the median of nine values by a fixed network of comparisons (Devillard 1998), which is several times as fast as a
+/// selection.
+fn median_of_nine(values: &mut [f64; 9]) -> f64 {
+    const COMPARISONS: [(usize, usize); 19] = [
+        (1, 2),
+        (4, 5),
+        (7, 8),
+        (0, 1),
+        (3, 4),
+        (6, 7),
+        (1, 2),
+        (4, 5),
+        (7, 8),
+        (0, 3),
+        (5, 8),
+        (4, 7),
+        (3, 6),
+        (1, 4),
+        (2, 5),
+        (4, 7),
+        (4, 2),
+        (6, 4),
+        (4, 2),
+    ];
+    for (low, high) in COMPARISONS {
+        let (a, b) = (values[low], values[high]);
+        (values[low], values[high]) = (a.min(b), a.max(b));
+    }
+    values[4]
 }
 
 #[cfg(test)]
@@ -275,6 +315,19 @@ mod tests {
             let (data, findings) = spikes(log(spike), true);
             assert_eq!(findings, []);
             assert_eq!(data.runs, log(spike).runs);
+        }
+    }
+
+    #[test]
+    fn median_of_nine_of_any_order_is_the_fifth() {
+        for round in 0..500 {
+            let mut values = [0.0; 9];
+            for (at, value) in values.iter_mut().enumerate() {
+                *value = random(9 * round + at, 12) as f64;
+            }
+            let mut sorted = values;
+            sorted.sort_by(f64::total_cmp);
+            assert_eq!(median_of_nine(&mut values), sorted[4], "{sorted:?}");
         }
     }
 

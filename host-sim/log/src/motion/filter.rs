@@ -112,19 +112,21 @@ struct MeasurementUpdate {
 
 impl MeasurementUpdate {
     /// `(I - gain e') P`, row by row.
+    #[inline(always)]
     fn less(&self, p: &Matrix) -> Matrix {
         let of = p[self.entry];
         let row = |i: usize| {
             if i == self.entry {
-                of.map(|value| self.left * value)
+                entries(|j| self.left * of[j])
             } else {
-                [0, 1, 2].map(|j| p[i][j] - self.gain[i] * of[j])
+                entries(|j| p[i][j] - self.gain[i] * of[j])
             }
         };
         [row(0), row(1), row(2)]
     }
 
     /// `(I - gain e')' r`.
+    #[inline(always)]
     fn back(&self, r: &State) -> State {
         let others: f64 = (0..3).filter(|i| *i != self.entry).map(|i| self.gain[i] * r[i]).sum();
         let mut back = *r;
@@ -133,8 +135,15 @@ impl MeasurementUpdate {
     }
 }
 
+/// Returns three entries. `array::map` is not always inlined, and this is the innermost loop.
+#[inline(always)]
+fn entries<T>(of: impl Fn(usize) -> T) -> [T; 3] {
+    [of(0), of(1), of(2)]
+}
+
+#[inline(always)]
 fn transposed(p: &Matrix) -> Matrix {
-    [0, 1, 2].map(|i| [p[0][i], p[1][i], p[2][i]])
+    entries(|i| [p[0][i], p[1][i], p[2][i]])
 }
 
 /// Returns the measurements of a row, at most two. At rest the velocity is known to be zero.
@@ -179,22 +188,27 @@ fn diagonal(of: State) -> Matrix {
 }
 
 /// `F x`
+#[inline(always)]
 fn forward(x: &State, step: f64) -> State {
     [x[0] + step * x[1] + 0.5 * step * step * x[2], x[1] + step * x[2], x[2]]
 }
 
 /// `F' x`
+#[inline(always)]
 fn backward(x: &State, step: f64) -> State {
     [x[0], x[1] + step * x[0], x[2] + step * x[1] + 0.5 * step * step * x[0]]
 }
 
 /// `F P F'`, or `F' N F` where `by` is [`backward`].
-fn carried(p: &Matrix, step: f64, by: fn(&State, f64) -> State) -> Matrix {
-    transposed(&p.map(|row| by(&row, step))).map(|row| by(&row, step))
+#[inline(always)]
+fn carried(p: &Matrix, step: f64, by: impl Fn(&State, f64) -> State) -> Matrix {
+    let half = transposed(&entries(|i| by(&p[i], step)));
+    entries(|i| by(&half[i], step))
 }
 
+#[inline(always)]
 fn times(p: &Matrix, r: &State) -> State {
-    p.map(|row| row[0] * r[0] + row[1] * r[1] + row[2] * r[2])
+    entries(|i| p[i][0] * r[0] + p[i][1] * r[1] + p[i][2] * r[2])
 }
 
 /// A forward pass of the filter: predictions and updates.
@@ -227,7 +241,7 @@ fn filter(series: &Series, noise: &Noise, jumps: &[f64], keep: bool) -> Filtered
                 continue;
             }
             let error = value - x[entry];
-            let gain = p[entry].map(|of| of / total);
+            let gain = entries(|i| p[entry][i] / total);
             let here =
                 MeasurementUpdate { entry, error, variance: total, gain, left: variance / total };
             (0..3).for_each(|i| x[i] += gain[i] * error);
@@ -283,8 +297,8 @@ pub fn smooth(series: &Series, noise: &Noise, jumps: &[f64]) -> Smoothed {
         for given in pass.measured[row].iter().rev().flatten() {
             r = given.back(&r);
             r[given.entry] += given.error / given.variance;
-            let half = transposed(&n.map(|row| given.back(&row)));
-            n = half.map(|row| given.back(&row));
+            let half = transposed(&entries(|i| given.back(&n[i])));
+            n = entries(|i| given.back(&half[i]));
             n[given.entry][given.entry] += 1.0 / given.variance;
         }
         let (x, p) = &pass.predicted[row];

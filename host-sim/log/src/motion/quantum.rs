@@ -31,21 +31,25 @@ pub fn quantum<'a>(columns: impl Iterator<Item = &'a [f64]>) -> f64 {
     if steps.len() < MIN_DIFFERENCES {
         return 0.0;
     }
-    steps.sort_by(f64::total_cmp);
+    let at = steps.len() / 200;
+    let least = *steps.select_nth_unstable_by(at, f64::total_cmp).1;
     // Rounding in a file spreads one step over a few values, so the middle of the smallest cluster is used.
-    let least = steps[steps.len() / 200];
-    let near = steps.partition_point(|step| *step < 1.5 * least);
-    let from = steps.partition_point(|step| *step < 0.67 * least);
+    let below = |limit: f64| steps.iter().filter(|step| **step < limit).count();
+    let (near, from) = (below(1.5 * least), below(0.67 * least));
     if near - from < MIN_DIFFERENCES / 2 {
         return 0.0;
     }
-    let step = steps[(from + near) / 2];
-    let small = &steps[..steps.partition_point(|other| *other < MAX_STEPS * step)];
-    let multiple = |other: &&f64| {
+    let step = *steps.select_nth_unstable_by((from + near) / 2, f64::total_cmp).1;
+    let is_multiple = |other: &f64| {
         let times = *other / step;
         (times - times.round()).abs() < MAX_MULTIPLE_ERROR && times.round() >= 1.0
     };
-    let share = small.iter().filter(multiple).count() as f64 / small.len() as f64;
+    let (mut small, mut multiples) = (0usize, 0usize);
+    for other in steps.iter().filter(|other| **other < MAX_STEPS * step) {
+        small += 1;
+        multiples += usize::from(is_multiple(other));
+    }
+    let share = multiples as f64 / small as f64;
     if share >= MIN_MULTIPLE_SHARE { step } else { 0.0 }
 }
 
