@@ -92,6 +92,14 @@ pub fn predict_log(
     data: &Dataset,
     options: &PredictionOptions,
 ) -> Result<LogPrediction, String> {
+    predict_tracks(file, data, &log_tracks(file, data)?, options)
+}
+
+/// Returns the tracks of a log for [`predict_tracks`].
+///
+/// # Errors
+/// See [`predict_log`].
+pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, String> {
     if file.joint != data.joint {
         let name = |joint: JointKind| match joint {
             JointKind::Revolute => "revolute",
@@ -106,9 +114,21 @@ pub fn predict_log(
     {
         return Err(format!("{column}: not a column of the log, and the model follows it"));
     }
-    let tracks = tracks_with(data, auxiliary);
+    Ok(tracks_with(data, auxiliary))
+}
+
+/// Predicts as [`predict_log`] does, given the tracks of the log. So several predictions share them.
+///
+/// # Errors
+/// One line if the network of the model does not fit the log.
+pub fn predict_tracks(
+    file: &ParameterFile,
+    data: &Dataset,
+    tracks: &[Track],
+    options: &PredictionOptions,
+) -> Result<LogPrediction, String> {
     let mut runs: Vec<RunPrediction> = data.runs.iter().map(|run| empty(run.len())).collect();
-    for track in &tracks {
+    for track in tracks {
         let run = &mut runs[track.run];
         match &file.network {
             Some(network) => predict_with_network(file, network, data, track, run)?,

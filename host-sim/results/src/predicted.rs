@@ -2,7 +2,7 @@
 
 use crate::files::Files;
 use friction_fit::params::{self, ParameterFile};
-use friction_fit::prediction::{LogPrediction, PredictionOptions, predict_log};
+use friction_fit::prediction::{LogPrediction, PredictionOptions, log_tracks, predict_tracks};
 use joint_log::Dataset;
 use serde_json::{Value, json};
 
@@ -30,8 +30,10 @@ impl PredictedLog {
     /// # Errors
     /// See [`PredictedLog::of_text`].
     pub fn of_file(file: &ParameterFile, data: &Dataset) -> Result<Self, String> {
-        let prediction = predict_log(file, data, &PredictionOptions::default())?;
-        let as_exported = predict_log(file, data, &PredictionOptions::AS_EXPORTED)?;
+        let tracks = log_tracks(file, data)?;
+        let with = |options| predict_tracks(file, data, &tracks, &options);
+        let prediction = with(PredictionOptions::default())?;
+        let as_exported = with(PredictionOptions::AS_EXPORTED)?;
         let summary = json!({
             "file": ROWS_FILE,
             "rows": prediction.metrics.rows,
