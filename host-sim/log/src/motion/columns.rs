@@ -5,7 +5,7 @@
 //! the position) it is returned bit for bit.
 
 use super::agreement::{Agreement, agreement};
-use super::filter::{Noise, Series, draw};
+use super::filter::{Noise, Series, draws};
 use super::levels::{Levels, adapt, likeliest, noise_alone};
 use super::quantum::{quantum, unstepped};
 use super::rest::at_rest;
@@ -324,12 +324,10 @@ fn motion(
         each.collect()
     });
     let position = position.or_else(as_logged);
-    let draws = (0..DRAWS)
-        .map(|_| {
-            let drawn = draw(series, &levels.noise, &jumps, normal);
-            drawn.iter().enumerate().map(|(row, v)| still(row, v / step_s)).collect()
-        })
-        .collect();
+    let mut draws = draws(series, &levels.noise, &jumps, DRAWS, normal);
+    for (row, v) in draws.iter_mut().flat_map(|draw| draw.iter_mut().enumerate()) {
+        *v = still(row, *v / step_s);
+    }
     SegmentMotion { position, velocity, draws, at_rest: series.at_rest.clone() }
 }
 

@@ -313,14 +313,28 @@ pub fn smooth(series: &Series, noise: &Noise, jumps: &[f64]) -> Smoothed {
     out
 }
 
-/// Draws the true velocity minus the smoothed one, per median step, row by row.
+/// Draws the true velocity minus the smoothed one, per median step, row by row, `count` times.
 ///
 /// A motion and its measurements are drawn from the model and smoothed like the log. The error of this smoothing is a
 /// draw of the error of the log's smoothing (Durbin and Koopman). `normal` returns independent standard normal numbers.
-pub fn draw(
+pub fn draws(
     series: &Series,
     noise: &Noise,
     jumps: &[f64],
+    count: usize,
+    normal: &mut dyn FnMut() -> f64,
+) -> Vec<Vec<f64>> {
+    // The filter is linear, so its gains do not depend on the measured values.
+    let mut gains = filter(series, noise, jumps, true);
+    (0..count).map(|_| draw(series, noise, jumps, &mut gains, normal)).collect()
+}
+
+/// Draws once. `gains` is a pass of the filter over the series.
+fn draw(
+    series: &Series,
+    noise: &Noise,
+    jumps: &[f64],
+    gains: &mut Filtered,
     normal: &mut dyn FnMut() -> f64,
 ) -> Vec<f64> {
     // The initial state does not affect the error.
@@ -352,16 +366,14 @@ pub fn draw(
             x[2] += (jump * series.step(row)).sqrt() * normal();
         }
     }
-    let smoothed = smooth_as(series, &drawn, noise, jumps);
+    let smoothed = smooth_as(series, &drawn, gains);
     truth.iter().zip(smoothed).map(|(truth, found)| truth - found).collect()
 }
 
-/// Returns the smoothed velocities of `drawn` with the gains of `series`. The filter is linear, so its gains do not
-/// depend on the measured values.
-fn smooth_as(series: &Series, drawn: &Series, noise: &Noise, jumps: &[f64]) -> Vec<f64> {
+/// Returns the smoothed velocities of `drawn` with the gains of a pass over `series`, whose states and errors are replaced.
+fn smooth_as(series: &Series, drawn: &Series, pass: &mut Filtered) -> Vec<f64> {
     let rows = series.len();
     let (position, velocity) = (drawn.position.as_deref(), drawn.velocity.as_deref());
-    let mut pass = filter(series, noise, jumps, true);
     let mut x = [0.0; 3];
     for row in 0..rows {
         checkpoint_at(row);
