@@ -4,6 +4,7 @@
 //! each sample carries its own period.
 
 use super::initial_heat::record_earlier_stretches;
+use super::scales::quantile;
 use super::torque_low_pass::TorqueLowPass;
 use super::track::{Track, row_range};
 use compensator_core::Sample;
@@ -85,7 +86,7 @@ fn segment_track(
         .collect();
     let mut steps: Vec<f64> =
         run.time_s[rows.clone()].windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let period_s = median(&steps).max(1e-9);
+    let period_s = quantile(steps.clone(), 0.5).unwrap_or_default().max(1e-9);
     let uneven = steps.iter().any(|step| (step / period_s - 1.0).abs() > EVEN_SPACING_TOLERANCE);
     let period_ratio = uneven.then(|| {
         // A coarse clock may repeat a time stamp: the step is small, not 0.
@@ -107,18 +108,13 @@ fn segment_track(
             .skip(rows.start)
             .map(|s| *s > 0.0)
             .collect(),
+        velocity_is_exact: run.velocity_is_smooth && run.velocity_draws.is_empty(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
         velocity_draws: row_range(&run.velocity_draws, &rows),
         motion_error: Vec::new(),
         torque_low_pass: TorqueLowPass::default(),
         earlier_stretches: Arc::default(),
     }
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -27,16 +27,14 @@ impl Scales {
     pub fn of(tracks: &[Track]) -> Self {
         let samples = || tracks.iter().flat_map(|track| &track.samples);
         let rows = samples().count().max(1) as f64;
-        let mut speeds: Vec<f64> = samples().map(|s| s.velocity_rad_s.abs()).collect();
-        speeds.sort_by(f64::total_cmp);
-        let speed = speeds.get(speeds.len() * 95 / 100).copied().unwrap_or(1.0);
+        let speeds = samples().map(|s| s.velocity_rad_s.abs()).collect();
+        let speed = quantile(speeds, 0.95).unwrap_or(1.0);
         let squares: f64 = tracks.iter().flat_map(|t| &t.torque).map(|t| t * t).sum();
-        let mut travels: Vec<f64> = tracks
+        let travels = tracks
             .iter()
             .map(|t| t.samples.iter().map(|s| s.velocity_rad_s.abs()).sum::<f64>() * t.period_s)
             .collect();
-        travels.sort_by(f64::total_cmp);
-        let travel = travels.get(travels.len() / 2).copied().unwrap_or(1.0);
+        let travel = quantile(travels, 0.5).unwrap_or(1.0);
         Self {
             speed: speed.max(1e-9),
             torque: (squares / rows).sqrt().max(1e-12),
@@ -58,9 +56,15 @@ fn noise(tracks: &[Track]) -> f64 {
 /// Returns the standard deviation of the white noise in some unbroken series, as in [`Scales::noise`].
 pub fn white_noise<'a>(series: impl Iterator<Item = &'a [f64]>) -> f64 {
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
-    let mut differences: Vec<f64> =
-        series.flat_map(|series| series.windows(3).map(second)).collect();
-    differences.sort_by(f64::total_cmp);
-    let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
-    median / (0.6745 * 6f64.sqrt())
+    let differences = series.flat_map(|series| series.windows(3).map(second)).collect();
+    quantile(differences, 0.5).unwrap_or_default() / (0.6745 * 6f64.sqrt())
+}
+
+/// Returns the value above this share of the others; `None` without values.
+pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
+    Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
 }

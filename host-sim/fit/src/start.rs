@@ -4,14 +4,15 @@
 //! Quantities that enter linearly (Coulomb, viscous, offset, inertia, gravity) come from ordinary least squares on the
 //! sliding rows. The others (stiffness, Stribeck velocity, excess of the static level) form a coarse grid around
 //! values that follow from speed and travel. The grid is evaluated on a part of the rows. The best few points are
-//! improved there, and the best of those are returned.
+//! improved there. Of those that descend to one minimum the best is kept, and the best few of these are returned.
 
 use super::coordinates::Coordinates;
 use super::initial_state::initial_state;
 use super::metrics::Metrics;
-use super::minimise::{StopCriteria, minimise};
+use super::minimise::{Minimum, StopCriteria, minimise, minimise_from};
 use super::scales::Scales;
 use super::simulate::{Resolution, simulate};
+use super::streaming_qr::Reduced;
 use super::track::{Rows, Track};
 use super::treatment;
 use crate::spec::Spec;
@@ -21,10 +22,16 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Number of rows on which the grid is evaluated.
-const TRIAL_ROWS: usize = 20_000;
+const TRIAL_ROWS: usize = 8000;
+
+/// Length of the parts of the log that these rows come from, rows.
+const TRIAL_PART: usize = 2000;
 
 /// Stop criteria of a trial fit, which only has to distinguish local minima.
-const TRIAL: StopCriteria = StopCriteria { patience: 3, tolerance: 1.0, stagnation: 0.0 };
+const TRIAL: StopCriteria = StopCriteria { patience: 3, tolerance: 30.0, stagnation: 0.01 };
+
+/// Stop criteria of a start on the trial rows. Evaluations there are cheaper than on all rows.
+const POLISH: StopCriteria = StopCriteria { patience: 5, tolerance: 0.1, stagnation: 0.0 };
 
 /// A parameter and the regressor that it multiplies.
 type LinearPart = (ParameterId, fn(&Sample<f64>) -> f64);
@@ -63,20 +70,24 @@ fn set_linear_parts(
     let parts = linear_parts(spec, parameters);
     let count = parts.len();
     let (mut products, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
+    let mut row = vec![0.0; count];
     for track in tracks {
         for (sample, torque) in track.samples.iter().zip(&track.torque) {
             if sample.velocity_rad_s.abs() < 0.02 * scales.speed {
                 continue;
             }
-            let row = DVector::from_iterator(count, parts.iter().map(|(_, part)| part(sample)));
+            row.iter_mut().zip(&parts).for_each(|(value, (_, part))| *value = part(sample));
             // Rows with NaN or infinity are skipped.
             if !row.iter().all(|value| value.is_finite()) {
                 continue;
             }
-            products.ger(1.0, &row, &row, 1.0);
-            right.axpy(*torque, &row, 1.0);
+            for (i, value) in row.iter().enumerate() {
+                right[i] += torque * value;
+                (0..=i).for_each(|j| products[(i, j)] += value * row[j]);
+            }
         }
     }
+    products.fill_upper_triangle_with_lower_triangle();
     // The matrix is scaled to a unit diagonal, so that the cut-off does not depend on units.
     let scale = products.diagonal().map(|d: f64| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(count, count, |i, j| products[(i, j)] * scale[i] * scale[j]);
@@ -143,18 +154,59 @@ pub fn candidates(
     let mut evaluated: Vec<_> = grid.into_par_iter().map(|start| (cost(&start), start)).collect();
     evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
     evaluated.truncate(2 * count.max(1));
-    let mut improved: Vec<_> = evaluated
+    let mut improved: Vec<TrialFit> = evaluated
         .into_par_iter()
         .map(|(_, start)| {
             let coordinates = Coordinates::new(&start, free, scales);
             let from = coordinates.point(&start);
-            let minimum = minimise(&coordinates, &from, trial, resolution, TRIAL);
-            (minimum.reduced.sum_of_squares(), coordinates.parameters::<f64>(&minimum.point))
+            let Minimum { point, reduced, .. } =
+                minimise(&coordinates, &from, trial, resolution, TRIAL);
+            TrialFit { coordinates, point, reduced }
         })
         .collect();
-    improved.sort_by(|a, b| a.0.total_cmp(&b.0));
-    improved.truncate(count.max(1));
-    improved.into_iter().map(|(_, start)| start).collect()
+    improved.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+    let mut kept: Vec<TrialFit> = Vec::new();
+    for fit in improved {
+        if kept.len() < count.max(1) && !kept.iter().any(|better| fit.descends_to(better)) {
+            kept.push(fit);
+        }
+    }
+    let polished = kept.into_par_iter().map(|TrialFit { coordinates, point, reduced }| {
+        let minimum = minimise_from(&coordinates, &point, reduced, trial, resolution, POLISH);
+        coordinates.parameters::<f64>(&minimum.point)
+    });
+    polished.collect()
+}
+
+/// A start improved on the trial rows.
+struct TrialFit {
+    coordinates: Coordinates,
+    point: Vec<f64>,
+    reduced: Reduced,
+}
+
+impl TrialFit {
+    fn cost(&self) -> f64 {
+        self.reduced.sum_of_squares()
+    }
+
+    /// Returns true if this start and a better one descend to one minimum: the quadratic model of the error around the better
+    /// one predicts the error of this one. In another valley the model predicts much more.
+    fn descends_to(&self, better: &Self) -> bool {
+        /// Largest ratio of the predicted difference of the errors to the actual one.
+        const MAX_RATIO: f64 = 2.0;
+        /// Difference that counts as none, as a share of the error. An improved start is not at its minimum.
+        const NEGLIGIBLE: f64 = 1e-3;
+        let count = self.point.len();
+        let step: Vec<f64> = self.point.iter().zip(&better.point).map(|(a, b)| a - b).collect();
+        let along = |i: usize| -> f64 {
+            let row = &better.reduced.factor[i * count..][..count];
+            row.iter().zip(&step).map(|(factor, step)| factor * step).sum()
+        };
+        let predicted: f64 = (0..count).map(|i| along(i).powi(2)).sum();
+        let actual = self.cost() - better.cost();
+        predicted <= MAX_RATIO * actual + NEGLIGIBLE * better.cost()
+    }
 }
 
 /// Returns the grid of nonlinear parameters.
@@ -212,11 +264,24 @@ fn grid(
     grid
 }
 
-/// Returns evenly chosen tracks of about [`TRIAL_ROWS`] rows in total; long tracks are cut.
+/// Returns parts of about [`TRIAL_ROWS`] rows in total, spread evenly over the tracks and along them.
 fn trial_tracks(tracks: &[Track]) -> Vec<Track> {
     let rows: usize = tracks.iter().map(Track::len).sum();
-    let stride = rows.div_ceil(TRIAL_ROWS).clamp(1, tracks.len().max(1));
-    let chosen: Vec<&Track> = tracks.iter().step_by(stride).collect();
-    let most = (TRIAL_ROWS / chosen.len().max(1)).max(2000);
-    chosen.into_iter().map(|track| track.part(0..track.len().min(most))).collect()
+    if rows <= TRIAL_ROWS {
+        return tracks.to_vec();
+    }
+    let parts = TRIAL_ROWS / TRIAL_PART;
+    let mut before = 0;
+    let mut chosen = Vec::new();
+    for track in tracks {
+        let of_track = |row: usize| row.clamp(before, before + track.len()) - before;
+        for start in (0..parts).map(|part| rows * part / parts) {
+            let part = of_track(start)..of_track(start + TRIAL_PART);
+            if part.len() > 1 {
+                chosen.push(track.part(part));
+            }
+        }
+        before += track.len();
+    }
+    chosen
 }

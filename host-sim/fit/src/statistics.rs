@@ -69,9 +69,7 @@ pub fn autocorrelation_time<'a>(tracks: impl Iterator<Item = &'a [f64]> + Clone)
         return 1.0;
     }
     let correlation = |lag: usize| -> f64 {
-        let products = tracks
-            .clone()
-            .map(|track| track.iter().zip(track.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>());
+        let products = tracks.clone().map(|track| product(track, track.get(lag..).unwrap_or(&[])));
         products.sum::<f64>() / squares
     };
     let noise = 2.0 / (rows as f64).sqrt();
@@ -88,6 +86,21 @@ pub fn autocorrelation_time<'a>(tracks: impl Iterator<Item = &'a [f64]> + Clone)
         lag += stride;
     }
     time
+}
+
+/// Returns the scalar product over the shorter of two series, with eight partial sums: a single sum would be limited by the
+/// latency of the addition.
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    let count = a.len().min(b.len());
+    let ((a, a_rest), (b, b_rest)) = (a[..count].as_chunks::<8>(), b[..count].as_chunks::<8>());
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
 }
 
 #[cfg(test)]
