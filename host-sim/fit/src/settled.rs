@@ -27,13 +27,10 @@ const TOLERANCE: f64 = 1e-4;
 /// Travel after which the contact's age is that of sliding, in dwell travels: `exp(-7)` is a thousandth.
 const RENEWAL_TRAVELS: f64 = 7.0;
 
-/// For `f64` all fields are written.
-static VARYING: Varying = Varying::ALL;
-
 /// The model in `f64` with one step per row; its state decides the step size of the other simulations.
-pub struct Pilot<'a> {
+pub struct Pilot {
     /// `None` for a law without bristles, where one step is always enough.
-    stepper: Option<Stepper<'a, f64>>,
+    stepper: Option<Stepper<f64>>,
     coulomb: f64,
     /// `sigma0 dt`, Nm s/rad, for the track's own period.
     stiffness_step: f64,
@@ -52,7 +49,7 @@ pub struct Pilot<'a> {
     error: f64,
 }
 
-impl Pilot<'_> {
+impl Pilot {
     /// Places a pilot at the start of a track, where the bristles hold `held`, Nm, or slide if it is `None`.
     pub fn new<T: Real>(parameters: &Parameters<T>, track: &Track, held: Option<T>) -> Self {
         let parameters = parameters.convert::<f64>();
@@ -64,7 +61,9 @@ impl Pilot<'_> {
         let bristles = parameters.law.has_bristles();
         let held = held.map(Real::value);
         Self {
-            stepper: bristles.then(|| Stepper::new(&parameters, track, &VARYING, held, 1)),
+            stepper: bristles.then(|| {
+                Stepper::new(&parameters, track, Varying::of(&parameters, track), held, 1)
+            }),
             coulomb: parameters.get(Id::CoulombTorque).abs(),
             stiffness_step,
             damping: parameters.get(Id::BristleDamping) / stiffness_step,
@@ -80,11 +79,11 @@ impl Pilot<'_> {
     /// Simulates a row and returns the share of it to be taken from a fine simulation, 0 to 1.
     pub fn fine_share<T: Real>(&mut self, row: &TrackRow<T>) -> f64 {
         let Some(stepper) = &mut self.stepper else { return 0.0 };
-        let TrackRow { index, before, sample, ratio, .. } = *row;
+        let TrackRow { track, index, before, sample, ratio, .. } = *row;
         let delayed = row.delayed.map(|velocities| velocities.map(Real::value));
         let [from, to] = delayed.unwrap_or([before.velocity_rad_s, sample.velocity_rad_s]);
         let held = stepper.state.bristle_torque_nm;
-        stepper.step(&TrackRow { index, before, sample, delayed, ratio });
+        stepper.step(&TrackRow { track, index, before, sample, delayed, ratio });
         let now = stepper.state.bristle_torque_nm;
         if from == 0.0 && to == 0.0 {
             return 0.0;

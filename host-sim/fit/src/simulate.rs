@@ -2,7 +2,7 @@
 //!
 //! A log at 100 Hz or 1 kHz is coarse for a bristle. Backward Euler is a first-order method, and `sigma0` and `sigma1`
 //! would absorb its error at the log's own period (at 1 kHz it is 0.5 % of `F_S` in presliding). A simulation
-//! may therefore take several sub-steps per sample, with linearly interpolated inputs. It may also be *extrapolated*:
+//! may therefore take several sub-steps per sample, with interpolated inputs. It may also be *extrapolated*:
 //! two simulations, one with twice the sub-steps of the other, run side by side, and `2 fine - coarse` cancels
 //! the first-order error (Richardson extrapolation). Both use the core's step. [`crate::solve`] chooses the
 //! resolution.
@@ -18,6 +18,7 @@ use super::track::Track;
 use compensator_core::effect::NoEffect;
 use compensator_core::{Parameters, Real};
 use joint_log::work::checkpoint_at;
+use std::rc::Rc;
 
 /// Step size of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,8 +70,8 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
     mut sink: impl FnMut(usize, T, T) -> bool,
 ) {
     let (parameters, delayed) = &undelayed(parameters, track);
-    let varying = &Varying::of::<T>(track);
-    let mut single = Stepper::new(parameters, track, varying, held, 1);
+    let varying = Rc::new(Varying::of(parameters, track));
+    let mut single = Stepper::new(parameters, track, Rc::clone(&varying), held, 1);
     let is_even = track.period_ratio.is_none();
     if resolution == Resolution::PLAIN
         && is_even
@@ -95,7 +96,7 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
         let mut stepper = ExtrapolatedStepper {
             pilot: Pilot::new(parameters, track, held),
             single,
-            coarse: Stepper::new(parameters, track, varying, held, substeps),
+            coarse: Stepper::new(parameters, track, Rc::clone(&varying), held, substeps),
             fine: Stepper::new(parameters, track, varying, held, 2 * substeps),
             was_extrapolated: true,
         };
@@ -119,19 +120,19 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
 }
 
 /// Three simulations of one model: one step per row, and two step sizes for Richardson extrapolation.
-struct ExtrapolatedStepper<'a, T: Real> {
+struct ExtrapolatedStepper<T: Real> {
     /// Decides how much of a row is taken from the extrapolation.
-    pilot: Pilot<'a>,
+    pilot: Pilot,
     /// One step per row.
-    single: Stepper<'a, T>,
-    coarse: Stepper<'a, T>,
+    single: Stepper<T>,
+    coarse: Stepper<T>,
     /// Twice the sub-steps of `coarse`.
-    fine: Stepper<'a, T>,
+    fine: Stepper<T>,
     /// True if the last row came from the extrapolation alone.
     was_extrapolated: bool,
 }
 
-impl<T: Real<Setting = T>> ExtrapolatedStepper<'_, T> {
+impl<T: Real<Setting = T>> ExtrapolatedStepper<T> {
     /// Simulates a row and returns its torque and bristle torque, Nm.
     #[inline(always)]
     fn step(&mut self, row: &TrackRow<T>) -> (T, T) {
@@ -249,5 +250,41 @@ mod tests {
             }
             assert!(largest > 0.5, "{}: no row reaches this knot", id.name());
         }
+    }
+
+    #[test]
+    fn simulate_with_exact_velocity_follows_the_motion_between_rows() {
+        /// Rows at rest before the motion.
+        const REST: usize = 40;
+        let parameters = Parameters::<f64>::new(LawKind::Lugre)
+            .with(Id::CoulombTorque, 1.5)
+            .with(Id::StaticTorque, 2.0)
+            .with(Id::StribeckVelocity, 0.05)
+            .with(Id::BristleStiffness, 300.0)
+            .with(Id::BristleDamping, 3.0);
+        // Six rows in a quarter of a period, and a jerk at the start.
+        let velocity = |time: f64| if time > 0.0 { 0.1 * (50.0 * time).sin() } else { 0.0 };
+        let torques = |rows: usize, period_s: f64, is_exact: bool, substeps: usize| {
+            let at = |row: usize| row as f64 * period_s - REST as f64 * 5e-3;
+            let sample = |row| Sample { velocity_rad_s: velocity(at(row)), ..Sample::default() };
+            let mut track = Track::even((0..rows).map(sample).collect(), vec![0.0; rows], period_s);
+            track.velocity_is_exact = is_exact;
+            let mut torques = Vec::new();
+            let resolution = Resolution { substeps, extrapolated: false };
+            simulate(&parameters, &track, Some(0.0), resolution, |_, torque, _| {
+                torques.push(torque);
+                true
+            });
+            torques
+        };
+        let reference: Vec<f64> =
+            torques(64 * 400, 5e-3 / 64.0, false, 1).into_iter().step_by(64).collect();
+        let error = |torques: &[f64]| {
+            let squares = torques.iter().zip(&reference).map(|(own, exact)| (own - exact).powi(2));
+            squares.sum::<f64>().sqrt()
+        };
+        let [polygon, curve] = [false, true].map(|is_exact| torques(400, 5e-3, is_exact, 64));
+        assert!(4.0 * error(&curve) < error(&polygon), "{} {}", error(&curve), error(&polygon));
+        assert!(curve[..=REST].iter().all(|torque| *torque == 0.0), "it rests until it starts");
     }
 }

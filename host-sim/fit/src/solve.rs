@@ -5,7 +5,7 @@
 //! until a finer one would move no parameter by more than a tenth of its standard error.
 
 use super::coordinates::Coordinates;
-use super::minimise::{Minimum, StopCriteria, minimise, minimise_from};
+use super::minimise::{Minimum, StopCriteria, minimise_from};
 use super::predict::predict;
 use super::reduce::reduce;
 use super::scales::Scales;
@@ -132,15 +132,19 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
     let plain = Resolution { substeps: options.substeps.unwrap_or(1).max(1), extrapolated: false };
     let resolution = options.resolution.unwrap_or(plain);
     let candidates = match &options.start {
-        Some(start) => vec![without_speed_limit(start.clone())],
+        Some(start) => {
+            let mut start = without_speed_limit(start.clone());
+            start.choices = base.choices;
+            vec![start]
+        }
         None => start::candidates(spec, base, &free, rows, &scales, resolution, options.starts),
     };
     let (collinear, at_first) = match candidates.first() {
-        Some(start) => collinear(start, &free, rows, &scales),
+        Some(start) => collinear(start, &free, rows, &scales, resolution),
         None => Default::default(),
     };
     // Without collinear parameters, the first fit begins at the point where they were searched for.
-    let at_first = at_first.filter(|_| collinear.is_empty() && resolution == Resolution::PLAIN);
+    let at_first = at_first.filter(|_| collinear.is_empty());
     let free = free.into_iter().filter(|id| !collinear.contains(id)).collect();
     let FitOptions { patience, tolerance, stagnation, .. } = *options;
     let last = StopCriteria { patience, tolerance, stagnation };
@@ -216,7 +220,7 @@ fn refine(mut best: Solution, rows: Rows, stop: StopCriteria) -> Solution {
         if step_in_standard_errors(&best.reduced, &refined) < STEP_TOLERANCE * time.sqrt() {
             break;
         }
-        let minimum = minimise(&best.coordinates, &best.point, rows, finer, stop);
+        let minimum = minimise_from(&best.coordinates, &best.point, refined, rows, finer, stop);
         best = Solution { resolution: finer, ..best.moved_to(minimum) };
     }
     best
@@ -245,6 +249,7 @@ fn collinear(
     free: &[ParameterId],
     rows: Rows,
     scales: &Scales,
+    resolution: Resolution,
 ) -> (Vec<ParameterId>, Option<Reduced>) {
     const ROUNDING: f64 = 1e-9;
     let ordered: Vec<ParameterId> = {
@@ -254,7 +259,7 @@ fn collinear(
         free.iter().filter(of_law).chain(rest).copied().collect()
     };
     let coordinates = Coordinates::new(start, &ordered, scales);
-    let reduced = reduce(&coordinates, &coordinates.point(start), rows, Resolution::PLAIN);
+    let reduced = reduce(&coordinates, &coordinates.point(start), rows, resolution);
     let count = ordered.len();
     // The factor's diagonal is the part of a column that is independent of those before it. Collinear parameters have no
     // prior.

@@ -2,7 +2,8 @@
 
 use super::initial_heat::initial_heat;
 use super::track::Track;
-use compensator_core::{FrictionModel, ModelState, Parameters, Quantity, Real, Sample};
+use compensator_core::{FrictionModel, LawKind, ModelState, Parameters, Quantity, Real, Sample};
+use std::rc::Rc;
 
 /// The fields of a sample that vary along a track.
 ///
@@ -15,6 +16,8 @@ pub struct Varying {
     lookup_weight: bool,
     /// If true, all fields are written. For plain numbers this is faster than the checks.
     all: bool,
+    /// If true, the model reads the velocity alone, and no other field is written.
+    velocity_alone: bool,
 }
 
 impl Varying {
@@ -25,15 +28,31 @@ impl Varying {
         radial_force_change: true,
         lookup_weight: true,
         all: true,
+        velocity_alone: false,
     };
 
-    /// Returns the fields that vary along a track, for a simulation in the number type `T`.
-    pub fn of<T>(track: &Track) -> Self {
-        let all = size_of::<T>() <= size_of::<f64>();
+    /// Only the velocity.
+    pub const VELOCITY: Self = Self {
+        quantities: Vec::new(),
+        position_weight: false,
+        radial_force_change: false,
+        lookup_weight: false,
+        all: false,
+        velocity_alone: true,
+    };
+
+    /// Returns the fields that vary along a track and that a model may read, for a simulation in the number type `T`.
+    pub fn of<T: Real>(parameters: &Parameters<T>, track: &Track) -> Self {
+        if parameters.terms.is_empty() && parameters.law != LawKind::ImprovedLugre {
+            return Self::VELOCITY;
+        }
+        if size_of::<T>() <= size_of::<f64>() {
+            return Self::ALL;
+        }
         let first = &track.samples[0];
         let varies = |of: &dyn Fn(&Sample<f64>) -> Option<f64>| {
             let at_first = of(first);
-            !all && track.samples.iter().any(|sample| of(sample) != at_first)
+            track.samples.iter().any(|sample| of(sample) != at_first)
         };
         let quantities = Quantity::ALL.iter().copied();
         Self {
@@ -43,13 +62,16 @@ impl Varying {
             position_weight: varies(&|sample| Some(sample.position_weight)),
             radial_force_change: varies(&|sample| Some(sample.radial_force_change_n)),
             lookup_weight: varies(&|sample| Some(sample.lookup_weight)),
-            all,
+            all: false,
+            velocity_alone: false,
         }
     }
 }
 
 /// One row of a track, as a stepper needs it.
 pub struct TrackRow<'a, T> {
+    /// The track.
+    pub track: &'a Track,
     /// Index of the row in the track.
     pub index: usize,
     /// Sample of the row before; the row's own for the first row.
@@ -69,6 +91,7 @@ pub fn track_rows<'a, T: Real>(
 ) -> impl Iterator<Item = TrackRow<'a, T>> {
     let before = track.samples.iter().take(1).chain(&track.samples);
     before.zip(&track.samples).enumerate().map(move |(index, (before, sample))| TrackRow {
+        track,
         index,
         before,
         sample,
@@ -78,7 +101,7 @@ pub fn track_rows<'a, T: Real>(
 }
 
 /// Model and state of a simulation along a track.
-pub struct Stepper<'a, T: Real> {
+pub struct Stepper<T: Real> {
     /// The model for the track's own sample period.
     pub model: FrictionModel<T>,
     /// The model's state.
@@ -87,16 +110,16 @@ pub struct Stepper<'a, T: Real> {
     rescaled: FrictionModel<T>,
     ratio: f64,
     substeps: usize,
-    varying: &'a Varying,
+    varying: Rc<Varying>,
     input: Sample<T>,
 }
 
-impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
+impl<T: Real<Setting = T>> Stepper<T> {
     /// Places a model at the start of a track. `held` is the bristle torque there, Nm, or `None` if the joint slides.
     pub fn new(
         parameters: &Parameters<T>,
         track: &Track,
-        varying: &'a Varying,
+        varying: impl Into<Rc<Varying>>,
         held: Option<T>,
         substeps: usize,
     ) -> Self {
@@ -108,22 +131,36 @@ impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
         // The force change of a sample is divided among its sub-steps.
         input.radial_force_change_n =
             T::from_f64(track.samples[0].radial_force_change_n / substeps as f64);
-        Self { rescaled: model.clone(), model, ratio: 1.0, state, substeps, varying, input }
+        Self {
+            rescaled: model.clone(),
+            model,
+            ratio: 1.0,
+            state,
+            substeps,
+            varying: varying.into(),
+            input,
+        }
     }
 
     /// Simulates a row and returns the torque at its end, Nm.
     pub fn step(&mut self, row: &TrackRow<T>) -> T {
-        let TrackRow { before, sample, delayed, ratio, .. } = *row;
+        let TrackRow { track, index, before, sample, delayed, ratio } = *row;
         if ratio != self.ratio {
             self.ratio = ratio;
             self.rescaled.rescale_period(&self.model, T::from_f64(ratio));
         }
         let mut torque = T::zero();
+        let curve = (self.substeps > 1 && track.velocity_is_exact).then(|| curvature(track, index));
         for step in 1..=self.substeps {
             self.interpolate_input(before, sample, step);
+            let share = step as f64 / self.substeps as f64;
             if let Some([from, to]) = delayed {
-                let share = T::from_f64(step as f64 / self.substeps as f64);
-                self.input.velocity_rad_s = from + (to - from) * share;
+                self.input.velocity_rad_s = from + (to - from) * T::from_f64(share);
+            } else if let Some([at_start, at_end]) = curve {
+                let rest = 1.0 - share;
+                let above_line = share * rest * (at_start * rest - at_end * share);
+                let on_line = self.input.velocity_rad_s;
+                self.input.velocity_rad_s = on_line + T::from_f64(above_line);
             }
             torque = self.rescaled.step(&mut self.state, &self.input);
         }
@@ -137,6 +174,11 @@ impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
         let share = step as f64 / steps;
         let last = step == self.substeps;
         let on_line = |from: f64, to: f64| if last { to } else { from + (to - from) * share };
+        if self.varying.velocity_alone {
+            let velocity = on_line(before.velocity_rad_s, now.velocity_rad_s);
+            self.input.velocity_rad_s = T::from_f64(velocity);
+            return;
+        }
         if self.varying.all {
             self.input = Sample {
                 position_weight: T::from_f64(now.position_weight),
@@ -161,6 +203,36 @@ impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
             self.input.lookup_weight = T::from_f64(now.lookup_weight);
         }
     }
+}
+
+/// Returns how much the slope of the velocity at both ends of a row exceeds that of the line between them, rad/s per row.
+///
+/// A line cuts the corners of a motion: at 200 Hz and 5 Hz its displacement in a row is wrong by some 0.2 %, which a fit ascribes
+/// to the bristle's damping. Each slope is that of the parabola through three samples. It is limited so that the velocity stays
+/// between those of the samples (Fritsch and Carlson 1980): a joint at rest does not move before it starts.
+fn curvature(track: &Track, index: usize) -> [f64; 2] {
+    let velocity = |row: usize| track.samples[row].velocity_rad_s;
+    let ratio = |row: usize| track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+    // Change of the velocity up to a row, per median period.
+    let slope = |row: usize| (velocity(row) - velocity(row - 1)) / ratio(row);
+    if index == 0 {
+        return [0.0; 2];
+    }
+    let own = slope(index);
+    let at = |row: usize| {
+        if row == 0 || row + 1 == track.len() {
+            return 0.0;
+        }
+        let (before, after) = (slope(row), slope(row + 1));
+        if before * after <= 0.0 {
+            return -own;
+        }
+        let (short, long) = (ratio(row), ratio(row + 1));
+        let parabola = (before * long + after * short) / (short + long);
+        let most = 3.0 * before.abs().min(after.abs());
+        parabola.clamp(-most, most) - own
+    };
+    [at(index - 1), at(index)].map(|above| above * ratio(index))
 }
 
 /// Returns the bristle torque of a joint that slides at the start of the track: the Coulomb level, Nm.

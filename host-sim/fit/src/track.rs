@@ -30,6 +30,9 @@ pub struct Track {
     /// True in rows whose torque was a spike and is replaced ([`joint_log::Run::torque_spikes`]). Their weight is 0.
     /// Empty if there is none.
     pub torque_spikes: Vec<bool>,
+    /// True if the samples' velocity is exact. It is then interpolated smoothly between rows; a velocity that was
+    /// reconstructed is a polygon.
+    pub velocity_is_exact: bool,
     /// The log's extra covariates along the track, in the order of [`joint_log::Dataset::covariates`].
     pub covariates: Arc<[Vec<f64>]>,
     /// Random draws of the true velocity minus the samples' velocity, rad/s or m/s, one value per row
@@ -55,6 +58,7 @@ impl Track {
             period_ratio: None,
             weights: Vec::new(),
             torque_spikes: Vec::new(),
+            velocity_is_exact: false,
             covariates: Arc::default(),
             velocity_draws: Vec::new(),
             motion_error: Vec::new(),
@@ -81,6 +85,7 @@ impl Track {
                 .skip(rows.start)
                 .copied()
                 .collect(),
+            velocity_is_exact: self.velocity_is_exact,
             covariates: self
                 .covariates
                 .iter()
