@@ -11,7 +11,7 @@ use friction_fit::initial_state::initial_state;
 use friction_fit::params::{self, ParameterFile};
 use friction_fit::simulate::{Resolution, simulate};
 use friction_fit::spec::Spec;
-use friction_fit::{Outcome, Track};
+use friction_fit::{DriverForm, Outcome, Track};
 use friction_results::export::{ExportFormat, export};
 use friction_results::provenance::parameter_file;
 use joint_log::log_check::{Corrections, check};
@@ -180,14 +180,15 @@ impl Model {
         input: &Prepared,
         auxiliary: Option<String>,
     ) -> Self {
-        let estimates = outcome.estimates.iter();
+        // As the text of the file has it.
+        let DriverForm { parameters, estimates, .. } = outcome.for_driver();
         Self {
             spec: outcome.spec.clone(),
-            parameters: outcome.parameters.clone(),
+            parameters,
             joint: input.data.joint,
             resolution: outcome.resolution,
             toml: parameter_file(command, input, outcome, auxiliary.as_deref()),
-            estimates: estimates.map(|of| (of.id, of.std_error, of.state.name())).collect(),
+            estimates: estimates.iter().map(|of| (of.id, of.std_error, of.state.name())).collect(),
             auxiliary,
         }
     }

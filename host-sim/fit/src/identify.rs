@@ -1,7 +1,8 @@
 //! Identification: a fit with estimates, standard errors, metrics and verdicts.
 
 use super::outcome::{Estimate, Outcome, State};
-use super::predict::predict;
+use super::passive::{passive_fit, reported};
+use super::predict::{Predicted, predict};
 use super::scales::Scales;
 use super::solve::{FitOptions, Solution, fit, unobserved_parameters};
 use super::statistics::{autocorrelation_time, inverse_information};
@@ -13,7 +14,6 @@ use crate::spec::{Spec, SpecError};
 use ParameterId as Id;
 use compensator_core::parameters::Envelope;
 use compensator_core::{ParameterId, Parameters};
-use joint_log::number::significant;
 use nalgebra::DMatrix;
 
 /// Relative standard error of a positive parameter above which it is "not determined": values from half to twice as large
@@ -39,24 +39,35 @@ pub fn identify(
     options: &FitOptions,
 ) -> Result<Outcome, SpecError> {
     let begin = Instant::now();
-    let mut made_passive = Vec::new();
-    let (mut solution, mut parameters) = fit_legal(spec, base, train, test, options);
-    if options.passive {
-        let mut steps = 0;
-        let mut options = FitOptions { starts: 1, ..options.clone() };
-        while let Some(step) = towards_passivity(&mut parameters, &mut options, steps) {
-            // The unconstrained value of a parameter is reported once.
-            if made_passive.iter().all(|earlier: &PassivityChange| earlier.id != step.id) {
-                made_passive.push(step);
-            }
-            steps += 1;
-            options.start = Some(parameters.clone());
-            let evaluations = solution.evaluations;
-            (solution, parameters) = fit_legal(spec, &parameters, train, test, &options);
-            solution.evaluations += evaluations;
+    let rows = [train, test];
+    let (solution, parameters) = fit_legal(spec, base, rows, options);
+    let passive = match options.passive {
+        true => passive_fit(spec, &parameters, &solution, rows, options),
+        false => None,
+    };
+    let (alone, errors) = evaluate(spec, solution, parameters, rows);
+    let mut outcome = match passive {
+        Some(form) => {
+            let own = evaluate(spec, form.solution.clone(), form.parameters.clone(), rows);
+            let evaluations = alone.evaluations + own.0.evaluations;
+            Outcome { evaluations, ..reported((alone, errors), own, form) }
         }
-    }
+        None => alone,
+    };
+    outcome.seconds = begin.elapsed().as_secs_f64();
+    ensure_loadable(&mut outcome);
+    Ok(outcome)
+}
+
+/// Returns the outcome of a fit, and its errors on the held-out rows.
+fn evaluate(
+    spec: &Spec,
+    solution: Solution,
+    parameters: Parameters<f64>,
+    [train, test]: [Rows; 2],
+) -> (Outcome, Predicted) {
     let predicted = predict(&parameters, train, solution.resolution);
+    let held_out = predict(&parameters, test, solution.resolution);
     let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
     let unobserved = unobserved_parameters(spec, train.tracks);
     let (estimates, correlation) = estimates(&solution, &parameters, train, time, &unobserved);
@@ -68,35 +79,27 @@ pub fn identify(
         estimates,
         correlation,
         train: train_metrics,
-        test: predict(&parameters, test, solution.resolution).metrics,
+        test: held_out.metrics,
         bic: rows * (train_metrics.sse.max(f64::MIN_POSITIVE) / rows.max(1.0)).ln()
             + count * rows.max(1.0).ln(),
-        seconds: begin.elapsed().as_secs_f64(),
+        seconds: 0.0,
         evaluations: solution.evaluations,
         resolution: solution.resolution,
         autocorrelation_time: time,
         converged: solution.converged,
         verdicts: Vec::new(),
+        driver_form: None,
         parameters,
     };
     outcome.verdicts = verdicts(&outcome, &unobserved, &predicted, train.tracks);
-    for PassivityChange { id, note } in made_passive {
-        // The parameter is at its passivity bound, although it was fixed in the last fit.
-        if let Some(estimate) = outcome.estimates.iter_mut().find(|e| Some(e.id) == id) {
-            estimate.state = State::AtBound;
-        }
-        outcome.verdicts.push(note);
-    }
-    ensure_loadable(&mut outcome);
-    Ok(outcome)
+    (outcome, held_out)
 }
 
 /// Fits a model, moves its parameters into their legal ranges and declares the envelope.
-fn fit_legal(
+pub(super) fn fit_legal(
     spec: &Spec,
     base: &Parameters<f64>,
-    train: Rows,
-    test: Rows,
+    [train, test]: [Rows; 2],
     options: &FitOptions,
 ) -> (Solution, Parameters<f64>) {
     let solution = fit(spec, base, train, options);
@@ -104,61 +107,6 @@ fn fit_legal(
     keep_legal(&mut parameters, solution.coordinates.ids());
     declare_envelope(&mut parameters, train.tracks, test.tracks);
     (solution, parameters)
-}
-
-/// A change that made a law passive.
-struct PassivityChange {
-    /// The parameter that was moved to its bound, if any.
-    id: Option<Id>,
-    /// Note for the user.
-    note: String,
-}
-
-/// Changes a law that is not passive in one step towards passivity, after which the other parameters are fitted again.
-/// Returns `None` if the law is passive or no step is left. The first step lets the damping fade with speed, as a film
-/// separates the asperities: the rows still determine its size, and the law is passive except for very large
-/// values. Further steps move values that are too large to their bound.
-fn towards_passivity(
-    parameters: &mut Parameters<f64>,
-    options: &mut FitOptions,
-    steps: usize,
-) -> Option<PassivityChange> {
-    // Share of the bound to use in each step: the bound falls as the other parameters adapt.
-    const BOUND_SHARES: [f64; 5] = [0.95, 0.95, 0.8, 0.5, 0.2];
-    if parameters.choices.allow_active {
-        return None;
-    }
-    let inside = BOUND_SHARES.get(steps)?;
-    let viscous = parameters.get(Id::ViscousFriction);
-    if parameters.law.has_bristles() && viscous < 0.0 {
-        parameters.set(Id::ViscousFriction, 0.0);
-        options.fixed.push(Id::ViscousFriction);
-        let note = format!(
-            "viscous_friction: at its bound, 0: the rows alone give {}, and a negative value drives the joint instead of braking it",
-            significant(viscous, 3)
-        );
-        return Some(PassivityChange { id: Some(Id::ViscousFriction), note });
-    }
-    let largest = parameters.active_damping()?;
-    let damping = significant(parameters.get(Id::BristleDamping), 3);
-    if !parameters.choices.damping_fades && !options.fixed.contains(&Id::BristleDamping) {
-        parameters.choices.damping_fades = true;
-        let note = format!(
-            "the bristle damping fades with speed (damping_fades): a constant damping, {damping} on these rows, can give out \
-             energy; the largest passive value is {}",
-            significant(largest, 3)
-        );
-        return Some(PassivityChange { id: None, note });
-    }
-    parameters.set(Id::BristleDamping, inside * largest);
-    if !options.fixed.contains(&Id::BristleDamping) {
-        options.fixed.push(Id::BristleDamping);
-    }
-    let note = format!(
-        "bristle_damping: at its bound: the rows alone give {damping}, and more than {} can give out energy",
-        significant(largest, 3)
-    );
-    Some(PassivityChange { id: Some(Id::BristleDamping), note })
 }
 
 /// Moves free parameters at the end of their legal range inside it by a rounding of `f32`. Fixed parameters keep their
@@ -213,6 +161,7 @@ fn ensure_loadable(outcome: &mut Outcome) {
     let Some(error) = refusal(&outcome.parameters) else { return };
     outcome.parameters.choices.allow_active = true;
     match refusal(&outcome.parameters) {
+        None if outcome.driver_form.is_some() => {}
         None => outcome.verdicts.push(format!(
             "the law can give out energy and so keep a joint moving ({error}); params.toml sets allow_active, and a driver \
              warns when it runs the law. `identify` without --choices allow_active fits a passive law"

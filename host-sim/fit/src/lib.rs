@@ -10,6 +10,7 @@
 //!            (repeated with Huber's weights for a robust loss)       robust
 //!         -> on held-out rows                                        predict, metrics
 //!         -> parameters, errors, verdicts                            statistics, identify, outcome, verdict
+//!            (with the passive form for a driver)                    passive
 //! ```
 //!
 //! The simulation uses the core's step, so that the identified model is the one that a driver runs. Derivatives are
@@ -33,6 +34,7 @@ pub mod minimise;
 pub mod network;
 pub mod outcome;
 pub mod params;
+mod passive;
 pub mod predict;
 pub mod prediction;
 pub mod reduce;
@@ -54,7 +56,7 @@ mod verdict;
 pub use dataset_tracks::{tracks, tracks_with};
 pub use identify::identify;
 pub use metrics::Metrics;
-pub use outcome::{Estimate, Outcome, State};
+pub use outcome::{DriverForm, Estimate, Outcome, State};
 pub use predict::{Predicted, predict};
 pub use robust::{Loss, identify_robustly};
 pub use simulate::Resolution;

@@ -53,7 +53,7 @@ pub struct Estimate {
 pub struct Outcome {
     /// The model.
     pub spec: Spec,
-    /// The fitted parameters, ready for the core.
+    /// The fitted parameters, valid in the core. The law may be active: a driver runs [`Outcome::for_driver`].
     pub parameters: Parameters<f64>,
     /// Estimates of all parameters of the model.
     pub estimates: Vec<Estimate>,
@@ -77,4 +77,32 @@ pub struct Outcome {
     pub converged: bool,
     /// Notes for the user, one sentence each.
     pub verdicts: Vec<String>,
+    /// The passive form, if the rows alone determine an active law and the passive form is clearly worse.
+    pub driver_form: Option<Box<DriverForm>>,
+}
+
+/// A fitted law for a joint driver.
+#[derive(Clone, Debug)]
+pub struct DriverForm {
+    /// Its parameters.
+    pub parameters: Parameters<f64>,
+    /// Estimates of all its parameters. Those that differ from the fit to the rows alone are not determined.
+    pub estimates: Vec<Estimate>,
+    /// Errors on the training rows.
+    pub train: Metrics,
+    /// Errors on the held-out rows.
+    pub test: Metrics,
+}
+
+impl Outcome {
+    /// Returns what a joint driver runs: the passive form, if there is one, or else this fit.
+    pub fn for_driver(&self) -> DriverForm {
+        let this = || DriverForm {
+            parameters: self.parameters.clone(),
+            estimates: self.estimates.clone(),
+            train: self.train,
+            test: self.test,
+        };
+        self.driver_form.as_deref().cloned().unwrap_or_else(this)
+    }
 }

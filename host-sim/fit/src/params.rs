@@ -30,9 +30,9 @@ mod fit_record;
 
 pub use fit_record::FitRecord;
 
-use crate::Outcome;
 use crate::network::{BASE, NetworkFile, checksum};
 use crate::spec::Spec;
+use crate::{DriverForm, Outcome};
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
 use compensator_core::parameters::{Choices, Envelope};
@@ -101,10 +101,10 @@ pub fn unit_in_words(unit: &str) -> &str {
 
 /// Formats the parameter file of a fit to `data`. `auxiliary` is the covariate that the model follows, if any.
 pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> String {
-    let (parameters, joint) = (&outcome.parameters, data.joint);
+    let (DriverForm { parameters, estimates, .. }, joint) = (outcome.for_driver(), data.joint);
     let mut text = head(joint, &outcome.spec.full_name());
     // Writing to a string does not fail.
-    for estimate in &outcome.estimates {
+    for estimate in &estimates {
         let (info, value) = (estimate.id.info(), estimate.value);
         let unit = unit(estimate.id, joint);
         let _ = write!(text, "{} = {{ value = {value:?}, unit = \"{unit}\"", info.name);

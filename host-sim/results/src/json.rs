@@ -2,7 +2,7 @@
 //!
 //! Both files have the same structure: `identify` writes a list of one model. All errors are in the unit of the torque
 //! column. `nrmse_std` and `nrmse_range` are the RMSE divided by the standard deviation and by the range of the measured
-//! torque on the same rows. `bic` is `n ln(SSE/n) + k ln n` on the training rows.
+//! torque on the same rows. `driver_form` is the passive form in `params.toml`, if `params` give an active law. `bic` is `n ln(SSE/n) + k ln n` on the training rows.
 
 use friction_fit::params::unit;
 use friction_fit::spec::Spec;
@@ -56,9 +56,11 @@ fn correlation(outcome: &Outcome) -> Map<String, Value> {
 
 /// Returns the document of fits to a data set. `hashes` are those of the files, in order.
 pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcome]) -> FitDocument {
+    let parameters = |estimates: &[Estimate]| -> Map<_, _> {
+        estimates.iter().map(|estimate| parameter(estimate, data)).collect()
+    };
     let model = |outcome: &Outcome| {
-        let params = outcome.estimates.iter().map(|estimate| parameter(estimate, data));
-        json!({
+        let mut model = json!({
             "model": outcome.spec.to_string(),
             "rigid_body": outcome.spec.rigid_body.iter().map(|term| term.name()).collect::<Vec<_>>(),
             "seconds": outcome.seconds,
@@ -68,11 +70,19 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
             "extrapolated": outcome.resolution.extrapolated,
             "autocorrelation_time": outcome.autocorrelation_time,
             "verdicts": outcome.verdicts,
-            "params": params.collect::<Map<_, _>>(),
+            "params": parameters(&outcome.estimates),
             "correlation": correlation(outcome),
             "train": outcome.train,
             "test": outcome.test,
-        })
+        });
+        if let Some(form) = &outcome.driver_form {
+            model["driver_form"] = json!({
+                "params": parameters(&form.estimates),
+                "train": form.train,
+                "test": form.test,
+            });
+        }
+        model
     };
     let models: Vec<Value> = fits.iter().map(model).collect();
     FitDocument(json!({ "schema": 1, "data": sources(data, split, hashes), "models": models }))

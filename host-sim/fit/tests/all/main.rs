@@ -2,5 +2,6 @@
 //!
 //! `cargo test -p friction-fit --test all X::` runs the tests of the file `X.rs`.
 
+mod coverage;
 mod measured_figures;
 mod trace;

@@ -266,7 +266,7 @@ fn next_steps(view: &View) -> String {
     if let Some(experiment) = experiment(&loose) {
         things.push(format!("if the parameter values are needed, record {experiment}"));
     }
-    if best.parameters.choices.allow_active {
+    if best.parameters.choices.allow_active && best.driver_form.is_none() {
         things.push(
             "before using it on a driver, fit it without `--choices allow_active`, because it may not be passive"
                 .to_owned(),

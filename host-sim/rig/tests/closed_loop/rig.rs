@@ -43,7 +43,7 @@ fn identified() -> &'static Friction<f32> {
         let rows = Rows { tracks: &tracks, decimate: 4 };
         let options = FitOptions { passive: true, starts: 1, ..FitOptions::default() };
         let fit = identify(&spec, &start, rows, rows, &options).expect("a fit");
-        fit.parameters.convert()
+        fit.for_driver().parameters.convert()
     });
     &MODEL
 }

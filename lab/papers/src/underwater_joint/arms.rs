@@ -91,9 +91,10 @@ fn fit_arm(name: &'static str, spec: &str, data: &[&Dataset]) -> Result<DriverAr
 }
 
 fn arm_from_fit(name: &'static str, fit: Outcome) -> DriverArm {
-    let mut set = driver_set(fit.parameters.convert::<f32>(), COMPENSATED_SHARE);
+    let form = fit.for_driver();
+    let mut set = driver_set(form.parameters.convert::<f32>(), COMPENSATED_SHARE);
     // The band of the watch is the error on the fitted rows.
-    set.watch.band_nm = fit.train.rmse as f32;
+    set.watch.band_nm = form.train.rmse as f32;
     DriverArm { name, set, perfect: None, fit: Some(fit) }
 }
 
