@@ -27,8 +27,7 @@ from scipy.optimize import least_squares
 class Data:
     """The training rows, run after run."""
 
-    def __init__(self, path):
-        table = np.loadtxt(path, delimiter=",", skiprows=1)
+    def __init__(self, table):
         first = np.flatnonzero(np.diff(table[:, 0], prepend=-1))
         self.bounds = np.append(first, len(table))
         self.dt = table[1, 1] - table[0, 1]
@@ -161,7 +160,7 @@ def fit(name, data, rounds):
 
 
 def main(path, rounds, names):
-    data = Data(path)
+    data = Data(np.loadtxt(path, delimiter=",", skiprows=1))
     fits = [
         result
         for name in names or SIMULATORS
