@@ -15,7 +15,7 @@ use super::contest::{
 use super::evaluation::{Gain, gain};
 use super::extended::{Extended, Size};
 use super::finalist::{
-    FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters,
+    FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters, resolved,
 };
 use super::finding::Finding;
 use super::gram_blocks::{CandidateFit, LeftOut};
@@ -29,10 +29,14 @@ use super::train_test::TrainTest;
 use super::{DiagnosisOptions, unknown_zero};
 use compensator_core::{LawKind, TermKind};
 use friction_fit::predict::{Predicted, predict};
+use friction_fit::solve::COMPARISON_TOLERANCE;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::{FitOptions, Outcome, identify};
 use joint_log::JointKind;
 use joint_log::log_check::LogFinding;
+
+/// Progress at which a fit to all rows ends, as a share of the squared error. It begins at the optimum of an excerpt.
+const STAGNATION: f64 = 1e-4;
 
 /// What a diagnosis by the contest answers.
 #[derive(Clone, Debug)]
@@ -77,9 +81,11 @@ pub fn answer(
     progress("fitting the best hypotheses");
     let search = Search { log: &log, rows: &rows, outcome: &outcome, options };
     let mut chosen = search.best(&weighed)?;
-    progress("fitting the extended model to all rows");
+    progress("fitting the base model to all rows");
     let corrected = &chosen.corrected;
+    chosen.base = resolved(&chosen.excerpt, &chosen.base);
     let baseline = corrected.identify(&chosen.base)?;
+    progress("evaluating the base model on held-out rows");
     let before = match &options.given {
         Some((_, parameters)) => {
             predict(parameters, corrected.judged.test_rows(), baseline.resolution)
@@ -87,7 +93,8 @@ pub fn answer(
         None => corrected.held_out(&model_of(&baseline, &chosen.base)),
     };
     let offer = loop {
-        let offer = corrected.offer(&chosen.finalist, &before, options.seed)?;
+        progress("fitting the extended model to all rows");
+        let offer = corrected.offer((&chosen.finalist, &chosen.excerpt), &before, options.seed)?;
         let names: Vec<bool> = weighed.iter().map(WeighedCause::is_named).collect();
         if let Some(offer) = &offer {
             check_sizes(&mut weighed, &chosen, offer);
@@ -97,7 +104,7 @@ pub fn answer(
         }
         chosen.finalist = search.again(&chosen, &weighed)?;
     };
-    set_shortfall(&mut weighed, &chosen, &before, offer.as_ref());
+    set_shortfall(&mut weighed, &outcome.finalists, &chosen, (&before, offer.as_ref()));
     let findings = findings(&weighed, &chosen, offer.as_ref(), &outcome);
     let judged = chosen.corrected.judged.clone();
     let follows =
@@ -191,6 +198,9 @@ impl CorrectedRows {
             starts: 1,
             start: Some(model.parameters.clone()),
             fixed: model.fixed.clone(),
+            resolution: Some(model.resolution),
+            tolerance: COMPARISON_TOLERANCE,
+            stagnation: STAGNATION,
             ..FitOptions::default()
         };
         identify(&model.spec, &model.parameters, log.train_rows(), log.test_rows(), &options)
@@ -207,14 +217,14 @@ impl CorrectedRows {
     /// Fits the finalist to all rows. Returns `None` if it has no term or does not gain on held-out rows.
     fn offer(
         &self,
-        finalist: &FittedFinalist,
+        (finalist, excerpt): (&FittedFinalist, &TrainTest),
         before: &Predicted,
         seed: u64,
     ) -> Result<Option<Offer>, SpecError> {
         if finalist.realised.is_empty() {
             return Ok(None);
         }
-        let outcome = self.identify(&finalist.model)?;
+        let outcome = self.identify(&resolved(excerpt, &finalist.model))?;
         let model = model_of(&outcome, &finalist.model);
         let after = self.held_out(&model);
         let gain = gain(before, &after, seed);
@@ -400,13 +410,17 @@ fn realises(realised: &Realised, own: &WeighedCause) -> bool {
 /// Sets what the driver's law keeps less than the linear promise.
 fn set_shortfall(
     weighed: &mut [WeighedCause],
+    finalists: &[Finalist],
     chosen: &Chosen,
-    before: &Predicted,
-    offer: Option<&Offer>,
+    (before, offer): (&Predicted, Option<&Offer>),
 ) {
-    let _ = (chosen, before, offer);
+    let Some(finalist) = finalists.get(chosen.place) else { return };
+    let taken = |before: f64, after: f64| 1.0 - (after / before.max(f64::MIN_POSITIVE)).powi(2);
+    let promised = taken(finalist.law_rmse, finalist.rmse);
+    let kept = offer.map_or(0.0, |offer| taken(before.metrics.rmse, offer.after.metrics.rmse));
+    let shortfall = (1.0 - kept / promised.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
     for own in weighed.iter_mut().filter(|own| own.is_named()) {
-        own.shortfall = None;
+        own.shortfall = Some(shortfall);
     }
 }
 

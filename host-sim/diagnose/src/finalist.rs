@@ -126,6 +126,30 @@ pub fn free_parameters(spec: &Spec, parameters: &Parameters<f64>, log: &TrainTes
         .collect()
 }
 
+/// Returns a model refitted at the resolution of the simulation that its rows need.
+pub fn resolved(log: &TrainTest, model: &FittedModel) -> FittedModel {
+    if !model.spec.law.has_bristles() {
+        return model.clone();
+    }
+    let log = &*log.following(model.follows.as_ref());
+    let options = FitOptions {
+        starts: 1,
+        start: Some(model.parameters.clone()),
+        fixed: model.fixed.clone(),
+        patience: PATIENCE,
+        tolerance: COMPARISON_TOLERANCE,
+        stagnation: COMPARISON_STAGNATION,
+        ..FitOptions::default()
+    };
+    let solution = fit(&model.spec, &model.parameters, log.train_rows(), &options);
+    FittedModel {
+        parameters: solution.parameters(),
+        resolution: solution.resolution,
+        sse: solution.reduced.sum_of_squares(),
+        ..model.clone()
+    }
+}
+
 /// Returns the model fitted to the training rows from a start, in few steps.
 pub fn fitted(
     log: &TrainTest,
