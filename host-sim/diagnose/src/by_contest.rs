@@ -9,6 +9,7 @@
 
 use super::cause_evidence::CauseEvidence;
 use super::contest::correction::Correction;
+use super::contest::ledger::CauseKey;
 use super::contest::{
     Finalist, FinalistCause, LawStart, Outcome as ContestOutcome, RigidBody, Rows, contest,
 };
@@ -31,6 +32,7 @@ use compensator_core::{LawKind, TermKind};
 use friction_fit::predict::{Predicted, predict};
 use friction_fit::solve::COMPARISON_TOLERANCE;
 use friction_fit::spec::{Spec, SpecError};
+use friction_fit::statistics::autocorrelation_time;
 use friction_fit::{FitOptions, Outcome, identify};
 use joint_log::JointKind;
 use joint_log::log_check::LogFinding;
@@ -82,6 +84,8 @@ pub fn answer(
     let search = Search { log: &log, rows: &rows, outcome: &outcome, options };
     let mut chosen = search.best(&weighed)?;
     progress("fitting the base model to all rows");
+    let residuals = chosen.finalist.held_out.residuals.iter().map(Vec::as_slice);
+    chosen.corrected.memory_rows = autocorrelation_time(residuals);
     let corrected = &chosen.corrected;
     chosen.base = resolved(&chosen.excerpt, &chosen.base);
     let baseline = corrected.identify(&chosen.base)?;
@@ -151,6 +155,8 @@ struct CorrectedRows {
     delay_s: Option<f64>,
     /// The correction as a fault of the log.
     finding: Option<LogFinding>,
+    /// Autocorrelation time of the residual in rows: so many rows are one observation for a fit.
+    memory_rows: f64,
 }
 
 /// A model that gains on held-out rows.
@@ -188,7 +194,7 @@ impl CorrectedRows {
             let first = rows.runs[track.run].start + track.first_row;
             track.scale_weights(|row| rows.weights[first + row].powi(2));
         }
-        Self { fitted, judged, delay_s, finding }
+        Self { fitted, judged, delay_s, finding, memory_rows: 1.0 }
     }
 
     /// Fits a model to all rows, from its parameters, until it converges.
@@ -199,7 +205,7 @@ impl CorrectedRows {
             start: Some(model.parameters.clone()),
             fixed: model.fixed.clone(),
             resolution: Some(model.resolution),
-            tolerance: COMPARISON_TOLERANCE,
+            tolerance: COMPARISON_TOLERANCE * self.memory_rows,
             stagnation: STAGNATION,
             ..FitOptions::default()
         };
@@ -277,46 +283,60 @@ impl Search<'_> {
 
     /// Returns the finalist with the least held-out error on an excerpt of the log.
     fn best(&self, weighed: &[WeighedCause]) -> Result<Chosen, SpecError> {
-        let mut best: Option<Chosen> = None;
         let fallback = [Finalist::without_cause()];
-        let finalists =
-            if self.outcome.finalists.is_empty() { &fallback[..] } else { &self.outcome.finalists };
+        let finalists = match self.outcome.finalists.as_slice() {
+            [] => &fallback[..],
+            finalists => finalists,
+        };
+        let mut best: Option<Chosen> = None;
+        let mut tried: Vec<(Correction, Vec<&CauseKey>)> = Vec::new();
         for (place, finalist) in finalists.iter().enumerate() {
-            let joint = self.log.train.joint;
-            let mut corrected = CorrectedRows::new(self.log, self.rows, finalist, joint);
-            let is_meant = |own: &FinalistCause| is_named(weighed, own);
-            let causes: Vec<FinalistCause> =
-                finalist.causes.iter().filter(|own| is_meant(own)).cloned().collect();
-            let law = law_kind(&finalist.law, &causes);
-            let base = self.base(&corrected, &finalist.law, law)?;
-            if has_free_phase(&causes)
-                && let Some(aligned) = unknown_zero::aligned(&corrected.judged, &base)
-            {
-                corrected.align(&aligned);
-            }
-            let excerpt = excerpt(&corrected.fitted);
-            let mut laws = vec![base.spec.law];
-            if base.spec.law != law {
-                laws.push(law);
-            }
-            for law in laws {
-                let fitted = fit_finalist(
-                    &excerpt,
-                    finalist,
-                    &self.spec(law),
-                    &is_meant,
-                    corrected.delay_s,
-                )?;
-                let error = |own: &FittedFinalist| own.held_out.metrics.rmse;
-                if best.as_ref().is_none_or(|best| error(&fitted) < error(&best.finalist)) {
-                    let (corrected, excerpt, base) =
-                        (corrected.clone(), excerpt.clone(), base.clone());
-                    best = Some(Chosen { place, corrected, excerpt, base, finalist: fitted });
+            let causes = finalist.causes.iter().filter(|own| is_named(weighed, own));
+            let keys: Vec<&CauseKey> = causes.map(|own| &own.key).collect();
+            if !tried.contains(&(finalist.correction, keys.clone())) {
+                tried.push((finalist.correction, keys));
+                let own = self.fitted(place, finalist, weighed)?;
+                let error = |own: &Chosen| own.finalist.held_out.metrics.rmse;
+                if best.as_ref().is_none_or(|best| error(&own) < error(best)) {
+                    best = Some(own);
                 }
             }
         }
         let Some(best) = best else { unreachable!("there is always a finalist") };
         Ok(best)
+    }
+
+    /// Returns a finalist fitted to an excerpt of the log, with its law, or with that of the base model if it is another one.
+    fn fitted(
+        &self,
+        place: usize,
+        finalist: &Finalist,
+        weighed: &[WeighedCause],
+    ) -> Result<Chosen, SpecError> {
+        let mut corrected = CorrectedRows::new(self.log, self.rows, finalist, self.log.train.joint);
+        let is_meant = |own: &FinalistCause| is_named(weighed, own);
+        let causes: Vec<FinalistCause> =
+            finalist.causes.iter().filter(|own| is_meant(own)).cloned().collect();
+        let law = law_kind(&finalist.law, &causes);
+        let base = self.base(&excerpt(&corrected.fitted), &finalist.law, law)?;
+        if has_free_phase(&causes)
+            && let Some(aligned) = unknown_zero::aligned(&corrected.judged, &base)
+        {
+            corrected.align(&aligned);
+        }
+        let excerpt = excerpt(&corrected.fitted);
+        let fit = |law: LawKind| {
+            let from = (&base, &self.spec(law));
+            fit_finalist(&excerpt, finalist, from, &is_meant, corrected.delay_s)
+        };
+        let mut own = fit(law)?;
+        if base.spec.law != law {
+            let other = fit(base.spec.law)?;
+            if other.held_out.metrics.rmse < own.held_out.metrics.rmse {
+                own = other;
+            }
+        }
+        Ok(Chosen { place, corrected, excerpt, base, finalist: own })
     }
 
     /// Returns the chosen hypothesis with the causes that are still named.
@@ -327,28 +347,27 @@ impl Search<'_> {
     ) -> Result<FittedFinalist, SpecError> {
         let finalist = &self.outcome.finalists[chosen.place];
         let is_meant = |own: &FinalistCause| is_named(weighed, own);
-        let spec = self.spec(chosen.finalist.model.spec.law);
-        fit_finalist(&chosen.excerpt, finalist, &spec, &is_meant, chosen.corrected.delay_s)
+        let from = (&chosen.base, &self.spec(chosen.finalist.model.spec.law));
+        fit_finalist(&chosen.excerpt, finalist, from, &is_meant, chosen.corrected.delay_s)
     }
 
     /// Returns the base model: the law, or the linear law if that has the smaller held-out error.
     fn base(
         &self,
-        corrected: &CorrectedRows,
+        excerpt: &TrainTest,
         start: &LawStart,
         law: LawKind,
     ) -> Result<FittedModel, SpecError> {
-        let excerpt = excerpt(&corrected.fitted);
         let fit =
             |law: LawKind, start: Option<&LawStart>| -> Result<(f64, FittedModel), SpecError> {
                 let spec = self.spec(law);
                 let from = match (&self.options.given, start) {
                     (Some((_, parameters)), _) => Some(parameters.clone()),
-                    (None, Some(start)) => Some(law_parameters(&spec, start, &[], &excerpt)?),
+                    (None, Some(start)) => Some(law_parameters(&spec, start, &[], excerpt)?),
                     (None, None) => None,
                 };
-                let model = fitted(&excerpt, &spec, from.as_ref(), &[], None)?;
-                Ok((one_step_left_out(&excerpt, &excerpt, &model).metrics.rmse, model))
+                let model = fitted(excerpt, &spec, from.as_ref(), &[], None)?;
+                Ok((one_step_left_out(excerpt, excerpt, &model).metrics.rmse, model))
             };
         let own = fit(law, Some(start))?;
         if !self.is_law_free() || law == LawKind::Linear {

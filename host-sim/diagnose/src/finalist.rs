@@ -13,7 +13,7 @@ use super::columns::columns;
 use super::contest::{Finalist, FinalistCause, LawStart};
 use super::left_out::one_step_left_out;
 use super::model::FittedModel;
-use super::sensitivities::sensitivities;
+use super::sensitivities::{Sensitivities, sensitivities};
 use super::train_test::{FollowedColumn, TrainTest};
 use ParameterId as Id;
 use compensator_core::term::MAX_TERMS;
@@ -21,20 +21,23 @@ use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use friction_fit::predict::Predicted;
 use friction_fit::scales::Scales;
 use friction_fit::simulate::Resolution;
-use friction_fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE, unobserved_parameters};
+use friction_fit::solve::{COMPARISON_TOLERANCE, unobserved_parameters};
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::{FitOptions, fit, treatment};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Rows of an excerpt on which finalists are compared.
-const MOST_ROWS: usize = 20_000;
+const MOST_ROWS: usize = 15_000;
 
 /// Fewest rows of a track in an excerpt: some strokes.
-const FEWEST_ROWS: usize = 2_000;
+const FEWEST_ROWS: usize = 700;
 
 /// Simulations per parameter in the fit of a finalist.
-const PATIENCE: usize = 4;
+const PATIENCE: usize = 3;
+
+/// Progress at which such a fit ends, as a share of the squared error.
+const STAGNATION: f64 = 1e-3;
 
 /// Share of the squared error that a candidate must remove for each coefficient that it has more than another one.
 const MIN_GAIN_PER_COEFFICIENT: f64 = 0.01;
@@ -138,7 +141,7 @@ pub fn resolved(log: &TrainTest, model: &FittedModel) -> FittedModel {
         fixed: model.fixed.clone(),
         patience: PATIENCE,
         tolerance: COMPARISON_TOLERANCE,
-        stagnation: COMPARISON_STAGNATION,
+        stagnation: STAGNATION,
         ..FitOptions::default()
     };
     let solution = fit(&model.spec, &model.parameters, log.train_rows(), &options);
@@ -166,7 +169,7 @@ pub fn fitted(
         resolution: Some(Resolution::PLAIN),
         patience: PATIENCE,
         tolerance: COMPARISON_TOLERANCE,
-        stagnation: COMPARISON_STAGNATION,
+        stagnation: STAGNATION,
         ..FitOptions::default()
     };
     let base = match start {
@@ -201,7 +204,8 @@ pub fn excerpt(log: &TrainTest) -> TrainTest {
     excerpt
 }
 
-/// A hypothesis as a start of a fit.
+/// A point from which a fit begins.
+#[derive(Clone)]
 struct Start {
     spec: Spec,
     parameters: Parameters<f64>,
@@ -212,82 +216,120 @@ struct Start {
 
 /// Fits a hypothesis with a law, with those of its causes that are meant and have a term, and evaluates it on held-out rows.
 ///
+/// All causes are fitted at once. If the law then keeps too little of the linear promise, they are added one by one, the most
+/// material first, each from the fit with those before it.
+///
 /// # Errors
 /// If there are more terms than the core takes.
 pub fn fit_finalist(
     log: &TrainTest,
     finalist: &Finalist,
-    base: &Spec,
+    (base, law): (&FittedModel, &Spec),
     is_meant: &dyn Fn(&FinalistCause) -> bool,
     delay_s: Option<f64>,
 ) -> Result<FittedFinalist, SpecError> {
-    let start = start(log, finalist, base, is_meant, delay_s)?;
+    let meant: Vec<usize> =
+        (0..finalist.causes.len()).filter(|at| is_meant(&finalist.causes[*at])).collect();
+    let first = law_start(log, finalist, law, delay_s)?;
+    let at_once = fit_start(log, with_causes(log, finalist, &first, &meant)?)?;
+    let error = |own: &FittedFinalist| own.held_out.metrics.rmse.powi(2);
+    let before = one_step_left_out(log, log, base).metrics.rmse.powi(2);
+    let promised = 1.0 - (finalist.rmse / finalist.law_rmse.max(f64::MIN_POSITIVE)).powi(2);
+    if meant.len() < 2 || 1.0 - error(&at_once) / before >= KEPT * promised {
+        return Ok(at_once);
+    }
+    let by_one = one_by_one(log, finalist, first, &meant)?;
+    Ok(if error(&by_one) < error(&at_once) { by_one } else { at_once })
+}
+
+/// Share of the linear promise below which causes are added one by one.
+const KEPT: f64 = 0.7;
+
+/// Adds causes one by one and keeps those that reduce the held-out error.
+fn one_by_one(
+    log: &TrainTest,
+    finalist: &Finalist,
+    first: Start,
+    meant: &[usize],
+) -> Result<FittedFinalist, SpecError> {
+    let mut order = meant.to_vec();
+    let torque = |at: &usize| finalist.causes[*at].torque_rms.0;
+    order.sort_by(|a, b| torque(b).total_cmp(&torque(a)));
+    let mut best = fit_start(log, first)?;
+    for at in order {
+        let model = &best.model;
+        let from = Start {
+            spec: model.spec.clone(),
+            parameters: model.parameters.clone(),
+            fixed: model.fixed.clone(),
+            follows: model.follows.clone(),
+            realised: best.realised.clone(),
+        };
+        let next = fit_start(log, with_causes(log, finalist, &from, &[at])?)?;
+        if next.held_out.metrics.rmse < best.held_out.metrics.rmse {
+            best = next;
+        }
+    }
+    Ok(best)
+}
+
+fn fit_start(log: &TrainTest, start: Start) -> Result<FittedFinalist, SpecError> {
     let Start { spec, parameters, fixed, follows, realised } = start;
     let model = fitted(log, &spec, Some(&parameters), &fixed, follows.as_ref())?;
     let held_out = one_step_left_out(log, log, &model);
     Ok(FittedFinalist { model, realised, held_out })
 }
 
-fn start(
+/// Returns the law of a hypothesis with the delay of its correction.
+fn law_start(
     log: &TrainTest,
     finalist: &Finalist,
-    base: &Spec,
-    is_meant: &dyn Fn(&FinalistCause) -> bool,
+    law: &Spec,
     delay_s: Option<f64>,
 ) -> Result<Start, SpecError> {
-    let mut spec = base.clone();
+    let mut spec = law.clone();
     let mut realised = Vec::new();
-    if let (Some(_), Some(cause)) = (delay_s, cause::of_term(TermKind::ChannelDelay)) {
-        spec.terms.push(TermKind::ChannelDelay);
+    let delay = delay_s.zip(cause::of_term(TermKind::ChannelDelay));
+    let delay = delay.filter(|_| !spec.rigid_body.contains(&TermKind::ChannelDelay));
+    if let Some((_, cause)) = delay {
+        let term = TermKind::ChannelDelay;
+        spec.terms.push(term);
         let columns = vec![log.velocity_name().to_owned()];
-        realised.push(Realised {
-            cause,
-            term: TermKind::ChannelDelay,
-            columns,
-            follows: None,
-            place: None,
-        });
+        realised.push(Realised { cause, term, columns, follows: None, place: None });
     }
     let mut parameters = law_parameters(&spec, &finalist.law, &finalist.causes, log)?;
-    if let Some(delay_s) = delay_s {
+    if let Some((delay_s, _)) = delay {
         parameters.set(Id::ChannelDelay, delay_s);
     }
-    let free = free_parameters(&spec, &parameters, log);
-    let at = sensitivities(&parameters, &free, &log.train_tracks, Resolution::PLAIN);
-    let mut ways: Vec<Way> = Vec::new();
-    for (place, own) in finalist.causes.iter().enumerate().filter(|(_, own)| is_meant(own)) {
-        let Some(cause) = cause::named(own.key.cause) else { continue };
-        let found =
-            FoundSettings { orders: orders(&own.detail), gap: gap(std::slice::from_ref(own)) };
-        let context = FitContext { log, spec: &spec, at: &at, found };
-        let is_used = cause.remedy().term().is_none_or(|term| context.has(term));
-        if is_used || spec.terms.len() + spec.rigid_body.len() + ways.len() >= MAX_TERMS {
-            continue;
-        }
-        let candidates = cause.candidates(&context).into_iter().filter(|candidate| {
-            !candidate.is_null_model && !candidate.is_comparison_only && is_variant(candidate, own)
-        });
-        let is_new = |way: &Way| {
-            way.candidates[0].term != cause.remedy().term().unwrap_or(TermKind::LoadGain)
-        };
-        let way = Way { place, cause, candidates: candidates.collect() };
-        if !way.candidates.is_empty() && ways.iter().all(is_new) {
-            ways.push(way);
-        }
-    }
+    Ok(Start { spec, parameters, fixed: Vec::new(), follows: None, realised })
+}
+
+/// Returns a start with some causes of a hypothesis, whose values one linear fit gives jointly with those of the model.
+fn with_causes(
+    log: &TrainTest,
+    finalist: &Finalist,
+    from: &Start,
+    meant: &[usize],
+) -> Result<Start, SpecError> {
+    let log = &*log.following(from.follows.as_ref());
+    let Start { spec, parameters, .. } = from;
+    let free: Vec<Id> = free_parameters(spec, parameters, log)
+        .into_iter()
+        .filter(|id| !from.fixed.contains(id))
+        .collect();
+    let at = sensitivities(parameters, &free, &log.train_tracks, Resolution::PLAIN);
+    let ways = ways(log, finalist, (from, &at), meant);
     let linear = LinearFit::new(log, &at, &ways);
     let chosen = linear.choose(&ways);
-    let solution = linear
-        .solve(&chosen.iter().map(|(way, own)| linear.columns_of(*way, *own)).collect::<Vec<_>>());
-    let mut fixed: Vec<Id> = Vec::new();
-    let mut follows = None;
-    let law_values = parameters.clone();
+    let places: Vec<_> = chosen.iter().map(|(way, own)| linear.columns_of(*way, *own)).collect();
+    let solution = linear.solve(&places);
+    let mut next = from.clone();
     for (way, own) in &chosen {
         let candidate = &ways[*way].candidates[*own];
-        spec.terms.push(candidate.term);
-        follows = follows.or_else(|| candidate.follows.clone());
-        fixed.extend(&candidate.fixed);
-        realised.push(Realised {
+        next.spec.terms.push(candidate.term);
+        next.follows = next.follows.or_else(|| candidate.follows.clone());
+        next.fixed.extend(&candidate.fixed);
+        next.realised.push(Realised {
             cause: ways[*way].cause,
             term: candidate.term,
             columns: candidate.columns.clone(),
@@ -295,17 +337,49 @@ fn start(
             place: Some(ways[*way].place),
         });
     }
-    let mut parameters = spec.parameters()?;
-    for (id, change) in free.iter().zip(&solution.base) {
-        parameters.set(*id, changed(*id, law_values.get(*id), *change));
+    next.parameters = next.spec.parameters()?;
+    next.parameters.choices = parameters.choices;
+    for id in parameters.active() {
+        next.parameters.set(id, parameters.get(id));
     }
-    for id in law_values.active().filter(|id| !free.contains(id)) {
-        parameters.set(id, law_values.get(id));
+    for (id, change) in free.iter().zip(&solution.base) {
+        next.parameters.set(*id, changed(*id, parameters.get(*id), *change));
     }
     for ((way, own), sizes) in chosen.iter().zip(&solution.candidates) {
-        ways[*way].candidates[*own].set(&mut parameters, sizes);
+        ways[*way].candidates[*own].set(&mut next.parameters, sizes);
     }
-    Ok(Start { spec, parameters, fixed, follows, realised })
+    Ok(next)
+}
+
+/// Returns the candidates of some causes of a hypothesis, of each term at most one cause.
+fn ways(
+    log: &TrainTest,
+    finalist: &Finalist,
+    (from, at): (&Start, &Sensitivities),
+    meant: &[usize],
+) -> Vec<Way> {
+    let spec = &from.spec;
+    let mut ways: Vec<Way> = Vec::new();
+    for place in meant {
+        let own = &finalist.causes[*place];
+        let Some(cause) = cause::named(own.key.cause) else { continue };
+        let Some(term) = cause.remedy().term() else { continue };
+        let found =
+            FoundSettings { orders: orders(&own.detail), gap: gap(std::slice::from_ref(own)) };
+        let context = FitContext { log, spec, at, found };
+        let is_used = context.has(term) || ways.iter().any(|way| way.candidates[0].term == term);
+        if is_used || spec.terms.len() + spec.rigid_body.len() + ways.len() >= MAX_TERMS {
+            continue;
+        }
+        let candidates = cause.candidates(&context).into_iter().filter(|candidate| {
+            !candidate.is_null_model && !candidate.is_comparison_only && is_variant(candidate, own)
+        });
+        let way = Way { place: *place, cause, candidates: candidates.collect() };
+        if !way.candidates.is_empty() {
+            ways.push(way);
+        }
+    }
+    ways
 }
 
 /// Returns a parameter of the law after the change of the linear fit.
@@ -364,7 +438,7 @@ struct LinearSolution {
 const RIDGE: f64 = 1e-6;
 
 impl LinearFit {
-    fn new(log: &TrainTest, at: &super::sensitivities::Sensitivities, ways: &[Way]) -> Self {
+    fn new(log: &TrainTest, at: &Sensitivities, ways: &[Way]) -> Self {
         let mut places = Vec::new();
         let mut first = at.free.len();
         let mut regressors = Vec::new();

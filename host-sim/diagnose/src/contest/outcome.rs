@@ -334,7 +334,7 @@ pub struct Finalist {
     pub rmse: f64,
     /// Held-out RMS error without its causes, with its law and correction, unweighted.
     pub law_rmse: f64,
-    /// Squared error with its correction as a share of that without, with the same causes.
+    /// Squared error as a share of the least one in the log as it is.
     pub share_left: f64,
 }
 
@@ -418,13 +418,10 @@ impl Table<'_> {
         }
     }
 
-    /// Returns the error of a hypothesis as a share of the least one with the same causes in the log as it is.
+    /// Returns the error of a hypothesis as a share of the least one in the log as it is.
     fn share_left(&self, hypothesis: &Hypothesis) -> f64 {
-        let delay = |key: &&CauseKey| key.cause != "channel-delay";
-        let without = self.ledger.least_error(|other| {
-            self.entries[other.bank].correction == Correction::None
-                && other.causes.iter().filter(delay).eq(hypothesis.causes.iter().filter(delay))
-        });
+        let is_plain = |other: &Hypothesis| self.entries[other.bank].correction == Correction::None;
+        let without = self.ledger.least_error(is_plain);
         without.map_or(1.0, |without| (hypothesis.error / without).min(1.0))
     }
 
