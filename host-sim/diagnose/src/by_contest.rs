@@ -27,18 +27,19 @@ use super::naming::{NAMED, WeighedCause, confounded, weigh};
 use super::round::CandidateScore;
 use super::rules::{self, Rejection};
 use super::train_test::TrainTest;
-use super::{DiagnosisOptions, unknown_zero};
+use super::{DiagnosisOptions, uncertain_motion, unknown_zero};
 use compensator_core::{LawKind, TermKind};
 use friction_fit::predict::{Predicted, predict};
+use friction_fit::robust::Weighting;
 use friction_fit::solve::COMPARISON_TOLERANCE;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::statistics::autocorrelation_time;
-use friction_fit::{FitOptions, Outcome, identify};
-use joint_log::JointKind;
-use joint_log::log_check::LogFinding;
+use friction_fit::{FitOptions, Loss, Outcome, identify};
+use joint_log::Quantity;
+use joint_log::log_check::{LogFinding, LogFindingKind};
 
 /// Progress at which a fit to all rows ends, as a share of the squared error. It begins at the optimum of an excerpt.
-const STAGNATION: f64 = 1e-4;
+const STAGNATION: f64 = 1e-3;
 
 /// What a diagnosis by the contest answers.
 #[derive(Clone, Debug)]
@@ -80,6 +81,12 @@ pub fn answer(
     let mut rows = Rows::new(&log.train, rigid_body(&log.rigid_body), log.decimate);
     let outcome = contest(&mut rows);
     let mut weighed = weigh(&outcome, &rows);
+    let mut log = log;
+    let mut log_findings = Vec::new();
+    if outcome.is_reversed {
+        log_findings.push(reversed_torque(&log));
+        log = log.with_reversed_torque();
+    }
     progress("fitting the best hypotheses");
     let search = Search { log: &log, rows: &rows, outcome: &outcome, options };
     let mut chosen = search.best(&weighed)?;
@@ -119,7 +126,7 @@ pub fn answer(
         None => (baseline.clone(), before.clone(), Gain::default()),
     };
     Ok(Answer {
-        log_findings: chosen.corrected.finding.into_iter().collect(),
+        log_findings: log_findings.into_iter().chain(chosen.corrected.finding).collect(),
         left_out: log.leaves_each_out.then(|| unit(&log)),
         log,
         baseline,
@@ -131,6 +138,22 @@ pub fn answer(
         findings,
         weighed,
     })
+}
+
+/// Returns the finding of a torque whose friction drives the motion.
+fn reversed_torque(log: &TrainTest) -> LogFinding {
+    let column = Quantity::Torque.name(log.train.joint);
+    LogFinding {
+        kind: LogFindingKind::SignSuspect,
+        columns: vec![column.into()],
+        value: -1.0,
+        unit: "1".into(),
+        corrected: true,
+        in_words: format!(
+            "{column} has the wrong sign: with it friction drives the motion. The diagnosis and its models are of the torque \
+             with the other sign."
+        ),
+    }
 }
 
 /// Returns the rigid-body parts as the contest takes them.
@@ -169,7 +192,8 @@ struct Offer {
 }
 
 impl CorrectedRows {
-    fn new(log: &TrainTest, rows: &Rows, finalist: &Finalist, joint: JointKind) -> Self {
+    fn new(log: &TrainTest, rows: &Rows, finalist: &Finalist, options: &DiagnosisOptions) -> Self {
+        let joint = log.train.joint;
         let step_s = rows.step_s;
         let (mut judged, mut delay_s, mut finding) = (log.clone(), None, None);
         match finalist.correction {
@@ -178,6 +202,8 @@ impl CorrectedRows {
             Correction::TorqueLate(late) => {
                 judged = judged.with_later_velocity(-late * step_s);
             }
+            Correction::TorqueLowPass(..)
+                if options.as_logged.contains(&LogFindingKind::TorqueLag) => {}
             Correction::TorqueLowPass(late, shape) => {
                 let channel = LateChannel {
                     late: LateChannelKind::LowPassedTorque,
@@ -313,7 +339,7 @@ impl Search<'_> {
         finalist: &Finalist,
         weighed: &[WeighedCause],
     ) -> Result<Chosen, SpecError> {
-        let mut corrected = CorrectedRows::new(self.log, self.rows, finalist, self.log.train.joint);
+        let mut corrected = CorrectedRows::new(self.log, self.rows, finalist, self.options);
         let is_meant = |own: &FinalistCause| is_named(weighed, own);
         let causes: Vec<FinalistCause> =
             finalist.causes.iter().filter(|own| is_meant(own)).cloned().collect();
@@ -323,6 +349,12 @@ impl Search<'_> {
             && let Some(aligned) = unknown_zero::aligned(&corrected.judged, &base)
         {
             corrected.align(&aligned);
+        }
+        if self.options.loss == Loss::Huber {
+            corrected.weigh_robustly(&base);
+        }
+        if let Some(weighed) = uncertain_motion::weighed(&corrected.judged, &base) {
+            corrected.judged = weighed.with_floor();
         }
         let excerpt = excerpt(&corrected.fitted);
         let fit = |law: LawKind| {
@@ -383,6 +415,19 @@ impl Search<'_> {
 }
 
 impl CorrectedRows {
+    /// Weighs rows that differ from those beside them less, beside a model.
+    fn weigh_robustly(&mut self, model: &FittedModel) {
+        for log in [&mut self.fitted, &mut self.judged] {
+            let weigh = Weighting::of(&log.train_tracks, &model.parameters, model.resolution);
+            log.train_tracks = weigh.applied(&log.train_tracks);
+            log.test_tracks = weigh.applied(&log.test_tracks);
+            log.notes.push(format!(
+                "the loss is huber: {} rows differ from the rows beside them and count less",
+                weigh.reduced
+            ));
+        }
+    }
+
     /// Takes the positions of a log whose runs have a common phase.
     fn align(&mut self, aligned: &TrainTest) {
         for log in [&mut self.fitted, &mut self.judged] {
@@ -534,3 +579,6 @@ pub fn scores(weighed: &[WeighedCause]) -> Vec<CandidateScore> {
     };
     weighed.iter().map(score).collect()
 }
+
+#[cfg(test)]
+mod tests;

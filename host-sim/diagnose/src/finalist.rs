@@ -37,7 +37,7 @@ const FEWEST_ROWS: usize = 700;
 const PATIENCE: usize = 3;
 
 /// Progress at which such a fit ends, as a share of the squared error.
-const STAGNATION: f64 = 1e-3;
+const STAGNATION: f64 = 2e-3;
 
 /// Share of the squared error that a candidate must remove for each coefficient that it has more than another one.
 const MIN_GAIN_PER_COEFFICIENT: f64 = 0.01;
@@ -235,10 +235,15 @@ pub fn fit_finalist(
     let error = |own: &FittedFinalist| own.held_out.metrics.rmse.powi(2);
     let before = one_step_left_out(log, log, base).metrics.rmse.powi(2);
     let promised = 1.0 - (finalist.rmse / finalist.law_rmse.max(f64::MIN_POSITIVE)).powi(2);
-    if meant.len() < 2 || 1.0 - error(&at_once) / before >= KEPT * promised {
+    if meant.is_empty() || 1.0 - error(&at_once) / before >= KEPT * promised {
         return Ok(at_once);
     }
-    let by_one = one_by_one(log, finalist, first, &meant)?;
+    let mut from = fit_start(log, first)?;
+    if base.spec == from.model.spec && before < error(&from) {
+        let held_out = one_step_left_out(log, log, base);
+        from = FittedFinalist { model: base.clone(), realised: Vec::new(), held_out };
+    }
+    let by_one = one_by_one(log, finalist, from, &meant)?;
     Ok(if error(&by_one) < error(&at_once) { by_one } else { at_once })
 }
 
@@ -249,13 +254,12 @@ const KEPT: f64 = 0.7;
 fn one_by_one(
     log: &TrainTest,
     finalist: &Finalist,
-    first: Start,
+    mut best: FittedFinalist,
     meant: &[usize],
 ) -> Result<FittedFinalist, SpecError> {
     let mut order = meant.to_vec();
     let torque = |at: &usize| finalist.causes[*at].torque_rms.0;
     order.sort_by(|a, b| torque(b).total_cmp(&torque(a)));
-    let mut best = fit_start(log, first)?;
     for at in order {
         let model = &best.model;
         let from = Start {

@@ -6,6 +6,7 @@
 use super::cause::{self, Cause};
 use super::contest::ledger::CauseKey;
 use super::contest::{Figures, Outcome, Rows};
+use super::contest_calibration::ContestCalibration;
 use super::extended::Size;
 use super::finding::ConfoundedCause;
 use super::rules::{self, Rejection};
@@ -13,9 +14,6 @@ use std::f64::consts::TAU;
 
 /// Probability at and above which a cause is named.
 pub const NAMED: f64 = 0.5;
-
-/// Materiality of a cause that counts fully.
-const FULL_MATERIALITY: f64 = 0.04;
 
 /// Highest probability of what is physically impossible.
 const IMPOSSIBLE: f64 = 0.05;
@@ -83,7 +81,7 @@ pub fn weigh(outcome: &Outcome, rows: &Rows) -> Vec<WeighedCause> {
     let weighed = |figures: &Figures| {
         let mut weighed = WeighedCause {
             cause: cause::named(figures.key.cause)?,
-            probability: probability(figures),
+            probability: ContestCalibration::current().probability(outcome, figures),
             figures: figures.clone(),
             shortfall: None,
             rejection: None,
@@ -97,11 +95,6 @@ pub fn weigh(outcome: &Outcome, rows: &Rows) -> Vec<WeighedCause> {
         Some(weighed)
     };
     outcome.causes.iter().filter_map(weighed).collect()
-}
-
-/// Returns the probability of a cause. A stand-in until the contest has a calibration of its own.
-fn probability(figures: &Figures) -> f64 {
-    figures.inclusion * (figures.materiality() / FULL_MATERIALITY).clamp(0.0, 1.0)
 }
 
 /// Returns how many periods of the slowest wave of a ripple the positions span; `None` for another cause.
@@ -123,4 +116,42 @@ pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCaus
         Some(ConfoundedCause { cause: other.cause, columns: other.columns(), share })
     };
     own.confusable_with.iter().filter_map(rival).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn weighed(name: &'static str, no_effect: &Size) -> WeighedCause {
+        let key = CauseKey { cause: name, follows: String::new() };
+        let figures = Figures { inclusion: 1.0, alone: 0.2, last: 0.2, ..Figures::of(key) };
+        let cause = cause::named(name).expect("a cause");
+        let probability = probability(&figures);
+        let mut own =
+            WeighedCause { cause, figures, probability, shortfall: None, rejection: None };
+        own.check_size(no_effect, cause_least(name));
+        own
+    }
+
+    fn cause_least(name: &str) -> Option<f64> {
+        (name == "dwell-time-static").then_some(0.0)
+    }
+
+    #[test]
+    fn check_size_with_interval_of_no_effect_lowers_the_probability_below_naming() {
+        let sure = weighed("torque-offset", &Size::new(1.0, 0.1, "Nm"));
+        assert!(sure.probability > 0.9 && sure.rejection.is_none());
+        let unsure = weighed("torque-offset", &Size::new(0.1, 0.1, "Nm"));
+        assert!(!unsure.is_named() && unsure.rejection.is_some());
+        let negative = weighed("dwell-time-static", &Size::new(-1.0, 0.1, "Nm"));
+        assert!(negative.probability <= IMPOSSIBLE);
+    }
+
+    #[test]
+    fn columns_of_joined_names_are_separate() {
+        let key = |follows: &str| CauseKey { cause: "unknown", follows: follows.into() };
+        assert_eq!(columns(&key("a_n x b_c")), ["a_n", "b_c"]);
+        assert_eq!(columns(&key("dq_1, dq_2")), ["dq_1", "dq_2"]);
+        assert!(columns(&key("")).is_empty());
+    }
 }

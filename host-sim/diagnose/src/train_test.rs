@@ -155,6 +155,19 @@ impl TrainTest {
         self
     }
 
+    /// Returns the log with the other sign of the torque.
+    #[must_use]
+    pub fn with_reversed_torque(mut self) -> Self {
+        let reverse = |torque: &mut Vec<f64>| torque.iter_mut().for_each(|value| *value = -*value);
+        for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
+            reverse(&mut track.torque);
+        }
+        for data in [&mut self.train, &mut self.test] {
+            Arc::make_mut(data).runs.iter_mut().for_each(|run| reverse(&mut run.torque));
+        }
+        self
+    }
+
     /// Returns the log with its noise floor recomputed, after its rows have been weighted.
     #[must_use]
     pub fn with_floor(mut self) -> Self {
