@@ -579,6 +579,3 @@ pub fn scores(weighed: &[WeighedCause]) -> Vec<CandidateScore> {
     };
     weighed.iter().map(score).collect()
 }
-
-#[cfg(test)]
-mod tests;

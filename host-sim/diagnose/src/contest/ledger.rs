@@ -7,7 +7,7 @@ use super::search::CauseSet;
 use std::collections::BTreeSet;
 
 /// Name of a cause with the column that it follows: what a finding is about.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CauseKey {
     /// The cause, as in a report.
     pub cause: &'static str,

@@ -23,7 +23,7 @@ const MIN_RUNS: usize = 5;
 const MAX_LAW_COST: f64 = 1.3;
 
 /// The evidence for a cause.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Figures {
     /// The cause and its column.
     pub key: CauseKey,
@@ -54,23 +54,6 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Returns the figures of a cause for which nothing speaks.
-    pub fn of(key: CauseKey) -> Self {
-        Self {
-            key,
-            detail: String::new(),
-            is_in_best: false,
-            inclusion: 0.0,
-            alone: 0.0,
-            last: 0.0,
-            irreplaceable: 0.0,
-            last_in_errors: 0.0,
-            torque_share: 0.0,
-            laws: 0.0,
-            confusable_with: Vec::new(),
-        }
-    }
-
     /// Returns the materiality: the mean of what the cause takes alone and last.
     pub fn materiality(&self) -> f64 {
         0.5 * (self.alone + self.last)
