@@ -232,7 +232,7 @@ const AT_FLOOR: f64 = 1.05;
 pub fn floors_in_words(diagnosis: &Diagnosis) -> String {
     let floors = diagnosis.after.metrics.rmse / diagnosis.noise_floor;
     if floors.is_finite() && floors > AT_FLOOR {
-        format!("{floors:.1} noise floors remain")
+        format!("{} noise floors remain", significant(floors, 2))
     } else {
         "the noise floor is reached".to_owned()
     }

@@ -78,9 +78,14 @@ fn least(of: impl Fn(f64) -> f64) -> (f64, f64) {
 }
 
 /// Returns the squared residual of the logged velocities, after `from` rows of each stretch, as a share of their squares.
-/// The model is scaled to fit. It is infinite without rows.
+/// The model is scaled to fit. It is infinite if these are fewer than half of the rows.
 fn residual_share(stretches: &[Stretch], from: usize, model: impl Fn(&Stretch) -> Vec<f64>) -> f64 {
     let (mut yy, mut xy, mut xx) = (0.0, 0.0, 0.0);
+    let all: usize = stretches.iter().map(|stretch| stretch.logged.len()).sum();
+    let judged = stretches.iter().map(|stretch| stretch.logged.len().saturating_sub(from));
+    if 2 * judged.sum::<usize>() < all {
+        return f64::INFINITY;
+    }
     for stretch in stretches {
         for (y, x) in stretch.logged.iter().zip(model(stretch)).skip(from) {
             yy += y * y;
