@@ -43,9 +43,9 @@ use crate::work::checkpoint;
 use crate::{DataError, Dataset};
 use log::Log;
 
-/// The checks in the order of the report: first those that make the others doubtful. Wraps and outliers are checked
-/// before, and the sign of the torque.
-const CHECKS: [fn(&Log) -> Vec<LogFinding>; 11] = [
+/// The checks in the order of the report: first those that make the others doubtful. Wraps, outliers, the sign of the torque
+/// and held channels are checked before.
+const CHECKS: [fn(&Log) -> Vec<LogFinding>; 10] = [
     independence::too_little,
     unit::units,
     position_zero::position_zero,
@@ -54,7 +54,6 @@ const CHECKS: [fn(&Log) -> Vec<LogFinding>; 11] = [
     velocity::lag,
     torque_lag::torque_lag,
     channel_lag::channel_lag,
-    held::held,
     quantised::quantised,
     saturated::saturated,
 ];
@@ -94,26 +93,26 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     findings.extend(outliers);
     let (data, spikes) = spike::spikes(data, correct.outliers);
     findings.extend(spikes);
-    let (data, turned) = sign::sign(data, correct.sign);
+    let (mut data, turned) = sign::sign(data, correct.sign);
     findings.extend(turned);
-    let (smoothed, sensors) = motion::reconstruct(&data);
-    let columns = column::all(&data);
-    let log = Log { data: &data, smoothed: &smoothed, sensors, columns, correct };
+    let (mut smoothed, mut sensors) = motion::reconstruct(&data);
+    let log = Log::new(&data, &smoothed, sensors, correct);
+    let fresh = held::fresh_rows(&log);
+    let held = held::held(&log);
+    // The stairs of a held motion look like noise and lag, so the other checks read the rows that are kept.
+    if let Some(fresh) = fresh.as_ref().filter(|fresh| fresh.is_motion_held) {
+        data = fresh.select(&data);
+        (smoothed, sensors) = motion::reconstruct(&data);
+    }
+    let log = Log::new(&data, &smoothed, sensors, correct);
     findings.extend(CHECKS.iter().flat_map(|check| {
         checkpoint();
         check(&log)
     }));
-    let fresh = held::fresh_rows(&log);
-    drop(log);
-    let (data, smoothed) = match fresh {
-        Some(fresh) if fresh.is_motion_held => {
-            let data = fresh.select(&data);
-            let (smoothed, _) = motion::reconstruct(&data);
-            (data, smoothed)
-        }
-        Some(fresh) => (fresh.select(&data), fresh.select(&smoothed)),
-        None => (data, smoothed),
-    };
+    findings.extend(held);
+    if let Some(fresh) = fresh.filter(|fresh| !fresh.is_motion_held) {
+        (data, smoothed) = (fresh.select(&data), fresh.select(&smoothed));
+    }
     let data = if correct.motion { smoothed } else { data };
     CheckedLog { data, findings, sensors, overview }
 }

@@ -1,6 +1,6 @@
 //! The data that every check of a log reads.
 
-use super::column::Column;
+use super::column::{self, Column};
 use crate::Dataset;
 use crate::motion::Sensors;
 use compensator_core::quantity::Quantity;
@@ -34,6 +34,17 @@ pub struct Log<'a> {
     pub sensors: Sensors,
     pub columns: Vec<Column<'a>>,
     pub correct: Corrections,
+}
+
+impl<'a> Log<'a> {
+    pub fn new(
+        data: &'a Dataset,
+        smoothed: &'a Dataset,
+        sensors: Sensors,
+        correct: Corrections,
+    ) -> Self {
+        Self { data, smoothed, sensors, columns: column::all(data), correct }
+    }
 }
 
 impl Log<'_> {
