@@ -4,7 +4,7 @@ use super::cause::definition::Cause;
 use super::evidence::Evidence;
 use super::extended::{Observation, Size};
 use joint_log::JointKind;
-use joint_log::number::significant;
+use joint_log::number::{significant, with_error};
 use std::f64::consts::TAU;
 
 /// A cause that this log cannot distinguish from a finding.
@@ -114,7 +114,8 @@ impl Finding {
 fn order_in_words(order: f64, error: f64, joint: JointKind) -> String {
     let reach = 2.0 * error;
     let with_reach = |value: f64, reach: f64| match reach > 0.0 {
-        true => format!("{} ± {}", significant(value, 4), significant(reach, 1)),
+        true => with_error(value, reach),
+        false if value.fract() == 0.0 => format!("{value:.0}"),
         false => significant(value, 4),
     };
     match joint {
@@ -138,9 +139,9 @@ mod tests {
     #[test]
     fn order_in_words_names_turns_or_the_length_of_a_wave() {
         assert_eq!(order_in_words(8.0, 0.0, JointKind::Revolute), "8 a turn");
-        assert_eq!(order_in_words(202.13, 0.11, JointKind::Revolute), "202.1 ± 0.2 a turn");
+        assert_eq!(order_in_words(202.13, 0.11, JointKind::Revolute), "202.13 ± 0.22 a turn");
         let slides = order_in_words(TAU / 0.02, TAU / 2.0, JointKind::Prismatic);
-        assert_eq!(slides, "one wave in 0.02 ± 0.0004 m");
+        assert_eq!(slides, "one wave in 0.02000 ± 0.00040 m");
     }
 
     #[test]
