@@ -111,6 +111,9 @@ pub const FIGURES: &[Figure] = &[
     figure("last_in_errors", |_, own| own.last_in_errors.clamp(-3.0, 30.0).max(0.1).ln()),
     figure("torque_share", |_, own| log_share(own.torque_share)),
     figure("laws", |_, own| own.laws),
+    // A law with slip of a free shape takes what an inaccurate law misses.
+    figure("beside_slip", |_, own| log_share(own.beside_slip)),
+    figure("size_in_errors", |_, own| own.size_in_errors.clamp(0.1, 100.0).ln()),
     figure("rivals", |_, own| -(own.confusable_with.len() as f64)),
     // Share of the candidates' materiality that is this one's.
     figure("dominance", |outcome, own| {

@@ -17,7 +17,7 @@ pub struct Experiment {
 }
 
 /// Standard experiments.
-pub const EXPERIMENTS: [Experiment; 10] = [
+pub const EXPERIMENTS: [Experiment; 12] = [
     Experiment {
         instruction: "Reverse slowly, at a tenth of the speed, with several amplitudes",
         shows: &["channel-delay", "backlash", "stribeck-shape"],
@@ -50,12 +50,29 @@ pub const EXPERIMENTS: [Experiment; 10] = [
     },
     Experiment {
         instruction: "Move at six constant speeds up to the highest, in both directions",
-        shows: &["quadratic-drag", "torque-offset", "direction-asymmetry", "stribeck-shape"],
+        shows: &[
+            "quadratic-drag",
+            "torque-offset",
+            "direction-asymmetry",
+            "stribeck-shape",
+            // A wave of the motion grows with the square of the speed, one of the torque does not.
+            "encoder-error",
+        ],
         needs: None,
     },
     Experiment {
         instruction: "Repeat a motion with three accelerations at the same speeds",
         shows: &["unmodelled-inertia"],
+        needs: None,
+    },
+    Experiment {
+        instruction: "Move the other joints, one at a time, while this one repeats a motion",
+        shows: &["joint-coupling"],
+        needs: None,
+    },
+    Experiment {
+        instruction: "Repeat a motion with two other payloads, with the payload logged",
+        shows: &["payload"],
         needs: None,
     },
     Experiment {

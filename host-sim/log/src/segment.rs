@@ -30,7 +30,7 @@ pub(super) fn segments_of(time: &[f64]) -> Vec<Range<usize>> {
         [f64::min(least, step), f64::max(most, step)]
     });
     if most <= GAP_FACTOR * least {
-        return vec![0..time.len()];
+        return std::iter::once(0..time.len()).collect();
     }
     let longest = median_step(time).map_or(f64::INFINITY, |step| GAP_FACTOR * step);
     let mut found = Vec::new();

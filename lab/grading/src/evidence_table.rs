@@ -165,7 +165,7 @@ impl EvidenceRow {
     /// Returns the candidate as a case of a fit, or `None` if its truth does not depend on the evidence: an effect that is no
     /// candidate, or a cause that holds for the log whatever is hidden.
     pub fn case(&self, weight: f64, fold: usize) -> Option<Case> {
-        let is_case = self.is_candidate && !(self.is_of_log && !self.is_detectable);
+        let is_case = self.is_candidate && (self.is_detectable || !self.is_of_log);
         let is_unknown = self.truth == Truth::Unknown;
         is_case.then(|| Case {
             cause: self.cause.clone(),
