@@ -29,6 +29,7 @@ pub mod gradient;
 pub mod identify;
 pub mod initial_heat;
 pub mod initial_state;
+mod legal;
 pub mod metrics;
 pub mod minimise;
 pub mod network;

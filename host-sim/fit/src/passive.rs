@@ -8,7 +8,7 @@
 //!   ([`Outcome::driver_form`]).
 //! - Otherwise the outcome is the passive form. A parameter that the form moved is "not determined".
 
-use super::identify::fit_legal;
+use super::legal::fit_legal;
 use super::outcome::{DriverForm, Estimate, Outcome, State};
 use super::predict::Predicted;
 use super::solve::{COMPARISON_TOLERANCE, FitOptions, Solution};

@@ -6,7 +6,8 @@
 
 use super::campaign::Campaign;
 use super::mechanism::Mechanism;
-use super::plant::{Machine, Trajectory};
+use super::plant::Machine;
+use super::trajectory::Trajectory;
 use super::visible::{Rows, difference};
 use simulated_machines::friction::Seal;
 use simulated_machines::scenarios::joint::Joint;

@@ -31,6 +31,7 @@ mod motions;
 mod plant;
 mod reading;
 mod sensing;
+mod trajectory;
 mod truth;
 mod visible;
 mod world;

@@ -3,8 +3,8 @@
 use super::campaign::{AddedColumn, Campaign, RunPlan};
 use super::family::Family;
 use super::mechanism::Mechanism;
-use super::plant::{Point, Trajectory};
 use super::reading::Logged;
+use super::trajectory::{Point, Trajectory};
 use super::truth::{HiddenEffect, UnkindTruth};
 use super::visible::Rows;
 use super::world::World;

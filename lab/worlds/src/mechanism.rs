@@ -1,6 +1,6 @@
 //! A joint with effects that its friction law does not contain: other joints, a payload, a place on the travel, an encoder.
 
-use super::plant::{Point, Trajectory};
+use super::trajectory::{Point, Trajectory};
 use simulated_machines::scenarios::joint::{Joint, Wave};
 use simulated_machines::scenarios::motion::{Instant, Motion};
 use simulated_machines::scenarios::surroundings::Signal;

@@ -5,7 +5,8 @@
 //! method may have a smaller error.
 
 use super::campaign::RunPlan;
-use super::plant::{Machine, Point, RunInput, Trajectory};
+use super::plant::{Machine, RunInput};
+use super::trajectory::{Point, Trajectory};
 
 /// Logged angle, velocity and torque of all rows of a run, including lost rows.
 pub(super) struct Logged {

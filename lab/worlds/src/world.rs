@@ -3,9 +3,10 @@
 use super::campaign::{Campaign, RunPlan};
 use super::hidden_effect::HiddenEffect;
 use super::mechanism::Mechanism;
-use super::plant::{Machine, Plant, Trajectory};
+use super::plant::{Machine, Plant};
 use super::reading::{Logged, Reading, estimate_start};
 use super::sensing::SensorKind;
+use super::trajectory::Trajectory;
 use super::visible::{Rows, difference, evaluate_visibility, rms};
 use super::{UnkindWorld, bristle_fit, truth};
 use simulated_machines::friction::Seal;
