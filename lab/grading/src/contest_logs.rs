@@ -169,6 +169,12 @@ impl KnownLog {
             ..row(own.key.cause)
         };
         rows.extend(outcome.causes.iter().map(candidate));
+        if self.is_measured {
+            // At least one of the accepted answers is in the log; the strongest candidate among them counts.
+            let accepted =
+                rows.iter_mut().filter(|row| row.is_candidate && row.truth == Truth::Real);
+            accepted.skip(1).for_each(|row| row.truth = Truth::Accepted);
+        }
         rows
     }
 

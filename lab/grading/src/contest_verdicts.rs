@@ -70,7 +70,8 @@ impl Grades {
             |effect: &EvidenceRow| named.iter().any(|at| rows[*at].cause == effect.cause);
         let is_real = |row: &EvidenceRow| {
             let is_hidden = |cause: &String| effects.iter().any(|effect| effect.cause == *cause);
-            row.truth == Truth::Real || row.confusable_with.iter().any(is_hidden)
+            matches!(row.truth, Truth::Real | Truth::Accepted)
+                || row.confusable_with.iter().any(is_hidden)
         };
         let kind = match (log.is_measured, log.hidden, effects.len()) {
             (true, ..) => "measured",

@@ -9,6 +9,8 @@ use friction_diagnose::contest_calibration::{Case, FIGURES};
 pub enum Truth {
     /// The cause is in the log.
     Real,
+    /// The cause is among the answers that count as right for a measured log, and a stronger candidate is too.
+    Accepted,
     /// The cause is not in the log.
     False,
     /// The cause is not among those that are known of a measured log, and may be true.
@@ -16,8 +18,8 @@ pub enum Truth {
 }
 
 impl Truth {
-    const ALL: [(Truth, &'static str); 3] =
-        [(Truth::Real, "1"), (Truth::False, "0"), (Truth::Unknown, "-")];
+    const ALL: [(Truth, &'static str); 4] =
+        [(Truth::Real, "1"), (Truth::Accepted, "a"), (Truth::False, "0"), (Truth::Unknown, "-")];
 
     fn text(self) -> &'static str {
         Self::ALL.iter().find(|(own, _)| *own == self).map_or("-", |(_, text)| text)
@@ -163,9 +165,10 @@ const UNKNOWN_WEIGHT: f64 = 0.3;
 
 impl EvidenceRow {
     /// Returns the candidate as a case of a fit, or `None` if its truth does not depend on the evidence: an effect that is no
-    /// candidate, or a cause that holds for the log whatever is hidden.
+    /// candidate, a cause that holds for the log whatever is hidden, or one of several accepted answers.
     pub fn case(&self, weight: f64, fold: usize) -> Option<Case> {
-        let is_case = self.is_candidate && (self.is_detectable || !self.is_of_log);
+        let has_evidence = self.is_detectable || !self.is_of_log;
+        let is_case = self.is_candidate && has_evidence && self.truth != Truth::Accepted;
         let is_unknown = self.truth == Truth::Unknown;
         is_case.then(|| Case {
             cause: self.cause.clone(),

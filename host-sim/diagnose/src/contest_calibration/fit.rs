@@ -204,7 +204,8 @@ impl Weigher {
 
 /// Returns the isotonic regression of cases: log odds and frequency of each step.
 ///
-/// The frequency of a step counts one more real and one more unreal case (Laplace), so that no step is certain.
+/// The frequency of a step counts one more real and one more unreal case (Laplace), so that no step is certain. A case counts
+/// at most once, whatever its weight, because few cases of large weight would make a step by themselves.
 fn isotonic(cases: &[Case], odds: &[f64], is_meant: impl Fn(&Case) -> bool) -> Vec<(f64, f64)> {
     let mut sorted: Vec<(f64, &Case)> =
         odds.iter().copied().zip(cases).filter(|(_, case)| is_meant(case)).collect();
@@ -216,8 +217,9 @@ fn isotonic(cases: &[Case], odds: &[f64], is_meant: impl Fn(&Case) -> bool) -> V
     }
     let mut steps: Vec<Step> = Vec::new();
     for (odds, case) in sorted {
-        let real = if case.is_real { case.weight } else { 0.0 };
-        steps.push(Step { odds, real, count: case.weight });
+        let count = case.weight.min(1.0);
+        let real = if case.is_real { count } else { 0.0 };
+        steps.push(Step { odds, real, count });
         while let [.., before, last] = steps.as_slice() {
             let is_small = before.count < MIN_STEP_CASES;
             if !is_small && before.real / before.count < last.real / last.count {
