@@ -36,6 +36,7 @@ mod wrap;
 pub use finding::{LogFinding, LogFindingKind};
 pub use log::Corrections;
 pub use overview::{ColumnOverview, Overview, overview};
+pub use sign::drives_both_ways;
 
 use crate::motion::{self, Sensors};
 use crate::setting::shell_word;

@@ -16,6 +16,7 @@ use super::ledger::{Hypothesis, Ledger};
 use super::outcome::{Outcome, Table};
 use super::rows::Rows;
 use super::weights::weigh;
+use joint_log::log_check::drives_both_ways;
 use rayon::prelude::*;
 
 /// Share of the error that a correction must take to get a bank.
@@ -176,7 +177,10 @@ fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
     let laws = shapes.laws(rows);
     let law = laws.first()?;
     let mut base = Base::of_shapes(rows, shapes, law);
-    if base.is_driving {
+    // A load that is lowered drives the motion as well, one way.
+    let pairs =
+        rows.torque.iter().zip(&rows.velocity).map(|(torque, velocity)| (*torque, *velocity));
+    if base.is_driving && drives_both_ways(pairs) {
         rows.reverse_torque();
         base = Base::of_shapes(rows, shapes, law);
     }
