@@ -579,3 +579,6 @@ pub fn scores(weighed: &[WeighedCause]) -> Vec<CandidateScore> {
     };
     weighed.iter().map(score).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -275,6 +275,7 @@ pub fn goes_beyond(log: &TrainTest) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::{HandMadeLog, linear_base, pressure_torque};
     use joint_log::{Dataset, SplitRule, split};
 
     fn left_out(speeds: [f64; 3]) -> LeftOut {
@@ -294,5 +295,16 @@ mod tests {
     fn unit_with_single_fast_run_is_stretches() {
         assert_eq!(left_out([1.0, 0.4, 0.9]), LeftOut::Runs);
         assert_eq!(left_out([0.1, 1.0, 0.2]), LeftOut::Stretches);
+    }
+
+    #[test]
+    fn one_step_left_out_is_close_to_a_refit_without_the_rows() {
+        let log = HandMadeLog::new(pressure_torque).train_test();
+        let model = linear_base(&log);
+        let refitted = predict_left_out(&log, &model, unit(&log)).metrics.rmse;
+        let stepped = one_step_left_out(&log, &log, &model).metrics.rmse;
+        assert!((stepped / refitted - 1.0).abs() < 0.01, "{stepped} {refitted}");
+        let seen = model.on_train(&log).metrics.rmse;
+        assert!(stepped > seen, "{stepped} {seen}");
     }
 }

@@ -117,3 +117,43 @@ pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCaus
     };
     own.confusable_with.iter().filter_map(rival).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn weighed(name: &'static str, no_effect: &Size) -> WeighedCause {
+        let key = CauseKey { cause: name, follows: String::new() };
+        let mut own = WeighedCause {
+            cause: cause::named(name).expect("a cause"),
+            figures: Figures { key, ..Figures::default() },
+            probability: 0.95,
+            shortfall: None,
+            rejection: None,
+        };
+        own.check_size(no_effect, cause_least(name));
+        own
+    }
+
+    fn cause_least(name: &str) -> Option<f64> {
+        (name == "dwell-time-static").then_some(0.0)
+    }
+
+    #[test]
+    fn check_size_with_interval_of_no_effect_lowers_the_probability_below_naming() {
+        let sure = weighed("torque-offset", &Size::new(1.0, 0.1, "Nm"));
+        assert!(sure.probability > 0.9 && sure.rejection.is_none());
+        let unsure = weighed("torque-offset", &Size::new(0.1, 0.1, "Nm"));
+        assert!(!unsure.is_named() && unsure.rejection.is_some());
+        let negative = weighed("dwell-time-static", &Size::new(-1.0, 0.1, "Nm"));
+        assert!(negative.probability <= IMPOSSIBLE);
+    }
+
+    #[test]
+    fn columns_of_joined_names_are_separate() {
+        let key = |follows: &str| CauseKey { cause: "unknown", follows: follows.into() };
+        assert_eq!(columns(&key("a_n x b_c")), ["a_n", "b_c"]);
+        assert_eq!(columns(&key("dq_1, dq_2")), ["dq_1", "dq_2"]);
+        assert!(columns(&key("")).is_empty());
+    }
+}
