@@ -11,175 +11,187 @@
 //! the log. Columns are scaled to an RMS of one, and a ridge of 1e-6 keeps dependent columns finite.
 
 use super::rows::Rows;
-use super::solve::solve_in_place;
+use super::solve::{LANES, Lanes, dot, lanes, solve_in_place};
 use nalgebra::DMatrix;
 use std::ops::Range;
 
 /// Ridge relative to the mean of the diagonal.
 const RIDGE: f64 = 1e-6;
 
-/// Products over some rows.
-#[derive(Clone, Debug)]
-struct Products {
-    /// `X'X`, symmetric, by rows.
-    gram: Vec<f64>,
-    /// `X'y`.
-    right: Vec<f64>,
-    /// `y'y`.
-    square: f64,
-}
+/// Rows whose products are computed at once: they fit into a processor's cache.
+const ROWS_AT_ONCE: usize = 128;
 
-impl Products {
-    fn zero(columns: usize) -> Self {
-        Self { gram: vec![0.0; columns * columns], right: vec![0.0; columns], square: 0.0 }
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.gram.iter_mut().zip(&other.gram).for_each(|(a, b)| *a += b);
-        self.right.iter_mut().zip(&other.right).for_each(|(a, b)| *a += b);
-        self.square += other.square;
-    }
-}
-
-/// The products of all columns.
+/// The products of all columns, the torque last: `X'X`, `X'y` and `y'y` in one symmetric matrix.
 #[derive(Clone, Debug)]
 pub struct Bank {
-    columns: usize,
     scale: Vec<f64>,
-    blocks: Vec<Products>,
-    total: Products,
-    folds: Vec<Products>,
+    blocks: Vec<DMatrix<f64>>,
+    total: DMatrix<f64>,
+    /// Products over the rows of each fold, [`LANES`] folds side by side. At least one lane has no rows.
+    folds: Vec<Vec<Lanes>>,
+    fold_count: usize,
     fold_of: Vec<usize>,
 }
 
-/// Buffers of [`Bank::fold_errors`].
+/// Buffers of a solution.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    matrix: Vec<f64>,
-    coefficients: Vec<f64>,
+    matrix: Vec<Lanes>,
+    /// Coefficients without each fold, for each group of folds.
+    coefficients: Vec<Vec<Lanes>>,
 }
 
 impl Bank {
     /// Computes the products of columns, given in all rows of the log, over the judged rows.
     pub fn new(rows: &Rows, columns: &[&[f64]]) -> Self {
-        let count = columns.len();
+        let size = columns.len() + 1;
         let scale: Vec<f64> = columns.iter().map(|column| rms(rows, column)).collect();
         let block = |judged: &Range<usize>| products(rows, columns, &scale, judged.clone());
-        let blocks: Vec<Products> = rows.blocks.iter().map(block).collect();
-        let mut total = Products::zero(count);
-        blocks.iter().for_each(|block| total.add(block));
-        let mut folds = vec![Products::zero(count); rows.fold_count()];
-        rows.fold_of_block.iter().zip(&blocks).for_each(|(fold, block)| folds[*fold].add(block));
+        let blocks: Vec<DMatrix<f64>> = rows.blocks.iter().map(block).collect();
+        let fold_count = rows.fold_count();
+        let mut total = DMatrix::zeros(size, size);
+        let mut sums = vec![DMatrix::zeros(size, size); fold_count];
+        for (fold, block) in rows.fold_of_block.iter().zip(&blocks) {
+            total += block;
+            sums[*fold] += block;
+        }
+        let at = |fold: usize, index: usize| sums.get(fold).map_or(0.0, |sum| sum[index]);
+        let group = |group: usize| {
+            let lane = |index: usize| lanes(|lane| at(group * LANES + lane, index));
+            (0..size * size).map(lane).collect()
+        };
+        let folds = (0..=fold_count / LANES).map(group).collect();
         let fold_of = rows.fold_of_block.clone();
-        Self { columns: count, scale, blocks, total, folds, fold_of }
+        Self { scale, blocks, total, folds, fold_count, fold_of }
     }
 
-    /// Returns the held-out squared error of some columns.
+    /// Returns the held-out squared error of some columns. Their coefficients are then those of [`Self::sizes`].
     pub fn error(&self, columns: &[usize], work: &mut Workspace) -> f64 {
-        self.folds
-            .iter()
-            .map(|fold| {
-                self.solve_without(Some(fold), columns, work);
-                square_error(fold, self.columns, columns, &work.coefficients)
-            })
-            .sum()
+        self.solve(columns, work);
+        let groups = self.folds.iter().zip(&work.coefficients);
+        groups.flat_map(|(fold, own)| square_errors(fold, self.stride(), columns, own)).sum()
     }
 
     /// Returns the held-out squared error of some columns in every block.
     pub fn block_errors(&self, columns: &[usize], work: &mut Workspace) -> Vec<f64> {
-        let mut errors = vec![0.0; self.blocks.len()];
-        for (index, fold) in self.folds.iter().enumerate() {
-            self.solve_without(Some(fold), columns, work);
-            for (block, _) in self.fold_of.iter().enumerate().filter(|(_, f)| **f == index) {
-                errors[block] =
-                    square_error(&self.blocks[block], self.columns, columns, &work.coefficients);
-            }
-        }
-        errors
+        self.solve(columns, work);
+        let error = |(block, fold): (&DMatrix<f64>, &usize)| {
+            let own = &work.coefficients[fold / LANES];
+            let own: Vec<[f64; 1]> = own.iter().map(|lanes| [lanes[fold % LANES]]).collect();
+            let products = block.as_slice().as_chunks().0;
+            square_errors(products, self.stride(), columns, &own)[0]
+        };
+        self.blocks.iter().zip(&self.fold_of).map(error).collect()
     }
 
     /// Returns the coefficients of some columns, fitted to all rows, in the columns' own units.
     pub fn fit(&self, columns: &[usize], work: &mut Workspace) -> Vec<f64> {
-        self.solve_without(None, columns, work);
-        columns.iter().zip(&work.coefficients).map(|(column, b)| b / self.scale[*column]).collect()
+        self.solve(columns, work);
+        self.sizes(columns, work)
+    }
+
+    /// Returns the coefficients of the columns that were evaluated last, fitted to all rows, in the columns' own units.
+    pub fn sizes(&self, columns: &[usize], work: &Workspace) -> Vec<f64> {
+        self.sizes_without(self.fold_count, columns, work)
     }
 
     /// Returns the coefficients of some columns, fitted without each fold, in the columns' own units.
     pub fn fits_without_fold(&self, columns: &[usize], work: &mut Workspace) -> Vec<Vec<f64>> {
-        let folds = self.folds.iter();
-        folds
-            .map(|fold| {
-                self.solve_without(Some(fold), columns, work);
-                let own = columns.iter().zip(&work.coefficients);
-                own.map(|(column, b)| b / self.scale[*column]).collect()
-            })
-            .collect()
+        self.solve(columns, work);
+        (0..self.fold_count).map(|fold| self.sizes_without(fold, columns, work)).collect()
     }
 
-    fn solve_without(&self, fold: Option<&Products>, columns: &[usize], work: &mut Workspace) {
-        let size = columns.len();
-        work.matrix.resize(size * size, 0.0);
-        work.coefficients.resize(size, 0.0);
-        let mean: f64 = columns.iter().map(|c| self.total.gram[c * self.columns + c]).sum::<f64>()
-            / size.max(1) as f64;
-        for (i, a) in columns.iter().enumerate() {
-            let row = a * self.columns;
-            for (j, b) in columns[..=i].iter().enumerate() {
-                work.matrix[i * size + j] =
-                    self.total.gram[row + b] - fold.map_or(0.0, |f| f.gram[row + b]);
+    fn sizes_without(&self, fold: usize, columns: &[usize], work: &Workspace) -> Vec<f64> {
+        let own = columns.iter().zip(&work.coefficients[fold / LANES]);
+        own.map(|(column, lanes)| lanes[fold % LANES] / self.scale[*column]).collect()
+    }
+
+    fn stride(&self) -> usize {
+        self.total.nrows()
+    }
+
+    /// Solves for the coefficients of some columns without each fold.
+    fn solve(&self, columns: &[usize], work: &mut Workspace) {
+        let (size, stride) = (columns.len(), self.stride());
+        let total = self.total.as_slice();
+        let mean: f64 =
+            columns.iter().map(|c| total[c * stride + c]).sum::<f64>() / size.max(1) as f64;
+        work.matrix.resize(size * size, lanes(|_| 0.0));
+        work.coefficients.resize(self.folds.len(), Vec::new());
+        for (fold, own) in self.folds.iter().zip(&mut work.coefficients) {
+            let without = |index: usize| lanes(|lane| total[index] - fold[index][lane]);
+            own.clear();
+            for (i, a) in columns.iter().enumerate() {
+                let row = &mut work.matrix[i * size..=i * size + i];
+                for (value, b) in row.iter_mut().zip(columns) {
+                    *value = without(a * stride + b);
+                }
+                row[i].iter_mut().for_each(|value| *value += RIDGE * mean);
+                own.push(without(a * stride + stride - 1));
             }
-            work.matrix[i * size + i] += RIDGE * mean;
-            work.coefficients[i] = self.total.right[*a] - fold.map_or(0.0, |f| f.right[*a]);
+            solve_in_place(&mut work.matrix, own, size);
         }
-        solve_in_place(&mut work.matrix, &mut work.coefficients, size);
     }
 }
 
-/// Returns the squared error of coefficients on some products.
-fn square_error(
-    products: &Products,
+/// Returns the squared errors of coefficients on some products.
+fn square_errors<const L: usize>(
+    products: &[[f64; L]],
     stride: usize,
     columns: &[usize],
-    coefficients: &[f64],
-) -> f64 {
-    let mut error = products.square;
+    coefficients: &[[f64; L]],
+) -> [f64; L] {
+    let mut error = products[stride * stride - 1];
     for (i, a) in columns.iter().enumerate() {
-        let row = &products.gram[a * stride..(a + 1) * stride];
-        let mut sum = 0.5 * row[*a] * coefficients[i];
-        for (b, x) in columns[..i].iter().zip(coefficients) {
-            sum += row[*b] * x;
+        let row = &products[a * stride..(a + 1) * stride];
+        let own = coefficients[i];
+        let mut sum: [f64; L] =
+            lanes(|lane| 0.5 * row[*a][lane] * own[lane] - row[stride - 1][lane]);
+        for (b, other) in columns[..i].iter().zip(coefficients) {
+            sum = lanes(|lane| sum[lane] + row[*b][lane] * other[lane]);
         }
-        error += 2.0 * coefficients[i] * (sum - products.right[*a]);
+        error = lanes(|lane| error[lane] + 2.0 * own[lane] * sum[lane]);
     }
-    error.max(0.0)
+    error.map(|error| error.max(0.0))
 }
 
 fn rms(rows: &Rows, column: &[f64]) -> f64 {
-    let squares: f64 = rows.judged.iter().map(|row| rows.judged_value(column, *row).powi(2)).sum();
+    let squares = match rows.judged_range(0..rows.judged.len()) {
+        Some(range) => dot(&column[range.clone()], &column[range]),
+        None => rows.judged.iter().map(|row| rows.judged_value(column, *row).powi(2)).sum(),
+    };
     (squares / rows.judged.len().max(1) as f64).sqrt() + 1e-300
 }
 
-fn products(rows: &Rows, columns: &[&[f64]], scale: &[f64], judged: Range<usize>) -> Products {
-    let judged = &rows.judged[judged];
-    let count = columns.len();
-    let mut wide = DMatrix::<f64>::zeros(judged.len(), count + 1);
+fn products(rows: &Rows, columns: &[&[f64]], scale: &[f64], judged: Range<usize>) -> DMatrix<f64> {
+    let size = columns.len() + 1;
+    let mut sum = DMatrix::zeros(size, size);
     let torque = (rows.torque.as_slice(), 1.0);
-    let all = columns.iter().copied().zip(scale.iter().copied()).chain([torque]);
-    for (index, (column, scale)) in all.enumerate() {
-        let mut out = wide.column_mut(index);
-        for (out, row) in out.iter_mut().zip(judged) {
-            *out = rows.judged_value(column, *row) * rows.weights[*row] / scale;
+    let mut values = Vec::new();
+    for from in judged.clone().step_by(ROWS_AT_ONCE) {
+        let part = from..(from + ROWS_AT_ONCE).min(judged.end);
+        let own = &rows.judged[part.clone()];
+        let weights: Vec<f64> = own.iter().map(|row| rows.weights[*row]).collect();
+        let range = rows.judged_range(part);
+        values.clear();
+        for (column, scale) in columns.iter().copied().zip(scale.iter().copied()).chain([torque]) {
+            let scale = 1.0 / scale;
+            match &range {
+                Some(range) => {
+                    let own = column[range.clone()].iter().zip(&weights);
+                    values.extend(own.map(|(value, weight)| value * weight * scale));
+                }
+                None => values.extend(
+                    own.iter()
+                        .zip(&weights)
+                        .map(|(row, weight)| rows.judged_value(column, *row) * weight * scale),
+                ),
+            }
         }
+        let wide = DMatrix::from_column_slice(own.len(), size, &values);
+        sum.gemm(1.0, &wide.transpose(), &wide, 1.0);
     }
-    let product = wide.transpose() * &wide;
-    let mut gram = vec![0.0; count * count];
-    for a in 0..count {
-        for b in 0..count {
-            gram[a * count + b] = product[(a, b)];
-        }
-    }
-    let right = (0..count).map(|a| product[(a, count)]).collect();
-    Products { gram, right, square: product[(count, count)] }
+    sum
 }
 
 #[cfg(test)]

@@ -246,6 +246,13 @@ impl Rows {
         values.iter().sum::<f64>() / values.len() as f64
     }
 
+    /// Returns the rows of some judged ones, if each of them is judged by itself and none is left out between them.
+    pub fn judged_range(&self, judged: Range<usize>) -> Option<Range<usize>> {
+        let own = &self.judged[judged];
+        let (first, last) = (*own.first()?, *own.last()?);
+        (self.averaged == 1 && last - first + 1 == own.len()).then_some(first..last + 1)
+    }
+
     /// Returns a function of each row's index.
     pub fn map(&self, of: impl FnMut(usize) -> f64) -> Vec<f64> {
         (0..self.len()).map(of).collect()

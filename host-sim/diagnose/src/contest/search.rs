@@ -144,12 +144,13 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Returns true if no coefficient has a physically impossible sign: a negative mass, a seal that pressure relieves.
-    fn is_possible(&mut self, set: &[u16], columns: &[usize]) -> bool {
+    /// Returns true if no coefficient of a set that was evaluated last has a physically impossible sign: a negative mass, a seal
+    /// that pressure relieves.
+    fn is_possible(&self, set: &[u16], columns: &[usize]) -> bool {
         if set.iter().all(|at| self.variants[*at as usize].sign == 0.0) {
             return true;
         }
-        let sizes = self.bank.fit(columns, &mut self.work);
+        let sizes = self.bank.sizes(columns, &self.work);
         let mut at = self.law;
         set.iter().all(|index| {
             let variant = &self.variants[*index as usize];
@@ -164,12 +165,8 @@ impl<'a> Search<'a> {
             Some(error) => *error,
             None => {
                 let columns = self.columns(set);
-                let possible = self.is_possible(set, &columns);
-                let error = if possible {
-                    self.bank.error(&columns, &mut self.work)
-                } else {
-                    f64::INFINITY
-                };
+                let error = self.bank.error(&columns, &mut self.work);
+                let error = if self.is_possible(set, &columns) { error } else { f64::INFINITY };
                 self.scores.insert(set.to_vec(), error);
                 error
             }

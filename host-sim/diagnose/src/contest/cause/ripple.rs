@@ -8,7 +8,7 @@
 use super::{Columns, Context, plain};
 use crate::contest::bank::{Bank, Workspace};
 use crate::contest::rows::Rows;
-use crate::contest::solve::solve_in_place;
+use crate::contest::solve::{dot, lanes, solve_in_place};
 use joint_log::JointKind;
 use std::f64::consts::TAU;
 
@@ -62,6 +62,9 @@ const MOST_FREE_ORDERS: usize = 40;
 
 /// Largest difference between the first positions of runs that begin alike, as a share of the swing.
 const MAX_START: f64 = 0.01;
+
+/// Orders whose waves are computed at once.
+const ORDERS_AT_ONCE: usize = 4;
 
 /// Most rows that are scanned for orders.
 const MOST_SCANNED: usize = 6_000;
@@ -239,45 +242,70 @@ impl<'a> Scan<'a> {
     /// the moving rows.
     fn amplitudes(&self, values: &[f64], of: impl Fn(usize) -> f64) -> Vec<f64> {
         let rows = self.rows;
-        let mut sums = vec![(0.0, 0.0, 0.0, 0usize); self.count];
+        let groups = self.count.div_ceil(ORDERS_AT_ONCE);
+        let mut sums = vec![[[0.0; ORDERS_AT_ONCE]; 2]; groups];
+        // Square and number of the rows whose highest order is the one before.
+        let mut ends = vec![(0.0, 0usize); self.count + 1];
         for (row, value) in self.moving.iter().zip(values) {
             let value = value * of(*row);
+            let position = rows.position[*row];
             let travel = (rows.velocity[*row] * rows.step_s).abs().max(1e-12);
             let most = ((MAX_STEP / travel - self.least) / self.step).max(0.0) as usize;
-            let (mut s, mut c) = (self.least * rows.position[*row]).sin_cos();
-            let (sine, cosine) = (self.step * rows.position[*row]).sin_cos();
-            for sum in &mut sums[..most.min(self.count)] {
-                *sum = (sum.0 + value * c, sum.1 + value * s, sum.2 + value * value, sum.3 + 1);
-                (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
+            let most = most.min(self.count);
+            ends[most] = (ends[most].0 + value * value, ends[most].1 + 1);
+            let first: [f64; ORDERS_AT_ONCE] =
+                lanes(|at| (self.least + self.step * at as f64) * position);
+            let (mut s, mut c) = (first.map(f64::sin), first.map(f64::cos));
+            s.iter_mut().chain(&mut c).for_each(|own| *own *= value);
+            let (sine, cosine) = (ORDERS_AT_ONCE as f64 * self.step * position).sin_cos();
+            let (whole, rest) = (most / ORDERS_AT_ONCE, most % ORDERS_AT_ONCE);
+            for [cosines, sines] in &mut sums[..whole] {
+                *cosines = lanes(|at| cosines[at] + c[at]);
+                *sines = lanes(|at| sines[at] + s[at]);
+                let before = s;
+                s = lanes(|at| s[at] * cosine + c[at] * sine);
+                c = lanes(|at| c[at] * cosine - before[at] * sine);
+            }
+            for at in 0..rest {
+                sums[whole][0][at] += c[at];
+                sums[whole][1][at] += s[at];
             }
         }
         let enough = (self.moving.len() / 10).max(100);
-        let amplitude = |(c, s, square, rows): &(f64, f64, f64, usize)| {
-            if *rows < enough || *square <= 0.0 { 0.0 } else { ((c * c + s * s) / square).sqrt() }
-        };
-        sums.iter().map(amplitude).collect()
+        let mut amplitudes = vec![0.0; self.count];
+        let (mut square, mut count) = ends[self.count];
+        for (order, own) in amplitudes.iter_mut().enumerate().rev() {
+            let [cosines, sines] = &sums[order / ORDERS_AT_ONCE];
+            let at = order % ORDERS_AT_ONCE;
+            if count >= enough && square > 0.0 {
+                *own = ((cosines[at] * cosines[at] + sines[at] * sines[at]) / square).sqrt();
+            }
+            (square, count) = (square + ends[order].0, count + ends[order].1);
+        }
+        amplitudes
     }
 }
 
 /// Returns what a fit of columns leaves of a target.
 fn unexplained(target: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
     let size = columns.len();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let norm: Vec<f64> = columns.iter().map(|own| dot(own, own).sqrt().max(1e-300)).collect();
-    let mut gram = vec![0.0; size * size];
-    let mut sizes = vec![0.0; size];
+    let mut gram = vec![[0.0]; size * size];
+    let mut sizes = vec![[0.0]; size];
     for (i, a) in columns.iter().enumerate() {
         for (j, b) in columns[..=i].iter().enumerate() {
-            gram[i * size + j] = dot(a, b) / (norm[i] * norm[j]);
+            gram[i * size + j] = [dot(a, b) / (norm[i] * norm[j])];
         }
-        gram[i * size + i] += RIDGE;
-        sizes[i] = dot(a, target) / norm[i];
+        gram[i * size + i][0] += RIDGE;
+        sizes[i] = [dot(a, target) / norm[i]];
     }
     solve_in_place(&mut gram, &mut sizes, size);
-    let model = |row: usize| -> f64 {
-        columns.iter().zip(&sizes).zip(&norm).map(|((c, size), norm)| c[row] * size / norm).sum()
-    };
-    target.iter().enumerate().map(|(row, target)| target - model(row)).collect()
+    let mut left = target.to_vec();
+    for ((column, [size]), norm) in columns.iter().zip(&sizes).zip(&norm) {
+        let size = size / norm;
+        left.iter_mut().zip(column).for_each(|(left, value)| *left -= size * value);
+    }
+    left
 }
 
 /// Returns the strongest wave whose phase is free in each run, if the position's zero is not the shaft's: every run begins at the
