@@ -139,9 +139,9 @@ use thresholds::{NEGLIGIBLE, STRUCTURE};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Engine {
     /// One cause after the other beside a fitted model.
-    #[default]
     Search,
     /// A contest of whole hypotheses.
+    #[default]
     Contest,
 }
 

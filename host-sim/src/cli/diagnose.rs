@@ -34,7 +34,7 @@ pub struct DiagnoseArguments {
     #[arg(long, value_name = "PARAMS.TOML", conflicts_with = "model")]
     params: Option<PathBuf>,
     /// How causes are searched for
-    #[arg(long, value_enum, default_value = "search", hide = true)]
+    #[arg(long, value_enum, default_value = "contest", hide = true)]
     engine: EngineChoice,
 }
 
