@@ -80,18 +80,14 @@ class Candidate:
         cause: Its name.
         columns: The columns that it follows.
         gain: Reduction of the squared error on held-out rows by this cause alone, as a share; below 0 if it makes the error larger.
-        p_value: Its significance, 0 to 1.
         probability: Calibrated probability that it is present, 0 to 1.
-        passed: True if no rule rejected it.
         rejected_because: Why it is not among the findings; empty if it is.
     """
 
     cause: str
     columns: tuple[str, ...]
     gain: float
-    p_value: float
     probability: float
-    passed: bool
     rejected_because: str
 
     @classmethod
@@ -100,9 +96,7 @@ class Candidate:
             cause=candidate["cause"],
             columns=tuple(candidate["columns"]),
             gain=candidate["gain"],
-            p_value=candidate["p_value"],
             probability=candidate["probability"],
-            passed=candidate["passed"],
             rejected_because=candidate.get("rejected_because", ""),
         )
 

@@ -7,7 +7,6 @@
 //!           -> Offer                                fitted to all rows, held out        here
 //! ```
 
-use super::cause_evidence::CauseEvidence;
 use super::contest::correction::Correction;
 use super::contest::ledger::CauseKey;
 use super::contest::{
@@ -19,13 +18,10 @@ use super::finalist::{
     FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters, resolved,
 };
 use super::finding::Finding;
-use super::gram_blocks::{CandidateFit, LeftOut};
 use super::late_channel::{LateChannel, LateChannelKind};
-use super::left_out::{one_step_left_out, unit};
+use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
-use super::naming::{NAMED, WeighedCause, confounded, weigh};
-use super::round::CandidateScore;
-use super::rules::{self, Rejection};
+use super::naming::{WeighedCause, confounded, weigh};
 use super::train_test::TrainTest;
 use super::{DiagnosisOptions, uncertain_motion, unknown_zero};
 use compensator_core::{LawKind, TermKind};
@@ -34,6 +30,7 @@ use friction_fit::robust::Weighting;
 use friction_fit::solve::COMPARISON_TOLERANCE;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::statistics::autocorrelation_time;
+use friction_fit::torque_low_pass::LowPassShape;
 use friction_fit::{FitOptions, Loss, Outcome, identify};
 use joint_log::Quantity;
 use joint_log::log_check::{LogFinding, LogFindingKind};
@@ -95,7 +92,15 @@ pub fn answer(
     chosen.corrected.memory_rows = autocorrelation_time(residuals);
     let corrected = &chosen.corrected;
     chosen.base = resolved(&chosen.excerpt, &chosen.base);
-    let baseline = corrected.identify(&chosen.base)?;
+    let baseline = match &options.given {
+        Some((spec, parameters)) => corrected.identify(&FittedModel {
+            spec: spec.clone(),
+            parameters: parameters.clone(),
+            fixed: parameters.active().collect(),
+            ..chosen.base.clone()
+        })?,
+        None => corrected.identify(&chosen.base)?,
+    };
     progress("evaluating the base model on held-out rows");
     let before = match &options.given {
         Some((_, parameters)) => {
@@ -196,24 +201,25 @@ impl CorrectedRows {
         let joint = log.train.joint;
         let step_s = rows.step_s;
         let (mut judged, mut delay_s, mut finding) = (log.clone(), None, None);
+        let (mut late_channel, mut shape) = (None, LowPassShape::FirstOrder);
         match finalist.correction {
             Correction::None => {}
             Correction::TorqueLate(late) if late > 1.0 => delay_s = Some(late * step_s),
-            Correction::TorqueLate(late) => {
+            Correction::TorqueLate(late) if late >= -1.0 => {
                 judged = judged.with_later_velocity(-late * step_s);
             }
-            Correction::TorqueLowPass(..)
-                if options.as_logged.contains(&LogFindingKind::TorqueLag) => {}
-            Correction::TorqueLowPass(late, shape) => {
-                let channel = LateChannel {
-                    late: LateChannelKind::LowPassedTorque,
-                    time_s: late * step_s,
-                    shape,
-                    share_left: finalist.share_left,
-                };
-                judged = channel.lag_compensated(judged);
-                finding = Some(channel.finding(joint));
+            Correction::TorqueLate(late) => late_channel = Some((LateChannelKind::Velocity, -late)),
+            Correction::TorqueLowPass(late, low_pass) => {
+                (late_channel, shape) = (Some((LateChannelKind::LowPassedTorque, late)), low_pass);
             }
+        }
+        if let Some((late, rows)) =
+            late_channel.filter(|(late, _)| !options.as_logged.contains(&late.kind()))
+        {
+            let share_left = finalist.share_left;
+            let channel = LateChannel { late, time_s: rows * step_s, shape, share_left };
+            judged = channel.lag_compensated(judged);
+            finding = Some(channel.finding(joint));
         }
         let mut fitted = judged.clone();
         for track in &mut fitted.train_tracks {
@@ -356,6 +362,7 @@ impl Search<'_> {
         if let Some(weighed) = uncertain_motion::weighed(&corrected.judged, &base) {
             corrected.judged = weighed.with_floor();
         }
+        corrected.leave_out_rest(&base);
         let excerpt = excerpt(&corrected.fitted);
         let fit = |law: LawKind| {
             let from = (&base, &self.spec(law));
@@ -425,6 +432,17 @@ impl CorrectedRows {
                 "the loss is huber: {} rows differ from the rows beside them and count less",
                 weigh.reduced
             ));
+        }
+    }
+
+    /// Leaves the rows at rest out of the evaluation if a model is less accurate there than in motion.
+    fn leave_out_rest(&mut self, model: &FittedModel) {
+        let squares = |log: &TrainTest| {
+            let metrics = predict(&model.parameters, log.train_rows(), model.resolution).metrics;
+            (metrics.sse, metrics.rows)
+        };
+        if let Some(at_rest) = self.judged.worse_at_rest(squares) {
+            self.judged = self.judged.clone().without(&at_rest);
         }
     }
 
@@ -552,32 +570,6 @@ fn outside_model(own: &WeighedCause, outcome: &ContestOutcome, log: &TrainTest) 
         in_words += &format!(" ({})", own.figures.detail);
     }
     Finding { in_words, columns: own.columns(), size, ..Finding::of(own.cause) }
-}
-
-/// Returns the causes of the contest as candidates of a report.
-pub fn scores(weighed: &[WeighedCause]) -> Vec<CandidateScore> {
-    let score = |own: &WeighedCause| {
-        let below = || {
-            let why = format!(
-                "a probability of {:.2} is below the naming threshold of {NAMED:.2}",
-                own.probability
-            );
-            Rejection::new(&rules::BELOW_THRESHOLD, why)
-        };
-        CandidateScore {
-            cause: own.cause,
-            columns: own.columns(),
-            level: own.figures.detail.starts_with("level"),
-            order: None,
-            fit: CandidateFit::default(),
-            share: own.figures.last.max(own.figures.irreplaceable),
-            share_error: 0.0,
-            rejection: (!own.is_named()).then(|| own.rejection.clone().unwrap_or_else(below)),
-            evidence: CauseEvidence::default(),
-            weighed: Some(own.clone()),
-        }
-    };
-    weighed.iter().map(score).collect()
 }
 
 #[cfg(test)]

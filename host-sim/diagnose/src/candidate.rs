@@ -1,4 +1,4 @@
-//! One way a cause may explain a residual: columns beside the base model's, and where a fit with it begins.
+//! One way a cause may enter the driver's law: columns beside the base model's, and where a fit with it begins.
 //!
 //! A candidate is a term of the core at rest (its size 0) with the columns by which the torque would
 //! change if it acted. Where a term has a parameter that does not enter linearly (the order of a ripple,
@@ -69,18 +69,8 @@ pub struct Candidate {
     pub guesses: Vec<(ParameterId, InitialGuess)>,
     /// Parameters of the term a fit keeps.
     pub fixed: Vec<ParameterId>,
-    /// Of a periodic cause, its order.
-    pub order: Option<f64>,
-    /// How many alternatives it was chosen from for its agreement with the residual.
-    pub comparisons: f64,
-    /// What its gain counts for beside others'.
-    pub weight: f64,
     /// Index of the extra covariate it reads.
     pub extra: Option<usize>,
-    /// Whether it is only there to be held against its own cause: what would look alike without it, and is never named.
-    pub is_null_model: bool,
-    /// Whether it is only there to be named beside another cause that explains the same, and never for itself.
-    pub is_comparison_only: bool,
 }
 
 impl Candidate {
@@ -93,27 +83,8 @@ impl Candidate {
             regressors,
             guesses: Vec::new(),
             fixed: Vec::new(),
-            order: None,
-            comparisons: 1.0,
-            weight: 1.0,
             extra: None,
-            is_null_model: false,
-            is_comparison_only: false,
         }
-    }
-
-    /// Held against its own cause, see [`Candidate::is_null_model`].
-    #[must_use]
-    pub fn as_null_model(mut self) -> Self {
-        (self.is_null_model, self.weight) = (true, 0.0);
-        self
-    }
-
-    /// Named beside others alone, see [`Candidate::is_comparison_only`].
-    #[must_use]
-    pub fn as_comparison_only(mut self) -> Self {
-        (self.is_comparison_only, self.weight) = (true, 0.0);
-        self
     }
 
     /// Where a fit with it begins.
@@ -130,24 +101,10 @@ impl Candidate {
         self
     }
 
-    /// An order, and how many it was chosen from.
-    #[must_use]
-    pub fn of_order(mut self, order: f64, comparisons: f64) -> Self {
-        (self.order, self.comparisons) = (Some(order), comparisons);
-        self
-    }
-
     /// The column it follows; its index, where that is an extra covariate.
     #[must_use]
     pub fn following(mut self, follows: FollowedColumn, extra: Option<usize>) -> Self {
         (self.follows, self.extra) = (Some(follows), extra);
-        self
-    }
-
-    /// What its gain counts for beside others'.
-    #[must_use]
-    pub fn weighing(mut self, weight: f64) -> Self {
-        self.weight = weight;
         self
     }
 
@@ -162,11 +119,6 @@ impl Candidate {
             parameters.set(*id, value.clamp(info.lower, info.upper));
         }
     }
-
-    /// Whether it is a curve of any shape.
-    pub fn is_any_shape(&self) -> bool {
-        self.follows.as_ref().is_some_and(FollowedColumn::is_any_shape)
-    }
 }
 
 /// What candidates stand beside: a log, and a model that has been fitted to it.
@@ -177,7 +129,7 @@ pub struct FitContext<'a> {
     pub spec: &'a Spec,
     /// What it does, row by row.
     pub at: &'a Sensitivities,
-    /// What a contest has found of causes that enter nonlinearly; empty to search for it.
+    /// What the contest has found of causes that enter nonlinearly.
     pub found: FoundSettings,
 }
 

@@ -4,14 +4,12 @@
 //! remedy may be a term of the driver's model, a corrected column, or nothing. A cause is found in
 //! one of three ways:
 //!
-//! - As [`Cause::candidates`], which are evaluated beside a fitted model and then fitted with all
-//!   other parameters.
+//! - In a contest of hypotheses ([`super::contest`]), from where [`Cause::candidates`] take it into the driver's law.
 //! - [`Cause::in_log`]: in the log, without a model.
-//! - [`Cause::in_rest`]: in the remaining residual, if no candidate passed.
+//! - [`Cause::in_rest`]: in the remaining residual, if no cause is named.
 //!
-//! The search, the summary and the report use only this trait. A new cause therefore needs one file
-//! and one row in [`ALL`]. Relations between causes are also properties of the cause: it may yield
-//! to another one, or be considered after all others.
+//! Finalists, summary and report use only this trait. A new cause needs one file, one row in [`ALL`], and its columns in the
+//! contest.
 
 mod backlash;
 mod channel_delay;
@@ -41,13 +39,9 @@ pub mod definition;
 
 pub use definition::{Cause, Remedy};
 
-use super::candidate::{Candidate, FitContext};
-use super::train_test::FollowedColumn;
-use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, TermKind};
-use std::ops::Deref;
 
-/// All causes, in the order in which their candidates are evaluated.
+/// All causes.
 pub const ALL: &[&dyn Cause] = &[
     &radial_force_coulomb::RadialForceCoulomb,
     &pressure_coulomb::PressureCoulomb,
@@ -88,60 +82,6 @@ pub fn named(name: &str) -> Option<&'static dyn Cause> {
 /// Returns the causes that act through a parameter of a law.
 pub fn acting_through(id: ParameterId) -> impl Iterator<Item = &'static dyn Cause> {
     ALL.iter().copied().filter(move |cause| cause.acts_on().contains(&id))
-}
-
-/// A candidate and its cause.
-pub struct CauseCandidate {
-    /// The cause.
-    pub cause: &'static dyn Cause,
-    candidate: Candidate,
-}
-
-impl Deref for CauseCandidate {
-    type Target = Candidate;
-
-    fn deref(&self) -> &Candidate {
-        &self.candidate
-    }
-}
-
-impl CauseCandidate {
-    /// Returns the identity of the candidate, independent of its settings.
-    pub fn claim(&self) -> CauseIdentity {
-        CauseIdentity::new(self.cause, self.candidate.follows.as_ref())
-    }
-}
-
-/// Identity of a candidate, independent of its settings.
-///
-/// It consists of the cause and, for a cause that may follow any column, of the column and whether
-/// it scales the level.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CauseIdentity {
-    /// The cause.
-    pub cause: &'static dyn Cause,
-    follows: Option<(String, bool)>,
-}
-
-impl CauseIdentity {
-    /// Creates the identity of a cause that follows this column.
-    pub fn new(cause: &'static dyn Cause, follows: Option<&FollowedColumn>) -> Self {
-        Self { cause, follows: follows.map(|follows| (follows.column.clone(), follows.level)) }
-    }
-}
-
-/// Returns the candidates of all causes for a fitted model; empty if the model has the maximum number of terms.
-pub fn cause_candidates(context: &FitContext) -> Vec<CauseCandidate> {
-    if context.at.parameters.terms.len() >= MAX_TERMS {
-        return Vec::new();
-    }
-    let in_the_model = |cause: &dyn Cause| cause.remedy().term().is_some_and(|t| context.has(t));
-    let open = ALL.iter().copied().filter(|cause| !in_the_model(*cause));
-    open.flat_map(|cause| {
-        let candidates = cause.candidates(context).into_iter();
-        candidates.map(move |candidate| CauseCandidate { cause, candidate })
-    })
-    .collect()
 }
 
 #[cfg(test)]

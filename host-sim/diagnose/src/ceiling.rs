@@ -1,7 +1,7 @@
 //! The ceiling: what a flexible model with the same columns leaves of the error.
 //!
 //! The error of a diagnosis lies above the noise floor for two reasons: an effect that no cause describes, or noise that no
-//! column follows. A flexible model tells them apart. Trees ([`boosting`]) are grown on what the named model leaves, with the
+//! column follows. A flexible model tells them apart. Trees (`boosting`) are grown on what the named model leaves, with the
 //! log's columns and a memory of the motion, and predict rows that they have not seen. Their input holds no torque of earlier
 //! rows, which would predict the noise of a slow channel.
 //!
@@ -10,8 +10,7 @@
 mod boosting;
 mod table;
 
-use super::gram_blocks::{LeftOut, STRETCHES};
-use super::left_out::FEWEST_RUNS;
+use super::left_out::{FEWEST_RUNS, LeftOut, STRETCHES};
 use super::train_test::TrainTest;
 use boosting::{BinnedColumns, Tree};
 use friction_fit::Track;
@@ -235,7 +234,7 @@ fn stretch(log: &TrainTest, track: &Track, row: usize) -> usize {
 mod tests {
     use super::*;
     use crate::fixtures::{HandMadeLog, LogRow, linear_base, linear_torque};
-    use crate::left_out::predict_left_out;
+    use crate::left_out::{one_step_left_out, unit};
     use rand::RngExt;
 
     const ROWS: usize = 6000;
@@ -301,8 +300,8 @@ mod tests {
     /// Returns the error of the linear law on a log, and the ceiling.
     fn ceiling(torque_nm: impl Fn(&LogRow) -> f64) -> (f64, Ceiling) {
         let log = HandMadeLog::new(torque_nm).train_test();
-        let way = LeftOut::Runs;
-        let predicted = predict_left_out(&log, &linear_base(&log), way);
+        let way = unit(&log);
+        let predicted = one_step_left_out(&log, &log, &linear_base(&log));
         (predicted.metrics.rmse, Ceiling::new(&log, Some(way), &predicted, None))
     }
 

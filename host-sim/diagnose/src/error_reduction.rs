@@ -1,4 +1,4 @@
-//! Reduction of the squared error on held-out rows: the common measure of all decisions.
+//! Reduction of the squared error on held-out rows.
 //!
 //! Some rows are held out. The model is fitted to the other rows and evaluated on the held-out
 //! rows, without and with a cause. The differences of the squared errors by block of rows are the
@@ -26,10 +26,6 @@ pub struct ErrorReduction {
     pub error: f64,
     /// Number of observations in the sum.
     pub observations: usize,
-    /// The reduction in standard errors, with each observation weighted by the error of its own block.
-    block_weighted: f64,
-    /// Number of weightings from which the more significant one was chosen.
-    ways: f64,
 }
 
 impl ErrorReduction {
@@ -39,51 +35,16 @@ impl ErrorReduction {
         let n = observations as f64;
         let value: f64 = falls.clone().sum();
         if observations < 2 {
-            return Self {
-                value,
-                error: f64::INFINITY,
-                observations,
-                block_weighted: 0.0,
-                ways: 1.0,
-            };
+            return Self { value, error: f64::INFINITY, observations };
         }
         let squares: f64 = falls.map(|fall| (fall - value / n).powi(2)).sum();
         let error = (squares * n / (n - 1.0)).sqrt();
-        Self { value, error, observations, block_weighted: 0.0, ways: 1.0 }
-    }
-
-    /// Returns the reduction between the squared errors of two models, block by block.
-    pub fn between(before: &[f64], after: &[f64]) -> Self {
-        let pairs = || before.iter().zip(after);
-        let mut sizes: Vec<f64> = pairs().map(|(before, after)| before + after).collect();
-        sizes.sort_by(f64::total_cmp);
-        let middle = sizes.get(sizes.len() / 2).copied().unwrap_or_default();
-        let size = |own: f64| (own + middle).max(f64::MIN_POSITIVE);
-        let by_size = pairs().map(|(before, after)| (before - after) / size(before + after));
-        let block_weighted = Self::of(by_size).in_standard_errors();
-        Self { block_weighted, ..Self::of(pairs().map(|(before, after)| before - after)) }
-    }
-
-    /// Returns the reduction with the smaller of two standard errors: that of the plain sum, or
-    /// that of block-weighted observations.
-    ///
-    /// If a few blocks contain most of the error, the plain sum scatters with these blocks,
-    /// although all others may agree. The probability accounts for the choice between two
-    /// weightings.
-    #[must_use]
-    pub fn block_weighted_error(self) -> Self {
-        let error = if self.value > 0.0 && self.block_weighted > self.in_standard_errors() {
-            self.value / self.block_weighted
-        } else {
-            self.error
-        };
-        Self { error, ways: 2.0, ..self }
+        Self { value, error, observations }
     }
 
     /// Returns the lower bound, two standard errors below the value, Nm^2.
     ///
-    /// Causes are compared by this bound. A large reduction from a few blocks has a lower bound
-    /// than one on which all blocks agree.
+    /// A large reduction from a few blocks has a lower bound than one on which all blocks agree.
     pub fn at_least(&self) -> f64 {
         self.value - 2.0 * self.error
     }
@@ -105,7 +66,7 @@ impl ErrorReduction {
         }
         let statistic = (z + (z * z + 2.0 * k).sqrt()).powi(2);
         let alone = FisherSnedecor::new(k, freedom).map_or(1.0, |f| f.sf(statistic / k));
-        (self.ways * alone * alternatives).min(1.0)
+        (alone * alternatives).min(1.0)
     }
 }
 
@@ -114,24 +75,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn between_with_four_blocks_has_standard_error_of_scatter() {
-        let fall = ErrorReduction::between(&[2.0, 4.0, 3.0, 3.0], &[1.0, 1.0, 1.0, 1.0]);
+    fn of_four_observations_has_standard_error_of_scatter() {
+        let fall = ErrorReduction::of([1.0, 3.0, 2.0, 2.0].into_iter());
         assert_eq!(fall.value, 8.0);
-        // The differences 1, 3, 2, 2 have the standard deviation sqrt(2/3). The sum of four has
-        // twice that.
+        // The standard deviation is sqrt(2/3). The sum of four has twice that.
         assert!((fall.error - 2.0 * (2.0f64 / 3.0).sqrt()).abs() < 1e-12);
         assert_eq!(ErrorReduction::of([5.0].into_iter()).in_standard_errors(), 0.0);
     }
 
     #[test]
     fn probability_of_two_standard_errors_matches_normal_tail() {
-        let fall = ErrorReduction {
-            value: 2.0,
-            error: 1.0,
-            observations: 100_000,
-            block_weighted: 0.0,
-            ways: 1.0,
-        };
+        let fall = ErrorReduction { value: 2.0, error: 1.0, observations: 100_000 };
         // Two-sided normal probability of 2 + sqrt 6.
         assert!(
             (fall.probability(1, 1.0) / 8.6e-6 - 1.0).abs() < 0.05,
@@ -143,24 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn block_weighted_error_with_one_large_block_is_significant() {
-        let mut before = vec![1.0; 40];
-        before[7] = 1000.0;
-        let after: Vec<f64> = before.iter().map(|before| 0.2 * before).collect();
-        let fall = ErrorReduction::between(&before, &after);
-        assert!(fall.probability(1, 1.0) > 0.005, "{}", fall.probability(1, 1.0));
-        assert!(
-            fall.block_weighted_error().probability(1, 1.0) < 1e-6,
-            "{}",
-            fall.block_weighted_error().probability(1, 1.0)
-        );
-        assert_eq!(fall.block_weighted_error().value, fall.value);
-        let loss = ErrorReduction::between(&after, &before).block_weighted_error();
-        assert_eq!((loss.probability(1, 1.0), loss.at_least() < 0.0), (1.0, true));
-    }
-
-    #[test]
     fn probability_of_negative_reduction_is_one() {
-        assert_eq!(ErrorReduction::between(&[1.0; 8], &[2.0; 8]).probability(1, 1.0), 1.0);
+        assert_eq!(ErrorReduction::of([-1.0; 8].into_iter()).probability(1, 1.0), 1.0);
     }
 }

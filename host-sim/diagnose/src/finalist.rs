@@ -2,7 +2,7 @@
 //!
 //! The contest is linear in its columns; a driver runs a law that is not. A fit of the law begins at the linear solution: the
 //! law has the values of its columns, and one linear fit beside the law at this point gives all terms their values jointly
-//! ([`LinearFit`]). Then all parameters are fitted. What the law leaves beyond the linear promise, the shortfall, is evidence
+//! (`LinearFit`). Then all parameters are fitted. What the law leaves beyond the linear promise, the shortfall, is evidence
 //! against the hypothesis.
 //!
 //! Finalists are compared on an excerpt of the log; only the best one is fitted to all rows.
@@ -188,7 +188,7 @@ pub fn fitted(
     })
 }
 
-/// Returns the log with at most about [`MOST_ROWS`] training rows: the middle of each track.
+/// Returns the log with at most about `MOST_ROWS` training rows: the middle of each track.
 pub fn excerpt(log: &TrainTest) -> TrainTest {
     let rows: usize = log.train_tracks.iter().map(|track| track.len()).sum();
     let mut excerpt = log.clone();
@@ -375,9 +375,8 @@ fn ways(
         if is_used || spec.terms.len() + spec.rigid_body.len() + ways.len() >= MAX_TERMS {
             continue;
         }
-        let candidates = cause.candidates(&context).into_iter().filter(|candidate| {
-            !candidate.is_null_model && !candidate.is_comparison_only && is_variant(candidate, own)
-        });
+        let candidates = cause.candidates(&context).into_iter();
+        let candidates = candidates.filter(|candidate| is_variant(candidate, own));
         let way = Way { place: *place, cause, candidates: candidates.collect() };
         if !way.candidates.is_empty() {
             ways.push(way);

@@ -32,7 +32,7 @@ pub struct Finding {
     /// Probability that the best of all candidates reaches this error reduction under the null
     /// hypothesis.
     pub p_value: f64,
-    /// Calibrated probability that the cause is real, 0 to 1 ([`super::calibration`]). For a cause that was observed without
+    /// Calibrated probability that the cause is real, 0 to 1 ([`super::contest_calibration`]). For a cause that was observed without
     /// a fit, the complement of its p value.
     pub probability: f64,
     /// Share of resampled logs in which it, or a cause that the log cannot distinguish from it, is the best candidate.

@@ -4,14 +4,10 @@
 //! compares a stage with a truth that does not depend on the fitted model. All values are
 //! deterministic, including the noise.
 
-use super::accepted_cause::AcceptedCause;
-use super::baseline::{self, Baseline};
-use super::cause::{Cause, of_term};
-use super::model::{FitCache, FittedModel, with_candidate};
-use super::round::Round;
-use super::search::{Extension, Search};
+use super::finalist::fitted;
+use super::model::FittedModel;
 use super::train_test::TrainTest;
-use compensator_core::{LawKind, TermKind};
+use compensator_core::LawKind;
 use friction_fit::spec::Spec;
 use joint_log::{Dataset, SplitRule, split};
 use rand::{RngExt, SeedableRng};
@@ -41,10 +37,6 @@ const TRAVEL_RAD: f64 = 0.03;
 
 /// The same for soft bristles, rad.
 const SOFT_TRAVEL_RAD: f64 = 0.2;
-
-/// Probability at and above which a cause is named in these tests. It is below the probability of
-/// each hidden cause.
-pub const NAMING_THRESHOLD: f64 = 0.5;
 
 /// Columns of a log.
 const COLUMNS: [&str; 5] =
@@ -255,50 +247,5 @@ pub fn stribeck_bristle_torque(row: &LogRow) -> f64 {
 
 /// Returns the fit of the linear law to a log.
 pub fn linear_base(log: &TrainTest) -> FittedModel {
-    base(log, LawKind::Linear).model
-}
-
-/// Returns the fit of a law to a log.
-pub fn base(log: &TrainTest, law: LawKind) -> Baseline {
-    baseline::asked_for(log, &Spec::law(law), None).expect("a law without terms")
-}
-
-/// Calls a function with a search on this log beside the linear law.
-pub fn with_search<T>(log: &TrainTest, run: impl FnOnce(&Search) -> T) -> T {
-    let (fits, base) = (FitCache::new(log), linear_base(log));
-    run(&Search {
-        log,
-        fits: &fits,
-        base: &base,
-        naming_threshold: NAMING_THRESHOLD,
-        only_weighs: false,
-        seed: 0,
-        progress: &|_| {},
-    })
-}
-
-/// Returns the base law of a search with these causes, added one by one without any test.
-pub fn extension(search: &Search, causes: &[&str]) -> Extension {
-    let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
-    for name in causes {
-        let round = Round::new(search.log, &extension.model);
-        let fit =
-            round.fits.iter().find(|fit| round.candidates[fit.candidate].cause.name() == *name);
-        let fit = fit.expect("a candidate of the cause");
-        let candidate = &round.candidates[fit.candidate];
-        extension.model =
-            with_candidate(search.fits, &extension.model, candidate, fit).expect("few terms");
-        extension.found.push(AcceptedCause::chosen(candidate, fit.clone()));
-    }
-    extension
-}
-
-/// Returns the cause of this name.
-pub fn cause(name: &str) -> &'static dyn Cause {
-    of_term(TermKind::parse(name).expect("a term")).expect("a cause with a term")
-}
-
-/// Returns the names of causes.
-pub fn names(found: &[AcceptedCause]) -> Vec<&'static str> {
-    found.iter().map(|found| found.cause.name()).collect()
+    fitted(log, &Spec::law(LawKind::Linear), None, &[], None).expect("a law without terms")
 }

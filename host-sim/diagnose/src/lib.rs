@@ -2,20 +2,15 @@
 //!
 //! ```text
 //! TrainTest      runs to learn from and to judge by, columns that may be blamed    train_test
-//!  -> CorrectedLog  late channels, uncertain motion, unknown zero, base model       corrected_log, late_channel, uncertain_motion,
-//!                                                                                   unknown_zero, baseline
-//!  -> Round         all candidates beside a model, in one linear fit                round, sensitivities, cause, survey, gram_blocks
-//!  -> Selection     causes added one by one, each reviewed beside all others        select, review, rules, other_laws
-//!       evidence    figures of each cause, weighed to a probability                 cause_evidence, calibration
-//!  -> Proposal      fitted anew with every run left out once                        proposal, left_out, evaluation
-//!  -> Decision      repeated until the evaluation withdraws nothing                 decision
-//!  -> Diagnosis     size, sentence, where it shows, what to measure next            extended, finding, evidence, regime, experiment
+//!  -> Outcome    hypotheses compared on the same rows, all linear                  contest
+//!  -> WeighedCause  the evidence for each cause as a probability                   contest_calibration, naming
+//!  -> Answer     the best hypotheses fitted with the driver's law, held out        by_contest, finalist, left_out, evaluation
+//!  -> Diagnosis  size, sentence, where it shows, what to measure next              extended, finding, evidence, regime, experiment
 //! ```
 //!
-//! The linear fit ([`gram_blocks`]) only decides which candidates are fitted. What is reported was fitted by the core's own
-//! step, all parameters jointly, and evaluated on held-out runs. A stage takes values and returns a value; it does not change
-//! those before it. What may be blamed, and what each cause needs to be found and reported, is in [`cause`]: a file for each
-//! cause, and one list.
+//! What is reported was fitted by the core's own step, all parameters jointly, and evaluated on held-out rows. A stage takes
+//! values and returns a value; it does not change those before it. What may be blamed, and how a cause is reported, is in
+//! [`cause`]: a file for each cause, and one list.
 //!
 //! [`mod@prepare`] reads, checks and splits a log as every front end does.
 //!
@@ -55,20 +50,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod accepted_cause;
-pub mod baseline;
-pub mod block_errors;
 pub mod by_contest;
-pub mod calibration;
 pub mod candidate;
 pub mod cause;
-pub mod cause_evidence;
 pub mod ceiling;
 pub mod columns;
 pub mod contest;
 pub mod contest_calibration;
-pub mod corrected_log;
-pub mod decision;
 pub mod error_reduction;
 pub mod evaluation;
 pub mod evidence;
@@ -76,28 +64,16 @@ pub mod experiment;
 pub mod extended;
 pub mod finalist;
 pub mod finding;
-pub mod gram_blocks;
-pub mod harmonics;
-pub mod hysteresis;
-mod improvement;
 pub mod late_channel;
 pub mod leading_fault;
 pub mod left_out;
 pub mod model;
 pub mod naming;
-pub mod order;
-pub mod other_laws;
 pub mod prepare;
-pub mod proposal;
 pub mod regime;
-pub mod review;
-pub mod round;
 pub mod rules;
-pub mod search;
-pub mod select;
 pub mod sensitivities;
 pub mod summary;
-pub mod survey;
 pub mod thresholds;
 pub mod train_test;
 pub mod uncertain_motion;
@@ -110,40 +86,24 @@ pub use cause::{Cause, Remedy};
 pub use evaluation::Gain;
 pub use extended::Size;
 pub use finding::{ConfoundedCause, Finding};
+pub use naming::WeighedCause;
 pub use regime::Share;
-pub use round::CandidateScore;
 pub use train_test::TrainTest;
 
-use accepted_cause::AcceptedCause;
 use ceiling::Ceiling;
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
-use corrected_log::CorrectedLog;
-use decision::Decision;
 use extended::{Observation, Unexplained};
 use friction_fit::clock::Instant;
 use friction_fit::predict::predict;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::statistics::autocorrelation_time;
-use friction_fit::{FitOptions, Loss, Outcome, State};
-use friction_fit::{Predicted, identify};
-use gram_blocks::LeftOut;
+use friction_fit::{Loss, Outcome, Predicted, State};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{Dataset, Split};
-use model::FittedModel;
-use rules::RuleDecision;
+use left_out::LeftOut;
 use stochastic_extension::Certificate;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
-
-/// How causes are searched for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Engine {
-    /// One cause after the other beside a fitted model.
-    Search,
-    /// A contest of whole hypotheses.
-    #[default]
-    Contest,
-}
 
 /// Options of a diagnosis.
 #[derive(Clone, Debug, Default)]
@@ -164,10 +124,6 @@ pub struct DiagnosisOptions {
     pub as_logged: Vec<LogFindingKind>,
     /// Loss of the fits.
     pub loss: Loss,
-    /// If true, evidence is weighed for the calibration, and no extension is proposed.
-    pub only_weighs: bool,
-    /// How causes are searched for.
-    pub engine: Engine,
 }
 
 /// Result of a diagnosis.
@@ -199,12 +155,8 @@ pub struct Diagnosis {
     pub by_direction: Vec<Share>,
     /// By thirds of every column, and by run.
     pub by_column: Vec<(String, Vec<Share>)>,
-    /// Every candidate beside the base law, best first.
-    pub scores: Vec<CandidateScore>,
-    /// Accepted causes as the calibration last weighed them, with those below its threshold.
-    pub weighed: Vec<AcceptedCause>,
-    /// Causes that a rule rejected after their fit.
-    pub decisions: Vec<RuleDecision>,
+    /// The causes of the contest with their probabilities: those of the best hypothesis first.
+    pub candidates: Vec<WeighedCause>,
     /// The paper's stochastic extension before and after, and where its verdict and this one part.
     pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
@@ -273,73 +225,8 @@ const MIN_MEMORY_ROWS: f64 = 1.3;
 /// Diagnoses a log.
 ///
 /// # Errors
-/// If the base model already has as many terms as the core takes.
+/// If a model has more terms than the core takes.
 pub fn diagnose(
-    data: &Dataset,
-    split: &Split,
-    question: &DiagnosisOptions,
-    progress: &dyn Fn(&str),
-) -> Result<Diagnosis, SpecError> {
-    if question.engine == Engine::Contest {
-        return diagnose_by_contest(data, split, question, progress);
-    }
-    let begin = Instant::now();
-    let log = TrainTest::new(data, split, question.decimate, &question.rigid_body);
-    let corrected = CorrectedLog::new(log, data.joint, question, progress)?;
-    let decision = decision::decide(&corrected, question, progress)?;
-    let log = reported_log(&corrected.whole, &decision);
-    let models = models(&log, question, &decision)?;
-    let (before, after) = (decision.proposal.before, decision.proposal.after);
-    let Floors { noise_floor, coloured } = floors(&log, &after);
-    let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
-    let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
-    let found = decision.proposal.extension.found.iter();
-    let mut findings: Vec<Finding> =
-        found.map(|found| found.finding(&models.extended, &log)).collect();
-    findings.extend(observed(|cause| cause.in_log(&log)));
-    if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
-    {
-        let (after, log, seed) = (&after, &log, question.seed);
-        let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
-        findings.extend(observed(|cause| cause.in_rest(&rest)));
-    }
-    limit_probabilities(&mut findings, &corrected.findings, &after);
-    progress("fitting a flexible model");
-    let left_out = decision.proposal.left_out;
-    let ceiling = ceiling_of(&log, left_out, &after, &models.extended);
-    progress("certifying");
-    let certificates = certificates(&log, &models, &findings, question.seed);
-    let Models { baseline, extended } = models;
-    let (tracks, resolution) = (&log.test_tracks, baseline.resolution);
-    let at = sensitivities::sensitivities(&baseline.parameters, &[], tracks, resolution);
-    let follows = decision.proposal.extension.model.follows.as_ref().filter(|own| own.extra);
-    Ok(Diagnosis {
-        log_findings: corrected.findings,
-        noise_floor,
-        ceiling,
-        by_regime: regime::by_regime(&log.test_tracks, &at),
-        by_direction: regime::by_direction(&log.test_tracks, &at),
-        by_column: regime::by_column(&log, &at),
-        scores: decision.scores,
-        weighed: decision.weighed,
-        decisions: decision.decisions,
-        certificates,
-        auxiliary: follows.map(|follows| follows.column.clone()),
-        left_out,
-        log,
-        baseline,
-        extended,
-        before,
-        after,
-        findings,
-        gain: decision.proposal.gain,
-        unexplained_memory_rows,
-        seconds: begin.elapsed().as_secs_f64(),
-    })
-}
-
-/// Diagnoses a log by a contest of hypotheses.
-fn diagnose_by_contest(
     data: &Dataset,
     split: &Split,
     question: &DiagnosisOptions,
@@ -380,9 +267,7 @@ fn diagnose_by_contest(
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
-        scores: by_contest::scores(&answer.weighed),
-        weighed: Vec::new(),
-        decisions: Vec::new(),
+        candidates: answer.weighed,
         certificates,
         auxiliary: answer.auxiliary,
         left_out: answer.left_out,
@@ -408,38 +293,10 @@ fn limit_probabilities(findings: &mut [Finding], log: &[LogFinding], after: &Pre
     }
 }
 
-/// Returns the log as the extended model sees it, with the notes of the decision.
-fn reported_log(whole: &TrainTest, decision: &Decision) -> TrainTest {
-    let follows = decision.proposal.extension.model.follows.as_ref();
-    let mut log = whole.following(follows.filter(|follows| follows.extra)).into_owned();
-    let rejected = decision.decisions.iter().map(RuleDecision::in_words);
-    let mut notes: Vec<String> = decision.notes.iter().cloned().chain(rejected).collect();
-    notes.sort_unstable();
-    notes.dedup();
-    log.notes.extend(notes);
-    log
-}
-
 /// Base and extended model, fitted to the whole log and evaluated on held-out rows.
 struct Models {
     baseline: Outcome,
     extended: Outcome,
-}
-
-fn models(
-    log: &TrainTest,
-    question: &DiagnosisOptions,
-    decision: &Decision,
-) -> Result<Models, SpecError> {
-    let proposal = &decision.proposal;
-    let mut baseline = match &question.given {
-        Some((spec, parameters)) => given(log, spec, parameters)?,
-        None => outcome(log, &decision.base)?,
-    };
-    baseline.test = proposal.before.metrics;
-    let mut extended = proposal.extended.clone().unwrap_or_else(|| baseline.clone());
-    extended.test = proposal.after.metrics;
-    Ok(Models { baseline, extended })
 }
 
 /// Returns what a flexible model leaves of the extended model's error.
@@ -470,26 +327,6 @@ fn floors(log: &TrainTest, after: &Predicted) -> Floors {
 fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<Item = Finding> {
     let all = cause::ALL.iter().copied();
     all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
-}
-
-/// Errors and verdicts of a model that has been fitted.
-fn outcome(log: &TrainTest, model: &FittedModel) -> Result<Outcome, SpecError> {
-    let options = FitOptions {
-        starts: 1,
-        start: Some(model.parameters.clone()),
-        fixed: model.fixed.clone(),
-        resolution: Some(model.resolution),
-        ..FitOptions::default()
-    };
-    identify(&model.spec, &model.parameters, log.train_rows(), log.test_rows(), &options)
-}
-
-/// A model taken as it is.
-fn given(log: &TrainTest, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome, SpecError> {
-    let fixed: Vec<ParameterId> = parameters.active().collect();
-    let options =
-        FitOptions { starts: 1, start: Some(parameters.clone()), fixed, ..FitOptions::default() };
-    identify(spec, parameters, log.train_rows(), log.test_rows(), &options)
 }
 
 /// The paper's certificates of both models on the training runs.

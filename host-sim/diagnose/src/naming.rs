@@ -45,6 +45,24 @@ impl WeighedCause {
         self.probability >= NAMED
     }
 
+    /// Returns the standard error of what it takes alone, as a share of the squared error; 0 if it takes nothing.
+    pub fn gain_error(&self) -> f64 {
+        let error = (self.figures.alone / self.figures.alone_in_errors).abs();
+        if error.is_finite() { error } else { 0.0 }
+    }
+
+    /// Returns why it is not named, as the end of a sentence; empty if it is.
+    pub fn reason(&self) -> String {
+        match &self.rejection {
+            _ if self.is_named() => String::new(),
+            Some(rejection) => rejection.why.clone(),
+            None => format!(
+                "a probability of {:.2} is below the naming threshold of {NAMED:.2}",
+                self.probability
+            ),
+        }
+    }
+
     /// Columns of the log that it follows.
     pub fn columns(&self) -> Vec<String> {
         columns(&self.figures.key)
@@ -111,9 +129,11 @@ fn periods(figures: &Figures, rows: &Rows) -> Option<f64> {
 /// Returns the causes that stand in for one of them.
 pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCause> {
     let rival = |key: &CauseKey| {
-        let other = weighed.iter().find(|other| other.figures.key == *key)?;
-        let share = (other.figures.alone / own.alone.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        Some(ConfoundedCause { cause: other.cause, columns: other.columns(), share })
+        // A cause with the same columns as the first one never wins a draw, so it is no candidate.
+        let other = weighed.iter().find(|other| other.figures.key == *key);
+        let alone = other.map_or(own.alone, |other| other.figures.alone);
+        let share = (alone / own.alone.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        Some(ConfoundedCause { cause: cause::named(key.cause)?, columns: columns(key), share })
     };
     own.confusable_with.iter().filter_map(rival).collect()
 }

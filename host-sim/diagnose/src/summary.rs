@@ -3,10 +3,10 @@
 //!
 //! Errors are RMS values in the joint's torque unit, Nm or N.
 
-use super::calibration::Calibration;
 use super::experiment::most_informative;
 use super::finding::{Finding, probability_in_words};
-use super::gram_blocks::LeftOut;
+use super::left_out::LeftOut;
+use super::naming::NAMED;
 use super::{Diagnosis, Share};
 use compensator_core::Quantity;
 use friction_fit::State;
@@ -122,18 +122,11 @@ struct Doubt<'a> {
 
 /// Returns the causes that are possible and not named, most likely first.
 fn doubts(diagnosis: &Diagnosis) -> Vec<Doubt<'_>> {
-    let searched = diagnosis.weighed.iter().map(|own| {
-        let mut decisions = diagnosis.decisions.iter();
-        let decision =
-            decisions.find(|other| other.cause == own.cause && other.columns == own.columns);
-        (own.cause.name(), own.probability, decision.map(|decision| &decision.rejection))
-    });
-    let contested = diagnosis.scores.iter().filter_map(|score| score.weighed.as_ref());
-    let contested =
-        contested.map(|own| (own.cause.name(), own.probability, own.rejection.as_ref()));
+    let candidates = diagnosis.candidates.iter();
+    let candidates =
+        candidates.map(|own| (own.cause.name(), own.probability, own.rejection.as_ref()));
     let is_named = |name: &str| diagnosis.findings.iter().any(|own| own.cause.name() == name);
-    let mut doubts: Vec<Doubt> = searched
-        .chain(contested)
+    let mut doubts: Vec<Doubt> = candidates
         .filter(|(cause, probability, _)| *probability >= POSSIBLE && !is_named(cause))
         .map(|(cause, probability, rejection)| {
             let refusal = rejection.map(|rejection| rejection.why.as_str());
@@ -202,21 +195,15 @@ fn place(diagnosis: &Diagnosis) -> String {
 
 /// Returns the best candidate and why it was rejected, for a log without a cause.
 fn closest(diagnosis: &Diagnosis) -> String {
-    let Some(best) = diagnosis.scores.first() else { return String::new() };
-    let of = if best.columns.is_empty() {
-        String::new()
-    } else {
-        format!(" ({})", best.columns.join(", "))
-    };
-    let reason = best
-        .rejection
-        .as_ref()
-        .map_or("it failed the review of all candidates", |r| r.why.as_str());
+    let Some(best) = diagnosis.candidates.first() else { return String::new() };
+    let columns = best.columns();
+    let of = if columns.is_empty() { String::new() } else { format!(" ({})", columns.join(", ")) };
     format!(
-        " The best candidate was {}{of}, with {} ± {} % of the squared error; it was rejected: {reason}.",
+        " The best candidate was {}{of}, with {} ± {} % of the squared error; it was rejected: {}.",
         best.cause.name(),
-        significant(100.0 * best.share, 2),
-        significant(200.0 * best.share_error, 2)
+        significant(100.0 * best.figures.alone, 2),
+        significant(200.0 * best.gain_error(), 2),
+        best.reason()
     )
 }
 
@@ -334,7 +321,7 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
 
 /// Returns the causes, or why none is named.
 fn why(diagnosis: &Diagnosis) -> String {
-    let unnamed = unnamed(&doubts(diagnosis), Calibration::current().naming_threshold);
+    let unnamed = unnamed(&doubts(diagnosis), NAMED);
     let likely = |finding: &Finding| probability_in_words(finding.probability);
     match diagnosis.findings.as_slice() {
         [] => format!("No cause passed all criteria.{}{unnamed}", closest(diagnosis)),

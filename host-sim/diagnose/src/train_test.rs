@@ -32,19 +32,6 @@ const REST: f64 = 0.04;
 /// Ratio of the mean squared errors at rest and in motion above which rows at rest are excluded.
 const WORSE_AT_REST: f64 = 1.0;
 
-/// Largest number of training rows in a search over all causes, if there are enough runs to choose
-/// from.
-const MOST_SEARCHED: usize = 150_000;
-
-/// Fewest training runs in a search that is limited in this way.
-const FEWEST_RUNS: usize = 12;
-
-/// Share of a column's variance within runs below which it counts as constant in each run.
-const CONSTANT: f64 = 0.05;
-
-/// Fewest runs that can show whether a column that is constant in each of them extrapolates.
-const MANY_RUNS: usize = 8;
-
 /// Column that a cause follows which may follow any, and how it follows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FollowedColumn {
@@ -58,13 +45,6 @@ pub struct FollowedColumn {
     pub proportional: bool,
     /// Formula of the level over the column, if it follows one.
     pub formula: LookupFormula,
-}
-
-impl FollowedColumn {
-    /// Returns true for a curve of any shape, which is considered after the named causes.
-    pub fn is_any_shape(&self) -> bool {
-        !self.proportional && self.formula == LookupFormula::None
-    }
 }
 
 /// The log of a diagnosis. Excluding rows or following a column creates another value.
@@ -189,22 +169,6 @@ impl TrainTest {
         self.train_tracks.iter().map(weights).sum::<f64>() / self.decimate as f64
     }
 
-    /// Returns the RMS error that belongs to a sum of squared errors on the training rows, relative to the noise floor.
-    pub fn error_over_floor(&self, sse: f64) -> f64 {
-        let floor = self.floor_nm.max(f64::MIN_POSITIVE);
-        (sse / self.weight().max(f64::MIN_POSITIVE)).sqrt() / floor
-    }
-
-    /// Returns the share of the noise floor, as variance, that comes from the uncertain motion.
-    pub fn motion_share(&self) -> f64 {
-        let squares = self.train_tracks.iter().flat_map(|track| {
-            let rows = track.motion_error.iter().enumerate();
-            rows.map(|(row, error)| track.weight(row) * error * error)
-        });
-        let floor = self.weight() * self.decimate as f64 * self.floor_nm * self.floor_nm;
-        (squares.sum::<f64>() / floor.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
-    }
-
     /// Returns true if a run has a position column.
     pub fn has_position(&self) -> bool {
         self.train.runs.iter().any(|run| run.get(Quantity::Position).is_some())
@@ -216,23 +180,6 @@ impl TrainTest {
         let steps = positions.flat_map(|column| column.windows(2).map(|w| (w[1] - w[0]).abs()));
         let least = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
         if least.is_finite() { least } else { 0.0 }
-    }
-
-    /// Returns the share of a mean square above the noise floor, for any rows of the log.
-    pub fn share_beyond_floor(&self, mean_square: f64) -> f64 {
-        (1.0 - self.floor_nm * self.floor_nm / mean_square.max(f64::MIN_POSITIVE)).max(0.01)
-    }
-
-    /// Returns true if one of these columns is nearly constant within each run and there are few
-    /// runs. Held-out runs then cannot show whether a cause extrapolates.
-    pub fn can_only_describe(&self, columns: &[String]) -> bool {
-        let runs = &self.train.runs;
-        let between = |name: &String| {
-            let of = |run: &Run| self.train.column(run, name).map(<[f64]>::to_vec);
-            let columns: Option<Vec<Vec<f64>>> = runs.iter().map(of).collect();
-            columns.is_some_and(|columns| within_runs(&columns) < CONSTANT)
-        };
-        runs.len() < MANY_RUNS && columns.iter().any(between)
     }
 
     /// Returns the log for a model that follows this column. An extra covariate becomes the
@@ -289,20 +236,6 @@ impl TrainTest {
             track.scale_weights(|row| f64::from(u8::from(moves[row])));
         }
         self
-    }
-
-    /// Returns the log with fewer training runs, evenly spread, to limit the time of a search over
-    /// all causes. The result is refitted on all runs.
-    pub fn thinned(&self) -> Cow<'_, Self> {
-        let rows: usize = self.train_tracks.iter().map(Track::len).sum();
-        let most = self.train.runs.len() / FEWEST_RUNS;
-        let stride = rows.div_ceil(MOST_SEARCHED).min(most).max(1);
-        if stride == 1 {
-            return Cow::Borrowed(self);
-        }
-        let mut log = self.clone();
-        log.train_tracks.retain(|track| track.run.is_multiple_of(stride));
-        Cow::Owned(log)
     }
 
     /// Returns the training rows.
@@ -403,19 +336,6 @@ impl TrainTest {
         }
         (extras, notes)
     }
-}
-
-/// Returns the share of a column's variance that lies within runs.
-fn within_runs(runs: &[Vec<f64>]) -> f64 {
-    let (mut within, mut all) = (0.0, 0.0);
-    let rows: usize = runs.iter().map(Vec::len).sum();
-    let mean = runs.iter().flatten().sum::<f64>() / rows.max(1) as f64;
-    for run in runs {
-        let own = run.iter().sum::<f64>() / run.len().max(1) as f64;
-        within += run.iter().map(|value| (value - own).powi(2)).sum::<f64>();
-        all += run.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
-    }
-    if all > 0.0 { within / all } else { 1.0 }
 }
 
 /// Returns the correlation of two columns over all rows of all runs; 0 if one of them is constant.

@@ -19,7 +19,6 @@
 
 use super::error_reduction::ErrorReduction;
 use super::model::FittedModel;
-use super::rules::{NEGLIGIBLE, NOT_SIGNIFICANT};
 use super::sensitivities::sensitivities;
 use super::train_test::TrainTest;
 use compensator_core::TermKind;
@@ -36,6 +35,12 @@ const FEWEST_RUNS: usize = 5;
 
 /// Fewest periods of the wave in one half of a run that determine its phase.
 const LEAST_PERIODS: f64 = 0.25;
+
+/// Highest probability of the reduction in a log without a wave, corrected for all orders.
+const MAX_PROBABILITY: f64 = 0.05;
+
+/// Least share of the squared error above the noise floor that a wave must remove: in a long log any wave is significant.
+const MIN_SHARE: f64 = 0.03;
 
 /// Rows of a run: angle, rad, and residual, Nm.
 type Rows = Vec<(f64, f64)>;
@@ -60,8 +65,8 @@ pub fn aligned(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
         .max_by(|a, b| a.1.at_least().total_cmp(&b.1.at_least()))?;
     let (order, fall) = best;
     let squares: f64 = by_run.iter().flatten().map(|(_, e)| e * e).sum();
-    let passes = fall.probability(2, f64::from(MOST)) < NOT_SIGNIFICANT.limit
-        && fall.value > NEGLIGIBLE.limit * log.beyond_floor(squares);
+    let passes = fall.probability(2, f64::from(MOST)) < MAX_PROBABILITY
+        && fall.value > MIN_SHARE * log.beyond_floor(squares);
     if !passes {
         return None;
     }
@@ -200,11 +205,11 @@ mod tests {
             at_least(a).total_cmp(&at_least(b))
         });
         assert_eq!(best, Some(3));
-        assert!(fall(&hidden, 3.0).probability(2, f64::from(MOST)) < NOT_SIGNIFICANT.limit);
+        assert!(fall(&hidden, 3.0).probability(2, f64::from(MOST)) < MAX_PROBABILITY);
         let alarms = (0..20).filter(|seed| {
             let clean = runs(0.0, 3.0, 100 + seed);
             (1..=MOST).any(|n| {
-                fall(&clean, f64::from(n)).probability(2, f64::from(MOST)) < NOT_SIGNIFICANT.limit
+                fall(&clean, f64::from(n)).probability(2, f64::from(MOST)) < MAX_PROBABILITY
             })
         });
         assert!(alarms.count() <= 1);

@@ -4,7 +4,7 @@
 //! regime and direction, and the hash of each file. All errors are in the unit of the torque column.
 
 use super::json::{parameter, sources};
-use super::ranking::{left_out, probability, rejection_reason};
+use super::ranking::{RankedCandidate, left_out, ranking};
 #[cfg(feature = "pages")]
 use crate::Files;
 #[cfg(feature = "pages")]
@@ -14,13 +14,12 @@ use crate::loop_cost::late_loop_warning;
 #[cfg(feature = "pages")]
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
-use friction_diagnose::calibration::Calibration;
-use friction_diagnose::cause_evidence::{CauseEvidence, FIGURES};
 use friction_diagnose::ceiling;
+use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_diagnose::finding::Finding;
+use friction_diagnose::naming::NAMED;
 use friction_diagnose::prepare::Prepared;
-use friction_diagnose::rules::RuleDecision;
-use friction_diagnose::{Diagnosis, Share, summary};
+use friction_diagnose::{Diagnosis, Share, WeighedCause, summary};
 use friction_fit::Outcome;
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, Split};
@@ -103,42 +102,49 @@ fn share(share: &Share) -> Value {
     })
 }
 
-/// The figures of the evidence by name, as the calibration weighs them.
-fn evidence(evidence: &CauseEvidence) -> Value {
-    let figures = FIGURES.iter().map(|f| (f.name.to_owned(), json!(finite((f.of)(evidence)))));
-    Value::Object(figures.collect())
-}
-
-/// The rules that acted, each with the cause that it rejected.
-fn decision(decision: &RuleDecision) -> Value {
-    let rule = decision.rejection.rule;
+/// The figures of a candidate in the contest, by name.
+fn evidence(candidate: &WeighedCause) -> Value {
+    let own = &candidate.figures;
     json!({
-        "rule": rule.name,
-        "limit": rule.limit.is_finite().then_some(rule.limit),
-        "cause": decision.cause.name(),
-        "columns": decision.columns,
-        "why": decision.rejection.why,
+        "inclusion": finite(own.inclusion),
+        "is_in_best": own.is_in_best,
+        "last": finite(own.last),
+        "irreplaceable": finite(own.irreplaceable),
+        "last_in_errors": finite(own.last_in_errors),
+        "size_in_errors": finite(own.size_in_errors),
+        "torque_share": finite(own.torque_share),
+        "beside_slip": finite(own.beside_slip),
+        "laws": finite(own.laws),
+        "shortfall": candidate.shortfall.map(finite),
     })
 }
 
+/// The rule that lowered the probability of a candidate, if one did.
+fn decision(candidate: &WeighedCause) -> Option<Value> {
+    let rejection = candidate.rejection.as_ref()?;
+    Some(json!({
+        "rule": rejection.rule.name,
+        "limit": rejection.rule.limit,
+        "cause": candidate.cause.name(),
+        "columns": candidate.columns(),
+        "why": rejection.why,
+    }))
+}
+
 /// A candidate. `rejected_because` is present only if the candidate is not among the findings.
-fn candidate(found: &Diagnosis, index: usize) -> Value {
-    let score = &found.scores[index];
+fn candidate(ranked: &RankedCandidate) -> Value {
+    let own = ranked.candidate;
     let mut value = json!({
-        "cause": score.cause.name(),
-        "columns": score.columns,
-        "order": score.order,
-        "as_share_of_level": score.level,
-        "gain": finite(score.share),
-        "gain_std_error": finite(score.share_error),
-        "p_value": finite(score.fit.p_value),
-        "probability": finite(probability(found, score)),
-        "evidence": evidence(&score.evidence),
-        "passed": score.rejection.is_none(),
+        "cause": own.cause.name(),
+        "columns": own.columns(),
+        "detail": own.figures.detail,
+        "gain": finite(own.figures.alone),
+        "gain_std_error": finite(own.gain_error()),
+        "probability": finite(ranked.probability),
+        "evidence": evidence(own),
     });
-    let reason = rejection_reason(found, index);
-    if !reason.is_empty() {
-        value["rejected_because"] = json!(reason);
+    if !ranked.rejected_because.is_empty() {
+        value["rejected_because"] = json!(ranked.rejected_because);
     }
     value
 }
@@ -234,8 +240,8 @@ pub fn document(
 ) -> DiagnosisDocument {
     let mut about = sources(data, split, hashes);
     about["noise_floor"] = json!(finite(found.noise_floor));
-    about["calibration"] = json!(Calibration::current().name);
-    about["naming_threshold"] = json!(Calibration::current().naming_threshold);
+    about["calibration"] = json!(ContestCalibration::current().name);
+    about["naming_threshold"] = json!(NAMED);
     about["left_out"] = json!(left_out(found));
     let mut extended = model(&found.extended, data);
     extended.insert("gain".into(), json!(finite(found.gain.value)));
@@ -273,8 +279,8 @@ pub fn document(
                 .map(|(name, parts)| (name.clone(), parts.iter().map(share).collect::<Vec<_>>().into()))
                 .collect::<Map<String, Value>>(),
         },
-        "candidates": (0..found.scores.len()).map(|index| candidate(found, index)).collect::<Vec<_>>(),
-        "decisions": found.decisions.iter().map(decision).collect::<Vec<_>>(),
+        "candidates": ranking(found).iter().map(candidate).collect::<Vec<_>>(),
+        "decisions": found.candidates.iter().filter_map(decision).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
     }))

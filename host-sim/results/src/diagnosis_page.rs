@@ -273,10 +273,10 @@ fn candidates(scene: &Scene) -> Vec<Block> {
     }
     blocks.push(figures::ranking(&drawn).into());
     let open = &ranking[..ranking.len().min(MAX_TABLE_CANDIDATES)];
-    let caption = "Each candidate added alone to the base model, best first";
+    let caption = "Each candidate, those of the best hypothesis first";
     blocks.push(tables::ranking(caption, open).into());
     if ranking.len() > MAX_TABLE_CANDIDATES {
-        let all = tables::ranking("Each candidate in its best setting", &ranking);
+        let all = tables::ranking("All candidates", &ranking);
         let summary = format!("All {} candidates", ranking.len());
         blocks.push(Block::details(summary, vec![all.into()]));
     }

@@ -1,143 +1,65 @@
-//! The candidate causes of a diagnosis, best first, and why each was rejected.
-//!
-//! A cause with several settings (such as a delay of one row or of two) has one candidate for each setting; the ranking
-//! shows only its best one. A candidate that is significant alone may still not be a finding: the joint fit may have
-//! ended at a bound, another cause may explain more, or the final review may have removed it. The reason is reported in
-//! each case.
+//! The candidate causes of a diagnosis, those of the best hypothesis first, and why each is not named.
 
-use friction_diagnose::accepted_cause::AcceptedCause;
-use friction_diagnose::calibration::Calibration;
-use friction_diagnose::gram_blocks::LeftOut;
-use friction_diagnose::rules::RuleDecision;
-use friction_diagnose::{CandidateScore, Diagnosis, Finding};
+use friction_diagnose::left_out::LeftOut;
+use friction_diagnose::{Diagnosis, Finding, WeighedCause};
 use joint_log::number::significant;
 
-/// A candidate cause in its best setting.
+/// A candidate cause in a report.
 pub struct RankedCandidate<'a> {
-    /// Name with columns and order.
+    /// Name with columns and detail.
     pub name: String,
     /// Calibrated probability that the candidate is real, 0 to 1.
     pub probability: f64,
-    /// Score of the candidate.
-    pub score: &'a CandidateScore,
+    /// The candidate.
+    pub candidate: &'a WeighedCause,
     /// True if the candidate is a finding.
     pub is_finding: bool,
-    /// Why the candidate was rejected; empty for a finding.
+    /// Why the candidate is not named; empty for a finding.
     pub rejected_because: String,
 }
 
-/// Returns the name of a candidate with its columns and order.
-fn name(score: &CandidateScore) -> String {
-    let mut name = score.cause.name().to_owned();
-    if !score.columns.is_empty() {
-        name += &format!(" ({})", score.columns.join(", "));
+/// Returns the name of a candidate with its columns and its detail, such as the order of a ripple.
+fn name(candidate: &WeighedCause) -> String {
+    let mut name = candidate.cause.name().to_owned();
+    let columns = candidate.columns();
+    if !columns.is_empty() {
+        name += &format!(" ({})", columns.join(", "));
     }
-    if let Some(order) = score.order {
-        name += &format!(", order {}", significant(order, 4));
-    }
-    if score.level {
-        name += ", scaled with the friction level";
+    if !candidate.figures.detail.is_empty() {
+        name += &format!(", {}", candidate.figures.detail);
     }
     name
 }
 
-/// Returns each candidate in its best setting, best first.
+/// Returns all candidates, those of the best hypothesis first.
 pub fn ranking(found: &Diagnosis) -> Vec<RankedCandidate<'_>> {
-    let findings = finding_indices(found);
-    let mut ranking: Vec<RankedCandidate> = Vec::new();
-    for (index, score) in found.scores.iter().enumerate() {
-        let (name, is_finding) = (name(score), findings.contains(&index));
-        let rejected_because = rejection_reason(found, index);
-        let probability = probability(found, score);
-        let own = RankedCandidate { name, probability, score, is_finding, rejected_because };
-        match ranking.iter_mut().find(|ranked| ranked.name == own.name) {
-            None => ranking.push(own),
-            // Two orders may be equal after rounding; a finding has priority.
-            Some(ranked) if own.is_finding => *ranked = own,
-            Some(_) => {}
+    let ranked = |candidate| {
+        let finding = finding_of(found, candidate);
+        RankedCandidate {
+            name: name(candidate),
+            // A finding is less likely beside a fault of the log that explains the error as well.
+            probability: finding.map_or(candidate.probability, |finding| finding.probability),
+            candidate,
+            is_finding: finding.is_some(),
+            rejected_because: candidate.reason(),
         }
-    }
-    ranking
-}
-
-/// Returns the index of the score of each finding: its best setting, or for a periodic cause that of its order.
-fn finding_indices(found: &Diagnosis) -> Vec<usize> {
-    let own = |finding: &Finding| {
-        let distance = |index: &usize| match (finding.order, found.scores[*index].order) {
-            (Some((own, _)), Some(order)) => (order - own).abs(),
-            _ => 0.0,
-        };
-        let settings =
-            (0..found.scores.len()).filter(|index| is_of(finding, &found.scores[*index]));
-        settings.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     };
-    found.findings.iter().filter_map(own).collect()
+    found.candidates.iter().map(ranked).collect()
 }
 
-/// Returns true if the finding and the candidate have the same cause and columns.
-fn is_of(finding: &Finding, score: &CandidateScore) -> bool {
-    finding.cause == score.cause && finding.columns == score.columns
+/// Returns the finding of a candidate, if it is one.
+fn finding_of<'a>(found: &'a Diagnosis, candidate: &WeighedCause) -> Option<&'a Finding> {
+    let mut findings = found.findings.iter().filter(|_| candidate.is_named());
+    // A candidate has the columns beside the motion, a finding all.
+    let columns = candidate.columns();
+    let is_own = |columns: &[String], of: &[String]| columns.is_empty() || of == columns;
+    findings.find(|own| own.cause == candidate.cause && is_own(&columns, &own.columns))
 }
 
-/// Returns why the candidate with this index was rejected; empty for a finding.
-pub fn rejection_reason(found: &Diagnosis, index: usize) -> String {
-    let score = &found.scores[index];
-    if finding_indices(found).contains(&index) {
-        return String::new();
-    }
-    if let Some(rejection) = &score.rejection {
-        return rejection.why.clone();
-    }
-    let is_own = |decision: &&RuleDecision| {
-        decision.cause == score.cause && decision.columns == score.columns
-    };
-    if let Some(decision) = found.decisions.iter().find(is_own) {
-        return format!("significant alone, but in the joint fit: {}", decision.rejection.why);
-    }
-    let rivals = |finding: &&Finding| {
-        let mut rivals = finding.confusable_with.iter();
-        rivals.any(|rival| rival.cause == score.cause && rival.columns == score.columns)
-    };
-    if let Some(finding) = found.findings.iter().find(rivals) {
-        return format!("significant alone, but indistinguishable from {}", finding.cause.name());
-    }
-    if found.findings.iter().any(|finding| is_of(finding, score)) {
-        return "another setting of the same cause is a finding".into();
-    }
-    match found.findings.is_empty() {
-        true => "significant alone, but not confirmed in the final review".into(),
-        false => "significant alone, but adds too little to the findings".into(),
-    }
-}
-
-/// Returns the calibrated probability that a candidate is real: that of its finding or of its review, otherwise from its
-/// linear fit.
-pub fn probability(found: &Diagnosis, score: &CandidateScore) -> f64 {
-    let finding = found.findings.iter().find(|finding| is_of(finding, score));
-    if let Some(finding) = finding {
-        return finding.probability;
-    }
-    if let Some(weighed) = &score.weighed {
-        return weighed.probability;
-    }
-    let is_own = |own: &&AcceptedCause| own.cause == score.cause && own.columns == score.columns;
-    let reviewed = found.weighed.iter().find(is_own).map(|own| own.probability);
-    reviewed.unwrap_or_else(|| match score.rejection {
-        Some(_) => Calibration::current().candidate.probability(&score.evidence).min(UNNAMED),
-        None => Calibration::current().candidate.probability(&score.evidence),
-    })
-}
-
-/// Highest probability of a candidate that a rule has rejected.
-const UNNAMED: f64 = 0.5;
-
-/// Formats the gain of a candidate with two standard errors, in percent.
-pub fn gain(score: &CandidateScore) -> String {
-    let share = significant(100.0 * score.share, 3);
-    match score.share_error.is_finite() {
-        true => format!("{share} ± {}", significant(200.0 * score.share_error, 2)),
-        false => share,
-    }
+/// Formats the gain of a candidate alone with two standard errors, in percent.
+pub fn gain(candidate: &WeighedCause) -> String {
+    let share = significant(100.0 * candidate.figures.alone, 3);
+    format!("{share} ± {}", significant(200.0 * candidate.gain_error(), 2))
 }
 
 /// Returns the parts that were held out in turn, as in `data.left_out`.

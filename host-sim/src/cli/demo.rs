@@ -99,7 +99,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     printer.step(&format!(
         "Fitted {} and evaluated {} candidate causes{}.",
         found.baseline.spec,
-        found.scores.len(),
+        found.candidates.len(),
         describe_extension(&found)
     ))?;
 

@@ -10,7 +10,7 @@ use crate::driver_file;
 use compensator_core::Parameters;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_diagnose::summary::summary;
-use friction_diagnose::{DiagnosisOptions, Engine, diagnose};
+use friction_diagnose::{DiagnosisOptions, diagnose};
 use friction_fit::params::ParameterFile;
 use friction_fit::spec::Spec;
 use friction_results::diagnosis;
@@ -33,18 +33,6 @@ pub struct DiagnoseArguments {
     /// Evaluate the model of this file without fitting it, then extend its law
     #[arg(long, value_name = "PARAMS.TOML", conflicts_with = "model")]
     params: Option<PathBuf>,
-    /// How causes are searched for
-    #[arg(long, value_enum, default_value = "contest", hide = true)]
-    engine: EngineChoice,
-}
-
-/// How causes are searched for.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EngineChoice {
-    /// One cause after the other.
-    Search,
-    /// A contest of whole hypotheses.
-    Contest,
 }
 
 /// Runs the command.
@@ -84,10 +72,6 @@ fn diagnose_joint(
         model,
         given,
         as_logged: arguments.data.kinds_as_logged(),
-        engine: match arguments.engine {
-            EngineChoice::Search => Engine::Search,
-            EngineChoice::Contest => Engine::Contest,
-        },
         ..input.question()
     };
     let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;

@@ -137,10 +137,11 @@ pub fn findings(found: &Diagnosis) -> String {
         }
     }
     if found.findings.is_empty() {
-        text += "Best candidates, with their gain on held-out rows (% of the squared error):\n";
+        text +=
+            "Best candidates, with their gain alone on held-out rows (% of the squared error):\n";
         for ranked in ranking(found).iter().take(LISTED_CANDIDATES) {
             let (name, reason) = (&ranked.name, &ranked.rejected_because);
-            let gain = gain(ranked.score);
+            let gain = gain(ranked.candidate);
             let probability = probability_in_words(ranked.probability);
             text += &format!(
                 "- {name}: {gain} %, probability {probability}; rejected because: {reason}\n"

@@ -12,7 +12,6 @@
 
 use super::diagnose_log;
 use super::regression::regress;
-use super::{WeighedCause, weighed};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding};
 use friction_fit::spec::parse_rigid_body;
 use joint_log::{Dataset, Split};
@@ -33,11 +32,6 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Returns the verdict of a word, or `None` if there is none.
-    pub fn parse(name: &str) -> Option<Self> {
-        [Self::Right, Self::Abstained, Self::Wrong].into_iter().find(|own| own.name() == name)
-    }
-
     /// Returns the verdict as one word.
     pub const fn name(self) -> &'static str {
         match self {
@@ -65,9 +59,6 @@ pub struct Answer {
     pub size_inside: Option<bool>,
     /// Probability of each finding with a term, and true if its cause is real; empty for the regression.
     pub probabilities: Vec<(f64, bool)>,
-    /// Causes that the calibration weighed, without those that hold for the log whatever is hidden; empty for the
-    /// regression.
-    pub weighed: Vec<WeighedCause>,
     /// Processor time, s.
     pub seconds: f64,
     /// Best candidates, one line, for analysing a miss.
@@ -151,7 +142,6 @@ fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
         error_over_floor: found.rmse / truth.floor_nm,
         size_inside: None,
         probabilities: Vec::new(),
-        weighed: Vec::new(),
         seconds,
         figures: Value::Null,
     })
@@ -182,7 +172,6 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
             (low..=high).contains(&hidden.size)
         }),
         probabilities: probabilities(&found, truth),
-        weighed: weighed_of_world(&found, truth),
         seconds,
         candidates: format_candidates(&found),
         figures: figures(&found),
@@ -191,20 +180,13 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
     })
 }
 
-/// Returns the causes that the calibration weighed, without those that hold for the log whatever is hidden.
-pub(super) fn weighed_of_world(found: &Diagnosis, truth: &UnkindTruth) -> Vec<WeighedCause> {
-    let mut causes = weighed(found, |name| truth.is_hidden(name));
-    causes.retain(|own| !truth.true_of_the_log.contains(&own.cause));
-    causes
-}
-
 /// Returns the calibrated probability of each finding that was fitted, and whether its cause is hidden in the world. Causes
 /// that hold for the log whatever is hidden are left out.
 fn probabilities(found: &Diagnosis, truth: &UnkindTruth) -> Vec<(f64, bool)> {
     let is_hidden = |name: &str| truth.is_hidden(name);
     let fitted = found.findings.iter().filter(|finding| {
         let name = finding.cause.name();
-        let was_weighed = found.weighed.iter().any(|own| own.cause == finding.cause);
+        let was_weighed = found.candidates.iter().any(|own| own.cause == finding.cause);
         was_weighed && !truth.true_of_the_log.contains(&name)
     });
     let real = |finding: &Finding| {
@@ -239,10 +221,16 @@ fn figures(found: &Diagnosis) -> Value {
 
 /// Returns the best candidates of a diagnosis, one line.
 pub(super) fn format_candidates(found: &Diagnosis) -> String {
-    let scores = found.scores.iter().take(5).map(|score| {
-        format!("{}({}) {:.3}", score.cause.name(), score.columns.join(","), score.share)
+    let candidates = found.candidates.iter().take(5).map(|own| {
+        format!(
+            "{}({}) {:.3} p {:.2}",
+            own.cause.name(),
+            own.columns().join(","),
+            own.figures.alone,
+            own.probability
+        )
     });
-    scores.collect::<Vec<_>>().join("; ")
+    candidates.collect::<Vec<_>>().join("; ")
 }
 
 /// Returns the floor on the held-out rows of a diagnosis, Nm.

@@ -8,7 +8,6 @@ mod cause_regressors;
 pub mod contest;
 pub mod contest_logs;
 pub mod contest_verdicts;
-pub mod evidence_cases;
 pub mod evidence_table;
 pub mod measured;
 pub mod planted;
@@ -16,10 +15,7 @@ pub mod regression;
 mod regressors;
 pub mod score;
 mod stop_operator;
-pub mod stored;
 
-use friction_diagnose::accepted_cause::AcceptedCause;
-use friction_diagnose::cause_evidence::FIGURES;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
 use joint_log::log_check::{self, Corrections};
 use joint_log::{Dataset, Split, SplitRule, split};
@@ -64,43 +60,6 @@ pub struct Grade {
     pub rows: usize,
     /// Best candidates, one line.
     pub candidates: String,
-    /// Causes that the calibration weighed.
-    pub weighed: Vec<WeighedCause>,
-}
-
-/// A cause that the calibration weighed in a diagnosis, with the truth.
-#[derive(Clone, Debug)]
-pub struct WeighedCause {
-    /// Name of the cause.
-    pub cause: &'static str,
-    /// Columns of the cause.
-    pub columns: Vec<String>,
-    /// Signed figures of its evidence.
-    pub figures: [f64; FIGURES.len()],
-    /// Calibrated probability.
-    pub probability: f64,
-    /// The cause is a finding.
-    pub is_named: bool,
-    /// The cause is hidden, or the log cannot distinguish it from a hidden one.
-    pub is_real: bool,
-}
-
-/// Returns the causes that the calibration weighed, given which causes are hidden.
-pub fn weighed(found: &Diagnosis, is_hidden: impl Fn(&str) -> bool) -> Vec<WeighedCause> {
-    let named = |own: &AcceptedCause| {
-        let is_own = |f: &Finding| f.cause == own.cause && f.columns == own.columns;
-        found.findings.iter().any(is_own)
-    };
-    let weighed = |own: &AcceptedCause| WeighedCause {
-        cause: own.cause.name(),
-        columns: own.columns.clone(),
-        figures: own.evidence.figures(),
-        probability: own.probability,
-        is_named: named(own),
-        is_real: is_hidden(own.cause.name())
-            || own.rivals.iter().any(|rival| is_hidden(rival.cause.name())),
-    };
-    found.weighed.iter().map(weighed).collect()
 }
 
 /// Grades a diagnosis.
@@ -144,22 +103,7 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         let hidden = truth.hidden.first()?;
         Some((hidden.size, finding.size.value, finding.size.ci95()))
     });
-    let candidates = found
-        .scores
-        .iter()
-        .take(5)
-        .map(|h| {
-            format!(
-                "{}({}) {:.3} p{:.0e}",
-                h.cause.name(),
-                h.columns.join(","),
-                h.share,
-                h.fit.p_value
-            )
-        })
-        .collect::<Vec<_>>()
-        .join("; ");
-    let weighed = weighed(found, |name| hidden.contains(&name));
+    let candidates = contest::format_candidates(found);
     Grade {
         kind,
         seed,
@@ -175,7 +119,6 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         seconds: found.seconds,
         rows: scenario.log.rows(),
         candidates,
-        weighed,
     }
 }
 

@@ -1,21 +1,70 @@
 //! Answers of the contest on logs with a known cause.
 
 use super::*;
-use crate::fixtures::{HandMadeLog, LogRow, linear_torque, pressure_torque};
+use crate::fixtures::{
+    HandMadeLog, LogRow, PERIOD_S, bristle_torque, linear_base, linear_torque, pressure_torque,
+    stribeck_bristle_torque, stribeck_torque,
+};
+use compensator_core::ParameterId as Id;
 
-fn answer_to(torque_nm: impl Fn(&LogRow) -> f64) -> Answer {
-    let log = HandMadeLog::new(torque_nm).train_test();
+fn answer_of(log: TrainTest) -> Answer {
     answer(log, &DiagnosisOptions::default(), &|_| {}).expect("few terms")
 }
 
+fn answer_to(torque_nm: impl Fn(&LogRow) -> f64) -> Answer {
+    answer_of(HandMadeLog::new(torque_nm).train_test())
+}
+
+fn names(found: &Answer) -> Vec<&'static str> {
+    found.findings.iter().map(|own| own.cause.name()).collect()
+}
+
+/// Returns the probability of a cause; 0 if it is no candidate.
+fn probability(found: &Answer, name: &str) -> f64 {
+    let own = found.weighed.iter().filter(|own| own.cause.name() == name);
+    own.map(|own| own.probability).fold(0.0, f64::max)
+}
+
 #[test]
-fn answer_to_pressure_names_it_with_a_gain() {
+fn answer_to_pressure_names_it_alone_with_size_and_gain() {
     let found = answer_to(pressure_torque);
-    let names: Vec<&str> = found.findings.iter().map(|own| own.cause.name()).collect();
-    assert_eq!(names.first(), Some(&"pressure-coulomb"), "{names:?}");
+    // The temperature follows the pressure in part.
+    assert_eq!(names(&found), ["pressure-coulomb"]);
+    assert_eq!(found.findings[0].columns, ["pressure_diff_pa"]);
     assert!(found.extended.spec.terms.contains(&TermKind::PressureCoulomb));
-    assert!(found.gain.value > 0.3 && found.gain.ci95[0] > 0.0, "{:?}", found.gain);
-    assert!(found.findings[0].probability >= NAMED);
+    // 0.5 Nm for each MPa.
+    let size = found.extended.parameters.get(Id::PressureCoulomb);
+    assert!((size / 0.5e-6 - 1.0).abs() < 0.1, "{size}");
+    let rmse = [found.before.metrics.rmse, found.after.metrics.rmse];
+    assert!((found.gain.value - (1.0 - rmse[1] / rmse[0])).abs() < 1e-9, "{rmse:?}");
+    assert!(found.gain.ci95[0] > 0.5, "{:?}", found.gain);
+    assert_eq!(found.left_out, Some(LeftOut::Runs));
+    assert!(found.weighed[0].is_named() && found.weighed[0].reason().is_empty());
+}
+
+#[test]
+fn answer_to_pressure_and_temperature_names_the_stronger_and_finds_the_other_possible() {
+    // The level falls by 0.02 Nm for each kelvin, or by half of that. Three quarters of the temperature follow the pressure.
+    for slope in [0.02, 0.01] {
+        let found = answer_to(|row| {
+            pressure_torque(row) - slope * (row.temperature_c - 30.0) * row.direction()
+        });
+        let probabilities =
+            ["pressure-coulomb", "temperature-coulomb"].map(|name| probability(&found, name));
+        println!("{slope}: {:?} {probabilities:?}", names(&found));
+        assert_eq!(names(&found)[0], "pressure-coulomb");
+        assert!(probabilities[1] > 0.2, "{probabilities:?}");
+    }
+}
+
+#[test]
+fn answer_to_torque_offset_in_sliding_reports_asymmetry_as_indistinguishable() {
+    let found = answer_to(|row| linear_torque(row) + 0.2);
+    let pair = ["direction-asymmetry", "torque-offset"];
+    let first = found.findings.first().expect("a finding");
+    assert!(pair.contains(&first.cause.name()), "{:?}", names(&found));
+    let mut rivals = first.confusable_with.iter();
+    assert!(rivals.any(|rival| pair.contains(&rival.cause.name())), "{first:?}");
 }
 
 #[test]
@@ -24,13 +73,102 @@ fn answer_to_plain_friction_offers_nothing() {
     assert!(found.findings.is_empty(), "{:?}", found.findings);
     assert_eq!(found.gain, Gain::default());
     assert_eq!(found.extended.spec, found.baseline.spec);
+    assert_eq!(found.baseline.spec, Spec::law(LawKind::Linear));
+    let value = |id| found.baseline.parameters.get(id);
+    assert!((value(Id::CoulombTorque) - 1.0).abs() < 0.02, "{}", value(Id::CoulombTorque));
+    assert!((value(Id::ViscousFriction) - 0.3).abs() < 0.03, "{}", value(Id::ViscousFriction));
 }
 
 #[test]
-fn scores_of_unnamed_causes_hold_the_reason() {
-    let found = answer_to(pressure_torque);
-    for score in scores(&found.weighed) {
-        let weighed = score.weighed.expect("a cause of the contest");
-        assert_eq!(weighed.is_named(), score.rejection.is_none());
+fn answer_to_other_laws_takes_them_as_base_and_names_nothing() {
+    let stribeck = answer_to(stribeck_torque);
+    assert!(stribeck.baseline.spec.law.has_stribeck_curve(), "{}", stribeck.baseline.spec);
+    let value = stribeck.baseline.parameters.get(Id::StaticTorque);
+    assert!((value - 1.6).abs() < 0.1, "{value}");
+    let [bristles, curved] = [bristle_torque, stribeck_bristle_torque].map(answer_to);
+    for found in [&bristles, &curved] {
+        assert!(found.baseline.spec.law.has_bristles(), "{}", found.baseline.spec);
     }
+    for found in [stribeck, bristles, curved] {
+        assert!(found.findings.is_empty(), "{:?}", found.findings);
+        assert!(found.log_findings.is_empty(), "{:?}", found.log_findings);
+    }
+}
+
+#[test]
+fn answer_with_cause_absent_from_held_out_runs_offers_nothing() {
+    let early = |row: &LogRow| {
+        let slope = if row.run < 4 { -0.02 } else { 0.0 };
+        linear_torque(row) + slope * (row.temperature_c - 30.0) * row.direction()
+    };
+    let found = answer_of(HandMadeLog::new(early).train_test_without(&[4, 5]));
+    assert_eq!((found.gain, found.left_out), (Gain::default(), None));
+    assert_eq!(found.extended.spec, found.baseline.spec);
+    assert_eq!(found.before.metrics, found.after.metrics);
+}
+
+#[test]
+fn answer_to_impossible_drag_names_only_the_other_cause() {
+    // The torque falls with the square of the speed, as no drag does.
+    let found =
+        answer_to(|row| pressure_torque(row) - 0.2 * row.velocity_rad_s.powi(2) * row.direction());
+    assert!(names(&found).contains(&"pressure-coulomb"), "{:?}", names(&found));
+    assert!(!names(&found).contains(&"quadratic-drag"), "{:?}", found.findings);
+}
+
+#[test]
+fn answer_with_given_model_judges_it_as_it_is() {
+    let log = HandMadeLog::new(pressure_torque).train_test();
+    let model = linear_base(&log);
+    let mut parameters = model.parameters.clone();
+    parameters.set(Id::CoulombTorque, 0.5);
+    let given = predict(&parameters, log.test_rows(), model.resolution).metrics;
+    let options =
+        DiagnosisOptions { given: Some((model.spec, parameters)), ..DiagnosisOptions::default() };
+    let found = answer(log, &options, &|_| {}).expect("few terms");
+    assert!((found.before.metrics.rmse / given.rmse - 1.0).abs() < 1e-9);
+    assert_eq!(found.baseline.parameters.get(Id::CoulombTorque), 0.5);
+    assert_eq!(names(&found)[0], "pressure-coulomb");
+}
+
+#[test]
+fn answer_with_unknown_torque_at_rest_names_nothing() {
+    let found = answer_of(HandMadeLog::new(linear_torque).with_rest(60).train_test());
+    assert!(found.findings.is_empty(), "{:?}", found.findings);
+    let value = found.baseline.parameters.get(Id::CoulombTorque);
+    assert!((value - 1.0).abs() < 0.05, "{value}");
+}
+
+/// Returns the only finding about the log.
+fn log_finding(found: &Answer) -> &LogFinding {
+    let [finding] = found.log_findings.as_slice() else { panic!("{:?}", found.log_findings) };
+    finding
+}
+
+#[test]
+fn answer_with_filtered_torque_reports_low_pass_of_its_time() {
+    let time_s = 4.0 * PERIOD_S;
+    let found =
+        answer_of(HandMadeLog::new(bristle_torque).with_filtered_torque(time_s).train_test());
+    assert_eq!(log_finding(&found).kind, LogFindingKind::TorqueLag);
+    assert!((log_finding(&found).value / time_s - 1.0).abs() < 0.2, "{:?}", found.log_findings);
+    assert!(found.findings.is_empty(), "{:?}", found.findings);
+}
+
+#[test]
+fn answer_with_late_velocity_reports_its_delay() {
+    let found = answer_of(HandMadeLog::new(bristle_torque).with_delayed_velocity(3).train_test());
+    assert_eq!(log_finding(&found).kind, LogFindingKind::VelocityLag);
+    // Other bristles describe a part of the delay on so short a log.
+    let ratio = log_finding(&found).value / (3.0 * PERIOD_S);
+    assert!((0.4..1.2).contains(&ratio), "{:?}", found.log_findings);
+}
+
+#[test]
+fn answer_with_delayed_torque_names_delay_and_no_low_pass() {
+    let found = answer_of(HandMadeLog::new(bristle_torque).with_delayed_torque(4).train_test());
+    assert!(found.log_findings.is_empty(), "{:?}", found.log_findings);
+    assert_eq!(names(&found), ["channel-delay"]);
+    let ratio = found.findings[0].size.value / (4.0 * PERIOD_S);
+    assert!((ratio - 1.0).abs() < 0.2, "{:?}", found.findings[0].size);
 }

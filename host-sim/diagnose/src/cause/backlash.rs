@@ -12,7 +12,7 @@ use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::extended::{Extended, Size};
 use crate::sensitivities::Exact;
 use crate::train_test::TrainTest;
-use compensator_core::{ParameterId as Id, Parameters, TermKind};
+use compensator_core::{ParameterId as Id, TermKind};
 
 /// Backlash travels that are crossed right after a reversal, as multiples of the presliding travel.
 const PRESLIDING: [f64; 4] = [0.5, 2.0, 6.0, 20.0];
@@ -29,26 +29,8 @@ const OF_STROKE: f64 = 0.08;
 /// low.
 const STIFFER: f64 = 3.0;
 
-/// Ratio of the stiffnesses in the null model of backlash. It has bristles stiffer and softer than
-/// the model's by this factor.
-const NULL_MODEL_STIFFNESS_RATIO: f64 = 4.0;
-
 /// Backlash as a cause; see the module documentation.
 pub struct Backlash;
-
-/// Returns the null model of backlash: bristles of several stiffnesses.
-///
-/// The friction of every real seal has several stiffnesses. After a reversal it yields in a way
-/// that resembles backlash.
-fn several_stiffnesses(columns: &[&str], stiffness: f64) -> Candidate {
-    let bristles = |times: f64| {
-        let settings = vec![(Id::BacklashTravel, 0.0), (Id::BristleStiffness, times * stiffness)];
-        Regressor::Exact(Exact { kind: TermKind::Backlash, settings, derivative: None })
-    };
-    let both =
-        vec![bristles(NULL_MODEL_STIFFNESS_RATIO), bristles(1.0 / NULL_MODEL_STIFFNESS_RATIO)];
-    Candidate::new(TermKind::Backlash, columns, both).as_null_model()
-}
 
 /// Returns the typical travel between two reversals, rad; 0 without a reversal. Half of the total
 /// travel belongs to longer strokes.
@@ -114,27 +96,9 @@ impl Cause for Backlash {
         &[Id::BristleStiffness, Id::BristleDamping]
     }
 
-    fn is_nonlinear(&self) -> bool {
-        true
-    }
-
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
     /// A play below the step of the encoder cannot be seen.
     fn least_size(&self, log: &TrainTest) -> Option<f64> {
         Some(log.position_step())
-    }
-
-    /// Backlash is contradicted if the bristles reach the whole friction level within its travel.
-    /// Such friction changes after a reversal in a way that bristles of one stiffness cannot
-    /// follow.
-    fn contradicted(&self, fitted: &Parameters<f64>) -> Option<&'static str> {
-        let stiffness = fitted.get(Id::BacklashStiffnessRatio) * fitted.get(Id::BristleStiffness);
-        let level = fitted.get(Id::StaticTorque).max(fitted.get(Id::CoulombTorque));
-        (stiffness * fitted.get(Id::BacklashTravel) > level)
-            .then_some("the friction is restored before the play is crossed")
     }
 
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
@@ -163,7 +127,6 @@ impl Cause for Backlash {
             .map(|(travel, unloaded)| (travel, unloaded, stiffness))
             .chain(stiffer)
             .map(|way| candidate(&columns, way))
-            .chain([several_stiffnesses(&columns, parameters.get(Id::BristleStiffness))])
             .collect()
     }
 
@@ -184,26 +147,5 @@ impl Cause for Backlash {
             "Where there is play, the joint resists less than a bristle model until the play is crossed.",
         )
         .into()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use compensator_core::LawKind;
-    use friction_fit::spec::Spec;
-
-    #[test]
-    fn contradicted_with_friction_restored_within_travel_returns_reason() {
-        let mut spec = Spec::law(LawKind::Dahl);
-        spec.terms.push(TermKind::Backlash);
-        let mut fitted = spec.parameters().expect("a law with a play");
-        fitted.set(Id::CoulombTorque, 5.0);
-        fitted.set(Id::BristleStiffness, 6.0e5);
-        fitted.set(Id::BacklashStiffnessRatio, 0.02);
-        for (travel, is_play) in [(4e-4, true), (4.3e-4, false), (5.3e-3, false)] {
-            fitted.set(Id::BacklashTravel, travel);
-            assert_eq!(Backlash.contradicted(&fitted).is_none(), is_play, "{travel}");
-        }
     }
 }

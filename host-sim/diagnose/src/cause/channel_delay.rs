@@ -27,18 +27,6 @@ impl Cause for ChannelDelay {
         Remedy::CorrectColumn(Some(TermKind::ChannelDelay))
     }
 
-    fn is_nonlinear(&self) -> bool {
-        true
-    }
-
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
-    fn is_time_shift(&self) -> bool {
-        true
-    }
-
     /// The rate of the torque stands for a delay within a sample; a longer one turns the torque elsewhere.
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
         let columns = [context.log.velocity_name()];

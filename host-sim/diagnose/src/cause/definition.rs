@@ -4,7 +4,7 @@ use crate::candidate::{Candidate, FitContext};
 use crate::evidence::Evidence;
 use crate::extended::{Extended, Observation, Size, Unexplained};
 use crate::train_test::TrainTest;
-use compensator_core::{ParameterId, Parameters, TermKind};
+use compensator_core::{ParameterId, TermKind};
 use std::fmt;
 
 /// The friction levels of a law, in both directions.
@@ -72,27 +72,6 @@ pub trait Cause: Sync {
         true
     }
 
-    /// Whether it enters the model so nonlinearly that its column at size 0 may say too little.
-    fn is_nonlinear(&self) -> bool {
-        false
-    }
-
-    /// Returns true if a linear fit underestimates it, so that it is fitted although it did not pass, if structure is left.
-    fn is_poorly_linearised(&self) -> bool {
-        self.is_nonlinear()
-    }
-
-    /// Returns true if an inaccurate friction law leaves an error of this shape: the cause depends on the motion (or the time)
-    /// only, and its torque changes sign with the direction, as friction does.
-    fn is_confounded_with_model_error(&self) -> bool {
-        false
-    }
-
-    /// Returns true if it shifts the torque in time at all speeds, as a delay of a channel does. Hysteresis resembles it.
-    fn is_time_shift(&self) -> bool {
-        false
-    }
-
     /// Returns the least size that is physically possible on this log; `None` if any size is.
     fn least_size(&self, _log: &TrainTest) -> Option<f64> {
         None
@@ -103,17 +82,7 @@ pub trait Cause: Sync {
         0.0
     }
 
-    /// Returns why a fitted model with this cause contradicts it, as the end of a sentence.
-    fn contradicted(&self, _fitted: &Parameters<f64>) -> Option<&'static str> {
-        None
-    }
-
-    /// The cause that is named instead where a log of sliding cannot tell the two apart.
-    fn yields_to(&self) -> Option<&'static dyn Cause> {
-        None
-    }
-
-    /// The ways it may explain what a fitted model leaves over; none where its columns are not in the log.
+    /// The ways in which it may enter the driver's law beside a fitted model; none where its columns are not in the log.
     fn candidates(&self, _context: &FitContext) -> Vec<Candidate> {
         Vec::new()
     }

@@ -33,14 +33,6 @@ impl Cause for DwellTimeStatic {
         LEVELS
     }
 
-    fn is_nonlinear(&self) -> bool {
-        true
-    }
-
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
     fn least_size(&self, _log: &TrainTest) -> Option<f64> {
         Some(0.0)
     }

@@ -18,10 +18,6 @@ use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 use compensator_core::{ParameterId as Id, Quantity, TermKind};
 use joint_log::number::{figure, significant};
 
-/// Factor on the gain of a formula. A formula is as simple as a named cause but less specific, so
-/// that a named cause with equal gain is preferred.
-const WEIGHT: f64 = 0.9;
-
 /// Scales of the saturating candidates, as shares of the column's range.
 const SCALES: [f64; 2] = [0.1, 0.4];
 
@@ -95,7 +91,6 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
             .starting_at(&guesses)
             .keeping(&fixed)
             .following(follows, followed.covariate)
-            .weighing(WEIGHT)
     };
     shapes.into_iter().map(of).collect()
 }

@@ -1,20 +1,15 @@
 //! Position ripple: the friction level follows the position, as for an eccentric seal, a gear mesh
 //! or a scratch.
 //!
-//! Its order is estimated from the residual, without prior knowledge.
+//! The contest estimates its order, without prior knowledge.
 
 use super::definition::{Cause, LEVELS, Remedy};
 use crate::candidate::{Candidate, FitContext, InitialGuess, row};
 use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::extended::{Extended, Size};
-use crate::order::{Point, most, peaks};
 use compensator_core::{ParameterId as Id, TermKind};
 use friction_fit::params::unit;
-use joint_log::JointKind;
 use joint_log::number::{figure, significant};
-
-/// Number of orders that become candidates.
-const ORDERS: usize = 3;
 
 /// Position ripple as a cause; see the module documentation.
 pub struct PositionRipple;
@@ -40,42 +35,9 @@ impl Cause for PositionRipple {
         LEVELS
     }
 
-    /// A wave of a slightly wrong order loses its phase, so that a linear fit underestimates it.
-    fn is_poorly_linearised(&self) -> bool {
-        true
-    }
-
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
-        let log = context.log;
-        let name = log.position_name();
-        if !log.varies(name) {
-            return Vec::new();
-        }
-        if !context.found.orders.is_empty() {
-            let orders = context.found.orders.iter();
-            return orders.map(|order| candidate(name, *order, 1.0)).collect();
-        }
-        let points: Vec<Point> = log
-            .train_tracks
-            .iter()
-            .zip(&context.at.tracks)
-            .flat_map(|(track, at)| {
-                track.samples.iter().zip(&at.level).zip(&at.residual).map(
-                    |((s, level), residual)| Point {
-                        position: s.position_rad,
-                        weighed: level * residual,
-                    },
-                )
-            })
-            .collect();
-        let is_revolute = log.train.joint == JointKind::Revolute;
-        let most = most(log);
-        let of_peak = |peak: &crate::order::Peak| {
-            let (n, comparisons) =
-                if is_revolute { peak.whole(most) } else { (peak.order, peak.independent) };
-            candidate(name, n, comparisons)
-        };
-        peaks(&points, most, ORDERS).iter().map(of_peak).collect()
+        let name = context.log.position_name();
+        context.found.orders.iter().map(|order| candidate(name, *order)).collect()
     }
 
     /// None: the size is the amplitude of one order, and the others may hold the effect.
@@ -120,17 +82,15 @@ impl Cause for PositionRipple {
     }
 }
 
-/// Returns the candidate of an order, which was chosen from this number of others.
-fn candidate(position: &str, n: f64, comparisons: f64) -> Candidate {
+/// Returns the candidate of an order.
+fn candidate(position: &str, n: f64) -> Candidate {
     let by = vec![
         row(move |r| r.level * (n * r.sample.position_rad).sin()),
         row(move |r| r.level * (n * r.sample.position_rad).cos()),
     ];
-    Candidate::new(TermKind::PositionRipple, &[position], by)
-        .starting_at(&[
-            (Id::RippleOrder, InitialGuess::At(n)),
-            (Id::RippleSine, InitialGuess::Times(0, 1.0)),
-            (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
-        ])
-        .of_order(n, comparisons)
+    Candidate::new(TermKind::PositionRipple, &[position], by).starting_at(&[
+        (Id::RippleOrder, InitialGuess::At(n)),
+        (Id::RippleSine, InitialGuess::Times(0, 1.0)),
+        (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
+    ])
 }

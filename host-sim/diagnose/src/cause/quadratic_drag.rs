@@ -31,10 +31,6 @@ impl Cause for QuadraticDrag {
         &[Id::ViscousFriction]
     }
 
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
     fn least_size(&self, _log: &TrainTest) -> Option<f64> {
         Some(0.0)
     }

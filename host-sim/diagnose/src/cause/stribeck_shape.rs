@@ -31,14 +31,6 @@ impl Cause for StribeckShape {
         &[Id::StribeckVelocity]
     }
 
-    fn is_nonlinear(&self) -> bool {
-        true
-    }
-
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
     /// The curve of the laws has the exponent 2.
     fn no_effect_size(&self) -> f64 {
         2.0

@@ -38,14 +38,6 @@ impl Cause for TimeDrift {
         LEVELS
     }
 
-    fn is_nonlinear(&self) -> bool {
-        true
-    }
-
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
         if !context.log.has_campaign_clock() {
             return Vec::new();

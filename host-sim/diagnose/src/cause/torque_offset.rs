@@ -1,7 +1,6 @@
 //! Torque offset: the torque reading has a constant zero error.
 
 use super::definition::{Cause, Remedy};
-use super::direction_asymmetry::DirectionAsymmetry;
 use crate::candidate::{Candidate, FitContext, InitialGuess, row};
 use crate::evidence::{Evidence, ResidualView};
 use crate::extended::Extended;
@@ -25,12 +24,6 @@ impl Cause for TorqueOffset {
 
     fn remedy(&self) -> Remedy {
         Remedy::CorrectColumn(Some(TermKind::TorqueOffset))
-    }
-
-    /// In pure sliding, a zero error and an asymmetry of the friction levels have the same effect.
-    /// The asymmetry is reported, because it is friction.
-    fn yields_to(&self) -> Option<&'static dyn Cause> {
-        Some(&DirectionAsymmetry)
     }
 
     fn candidates(&self, _: &FitContext) -> Vec<Candidate> {

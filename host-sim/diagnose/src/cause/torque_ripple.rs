@@ -3,7 +3,7 @@
 //!
 //! The torque of a magnet on a slot or of a tooth on a tooth is not a share of the friction. It
 //! does not change sign with the direction, and it also acts at rest. A [`super::position_ripple`]
-//! changes sign with the direction. The same spectrum finds it if it is weighted with the level.
+//! changes sign with the direction.
 //!
 //! One period per turn of the joint is excluded. It belongs to the gravity imbalance
 //! ([`super::gravity_imbalance`]), which describes the same torque by a simpler term.
@@ -12,12 +12,9 @@ use super::definition::{Cause, Remedy};
 use crate::candidate::{Candidate, FitContext, InitialGuess, Regressor, row};
 use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::extended::{Extended, Size};
-use crate::harmonics::strongest;
-use crate::order::most;
 use compensator_core::term::{TORQUE_RIPPLE_ORDERS, TORQUE_RIPPLE_PARAMETERS};
 use compensator_core::{ParameterId as Id, TermKind};
 use friction_fit::params::unit;
-use joint_log::JointKind;
 use joint_log::number::{figure, significant};
 
 /// Torque ripple as a cause; see the module documentation.
@@ -40,35 +37,15 @@ impl Cause for TorqueRipple {
         Remedy::Term(TermKind::TorqueRipple)
     }
 
-    /// A wave of a slightly wrong order loses its phase, so that a linear fit underestimates it.
-    fn is_poorly_linearised(&self) -> bool {
-        true
-    }
-
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
-        let log = context.log;
-        let name = log.position_name();
-        if !log.varies(name) {
+        let orders = &context.found.orders;
+        if orders.is_empty() {
             return Vec::new();
         }
-        if !context.found.orders.is_empty() {
-            let count = context.found.orders.len().min(TORQUE_RIPPLE_ORDERS);
-            return vec![candidate(name, &context.found.orders[..count], 1.0)];
-        }
-        let is_revolute = log.train.joint == JointKind::Revolute;
-        let most = most(log);
-        let is_gravitys = is_revolute && log.aligned_order.is_none();
-        let once_a_turn: &[f64] = if is_gravitys { &[1.0] } else { &[] };
-        let Some(found) =
-            strongest(log, context.at, most, TORQUE_RIPPLE_ORDERS, once_a_turn, is_revolute)
-        else {
-            return Vec::new();
-        };
-        // One candidate has the strongest order only, and one has all orders.
-        let mut sizes = vec![1, found.orders.len()];
-        sizes.dedup();
-        let orders = |count: usize| &found.orders[..count];
-        sizes.into_iter().map(|count| candidate(name, orders(count), found.independent)).collect()
+        vec![candidate(
+            context.log.position_name(),
+            &orders[..orders.len().min(TORQUE_RIPPLE_ORDERS)],
+        )]
     }
 
     /// None: the size is the amplitude of one order, and the others may hold the effect.
@@ -134,7 +111,7 @@ impl Cause for TorqueRipple {
 }
 
 /// Returns a candidate with these orders.
-fn candidate(position: &str, orders: &[f64], independent: f64) -> Candidate {
+fn candidate(position: &str, orders: &[f64]) -> Candidate {
     let mut regressors: Vec<Regressor> = Vec::new();
     let (mut guesses, mut fixed) = (Vec::new(), Vec::new());
     for (place, ids) in TORQUE_RIPPLE_PARAMETERS.into_iter().enumerate() {
@@ -162,8 +139,6 @@ fn candidate(position: &str, orders: &[f64], independent: f64) -> Candidate {
     Candidate::new(TermKind::TorqueRipple, &[position], regressors)
         .starting_at(&guesses)
         .keeping(&fixed)
-        // Each order was chosen from all independent orders, beside the previous ones.
-        .of_order(orders[0], independent * orders.len() as f64)
 }
 
 /// Returns the parameters of the orders in use, the strongest first.

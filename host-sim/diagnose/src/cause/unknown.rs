@@ -22,13 +22,6 @@ use friction_fit::predict::Predicted;
 use joint_log::number::figure;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Factor on the gain of a curve of any shape, which must explain more than a named cause.
-const ANY_SHAPE_WEIGHT: f64 = 0.8;
-
-/// Factor on the gain of a covariate's gain error. It is as simple as a named cause, but it is not
-/// friction.
-const GAIN_ERROR_WEIGHT: f64 = 0.9;
-
 /// Unknown cause; see the module documentation.
 pub struct Unknown;
 
@@ -259,14 +252,12 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
         proportional,
         formula: LookupFormula::None,
     };
-    let weight = if proportional { GAIN_ERROR_WEIGHT } else { ANY_SHAPE_WEIGHT };
     let name = followed.name.as_str();
     Some(
         Candidate::new(TermKind::LookupTable, &[name], regressors)
             .starting_at(&guesses)
             .keeping(&fixed)
-            .following(follows, followed.covariate)
-            .weighing(weight),
+            .following(follows, followed.covariate),
     )
 }
 

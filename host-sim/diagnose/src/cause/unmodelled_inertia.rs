@@ -27,10 +27,6 @@ impl Cause for UnmodelledInertia {
         Remedy::RigidBody(Some(TermKind::UnmodelledInertia))
     }
 
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
         let columns = [context.log.velocity_name()];
         let by = vec![row(|r| r.sample.acceleration_rad_s2)];

@@ -20,12 +20,6 @@ const COOLING: [f64; 3] = [0.5, 5.0, 100.0];
 /// Energies of the candidates, as multiples of the heat that remains at the end of a run.
 const ENERGIES: [f64; 2] = [0.5, 2.0];
 
-/// Cooling time of the comparison candidates, in campaign lengths.
-///
-/// Heat that stays changes friction over the campaign, and no pause reverses the change. It is
-/// therefore only reported as confounded with a drift.
-const HELD_OVER_CAMPAIGNS: f64 = 10.0;
-
 /// Warm-up as a cause; see the module documentation.
 pub struct WarmUp;
 
@@ -93,41 +87,18 @@ impl Cause for WarmUp {
         LEVELS
     }
 
-    fn is_nonlinear(&self) -> bool {
-        true
-    }
-
-    fn is_confounded_with_model_error(&self) -> bool {
-        true
-    }
-
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
-        // If every run starts at the same time, the heat at its start is unknown.
-        if !context.log.has_campaign_clock() {
+        // If every run starts at the same time, the heat at its start is unknown. A measured temperature is more reliable.
+        if !context.log.has_campaign_clock() || context.log.varies("temperature_c") {
             return Vec::new();
         }
         let Some((length_s, power)) = typical(&context.log.train_tracks) else { return Vec::new() };
-        let tracks = &context.log.train_tracks;
-        let rubbing_s: f64 = tracks.iter().map(|track| track.len() as f64 * track.period_s).sum();
         let within_runs = COOLING.into_iter().flat_map(|cooling| {
             // Heat that remains at the end of a run of constant power.
             let held = power * length_s * cooling * (1.0 - (-1.0 / cooling).exp());
             ENERGIES.map(|share| (share * held, cooling * length_s))
         });
-        let of_campaign = ENERGIES.map(|share| {
-            (share * power * rubbing_s, HELD_OVER_CAMPAIGNS * context.log.campaign_s())
-        });
-        // A measured temperature is more reliable. These candidates are then for comparison only.
-        let has_temperature = context.log.varies("temperature_c");
-        let own = within_runs.map(|(energy, cooling)| {
-            let candidate = candidate(context, energy, cooling);
-            if has_temperature { candidate.as_comparison_only() } else { candidate }
-        });
-        own.chain(
-            of_campaign
-                .map(|(energy, cooling)| candidate(context, energy, cooling).as_comparison_only()),
-        )
-        .collect()
+        within_runs.map(|(energy, cooling)| candidate(context, energy, cooling)).collect()
     }
 
     fn in_words(&self, size: &crate::Size, extended: &Extended) -> String {

@@ -98,9 +98,10 @@ impl Correction {
     }
 
     /// Returns true if the correction is a cause of its own, `channel-delay`. A row early or late is within the convention of
-    /// when a row is sampled, and a filtered torque is a fault of the log (`torque-lag`): both are corrected and are no cause.
+    /// when a row is sampled. A filtered torque (`torque-lag`) and a torque before its motion, which is a late velocity
+    /// (`velocity-lag`), are faults of the log: they are corrected and are no cause.
     pub fn is_cause(self) -> bool {
-        matches!(self, Correction::TorqueLate(rows) if rows.abs() > 1.0)
+        matches!(self, Correction::TorqueLate(rows) if rows > 1.0)
     }
 }
 

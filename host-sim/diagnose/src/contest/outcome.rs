@@ -35,6 +35,8 @@ pub struct Figures {
     pub inclusion: f64,
     /// Share of the base error that it takes alone.
     pub alone: f64,
+    /// The same in standard errors over the blocks or runs.
+    pub alone_in_errors: f64,
     /// Share of the base error that it takes last: the best hypothesis without it, other causes unchanged.
     pub last: f64,
     /// As `last`, but the other causes may change: what no other cause can take.
@@ -164,7 +166,8 @@ impl Table<'_> {
 
     fn figures(&self, rows: &Rows, key: &CauseKey, best: &Hypothesis, base: f64) -> Figures {
         let is_in_best = best.causes.contains(key);
-        let alone = self.ledger.with_causes(&BTreeSet::from([key.clone()])).map(|h| h.error);
+        let alone = self.ledger.with_causes(&BTreeSet::from([key.clone()]));
+        let beside_none = alone.zip(self.ledger.with_causes(&BTreeSet::new()));
         let mut others = best.causes.clone();
         let (with, without) = if is_in_best {
             others.remove(key);
@@ -174,7 +177,7 @@ impl Table<'_> {
             (self.ledger.with_causes(&others), Some(best))
         };
         let pair = with.zip(without);
-        let alone_share = alone.map_or(0.0, |alone| (base - alone) / base);
+        let alone_share = alone.map_or(0.0, |alone| (base - alone.error) / base);
         let last = pair.map_or(0.0, |(with, without)| (without.error - with.error) / base);
         let last_in_errors =
             pair.map_or(0.0, |(with, without)| self.in_errors(rows, with, without));
@@ -194,6 +197,8 @@ impl Table<'_> {
             is_in_best,
             inclusion: self.draws.inclusion.get(key).copied().unwrap_or_default(),
             alone: alone_share,
+            alone_in_errors: beside_none
+                .map_or(0.0, |(with, without)| self.in_errors(rows, with, without)),
             last,
             irreplaceable: (without - with) / base,
             last_in_errors,

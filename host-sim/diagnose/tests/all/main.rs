@@ -7,3 +7,11 @@ mod cancellation;
 mod log_check;
 mod measured_diagnosis;
 mod tables;
+
+/// Returns the candidates of a diagnosis with their probabilities.
+pub fn candidates(found: &friction_diagnose::Diagnosis) -> String {
+    let own = |own: &friction_diagnose::WeighedCause| {
+        format!("{} ({}) {:.2}", own.cause.name(), own.columns().join(", "), own.probability)
+    };
+    found.candidates.iter().map(own).collect::<Vec<_>>().join("; ")
+}

@@ -305,24 +305,21 @@ pub(super) fn ranking(shown: &[&RankedCandidate]) -> Chart {
     let bars = |name: &str, own: &dyn Fn(&RankedCandidate) -> bool| {
         let (mut x, mut y, mut error) = (Vec::new(), Vec::new(), Vec::new());
         for (place, ranked) in shown.iter().enumerate().filter(|(_, ranked)| own(ranked)) {
-            x.push(100.0 * ranked.score.share);
+            x.push(100.0 * ranked.candidate.figures.alone);
             y.push(place as f64);
-            error.push(200.0 * ranked.score.share_error);
+            error.push(200.0 * ranked.candidate.gain_error());
         }
         Series::bars(name, x, y).with_error(error)
     };
     let series = [
         bars("finding", &|ranked| ranked.is_finding).coloured_as(AFTER),
-        bars("significant alone", &|ranked| !ranked.is_finding && ranked.score.rejection.is_none()),
-        bars("not significant", &|ranked| !ranked.is_finding && ranked.score.rejection.is_some())
-            .muted(),
+        bars("not named", &|ranked| !ranked.is_finding).muted(),
     ];
     Chart {
-        title: "Gain and probability of each candidate, added alone to the base model".into(),
-        caption: "The reduction of the squared error on held-out rows by each candidate in its best setting, before any is \
-                  selected; error bars are two standard errors over blocks of rows. The percentage beside a name is the \
-                  probability that the cause is real. A candidate that is only correlated with a \
-                  cause loses its gain after that cause is added."
+        title: "Gain and probability of each candidate, added alone to the base law".into(),
+        caption: "The reduction of the squared error on held-out rows by each candidate alone; error bars are two standard \
+                  errors over blocks of rows or over runs. The percentage beside a name is the probability that the cause is \
+                  real. A candidate that is only correlated with a cause loses its gain after that cause is added."
             .into(),
         x: Axis::new("gain on held-out rows (% of the squared error)"),
         y: Axis::of_names("", shown.iter().map(|ranked| label(ranked))),

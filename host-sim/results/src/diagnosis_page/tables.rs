@@ -93,14 +93,13 @@ pub(super) fn ranking(caption: impl Into<String>, ranking: &[RankedCandidate]) -
             if ranked.is_finding { "(finding)" } else { ranked.rejected_because.as_str() };
         vec![
             ranked.name.as_str().into(),
-            Cell::Text(unbroken(gain(ranked.score))),
+            Cell::Text(unbroken(gain(ranked.candidate))),
             Cell::Text(probability_in_words(ranked.probability)),
-            Cell::Text(probability(ranked.score.fit.p_value)),
             verdict.into(),
         ]
     };
-    let gain = "gain on held-out rows (% of the squared error, ± 2 standard errors)";
-    let header = format!("candidate|{gain}|probability|p|rejected because");
+    let gain = "gain alone on held-out rows (% of the squared error, ± 2 standard errors)";
+    let header = format!("candidate|{gain}|probability|rejected because");
     Table::new(caption, &header, ranking.iter().map(row))
 }
 

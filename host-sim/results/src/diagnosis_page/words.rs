@@ -4,10 +4,9 @@ use super::Scene;
 use super::over_time::NoiseFloor;
 use crate::page::words::{self as shared, counted, listed, quantity};
 use crate::ranking::left_out_in_words;
-use compensator_core::term::LOOKUP_KNOTS;
-use friction_diagnose::calibration::Calibration;
-use friction_diagnose::gram_blocks::LeftOut;
-use friction_diagnose::rules::{NEGLIGIBLE, NOT_SIGNIFICANT};
+use friction_diagnose::contest_calibration::ContestCalibration;
+use friction_diagnose::left_out::LeftOut;
+use friction_diagnose::naming::NAMED;
 use friction_diagnose::thresholds::STRUCTURE;
 use friction_diagnose::{Diagnosis, Finding};
 use joint_log::number::significant;
@@ -163,10 +162,9 @@ pub(super) fn findings(found: &Diagnosis) -> Vec<String> {
     };
     let mut texts: Vec<String> = found.findings.iter().map(sentence).collect();
     texts.push(
-        "Share: the reduction of the squared residual of the base model when this cause is added last; for \"unknown\", what remains \
-         unexplained. p: the probability that the \
-         best of all candidates reaches this gain by chance, without any effect. Stability: the share of resampled logs in \
-         which this cause is better than all others."
+        "Share: the reduction of the squared error of the base law when this cause is added last; for an \"unknown\" without \
+         a column, what remains unexplained. Stability: the share of resampled logs whose best hypothesis holds this cause. \
+         p: the share of those whose best hypothesis does not."
             .into(),
     );
     texts
@@ -194,33 +192,23 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
     let floor = NoiseFloor::of(scene);
     vec![
         "Models are simulated with the integration step of the joint driver, here in double precision, along the logged \
-         motion. The free parameters minimise the sum of squared residuals (Levenberg-Marquardt with exact derivatives). If \
-         no model is given, the base model is the simplest of linear, stribeck and lugre that the log supports, selected by \
-         a BIC that counts independent rows."
+         motion. The free parameters minimise the sum of squared residuals (Levenberg-Marquardt with exact derivatives)."
             .into(),
         format!(
-            "The candidates are all causes of the catalogue whose column is in the log and varies. Each is represented by the \
-             torque change it would cause in every row. Ripple orders come from the spectrum over the position. After the \
-             named causes, and with a penalty, a curve of {LOOKUP_KNOTS} knots over any column is tested (\"unknown\"). {} candidates \
-             were evaluated.",
-            found.scores.len()
+            "Hypotheses compete: a correction of the log, a base law and a set of causes, all linear in their columns, compared \
+             by their error on rows that their fit has not seen. The causes are those of the catalogue whose column is in the \
+             log and varies. Ripple orders come from the spectrum over the position. A curve over any column is tested as \
+             \"unknown\". {} candidates were in the best hypothesis or won in a resampled log.",
+            found.candidates.len()
         ),
         format!(
-            "A candidate passes under two conditions. The squared error on held-out rows falls significantly (p below {}, \
-             corrected for the number of candidates, with blocks of rows as observations). The reduction is at least {} % of \
-             the error above the noise floor. Candidates that pass are fitted together with all parameters. The one with the largest held-out gain is \
-             kept, and the search continues on the remaining residual. A cause that the base model's parameters can imitate \
-             is also fitted if its score is low and the residual is still above the noise floor.",
-            significant(NOT_SIGNIFICANT.limit, 1),
-            significant(100.0 * NEGLIGIBLE.limit, 1),
-        ),
-        format!(
-            "In a review, each finding is removed once and all candidates are evaluated in its place. The evidence of this \
-             review gives the probability that the cause is real. The weights of the evidence come from {}; a cause below a \
-             probability of {} is not named. Then both models are refitted with each run held out once, and an extension \
-             without gain is withdrawn. \"Indistinguishable from\" lists causes that would explain the data equally well.",
-            Calibration::current().name,
-            significant(Calibration::current().naming_threshold, 2)
+            "The best few hypotheses are fitted with the law of the driver, all parameters jointly. An extension without gain on \
+             held-out rows is not offered. The probability of a cause comes from its figures in the contest: how often the best \
+             hypothesis of a resampled log holds it, and what it takes of the error alone and last. The weights of the figures \
+             come from {}; a cause below a probability of {} is not named. What is physically impossible is refused by rule. \
+             \"Indistinguishable from\" lists causes that win in its place.",
+            ContestCalibration::current().name,
+            significant(NAMED, 2)
         ),
         format!(
             "The noise floor ({}) is the error of the best possible model. It has two parts: the noise of the logged {}, from \

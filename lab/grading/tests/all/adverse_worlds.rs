@@ -1,54 +1,75 @@
-//! The diagnosis on unkind worlds: limits on the stored answers, and properties of the worlds.
+//! The diagnosis on unkind worlds, and properties of the worlds.
 //!
-//! `stored_worlds.rs` proves that the code gives the stored answers. The full benchmark, beside a plain regression, is
-//! `cargo run --release -p friction-grading --example unkind`; its tables are in
-//! `lab/grading/graded/diagnosis-benchmark.tsv`. The limits are the results currently reached.
+//! The full benchmark, beside a plain regression, is `cargo run --release -p friction-grading --example unkind`; its tables are
+//! in `lab/grading/graded/diagnosis-benchmark.tsv`. The limits are the results currently reached.
 
-use crate::stored_worlds::answers;
-use friction_grading::contest::Verdict;
-use friction_grading::stored::{
-    IMITATED_SEEDS, StoredWorld, UNKIND_SEEDS, WRONG_SHAPE_SEEDS, WorldRow,
-};
+use friction_grading::contest::{Answer, Contest, Verdict, run_contest};
 use rayon::prelude::*;
-use unkind_worlds::SensorKind;
+use unkind_worlds::{Family, SensorKind};
+
+/// The shortest logs among the first forty tuning seeds, with every kind of sensor and both plants.
+const UNKIND_SEEDS: [u64; 20] = [
+    3323915129, 3277778862, 2304481543, 3168394164, 4015444991, 3925696585, 1977394007, 4140594655,
+    2788323855, 815759781, 1648630490, 3740546275, 1948885999, 1744814678, 3755459222, 1359749738,
+    740646060, 595735654, 2974031141, 3947094250,
+];
+
+/// Worlds without a detectable effect and with a base law of wrong shape: a badly fitted Stribeck curve, a memory effect, or
+/// another curve of the bristles. A delay, a drag or an inertia could imitate it.
+const WRONG_SHAPE_SEEDS: [u64; 3] = [953011756, 1225412155, 258476639];
+
+/// Worlds with effects that imitate a cause: a backlash after which the friction returns early, and a negligible dwell-time
+/// effect in a clean log. In the third one of four runs is fast and masks an error that depends on speed.
+const IMITATED_SEEDS: [u64; 3] = [3276719070, 3749694388, 653957162];
 
 /// Number of [`UNKIND_SEEDS`] that every run judges.
 const SHORT: usize = 7;
 
-fn unkind(seeds: &[u64]) -> Vec<WorldRow> {
-    answers(&seeds.iter().copied().map(StoredWorld::Unkind).collect::<Vec<StoredWorld>>())
+/// Returns the diagnosis and the regression on worlds of the training family.
+fn contests(seeds: &[u64]) -> Vec<Contest> {
+    let contest = |seed: &u64| run_contest(*seed, Family::Training, false).expect("an answer");
+    let contests: Vec<Contest> = seeds.par_iter().map(contest).collect();
+    contests.iter().for_each(|contest| println!("{}", contest.line()));
+    contests
+}
+
+fn ours(contest: &Contest) -> &Answer {
+    contest.ours.as_ref().expect("the diagnosis was run")
 }
 
 #[test]
 fn diagnose_on_adverse_scenarios_stays_within_grade_limits() {
-    let rows = unkind(&UNKIND_SEEDS[..if crate::is_long() { UNKIND_SEEDS.len() } else { SHORT }]);
-    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
-    let (right, wrong) = (count(Verdict::Right), count(Verdict::Wrong));
-    println!("{right} right and {wrong} wrong of {}", rows.len());
-    assert!(2 * right >= rows.len() && 4 * wrong <= rows.len(), "{right} right, {wrong} wrong");
-    let regression = |verdict| rows.iter().filter(|row| row.regression == Some(verdict)).count();
-    assert!(wrong < regression(Verdict::Wrong), "the plain regression is wrong less often");
+    let count = if crate::is_long() { UNKIND_SEEDS.len() } else { SHORT };
+    let contests = contests(&UNKIND_SEEDS[..count]);
+    let of_ours = |verdict| contests.iter().filter(|own| ours(own).verdict == verdict).count();
+    let (right, wrong) = (of_ours(Verdict::Right), of_ours(Verdict::Wrong));
+    println!("{right} right and {wrong} wrong of {count}");
+    assert!(2 * right >= count && 4 * wrong <= count, "{right} right, {wrong} wrong");
+    let regression = contests.iter().filter(|own| own.rival.verdict == Verdict::Wrong).count();
+    assert!(wrong < regression, "the plain regression is wrong less often");
 }
 
 /// The base law of these worlds has a wrong shape. No cause may be named.
 #[test]
 fn diagnose_with_base_law_of_wrong_shape_names_no_cause() {
-    for row in unkind(&WRONG_SHAPE_SEEDS) {
-        assert_names_no_cause(&row);
-        assert!(row.error_over_floor < 1.5, "{row:?}");
+    for contest in contests(&WRONG_SHAPE_SEEDS) {
+        assert_names_no_cause(&contest);
+        assert!(ours(&contest).error_over_floor < 1.5, "{}", contest.line());
     }
 }
 
-fn assert_names_no_cause(row: &WorldRow) {
-    assert_eq!(row.verdict, Verdict::Right, "{row:?}");
-    assert!(row.named.split('+').all(|name| ["none", "unknown"].contains(&name)), "{row:?}");
+fn assert_names_no_cause(contest: &Contest) {
+    let answer = ours(contest);
+    assert_eq!(answer.verdict, Verdict::Right, "{}", contest.line());
+    assert!(answer.named.iter().all(|name| *name == "unknown"), "{}", contest.line());
 }
 
 #[test]
 fn diagnose_with_imitated_cause_names_none_and_corrects_speed_dependence() {
-    let rows = unkind(&IMITATED_SEEDS);
-    rows.iter().for_each(assert_names_no_cause);
-    assert!(rows[2].error_over_floor < 2.0 && rows[2].gain > 0.5, "{:?}", rows[2]);
+    let contests = contests(&IMITATED_SEEDS);
+    contests.iter().for_each(assert_names_no_cause);
+    let answer = ours(&contests[2]);
+    assert!(answer.error_over_floor < 2.0 && answer.gain > 0.5, "{}", contests[2].line());
 }
 
 #[test]

@@ -6,7 +6,6 @@ mod adverse_worlds;
 mod hidden_effects;
 mod planted;
 mod recovery;
-mod stored_worlds;
 
 /// Returns true if the tests run in their long form.
 pub fn is_long() -> bool {
