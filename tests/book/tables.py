@@ -169,7 +169,7 @@ def rules(texts):
     """Hard rules of the diagnosis: what each requires, its limit and the reason for it."""
     pattern = r'((?:^///.*\n)+)pub const \w+: Rule = Rule \{\s+name: "(.*?)",\s+limit: (\S+),\s+reason: "((?:.*\\\n)*.*?)",'
     lines = []
-    for doc, name, limit, reason in re.findall(pattern, text_with(texts, "pub const NO_REDUCTION: Rule"), re.M):
+    for doc, name, limit, reason in re.findall(pattern, text_with(texts, "pub const SHORT_WAVE: Rule"), re.M):
         value = "–" if "NAN" in limit else number(limit)
         lines.append([f"`{name}`", cell(sentence(doc)), value, cell(re.sub(r"\\\n\s*", "", reason))])
     return rows(["rule", "requirement", "limit", "what the limit is"], lines)
