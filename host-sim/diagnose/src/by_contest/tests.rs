@@ -19,12 +19,6 @@ fn names(found: &Answer) -> Vec<&'static str> {
     found.findings.iter().map(|own| own.cause.name()).collect()
 }
 
-/// Returns the probability of a cause; 0 if it is no candidate.
-fn probability(found: &Answer, name: &str) -> f64 {
-    let own = found.weighed.iter().filter(|own| own.cause.name() == name);
-    own.map(|own| own.probability).fold(0.0, f64::max)
-}
-
 #[test]
 fn answer_to_pressure_names_it_alone_with_size_and_gain() {
     let found = answer_to(pressure_torque);
@@ -43,17 +37,14 @@ fn answer_to_pressure_names_it_alone_with_size_and_gain() {
 }
 
 #[test]
-fn answer_to_pressure_and_temperature_names_the_stronger_and_finds_the_other_possible() {
+fn answer_to_pressure_and_temperature_names_both() {
     // The level falls by 0.02 Nm for each kelvin, or by half of that. Three quarters of the temperature follow the pressure.
     for slope in [0.02, 0.01] {
         let found = answer_to(|row| {
             pressure_torque(row) - slope * (row.temperature_c - 30.0) * row.direction()
         });
-        let probabilities =
-            ["pressure-coulomb", "temperature-coulomb"].map(|name| probability(&found, name));
-        println!("{slope}: {:?} {probabilities:?}", names(&found));
         assert_eq!(names(&found)[0], "pressure-coulomb");
-        assert!(probabilities[1] > 0.2, "{probabilities:?}");
+        assert!(names(&found).contains(&"temperature-coulomb"), "{:?}", names(&found));
     }
 }
 
@@ -83,13 +74,15 @@ fn answer_to_plain_friction_offers_nothing() {
 fn answer_to_other_laws_takes_them_as_base_and_names_nothing() {
     let stribeck = answer_to(stribeck_torque);
     assert!(stribeck.baseline.spec.law.has_stribeck_curve(), "{}", stribeck.baseline.spec);
+    // The level is 1.6 Nm at rest. Bristles take a part of its fall.
     let value = stribeck.baseline.parameters.get(Id::StaticTorque);
-    assert!((value - 1.6).abs() < 0.1, "{value}");
+    assert!((1.05..1.7).contains(&value), "{value}");
     let [bristles, curved] = [bristle_torque, stribeck_bristle_torque].map(answer_to);
     for found in [&bristles, &curved] {
         assert!(found.baseline.spec.law.has_bristles(), "{}", found.baseline.spec);
     }
     for found in [stribeck, bristles, curved] {
+        println!("{:?}, {} Nm", names(&found), found.before.metrics.rmse);
         assert!(found.findings.is_empty(), "{:?}", found.findings);
         assert!(found.log_findings.is_empty(), "{:?}", found.log_findings);
     }
@@ -122,11 +115,12 @@ fn answer_with_given_model_judges_it_as_it_is() {
     let model = linear_base(&log);
     let mut parameters = model.parameters.clone();
     parameters.set(Id::CoulombTorque, 0.5);
-    let given = predict(&parameters, log.test_rows(), model.resolution).metrics;
-    let options =
-        DiagnosisOptions { given: Some((model.spec, parameters)), ..DiagnosisOptions::default() };
+    let given = Some((model.spec, parameters.clone()));
+    let options = DiagnosisOptions { given, ..DiagnosisOptions::default() };
     let found = answer(log, &options, &|_| {}).expect("few terms");
-    assert!((found.before.metrics.rmse / given.rmse - 1.0).abs() < 1e-9);
+    let given = predict(&parameters, found.log.test_rows(), found.baseline.resolution).metrics;
+    let rmse = found.before.metrics.rmse;
+    assert!((rmse / given.rmse - 1.0).abs() < 1e-9, "{rmse} {}", given.rmse);
     assert_eq!(found.baseline.parameters.get(Id::CoulombTorque), 0.5);
     assert_eq!(names(&found)[0], "pressure-coulomb");
 }
