@@ -36,6 +36,18 @@ const NEAR_WHOLE: f64 = 1.0;
 /// Ratio of amplitudes from which on a whole order is taken instead of a stronger one near it.
 const NEARLY_AS_STRONG: f64 = 0.97;
 
+/// Parts of an order whose multiples are related to it: the strongest order may be a harmonic itself.
+const FRACTIONS: [f64; 2] = [1.0, 0.5];
+
+/// Distances of the orders beside a multiple of an order, in periods per turn; the first is the multiple itself.
+const SIDEBANDS: [f64; 5] = [0.0, 1.0, -1.0, 2.0, -2.0];
+
+/// Distance from a related order, in steps, within which a scanned order is that order.
+const NEAR_RELATED: f64 = 0.75;
+
+/// Largest step of the scanned orders with which sidebands are told apart.
+const MAX_STEP_OF_SIDEBANDS: f64 = 0.3;
+
 /// Share of the error that another order must take.
 const MIN_ORDER_GAIN: f64 = 0.004;
 
@@ -167,8 +179,8 @@ impl<'a> Scan<'a> {
         Self { rows, moving, least, step, count: (span / step) as usize }
     }
 
-    /// Returns the strongest orders above `least` of waves times `of`, each found in what the law and those before it leave: the
-    /// neighbours of a strong order are strong as well.
+    /// Returns the strongest order above `least` of waves times `of`, then those that are related to it, each found in what the
+    /// law and those before it leave: the neighbours of a strong order are strong as well.
     fn pursue(
         &self,
         residual: &[f64],
@@ -204,8 +216,10 @@ impl<'a> Scan<'a> {
         let powers = self.amplitudes(values, of);
         let order = |index: usize| self.least + self.step * index as f64;
         let is_new = |own: f64| others.iter().all(|other| (own - other).abs() > self.step);
+        let is_related = |own: f64| others.first().is_none_or(|first| self.is_related(own, *first));
         let free = (0..powers.len()).filter(|index| {
-            powers[*index] > 0.0 && order(*index) >= least && is_new(order(*index))
+            let own = order(*index);
+            powers[*index] > 0.0 && own >= least && is_new(own) && is_related(own)
         });
         let peak = free.max_by(|a, b| powers[*a].total_cmp(&powers[*b]))?;
         let found = self.least + self.step * self.refined(peak, &powers);
@@ -217,6 +231,22 @@ impl<'a> Scan<'a> {
         let amplitude = |order: f64| self.amplitude(values, of, order);
         let takes_whole = is_near && amplitude(whole) > NEARLY_AS_STRONG * amplitude(found);
         Some(if takes_whole { whole } else { found })
+    }
+
+    /// Returns true if an order may belong to the same part as another: a multiple of it or of its half, or a sideband of a
+    /// multiple of a whole order once or twice a turn, as of an eccentric part. Waves of unrelated orders together can follow
+    /// anything, such as the error of an inaccurate law.
+    fn is_related(&self, own: f64, first: f64) -> bool {
+        let is_near = |order: f64, multiple: f64| {
+            let nearest = (order / multiple).round().max(1.0) * multiple;
+            (order - nearest).abs() < NEAR_RELATED * self.step
+        };
+        let has_turns = self.rows.joint == JointKind::Revolute
+            && self.step < MAX_STEP_OF_SIDEBANDS
+            && first == first.round();
+        let sidebands: &[f64] = if has_turns { &SIDEBANDS } else { &SIDEBANDS[..1] };
+        FRACTIONS.iter().any(|fraction| is_near(own, fraction * first))
+            || sidebands.iter().any(|aside| is_near(own + aside, first))
     }
 
     /// Returns the amplitude of one order.
@@ -425,6 +455,15 @@ pub(super) fn encoder_error(context: &Context) -> Vec<Columns> {
 mod tests {
     use super::*;
     use crate::contest::rows::tests::example;
+
+    #[test]
+    fn is_related_of_harmonics_and_sidebands_is_true_and_of_other_orders_is_false() {
+        let mut rows = example();
+        rows.span = 200.0;
+        let scan = Scan::new(&rows);
+        assert!([14.0, 28.0, 3.5, 6.0, 8.0, 15.0].iter().all(|own| scan.is_related(*own, 7.0)));
+        assert!([10.1, 24.9, 2.9].iter().all(|own| !scan.is_related(*own, 7.0)));
+    }
 
     #[test]
     fn find_of_wave_returns_its_order_first() {
