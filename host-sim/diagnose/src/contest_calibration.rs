@@ -109,6 +109,7 @@ pub const FIGURES: &[Figure] = &[
     // A model that leaves much more than noise is inaccurate, and causes repair it by chance.
     figure("floors_left", |outcome, _| -outcome.floors.max(1e-2).ln()),
     figure("last_in_errors", |_, own| own.last_in_errors.clamp(-3.0, 30.0).max(0.1).ln()),
+    figure("units_gained", |_, own| own.units_gained),
     figure("torque_share", |_, own| log_share(own.torque_share)),
     figure("laws", |_, own| own.laws),
     // A law with slip of a free shape takes what an inaccurate law misses.

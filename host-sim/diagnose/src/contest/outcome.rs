@@ -43,6 +43,8 @@ pub struct Figures {
     pub irreplaceable: f64,
     /// What it takes last, in standard errors over the blocks or runs.
     pub last_in_errors: f64,
+    /// Share of the blocks or runs in which the error falls when it is taken last.
+    pub units_gained: f64,
     /// RMS of what it takes last, as a share of the RMS torque.
     pub torque_share: f64,
     /// Share of the error that it takes alone beside a law that also has slip of a free shape; `alone` without such a law.
@@ -179,8 +181,8 @@ impl Table<'_> {
         let pair = with.zip(without);
         let alone_share = alone.map_or(0.0, |alone| (base - alone.error) / base);
         let last = pair.map_or(0.0, |(with, without)| (without.error - with.error) / base);
-        let last_in_errors =
-            pair.map_or(0.0, |(with, without)| self.in_errors(rows, with, without));
+        let (last_in_errors, units_gained) =
+            pair.map_or((0.0, 0.0), |(with, without)| self.over_units(rows, with, without));
         let squares =
             rows.judged.iter().map(|row| (rows.weights[*row] * rows.torque[*row]).powi(2));
         let torque = squares.sum::<f64>().max(f64::MIN_POSITIVE);
@@ -202,6 +204,7 @@ impl Table<'_> {
             last,
             irreplaceable: (without - with) / base,
             last_in_errors,
+            units_gained,
             torque_share: (last.max(0.0) * base / torque).sqrt(),
             beside_slip: self.beside_slip(key).unwrap_or(alone_share),
             size_in_errors: pair.map_or(0.0, |(with, _)| self.size_in_errors(key, with)),
@@ -226,8 +229,9 @@ impl Table<'_> {
         found
     }
 
-    /// Returns the fall of the error from one hypothesis to another, in standard errors over blocks or runs.
-    fn in_errors(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> f64 {
+    /// Returns the fall of the error from one hypothesis to another, in standard errors over blocks or runs, and the share of
+    /// those in which it falls.
+    fn over_units(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
         let [with, without] = [with, without].map(|hypothesis| {
             let entry = &self.entries[hypothesis.bank];
             let indices = entry.indices(&hypothesis.set);
@@ -238,7 +242,8 @@ impl Table<'_> {
         let count = falls.len().max(2) as f64;
         let mean = falls.iter().sum::<f64>() / count;
         let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
+        let gained = falls.iter().filter(|fall| **fall > 0.0).count() as f64 / count;
+        (mean / (variance / count).sqrt().max(f64::MIN_POSITIVE), gained)
     }
 
     /// Returns what a cause takes alone, as a share, beside the best law with slip of a free shape.
