@@ -2,16 +2,20 @@
 //!
 //! ```text
 //! cargo run --release -p friction-grading --example calibrate_contest -- evidence.tsv           contest_calibration.toml
+//! cargo run --release -p friction-grading --example calibrate_contest -- evidence.tsv --fresh worlds.tsv
+//!                                                                        and the figures, graded/contest.tsv
 //! cargo run --release -p friction-grading --example calibrate_contest -- evidence.tsv --check   writes nothing
 //! ```
 //!
-//! `contest_evidence` makes the evidence. Every printed figure is out of fold: the weights and the isotonic step have seen neither
-//! the world, nor any log of the machine.
+//! `contest_evidence` makes the evidence; `lab/grading/calibrate` runs all of it. Every figure is out of fold: the weights and the
+//! isotonic step have seen neither the world, nor any log of the machine. Fresh worlds are drawn after the last change of the
+//! contest and are judged by the whole fit, as a user's log is.
 
 use clap::Parser;
 use friction_diagnose::contest_calibration::{
     Case, ContestCalibration, out_of_fold, probabilities_out_of_fold,
 };
+use friction_grading::contest_figures::{self, FigureRow};
 use friction_grading::contest_verdicts::Grades;
 use friction_grading::evidence_table::{EvidenceRow, parse};
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,8 +27,11 @@ struct Arguments {
     /// Tables of evidence
     tables: Vec<PathBuf>,
     /// Share of the weight that the measured logs have
-    #[arg(long, default_value_t = 0.15)]
+    #[arg(long, default_value_t = 0.03)]
     measured_share: f64,
+    /// Tables of evidence of worlds that the fit does not see: their figures and those of all others are the table of figures
+    #[arg(long)]
+    fresh: Vec<PathBuf>,
     /// Fits and prints, but does not write the table
     #[arg(long)]
     check: bool,
@@ -38,12 +45,8 @@ const NAMED: f64 = 0.5;
 
 fn main() -> Result<(), String> {
     let arguments = Arguments::parse();
-    let mut rows: Vec<EvidenceRow> = Vec::new();
-    for path in &arguments.tables {
-        let failed = |why: String| format!("{}: {why}", path.display());
-        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
-        rows.extend(parse(&text).map_err(failed)?);
-    }
+    let rows = evidence(&arguments.tables)?;
+    let fresh = evidence(&arguments.fresh)?;
     let (at, cases) = cases(&rows, arguments.measured_share);
     let odds = out_of_fold(&cases);
     let held_out = probabilities_out_of_fold(&cases, &odds);
@@ -86,12 +89,60 @@ fn main() -> Result<(), String> {
         println!("{}", threshold(&rows, &probabilities, 0.01 * f64::from(percent)));
     }
     println!("\nat {NAMED}:\n\n{}", Grades::new(&rows, &probabilities, NAMED).tables());
+    let table = figures(&calibration, (&rows, &probabilities), &fresh);
+    for FigureRow { logs, figure, value, .. } in &table {
+        println!("{logs}: {figure} {value:.3}");
+    }
     if arguments.check {
         return Ok(());
+    }
+    if !fresh.is_empty() {
+        let path = contest_figures::PATH;
+        let before = std::fs::read_to_string(path).ok();
+        let before = before.and_then(|text| contest_figures::parse(&text).ok()).unwrap_or_default();
+        let text = contest_figures::emit(&table, &before);
+        std::fs::write(path, text).map_err(|e| format!("{path}: {e}"))?;
     }
     let path =
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/diagnose/contest_calibration.toml");
     std::fs::write(path, calibration.emit()).map_err(|e| format!("{path}: {e}"))
+}
+
+fn evidence(paths: &[PathBuf]) -> Result<Vec<EvidenceRow>, String> {
+    let mut rows = Vec::new();
+    for path in paths {
+        let failed = |why: String| format!("{}: {why}", path.display());
+        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+        rows.extend(parse(&text).map_err(failed)?);
+    }
+    Ok(rows)
+}
+
+/// Returns the figures of the logs of the fit, out of fold, and of fresh ones.
+fn figures(
+    calibration: &ContestCalibration,
+    (rows, probabilities): (&[EvidenceRow], &[f64]),
+    fresh: &[EvidenceRow],
+) -> Vec<FigureRow> {
+    let part = |is_measured: bool| -> (Vec<EvidenceRow>, Vec<f64>) {
+        let own = rows.iter().zip(probabilities).filter(|(row, _)| row.is_measured == is_measured);
+        own.map(|(row, p)| (row.clone(), *p)).unzip()
+    };
+    let of = |logs: &str, (rows, probabilities): (Vec<EvidenceRow>, Vec<f64>)| {
+        let is_empty = rows.is_empty();
+        let table = contest_figures::figures(logs, &rows, &probabilities, NAMED);
+        if is_empty { Vec::new() } else { table }
+    };
+    let fresh_probabilities = fresh
+        .iter()
+        .map(|row| calibration.probability_of(&row.cause, &row.follows, &row.figures))
+        .collect();
+    let parts = [
+        of("measured, each machine left out", part(true)),
+        of("worlds of the fit, left out", part(false)),
+        of("fresh worlds", (fresh.to_vec(), fresh_probabilities)),
+    ];
+    parts.concat()
 }
 
 /// Returns the cases with their rows. Worlds are divided into folds by their name; each machine is a fold of its own.

@@ -147,8 +147,10 @@ pub fn parse(text: &str) -> Result<Vec<FigureRow>, String> {
         let wrong = || format!("line {}: expected logs, figure and three numbers", at + 2);
         let cells: Vec<&str> = line.split('\t').collect();
         let [logs, figure, numbers @ ..] = cells.as_slice() else { return Err(wrong()) };
-        let numbers: Vec<f64> =
-            numbers.iter().map(|cell| cell.parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+        let numbers: Vec<f64> = numbers
+            .iter()
+            .map(|cell| cell.parse().map_err(|_| wrong()))
+            .collect::<Result<_, _>>()?;
         let [value, low, high] = numbers.as_slice() else { return Err(wrong()) };
         let (logs, figure) = ((*logs).to_owned(), (*figure).to_owned());
         Ok(FigureRow { logs, figure, value: *value, limits: [*low, *high] })

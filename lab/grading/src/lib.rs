@@ -6,8 +6,8 @@
 
 mod cause_regressors;
 pub mod contest;
-pub mod contest_logs;
 pub mod contest_figures;
+pub mod contest_logs;
 pub mod contest_verdicts;
 pub mod evidence_table;
 pub mod measured;

@@ -3,6 +3,7 @@
 //! `cargo test -p friction-grading --test all X::` runs the tests of the file `X.rs`.
 
 mod adverse_worlds;
+mod contest_table;
 mod hidden_effects;
 mod planted;
 mod recovery;
