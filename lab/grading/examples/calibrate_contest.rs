@@ -26,8 +26,8 @@ use std::path::PathBuf;
 struct Arguments {
     /// Tables of evidence
     tables: Vec<PathBuf>,
-    /// Share of the weight that the measured logs have
-    #[arg(long, default_value_t = 0.03)]
+    /// Share of the weight that the measured logs have; about that of their candidates among all
+    #[arg(long, default_value_t = 0.02)]
     measured_share: f64,
     /// Tables of evidence of worlds that the fit does not see: their figures and those of all others are the table of figures
     #[arg(long)]

@@ -200,7 +200,7 @@ impl Table<'_> {
             inclusion: self.draws.inclusion.get(key).copied().unwrap_or_default(),
             alone: alone_share,
             alone_in_errors: beside_none
-                .map_or(0.0, |(with, without)| self.in_errors(rows, with, without)),
+                .map_or(0.0, |(with, without)| self.over_units(rows, with, without).0),
             last,
             irreplaceable: (without - with) / base,
             last_in_errors,
