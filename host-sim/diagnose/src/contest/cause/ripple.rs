@@ -45,8 +45,8 @@ const SIDEBANDS: [f64; 5] = [0.0, 1.0, -1.0, 2.0, -2.0];
 /// Distance from a related order, in steps, within which a scanned order is that order.
 const NEAR_RELATED: f64 = 0.75;
 
-/// Largest step of the scanned orders with which sidebands are told apart.
-const MAX_STEP_OF_SIDEBANDS: f64 = 0.3;
+/// Largest step of the scanned orders with which sidebands are told apart: the positions span nearly a turn.
+const MAX_STEP_OF_SIDEBANDS: f64 = 0.55;
 
 /// Share of the error that another order must take.
 const MIN_ORDER_GAIN: f64 = 0.004;
@@ -156,9 +156,23 @@ fn helpful(
 struct Scan<'a> {
     rows: &'a Rows,
     moving: Vec<usize>,
+    grid: Grid,
+    /// The whole orders, if the positions span so many turns that the steps of the other grid miss waves.
+    wholes: Option<Grid>,
+}
+
+/// Orders at equal steps.
+#[derive(Clone, Copy)]
+struct Grid {
     least: f64,
     step: f64,
     count: usize,
+}
+
+impl Grid {
+    fn order(&self, index: f64) -> f64 {
+        self.least + self.step * index
+    }
 }
 
 impl<'a> Scan<'a> {
@@ -176,7 +190,11 @@ impl<'a> Scan<'a> {
         };
         let span = (highest - least).max(0.0);
         let step = (period / STEPS).max(span / MOST_SCANNED_ORDERS as f64).max(f64::MIN_POSITIVE);
-        Self { rows, moving, least, step, count: (span / step) as usize }
+        let grid = Grid { least, step, count: (span / step) as usize };
+        let is_coarse = rows.joint == JointKind::Revolute && step > period / STEPS;
+        let whole = least.ceil().max(1.0);
+        let wholes = Grid { least: whole, step: 1.0, count: (highest - whole).max(0.0) as usize };
+        Self { rows, moving, grid, wholes: is_coarse.then_some(wholes) }
     }
 
     /// Returns the strongest order above `least` of waves times `of`, then those that are related to it, each found in what the
@@ -213,20 +231,30 @@ impl<'a> Scan<'a> {
         least: f64,
         others: &[f64],
     ) -> Option<f64> {
-        let powers = self.amplitudes(values, of);
-        let order = |index: usize| self.least + self.step * index as f64;
-        let is_new = |own: f64| others.iter().all(|other| (own - other).abs() > self.step);
+        let is_new = |own: f64| others.iter().all(|other| (own - other).abs() > self.grid.step);
         let is_related = |own: f64| others.first().is_none_or(|first| self.is_related(own, *first));
-        let free = (0..powers.len()).filter(|index| {
-            let own = order(*index);
-            powers[*index] > 0.0 && own >= least && is_new(own) && is_related(own)
-        });
-        let peak = free.max_by(|a, b| powers[*a].total_cmp(&powers[*b]))?;
-        let found = self.least + self.step * self.refined(peak, &powers);
+        let strongest = |grid: &Grid| {
+            let powers = self.amplitudes(values, of, grid);
+            let free = (0..powers.len()).filter(|index| {
+                let own = grid.order(*index as f64);
+                powers[*index] > 0.0 && own >= least && is_new(own) && is_related(own)
+            });
+            let peak = free.max_by(|a, b| powers[*a].total_cmp(&powers[*b]))?;
+            Some((powers[peak], peak, powers))
+        };
+        let fine = strongest(&self.grid);
+        let whole = self.wholes.and_then(|grid| Some((strongest(&grid)?, grid)));
+        if let Some(((power, peak, _), grid)) = whole
+            && fine.as_ref().is_none_or(|(fine, ..)| *fine < power)
+        {
+            return Some(grid.order(peak as f64));
+        }
+        let (_, peak, powers) = fine?;
+        let found = self.grid.order(refined(peak, &powers));
         let whole = found.round();
         let is_near = self.rows.joint == JointKind::Revolute
-            && (found - whole).abs() < NEAR_WHOLE * self.step
-            && whole >= least.max(self.least)
+            && (found - whole).abs() < NEAR_WHOLE * self.grid.step
+            && whole >= least.max(self.grid.least)
             && is_new(whole);
         let amplitude = |order: f64| self.amplitude(values, of, order);
         let takes_whole = is_near && amplitude(whole) > NEARLY_AS_STRONG * amplitude(found);
@@ -239,10 +267,10 @@ impl<'a> Scan<'a> {
     fn is_related(&self, own: f64, first: f64) -> bool {
         let is_near = |order: f64, multiple: f64| {
             let nearest = (order / multiple).round().max(1.0) * multiple;
-            (order - nearest).abs() < NEAR_RELATED * self.step
+            (order - nearest).abs() < NEAR_RELATED * self.grid.step
         };
         let has_turns = self.rows.joint == JointKind::Revolute
-            && self.step < MAX_STEP_OF_SIDEBANDS
+            && self.grid.step < MAX_STEP_OF_SIDEBANDS
             && first == first.round();
         let sidebands: &[f64] = if has_turns { &SIDEBANDS } else { &SIDEBANDS[..1] };
         FRACTIONS.iter().any(|fraction| is_near(own, fraction * first))
@@ -259,35 +287,25 @@ impl<'a> Scan<'a> {
         sum.0.hypot(sum.1)
     }
 
-    /// Returns the place of a peak between the steps, by a parabola through three powers.
-    fn refined(&self, peak: usize, powers: &[f64]) -> f64 {
-        let at = |index: usize| powers.get(index).copied().unwrap_or_default();
-        let (before, own, after) = (at(peak.wrapping_sub(1)), at(peak), at(peak + 1));
-        let bend = before - 2.0 * own + after;
-        let shift = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
-        peak as f64 + shift.clamp(-0.5, 0.5)
-    }
-
     /// Returns the amplitude of each order over the rows that resolve it, in units of what noise would have. `values` belong to
     /// the moving rows.
-    fn amplitudes(&self, values: &[f64], of: impl Fn(usize) -> f64) -> Vec<f64> {
+    fn amplitudes(&self, values: &[f64], of: impl Fn(usize) -> f64, grid: &Grid) -> Vec<f64> {
         let rows = self.rows;
-        let groups = self.count.div_ceil(ORDERS_AT_ONCE);
+        let groups = grid.count.div_ceil(ORDERS_AT_ONCE);
         let mut sums = vec![[[0.0; ORDERS_AT_ONCE]; 2]; groups];
         // Square and number of the rows whose highest order is the one before.
-        let mut ends = vec![(0.0, 0usize); self.count + 1];
+        let mut ends = vec![(0.0, 0usize); grid.count + 1];
         for (row, value) in self.moving.iter().zip(values) {
             let value = value * of(*row);
             let position = rows.position[*row];
             let travel = (rows.velocity[*row] * rows.step_s).abs().max(1e-12);
-            let most = ((MAX_STEP / travel - self.least) / self.step).max(0.0) as usize;
-            let most = most.min(self.count);
+            let most = ((MAX_STEP / travel - grid.least) / grid.step).max(0.0) as usize;
+            let most = most.min(grid.count);
             ends[most] = (ends[most].0 + value * value, ends[most].1 + 1);
-            let first: [f64; ORDERS_AT_ONCE] =
-                lanes(|at| (self.least + self.step * at as f64) * position);
+            let first: [f64; ORDERS_AT_ONCE] = lanes(|at| grid.order(at as f64) * position);
             let (mut s, mut c) = (first.map(f64::sin), first.map(f64::cos));
             s.iter_mut().chain(&mut c).for_each(|own| *own *= value);
-            let (sine, cosine) = (ORDERS_AT_ONCE as f64 * self.step * position).sin_cos();
+            let (sine, cosine) = (ORDERS_AT_ONCE as f64 * grid.step * position).sin_cos();
             let (whole, rest) = (most / ORDERS_AT_ONCE, most % ORDERS_AT_ONCE);
             for [cosines, sines] in &mut sums[..whole] {
                 *cosines = lanes(|at| cosines[at] + c[at]);
@@ -302,8 +320,8 @@ impl<'a> Scan<'a> {
             }
         }
         let enough = (self.moving.len() / 10).max(100);
-        let mut amplitudes = vec![0.0; self.count];
-        let (mut square, mut count) = ends[self.count];
+        let mut amplitudes = vec![0.0; grid.count];
+        let (mut square, mut count) = ends[grid.count];
         for (order, own) in amplitudes.iter_mut().enumerate().rev() {
             let [cosines, sines] = &sums[order / ORDERS_AT_ONCE];
             let at = order % ORDERS_AT_ONCE;
@@ -314,6 +332,15 @@ impl<'a> Scan<'a> {
         }
         amplitudes
     }
+}
+
+/// Returns the place of a peak between the steps, by a parabola through three powers.
+fn refined(peak: usize, powers: &[f64]) -> f64 {
+    let at = |index: usize| powers.get(index).copied().unwrap_or_default();
+    let (before, own, after) = (at(peak.wrapping_sub(1)), at(peak), at(peak + 1));
+    let bend = before - 2.0 * own + after;
+    let shift = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+    peak as f64 + shift.clamp(-0.5, 0.5)
 }
 
 /// Returns what a fit of columns leaves of a target.
@@ -463,6 +490,20 @@ mod tests {
         let scan = Scan::new(&rows);
         assert!([14.0, 28.0, 3.5, 6.0, 8.0, 15.0].iter().all(|own| scan.is_related(*own, 7.0)));
         assert!([10.1, 24.9, 2.9].iter().all(|own| !scan.is_related(*own, 7.0)));
+    }
+
+    #[test]
+    fn find_of_wave_over_many_turns_returns_its_whole_order() {
+        let mut rows = example();
+        rows.position.iter_mut().for_each(|q| *q *= 2e3);
+        rows.swing *= 2e3;
+        rows.span *= 2e3;
+        rows.velocity.iter_mut().for_each(|v| *v *= 10.0);
+        rows.smooth_velocity = rows.velocity.clone();
+        let wave: Vec<f64> = rows.position.iter().map(|q| (36.0 * q + 0.4).sin()).collect();
+        rows.torque = wave.clone();
+        let found = RippleOrders::find(&rows, &wave, &[], &wave);
+        assert_eq!(found.torque.first(), Some(&36.0));
     }
 
     #[test]
