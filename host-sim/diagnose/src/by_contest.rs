@@ -59,7 +59,7 @@ pub struct Answer {
     pub gain: Gain,
     /// What was left out at a time, where nothing is set apart.
     pub left_out: Option<LeftOut>,
-    /// The named causes, strongest first.
+    /// The named causes, the most probable first.
     pub findings: Vec<Finding>,
     /// All causes of the contest with their probabilities.
     pub weighed: Vec<WeighedCause>,
@@ -537,7 +537,10 @@ fn findings(
         }
         finding
     };
-    named.map(finding).collect()
+    let mut findings: Vec<Finding> = named.map(finding).collect();
+    // Of equally likely causes the more material one stays first.
+    findings.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    findings
 }
 
 /// A finding whose term is in the extended model.
