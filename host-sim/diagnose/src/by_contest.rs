@@ -7,6 +7,7 @@
 //!           -> Offer                                fitted to all rows, held out        here
 //! ```
 
+use super::channel_share::ChannelShare;
 use super::contest::correction::Correction;
 use super::contest::ledger::CauseKey;
 use super::contest::{
@@ -32,8 +33,8 @@ use friction_fit::spec::{Spec, SpecError};
 use friction_fit::statistics::autocorrelation_time;
 use friction_fit::torque_low_pass::LowPassShape;
 use friction_fit::{FitOptions, Loss, Outcome, identify};
-use joint_log::Quantity;
 use joint_log::log_check::{LogFinding, LogFindingKind};
+use joint_log::{JointKind, Quantity, contract};
 
 /// Progress at which a fit to all rows ends, as a share of the squared error. It begins at the optimum of an excerpt.
 const STAGNATION: f64 = 1e-3;
@@ -131,7 +132,7 @@ pub fn answer(
         None => (baseline.clone(), before.clone(), Gain::default()),
     };
     Ok(Answer {
-        log_findings: log_findings.into_iter().chain(chosen.corrected.finding).collect(),
+        log_findings: log_findings.into_iter().chain(chosen.corrected.findings).collect(),
         left_out: log.leaves_each_out.then(|| unit(&log)),
         log,
         baseline,
@@ -161,6 +162,28 @@ fn reversed_torque(log: &TrainTest) -> LogFinding {
     }
 }
 
+/// Returns the finding of a torque that holds a share of a channel.
+fn share_finding(share: &ChannelShare, joint: JointKind) -> LogFinding {
+    let torque = Quantity::Torque.name(joint);
+    let ChannelShare { column, torque_per_unit, .. } = share;
+    let quantity = contract::covariates().find(|quantity| quantity.name(joint) == column);
+    let unit = match quantity {
+        Some(quantity) => format!("{}/{}", joint.torque_unit(), quantity.unit(joint)),
+        None => format!("{} per unit of {column}", joint.torque_unit()),
+    };
+    LogFinding {
+        kind: LogFindingKind::ChannelGain,
+        columns: vec![torque.into(), column.clone()],
+        value: *torque_per_unit,
+        in_words: format!(
+            "{torque} holds {torque_per_unit:.3e} {unit} of {column}, whichever way the joint moves: its gain, its sign or the \
+             area that it acts on is wrong. The diagnosis and its models are of the torque without it."
+        ),
+        unit,
+        corrected: true,
+    }
+}
+
 /// Returns the rigid-body parts as the contest takes them.
 fn rigid_body(terms: &[TermKind]) -> RigidBody {
     let has = |term| terms.contains(&term);
@@ -181,8 +204,8 @@ struct CorrectedRows {
     judged: TrainTest,
     /// Delay of the torque that the model has as a cause, s.
     delay_s: Option<f64>,
-    /// The correction as a fault of the log.
-    finding: Option<LogFinding>,
+    /// The corrections as faults of the log.
+    findings: Vec<LogFinding>,
     /// Autocorrelation time of the residual in rows: so many rows are one observation for a fit.
     memory_rows: f64,
 }
@@ -200,7 +223,7 @@ impl CorrectedRows {
     fn new(log: &TrainTest, rows: &Rows, finalist: &Finalist, options: &DiagnosisOptions) -> Self {
         let joint = log.train.joint;
         let step_s = rows.step_s;
-        let (mut judged, mut delay_s, mut finding) = (log.clone(), None, None);
+        let (mut judged, mut delay_s, mut findings) = (log.clone(), None, Vec::new());
         let (mut late_channel, mut shape) = (None, LowPassShape::FirstOrder);
         match finalist.correction {
             Correction::None => {}
@@ -219,14 +242,20 @@ impl CorrectedRows {
             let share_left = finalist.share_left;
             let channel = LateChannel { late, time_s: rows * step_s, shape, share_left };
             judged = channel.lag_compensated(judged);
-            finding = Some(channel.finding(joint));
+            findings.push(channel.finding(joint));
+        }
+        if !options.as_logged.contains(&LogFindingKind::ChannelGain) {
+            for share in &finalist.shares {
+                judged = judged.without_share(share);
+                findings.push(share_finding(share, joint));
+            }
         }
         let mut fitted = judged.clone();
         for track in &mut fitted.train_tracks {
             let first = rows.runs[track.run].start + track.first_row;
             track.scale_weights(|row| rows.weights[first + row].powi(2));
         }
-        Self { fitted, judged, delay_s, finding, memory_rows: 1.0 }
+        Self { fitted, judged, delay_s, findings, memory_rows: 1.0 }
     }
 
     /// Fits a model to all rows, from its parameters, until it converges.

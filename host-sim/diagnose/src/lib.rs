@@ -54,6 +54,7 @@ pub mod by_contest;
 pub mod candidate;
 pub mod cause;
 pub mod ceiling;
+pub mod channel_share;
 pub mod columns;
 pub mod contest;
 pub mod contest_calibration;

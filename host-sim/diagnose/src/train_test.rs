@@ -5,6 +5,7 @@
 //! lists them. They are recognised by their correlation with the torque from sample to sample,
 //! which pressure or temperature cannot have.
 
+use super::channel_share::ChannelShare;
 use super::evaluation::noise_floor;
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
@@ -144,6 +145,30 @@ impl TrainTest {
         }
         for data in [&mut self.train, &mut self.test] {
             Arc::make_mut(data).runs.iter_mut().for_each(|run| reverse(&mut run.torque));
+        }
+        self
+    }
+
+    /// Returns the log without the share of a channel in its torque.
+    #[must_use]
+    pub fn without_share(mut self, share: &ChannelShare) -> Self {
+        let of = |data: &Dataset, run: usize| -> Vec<f64> {
+            let values = data.column(&data.runs[run], &share.column).unwrap_or_default();
+            values.iter().map(|value| share.torque_per_unit * (value - share.mean)).collect()
+        };
+        let remove = |torque: &mut [f64], part: &[f64]| {
+            torque.iter_mut().zip(part).for_each(|(torque, part)| *torque -= part);
+        };
+        for (data, tracks) in
+            [(&mut self.train, &mut self.train_tracks), (&mut self.test, &mut self.test_tracks)]
+        {
+            let parts: Vec<Vec<f64>> = (0..data.runs.len()).map(|run| of(data, run)).collect();
+            for track in tracks.iter_mut() {
+                let part = parts[track.run].get(track.first_row..).unwrap_or_default();
+                remove(&mut track.torque, part);
+            }
+            let runs = &mut Arc::make_mut(data).runs;
+            runs.iter_mut().zip(&parts).for_each(|(run, part)| remove(&mut run.torque, part));
         }
         self
     }

@@ -88,11 +88,22 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
     found
 }
 
-/// Returns the values minus their mean over their spread; `None` if they do not vary.
-fn scaled(values: &[f64]) -> Option<Vec<f64>> {
+impl Covariate {
+    /// Returns the mean of the values, and their spread.
+    pub fn mean_and_spread(&self) -> (f64, f64) {
+        mean_and_spread(&self.values)
+    }
+}
+
+fn mean_and_spread(values: &[f64]) -> (f64, f64) {
     let count = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / count;
-    let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt();
+    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt())
+}
+
+/// Returns the values minus their mean over their spread; `None` if they do not vary.
+fn scaled(values: &[f64]) -> Option<Vec<f64>> {
+    let (mean, spread) = mean_and_spread(values);
     let varies = spread > 1e-9 * mean.abs() && spread > 0.0;
     varies.then(|| values.iter().map(|v| (v - mean) / spread).collect())
 }

@@ -7,6 +7,7 @@ use super::entry::{Entry, Origin};
 use super::law::{LawStart, Shapes};
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::rows::Rows;
+use crate::channel_share::ChannelShare;
 use compensator_core::ParameterId;
 use std::collections::BTreeSet;
 
@@ -340,9 +341,11 @@ pub struct Finalist {
     pub law: LawStart,
     /// Its causes, in the order of the bank. The delay of a correction is not among them.
     pub causes: Vec<FinalistCause>,
+    /// Channels of which the torque holds a share.
+    pub shares: Vec<ChannelShare>,
     /// Held-out RMS error, unweighted.
     pub rmse: f64,
-    /// Held-out RMS error without its causes, with its law and correction, unweighted.
+    /// Held-out RMS error without its causes, with its law and corrections, unweighted.
     pub law_rmse: f64,
     /// Squared error as a share of the least one in the log as it is.
     pub share_left: f64,
@@ -355,6 +358,7 @@ impl Finalist {
             correction: Correction::None,
             law: LawStart { name: "linear", ..LawStart::default() },
             causes: Vec::new(),
+            shares: Vec::new(),
             rmse: 0.0,
             law_rmse: 0.0,
             share_left: 1.0,
@@ -401,9 +405,10 @@ impl Table<'_> {
         let indices = entry.indices(&hypothesis.set);
         let sizes = entry.bank.fit(&indices, &mut Workspace::default());
         let folds = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
-        let alone = Hypothesis { set: Vec::new(), ..hypothesis.clone() };
+        let mut alone = hypothesis.clone();
+        alone.set.retain(|at| !entry.variants[*at as usize].is_cause());
         let mut at = entry.base.columns.len();
-        let mut causes = Vec::new();
+        let (mut causes, mut shares) = (Vec::new(), Vec::new());
         for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
             let own = at..at + variant.columns.len();
             at = own.end;
@@ -416,12 +421,19 @@ impl Table<'_> {
                     torque_rms: (rms(&sizes[own.clone()]), jackknife(&drawn)),
                     sizes: sizes[own].to_vec(),
                 });
+            } else if let Some(channel) = rows.covariates.iter().find(|c| c.name == variant.follows)
+            {
+                let (mean, spread) = channel.mean_and_spread();
+                let torque_per_unit = sizes[own.start] / spread;
+                let column = channel.name.clone();
+                shares.push(ChannelShare { column, torque_per_unit, mean });
             }
         }
         Finalist {
             correction: entry.correction,
             law: self.law_start(rows, entry, &sizes),
             causes,
+            shares,
             rmse: self.rmse(rows, hypothesis),
             law_rmse: self.rmse(rows, &alone),
             share_left: self.share_left(hypothesis),

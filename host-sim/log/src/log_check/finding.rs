@@ -26,6 +26,8 @@ named! {
         WrappedAngle = "wrapped-angle",
         /// The torque may have the wrong sign.
         SignSuspect = "sign-suspect",
+        /// The torque holds a share of another channel, whichever way the joint moves.
+        ChannelGain = "channel-gain",
         /// A column holds impossible values.
         Outlier = "outlier",
         /// The log has too few independent rows.
