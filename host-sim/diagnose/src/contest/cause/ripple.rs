@@ -492,32 +492,31 @@ mod tests {
         assert!([10.1, 24.9, 2.9].iter().all(|own| !scan.is_related(*own, 7.0)));
     }
 
-    #[test]
-    fn find_of_wave_over_many_turns_returns_its_whole_order() {
+    /// Returns the example with positions that span `factor` times as much, and a wave of the position as its torque.
+    fn with_wave(factor: f64, order: f64) -> Rows {
         let mut rows = example();
-        rows.position.iter_mut().for_each(|q| *q *= 2e3);
-        rows.swing *= 2e3;
-        rows.span *= 2e3;
+        rows.position.iter_mut().for_each(|q| *q *= factor);
+        rows.swing *= factor;
+        rows.span *= factor;
         rows.velocity.iter_mut().for_each(|v| *v *= 10.0);
         rows.smooth_velocity = rows.velocity.clone();
-        let wave: Vec<f64> = rows.position.iter().map(|q| (36.0 * q + 0.4).sin()).collect();
-        rows.torque = wave.clone();
-        let found = RippleOrders::find(&rows, &wave, &[], &wave);
+        rows.torque = rows.position.iter().map(|q| (order * q + 0.4).sin()).collect();
+        rows
+    }
+
+    #[test]
+    fn find_of_wave_over_many_turns_returns_its_whole_order() {
+        let rows = with_wave(2e3, 36.0);
+        let found = RippleOrders::find(&rows, &rows.torque, &[], &rows.torque);
         assert_eq!(found.torque.first(), Some(&36.0));
     }
 
     #[test]
     fn find_of_wave_returns_its_order_first() {
-        let mut rows = example();
-        rows.position.iter_mut().for_each(|q| *q *= 10.0);
-        rows.swing *= 10.0;
-        rows.span *= 10.0;
-        rows.velocity.iter_mut().for_each(|v| *v *= 10.0);
-        rows.smooth_velocity = rows.velocity.clone();
-        let wave: Vec<f64> = rows.position.iter().map(|q| (7.0 * q + 0.4).sin()).collect();
+        let mut rows = with_wave(10.0, 7.0);
+        let wave = rows.torque.clone();
         let level: Vec<f64> = rows.velocity.iter().map(|v| v.signum()).collect();
         let columns = [level.as_slice()];
-        rows.torque = wave.clone();
         let found = RippleOrders::find(&rows, &wave, &columns, &level);
         assert_eq!(found.torque[0], 7.0);
         let scaled: Vec<f64> = wave.iter().zip(&level).map(|(wave, level)| wave * level).collect();

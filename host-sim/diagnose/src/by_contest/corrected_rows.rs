@@ -1,0 +1,166 @@
+//! The log with the corrections of a hypothesis: late channels, a share of another channel in the torque, and the rows that are
+//! evaluated.
+//!
+//! Each correction is a finding of the report, so that its reader knows of which torque the models are.
+
+use crate::DiagnosisOptions;
+use crate::channel_share::ChannelShare;
+use crate::contest::correction::Correction;
+use crate::contest::{Finalist, Rows};
+use crate::late_channel::{LateChannel, LateChannelKind};
+use crate::left_out::one_step_left_out;
+use crate::model::FittedModel;
+use crate::train_test::TrainTest;
+use friction_fit::predict::{Predicted, predict};
+use friction_fit::robust::Weighting;
+use friction_fit::solve::COMPARISON_TOLERANCE;
+use friction_fit::spec::SpecError;
+use friction_fit::torque_low_pass::LowPassShape;
+use friction_fit::{FitOptions, Outcome, identify};
+use joint_log::log_check::{LogFinding, LogFindingKind};
+use joint_log::{JointKind, Quantity, contract};
+
+/// Progress at which a fit to all rows ends, as a share of the squared error. It begins at the optimum of an excerpt.
+const STAGNATION: f64 = 1e-3;
+
+/// The log with the correction of a hypothesis.
+#[derive(Clone, Debug)]
+pub(super) struct CorrectedRows {
+    /// With the weights of the contest, for fits.
+    pub(super) fitted: TrainTest,
+    /// As it is judged.
+    pub(super) judged: TrainTest,
+    /// Delay of the torque that the model has as a cause, s.
+    pub(super) delay_s: Option<f64>,
+    /// The corrections as faults of the log.
+    pub(super) findings: Vec<LogFinding>,
+    /// Autocorrelation time of the residual in rows: so many rows are one observation for a fit.
+    pub(super) memory_rows: f64,
+}
+
+impl CorrectedRows {
+    /// Returns the log with the corrections of a finalist.
+    pub(super) fn new(
+        log: &TrainTest,
+        rows: &Rows,
+        finalist: &Finalist,
+        options: &DiagnosisOptions,
+    ) -> Self {
+        let joint = log.train.joint;
+        let step_s = rows.step_s;
+        let (mut judged, mut delay_s, mut findings) = (log.clone(), None, Vec::new());
+        let (mut late_channel, mut shape) = (None, LowPassShape::FirstOrder);
+        match finalist.correction {
+            Correction::None => {}
+            Correction::TorqueLate(late) if late > 1.0 => delay_s = Some(late * step_s),
+            Correction::TorqueLate(late) if late >= -1.0 => {
+                judged = judged.with_later_velocity(-late * step_s);
+            }
+            Correction::TorqueLate(late) => late_channel = Some((LateChannelKind::Velocity, -late)),
+            Correction::TorqueLowPass(late, low_pass) => {
+                (late_channel, shape) = (Some((LateChannelKind::LowPassedTorque, late)), low_pass);
+            }
+        }
+        if let Some((late, rows)) =
+            late_channel.filter(|(late, _)| !options.as_logged.contains(&late.kind()))
+        {
+            let share_left = finalist.share_left;
+            let channel = LateChannel { late, time_s: rows * step_s, shape, share_left };
+            judged = channel.lag_compensated(judged);
+            findings.push(channel.finding(joint));
+        }
+        if !options.as_logged.contains(&LogFindingKind::ChannelGain) {
+            for share in &finalist.shares {
+                judged = judged.without_share(share);
+                findings.push(share_finding(share, joint));
+            }
+        }
+        let mut fitted = judged.clone();
+        for track in &mut fitted.train_tracks {
+            let first = rows.runs[track.run].start + track.first_row;
+            track.scale_weights(|row| rows.weights[first + row].powi(2));
+        }
+        Self { fitted, judged, delay_s, findings, memory_rows: 1.0 }
+    }
+
+    /// Fits a model to all rows, from its parameters, until it converges.
+    pub(super) fn identify(&self, model: &FittedModel) -> Result<Outcome, SpecError> {
+        let log = self.fitted.following(model.follows.as_ref());
+        let options = FitOptions {
+            starts: 1,
+            start: Some(model.parameters.clone()),
+            fixed: model.fixed.clone(),
+            resolution: Some(model.resolution),
+            tolerance: COMPARISON_TOLERANCE * self.memory_rows,
+            stagnation: STAGNATION,
+            ..FitOptions::default()
+        };
+        identify(&model.spec, &model.parameters, log.train_rows(), log.test_rows(), &options)
+    }
+
+    /// Returns the model on held-out rows.
+    pub(super) fn held_out(&self, model: &FittedModel) -> Predicted {
+        match self.judged.leaves_each_out {
+            true => one_step_left_out(&self.fitted, &self.judged, model),
+            false => model.on_test(&self.judged),
+        }
+    }
+
+    /// Weighs rows that differ from those beside them less, beside a model.
+    pub(super) fn weigh_robustly(&mut self, model: &FittedModel) {
+        for log in [&mut self.fitted, &mut self.judged] {
+            let weigh = Weighting::of(&log.train_tracks, &model.parameters, model.resolution);
+            log.train_tracks = weigh.applied(&log.train_tracks);
+            log.test_tracks = weigh.applied(&log.test_tracks);
+            log.notes.push(format!(
+                "the loss is huber: {} rows differ from the rows beside them and count less",
+                weigh.reduced
+            ));
+        }
+    }
+
+    /// Leaves the rows at rest out of the evaluation if a model is less accurate there than in motion.
+    pub(super) fn leave_out_rest(&mut self, model: &FittedModel) {
+        let squares = |log: &TrainTest| {
+            let metrics = predict(&model.parameters, log.train_rows(), model.resolution).metrics;
+            (metrics.sse, metrics.rows)
+        };
+        if let Some(at_rest) = self.judged.worse_at_rest(squares) {
+            self.judged = self.judged.clone().without(&at_rest);
+        }
+    }
+
+    /// Takes the positions of a log whose runs have a common phase.
+    pub(super) fn align(&mut self, aligned: &TrainTest) {
+        for log in [&mut self.fitted, &mut self.judged] {
+            let weights: Vec<Vec<f64>> =
+                log.train_tracks.iter().map(|track| track.weights.clone()).collect();
+            *log = aligned.clone();
+            for (track, weights) in log.train_tracks.iter_mut().zip(weights) {
+                track.weights = weights;
+            }
+        }
+    }
+}
+
+/// Returns the finding of a torque that holds a share of a channel.
+fn share_finding(share: &ChannelShare, joint: JointKind) -> LogFinding {
+    let torque = Quantity::Torque.name(joint);
+    let ChannelShare { column, torque_per_unit, .. } = share;
+    let quantity = contract::covariates().find(|quantity| quantity.name(joint) == column);
+    let unit = match quantity {
+        Some(quantity) => format!("{}/{}", joint.torque_unit(), quantity.unit(joint)),
+        None => format!("{} per unit of {column}", joint.torque_unit()),
+    };
+    LogFinding {
+        kind: LogFindingKind::ChannelGain,
+        columns: vec![torque.into(), column.clone()],
+        value: *torque_per_unit,
+        in_words: format!(
+            "{torque} holds {torque_per_unit:.3e} {unit} of {column}, whichever way the joint moves: its gain, its sign or the \
+             area that it acts on is wrong. The diagnosis and its models are of the torque without it."
+        ),
+        unit,
+        corrected: true,
+    }
+}
