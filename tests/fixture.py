@@ -3,7 +3,7 @@
 `folder(host_sim)` returns `target/fixture`, which contains:
 
     simulated/                      what `simulate` writes
-    joint.csv                       its log: a joint whose friction grows with pressure: 4 runs of 4 s at 250 Hz
+    joint.csv                       its log: a joint whose friction grows with pressure: 8 runs of 4 s at 250 Hz
     diagnosis/ compare/ identify/   what `diagnose`, `compare` and `identify --model linear` write about it
     diagnose.json                   what `diagnose --json` prints
 
@@ -19,7 +19,7 @@ import subprocess
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
-SCENARIO = "--hide pressure-coulomb --runs 4 --seconds 4 --rate 250 --seed 5".split()
+SCENARIO = "--hide pressure-coulomb --runs 8 --seconds 4 --rate 250 --seed 5".split()
 LIMIT_S = 600
 
 
