@@ -32,8 +32,7 @@ fn commands_on_terminal_show_progress_and_expected_duration() {
     shows(&SIMULATE, &["simulating underwater-joint"], "written: ");
     shows(&IDENTIFY, &["checking ", "fitting lugre to ", "writing the report"], "written: ");
     shows(&COMPARE, &["fitting dahl to ", "writing the report"], "written: ");
-    // The search for causes takes long without optimisation; it ends with this line.
-    shows(&DIAGNOSE, &["checking "], "fitting the baseline");
+    shows(&DIAGNOSE, &["checking ", "comparing hypotheses", "fitting the base model"], "written: ");
     let samples = ["replaying 18000 samples (2 min 18 s recorded) as fast as", "samples, "];
     shows(&REPLAY, &samples, "bit for bit");
 }
