@@ -21,6 +21,9 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     let mut facts: Vec<(&str, String)> = Vec::new();
     facts.extend(summary::warning(found).map(|warning| ("Warning", warning)));
     match found.findings.split_first() {
+        None if found.candidates.is_empty() => {
+            facts.push(("Cause", "None: no cause improves the model.".into()));
+        }
         None => facts.push(("Cause", "None: all candidates were rejected.".into())),
         Some((first, others)) => {
             facts.push(("Cause", cause(first)));

@@ -22,8 +22,12 @@ pub(super) fn nothing_found(scene: &Scene) -> String {
         ),
         false => "The residual of the base model does not differ significantly from noise".into(),
     };
+    let tried = match found.candidates.is_empty() {
+        true => "No cause improves the model",
+        false => "All candidates were rejected",
+    };
     format!(
-        "All candidates were rejected. {left}. The chart shows the autocorrelation of the residual; white noise has none."
+        "{tried}. {left}. The chart shows the autocorrelation of the residual; white noise has none."
     )
 }
 
