@@ -18,6 +18,8 @@ import fixture  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 HOST_SIM = os.environ["HOST_SIM"]
+#: Runs of the log of tests/fixture.py.
+RUNS = int(fixture.SCENARIO[fixture.SCENARIO.index("--runs") + 1])
 #: Limit of one command of the command line, s.
 LIMIT_S = 300
 

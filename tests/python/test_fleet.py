@@ -16,11 +16,11 @@ from conftest import wait_until
 from friction.fleet import Task
 
 
-def write_log(path, coulomb_nm, seed=0):
+def write_log(path, coulomb_nm, seed=0, rows_per_run=300):
     """A joint with Coulomb and viscous friction, which is no model of this project with bristles."""
     rows = ["run,time_s,velocity_rad_s,torque_nm"]
     for run in range(2):
-        for row in range(300):
+        for row in range(rows_per_run):
             t = 0.01 * row
             v = (1 + run) * math.sin(4 * t)
             noise = 0.01 * (((row * 7919 + 104729 * seed + run * 31) % 1000) / 1000 - 0.5)
@@ -63,8 +63,8 @@ def test_diagnose_with_bad_log_keeps_the_others_and_resumes(logs, tmp_path):
     assert seconds[0] == seconds[1], "computed again"
 
 
-def kill_a_worker(out):
-    """Kills the first process that works on a fleet in this folder."""
+def kill_a_worker(killed):
+    """Kills the first process that works on a fleet and adds it to ``killed``."""
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
         for entry in os.listdir("/proc"):
@@ -75,6 +75,7 @@ def kill_a_worker(out):
                     if parent == os.getpid() and b"spawn_main" in command and b"resource_tracker" not in command:
                         time.sleep(0.5)
                         os.kill(int(entry), signal.SIGKILL)
+                        killed.append(int(entry))
                         return
             except (OSError, ValueError):
                 continue
@@ -82,11 +83,15 @@ def kill_a_worker(out):
 
 
 def test_diagnose_with_killed_process_ends_with_all_rows(logs, tmp_path):
-    killer = threading.Thread(target=kill_a_worker, args=(tmp_path,))
+    # Long enough that the process still works when it is killed.
+    for joint in ("hip", "knee", "wrist"):
+        write_log(logs / f"joint={joint}/campaign=2026-03-01/a.csv", 1.2, rows_per_run=20_000)
+    killed = []
+    killer = threading.Thread(target=kill_a_worker, args=(killed,))
     killer.start()
     fleet = friction.fleet.diagnose(logs, out=tmp_path / "out", fixed_model="linear", workers=2)
     killer.join()
-    assert causes(fleet) == EXPECTED
+    assert killed and causes(fleet) == EXPECTED
     assert not [name for name in os.listdir(tmp_path / "out") if name.startswith(".")]
 
 

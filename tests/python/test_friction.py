@@ -9,6 +9,7 @@ import pandas
 import polars
 import pyarrow
 import pytest
+from conftest import RUNS
 from frames import KINDS, as_pandas, comparable, of_kind
 from sklearn.model_selection import GroupKFold, cross_val_score
 
@@ -60,7 +61,8 @@ def test_diagnosis_properties_equal_its_document(found):
     document = found.to_dict()
     assert found.next_experiment == document["next_experiment"] != ""
     assert [one.cause for one in found.candidates] == [one["cause"] for one in document["candidates"]]
-    assert any(one.rejected_because for one in found.candidates)
+    reasons = [one["rejected_because"] for one in document["candidates"]]
+    assert [one.rejected_because for one in found.candidates] == reasons
     assert all(not one.rejected_because for one in found.candidates if one.cause == found.cause)
     for model, name in ((found.baseline, "baseline"), (found.extended, "extended"), (found.model, "extended")):
         assert model.name == document[name]["model"]
@@ -173,9 +175,9 @@ def test_model_works_with_group_k_fold(plain):
         frame.drop(columns="torque_nm"),
         frame["torque_nm"],
         groups=frame["run"],
-        cv=GroupKFold(4),
+        cv=GroupKFold(RUNS),
     )
-    assert len(scores) == 4 and min(scores) > 0.5, scores
+    assert len(scores) == RUNS and min(scores) > 0.5, scores
     held = frame["run"] == frame["run"].iloc[0]
     alone = friction.Model("lugre", starts=1).fit(frame[~held]).score(frame[held])
     assert any(score == pytest.approx(alone, rel=1e-9) for score in scores), (alone, scores)
@@ -197,7 +199,7 @@ def test_diagnose_given_model_evaluates_it_unchanged(plain):
 
 
 def test_simulate_equals_command_line(folder):
-    simulated = friction.simulate("underwater-joint", hide=["pressure-coulomb"], seed=5, runs=4, seconds=4, rate_hz=250)
+    simulated = friction.simulate("underwater-joint", hide=["pressure-coulomb"], seed=5, runs=RUNS, seconds=4, rate_hz=250)
     assert simulated.csv == (folder / "joint.csv").read_text()
     assert simulated.truth == json.loads((folder / "simulated" / "truth.json").read_text())
     table = pyarrow.table(simulated.data)

@@ -35,7 +35,7 @@ def test_progress_reports_stages_and_ends_work_by_an_exception(long_log):
     def progress(stage, share):
         stages.append(stage)
         assert share is None or 0 <= share <= 1
-        if stage == "fitting the baseline":
+        if stage == "fitting the best hypotheses":
             raise RuntimeError("enough")
 
     begin = threads()

@@ -135,7 +135,8 @@ pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCaus
         let share = (alone / own.alone.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         Some(ConfoundedCause { cause: cause::named(key.cause)?, columns: columns(key), share })
     };
-    own.confusable_with.iter().filter_map(rival).collect()
+    // A curve without a cause is no answer that another experiment could choose.
+    own.confusable_with.iter().filter(|key| key.cause != "unknown").filter_map(rival).collect()
 }
 
 #[cfg(test)]
