@@ -2,6 +2,7 @@
 
 use super::column_names::ColumnNames;
 use super::error::{DataError, listed};
+use super::joint_pattern::suggested_map;
 use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::Preset;
@@ -51,8 +52,20 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
             column.suggestion = Some(shell_word(&pair));
         }
     }
+    suggest_joints(&mut survey.columns);
     suggest_preset(file, &options, &mut survey);
     Ok(survey)
+}
+
+/// Replaces the suggestions for the columns of several joints by one for all joints.
+fn suggest_joints(columns: &mut [ColumnSummary]) {
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let Some(joints) = suggested_map(&names) else { return };
+    for column in columns.iter_mut().filter(|column| column.is_numeric()) {
+        if let Some(pair) = joints.pair_of(&column.name) {
+            column.suggestion = Some(shell_word(&pair));
+        }
+    }
 }
 
 /// Replaces suggestions by those of the preset that the names suggest: it knows the units.

@@ -296,7 +296,7 @@ fn check_wide(file: &Path, names: &[String]) -> Result<(), DataError> {
 /// Interprets the names of the columns.
 fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<Layout, DataError> {
     let one = one_joint(file, &names, options)?;
-    let naming = Naming::new(file, &one.names, &options.columns)?;
+    let naming = Naming::new(file, &one.names, &one.pairs)?;
     let required = RequiredColumns::find(file, &naming)?;
     let kind_note = required.check_kinds(file, &naming)?;
     let required_columns = [required.time, required.motion.reading, required.target.reading];
@@ -403,7 +403,8 @@ fn row_selections(
 ) -> Result<Vec<RowSelection>, DataError> {
     let find = |(column, values): &(String, Vec<String>)| {
         let own = || names.iter().position(|name| name == column);
-        let index = naming.find(column).map(|reading| reading.index).or_else(own);
+        let joint = || names.iter().position(|name| column == JOINT && is_joint_name(name));
+        let index = naming.find(column).map(|reading| reading.index).or_else(own).or_else(joint);
         index.map(|index| RowSelection { index, values: values.clone() }).ok_or_else(|| {
             DataError::Request {
                 what: format!("{}: {}", file.display(), asked_rows(column, values)),
@@ -416,6 +417,11 @@ fn row_selections(
     by_row.map(find).collect()
 }
 
+fn is_joint_name(name: &str) -> bool {
+    let name = name.trim_start_matches('#').trim().to_lowercase();
+    JOINT_NAMES.split(' ').any(|of| of == name)
+}
+
 /// Returns the columns that may name several joints, except those that select rows or name the run.
 fn joint_name_columns(
     names: &[String],
@@ -423,10 +429,10 @@ fn joint_name_columns(
     run: Option<usize>,
 ) -> Vec<JointNameColumn> {
     let suspect = |(index, name): (usize, &String)| {
-        let name = name.trim_start_matches('#').trim().to_lowercase();
-        let is_certain = JOINT_NAMES.split(' ').any(|of| of == name);
+        let is_certain = is_joint_name(name);
         let is_free = run != Some(index) && only.iter().all(|only| only.index != index);
-        (is_free && (is_certain || name == "name")).then_some(JointNameColumn { index, is_certain })
+        let is_name = name.trim_start_matches('#').trim().eq_ignore_ascii_case("name");
+        (is_free && (is_certain || is_name)).then_some(JointNameColumn { index, is_certain })
     };
     names.iter().enumerate().filter_map(suspect).collect()
 }

@@ -2,18 +2,20 @@
 //!
 //! If a header has no plain target but targets with a number as suffix, each number identifies a joint. The columns
 //! of a joint are the contract names with its number, and every other name that occurs with the numbers of all
-//! joints. Columns without a number (time, temperature) belong to all joints. One joint is read at a time:
-//! `--where joint=2` selects it, and the columns of the others are left out.
+//! joints. Columns without a number (time, temperature) belong to all joints. Names of any form are told apart by a map
+//! with a sign in place of the joint ([`super::joint_pattern`]). One joint is read at a time: `--joint 2` selects it. Of
+//! the others, velocity and acceleration stay as covariates, and their other columns are left out.
 
 use std::path::Path;
 
 use super::contract::{self, POSITIONS, TARGETS, VELOCITIES};
 use super::error::{DataError, asked_rows, listed};
+use super::joint_pattern::JointMap;
 use super::options::ReadOptions;
-use compensator_core::quantity::JointKind;
+use compensator_core::quantity::{JointKind, Quantity};
 
 /// The name that `--where` uses to select one of several joints side by side.
-pub(super) const JOINT: &str = "joint";
+pub const JOINT: &str = "joint";
 
 /// A header reduced to one joint.
 #[derive(Debug, Default)]
@@ -26,6 +28,8 @@ pub(super) struct OneJoint {
     pub note: Option<String>,
     /// True if the header holds joints side by side.
     pub is_chosen: bool,
+    /// The pairs of `--columns` of this joint.
+    pub pairs: Vec<(String, String)>,
 }
 
 /// Splits a name into its stem and its number suffix.
@@ -70,10 +74,35 @@ pub(super) fn one_joint(
     names: &[String],
     options: &ReadOptions,
 ) -> Result<OneJoint, DataError> {
-    let joints = numbers(names, options);
+    let map = JointMap::find(names, &options.columns);
+    let joints = match &map {
+        Some(map) => map.joints.clone(),
+        None => numbers(names, options),
+    };
     if joints.is_empty() {
-        return Ok(OneJoint { names: names.to_vec(), ..OneJoint::default() });
+        // A map without a joint is refused where its columns are looked up.
+        let pairs = options.columns.clone();
+        return Ok(OneJoint { names: names.to_vec(), pairs, ..OneJoint::default() });
     }
+    let joint = chosen(file, &joints, options)?;
+    let mut taken = match &map {
+        Some(map) => by_map(map, names, joint),
+        None => by_number(names, &joints, joint, options),
+    };
+    let others: Vec<&String> = joints.iter().filter(|own| *own != joint).collect();
+    taken.note = (!others.is_empty()).then(|| {
+        let count = taken.others.len();
+        format!("{}: {count} columns belong to other joints ({})", file.display(), listed(&others))
+    });
+    Ok(taken)
+}
+
+/// Returns the joint that is asked for, or the only one.
+fn chosen<'j>(
+    file: &Path,
+    joints: &'j [String],
+    options: &ReadOptions,
+) -> Result<&'j String, DataError> {
     let asked = options.only.iter().find(|(column, _)| column == JOINT).map(|(_, values)| values);
     let chosen: Vec<&String> = match asked {
         None => joints.iter().collect(),
@@ -83,24 +112,44 @@ pub(super) fn one_joint(
                 return Err(DataError::Request {
                     what: format!("{}: {}", file.display(), asked_rows(JOINT, values)),
                     found: format!("no joint {unknown}"),
-                    expected: format!("one of {}", listed(&joints)),
+                    expected: format!("one of {}", listed(joints)),
                 });
             }
-            values.iter().collect()
+            joints.iter().filter(|joint| values.contains(joint)).collect()
         }
     };
-    let [joint] = chosen[..] else {
-        return Err(DataError::SeveralJoints {
+    match chosen[..] {
+        [joint] => Ok(joint),
+        _ => Err(DataError::SeveralJoints {
             file: file.into(),
             place: "side by side".into(),
             column: JOINT.into(),
             joints: chosen.into_iter().cloned().collect(),
-        });
-    };
+        }),
+    }
+}
+
+/// Takes one joint by a map with a sign in place of the joint.
+fn by_map(map: &JointMap, names: &[String], joint: &str) -> OneJoint {
+    let mut taken = OneJoint { is_chosen: true, pairs: map.pairs_of(joint), ..OneJoint::default() };
+    for (index, name) in names.iter().enumerate() {
+        let mut others = map.joints.iter().filter(|other| *other != joint);
+        let motion = others.clone().find_map(|other| map.other_motion(name, other));
+        if motion.is_none() && others.any(|other| map.is_of(name, other, joint, names)) {
+            taken.others.push(index);
+        }
+        taken.names.push(motion.unwrap_or_else(|| name.clone()));
+    }
+    taken
+}
+
+/// Takes one joint by the number at the end of the contract names.
+fn by_number(names: &[String], joints: &[String], joint: &str, options: &ReadOptions) -> OneJoint {
     let of_all = |head: &str| {
         joints.iter().all(|number| names.iter().any(|name| *name == format!("{head}_{number}")))
     };
-    let mut taken = OneJoint { is_chosen: true, ..OneJoint::default() };
+    let pairs = options.columns.clone();
+    let mut taken = OneJoint { is_chosen: true, pairs, ..OneJoint::default() };
     for (index, name) in names.iter().enumerate() {
         let of_joint = numbered(name).filter(|(head, number)| {
             let is_known = contract::names().any(|known| known == *head);
@@ -108,19 +157,22 @@ pub(super) fn one_joint(
         });
         match of_joint {
             Some((head, number)) if number == joint => taken.names.push(head.to_owned()),
-            Some(_) => {
+            Some((head, _)) => {
                 taken.names.push(name.clone());
-                taken.others.push(index);
+                if !is_motion(head) {
+                    taken.others.push(index);
+                }
             }
             None => taken.names.push(name.clone()),
         }
     }
-    let others: Vec<&String> = joints.iter().filter(|number| *number != joint).collect();
-    taken.note = (!others.is_empty()).then(|| {
-        let count = taken.others.len();
-        format!("{}: {count} columns belong to other joints ({})", file.display(), listed(&others))
-    });
-    Ok(taken)
+    taken
+}
+
+/// Returns true for a velocity or an acceleration: of another joint, it may move this one.
+fn is_motion(name: &str) -> bool {
+    let quantity = Quantity::parse(name).map(|(quantity, _)| quantity);
+    matches!(quantity, Some(Quantity::Velocity | Quantity::Acceleration))
 }
 
 #[cfg(test)]
@@ -140,9 +192,9 @@ mod tests {
     #[test]
     fn one_joint_with_selection_keeps_own_and_common_columns() {
         let second = take(ARM, Some("2")).unwrap();
-        assert_eq!(second.note.unwrap(), "arm.csv: 3 columns belong to other joints (1)");
+        assert_eq!(second.note.unwrap(), "arm.csv: 2 columns belong to other joints (1)");
         assert_eq!(second.names[4..], ["torque_nm", "velocity_rad_s", "tension", "cell_1"]);
-        assert_eq!(second.others, [1, 2, 3]);
+        assert_eq!(second.others, [1, 3], "the other joint's velocity stays");
     }
 
     #[test]

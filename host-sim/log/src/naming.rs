@@ -13,6 +13,7 @@ use super::contract;
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
+use super::joint_pattern::suggested_map;
 use super::other_unit::other_unit;
 use super::unit::{self, conversion};
 use crate::setting::{Setting, shell_word};
@@ -110,16 +111,29 @@ impl<'a> Naming<'a> {
         let missing = || wanted.iter().filter(|(is_missing, ..)| *is_missing);
         let names: Vec<&str> = missing().map(|(_, name, _)| *name).collect();
         let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
-        let pair = |contract_name: &str| match guess::column(contract_name, &free) {
-            Some(guess) => format!("{contract_name}={guess}"),
-            None => format!("{contract_name}=NAME"),
+        let joints = suggested_map(&free).unwrap_or_default();
+        let pair = |contract_name: &str| {
+            let of_all = joints.pattern(contract_name);
+            match of_all.or_else(|| guess::column(contract_name, &free)) {
+                Some(guess) => format!("{contract_name}={guess}"),
+                None => format!("{contract_name}=NAME"),
+            }
         };
-        let pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
+        let mut pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
+        let position =
+            joints.pattern("position_rad").map(|theirs| format!("position_rad={theirs}"));
+        pairs.extend(position.filter(|pair| !pairs.contains(pair)));
         let (names, pairs) = (names.join(" and "), Setting::Columns.suggested(pairs.join(",")));
         DataError::MissingColumns {
             file: file.into(),
             found: format!("only the columns {}", listed(self.names)),
-            expected: format!("{names} in the header, or {pairs}"),
+            expected: match joints.joints.len() {
+                0 => format!("{names} in the header, or {pairs}"),
+                count => format!(
+                    "{names} in the header, or, for {count} joints ({}), {pairs}",
+                    listed(&joints.joints)
+                ),
+            },
             missing: missing().map(|(.., of)| (*of).to_owned()).collect(),
             count: self.names.len(),
         }

@@ -17,7 +17,7 @@ use friction_fit::spec::parse_rigid_body;
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use joint_log::log_check::LogFindingKind;
 use joint_log::work::{self, Cancelled, Progress};
-use joint_log::{DataError, Preset, ReadOptions, SplitRule};
+use joint_log::{DataError, JOINT, Preset, ReadOptions, SplitRule};
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -56,6 +56,10 @@ pub struct DataArguments {
     /// columns (`torque_nm_1`, `torque_nm_2`); by default all joints are processed in turn. May be repeated
     #[arg(long = "where", value_name = "COLUMN=VALUE,..")]
     pub only: Vec<String>,
+
+    /// Read one joint of a log with several: its number or name. By default all are processed in turn
+    #[arg(long, value_name = "JOINT")]
+    pub joint: Option<String>,
     /// Drop the first N samples of each run
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub skip: usize,
@@ -286,7 +290,8 @@ impl DataArguments {
                 .filter(|(column, _)| !column.is_empty())
                 .ok_or_else(|| format!("--where: found {text:?}, expected COLUMN=VALUE"))
         };
-        self.only.iter().map(choice).collect()
+        let joint = self.joint.iter().map(|joint| Ok((JOINT.to_owned(), vec![joint.clone()])));
+        self.only.iter().map(choice).chain(joint).collect()
     }
 
     fn split_rule(&self, default_split: &SplitRule) -> Result<SplitRule, String> {
