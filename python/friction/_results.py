@@ -36,6 +36,8 @@ class Finding:
 
     Attributes:
         cause: Its name, for example ``pressure-coulomb``.
+        remedy: ``compensate`` if the driver's model can take it, ``correct-column`` if it lies in the sensor or the logger,
+            ``rigid-body`` if it is a part of the rigid body.
         columns: The columns that it follows.
         size: Its size.
         probability: Calibrated probability that it is present, 0 to 1.
@@ -47,6 +49,7 @@ class Finding:
     """
 
     cause: str
+    remedy: str
     columns: tuple[str, ...]
     size: Size
     probability: float
@@ -61,6 +64,7 @@ class Finding:
         size = finding["size"]
         return cls(
             cause=finding["cause"],
+            remedy=finding["remedy"],
             columns=tuple(finding["columns"]),
             size=Size(size["value"], size["unit"], (size["ci95"][0], size["ci95"][1])),
             probability=finding["probability"],
@@ -179,6 +183,12 @@ class Diagnosis(_Result):
         return tuple(Candidate._of(candidate) for candidate in self._document["candidates"])
 
     @property
+    def leading_fault(self) -> str | None:
+        """The kind of the log's fault that explains most of the error, such as ``sign-suspect``; ``log`` describes it."""
+        fault: str | None = self._document["leading_fault"]
+        return fault
+
+    @property
     def log(self) -> tuple[str, ...]:
         """Problems of the log itself, one sentence each."""
         return tuple(str(finding["in_words"]) for finding in self._document["log"])
@@ -205,7 +215,8 @@ class Diagnosis(_Result):
         return self._own.first_screen()
 
     def __repr__(self) -> str:
-        return f"<Diagnosis {self.cause}, gain {100 * self.gain:.1f} %>"
+        fault = f"{self.leading_fault}, " if self.leading_fault else ""
+        return f"<Diagnosis {fault}{self.cause}, gain {100 * self.gain:.1f} %>"
 
 
 class Fit(_Result):

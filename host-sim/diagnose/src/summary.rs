@@ -3,13 +3,15 @@
 //!
 //! Errors are RMS values in the joint's torque unit, Nm or N.
 
+use super::cause::definition::Remedy;
 use super::experiment::most_informative;
 use super::finding::{Finding, probability_in_words};
 use super::left_out::LeftOut;
 use super::naming::NAMED;
 use super::{Diagnosis, Share};
-use compensator_core::Quantity;
+use compensator_core::{Quantity, TermKind};
 use friction_fit::State;
+use friction_fit::spec::rigid_body_name;
 use joint_log::number::{figure, significant};
 
 /// Returns what to measure next.
@@ -22,6 +24,9 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
             ),
             false => format!("Correct the log first ({what}), and diagnose it again."),
         };
+    }
+    if let Some(load) = unused_load(diagnosis) {
+        return load;
     }
     let confused = diagnosis.findings.iter().find(|finding| !finding.confusable_with.is_empty());
     if let Some(finding) = confused {
@@ -97,6 +102,23 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
             constant.join(", ")
         )
     }
+}
+
+/// Returns the advice to take the logged load torque into the rigid body, where that may explain the finding.
+fn unused_load(diagnosis: &Diagnosis) -> Option<String> {
+    let name = name_in(Quantity::LoadTorque, diagnosis);
+    let log = &diagnosis.log;
+    let is_unused = log.varies(name) && !log.rigid_body.contains(&TermKind::LoadGain);
+    let is_body = |finding: &Finding| matches!(finding.cause.remedy(), Remedy::RigidBody(_));
+    let asks = diagnosis.findings.iter().any(|own| is_body(own) || !own.cause.is_named());
+    (is_unused && asks).then(|| {
+        let given = log.rigid_body.iter().filter_map(|term| rigid_body_name(*term));
+        let parts: Vec<&str> = given.chain(["load"]).collect();
+        format!(
+            "Diagnose this log once more with --rigid-body {}: it holds the torque of the load, {name}.",
+            parts.join(",")
+        )
+    })
 }
 
 /// Quantities that a next experiment may vary.

@@ -42,6 +42,11 @@ const RIGID_BODY: [RigidBodyPart; 6] = [
     RigidBodyPart { name: "gain", term: TermKind::LoadGain, effect: "a gain on the known load." },
 ];
 
+/// Returns the name of a rigid-body part; `None` for another term.
+pub fn rigid_body_name(term: TermKind) -> Option<&'static str> {
+    RIGID_BODY.iter().find(|part| part.term == term).map(|part| part.name)
+}
+
 /// Returns the effect of a rigid-body part on the torque, for a list of models; `None` for another term.
 pub fn rigid_body_effect(term: TermKind) -> Option<&'static str> {
     RIGID_BODY.iter().find(|part| part.term == term).map(|part| part.effect)

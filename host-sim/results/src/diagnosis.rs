@@ -55,6 +55,7 @@ fn finding(finding: &Finding) -> Value {
     confusable.dedup();
     let mut value = json!({
         "cause": finding.cause.name(),
+        "remedy": finding.cause.remedy().name(),
         "columns": finding.columns,
         "size": {
             "value": finite(finding.size.value),

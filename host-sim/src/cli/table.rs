@@ -136,7 +136,7 @@ pub fn findings(found: &Diagnosis) -> String {
             text += &format!("  indistinguishable from {}\n", rivals.join(", "));
         }
     }
-    if found.findings.is_empty() {
+    if found.findings.is_empty() && !found.candidates.is_empty() {
         text +=
             "Best candidates, with their gain alone on held-out rows (% of the squared error):\n";
         for ranked in ranking(found).iter().take(LISTED_CANDIDATES) {

@@ -35,6 +35,15 @@ impl Remedy {
             Self::CorrectColumn(term) | Self::RigidBody(term) => term,
         }
     }
+
+    /// The name in `diagnosis.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Term(_) => "compensate",
+            Self::CorrectColumn(_) => "correct-column",
+            Self::RigidBody(_) => "rigid-body",
+        }
+    }
 }
 
 /// One thing a residual can be blamed on.

@@ -20,7 +20,7 @@ impl Cause for PositionRipple {
     }
 
     fn meaning(&self) -> &'static str {
-        "friction follows the shaft angle"
+        "friction follows the position in waves"
     }
 
     fn effect(&self) -> &'static str {

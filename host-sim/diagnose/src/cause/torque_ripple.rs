@@ -26,7 +26,7 @@ impl Cause for TorqueRipple {
     }
 
     fn meaning(&self) -> &'static str {
-        "a torque follows the shaft angle in both directions alike (cogging, gear mesh)"
+        "a torque follows the position in both directions alike (cogging, gear mesh)"
     }
 
     fn effect(&self) -> &'static str {

@@ -8,7 +8,8 @@ pub struct WithoutTerm {
     meaning: &'static str,
     effect: &'static str,
     remedy: Remedy,
-    next_experiment: &'static str,
+    /// Returns the next experiment for these columns.
+    next_experiment: fn(&[String]) -> String,
 }
 
 /// An error of the encoder, once per turn or harmonic. It makes a ripple in the speed and in the acceleration.
@@ -18,7 +19,9 @@ pub static ENCODER_ERROR: WithoutTerm = WithoutTerm {
               not; this is the encoder, not friction",
     effect: "a wave of the angle in speed and acceleration.",
     remedy: Remedy::CorrectColumn(None),
-    next_experiment: "Calibrate the encoder against a second one or at constant speed, and log the corrected angle.",
+    next_experiment: |_| {
+        "Calibrate the encoder against a second one or at constant speed, and log the corrected angle.".into()
+    },
 };
 
 /// Torque of other joints' motion.
@@ -27,7 +30,9 @@ pub static JOINT_COUPLING: WithoutTerm = WithoutTerm {
     meaning: "the motion of other joints adds a torque; this is the rigid body, not friction",
     effect: "velocities and accelerations of other joints, and products of two.",
     remedy: Remedy::RigidBody(None),
-    next_experiment: "Move this joint alone while the others stand still, or subtract the rigid-body model of the whole arm.",
+    next_experiment: |_| {
+        "Move this joint alone while the others stand still, or subtract the rigid-body model of the whole arm.".into()
+    },
 };
 
 /// Mass that the joint carries.
@@ -36,7 +41,13 @@ pub static PAYLOAD: WithoutTerm = WithoutTerm {
     meaning: "a column scales gravity or inertia, as the mass that the joint carries does; this is the rigid body, not friction",
     effect: "gravity or inertia in proportion to a column.",
     remedy: Remedy::RigidBody(None),
-    next_experiment: "Repeat the same motion with two known payloads, and subtract the rigid-body torque of each.",
+    next_experiment: |columns| {
+        let column = columns.first().map_or("COLUMN", String::as_str);
+        format!(
+            "Diagnose one payload at a time (--where {column}=VALUE), or log the torque of the load as load_torque_nm and add \
+             --rigid-body load."
+        )
+    },
 };
 
 impl Cause for WithoutTerm {
@@ -56,7 +67,7 @@ impl Cause for WithoutTerm {
         self.remedy
     }
 
-    fn next_experiment(&self, _: &[String]) -> Option<String> {
-        Some(self.next_experiment.into())
+    fn next_experiment(&self, columns: &[String]) -> Option<String> {
+        Some((self.next_experiment)(columns))
     }
 }

@@ -9,6 +9,7 @@ use super::figures::{AFTER, BEFORE};
 use crate::page::words::{capitalised, quantity};
 use crate::report::{Axis, Chart, Series};
 use compensator_core::Quantity;
+use friction_diagnose::cause::definition::Remedy;
 use friction_diagnose::finding::probability_in_words;
 use friction_diagnose::summary::above_floor;
 use friction_diagnose::{Finding, summary};
@@ -58,16 +59,39 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     };
     facts.push(("Gain on held-out rows", gain));
     facts.push(("Remaining error", remaining(scene)));
-    if scene.is_extended() {
-        let how = format!(
+    facts.extend(next_step(scene).map(|how| ("Next step", how)));
+    facts.push(("Next experiment", summary::next_experiment(found)));
+    facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
+}
+
+/// Returns what to do with the result. A driver that compensated an error of the sensor would make the joint worse.
+fn next_step(scene: &Scene) -> Option<String> {
+    let found = scene.about.found;
+    let named = |is_it: fn(&Finding) -> bool| -> Vec<&str> {
+        found.findings.iter().filter(|own| is_it(own)).map(|own| own.cause.name()).collect()
+    };
+    let of_sensor = named(|own| matches!(own.cause.remedy(), Remedy::CorrectColumn(_)));
+    if !of_sensor.is_empty() {
+        return Some(format!(
+            "{}: this lies in the sensor or the logger, so no parameter of the driver compensates it. Correct it at its \
+             source and diagnose a new log before params.toml is written to the driver.",
+            of_sensor.join(", ")
+        ));
+    }
+    let outside = named(|own| matches!(own.cause.remedy(), Remedy::RigidBody(None)));
+    if !outside.is_empty() && !scene.is_extended() {
+        return Some(format!(
+            "{}: this is the rigid body, so no parameter of the driver's friction compensates it.",
+            outside.join(", ")
+        ));
+    }
+    scene.is_extended().then(|| {
+        format!(
             "params.toml contains the model {}. Write it to the driver: `host-sim params set params.toml --bus can0` Or \
              export it: `host-sim export params.toml --to c`",
             found.extended.spec
-        );
-        facts.push(("Next step", how));
-    }
-    facts.push(("Next experiment", summary::next_experiment(found)));
-    facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
+        )
+    })
 }
 
 /// Describes the error that remains, in noise floors, and what a flexible model leaves.
