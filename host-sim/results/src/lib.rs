@@ -19,6 +19,7 @@ mod files;
 pub mod fits;
 #[cfg(feature = "fleet")]
 pub mod fleet;
+pub mod joints_page;
 pub mod json;
 pub mod loop_cost;
 pub mod network;

@@ -1,14 +1,15 @@
 //! Runs a command on the log of one joint, or on each joint of a log with several joints.
 //!
 //! For one joint, the command's result is written as it is. For several joints, each has its own folder with the same
-//! files as a single joint. The terminal shows the results one after the other, and the command's JSON file holds all
-//! of them in the list `joints`.
+//! files as a single joint. The terminal shows the results one after the other, the command's JSON file holds all of them
+//! in the list `joints`, and `joints.html` lists the diagnoses side by side.
 
 use super::input::{DataArguments, LogInputs, in_stages};
 use super::output::{OutputArguments, file_name, pretty};
 use super::words::in_options;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_results::Files;
+use friction_results::joints_page::{self, JointDiagnosis};
 use joint_log::SplitRule;
 use serde_json::{Value, json};
 
@@ -67,12 +68,23 @@ fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> 
         files.extend(own.map(|(name, content)| (format!("{folder}/{name}"), content.to_vec())));
         shown += &format!("joint {joint}:\n\n{}\n", result.text);
     }
-    let all = pretty(&json!({ "schema": 1, "joints": documents }))?;
+    let all = pretty(&json!({ "schema": 1, "joints": &documents }))?;
     files.push((name.to_owned(), all.clone().into_bytes()));
+    let mut listed = vec![name.to_owned()];
+    let reports: Vec<String> =
+        folders.iter().map(|folder| format!("{folder}/report.html")).collect();
+    // A fit has no cause to compare the joints by.
+    if reports.iter().all(|report| files.iter().any(|(name, _)| name == report)) {
+        let joints = joints.iter().zip(&documents).zip(&reports);
+        let joints: Vec<JointDiagnosis> = joints
+            .map(|(((joint, _), document), report)| JointDiagnosis { joint, document, report })
+            .collect();
+        files.push(("joints.html".into(), joints_page::page(&joints).render().into_bytes()));
+        listed.push("joints.html".into());
+    }
     let all_files: Vec<(&str, &[u8])> =
         files.iter().map(|(name, content)| (&**name, &**content)).collect();
-    let folders = folders.iter().map(|folder| format!("{folder}/"));
-    let listed: Vec<String> = std::iter::once(name.to_owned()).chain(folders).collect();
+    listed.extend(folders.iter().map(|folder| format!("{folder}/")));
     let listed: Vec<&str> = listed.iter().map(String::as_str).collect();
     output.finish_as(&all_files, &listed, &all, &shown)
 }
