@@ -345,7 +345,19 @@ def side_by_side(*numbers):
     return table(joint(velocity=None, torque=None, **columns))
 
 
-case("two joints side by side", side_by_side(1, 2), joints={"1": 1, "2": 5}, expected_lines=["2 columns belong to other joints (2)"])
+case("two joints side by side", side_by_side(1, 2), joints={"1": 1, "2": 5}, expected_lines=["1 columns belong to other joints (2)"])
+WIDE = side_by_side("left", "right").replace("velocity_rad_s_left", "arm/left_knee.vel").replace("torque_nm_left", "arm/left_knee.effort")
+WIDE = WIDE.replace("velocity_rad_s_right", "arm/right_knee.vel").replace("torque_nm_right", "arm/right_knee.effort")
+MAP = "velocity_rad_s=arm/#_knee.vel,torque_nm=arm/#_knee.effort"
+case("two joints by one map", WIDE, f"--columns '{MAP}'", joints={"left": 1, "right": 5}, expected_lines=["velocity of joint right"])
+case("one of two joints by one map", WIDE, f"--columns '{MAP}' --joint left", expected_lines=["1 columns belong to other joints (right)"])
+error(
+    "two joints of unknown names",
+    WIDE,
+    "log.csv: found only the columns run, time_s, arm/left_knee.vel, arm/left_knee.effort, arm/right_knee.vel, "
+    "arm/right_knee.effort, expected velocity_rad_s (or velocity_m_s) and torque_nm (or force_n) in the header, or, for 2 "
+    f"joints (left, right), --columns '{MAP}'",
+)
 case("one of two joints side by side", side_by_side(1, 2), "--where joint=1", data={"rows": RUNS * ROWS})
 case("a single joint with a number", side_by_side(4))
 error(

@@ -155,8 +155,8 @@ error(
     {"log.mcap": mcap([("/js", "cdr", "JointState", "ros2msg", JOINT_STATE)], [(1, *joint_state(rows(2, 1)[0]))])},
     "log.mcap: found only the columns %time, /js.header.stamp.sec, /js.header.stamp.nanosec, /js.position[shoulder], "
     "/js.position[elbow], /js.velocity[shoulder], /js.velocity[elbow], /js.effort[shoulder], /js.effort[elbow], expected "
-    "velocity_rad_s (or velocity_m_s) and torque_nm (or force_n) in the header, or --columns "
-    "velocity_rad_s=NAME,torque_nm=NAME",
+    "velocity_rad_s (or velocity_m_s) and torque_nm (or force_n) in the header, or, for 2 joints (shoulder, elbow), --columns "
+    "'velocity_rad_s=/js.velocity[#],torque_nm=/js.effort[#],position_rad=/js.position[#]'",
 )
 
 

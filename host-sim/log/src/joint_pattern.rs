@@ -4,7 +4,6 @@
 //! a text with which every mapped column exists. The velocities and accelerations of the other joints stay in the log
 //! under plain names, as their motion may move this joint. Their other columns are left out.
 
-use super::contract;
 use super::{guess, unit};
 use compensator_core::quantity::Quantity;
 
@@ -146,7 +145,6 @@ impl SuggestedMap {
 /// Returns the map that fits a table of several joints: a torque, a velocity or a position, and the others of them that
 /// all the joints have. `None` if the names tell of fewer than two joints.
 pub(super) fn suggested_map(names: &[&str]) -> Option<SuggestedMap> {
-    let owned: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
     let patterns = patterns(names);
     let joints_of = |pattern: &str| -> Vec<&str> {
         let ends = pattern.split_once(PLACE).unwrap_or_default();
@@ -173,8 +171,10 @@ pub(super) fn suggested_map(names: &[&str]) -> Option<SuggestedMap> {
         pairs.extend(best(motion, Some(&joints)).map(|pattern| (motion, pattern)));
     }
     let moves = pairs.iter().any(|(ours, _)| motions[..2].contains(ours));
-    let is_contract =
-        owned.iter().any(|name| contract::names().any(|known| known == name) && name != "time_s");
+    let is_contract = names.iter().any(|name| {
+        let own = Quantity::parse(name).map(|(own, _)| own);
+        matches!(own, Some(Quantity::Torque | Quantity::Velocity | Quantity::Position))
+    });
     (joints.len() > 1 && moves && !is_contract)
         .then(|| SuggestedMap { pairs, joints: joints.into_iter().map(str::to_owned).collect() })
 }
