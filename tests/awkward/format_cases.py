@@ -49,7 +49,7 @@ case(
     "the columns of a recording of ROS 2 are asked for",
     {"log.mcap": recording()},
     "--columns help",
-    output=["log.mcap: 11 columns", "velocity_rad_s=/joint_states.velocity[elbow]", "torque_nm=/joint_states.effort[elbow]"],
+    output=["log.mcap: 11 columns", "velocity_rad_s=/joint_states.velocity[#]", "torque_nm=/joint_states.effort[#]"],
 )
 error(
     "words for a fifth of the velocities, in gzip",

@@ -306,7 +306,8 @@ error(
     plotjuggler(("elbow", "wrist"), 188).replace("__time", "stamp"),
     "log.csv: found 195 columns, likely stamp, /joint_states/elbow/velocity, /joint_states/wrist/velocity, "
     "/joint_states/elbow/effort, /joint_states/wrist/effort, expected time_s and velocity_rad_s (or velocity_m_s) and torque_nm "
-    "(or force_n) in the header, or --columns time_s=stamp,velocity_rad_s=NAME,torque_nm=NAME; --columns help lists all",
+    "(or force_n) in the header, or, for 2 joints (elbow, wrist), --columns 'time_s=stamp,velocity_rad_s=/joint_states/#/velocity,"
+    "torque_nm=/joint_states/#/effort,position_rad=/joint_states/#/position'; --columns help lists all",
 )
 case(
     "the columns of a log are asked for",
