@@ -11,7 +11,9 @@ mod compare;
 mod demo;
 mod diagnose;
 mod each_joint;
+mod examples;
 mod export;
+mod fit_arguments;
 mod fleet;
 mod identify;
 mod identify_network;
@@ -26,6 +28,7 @@ mod output;
 mod paper;
 mod parameters;
 mod predict;
+mod progress;
 mod replay;
 mod scope;
 #[cfg(feature = "update")]
@@ -38,8 +41,8 @@ mod update;
 mod words;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
-use input::DataArguments;
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use input::LogArguments;
 use std::process::ExitCode;
 
 #[derive(Parser)]
@@ -51,24 +54,22 @@ struct CommandLine {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Show or change the lock of a joint: its state, its key
-    Access(access::AccessArguments),
+    /// Demonstrate all steps in one minute: simulate a joint with a hidden effect, diagnose its CAN trace, compare with the truth
+    Demo(demo::DemoArguments),
+    /// Simulate a machine: write its log and the true parameters
+    Simulate(simulate::SimulateArguments),
+    /// Find the physical effects a friction model misses, and the gain of an extended model
+    Diagnose(diagnose::DiagnoseArguments),
     /// Fit one friction model to measured data
     Identify(identify::IdentifyArguments),
     /// Fit all friction models to measured data and compare them
     Compare(compare::CompareArguments),
-    /// Find the physical effects a friction model misses, and the gain of an extended model
-    Diagnose(diagnose::DiagnoseArguments),
-    /// Demonstrate all steps in one minute: simulate a joint with a hidden effect, diagnose its CAN trace, compare with the truth
-    Demo(demo::DemoArguments),
+    /// Predict the torque of every row of a log with a fitted model
+    Predict(predict::PredictArguments),
     /// Export a fitted model as a flash record, Rust, C, ONNX, MuJoCo or URDF
     Export(export::ExportArguments),
     /// Diagnose the logs of many joints and campaigns, and compare them on one page
     Fleet(fleet::FleetArguments),
-    /// Show live data of a joint: velocity, friction, current, flags, model-in-band
-    Monitor(monitor::MonitorArguments),
-    /// Run a joint driver on this PC, connected to a CAN bus
-    Node(node::NodeArguments),
     #[cfg(feature = "papers")]
     /// Reproduce the tables and plots of a paper, beside the printed values
     Paper(paper::PaperArguments),
@@ -76,14 +77,18 @@ enum Command {
     /// Reproduce the tables and plots of a paper (needs a build with the feature `papers`)
     #[command(disable_help_flag = true)]
     Paper(missing_feature::AnyArguments),
-    /// Read and write a joint driver's parameters
-    Params(parameters::ParamsArguments),
-    /// Predict the torque of every row of a log with a fitted model
-    Predict(predict::PredictArguments),
     /// Replay a CAN trace to a joint driver and check every answer bit for bit
     Replay(replay::ReplayArguments),
+    /// Run a joint driver on this PC, connected to a CAN bus
+    Node(node::NodeArguments),
+    /// Read and write a joint driver's parameters
+    Params(parameters::ParamsArguments),
+    /// Show live data of a joint: velocity, friction, current, flags, model-in-band
+    Monitor(monitor::MonitorArguments),
     /// Record signals of a joint's current loop at up to 20 kHz, around a trigger
     Scope(scope::ScopeArguments),
+    /// Show or change the lock of a joint: its state, its key
+    Access(access::AccessArguments),
     #[cfg(feature = "update")]
     /// Make a signed package of a program for `update`, or a key pair
     Sign(sign::SignArguments),
@@ -91,8 +96,6 @@ enum Command {
     /// Make a signed package of a program for `update`, or a key pair (needs a build with the feature `update`)
     #[command(disable_help_flag = true)]
     Sign(missing_feature::AnyArguments),
-    /// Simulate a machine: write its log and the true parameters
-    Simulate(simulate::SimulateArguments),
     #[cfg(feature = "update")]
     /// Install a signed package on a joint over its bus
     Update(update::UpdateArguments),
@@ -102,14 +105,20 @@ enum Command {
     Update(missing_feature::AnyArguments),
 }
 
+/// Returns the command line with all its commands and their help.
+pub fn command() -> clap::Command {
+    examples::with_examples(CommandLine::command(), "")
+}
+
 /// Runs the command line and returns the exit code.
 pub fn run() -> ExitCode {
-    let arguments = match CommandLine::try_parse() {
+    let matches = command().try_get_matches();
+    let arguments = match matches.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => return report_usage_error(&error),
     };
     let done = |outcome: Result<(), String>| outcome.map(|()| ExitCode::SUCCESS);
-    let described = arguments.command.data().map_or(Ok(None), DataArguments::described_columns);
+    let described = arguments.command.log().map_or(Ok(None), LogArguments::described_columns);
     let described = described
         .and_then(|text| text.map(|text| output::print_formatted(&text)).transpose())
         .map(|printed| printed.is_some());
@@ -153,13 +162,13 @@ pub fn run() -> ExitCode {
 }
 
 impl Command {
-    /// Returns the arguments that name measured data, if the command reads them.
-    fn data(&self) -> Option<&DataArguments> {
+    /// Returns the arguments that name measured logs, if the command reads them.
+    fn log(&self) -> Option<&LogArguments> {
         match self {
-            Self::Identify(arguments) => Some(&arguments.data),
-            Self::Compare(arguments) => Some(&arguments.data),
-            Self::Diagnose(arguments) => Some(&arguments.data),
-            Self::Predict(arguments) => Some(&arguments.data),
+            Self::Identify(arguments) => Some(&arguments.data.log),
+            Self::Compare(arguments) => Some(&arguments.data.log),
+            Self::Diagnose(arguments) => Some(&arguments.data.log),
+            Self::Predict(arguments) => Some(&arguments.log),
             _ => None,
         }
     }

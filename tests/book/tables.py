@@ -133,7 +133,9 @@ def text_with(texts, place):
 
 
 def sentence(doc):
-    return " ".join(line.strip().removeprefix("///").strip() for line in doc.splitlines())
+    """The paragraphs of a comment as one text."""
+    lines = [line.strip().removeprefix("///").strip() for line in doc.splitlines()]
+    return ". ".join(paragraph.replace("\n", " ") for paragraph in "\n".join(lines).split("\n\n"))
 
 
 def commands(texts):
@@ -310,7 +312,8 @@ MADE = {
     "commands": commands,
     "options-output": options("OutputArguments"),
     "options-bus": options("BusArguments"),
-    "options-log": options("DataArguments"),
+    "options-log": options("LogArguments"),
+    "options-fit": options("FitArguments"),
     "options-scope": options("ScopeArguments"),
     "rules": rules,
     "attacks": attacks,

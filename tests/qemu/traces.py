@@ -45,7 +45,7 @@ position_max_rad = 500.0  # times the ripple's order, it must fit the fixed-poin
 def simulate(host_sim, folder, runs, seconds, seed):
     """Simulates a complete trace and returns its path."""
     subprocess.run([host_sim, "simulate", "underwater-joint", "--runs", str(runs), "--seconds", str(seconds),
-                    "--seed", str(seed), "--out", folder], check=True, stdout=subprocess.DEVNULL)
+                    "--seed", str(seed), "--out", folder, "--force"], check=True, stdout=subprocess.DEVNULL)
     return folder / "trace.log"
 
 

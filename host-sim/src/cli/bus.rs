@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// The bus and the node on it.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Bus")]
 pub struct BusArguments {
     /// Bus: loop (in this process), a SocketCAN interface such as vcan0 or can0, slcan:PATH or slcan:HOST:PORT
     #[arg(long, global = true, value_name = "BUS", default_value = "loop")]
@@ -21,15 +22,18 @@ pub struct BusArguments {
     /// Node number of the joint driver
     #[arg(long, global = true, value_name = "N", default_value = "1", value_parser = node)]
     pub node_id: NodeId,
-    /// Bit rate of the bus, bit/s. It opens an slcan adapter and is the reference of the bus load. For a SocketCAN
-    /// interface, set the bit rate with `ip link`
-    #[arg(long, global = true, value_name = "BIT/S", default_value = "1000000", value_parser = bit_rate)]
+    /// Bit rate of the bus, bit/s
+    ///
+    /// It opens an slcan adapter and is the reference of the bus load. For a SocketCAN interface, set the bit rate with
+    /// `ip link`.
+    #[arg(long, global = true, value_name = "BIT/S", default_value = "1000000", value_parser = bit_rate, hide_short_help = true)]
     pub bit_rate: BitRate,
     /// Write every sent and received frame to this file in the format of candump -L
-    #[arg(long, global = true, value_name = "FILE")]
+    #[arg(long, global = true, value_name = "FILE", hide_short_help = true)]
     pub record: Option<PathBuf>,
-    /// Key that unlocks the joint: a file with 32 hexadecimal digits. By default the file that FRICTION_JOINT_KEY names,
-    /// or the public default key
+    /// Key that unlocks the joint: a file with 32 hexadecimal digits
+    ///
+    /// By default the file that FRICTION_JOINT_KEY names, or the public default key.
     #[arg(long, global = true, value_name = "FILE")]
     pub key: Option<PathBuf>,
 }

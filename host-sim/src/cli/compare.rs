@@ -23,20 +23,27 @@ use joint_log::work;
 /// Arguments of `compare`.
 #[derive(clap::Args)]
 pub struct CompareArguments {
-    #[command(flatten)]
-    pub(super) data: DataArguments,
-    #[command(flatten)]
-    output: OutputArguments,
     /// Models to compare; all laws by default. Terms are added as in `lugre+pressure-coulomb`
     #[arg(long, value_name = "MODEL,..", value_delimiter = ',')]
     models: Vec<String>,
     /// Options of the laws: damping_fades, printed_extended, allow_active (permits laws that are not passive)
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', hide_short_help = true)]
     choices: Vec<String>,
-    /// Fit within the known dynamics of this machine: to the angles of all joints at once, with exact gradients (models
-    /// linear, extended, atan, lugre)
-    #[arg(long, value_name = "MACHINE", value_enum, conflicts_with = "choices")]
+    /// Fit within the known dynamics of this machine
+    ///
+    /// The fit is to the angles of all joints at once, with exact gradients (models linear, extended, atan, lugre).
+    #[arg(
+        long,
+        value_name = "MACHINE",
+        value_enum,
+        hide_short_help = true,
+        conflicts_with = "choices"
+    )]
     inside: Option<KnownMachine>,
+    #[command(flatten)]
+    pub(super) data: DataArguments,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Default models for `--inside`.
@@ -64,7 +71,7 @@ pub fn run(arguments: &CompareArguments) -> Result<(), String> {
         let all = || MACHINE_MODELS.map(str::to_owned).to_vec();
         let models = if arguments.models.is_empty() { all() } else { arguments.models.clone() };
         let data = &arguments.data;
-        let output = &arguments.output.of_run("compare", &data.data);
+        let output = &arguments.output.of_run("compare", &data.log.data);
         return inside::run(data, output, &models, MACHINE_FIT_STARTS, "compare.json");
     }
     #[cfg(not(feature = "papers"))]

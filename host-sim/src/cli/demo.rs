@@ -8,8 +8,8 @@
 //!
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
-use super::input::{in_stages, spinner};
 use super::output::{OutputArguments, pretty, print_formatted, print_text};
+use super::progress::{in_stages, spinner};
 use super::table;
 use super::words::in_options;
 use crate::driver_file;
@@ -34,11 +34,11 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 /// Arguments of `demo`.
 #[derive(clap::Args)]
 pub struct DemoArguments {
-    #[command(flatten)]
-    output: OutputArguments,
     /// Seed of the joint and of its hidden effect; by default taken from the clock. The same seed repeats the demo
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Number of simulated runs. With few runs, all variation of a covariate may lie in the held-out ones.
@@ -65,9 +65,10 @@ impl StepPrinter {
 
 /// Runs the command.
 pub fn run(arguments: &DemoArguments) -> Result<(), String> {
-    let printer = StepPrinter { json: arguments.output.json, begin: Instant::now() };
+    let output = &arguments.output.of_command("demo");
+    let printer = StepPrinter { json: output.json, begin: Instant::now() };
     let seed = arguments.seed.unwrap_or_else(seed_from_clock);
-    let out = arguments.output.folder();
+    let out = output.folder();
     printer.step(&format!(
         "Simulating an underwater joint with one hidden effect that the friction model does not contain. \
          The effect is shown at the end. (--seed {seed} repeats this demo.)"
@@ -76,7 +77,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     let options = Options { runs: Some(RUN_COUNT), ..Options::default() };
     let scenario = draw_with(Kind::One(effect(seed)), &[], seed, &options);
     let truth = pretty(&scenario.truth.json())?;
-    record(&scenario, &truth, &arguments.output)?;
+    record(&scenario, &truth, output)?;
     bar.finish_and_clear();
     printer.step(&format!(
         "Recorded {} runs with {} rows in all; the CAN traffic is in {}/trace.log.",
@@ -122,7 +123,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         ("diagnosis.json", &pretty(&value)?),
         ("params.toml", &toml),
     ];
-    arguments.output.write(&files)?;
+    output.write(&files)?;
     bar.finish_and_clear();
     printer.step("Wrote the report.")?;
     let bar = spinner("replaying the recording".into());
@@ -131,7 +132,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     printer.step(&describe_replay(&replay))?;
 
     let answer = Answer::of(&scenario, &found);
-    if arguments.output.json {
+    if output.json {
         return print_text(&pretty(&json_result(seed, &scenario, &answer, value, &replay))?);
     }
     let mut text = "\nDiagnosis of the recording:\n".to_owned();

@@ -23,16 +23,16 @@ use std::path::PathBuf;
 /// Arguments of `diagnose`.
 #[derive(clap::Args)]
 pub struct DiagnoseArguments {
-    #[command(flatten)]
-    pub(super) data: DataArguments,
-    #[command(flatten)]
-    output: OutputArguments,
     /// Base model; by default the simplest of linear, stribeck and lugre that the log supports
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
     /// Evaluate the model of this file without fitting it, then extend its law
     #[arg(long, value_name = "PARAMS.TOML", conflicts_with = "model")]
     params: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) data: DataArguments,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Runs the command.
@@ -71,7 +71,7 @@ fn diagnose_joint(
     let question = DiagnosisOptions {
         model,
         given,
-        as_logged: arguments.data.kinds_as_logged(),
+        as_logged: arguments.data.log.kinds_as_logged(),
         ..input.question()
     };
     let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;

@@ -4,8 +4,9 @@
 //! files as a single joint. The terminal shows the results one after the other, the command's JSON file holds all of them
 //! in the list `joints`, and `joints.html` lists the diagnoses side by side.
 
-use super::input::{DataArguments, LogInputs, in_stages};
+use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, file_name, pretty};
+use super::progress::in_stages;
 use super::words::in_options;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_results::Files;
@@ -33,8 +34,8 @@ pub fn each_joint(
     default_split: &SplitRule,
     command: impl Fn(&Prepared) -> Result<JointResult, Error> + Sync,
 ) -> Result<(), String> {
-    let output = &output.of_run(name, &data.data);
-    let run = |input: &Prepared| in_stages(data.threads, || command(input)).map_err(in_options);
+    let output = &output.of_run(name, &data.log.data);
+    let run = |input: &Prepared| in_stages(data.log.threads, || command(input)).map_err(in_options);
     match data.read(default_split)? {
         LogInputs::One(input) => write_one(&run(&input)?, output),
         LogInputs::Several(joints) => {

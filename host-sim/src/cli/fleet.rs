@@ -1,7 +1,8 @@
 //! `fleet`: diagnoses the logs of many joints and campaigns, and compares them on one page.
 
-use super::input::{DataArguments, in_stages};
+use super::input::DataArguments;
 use super::output::{pretty, print_formatted, print_text};
+use super::progress::in_stages;
 use super::words::in_options;
 use friction_diagnose::prepare::Error;
 use friction_fit::spec::Spec;
@@ -19,8 +20,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Arguments of `fleet`.
 #[derive(clap::Args)]
 pub struct FleetArguments {
-    #[command(flatten)]
-    data: DataArguments,
     /// Folder of the results: `fleet.parquet`, `fleet.html`, and a folder for each joint and campaign. A second call computes
     /// only what is missing or has changed
     #[arg(long, value_name = "DIR", default_value = "out/fleet")]
@@ -37,6 +36,8 @@ pub struct FleetArguments {
     /// Level of the fixed model at which a joint needs service: `coulomb_torque=3.0`, in Nm or N
     #[arg(long, value_name = "LEVEL=VALUE,..", value_delimiter = ',')]
     limit: Vec<String>,
+    #[command(flatten)]
+    data: DataArguments,
 }
 
 /// Runs the command.
@@ -48,11 +49,11 @@ pub fn run(arguments: &FleetArguments) -> Result<(), String> {
     options.model = arguments.model.as_deref().map(Spec::parse).transpose().map_err(in_options)?;
     options.fixed_model = Spec::parse(&arguments.fixed_model).map_err(in_options)?;
     options.worded = |error| in_options(error);
-    let folders = arguments.data.data.iter().map(|root| find_jobs(root, &arguments.out));
+    let folders = arguments.data.log.data.iter().map(|root| find_jobs(root, &arguments.out));
     let jobs: Vec<FleetJob> = folders.collect::<Result<Vec<_>, _>>()?.concat();
     let failed = |error: std::io::Error| format!("{}: {error}", arguments.out.display());
     std::fs::create_dir_all(&arguments.out).map_err(failed)?;
-    let rows = in_stages(arguments.data.threads, || {
+    let rows = in_stages(arguments.data.log.threads, || {
         let done = AtomicUsize::new(0);
         work::report_stage(&format!("diagnosing {} logs", jobs.len()));
         let run = |job: &FleetJob| {

@@ -31,12 +31,10 @@ pub enum KnownMachine {
 /// Arguments of `identify`.
 #[derive(clap::Args)]
 pub struct IdentifyArguments {
-    #[command(flatten)]
-    pub(super) data: DataArguments,
-    #[command(flatten)]
-    output: OutputArguments,
-    /// Model: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre, with terms as in
-    /// `lugre+pressure-coulomb`; or lugre-lstm, where a network scales the friction levels and the stiffness
+    /// Law, with terms as in `lugre+pressure-coulomb`: linear, extended, atan, stribeck, dahl, lugre, ..
+    ///
+    /// Laws: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre; or lugre-lstm, where a network
+    /// scales the friction levels and the stiffness.
     #[arg(long, value_name = "MODEL", default_value = "", hide_default_value = true)]
     model: String,
     /// Start the fit from the parameters of this file only
@@ -49,20 +47,25 @@ pub struct IdentifyArguments {
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     free: Vec<String>,
     /// Options of the law: damping_fades, printed_extended, allow_active (permits a law that is not passive)
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', hide_short_help = true)]
     choices: Vec<String>,
     /// Number of starting points that are optimised to convergence
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, hide_short_help = true)]
     starts: usize,
-    /// Fit within the known dynamics of this machine: to the angles of all joints at once, with exact gradients (models
-    /// linear, extended, atan, lugre)
-    #[arg(long, value_name = "MACHINE", value_enum, conflicts_with_all = ["start", "keep", "free", "choices", "substeps"])]
+    /// Fit within the known dynamics of this machine
+    ///
+    /// The fit is to the angles of all joints at once, with exact gradients (models linear, extended, atan, lugre).
+    #[arg(long, value_name = "MACHINE", value_enum, hide_short_help = true, conflicts_with_all = ["start", "keep", "free", "choices", "substeps"])]
     inside: Option<KnownMachine>,
     /// Simulation steps per sample; by default chosen by the fit
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     substeps: Option<usize>,
     #[command(flatten)]
     network: NetworkArguments,
+    #[command(flatten)]
+    pub(super) data: DataArguments,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 fn parse_parameter_names(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
@@ -105,7 +108,7 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
     if let Some(KnownMachine::Manipulator) = arguments.inside {
         let models = std::slice::from_ref(&arguments.model);
         let data = &arguments.data;
-        let output = &arguments.output.of_run("identify", &data.data);
+        let output = &arguments.output.of_run("identify", &data.log.data);
         return inside::run(data, output, models, arguments.starts, "fit.json");
     }
     #[cfg(not(feature = "papers"))]
@@ -119,7 +122,8 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
             &arguments.output,
             &SplitRule::default(),
             |input| {
-                identify_network::run(&arguments.network, &arguments.data, arguments.starts, input)
+                let fit = &arguments.data.fit;
+                identify_network::run(&arguments.network, fit, arguments.starts, input)
             },
         );
     }

@@ -9,7 +9,7 @@
 //! reduces the error on held-out rows.
 
 use super::each_joint::JointResult;
-use super::input::{DataArguments, LossChoice};
+use super::fit_arguments::{FitArguments, LossChoice};
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
 use friction_diagnose::prepare::{Error, Prepared};
@@ -29,16 +29,17 @@ use serde_json::json;
 /// Arguments of the training.
 #[derive(clap::Args)]
 pub(super) struct NetworkArguments {
-    /// Inputs of the network of lugre-lstm: `velocity`, `held` (the bristle torque), columns by name; by default every
-    /// additional column of the log
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    /// Inputs of the network of lugre-lstm
+    ///
+    /// `velocity`, `held` (the bristle torque), columns by name; by default every additional column of the log.
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', hide_short_help = true)]
     inputs: Vec<String>,
     /// Treat strokes (the travel between two reversals) that differ from the training data of lugre-lstm as outside its
     /// range
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     watch_strokes: bool,
     /// Maximum number of training epochs for lugre-lstm
-    #[arg(long, value_name = "N", default_value_t = 200)]
+    #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
     epochs: usize,
 }
 
@@ -100,7 +101,7 @@ fn parse_inputs(
 /// Fits the model to the log of one joint.
 pub(super) fn run(
     arguments: &NetworkArguments,
-    reading: &DataArguments,
+    fitting: &FitArguments,
     starts: usize,
     data: &Prepared,
 ) -> Result<JointResult, Error> {
@@ -109,7 +110,7 @@ pub(super) fn run(
         .map(|quantity| (quantity.name(data.data.joint), quantity))
         .collect();
     let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
-    if reading.loss == LossChoice::Huber {
+    if fitting.loss == LossChoice::Huber {
         let line = format!(
             "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
         );
@@ -126,7 +127,7 @@ pub(super) fn run(
     let options = FitOptions { starts: starts.max(1), passive: true, ..FitOptions::default() };
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
     let training = TrainOptions {
-        seed: reading.seed,
+        seed: fitting.seed,
         epochs: arguments.epochs,
         every: (1.0 / (EVALUATION_RATE_HZ * period_s)).round().max(1.0) as usize,
         substeps: law_substeps(period_s),

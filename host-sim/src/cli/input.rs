@@ -1,10 +1,12 @@
 //! Command-line arguments of the commands that read measured data, and the reading itself.
 //!
-//! [`DataArguments`] names the files, their columns, the split into training and test rows, and the rigid-body parts.
+//! [`LogArguments`] names the files and their columns.
 //! [`DataArguments::read`] reads the files, checks the log, reports its problems before any fit, and returns tracks that are
 //! ready to fit.
 
+use super::fit_arguments::{FitArguments, LossChoice};
 use super::output::print_message;
+use super::progress::in_stages;
 use super::table;
 use super::words::{in_options, text_in_options};
 use clap::Args;
@@ -13,79 +15,64 @@ use friction_diagnose::prepare::{
     Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
 };
 use friction_fit::Loss;
-use friction_fit::spec::parse_rigid_body;
-use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use joint_log::log_check::LogFindingKind;
-use joint_log::work::{self, Cancelled, Progress};
 use joint_log::{DataError, JOINT, Preset, ReadOptions, SplitRule};
-use std::io::IsTerminal;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-/// The data files, and how to read and split them.
+/// The logs, and how they are read.
 #[derive(Args, Clone, Debug)]
-pub struct DataArguments {
-    /// One or more files of measured data: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
-    #[arg(required = true, value_name = "DATA")]
+#[command(next_help_heading = "Reading the log")]
+pub struct LogArguments {
+    /// Log files: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
+    #[arg(required = true, value_name = "DATA", help_heading = "Arguments")]
     pub data: Vec<PathBuf>,
-    /// Files to hold out. By default whole runs are held out, or time blocks of a single run; `diagnose` holds out each
-    /// run once
-    #[arg(long, value_name = "DATA", num_args = 1..)]
-    pub test: Vec<PathBuf>,
-    /// Hold out the runs where COLUMN has one of the values. COLUMN is `run` or a column that is constant within each run
-    #[arg(long, value_name = "COLUMN=VALUE,..", conflicts_with_all = ["test", "tail"])]
-    pub hold_out: Option<String>,
-    /// Hold out the end of each run; SHARE is between 0 and 1
-    #[arg(long, value_name = "SHARE", conflicts_with = "test")]
-    pub tail: Option<f64>,
-    /// Names and units of the columns in the file: `torque_nm=tau_3:mNm,velocity_rad_s=dq_3:rpm,time_s=t:ms`. `:-Nm`
-    /// reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale and
-    /// an offset; `velocity[2]` is an element of a cell that contains a list. `help` lists the columns of each file
+    /// Names and units of the file's columns: `torque_nm=tau_3:mNm,time_s=t:ms`; `help` lists the columns
+    ///
+    /// `:-Nm` reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale
+    /// and an offset; `velocity[2]` is an element of a cell that contains a list.
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
     /// Tool that wrote the log; supplies names and units of columns that `--columns` does not name
-    #[arg(long, value_name = "TOOL", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
+    #[arg(long, value_name = "TOOL", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)), hide_possible_values = true)]
     pub from: Option<String>,
-    /// Skip the first N lines of text of each file, above the header
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub skip_lines: usize,
-    /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
-    #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm)]
-    pub rated_torque: Option<f64>,
-    /// Use only rows where COLUMN has one of the values. `joint=2` selects one joint, also if the joints have numbered
-    /// columns (`torque_nm_1`, `torque_nm_2`); by default all joints are processed in turn. May be repeated
+    /// Use only rows where COLUMN has one of the values, such as `joint=2`
+    ///
+    /// `joint=2` selects one joint, as `--joint 2` does. May be repeated.
     #[arg(long = "where", value_name = "COLUMN=VALUE,..")]
     pub only: Vec<String>,
-
     /// Read one joint of a log with several: its number or name. By default all are processed in turn
     #[arg(long, value_name = "JOINT")]
     pub joint: Option<String>,
+    /// Skip the first N lines of text of each file, above the header
+    #[arg(long, value_name = "N", default_value_t = 0, hide_short_help = true)]
+    pub skip_lines: usize,
+    /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
+    #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm, hide_short_help = true)]
+    pub rated_torque: Option<f64>,
     /// Drop the first N samples of each run
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_short_help = true)]
     pub skip: usize,
-    /// Use every N-th sample of the residual, after an anti-aliasing filter; the simulation runs at the full rate
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub decimate: u32,
-    /// Rigid-body parts that the torque column contains besides friction: inertia,gravity,load,offset,delay,gain
-    #[arg(long, value_name = "PARTS", default_value = "")]
-    pub rigid_body: String,
     /// Source of the motion: reconstructed from position and velocity, or the unchanged velocity column
-    #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed)]
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed, hide_short_help = true)]
     pub motion: MotionFrom,
-    /// Log problems to report without correction: velocity-noise, velocity-lag, quantised (for these the motion is used as
-    /// logged), wrapped-angle, outlier, held-channel, torque-lag
-    #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
+    /// Log problems to report without correction
+    ///
+    /// velocity-noise, velocity-lag, quantised (for these the motion is used as logged), wrapped-angle, outlier, held-channel,
+    /// torque-lag.
+    #[arg(long, value_name = "KIND,..", value_delimiter = ',', hide_short_help = true)]
     pub as_logged: Vec<String>,
-    /// Loss of the fits: `squares`; `huber`, where errors of single rows beyond 2.5 standard deviations count linearly;
-    /// `auto` uses huber if the torque has many spikes
-    #[arg(long, value_name = "WHICH", value_enum, default_value_t = LossChoice::Auto)]
-    pub loss: LossChoice,
-    /// Seed of the choice of held-out runs; the same seed gives the same result
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
     /// Number of threads; 0 uses all cores
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_short_help = true)]
     pub threads: usize,
+}
+
+/// The logs, and how to read, fit and split them.
+#[derive(Args, Clone, Debug)]
+pub struct DataArguments {
+    #[command(flatten)]
+    pub log: LogArguments,
+    #[command(flatten)]
+    pub fit: FitArguments,
 }
 
 /// The value of `--columns` that lists the columns.
@@ -106,17 +93,6 @@ pub enum MotionFrom {
     Smoothed,
     /// The unchanged velocity column.
     Logged,
-}
-
-/// Loss of the fits.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LossChoice {
-    /// Huber's loss if the torque has many spikes, else squares.
-    Auto,
-    /// Squared errors.
-    Squares,
-    /// Huber's loss.
-    Huber,
 }
 
 /// The data of a command.
@@ -167,9 +143,10 @@ impl DataArguments {
         let each = joints.into_iter().map(|joint| {
             let mut alone = self.clone();
             alone
+                .log
                 .only
                 .retain(|text| text.split_once('=').is_none_or(|(own, _)| own.trim() != column));
-            alone.only.push(format!("{column}={joint}"));
+            alone.log.only.push(format!("{column}={joint}"));
             match alone.read_one(default_split, Some(&joint)) {
                 Ok(input) => Ok((joint, input)),
                 Err(ReadFailure::Other(line)) => Err(format!("joint {joint}: {line}")),
@@ -188,14 +165,14 @@ impl DataArguments {
         default_split: &SplitRule,
         joint: Option<&str>,
     ) -> Result<Prepared, ReadFailure> {
-        let files: Vec<PathBuf> = self.data.iter().chain(&self.test).cloned().collect();
+        let files: Vec<PathBuf> = self.log.data.iter().chain(&self.fit.test).cloned().collect();
         let options = self.options(default_split)?;
-        let mut input = in_stages(self.threads, || prepare(&Source::Files(files), &options))
+        let mut input = in_stages(self.log.threads, || prepare(&Source::Files(files), &options))
             .map_err(ReadFailure::from)?;
         input.joint = joint.map(str::to_owned);
         // Printed after the last possible error, so that an error stays the only line.
         print_log(&input);
-        if input.loss == Loss::Huber && self.loss == LossChoice::Auto {
+        if input.loss == Loss::Huber && self.fit.loss == LossChoice::Auto {
             print_lines(&input, [SPIKES.to_owned()].into_iter());
         }
         Ok(input)
@@ -206,26 +183,24 @@ impl DataArguments {
     /// # Errors
     /// Returns one line for the user.
     pub fn options(&self, default_split: &SplitRule) -> Result<PrepareOptions, String> {
-        let rigid_body = parse_rigid_body(&self.rigid_body).map_err(in_options)?;
+        self.fit.complete(self.log.options()?, default_split)
+    }
+}
+
+impl LogArguments {
+    /// Returns how a log is read and checked.
+    fn options(&self) -> Result<PrepareOptions, String> {
         let corrections = corrections(self.motion == MotionFrom::Smoothed, &self.as_logged)
             .map_err(|end| format!("--as-logged: {end}"))?;
         Ok(PrepareOptions {
             read: self.read_options()?,
             columns: self.columns.clone(),
             corrections,
-            split: self.split_rule(default_split)?,
-            seed: self.seed,
-            rigid_body,
-            decimate: self.decimate as usize,
-            loss: match self.loss {
-                LossChoice::Auto => None,
-                LossChoice::Squares => Some(Loss::Squares),
-                LossChoice::Huber => Some(Loss::Huber),
-            },
+            ..PrepareOptions::default()
         })
     }
 
-    /// Returns the kinds of `--as-logged`, which are not corrected. Unknown names are reported by [`Self::read`].
+    /// Returns the kinds of `--as-logged`, which are not corrected. Unknown names are reported when the log is read.
     pub fn kinds_as_logged(&self) -> Vec<LogFindingKind> {
         self.as_logged.iter().filter_map(|name| LogFindingKind::parse(name.trim())).collect()
     }
@@ -253,8 +228,7 @@ impl DataArguments {
         }
         let others = self.columns.iter().filter(|text| text.trim() != COLUMNS_HELP).cloned();
         let options = Self { columns: others.collect(), ..self.clone() }.read_options()?;
-        let files = self.data.iter().chain(&self.test);
-        let described = files.map(|file| {
+        let described = self.data.iter().map(|file| {
             let survey = joint_log::survey(file, &options).map_err(in_options)?;
             Ok(table::columns(file, &survey))
         });
@@ -293,16 +267,6 @@ impl DataArguments {
         let joint = self.joint.iter().map(|joint| Ok((JOINT.to_owned(), vec![joint.clone()])));
         self.only.iter().map(choice).chain(joint).collect()
     }
-
-    fn split_rule(&self, default_split: &SplitRule) -> Result<SplitRule, String> {
-        if !self.test.is_empty() {
-            return Ok(SplitRule::Files(self.test.clone()));
-        }
-        if let Some(text) = &self.hold_out {
-            return SplitRule::parse_hold_out(text).map_err(in_options);
-        }
-        Ok(self.tail.map_or_else(|| default_split.clone(), |share| SplitRule::Tail { share }))
-    }
 }
 
 /// Remark on a loss that the user did not select.
@@ -319,85 +283,4 @@ fn print_log(input: &Prepared) {
 fn print_lines(input: &Prepared, lines: impl Iterator<Item = String>) {
     let joint = input.joint.as_ref().map_or(String::new(), |joint| format!("joint {joint}: "));
     lines.for_each(|line| print_message(&format!("log: {joint}{line}")));
-}
-
-/// Runs a long computation on `threads` threads, 0 for all cores. Its state is shown on standard error if that is a
-/// terminal. Ctrl-C ends the process.
-///
-/// # Errors
-/// Returns the error of the computation.
-pub fn in_stages<R: Send, E: Send + From<Cancelled>>(
-    threads: usize,
-    work: impl FnOnce() -> Result<R, E> + Send,
-) -> Result<R, E> {
-    let bar = spinner(String::new());
-    let shown = |progress: &Progress| {
-        match progress {
-            Progress::Reading { done, total } => {
-                bar.set_message(format!("reading {} of {}", HumanBytes(*done), HumanBytes(*total)));
-            }
-            Progress::Stage(stage) => bar.set_message(stage.clone()),
-        }
-        ControlFlow::Continue(())
-    };
-    let outcome = work::run(threads, &shown, work);
-    bar.finish_and_clear();
-    outcome
-}
-
-/// Returns a bar of counted items with the remaining time; it is hidden if standard error is not a terminal.
-pub fn counted_progress(what: &str, items: &str, total: u64) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let template = format!("{what} {{wide_bar}} {{pos}}/{{len}} {items}, {{eta}} left");
-    let style = ProgressStyle::with_template(&template);
-    let bar = ProgressBar::new(total);
-    let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.tick();
-    bar
-}
-
-/// Prints a message on standard error, if that is a terminal: what a command is about to do, and how long it takes.
-pub fn announce(message: &str) {
-    if std::io::stderr().is_terminal() {
-        print_message(message);
-    }
-}
-
-/// Formats a duration: `45 s`, `8 min 20 s`, `2 h 5 min`.
-pub fn duration_in_words(seconds: f64) -> String {
-    let whole = seconds.round() as u64;
-    match whole {
-        0 => "less than 1 s".to_owned(),
-        1..=119 => format!("{whole} s"),
-        120..=7199 => format!("{} min {} s", whole / 60, whole % 60),
-        _ => format!("{} h {} min", whole / 3600, whole / 60 % 60),
-    }
-}
-
-/// Returns a spinner with the elapsed time; it is hidden if standard error is not a terminal.
-pub fn spinner(what: String) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{spinner} {wide_msg} [{elapsed}]");
-    let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
-    let bar = ProgressBar::new_spinner().with_style(style).with_message(what);
-    bar.enable_steady_tick(std::time::Duration::from_millis(120));
-    bar
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn duration_in_words_uses_two_units_at_most() {
-        for (seconds, words) in
-            [(0.2, "less than 1 s"), (45.3, "45 s"), (500.0, "8 min 20 s"), (7500.0, "2 h 5 min")]
-        {
-            assert_eq!(duration_in_words(seconds), words);
-        }
-    }
 }

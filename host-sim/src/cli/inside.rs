@@ -1,7 +1,8 @@
 //! `--inside`: fits friction models within the known dynamics of a machine, to the angles of all joints at once.
 
-use super::input::{DataArguments, LogInputs, in_stages};
+use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, pretty};
+use super::progress::in_stages;
 use friction_diagnose::prepare::Error;
 use friction_fit::params::emit_model;
 use joint_log::SplitRule;
@@ -42,7 +43,7 @@ pub fn run(
         ));
     }
     let log = ArmLog::new(&logs, &held_out, starts)?;
-    let mut fits = in_stages(data.threads, || {
+    let mut fits = in_stages(data.log.threads, || {
         let fits = models.into_iter().map(|model| {
             let name = &model.name;
             work::report_stage(&format!("fitting {name} within the dynamics of the arm"));

@@ -19,22 +19,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Arguments of `monitor`.
 #[derive(clap::Args)]
 pub struct MonitorArguments {
-    #[command(flatten)]
-    bus: BusArguments,
-    /// Send no frames. Without this option, state, faults and watch are read twice a second. An slcan adapter is opened
-    /// in listen-only mode and acknowledges no frame
+    /// Send no frames
+    ///
+    /// Without this option, state, faults and watch are read twice a second. An slcan adapter is opened in listen-only mode
+    /// and acknowledges no frame.
     #[arg(long)]
     listen: bool,
     /// Print one JSON object per second instead of a screen; default if standard output is not a terminal
     #[arg(long)]
     json: bool,
-    /// View on a terminal: the values and states on one screen, or with charts, keys and a log that scrolls; by default
-    /// `paged` in a build with the feature `monitor`, else `plain`
+    /// View on a terminal
+    ///
+    /// `plain`: the values and states on one screen; `paged`: with charts, keys and a log that scrolls. By default `paged`
+    /// in a build with the feature `monitor`, else `plain`.
     #[arg(long, value_name = "VIEW", value_enum, conflicts_with = "json")]
     view: Option<ViewChoice>,
     /// Stop after this time, s; by default at Ctrl-C, in the paged view also at q
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
+    #[command(flatten)]
+    bus: BusArguments,
 }
 
 /// A view on a terminal.

@@ -13,19 +13,20 @@ use std::time::{Duration, Instant};
 /// Arguments of `node`.
 #[derive(clap::Args)]
 pub struct NodeArguments {
-    #[command(flatten)]
-    bus: BusArguments,
     /// File that holds the driver's flash; saved parameters are kept after the process ends
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
-    /// Simulate a motor and a joint in real time. The driver is commissioned, uses its own sensors, and can move the joint.
-    /// It starts with open access. Node 1 only; saved parameters are lost when the process ends, and a restart over the bus
-    /// is not simulated
+    /// Simulate a motor and a joint in real time
+    ///
+    /// The driver is commissioned, uses its own sensors, and can move the joint. It starts with open access. Node 1 only;
+    /// saved parameters are lost when the process ends, and a restart over the bus is not simulated.
     #[arg(long, conflicts_with = "flash")]
     motor: bool,
     /// Stop after this time, s; by default at Ctrl-C
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
+    #[command(flatten)]
+    bus: BusArguments,
 }
 
 static STOPPED: AtomicBool = AtomicBool::new(false);

@@ -10,12 +10,14 @@ use std::sync::{Mutex, PoisonError};
 /// Output folder and output format.
 #[derive(Args, Clone, Debug, Default)]
 pub struct OutputArguments {
-    /// Folder for the result files; it is created if missing, and files of the same names are replaced. Default: `out`, and for commands that read logs a folder
-    /// named after command and path of the log, such as `out/diagnose-my-log` or `out/diagnose-monday-my-log`
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the result files; by default `out`, or one named after the log, such as `out/diagnose-my-log`
+    ///
+    /// It is created if missing, and files of the same names are replaced. Commands that read logs name their folder after
+    /// command and path of the log: `out/diagnose-monday-my-log` for `monday/my-log.csv`.
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
     out: Option<PathBuf>,
     /// Print the result as JSON instead of tables
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     pub json: bool,
     /// True if the folder belongs to one command and its logs. Only there, earlier results are removed.
     #[arg(skip)]
@@ -29,6 +31,13 @@ impl OutputArguments {
     /// Returns the output folder.
     pub fn folder(&self) -> &Path {
         self.out.as_deref().unwrap_or(Path::new(DEFAULT_FOLDER))
+    }
+
+    /// Returns the output arguments of a command with a folder of its own below the default one.
+    #[must_use]
+    pub fn of_command(&self, command: &str) -> Self {
+        let own = || Path::new(DEFAULT_FOLDER).join(command);
+        Self { out: Some(self.out.clone().unwrap_or_else(own)), ..self.clone() }
     }
 
     /// Returns the output arguments of a command that reads logs. Without `--out`, the folder is named after the command
@@ -73,6 +82,25 @@ impl OutputArguments {
         let out = self.folder().display();
         let written: Vec<String> = names.iter().map(|name| format!("{out}/{name}")).collect();
         print_formatted(&format!("{text}written: {}\n", written.join(", ")))
+    }
+
+    /// Returns an error if one of the files exists with other contents: that of another run, or one that the user changed.
+    ///
+    /// # Errors
+    /// Returns one line that names the file and the options that help.
+    pub fn refuse_other_contents(&self, files: &[(&str, &str)]) -> Result<(), String> {
+        let differs = |(name, text): &(&str, &str)| {
+            let path = self.folder().join(name);
+            let written = std::fs::read(&path).ok()?;
+            (written != text.as_bytes()).then_some(path)
+        };
+        files.iter().find_map(differs).map_or(Ok(()), |path| {
+            Err(format!(
+                "{}: found the file of another run, expected none: write to another folder with --out, or replace it with \
+                 --force",
+                path.display()
+            ))
+        })
     }
 
     /// Writes text files, each of them atomically. Writes none if one of the names is an existing folder.

@@ -1,7 +1,7 @@
 //! `paper`: reproduces the tables and plots of a paper and shows our values beside the printed ones.
 
-use super::input::{announce, duration_in_words, spinner};
 use super::output::{OutputArguments, pretty};
+use super::progress::{announce, duration_in_words, spinner};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_results::report::{Block, Page};
 use published_experiments::{
@@ -16,8 +16,6 @@ pub struct PaperArguments {
     /// The paper
     #[arg(value_parser = papers())]
     paper: &'static dyn Paper,
-    #[command(flatten)]
-    output: OutputArguments,
     /// Use fewer repetitions and conditions; takes about one minute
     #[arg(long)]
     quick: bool,
@@ -27,6 +25,8 @@ pub struct PaperArguments {
     /// Folder of the measured logs; results that need a missing log are skipped with a message
     #[arg(long, value_name = "DIR", default_value = "../shared/data")]
     data: PathBuf,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Returns the parser of the paper's name; the help lists every paper with its description.

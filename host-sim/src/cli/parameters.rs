@@ -53,9 +53,11 @@ pub struct ParamsArguments {
 
 /// The bus arguments, accepted before or after the action.
 #[derive(clap::Args)]
+#[command(next_help_heading = "Bus")]
 struct GlobalBus {
-    /// Bus: a SocketCAN interface such as can0, slcan:PATH or slcan:HOST:PORT; loop is a driver in this process that
-    /// ends with it
+    /// Bus: a SocketCAN interface such as can0, slcan:PATH or slcan:HOST:PORT, or loop
+    ///
+    /// `loop` is a driver in this process that ends with it.
     #[arg(long, value_name = "BUS", global = true)]
     bus: Option<BusName>,
     /// With --bus loop: simulate a motor and a joint; the driver is not commissioned
@@ -65,10 +67,11 @@ struct GlobalBus {
     #[arg(long, value_name = "N", default_value_t = 1, global = true, value_parser = clap::value_parser!(u8).range(1..=127))]
     node_id: u8,
     /// Bit rate for an slcan adapter, bit/s
-    #[arg(long, value_name = "BIT/S", default_value = "1000000", global = true, value_parser = super::bus::bit_rate)]
+    #[arg(long, value_name = "BIT/S", default_value = "1000000", global = true, value_parser = super::bus::bit_rate, hide_short_help = true)]
     bit_rate: BitRate,
-    /// Key that unlocks the joint: a file with 32 hexadecimal digits. By default the file that FRICTION_JOINT_KEY names,
-    /// or the public default key
+    /// Key that unlocks the joint: a file with 32 hexadecimal digits
+    ///
+    /// By default the file that FRICTION_JOINT_KEY names, or the public default key.
     #[arg(long, value_name = "FILE", global = true)]
     key: Option<PathBuf>,
 }
@@ -111,14 +114,17 @@ enum Action {
     Disarm,
     /// Clear the faults of the driver
     Clear,
-    /// Set the current position of the joint. The joint must be at rest and disarmed, for example at an end stop
+    /// Set the current position of the joint
+    ///
+    /// The joint must be at rest and disarmed, for example at an end stop.
     Home {
         /// Current position, rad
         #[arg(value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true)]
         position_rad: f32,
     },
-    /// Show or confirm the wiring parameters of motor, encoder and gear, or measure them (--measure). The joint cannot be
-    /// armed before they are confirmed
+    /// Show, measure or confirm the wiring parameters of motor, encoder and gear
+    ///
+    /// The joint cannot be armed before they are confirmed.
     Commission {
         /// Confirm the wiring parameters, after checking them on this joint at low current
         #[arg(long, conflicts_with_all = ["measure", "friction_run"])]

@@ -1,7 +1,9 @@
 //! `predict`: the torque of a fitted model on every row of a log.
 
-use super::input::{DataArguments, LogInputs, in_stages};
+use super::fit_arguments::FitArguments;
+use super::input::{DataArguments, LogArguments, LogInputs};
 use super::output::{OutputArguments, pretty, print_formatted, print_text};
+use super::progress::in_stages;
 use super::words::in_options;
 use crate::driver_file;
 use friction_diagnose::prepare::{Error, Prepared};
@@ -23,10 +25,7 @@ pub struct PredictArguments {
     /// Model file, as written by `identify`, `compare` and `diagnose`
     #[arg(value_name = "PARAMS.TOML")]
     params: PathBuf,
-    #[command(flatten)]
-    pub(super) data: DataArguments,
-    /// Result file, `.parquet` or `.csv`. Default: `rows.parquet` in a folder named after the log, such as
-    /// `out/predict-my-log`
+    /// Result file, `.parquet` or `.csv`; by default `rows.parquet` in a folder such as `out/predict-my-log`
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print the result as JSON instead of text
@@ -35,9 +34,13 @@ pub struct PredictArguments {
     /// State of the model at the start of each run and after each gap
     #[arg(long, value_enum, value_name = "WHICH", default_value_t = Start::Fitted)]
     start: Start,
-    /// Steps of the model per row, without extrapolation; 1 as in a driver or an exported model. By default those of the fit
+    /// Steps of the model per row; by default those of the fit
+    ///
+    /// The steps are without extrapolation. 1 as in a driver or an exported model.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     substeps: Option<u32>,
+    #[command(flatten)]
+    pub(super) log: LogArguments,
 }
 
 /// State of the model at the start of a run.
@@ -54,11 +57,12 @@ enum Start {
 /// Runs the command.
 pub fn run(arguments: &PredictArguments) -> Result<(), String> {
     check_arguments(arguments)?;
-    let default = OutputArguments::default().of_run("predict", &arguments.data.data);
+    let default = OutputArguments::default().of_run("predict", &arguments.log.data);
     let file = arguments.out.clone().unwrap_or_else(|| default.folder().join(ROWS_FILE));
     let format = row_format(&file)?;
     let model = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
-    let input = match arguments.data.read(&SplitRule::LeaveOneRunOut)? {
+    let log = DataArguments { log: arguments.log.clone(), fit: FitArguments::without_fit() };
+    let input = match log.read(&SplitRule::LeaveOneRunOut)? {
         LogInputs::One(input) => input,
         LogInputs::Several(joints) => {
             let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
@@ -79,7 +83,7 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
             .map(|steps| Resolution { substeps: steps as usize, extrapolated: false }),
     };
     let with_path = |error| format!("{}: {error}", arguments.params.display());
-    let (predicted, as_exported) = in_stages(arguments.data.threads, || {
+    let (predicted, as_exported) = in_stages(arguments.log.threads, || {
         work::report_stage("predicting");
         let by = |options| predict_log(&model, &input.data, options).map_err(with_path);
         Ok::<_, Error>((by(&options)?, by(&PredictionOptions::AS_EXPORTED)?))
@@ -98,18 +102,13 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
     print_formatted(&text(&file, &model, &input, [&predicted, &as_exported]))
 }
 
-/// Rejects options without a meaning here, and a result file that is one of the inputs.
+/// Rejects a result file that is one of the inputs.
 fn check_arguments(arguments: &PredictArguments) -> Result<(), String> {
-    let DataArguments { data, test, hold_out, tail, .. } = &arguments.data;
-    if !test.is_empty() || hold_out.is_some() || tail.is_some() {
-        let expected = "none, because it predicts every row";
-        return Err(format!("predict: found an option that holds rows out, expected {expected}"));
-    }
     let same_as_out = |input: &&PathBuf| {
         let out = arguments.out.as_ref().and_then(|out| out.canonicalize().ok());
         out.is_some() && input.canonicalize().ok() == out
     };
-    match data.iter().chain([&arguments.params]).find(same_as_out) {
+    match arguments.log.data.iter().chain([&arguments.params]).find(same_as_out) {
         Some(input) => {
             Err(format!("--out: {} is an input, expected another file", input.display()))
         }

@@ -1,8 +1,8 @@
 //! `replay`: replays a CAN trace to a joint driver and compares every answer with the core, bit for bit.
 
 use super::bus::BusArguments;
-use super::input::{announce, counted_progress, duration_in_words};
 use super::output::{OutputArguments, pretty, print_text};
+use super::progress::{announce, counted_progress, duration_in_words};
 use crate::driver_file;
 use firmware::hil::NumberType;
 use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
@@ -20,10 +20,6 @@ pub struct ReplayArguments {
     /// CAN trace with the frames of a joint, in the format of candump -L (for example `trace.log` of simulate)
     #[arg(value_name = "TRACE")]
     trace: PathBuf,
-    #[command(flatten)]
-    bus: BusArguments,
-    #[command(flatten)]
-    output: OutputArguments,
     /// Replay speed: 1 as recorded, N times as fast, or max
     #[arg(long, value_name = "1|N|max", default_value = "1", value_parser = rate)]
     rate: Rate,
@@ -42,6 +38,10 @@ pub struct ReplayArguments {
     /// Seed of the random faults
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    bus: BusArguments,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Number type that a driver computes with.

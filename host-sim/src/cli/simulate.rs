@@ -3,10 +3,10 @@
 //! Without `--hide`, load and pressure act on the joint as in the model of Ding et al. With `--hide`, a random campaign
 //! contains none, one or two hidden effects that a diagnosis has to find.
 
-use super::input::spinner;
 #[cfg(not(feature = "papers"))]
 use super::missing_feature::refusal;
 use super::output::{OutputArguments, pretty, print_text};
+use super::progress::spinner;
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use joint_log::{EmitOptions, emit};
@@ -20,10 +20,10 @@ pub struct SimulateArguments {
     /// Simulated machine
     #[arg(value_parser = simulations())]
     scenario: &'static dyn Simulation,
-    #[command(flatten)]
-    output: OutputArguments,
-    /// Hide a physical effect. SIZE is in the unit of the effect's term; by default a detectable size is drawn. CAUSE may
-    /// also be `none` or `unknown`. Repeat the option for two effects. All other settings are then drawn from the seed
+    /// Hide a physical effect, such as `pressure-coulomb`; repeat the option for two
+    ///
+    /// SIZE is in the unit of the effect's term; by default a detectable size is drawn. CAUSE may also be `none` or
+    /// `unknown`. All other settings are then drawn from the seed.
     #[arg(long, value_name = "CAUSE[:SIZE]", value_parser = Hide::parse, conflicts_with_all = ["unloaded", "steady"])]
     hide: Vec<Hide>,
     /// Seed of the machine; the same seed gives the same log
@@ -50,6 +50,14 @@ pub struct SimulateArguments {
     /// Format of the CAN trace: candump (trace.log), Vector (trace.asc) or PEAK (trace.trc)
     #[arg(long, value_name = "FORMAT", value_enum, default_value_t = TraceFormat::Candump)]
     format: TraceFormat,
+    /// Replace the files of another simulation in the folder
+    ///
+    /// Without it, the command ends with an error if a file that it would write exists with other contents. The same command
+    /// may be repeated: the same seed and options give the same files.
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Formats of a CAN trace.
@@ -125,6 +133,9 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
     let name = format!("trace.{}", format.extension());
     let trace = trace(&log, format).map_err(|error| format!("{name}: {error}"))?;
     files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_str())));
+    if !arguments.force {
+        arguments.output.refuse_other_contents(&files)?;
+    }
     arguments.output.write(&files)?;
     bar.finish_and_clear();
     if arguments.output.json {

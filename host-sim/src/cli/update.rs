@@ -1,8 +1,8 @@
 //! `update`: installs a signed package on a joint over its bus.
 
 use super::bus::BusArguments;
-use super::input::counted_progress;
 use super::output::print_text;
+use super::progress::counted_progress;
 use joint_bus::bus::{BusName, Hub};
 use joint_bus::program::package::Release;
 use joint_bus::program::update::{Outcome, Stage, Update};
@@ -15,14 +15,14 @@ pub struct UpdateArguments {
     /// File of packages that `host-sim sign` made
     #[arg(value_name = "FILE")]
     package: PathBuf,
-    #[command(flatten)]
-    bus: BusArguments,
     /// Install a version that is older than the running one. The anti-rollback counter still applies
     #[arg(long)]
     allow_older: bool,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    bus: BusArguments,
 }
 
 /// Runs the command.

@@ -11,6 +11,7 @@ mod driver_on_a_bus;
 mod export;
 mod fleet;
 mod friction_run;
+mod help;
 mod left_out_formats;
 mod lugre_lstm;
 mod missing_feature;

@@ -377,7 +377,7 @@ fn simulate(folder: &tempfile::TempDir, arguments: &str) -> (Option<i32>, String
 #[test]
 fn simulate_with_hide_writes_the_requested_effects() {
     let folder = tempfile::tempdir().unwrap();
-    let how = "--runs 6 --seconds 2 --rate 200 --noise 0.04 --seed 5 --json";
+    let how = "--runs 6 --seconds 2 --rate 200 --noise 0.04 --seed 5 --json --force";
     for (hide, causes, size) in [
         ("--hide none", vec![], None),
         ("--hide pressure-coulomb:2e-6", vec!["pressure-coulomb"], Some(2e-6)),
@@ -401,6 +401,23 @@ fn simulate_with_hide_writes_the_requested_effects() {
         let data = read(&[path], &ReadOptions::default(), &|_, _| {}).unwrap();
         assert_eq!(data.runs.len(), 6);
     }
+}
+
+#[test]
+fn simulate_into_folder_of_another_run_needs_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let how = "--runs 1 --seconds 0.2 --rate 200";
+    let log = || fs::read(folder.path().join("out/data.csv")).unwrap();
+    assert_eq!(simulate(&folder, &format!("{how} --seed 5")).0, Some(0));
+    let first = log();
+    let (code, _, stderr) = simulate(&folder, &format!("{how} --seed 5"));
+    assert_eq!((code, log()), (Some(0), first.clone()), "the same run again: {stderr}");
+    let (code, stdout, stderr) = simulate(&folder, &format!("{how} --seed 6"));
+    assert_eq!((code, stdout.as_str(), stderr.lines().count()), (Some(2), "", 1), "{stderr}");
+    assert!(stderr.contains("out/data.csv") && stderr.contains("--force"), "{stderr}");
+    assert_eq!(log(), first, "the other run's file is unchanged");
+    assert_eq!(simulate(&folder, &format!("{how} --seed 6 --force")).0, Some(0));
+    assert_ne!(log(), first);
 }
 
 #[test]

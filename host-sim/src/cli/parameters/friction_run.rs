@@ -6,8 +6,8 @@
 
 use super::measure::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
 use super::{Driver, sdo_message};
-use crate::cli::input::spinner;
 use crate::cli::output::print_text;
+use crate::cli::progress::spinner;
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::can::{Message, SyncFrame};
 use firmware::driver::commissioning::CommissioningStep;

@@ -21,12 +21,15 @@ pub(super) const ORDER_CONTINUE: u8 = 2;
 /// Arguments of a measurement and of a friction run.
 #[derive(Args)]
 pub(super) struct MeasureArguments {
-    /// Measure the motor at low current: THE JOINT MOVES. The results are shown, and stored and confirmed after you
-    /// answer yes
+    /// Measure the motor at low current: THE JOINT MOVES
+    ///
+    /// The results are shown, and stored and confirmed after you answer yes.
     #[arg(long)]
     measure: bool,
-    /// Move the joint through its range in both directions at decreasing speeds and write a trace for `identify`: THE
-    /// JOINT MOVES. The joint must be commissioned; with --measure, that is done first. No parameter is changed
+    /// Stroke through the range and write a trace for `identify`: THE JOINT MOVES
+    ///
+    /// The joint moves through its range in both directions at decreasing speeds. It must be commissioned; with --measure,
+    /// that is done first. No parameter is changed.
     #[arg(long)]
     friction_run: bool,
     /// Maximum current of a run, A [default: 30 % of the motor's current limit]
