@@ -63,6 +63,9 @@ def diagnose(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
+    torque_constant: str | None = None,
+    torque_from: str | None = None,
+    bad_rows: float | None = None,
     preset: str | None = None,
     skip_lines: int = 0,
     loss: Literal["squares", "huber"] | None = None,
@@ -91,6 +94,9 @@ def diagnose(
         skip: Samples to drop at the start of each run.
         decimate: Use every N-th sample of the residual, after an anti-aliasing filter.
         rated_torque_nm: Torque of 100 %, Nm, for columns in percent.
+        torque_constant: Torque of one ampere, ``"0.105Nm/A"``, for columns in amperes: ``{"torque_nm": "i_q:A"}``.
+        torque_from: Control law of a servo that gives the torque of a log without one, ``"pd,kp=40,kd=1.5,target=q_des"``.
+        bad_rows: Maximum share of bad rows, which are left out; 0.05 by default.
         preset: Tool that wrote the log: plotjuggler, moteus, odrive, dynamixel, ethercat or twincat-scope. It supplies names
             and units of columns that ``columns`` does not name.
         skip_lines: Lines of text above the header of each file to skip.
@@ -119,6 +125,9 @@ def diagnose(
         hold_out=hold_out,
         tail=tail,
         rated_torque_nm=rated_torque_nm,
+        torque_constant=torque_constant,
+        torque_from=torque_from,
+        bad_rows=bad_rows,
         preset=preset,
         skip_lines=skip_lines,
         loss=loss,
@@ -147,6 +156,9 @@ def identify(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
+    torque_constant: str | None = None,
+    torque_from: str | None = None,
+    bad_rows: float | None = None,
     preset: str | None = None,
     skip_lines: int = 0,
     loss: Literal["squares", "huber"] | None = None,
@@ -167,9 +179,9 @@ def identify(
         keep: Parameters to keep at their start values.
         free: Parameters to fit that are otherwise constant.
         choices: Options of the law: damping_fades, printed_extended, allow_active.
-        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm, preset,
-            skip_lines, loss, seed, threads, progress, name: As for ``diagnose``. By default whole runs are held out, or time blocks of a single
-            run.
+        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm,
+            torque_constant, torque_from, bad_rows, preset, skip_lines, loss, seed, threads, progress, name: As for ``diagnose``. By
+            default whole runs are held out, or time blocks of a single run.
 
     Raises:
         DataError: If the data cannot be read, checked or split.
@@ -188,6 +200,9 @@ def identify(
         hold_out=hold_out,
         tail=tail,
         rated_torque_nm=rated_torque_nm,
+        torque_constant=torque_constant,
+        torque_from=torque_from,
+        bad_rows=bad_rows,
         preset=preset,
         skip_lines=skip_lines,
         loss=loss,
@@ -223,6 +238,9 @@ def compare(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
+    torque_constant: str | None = None,
+    torque_from: str | None = None,
+    bad_rows: float | None = None,
     preset: str | None = None,
     skip_lines: int = 0,
     loss: Literal["squares", "huber"] | None = None,
@@ -237,8 +255,8 @@ def compare(
     Args:
         models: Models to compare; all laws by default.
         choices: Options of the laws: damping_fades, printed_extended, allow_active.
-        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm, preset,
-            skip_lines, loss, seed, threads, progress, name: As for ``identify``.
+        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm,
+            torque_constant, torque_from, bad_rows, preset, skip_lines, loss, seed, threads, progress, name: As for ``identify``.
 
     Raises:
         DataError: If the data cannot be read, checked or split.
@@ -257,6 +275,9 @@ def compare(
         hold_out=hold_out,
         tail=tail,
         rated_torque_nm=rated_torque_nm,
+        torque_constant=torque_constant,
+        torque_from=torque_from,
+        bad_rows=bad_rows,
         preset=preset,
         skip_lines=skip_lines,
         loss=loss,

@@ -21,6 +21,13 @@ fn keyword(reference: Reference) -> String {
     };
     match (reference.setting, value) {
         (Setting::RatedTorque, _) => format!("rated_torque_nm={}", value.trim_end_matches("Nm")),
+        (Setting::TorqueConstant, _) => format!("torque_constant={}", quoted(value)),
+        (Setting::TorqueFrom, "") => "torque_from=".into(),
+        (Setting::TorqueFrom, _) => format!("torque_from={}", quoted(value)),
+        (Setting::BadRows, _) => {
+            let percent = value.trim_end_matches('%').parse::<f64>().unwrap_or_default();
+            format!("bad_rows={}", percent / 100.0)
+        }
         (Setting::Columns, "") => "columns=".into(),
         // The command line lists the columns of a file; a data frame lists them itself.
         (Setting::Columns, "help") => "the header".into(),

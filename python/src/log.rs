@@ -3,14 +3,15 @@
 use crate::computation::compute;
 use crate::error::refused;
 use crate::table::Table;
-use friction_diagnose::prepare::{
-    Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
-};
+use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, corrections, prepare};
 use friction_fit::Loss;
 use friction_fit::spec::parse_rigid_body;
 use joint_log::log_check::LogFindingKind;
 use joint_log::work::{self, Progress};
-use joint_log::{Cells, Dataset, Preset, Quantity, ReadOptions, SplitRule};
+use joint_log::{
+    Cells, Dataset, MAX_BAD_SHARE, Preset, Quantity, ReadOptions, ServoTorque, SplitRule,
+    TorqueConstant,
+};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -31,7 +32,7 @@ impl Log {
     #[new]
     #[pyo3(signature = (sources, *, test=vec![], columns=vec![], only=vec![], skip=0, decimate=1, rigid_body="", motion="smoothed",
         as_logged=vec![], seed=0, hold_out=None, tail=None, rated_torque_nm=None,
-        preset=None, skip_lines=0, loss=None))]
+        torque_constant=None, torque_from=None, bad_rows=None, preset=None, skip_lines=0, loss=None))]
     #[expect(clippy::too_many_arguments, reason = "each is a keyword in Python")]
     fn new(
         py: Python<'_>,
@@ -48,6 +49,9 @@ impl Log {
         hold_out: Option<(String, Vec<String>)>,
         tail: Option<f64>,
         rated_torque_nm: Option<f64>,
+        torque_constant: Option<&str>,
+        torque_from: Option<&str>,
+        bad_rows: Option<f64>,
         preset: Option<&str>,
         skip_lines: usize,
         loss: Option<&str>,
@@ -82,11 +86,22 @@ impl Log {
         let corrections = corrections(motion, &as_logged)
             .map_err(|end| refused(py, &format!("as_logged: {end}")))?;
         let texts = columns.iter().map(|(ours, theirs)| format!("{ours}={theirs}")).collect();
-        let in_nm = |theirs: String| match rated_torque_nm {
-            Some(rated_nm) => percent_of_torque(&theirs, rated_nm).unwrap_or(theirs),
-            None => theirs,
-        };
-        let columns = columns.into_iter().map(|(ours, theirs)| (ours, in_nm(theirs))).collect();
+        let torque_constant = torque_constant
+            .map(|text| {
+                let wrong = |e| refused(py, &format!("torque_constant={text:?}: expected {e}"));
+                TorqueConstant::parse(text).map_err(wrong)
+            })
+            .transpose()?;
+        let torque_from = torque_from
+            .map(|text| {
+                let wrong = |e| refused(py, &format!("torque_from={text:?}: expected {e}"));
+                ServoTorque::parse(text).map_err(wrong)
+            })
+            .transpose()?;
+        let max_bad_share = bad_rows.unwrap_or(MAX_BAD_SHARE);
+        if !(0.0..1.0).contains(&max_bad_share) {
+            return Err(refused(py, "bad_rows: expected a share of at least 0 and below 1"));
+        }
         let (source, held_out) = source(sources, test)?;
         let split = match (held_out.is_empty(), hold_out, tail) {
             (false, ..) => Some(SplitRule::Files(held_out)),
@@ -102,6 +117,9 @@ impl Log {
                 skip_lines,
                 preset,
                 rated_torque_nm,
+                torque_constant,
+                torque_from,
+                max_bad_share,
                 ..ReadOptions::default()
             },
             columns: texts,

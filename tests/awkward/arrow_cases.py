@@ -169,7 +169,7 @@ error(
     "a Feather file with words for velocities",
     {"log.feather": feather(JOINT | {"velocity_rad_s": (TEXT, lambda r: "off" if r["i"] % 5 == 3 else repr(r["v"]))})},
     'log.feather: row 5, column velocity_rad_s: found "off", expected a finite number (240 of 1200 rows are bad, this is the '
-    "first; at most 5 % may be)",
+    "first; at most 5 % may be; --bad-rows 20% leaves them out)",
 )
 error(
     "a Feather file that was cut off",

@@ -465,7 +465,7 @@ error(
     "a torque that is missing in every seventh row and at random",
     table(joint(torque=("torque_nm", lambda r: "" if r["i"] * 7919 % 101 < 15 else r["tau"]))),
     "log.csv: row 2, column torque_nm: found an empty cell, expected a finite number (180 of 1200 rows are bad, this is "
-    "the first; at most 5 % may be)",
+    "the first; at most 5 % may be; --bad-rows 15% leaves them out)",
 )
 case(
     "a torque that is missing in one row of a hundred",

@@ -55,7 +55,7 @@ error(
     "words for a fifth of the velocities, in gzip",
     {"log.csv.gz": packed(table(joint(velocity=("velocity_rad_s", lambda r: "off" if r["i"] % 5 == 3 else r["v"]))))},
     'log.csv.gz: row 5, column velocity_rad_s: found "off", expected a finite number (240 of 1200 rows are bad, this is the '
-    "first; at most 5 % may be)",
+    "first; at most 5 % may be; --bad-rows 20% leaves them out)",
 )
 error(
     "two files in a zip archive",

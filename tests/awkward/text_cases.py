@@ -134,7 +134,7 @@ error(
     "words for a fifth of the velocities",
     table(joint(velocity=("velocity_rad_s", lambda r: "off" if r["i"] % 5 == 3 else r["v"]))),
     'log.csv: row 5, column velocity_rad_s: found "off", expected a finite number (240 of 1200 rows are bad, this is the '
-    "first; at most 5 % may be)",
+    "first; at most 5 % may be; --bad-rows 20% leaves them out)",
 )
 case(
     "a few words, ragged rows and a row that goes back",

@@ -117,15 +117,16 @@ ODRIVE = {
 case(
     "ODrive with the torque constant",
     table(ODRIVE),
-    "--from odrive --columns torque_nm=axis0.motor.current_control.Iq_measured:0.04Nm",
+    "--from odrive --torque-constant 0.04Nm/A",
     data=WHOLE,
     ranges={"position_rad": [-1, 1], "velocity_rad_s": SPEED},
 )
 error(
     "ODrive without the torque constant",
     table(ODRIVE),
-    "log.csv: --from odrive: found torque_nm in axis0.motor.current_control.Iq_measured, whose unit is not in the log, expected "
-    "--columns torque_nm=axis0.motor.current_control.Iq_measured:UNIT, with UNIT such as 0.04Nm, the torque of one unit of current",
+    "log.csv: --from odrive: found torque_nm in axis0.motor.current_control.Iq_measured, in amperes, expected the torque constant, "
+    "from the motor's data sheet: --columns torque_nm=axis0.motor.current_control.Iq_measured:A with --torque-constant 0.105Nm/A, "
+    "or --columns torque_nm=axis0.motor.current_control.Iq_measured:0.105Nm",
     "--from odrive",
 )
 DYNAMIXEL = {
@@ -289,7 +290,7 @@ error(
     "rows are counted with the lines above",
     ABOVE.replace(",", ".") + table(joint(velocity=("velocity_rad_s", lambda r: "off" if r["i"] % 5 == 3 else r["v"]))),
     'log.csv: row 9, column velocity_rad_s: found "off", expected a finite number (240 of 1200 rows are bad, this is the '
-    "first; at most 5 % may be)",
+    "first; at most 5 % may be; --bad-rows 20% leaves them out)",
 )
 case("lines that are skipped by number", "time_s,velocity_rad_s,torque_nm\n9,9,9\n" + table(joint()), "--skip-lines 2", data=WHOLE)
 error(

@@ -270,18 +270,6 @@ pub fn corrections(motion: bool, as_logged: &[String]) -> Result<Corrections, St
     Ok(correct)
 }
 
-/// Returns a column with a unit in percent of the rated torque as one with a unit in Nm. Returns `None` if its unit is not
-/// percent.
-pub fn percent_of_torque(column: &str, rated_nm: f64) -> Option<String> {
-    let (name, share) = column.strip_suffix('%')?.rsplit_once(':')?;
-    let share = match share.trim() {
-        "" => 1.0,
-        "-" => -1.0,
-        share => share.parse::<f64>().ok()?,
-    };
-    Some(format!("{name}:{}Nm", share * rated_nm / 100.0))
-}
-
 /// Returns the SHA-256 of a file as hexadecimal digits.
 ///
 /// # Errors

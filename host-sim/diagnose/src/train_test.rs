@@ -415,6 +415,7 @@ mod tests {
             covariates: vec![],
             left_out_columns: vec![],
             notes: vec![],
+            torque_law: None,
             sources: vec![],
         }
     }

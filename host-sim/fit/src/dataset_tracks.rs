@@ -141,6 +141,7 @@ mod tests {
             covariates: vec!["kp".into(), "gap".into()],
             left_out_columns: vec![],
             notes: vec![],
+            torque_law: None,
             sources: vec![],
         };
         let auxiliary = |name| -> Vec<f64> {

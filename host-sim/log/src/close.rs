@@ -16,7 +16,7 @@ use std::ops::Range;
 use super::clean::{CleanRun, Cleaner, FileData, MAX_BAD_SHARE, OpenRun};
 use super::columns::{ColumnUse, FINITE};
 use super::dataset::LeftOutColumn;
-use super::error::{DataError, NAMED_BAD_ROWS, asked_rows};
+use super::error::{DataError, NAMED_BAD_ROWS, asked_rows, is_too_bad};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::order::{check_order, late_rows, recordings, sorting_order};
@@ -132,9 +132,10 @@ impl Cleaner<'_> {
 
     /// Returns the description of the columns instead of data.
     fn described(self) -> FileData {
-        let columns = self.samples.finish(self.layout.names, self.layout.units);
+        let (columns, values) = self.samples.finish(self.layout.names, self.layout.units);
+        let preset = self.layout.suggested;
         FileData {
-            survey: Survey { columns, preset: self.layout.suggested },
+            survey: Survey { columns, preset, values, ..Survey::default() },
             ..FileData::default()
         }
     }
@@ -411,8 +412,9 @@ impl Cleaner<'_> {
         self.bad.first.truncate(NAMED_BAD_ROWS);
         let (bad, rows) = (self.bad.count, self.rows);
         match self.bad.first.first() {
-            Some(first) if bad as f64 > MAX_BAD_SHARE * rows as f64 => {
-                Err(DataError::TooManyBad { first: first.clone(), bad, rows })
+            Some(first) if is_too_bad(bad, rows, self.layout.max_bad_share) => {
+                let max_share = self.layout.max_bad_share;
+                Err(DataError::TooManyBad { first: first.clone(), bad, rows, max_share })
             }
             _ => Ok(()),
         }

@@ -36,6 +36,8 @@ pub struct Dataset {
     pub left_out_columns: Vec<LeftOutColumn>,
     /// Notes for the report, one sentence each.
     pub notes: Vec<String>,
+    /// The control law of the servo that the torque is computed by, in words; `None` for a torque of the log.
+    pub torque_law: Option<String>,
     /// Origin of each column, `time_s` first; empty for data that were not read from a file.
     pub sources: Vec<SourceColumn>,
 }
@@ -305,6 +307,7 @@ mod tests {
             covariates: vec!["kp".into()],
             left_out_columns: vec![],
             notes: vec![],
+            torque_law: None,
             sources: vec![],
         };
         assert_eq!(data.constant(&data.runs[0], "kp").as_deref(), Some("7"));

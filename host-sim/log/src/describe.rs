@@ -6,9 +6,10 @@ use super::joint_pattern::suggested_map;
 use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::Preset;
+use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey};
-use super::{guess, unit};
+use super::{guess, torque_scale, unit};
 use crate::setting::{Setting, shell_word};
 use std::path::Path;
 
@@ -31,27 +32,37 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     let mut survey = read_file(file, size, &options, &|_| {})?.survey;
     let is_time = |name: &str| guess::quantity(name) == Some("time_s");
     let times = survey.columns.iter().filter(|column| is_time(&column.name)).count();
+    let is_torque = |name: &str| {
+        let quantity = guess::quantity(name).is_some_and(|of| of.starts_with("torque"));
+        quantity && !guess::is_current(name) || name.starts_with("force")
+    };
+    let has_torque = survey.columns.iter().any(|column| is_torque(&column.name));
+    let mut found: Vec<Option<Guess>> = Vec::new();
     for column in &mut survey.columns {
-        let is_torque = times > 1 && column.name == guess::TORQUE_SYMBOL;
-        let quantity = if is_torque { Some("torque_nm") } else { guess::quantity(&column.name) };
+        let is_symbol = times > 1 && column.name == guess::TORQUE_SYMBOL;
+        let quantity = if is_symbol { Some("torque_nm") } else { guess::quantity(&column.name) };
+        // A current beside a torque is one of its causes, not another torque.
+        let quantity = quantity.filter(|_| !(has_torque && guess::is_current(&column.name)));
         let of_file = column.unit.take();
         let stated = quantity
             .and_then(|quantity| unit::stated(quantity, &column.name))
             .or_else(|| guess::any_unit(&column.name));
         column.unit = stated.map(str::to_owned).or(of_file.clone());
-        let is_own = quantity == Some(&*column.name);
-        if let Some(quantity) = quantity.filter(|_| {
-            (column.is_numeric() || quantity == Some("time_s") && column.is_date) && !is_own
-        }) {
+        let is_read = column.is_numeric() || quantity == Some("time_s") && column.is_date;
+        found.push(quantity.filter(|_| is_read).map(|quantity| {
             let fitting = of_file.filter(|unit| unit::conversion(quantity, unit).is_ok());
             let unit = unit::in_name(quantity, &column.name).map(str::to_owned).or(fitting);
             let other = || other_unit(&column.name).map(|other| other.suggestion().to_owned());
-            let unit = unit.or_else(other);
-            let unit = unit.map(|unit| format!(":{unit}"));
-            let pair = format!("{quantity}={}{}", column.name, unit.unwrap_or_default());
-            column.suggestion = Some(shell_word(&pair));
-        }
+            let is_known = unit::stated(quantity, &column.name).is_some();
+            Guess { quantity, unit: unit.or_else(other), is_known, is_by_size: false }
+        }));
     }
+    add_units_by_size(&survey, &mut found);
+    for (column, guess) in survey.columns.iter_mut().zip(&found) {
+        let other_name = guess.as_ref().filter(|guess| guess.quantity != column.name);
+        column.suggestion = other_name.map(|guess| shell_word(&guess.pair(&column.name)));
+    }
+    survey.notes = notes(&survey.columns, &found);
     suggest_joints(&mut survey.columns);
     suggest_preset(file, &options, &mut survey);
     Ok(survey)
@@ -68,9 +79,93 @@ fn suggest_joints(columns: &mut [ColumnSummary]) {
     }
 }
 
+/// The quantity that a column may hold.
+struct Guess {
+    quantity: &'static str,
+    /// Its unit, if `--columns` needs one.
+    unit: Option<String>,
+    /// True if the column's name states its unit.
+    is_known: bool,
+    /// True if the unit is by the size of the values.
+    is_by_size: bool,
+}
+
+impl Guess {
+    /// Returns the pair of `--columns` that reads the column.
+    fn pair(&self, name: &str) -> String {
+        let unit = self.unit.as_ref().map_or_else(String::new, |unit| format!(":{unit}"));
+        format!("{}={name}{unit}", self.quantity)
+    }
+}
+
+/// Adds the units that the sizes of the values show, where neither the name nor the file states one.
+fn add_units_by_size(survey: &Survey, found: &mut [Option<Guess>]) {
+    let place = |of: &str| {
+        let places = found.iter().enumerate().filter_map(|(at, guess)| Some((at, guess.as_ref()?)));
+        let mut places = places.filter(|(_, guess)| guess.quantity == of).map(|(at, _)| at);
+        // Of several columns, none is the one.
+        places.next().filter(|_| places.next().is_none())
+    };
+    let values = |at: usize| survey.values.get(at).map_or(&[][..], Vec::as_slice);
+    let stated = |at: usize| {
+        let guess = found[at].as_ref();
+        guess.and_then(|guess| guess.unit.as_deref().or(guess.is_known.then_some("")))
+    };
+    let (time, position, velocity) =
+        (place("time_s"), place("position_rad"), place("velocity_rad_s"));
+    let is_date = |at: &usize| survey.columns[*at].is_date;
+    let time_unit = time.filter(|at| !is_date(at) && stated(*at).is_none());
+    let time_unit = time_unit.and_then(|at| size::time_unit(values(at)));
+    let time_s: Option<Vec<f64>> = time.filter(|at| !is_date(at)).map(|at| {
+        let unit = stated(at).filter(|unit| !unit.is_empty()).or(time_unit).unwrap_or("s");
+        let conversion = unit::conversion("time_s", unit).ok();
+        let seconds = |t: &f64| conversion.map_or(*t, |conversion| conversion.apply(*t));
+        values(at).iter().map(seconds).collect()
+    });
+    let unit = |at: Option<usize>, own: &'static str| {
+        at.and_then(stated).map(|unit| if unit.is_empty() { own } else { unit }.to_owned())
+    };
+    let (position_unit, velocity_unit) = (unit(position, "rad"), unit(velocity, "rad/s"));
+    let by_size = size::motion_units(MotionSample {
+        time_s: time_s.as_deref(),
+        position: position.map(values),
+        position_unit: position_unit.as_deref(),
+        velocity: velocity.map(values),
+        velocity_unit: velocity_unit.as_deref(),
+    });
+    for (at, unit) in [(time, time_unit), (velocity, by_size.0), (position, by_size.1)] {
+        if let (Some(guess), Some(unit)) = (at.and_then(|at| found[at].as_mut()), unit) {
+            guess.unit = Some(unit.to_owned());
+            guess.is_by_size = true;
+        }
+    }
+}
+
+/// Beginning of the note on units by size.
+const BY_SIZE: &str = "The units of ";
+
+/// Returns what else to type or to check.
+fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
+    let guesses = columns.iter().zip(found).filter_map(|(column, of)| Some((column, of.as_ref()?)));
+    let by_size: Vec<&str> = guesses
+        .clone()
+        .filter(|(_, guess)| guess.is_by_size)
+        .map(|(column, _)| column.name.as_str())
+        .collect();
+    let current = guesses.clone().find(|(column, _)| guess::is_current(&column.name));
+    let by_size = (!by_size.is_empty()).then(|| {
+        format!("{BY_SIZE}{} are by the sizes of their values: check them.", listed(&by_size))
+    });
+    let current = current.map(|(column, _)| {
+        let constant = Setting::TorqueConstant.suggested(torque_scale::EXAMPLE);
+        format!("{} is a current: add the motor's torque constant, as {constant}.", column.name)
+    });
+    by_size.into_iter().chain(current).collect()
+}
+
 /// Replaces suggestions by those of the preset that the names suggest: it knows the units.
 fn suggest_preset(file: &Path, options: &ReadOptions, survey: &mut Survey) {
-    let Survey { columns, preset } = survey;
+    let Survey { columns, preset, .. } = survey;
     let names = ColumnNames {
         names: columns.iter().map(|column| column.name.clone()).collect(),
         units: columns.iter().map(|column| column.unit.clone().unwrap_or_default()).collect(),
@@ -92,6 +187,9 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
     let DataError::MissingColumns { file, mut found, mut expected, missing, count } = error else {
         return error;
     };
+    if count <= MANY_COLUMNS {
+        expected += &pairs_by_size(&file, options);
+    }
     if count > MANY_COLUMNS
         && let Ok(Survey { columns, .. }) = survey(&file, options)
     {
@@ -107,6 +205,18 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
         expected += &format!("; {} lists all", Setting::Columns.given("help"));
     }
     DataError::MissingColumns { file, found, expected, missing, count }
+}
+
+/// Returns the pairs whose units are by the sizes of the values, as the end of what an error expects; else an empty text.
+fn pairs_by_size(file: &Path, options: &ReadOptions) -> String {
+    let Ok(Survey { columns, notes, .. }) = survey(file, options) else { return String::new() };
+    if !notes.iter().any(|note| note.starts_with(BY_SIZE)) {
+        return String::new();
+    }
+    let pairs: Vec<String> = columns.into_iter().filter_map(|column| column.suggestion).collect();
+    // The front end quotes the pairs as a whole.
+    let pairs: Vec<&str> = pairs.iter().map(|pair| pair.trim_matches('\'')).collect();
+    format!("; by the sizes of the values, {}", Setting::Columns.suggested(pairs.join(",")))
 }
 
 /// Returns the names of the numeric columns that probably hold a quantity, the most probable first.

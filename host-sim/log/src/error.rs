@@ -67,7 +67,7 @@ pub enum DataError {
     },
     /// A cell is invalid, and the file cannot be used because of it.
     Cell(BadCell),
-    /// More than [`MAX_BAD_SHARE`](super::MAX_BAD_SHARE) of the rows are bad.
+    /// Too many of the rows are bad.
     TooManyBad {
         /// The first bad row of the file.
         first: BadCell,
@@ -75,6 +75,8 @@ pub enum DataError {
         bad: usize,
         /// Number of rows of the file.
         rows: usize,
+        /// Maximum share of bad rows.
+        max_share: f64,
     },
     /// The file as a whole is invalid.
     File {
@@ -152,9 +154,11 @@ impl Message for DataError {
                 format!("{}: cannot be read: {}", file.display(), one_line(&source.to_string()))
             }
             Self::Cell(cell) => cell.marked(),
-            Self::TooManyBad { first, bad, rows } => format!(
-                "{} ({bad} of {rows} rows are bad, this is the first; at most 5 % may be)",
-                first.marked()
+            Self::TooManyBad { first, bad, rows, max_share } => format!(
+                "{} ({bad} of {rows} rows are bad, this is the first; at most {} % may be{})",
+                first.marked(),
+                (1e3 * max_share).round() / 10.0,
+                bad_rows_option(*bad, *rows)
             ),
             Self::File { file, found, expected }
             | Self::MissingColumns { file, found, expected, .. } => {
@@ -192,6 +196,21 @@ impl std::error::Error for DataError {
             _ => None,
         }
     }
+}
+
+/// Returns true if too many rows are bad.
+pub(super) fn is_too_bad(bad: usize, rows: usize, max_share: f64) -> bool {
+    // A limit of 29 % allows 29 of 100 rows, though 0.29 times 100 is rounded to less.
+    bad as f64 > max_share * rows as f64 * (1.0 + 1e-9)
+}
+
+/// Returns the option that leaves the bad rows out. Where most rows are bad, the file is misread, and nothing is suggested.
+fn bad_rows_option(bad: usize, rows: usize) -> String {
+    let percent = (100 * bad).div_ceil(rows.max(1));
+    if percent >= 50 {
+        return String::new();
+    }
+    format!("; {} leaves them out", Setting::BadRows.suggested(format!("{percent}%")))
 }
 
 /// Returns a reference to a selection of rows, for a message.

@@ -5,7 +5,7 @@
 //! of its name.
 
 use super::contract;
-use super::other_unit::other_unit;
+use super::other_unit::{OtherUnit, other_unit};
 use super::unit;
 use compensator_core::quantity::Quantity;
 
@@ -28,6 +28,13 @@ const OTHER_WORDS: [(&str, &str); 4] = [
     ("acceleration_rad_s2", "acceleration accel ddq"),
 ];
 
+/// Words that name a motor's current. The current `i_q` makes the torque.
+const CURRENT_WORDS: &str = "current iq strom motorstrom courant corriente amps ampere amperes";
+
+/// Words beside which `current` means the present value, or a current that makes no torque.
+const NOT_CURRENT_WORDS: &str = "position pos angle velocity vel speed time stamp timestamp temperature temp step state mode \
+                                 voltage d id";
+
 /// Words of a value that is not measured.
 const NOT_MEASURED: &str = "des desired cmd command ref reference target goal setpoint limit max min err error std cov filt";
 
@@ -46,6 +53,10 @@ pub(super) fn score(contract_name: &str, name: &str) -> u32 {
     let other = OTHER_WORDS.iter().find(|(of, _)| *of == contract_name).map(|(_, words)| *words);
     let Some(words) = words.or(other) else { return 0 };
     let parts = parts(name);
+    let is_measured = !parts.iter().any(|part| is_among(NOT_MEASURED, part));
+    if is_current(name) {
+        return if about.starts_with("torque") && is_measured { 3 } else { 0 };
+    }
     let fits = |part: &String| is_among(words, part);
     let inner = |word: &str| {
         let is_long = word.len() >= MIN_INNER_CHARS;
@@ -59,8 +70,28 @@ pub(super) fn score(contract_name: &str, name: &str) -> u32 {
         _ if words.split(' ').any(inner) => 2,
         _ => return 0,
     };
-    let is_measured = !parts.iter().any(|part| is_among(NOT_MEASURED, part));
     if is_measured { fit } else { 1 }
+}
+
+/// Returns true if a name is that of a commanded position: `q_des`, `target_position`.
+pub(super) fn is_position_target(name: &str) -> bool {
+    const TARGETS: &str = "des desired cmd command ref reference target goal setpoint";
+    let parts = parts(name);
+    let is_position = |part: &String| is_among("position pos angle theta q", part);
+    parts.iter().any(is_position) && parts.iter().any(|part| is_among(TARGETS, part))
+}
+
+/// Returns true if a name is that of a motor's current: `i_q`, `motor_current`, `Strom`.
+pub(super) fn is_motor_current(name: &str) -> bool {
+    let parts = parts(name);
+    let is_iq = parts.windows(2).any(|pair| pair[0] == "i" && pair[1] == "q");
+    let is_named = parts.iter().any(|part| is_among(CURRENT_WORDS, part));
+    (is_iq || is_named) && !parts.iter().any(|part| is_among(NOT_CURRENT_WORDS, part))
+}
+
+/// Returns true if a column is a current by its name or unit.
+pub(super) fn is_current(name: &str) -> bool {
+    matches!(other_unit(name), Some(OtherUnit::Ampere | OtherUnit::Milliampere))
 }
 
 /// Returns the words of a name in lower case. A capital inside a word begins another one.
@@ -113,14 +144,19 @@ const MAX_NAME_BYTES: usize = 60;
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
-    let is_alike = |name: &str| parts(name).iter().any(|part| is_among(words, part));
+    let is_alike =
+        |name: &str| !is_current(name) && parts(name).iter().any(|part| is_among(words, part));
     let all: Vec<&&str> = columns.iter().filter(|name| is_alike(name)).collect();
     // Of several times, the one with a unit: `ts_us` beside `T`.
     let with_unit = all.iter().filter(|name| unit::stated(contract_name, name).is_some());
     let with_unit: Vec<&&str> = with_unit.copied().collect();
     let likely = if all.len() > 1 && about.starts_with("time") { with_unit } else { all };
     let is_torque_symbol = |name: &&&str| about.starts_with("torque") && **name == TORQUE_SYMBOL;
-    let symbol = columns.iter().find(is_torque_symbol).filter(|_| likely.is_empty());
+    let symbol = columns.iter().find(is_torque_symbol).or_else(|| {
+        let is_likely = |name: &&&str| score(contract_name, name) > 1 && is_current(name);
+        let mut currents = columns.iter().filter(is_likely);
+        currents.next().filter(|_| about.starts_with("torque") && currents.next().is_none())
+    });
     let name = match (likely.as_slice(), symbol) {
         ([name], _) => *name,
         ([], Some(symbol)) => symbol,
@@ -168,6 +204,22 @@ mod tests {
         assert_eq!(column("time_s", &columns).as_deref(), Some("ts_us:us"));
         assert_eq!(column("torque_nm", &columns).as_deref(), Some("T"));
         assert_eq!(column("torque_nm", &["I [A]", "Torque [%]"]).as_deref(), Some("Torque [%]:%"));
+        assert_eq!(column("torque_nm", &["I [A]", "w"]).as_deref(), Some("I [A]:A"));
+        assert_eq!(column("torque_nm", &["i_q", "i_q_ref", "q"]).as_deref(), Some("i_q:A"));
+        assert_eq!(column("torque_nm", &["i_1 [A]", "i_2 [A]"]), None);
+    }
+
+    #[test]
+    fn quantity_of_current_is_torque() {
+        for name in ["i_q", "Iq_measured", "current", "motor_current [mA]", "I [A]", "MotorCurrent"]
+        {
+            assert_eq!(quantity(name), Some("torque_nm"), "{name}");
+        }
+        assert_eq!(quantity("q"), Some("position_rad"));
+        assert_eq!(quantity("current_position"), Some("position_rad"));
+        assert_eq!(quantity("currentVelocity"), Some("velocity_rad_s"));
+        assert_eq!(quantity("i_d [A]"), Some("torque_nm"), "by its unit");
+        assert!(!is_motor_current("id_current"));
     }
 
     #[test]

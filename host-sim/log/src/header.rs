@@ -79,6 +79,8 @@ pub(super) struct Layout {
     pub notes: Vec<String>,
     /// The origin of each column of the data.
     pub sources: Vec<SourceColumn>,
+    /// Maximum share of bad rows.
+    pub max_bad_share: f64,
     /// True if the columns are only described.
     pub is_survey: bool,
     /// The preset that the names suggest, if the columns are only described.
@@ -296,7 +298,7 @@ fn check_wide(file: &Path, names: &[String]) -> Result<(), DataError> {
 /// Interprets the names of the columns.
 fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<Layout, DataError> {
     let one = one_joint(file, &names, options)?;
-    let naming = Naming::new(file, &one.names, &one.pairs)?;
+    let naming = Naming::new(file, &one.names, &one.pairs, options)?;
     let required = RequiredColumns::find(file, &naming)?;
     let kind_note = required.check_kinds(file, &naming)?;
     let required_columns = [required.time, required.motion.reading, required.target.reading];
@@ -317,6 +319,7 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
         velocity_kind: motion.kind,
         joint_names: joint_name_columns(&names, &only, run),
         only,
+        max_bad_share: options.max_bad_share,
         left_out: naming.replaced(),
         notes: one.note.iter().cloned().chain(kind_note).collect(),
         ..Layout::default()

@@ -12,6 +12,7 @@
 
 mod channel_lag;
 mod column;
+mod computed_torque;
 mod constant_torque;
 mod finding;
 mod held;
@@ -33,6 +34,7 @@ mod unit;
 mod velocity;
 mod wrap;
 
+pub(crate) use column::extent;
 pub use finding::{LogFinding, LogFindingKind};
 pub use log::Corrections;
 pub use overview::{ColumnOverview, Overview, overview};
@@ -106,6 +108,7 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
         (smoothed, sensors) = motion::reconstruct(&data);
     }
     let log = Log::new(&data, &smoothed, sensors, correct);
+    findings.extend(computed_torque::computed_torque(&log));
     findings.extend(CHECKS.iter().flat_map(|check| {
         checkpoint();
         check(&log)

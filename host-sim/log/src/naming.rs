@@ -9,14 +9,18 @@ use std::path::Path;
 
 use super::cell::CellReader;
 use super::clock::is_date;
-use super::contract;
+use super::contract::{self, POSITIONS, TARGETS};
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
 use super::joint_pattern::suggested_map;
-use super::other_unit::other_unit;
-use super::unit::{self, conversion};
+use super::options::ReadOptions;
+use super::other_unit::{OtherUnit, other_unit};
+use super::servo_torque::{self, ServoTorque};
+use super::torque_scale;
+use super::unit::{self, Conversion, conversion};
 use crate::setting::{Setting, shell_word};
+use compensator_core::quantity::Quantity;
 
 /// The names of a file's columns: those in the file and those given with `--columns`.
 pub(super) struct Naming<'a> {
@@ -32,6 +36,8 @@ struct Mapped<'a> {
     reading: CellReader,
     /// The unit as given.
     unit: Option<&'a str>,
+    /// True if it is a torque in amperes, which the torque constant converts.
+    is_current: bool,
 }
 
 impl<'a> Naming<'a> {
@@ -43,9 +49,79 @@ impl<'a> Naming<'a> {
         file: &Path,
         names: &'a [String],
         mapping: &'a [(String, String)],
+        options: &'a ReadOptions,
     ) -> Result<Self, DataError> {
         check_names(file, names)?;
-        Ok(Naming { names, mapped: mapped_columns(file, names, mapping)? })
+        let mut naming = Naming { names, mapped: mapped_columns(file, names, mapping, options)? };
+        naming.check_torque_constant(file, options)?;
+        if let Some(servo) = &options.torque_from {
+            let target = naming.servo_target(file, servo, options)?;
+            naming.mapped.push(target);
+        }
+        Ok(naming)
+    }
+
+    /// Returns the target of a servo, which takes the place of the torque while the log is read.
+    fn servo_target(
+        &self,
+        file: &Path,
+        servo: &'a ServoTorque,
+        options: &ReadOptions,
+    ) -> Result<Mapped<'a>, DataError> {
+        let refuse = |found: String, expected: String| {
+            let target = format!("target={}", servo.target);
+            let what = format!("{}: {}", file.display(), Setting::TorqueFrom.given(target));
+            DataError::Request { what, found, expected }
+        };
+        let is_linear = self.find(POSITIONS[0].0).is_none() && self.find(POSITIONS[1].0).is_some();
+        let kind = usize::from(is_linear);
+        if let Some((name, _)) = TARGETS.iter().find(|(name, _)| self.find(name).is_some()) {
+            let expected = "a log without a torque, which needs no control law";
+            return Err(refuse(format!("the column {name}"), expected.into()));
+        }
+        let Some(ForeignColumn { index, element, unit }) = find_foreign(self.names, &servo.target)
+        else {
+            let column = without_unit(&servo.target);
+            let expected = format!("one of {}", listed(self.names));
+            return Err(refuse(format!("no column {column}"), expected));
+        };
+        let position = POSITIONS[kind].0;
+        let is_position = self.find(position).is_some_and(|found| found.index == index);
+        if is_position {
+            let expected = "the commanded position, not the measured one";
+            return Err(refuse(format!("the column of {position}"), expected.into()));
+        }
+        let pair = Pair { name: position, foreign: &servo.target, unit, own: &self.names[index] };
+        let conversion = pair.conversion(options).map_err(|wrong| {
+            let (WrongUnit::Unknown(found, expected) | WrongUnit::OfFile(found, expected)) = wrong;
+            refuse(found, expected.replace(&format!("{position}="), "target="))
+        })?;
+        let reading = CellReader { index, element, conversion };
+        Ok(Mapped { name: TARGETS[kind].0, reading, unit, is_current: false })
+    }
+
+    /// Rejects a torque constant if no torque is in amperes.
+    fn check_torque_constant(&self, file: &Path, options: &ReadOptions) -> Result<(), DataError> {
+        let Some(constant) = options.torque_constant else { return Ok(()) };
+        let unit = constant.joint.torque_unit();
+        let name = Quantity::Torque.name(constant.joint);
+        let is_current = |mapped: &&Mapped| mapped.name == name && mapped.is_current;
+        if self.mapped.iter().any(|mapped| is_current(&mapped)) {
+            return Ok(());
+        }
+        let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
+        let column = match self.mapped.iter().find(|mapped| mapped.name == name) {
+            Some(mapped) => format!("{}:A", self.names[mapped.reading.index]),
+            None => guess::column(name, &free)
+                .filter(|column| column.ends_with('A'))
+                .unwrap_or_else(|| "NAME:A".into()),
+        };
+        let what = Setting::TorqueConstant.given(format!("{}{unit}/A", constant.value));
+        Err(DataError::Request {
+            what: format!("{}: {what}", file.display()),
+            found: format!("no {name} in amperes"),
+            expected: Setting::Columns.suggested(format!("{name}={column}")),
+        })
     }
 
     /// Returns the column with a name.
@@ -123,7 +199,9 @@ impl<'a> Naming<'a> {
         let position =
             joints.pattern("position_rad").map(|theirs| format!("position_rad={theirs}"));
         pairs.extend(position.filter(|pair| !pairs.contains(pair)));
-        let (names, pairs) = (names.join(" and "), Setting::Columns.suggested(pairs.join(",")));
+        let names = names.join(" and ");
+        let hint = torque_hint(&pairs, &free);
+        let pairs = Setting::Columns.suggested(pairs.join(",")) + &hint;
         DataError::MissingColumns {
             file: file.into(),
             found: format!("only the columns {}", listed(self.names)),
@@ -137,6 +215,24 @@ impl<'a> Naming<'a> {
             missing: missing().map(|(.., of)| (*of).to_owned()).collect(),
             count: self.names.len(),
         }
+    }
+}
+
+/// Returns what gives the torque, as the end of what an error expects: of a current the torque constant, and beside a target
+/// the gains of the servo.
+fn torque_hint(pairs: &[String], free: &[&str]) -> String {
+    let is_target = |pair: &&String| TARGETS.iter().any(|(name, _)| pair.starts_with(name));
+    let Some(torque) = pairs.iter().find(is_target) else { return String::new() };
+    if torque.ends_with(":A") || torque.ends_with(":mA") {
+        let constant = Setting::TorqueConstant.suggested(torque_scale::EXAMPLE);
+        return format!(" with the motor's torque constant, {constant}");
+    }
+    match free.iter().find(|name| guess::is_position_target(name)) {
+        Some(target) if torque.ends_with("=NAME") => {
+            let law = Setting::TorqueFrom.suggested(servo_torque::example(target));
+            format!("; without a torque, the gains of the servo give it: {law}")
+        }
+        _ => String::new(),
     }
 }
 
@@ -172,6 +268,7 @@ fn mapped_columns<'a>(
     file: &Path,
     names: &[String],
     mapping: &'a [(String, String)],
+    options: &ReadOptions,
 ) -> Result<Vec<Mapped<'a>>, DataError> {
     let mut mapped: Vec<Mapped> = Vec::new();
     for (name, foreign) in mapping {
@@ -204,38 +301,98 @@ fn mapped_columns<'a>(
             let found = format!("the column of {}", earlier.name);
             return in_file(found, "a column for each quantity".into());
         }
-        let conversion = match unit {
-            Some(unit) => match conversion(name, unit) {
-                Ok(conversion) => Some(conversion),
-                Err(expected) => match other_unit(own).filter(|_| unit == UNKNOWN_UNIT) {
-                    Some(other) => {
-                        let column = foreign.trim_end_matches(unit).trim_end_matches(':');
-                        let (found, expected) = other.refusal(name, column);
-                        return in_file(found, expected);
-                    }
-                    None => return refuse(format!("the unit {unit}"), expected),
-                },
-            },
-            // ROS always stamps its plain-text logs in nanoseconds.
-            None if own == "%time" => conversion(name, "ns").ok(),
-            None => {
-                if let Some(unit) = unit::in_name(name, own).filter(|_| own != name) {
-                    let found = format!("a name that ends in {unit}, without a unit");
-                    let pair = shell_word(&format!("{name}={foreign}:{unit}"));
-                    let expected = format!("{pair}, or the unit of the column");
-                    return in_file(found, expected);
-                }
-                if let Some(other) = other_unit(own).filter(|_| own != name && unit::has_unit(name))
-                {
-                    let (found, expected) = other.refusal(name, foreign);
-                    return in_file(found, expected);
-                }
-                None
+        let pair = Pair { name, foreign, unit, own };
+        let conversion = pair.conversion(options).map_err(|wrong| match wrong {
+            WrongUnit::OfFile(found, expected) => {
+                let what = format!("{}: {}", file.display(), what());
+                DataError::Request { what, found, expected }
             }
-        };
-        mapped.push(Mapped { name, reading: CellReader { index, element, conversion }, unit });
+            WrongUnit::Unknown(found, expected) => {
+                DataError::Request { what: what(), found, expected }
+            }
+        })?;
+        let is_current = pair.symbol().is_some_and(|unit| torque_scale::amperes(unit).is_some());
+        mapped.push(Mapped {
+            name,
+            reading: CellReader { index, element, conversion },
+            unit,
+            is_current,
+        });
     }
     Ok(mapped)
+}
+
+/// A pair of `--columns` with its unit.
+struct Pair<'a> {
+    /// The name of the contract.
+    name: &'a str,
+    /// The column and its unit, as given.
+    foreign: &'a str,
+    /// The unit, as given.
+    unit: Option<&'a str>,
+    /// The column's name in the file.
+    own: &'a str,
+}
+
+/// Why a unit of `--columns` is refused: what was found, and what is expected.
+enum WrongUnit {
+    /// The unit suits no column of this quantity.
+    Unknown(String, String),
+    /// The column's name states another unit.
+    OfFile(String, String),
+}
+
+impl Pair<'_> {
+    /// Returns the unit: as given, or that of a name in percent or amperes.
+    fn symbol(&self) -> Option<&str> {
+        self.unit.or_else(|| other_unit(self.own)?.symbol())
+    }
+
+    /// Returns the column without its unit.
+    fn column(&self) -> &str {
+        match self.unit {
+            Some(unit) => self.foreign.trim_end_matches(unit).trim_end().trim_end_matches(':'),
+            None => self.foreign,
+        }
+    }
+
+    /// Returns the conversion to the contract's unit; `None` if the column is in it.
+    fn conversion(&self, options: &ReadOptions) -> Result<Option<Conversion>, WrongUnit> {
+        let Self { name, own, .. } = *self;
+        let scaled = self.symbol().and_then(|unit| torque_scale::scaled_unit(name, unit, options));
+        if let Some(Ok(conversion)) = scaled.map(|unit| conversion(name, &unit)) {
+            return Ok(Some(conversion));
+        }
+        let refusal = |other: OtherUnit| {
+            let (found, expected) = other.refusal(name, self.column());
+            WrongUnit::OfFile(found, expected)
+        };
+        match self.unit {
+            Some(unit) => match conversion(name, unit) {
+                Ok(conversion) => Ok(Some(conversion)),
+                Err(expected) => Err(match other_unit(own).filter(|_| unit == UNKNOWN_UNIT) {
+                    Some(other) => refusal(other),
+                    None => WrongUnit::Unknown(
+                        format!("the unit {unit}"),
+                        torque_scale::expected(name, self.column(), unit).unwrap_or(expected),
+                    ),
+                }),
+            },
+            // ROS always stamps its plain-text logs in nanoseconds.
+            None if own == "%time" => Ok(conversion(name, "ns").ok()),
+            None if own == name || !unit::has_unit(name) => Ok(None),
+            None => {
+                if let Some(unit) = unit::in_name(name, own) {
+                    let pair = shell_word(&format!("{name}={}:{unit}", self.foreign));
+                    return Err(WrongUnit::OfFile(
+                        format!("a name that ends in {unit}, without a unit"),
+                        format!("{pair}, or the unit of the column"),
+                    ));
+                }
+                other_unit(own).map_or(Ok(None), |other| Err(refusal(other)))
+            }
+        }
+    }
 }
 
 /// A file name of `--columns` with its parts resolved.

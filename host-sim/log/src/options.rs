@@ -1,9 +1,12 @@
 //! Options for reading logs.
 
+use super::clean::MAX_BAD_SHARE;
 use super::preset::kind::Preset;
+use super::servo_torque::ServoTorque;
+use super::torque_scale::TorqueConstant;
 
 /// How files are read.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct ReadOptions {
     /// Pairs of contract name and column name. The latter may be followed by a unit (`dq_3:deg/s`), and by the element
     /// of a list (`velocity[2]`).
@@ -16,9 +19,32 @@ pub struct ReadOptions {
     pub skip_lines: usize,
     /// The tool that wrote the log; supplies names and units that [`Self::columns`] does not.
     pub preset: Option<Preset>,
-    /// The torque of 100 %, Nm, for a preset with torques in percent.
+    /// The torque of 100 %, Nm, for torques in percent.
     pub rated_torque_nm: Option<f64>,
+    /// The torque of one ampere, for torques in amperes.
+    pub torque_constant: Option<TorqueConstant>,
+    /// The servo whose control law gives the torque, in a log without one.
+    pub torque_from: Option<ServoTorque>,
+    /// Maximum share of bad rows in a file, 0 to 1.
+    pub max_bad_share: f64,
     /// True to describe the columns instead of reading them; [`survey`](super::survey) sets it.
     #[doc(hidden)]
     pub is_survey: bool,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        Self {
+            columns: Vec::new(),
+            only: Vec::new(),
+            skip: 0,
+            skip_lines: 0,
+            preset: None,
+            rated_torque_nm: None,
+            torque_constant: None,
+            torque_from: None,
+            max_bad_share: MAX_BAD_SHARE,
+            is_survey: false,
+        }
+    }
 }

@@ -3,6 +3,9 @@
 //! Such a column is never read without a unit. The message shows how to give the size of one count, or the torque of
 //! 100 %.
 
+use super::guess;
+use super::torque_scale::expected_constant;
+use super::unit;
 use crate::setting::Setting;
 use compensator_core::quantity::Quantity;
 
@@ -12,13 +15,14 @@ pub(super) enum OtherUnit {
     Percent,
     PerMille,
     Ampere,
+    Milliampere,
     Count,
     Volt,
 }
 
 const PERCENT: [&str; 4] = ["%", "pct", "percent", "prozent"];
 const PER_MILLE: [&str; 5] = ["‰", "permille", "promille", "0.1%", "1/1000"];
-const AMPERES: [&str; 8] = ["a", "ma", "arms", "a rms", "amp", "amps", "ampere", "amperes"];
+const AMPERES: [&str; 7] = ["a", "arms", "a rms", "amp", "amps", "ampere", "amperes"];
 const VOLTS: [&str; 4] = ["v", "mv", "volt", "volts"];
 const COUNTS: [&str; 12] = [
     "cnt",
@@ -39,7 +43,7 @@ const COUNTS: [&str; 12] = [
 const SUFFIXES: [&str; 10] =
     ["%", "pct", "percent", "prozent", "permille", "promille", "cnt", "cnts", "counts", "ticks"];
 
-/// Returns such a unit in brackets, or as the last word of a name.
+/// Returns such a unit in brackets, or as the last word of a name. A current without a unit is in amperes.
 pub(super) fn other_unit(name: &str) -> Option<OtherUnit> {
     let text = name.trim().to_lowercase();
     let brackets = [('[', ']'), ('(', ')'), ('{', '}')];
@@ -47,13 +51,19 @@ pub(super) fn other_unit(name: &str) -> Option<OtherUnit> {
         let inside = text.strip_suffix(*close)?;
         Some(inside[inside.rfind(*open)? + open.len_utf8()..].trim().to_owned())
     });
-    match inside {
+    let last = text.rsplit(['_', ' ', '.', '-']).next().unwrap_or_default();
+    let stated = match inside {
         Some(inside) => of_symbol(&inside),
-        None => {
-            let last = text.rsplit(['_', ' ', '.', '-']).next().filter(|last| *last != text)?;
-            if last.ends_with('%') { Some(OtherUnit::Percent) } else { of_word(last) }
-        }
-    }
+        None if last == text => None,
+        None if last.ends_with('%') => Some(OtherUnit::Percent),
+        None => of_word(last),
+    };
+    let current = || match last {
+        "ma" => OtherUnit::Milliampere,
+        _ => OtherUnit::Ampere,
+    };
+    let is_current = || guess::is_motor_current(name) && unit::stated("torque_nm", name).is_none();
+    stated.or_else(|| is_current().then(current))
 }
 
 fn of_word(last: &str) -> Option<OtherUnit> {
@@ -71,6 +81,8 @@ fn of_symbol(symbol: &str) -> Option<OtherUnit> {
         Some(OtherUnit::Percent)
     } else if has(&AMPERES, symbol) {
         Some(OtherUnit::Ampere)
+    } else if symbol == "ma" {
+        Some(OtherUnit::Milliampere)
     } else if has(&VOLTS, symbol) {
         Some(OtherUnit::Volt)
     } else {
@@ -79,13 +91,20 @@ fn of_symbol(symbol: &str) -> Option<OtherUnit> {
 }
 
 impl OtherUnit {
+    /// Returns the unit as `--columns` takes it, if it needs no number of its own there.
+    pub fn symbol(self) -> Option<&'static str> {
+        match self {
+            Self::Percent => Some("%"),
+            Self::PerMille => Some("0.1%"),
+            Self::Ampere => Some("A"),
+            Self::Milliampere => Some("mA"),
+            Self::Count | Self::Volt => None,
+        }
+    }
+
     /// Returns the unit to suggest in `--columns`. `UNIT` stands for a number that the user must know.
     pub fn suggestion(self) -> &'static str {
-        match self {
-            Self::Percent => "%",
-            Self::PerMille => "0.1%",
-            Self::Ampere | Self::Count | Self::Volt => "UNIT",
-        }
+        self.symbol().unwrap_or("UNIT")
     }
 
     /// Returns what was found and what is expected for a mapping without a unit.
@@ -109,8 +128,12 @@ impl OtherUnit {
             Self::PerMille => {
                 (found("per mille"), format!("{} with {rated}, the torque of 100 %", pair("0.1%")))
             }
-            Self::Ampere => {
-                (found("amperes"), format!("the torque of 1 A, such as {}", pair("0.05Nm")))
+            Self::Ampere | Self::Milliampere if is(Quantity::Torque) => {
+                let unit = self.suggestion();
+                (found("amperes"), expected_constant(contract_name, column, unit))
+            }
+            Self::Ampere | Self::Milliampere => {
+                (found("amperes"), format!("the value of 1 A, such as {}", pair(of_volt)))
             }
             Self::Volt => (found("volts"), format!("the value of 1 V, such as {}", pair(of_volt))),
             Self::Count if of_count.starts_with('4') => {

@@ -13,6 +13,7 @@ use std::path::Path;
 use super::column_names::ColumnNames;
 use super::error::{DataError, listed};
 use super::options::ReadOptions;
+use super::torque_scale;
 use super::unit;
 use crate::setting::{Setting, shell_word};
 pub use kind::Preset;
@@ -251,6 +252,13 @@ impl Search<'_> {
                     Setting::RatedTorque.alone(),
                     Setting::RatedTorque.suggested("1.2Nm")
                 ),
+            )),
+            (PresetUnit::Current, _) if self.options.torque_constant.is_some() => {
+                Ok(Some("A".into()))
+            }
+            (PresetUnit::Current, _) => Err(self.request(
+                format!("{column} in {name}, in amperes"),
+                torque_scale::expected_constant(column, name, "A"),
             )),
             (PresetUnit::Unknown(example), _) => Err(self.request(
                 format!("{column} in {name}, whose unit is not in the log"),

@@ -56,9 +56,7 @@ pub fn read(
         done += size;
         progress(done, total);
     }
-    let mut data = join(files, parts)?;
-    shorten(&mut data, options)?;
-    Ok(data)
+    finish(join(files, parts)?, options)
 }
 
 /// Validates and joins tables in memory as [`read`] does with files. Their names take the place of the files' names.
@@ -69,9 +67,7 @@ pub fn read_tables(tables: &[Table], options: &ReadOptions) -> Result<Dataset, D
     let names: Vec<PathBuf> = tables.iter().map(|table| PathBuf::from(&table.name)).collect();
     validate_names(&names, "two tables of this name")?;
     let parts = tables.iter().map(|table| read_table(table, options));
-    let mut data = join(&names, parts.collect::<Result<_, _>>()?)?;
-    shorten(&mut data, options)?;
-    Ok(data)
+    finish(join(&names, parts.collect::<Result<_, _>>()?)?, options)
 }
 
 /// Validates and joins the contents of files as [`read`] does with the files. `progress` is called with the bytes done and
@@ -98,9 +94,7 @@ pub fn read_contents(
         done += bytes.len() as u64;
         progress(done, total);
     }
-    let mut data = join(&names, parts)?;
-    shorten(&mut data, options)?;
-    Ok(data)
+    finish(join(&names, parts)?, options)
 }
 
 /// Fails if there is no name, or one is given twice.
@@ -299,6 +293,15 @@ fn distinct_stems(files: &[PathBuf]) -> Vec<String> {
         stems.push(name);
     }
     stems
+}
+
+/// Drops the first samples of each run, and computes the torque by a servo's law if the options give one.
+fn finish(mut data: Dataset, options: &ReadOptions) -> Result<Dataset, DataError> {
+    shorten(&mut data, options)?;
+    if let Some(servo) = &options.torque_from {
+        servo.apply(&mut data)?;
+    }
+    Ok(data)
 }
 
 /// Drops the first samples of each run and counts the remaining rows.

@@ -17,6 +17,12 @@ named! {
         Skip = "skip",
         /// The torque of 100 %.
         RatedTorque = "rated torque",
+        /// The torque of one ampere.
+        TorqueConstant = "torque constant",
+        /// The control law from which a torque is computed.
+        TorqueFrom = "torque from",
+        /// Maximum share of bad rows.
+        BadRows = "bad rows",
         /// The model's name.
         Model = "model",
         /// Rigid-body parts of the torque column.

@@ -131,6 +131,7 @@ impl Dataset {
             covariates: self.covariates.clone(),
             left_out_columns: self.left_out_columns.clone(),
             notes: self.notes.clone(),
+            torque_law: self.torque_law.clone(),
             sources: self.sources.clone(),
         }
     }
@@ -294,6 +295,7 @@ mod tests {
             covariates: vec!["kp".into()],
             left_out_columns: vec![],
             notes: vec![],
+            torque_law: None,
             sources: vec![],
         }
     }

@@ -16,12 +16,16 @@ const SAMPLES: usize = 3;
 const SAMPLE_CHARS: usize = 20;
 
 /// The columns of a file.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Survey {
     /// In the order of the file.
     pub columns: Vec<ColumnSummary>,
     /// The tool that probably wrote the file.
     pub preset: Option<Preset>,
+    /// What else to type, one sentence each. A front end words the settings in them ([`worded`](super::setting::worded)).
+    pub notes: Vec<String>,
+    /// The numbers of each column among the first rows; NaN for other cells.
+    pub(super) values: Vec<Vec<f64>>,
 }
 
 /// A column of a file.
@@ -54,6 +58,8 @@ impl ColumnSummary {
 #[derive(Debug, Default)]
 pub(super) struct ColumnSamples {
     columns: Vec<ColumnSummary>,
+    /// The numbers of each column; NaN for other cells.
+    values: Vec<Vec<f64>>,
     rows: usize,
 }
 
@@ -63,6 +69,7 @@ impl ColumnSamples {
             let named =
                 |name: &String| ColumnSummary { name: name.clone(), ..ColumnSummary::default() };
             self.columns = names.iter().map(named).collect();
+            self.values = vec![Vec::new(); names.len()];
         }
         if self.rows == SURVEY_ROWS {
             return;
@@ -70,6 +77,7 @@ impl ColumnSamples {
         self.rows += 1;
         for (index, column) in self.columns.iter_mut().enumerate() {
             let text = row.text(index);
+            self.values[index].push(row.number(index).unwrap_or(f64::NAN));
             if is_missing_value(&text) {
                 continue;
             }
@@ -91,8 +99,12 @@ impl ColumnSamples {
         }
     }
 
-    /// Returns the columns. Without a row, they have only names.
-    pub fn finish(mut self, names: Vec<String>, units: Vec<String>) -> Vec<ColumnSummary> {
+    /// Returns the columns and their numbers. Without a row, they have only names.
+    pub fn finish(
+        mut self,
+        names: Vec<String>,
+        units: Vec<String>,
+    ) -> (Vec<ColumnSummary>, Vec<Vec<f64>>) {
         if self.columns.is_empty() {
             let named = |name| ColumnSummary { name, ..ColumnSummary::default() };
             self.columns = names.into_iter().map(named).collect();
@@ -100,6 +112,6 @@ impl ColumnSamples {
         for (column, unit) in self.columns.iter_mut().zip(units) {
             column.unit = Some(unit).filter(|unit| !unit.is_empty());
         }
-        self.columns
+        (self.columns, self.values)
     }
 }

@@ -11,12 +11,12 @@ use super::table;
 use super::words::{in_options, text_in_options};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use friction_diagnose::prepare::{
-    Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
-};
+use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, corrections, prepare};
 use friction_fit::Loss;
 use joint_log::log_check::LogFindingKind;
-use joint_log::{DataError, JOINT, Preset, ReadOptions, SplitRule};
+use joint_log::{
+    DataError, JOINT, MAX_BAD_SHARE, Preset, ReadOptions, ServoTorque, SplitRule, TorqueConstant,
+};
 use std::path::PathBuf;
 
 /// The logs, and how they are read.
@@ -49,6 +49,15 @@ pub struct LogArguments {
     /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
     #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm, hide_short_help = true)]
     pub rated_torque: Option<f64>,
+    /// Torque of one ampere, for columns in amperes: `--columns torque_nm=i_q:A --torque-constant 0.105Nm/A`
+    #[arg(long, value_name = "Nm/A", value_parser = TorqueConstant::parse)]
+    pub torque_constant: Option<TorqueConstant>,
+    /// Compute the torque of a log without one by the servo's law: `pd,kp=40,kd=1.5,target=q_des` (Nm/rad, Nm s/rad)
+    #[arg(long, value_name = "LAW", value_parser = ServoTorque::parse, hide_short_help = true)]
+    pub torque_from: Option<ServoTorque>,
+    /// Maximum share of bad rows, which are left out: `--bad-rows 10%`
+    #[arg(long, value_name = "PERCENT", value_parser = share_of_rows, hide_short_help = true)]
+    pub bad_rows: Option<f64>,
     /// Drop the first N samples of each run
     #[arg(long, value_name = "N", default_value_t = 0, hide_short_help = true)]
     pub skip: usize,
@@ -84,6 +93,13 @@ fn rated_torque_nm(text: &str) -> Result<f64, String> {
         .map_err(|e| format!("expected {}", text_in_options(&e)))?;
     let is_torque = torque_nm.is_finite() && torque_nm > 0.0;
     is_torque.then_some(torque_nm).ok_or_else(|| "expected a positive torque".to_owned())
+}
+
+/// Parses a share of the rows in percent.
+fn share_of_rows(text: &str) -> Result<f64, String> {
+    let percent = text.trim().trim_end_matches('%').trim_end().parse::<f64>().ok();
+    let share = percent.map(|percent| percent / 100.0).filter(|share| (0.0..1.0).contains(share));
+    share.ok_or_else(|| "expected a percentage below 100, such as 10%".to_owned())
 }
 
 /// Source of the motion.
@@ -214,6 +230,9 @@ impl LogArguments {
             skip_lines: self.skip_lines,
             preset: self.from.as_deref().and_then(Preset::parse),
             rated_torque_nm: self.rated_torque,
+            torque_constant: self.torque_constant,
+            torque_from: self.torque_from.clone(),
+            max_bad_share: self.bad_rows.unwrap_or(MAX_BAD_SHARE),
             ..ReadOptions::default()
         })
     }
@@ -238,19 +257,13 @@ impl LogArguments {
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
         let pair = |text: &String| match text.split_once('=') {
             Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
-                Ok((ours.trim().to_owned(), self.in_nm(theirs.trim())))
+                Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
             }
             _ => {
                 Err(format!("--columns: found {text:?}, expected NAME=COLUMN or NAME=COLUMN:UNIT"))
             }
         };
         self.columns.iter().map(pair).collect()
-    }
-
-    /// Returns a column of `--columns` with a unit in percent of the rated torque replaced by one in Nm.
-    fn in_nm(&self, column: &str) -> String {
-        let rated = self.rated_torque.and_then(|rated_nm| percent_of_torque(column, rated_nm));
-        rated.unwrap_or_else(|| column.to_owned())
     }
 
     /// Parses `--where` into columns and their accepted values.

@@ -1,5 +1,6 @@
 //! Tables and texts of the results for the terminal.
 
+use super::words::text_in_options;
 use comfy_table::{CellAlignment, Table, presets};
 use friction_diagnose::Diagnosis;
 use friction_diagnose::finding::probability_in_words;
@@ -70,7 +71,7 @@ pub fn scope(signals: &[SignalSummary]) -> String {
 
 /// Returns the description of a file's columns, with the suggested pairs of `--columns`.
 pub fn columns(file: &Path, survey: &Survey) -> String {
-    let Survey { columns, preset } = survey;
+    let Survey { columns, preset, notes, .. } = survey;
     let mut table = table(&["column", "values", "unit", "suggestion for --columns"], usize::MAX);
     for column in columns {
         let values = match (column.samples.is_empty(), column.is_numeric()) {
@@ -85,7 +86,9 @@ pub fn columns(file: &Path, survey: &Survey) -> String {
     let hint = preset.map_or_else(String::new, |preset| {
         format!("\nThis looks like a log of {0}: --from {0} names its columns.\n", preset.name())
     });
-    format!("{}: {} columns\n\n{}\n{hint}", file.display(), columns.len(), printed(&table))
+    let notes: String = notes.iter().map(|note| format!("\n{}", text_in_options(note))).collect();
+    let notes = if notes.is_empty() { notes } else { format!("{notes}\n") };
+    format!("{}: {} columns\n\n{}\n{notes}{hint}", file.display(), columns.len(), printed(&table))
 }
 
 /// Returns a table with one row for each parameter.

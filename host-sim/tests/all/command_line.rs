@@ -4,6 +4,7 @@
 //! contains the tests with unusual ones.
 
 mod logs;
+mod units;
 
 use std::fmt::Write as _;
 use std::fs;

@@ -118,6 +118,7 @@ fn campaign() -> Dataset {
         covariates: Vec::new(),
         left_out_columns: Vec::new(),
         notes: Vec::new(),
+        torque_law: None,
         sources: Vec::new(),
     }
 }

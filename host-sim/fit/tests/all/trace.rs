@@ -45,6 +45,7 @@ fn measured() -> Dataset {
         covariates: vec!["flow".into(), "gap".into()],
         left_out_columns: vec![],
         notes: vec![],
+        torque_law: None,
         sources: vec![],
     }
 }

@@ -24,6 +24,8 @@ named! {
         UnitSuspect = "unit-suspect",
         /// The position wraps, for example after each turn.
         WrappedAngle = "wrapped-angle",
+        /// The torque was not measured: it is computed by the control law of a servo.
+        ComputedTorque = "computed-torque",
         /// The torque may have the wrong sign.
         SignSuspect = "sign-suspect",
         /// The torque holds a share of another channel, whichever way the joint moves.

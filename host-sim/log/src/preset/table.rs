@@ -12,6 +12,8 @@ pub(super) enum PresetUnit {
     Fixed(&'static str),
     /// A share of the rated torque, percent.
     Rated(f64),
+    /// Amperes.
+    Current,
     /// Not known: an example of what to type.
     Unknown(&'static str),
 }
@@ -71,12 +73,10 @@ const fn torque(patterns: &'static [Pattern]) -> Rule {
     Rule { column: "torque_nm", linear, is_required: true, is_of_joint: true, patterns }
 }
 
-use PresetUnit::{Fixed, Rated, Si, Unknown};
+use PresetUnit::{Current, Fixed, Rated, Si, Unknown};
 
 const TURNS: PresetUnit = Fixed("turns");
 const TURNS_S: PresetUnit = Fixed("turns/s");
-/// Torque from a current takes the torque constant, which no log states.
-const BY_CURRENT: PresetUnit = Unknown("0.04Nm, the torque of one unit of current");
 
 /// Times without a unit in their name are in seconds.
 const ANY_TIME: &[Pattern] =
@@ -126,9 +126,9 @@ const ODRIVE: &[Rule] = &[
     torque(&[
         at("motor torque estimate", Si),
         at("torque estimate", Si),
-        at("motor current control iq measured", BY_CURRENT),
-        at("motor foc iq measured", BY_CURRENT),
-        at("iq measured", BY_CURRENT),
+        at("motor current control iq measured", Current),
+        at("motor foc iq measured", Current),
+        at("iq measured", Current),
     ]),
 ];
 

@@ -94,7 +94,11 @@ fn columns_with_unknown_unit_are_asked_for() {
     let found = columns(Preset::EtherCat, drive, given, Some(2.0)).unwrap();
     assert_eq!(found, ["time_s=time", "torque_nm=0x6077:00:0.002Nm"]);
     let current = columns(Preset::ODrive, "t,vel_estimate,iq_measured", "", None).unwrap_err();
-    assert!(current.contains("torque_nm=iq_measured:UNIT, with UNIT such as 0.04Nm"), "{current}");
+    assert_eq!(
+        current,
+        "f.csv: preset odrive: found torque_nm in iq_measured, in amperes, expected the torque constant, from the motor's \
+         data sheet: columns torque_nm=iq_measured:A with torque constant 0.105Nm/A, or columns torque_nm=iq_measured:0.105Nm"
+    );
 }
 
 #[test]

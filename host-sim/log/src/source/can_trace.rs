@@ -11,9 +11,9 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::format::{Input, LogFormat};
-use crate::clean::{Cleaner, FileData, MAX_BAD_SHARE};
+use crate::clean::{Cleaner, FileData};
 use crate::dataset::LeftOutColumn;
-use crate::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
+use crate::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, is_too_bad, listed, quoted};
 use crate::header::layout;
 use crate::row::LogRow;
 use compensator_core::quantity::Quantity;
@@ -87,7 +87,8 @@ struct TraceOverview {
 fn read(input: Input) -> Result<FileData, DataError> {
     let Input { path, mut file, head, size, options, progress } = input;
     let format = TextFormat::of(head).unwrap_or_default();
-    let overview = scan(path, &mut file, format, &|bytes| progress(bytes / 2))?;
+    let overview =
+        scan(path, &mut file, format, options.max_bad_share, &|bytes| progress(bytes / 2))?;
     let kind = overview.summary.kind;
     let name = |column: &TraceColumn| match column {
         TraceColumn::Run => "run",
@@ -148,6 +149,7 @@ fn scan(
     path: &Path,
     file: &mut File,
     format: TextFormat,
+    max_share: f64,
     progress: &dyn Fn(u64),
 ) -> Result<TraceOverview, DataError> {
     let (mut bad, mut other_lines) = (BadRows::default(), 0);
@@ -173,9 +175,9 @@ fn scan(
         Ok(())
     })?;
     let rows = summary.frames as usize + bad.count;
-    if bad.count as f64 > MAX_BAD_SHARE * rows as f64 {
+    if is_too_bad(bad.count, rows, max_share) {
         let (first, bad) = (bad.first[0].clone(), bad.count);
-        return Err(DataError::TooManyBad { first, bad, rows });
+        return Err(DataError::TooManyBad { first, bad, rows, max_share });
     }
     let wrong = |found: String, expected: &str| {
         Err(DataError::File { file: path.into(), found, expected: expected.into() })

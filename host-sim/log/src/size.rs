@@ -1,0 +1,198 @@
+//! Units of columns without a unit, by the sizes of their values. They are suggestions only.
+//!
+//! The derivative of a position is the velocity, so their ratio shows the units of both: a speed in rpm over an angle in
+//! degrees is a sixth of the derivative. The time has a unit by its rate.
+
+use crate::unit::conversion;
+
+/// Rates of a log, Hz, in a probable unit of its time.
+const PROBABLE_RATES_HZ: std::ops::Range<f64> = 10.0..1e5;
+
+/// Units of time, the most common first.
+const TIME_UNITS: [&str; 4] = ["s", "ms", "us", "ns"];
+
+/// Units of a velocity and a position, the most common first.
+const VELOCITY_UNITS: [&str; 4] = ["rad/s", "rpm", "deg/s", "rps"];
+const POSITION_UNITS: [&str; 3] = ["rad", "deg", "rev"];
+
+/// Maximum relative difference between the measured and the expected ratio of velocity and derivative.
+const MAX_RATIO_ERROR: f64 = 0.02;
+
+/// Rows over which a displacement is compared with the mean velocity.
+const DISPLACEMENT_ROWS: usize = 10;
+
+/// Minimum number of displacements.
+const MIN_DISPLACEMENTS: usize = 20;
+
+/// Minimum range of an angle that is probably in degrees, in its own unit: two turns in rad.
+const MIN_DEGREES: f64 = 12.6;
+
+/// Maximum angle in degrees of a joint. Beyond it, the angle may be of many turns in rad.
+const MAX_DEGREES: f64 = 400.0;
+
+/// Maximum speed of a joint without a unit, rad/s: 1,400 rpm.
+const MAX_SPEED_RAD_S: f64 = 150.0;
+
+/// Returns the unit of a time column by its rate, if it is not seconds.
+pub(super) fn time_unit(time: &[f64]) -> Option<&'static str> {
+    let mut steps: Vec<f64> =
+        time.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > 0.0).collect();
+    let step = median(&mut steps)?;
+    let is_probable = |unit: &&&str| {
+        conversion("time_s", unit)
+            .is_ok_and(|of| PROBABLE_RATES_HZ.contains(&(1.0 / of.apply(step))))
+    };
+    TIME_UNITS.iter().find(is_probable).copied().filter(|unit| *unit != "s")
+}
+
+/// The columns of a motion, with the units that are known. The time is in seconds.
+#[derive(Clone, Copy, Default)]
+pub(super) struct MotionSample<'a> {
+    pub time_s: Option<&'a [f64]>,
+    pub position: Option<&'a [f64]>,
+    pub position_unit: Option<&'a str>,
+    pub velocity: Option<&'a [f64]>,
+    pub velocity_unit: Option<&'a str>,
+}
+
+/// Returns the units of velocity and position by their sizes; `None` for one that is the contract's or is not clear.
+pub(super) fn motion_units(of: MotionSample) -> (Option<&'static str>, Option<&'static str>) {
+    let velocities = candidates("velocity_rad_s", &VELOCITY_UNITS, of.velocity_unit);
+    let positions = candidates("position_rad", &POSITION_UNITS, of.position_unit);
+    let is_new = |unit: &'static str, given: Option<&str>, own: &str| {
+        (given.is_none() && unit != own).then_some(unit)
+    };
+    if let Some(ratio) = ratio(of) {
+        let pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
+        let fits = |(v, q): &(&(&str, f64), &(&str, f64))| {
+            (ratio / (v.1 / q.1) - 1.0).abs() < MAX_RATIO_ERROR
+        };
+        let mut fitting = pairs.filter(fits);
+        return match (fitting.next(), fitting.next()) {
+            (Some((v, q)), None) => {
+                (is_new(v.0, of.velocity_unit, "rad/s"), is_new(q.0, of.position_unit, "rad"))
+            }
+            // One ratio for rad/s and rad, and for deg/s and deg: the range of the angle decides.
+            (Some(_), Some(_)) if of.position.is_some_and(is_in_degrees) => {
+                (is_new("deg/s", of.velocity_unit, ""), is_new("deg", of.position_unit, ""))
+            }
+            _ => (None, None),
+        };
+    }
+    let is_fast = |speeds: &[f64]| speeds.iter().any(|speed| speed.abs() > MAX_SPEED_RAD_S);
+    let velocity = of.velocity.filter(|speeds| of.velocity_unit.is_none() && is_fast(speeds));
+    let position = of.position.filter(|angles| of.position_unit.is_none() && is_in_degrees(angles));
+    (velocity.map(|_| "rpm"), position.map(|_| "deg"))
+}
+
+/// Returns units with the number in the column for one unit of the contract: all, or the known one.
+fn candidates(name: &str, units: &[&'static str], known: Option<&str>) -> Vec<(&'static str, f64)> {
+    let size = |unit: &str| Some(conversion(name, unit).ok()?.inverse(1.0));
+    let known_size = known.map(size);
+    let all = units.iter().filter_map(|unit| Some((*unit, size(unit)?)));
+    match known_size {
+        None => all.collect(),
+        Some(known) => all.filter(|(_, size)| Some(*size) == known).collect(),
+    }
+}
+
+fn is_in_degrees(angles: &[f64]) -> bool {
+    let [least, most] = crate::log_check::extent(angles.iter().copied().filter(|q| !q.is_nan()));
+    most - least > MIN_DEGREES && most.max(-least) < MAX_DEGREES
+}
+
+/// Returns the velocity over the derivative of the position, if enough displacements show it.
+fn ratio(of: MotionSample) -> Option<f64> {
+    let (time, position, velocity) = (of.time_s?, of.position?, of.velocity?);
+    let displacement = |from: usize| {
+        let rows = from..from + DISPLACEMENT_ROWS;
+        let steps = rows.clone().map(|row| time[row + 1] - time[row]);
+        let means = rows.map(|row| 0.5 * (velocity[row + 1] + velocity[row]));
+        let travel = steps.zip(means).map(|(step, mean)| step * mean).sum::<f64>();
+        (position[from + DISPLACEMENT_ROWS] - position[from], travel)
+    };
+    let count = time.len().min(position.len()).min(velocity.len());
+    let all = (0..count.saturating_sub(DISPLACEMENT_ROWS)).step_by(DISPLACEMENT_ROWS / 2);
+    let all: Vec<(f64, f64)> =
+        all.map(displacement).filter(|(dq, dv)| dq.is_finite() && dv.is_finite()).collect();
+    let usual = median(&mut all.iter().map(|(dq, _)| dq.abs()).collect::<Vec<_>>())?;
+    let large = all.iter().filter(|(dq, _)| dq.abs() > 0.0 && dq.abs() >= usual);
+    let mut ratios: Vec<f64> = large.map(|(dq, dv)| dv / dq).collect();
+    let middle = median(&mut ratios).filter(|_| ratios.len() >= MIN_DISPLACEMENTS)?;
+    // The columns describe one motion only if the ratios agree.
+    let mut off: Vec<f64> = ratios.iter().map(|ratio| (ratio / middle - 1.0).abs()).collect();
+    median(&mut off).filter(|off| *off < MAX_RATIO_ERROR).map(|_| middle)
+}
+
+/// Returns the median; `None` for no values.
+fn median(values: &mut [f64]) -> Option<f64> {
+    let at = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(position_size: f64, velocity_size: f64) -> [Vec<f64>; 3] {
+        let time: Vec<f64> = (0..600).map(|row| 0.01 * f64::from(row)).collect();
+        let position = time.iter().map(|t| position_size * (1.2 * t).sin()).collect();
+        let velocity = time.iter().map(|t| velocity_size * 1.2 * (1.2 * t).cos()).collect();
+        [time, position, velocity]
+    }
+
+    fn units(
+        position_size: f64,
+        velocity_size: f64,
+    ) -> (Option<&'static str>, Option<&'static str>) {
+        let [time, position, velocity] = motion(position_size, velocity_size);
+        motion_units(MotionSample {
+            time_s: Some(&time),
+            position: Some(&position),
+            velocity: Some(&velocity),
+            ..MotionSample::default()
+        })
+    }
+
+    #[test]
+    fn motion_units_with_known_ratio_returns_them() {
+        let (degree, rpm) = (57.295_78, 9.549_297);
+        assert_eq!(units(1.0, 1.0), (None, None));
+        assert_eq!(units(degree, rpm), (Some("rpm"), Some("deg")));
+        assert_eq!(units(1.0, rpm), (Some("rpm"), None));
+        assert_eq!(units(degree, 1.0), (None, Some("deg")));
+        assert_eq!(units(degree, degree), (Some("deg/s"), Some("deg")));
+        assert_eq!(units(1.0, 3.0), (None, None), "no known ratio");
+    }
+
+    #[test]
+    fn motion_units_with_a_known_unit_returns_the_other() {
+        let [time, position, velocity] = motion(57.295_78, 9.549_297);
+        let found = motion_units(MotionSample {
+            time_s: Some(&time),
+            position: Some(&position),
+            position_unit: Some("deg"),
+            velocity: Some(&velocity),
+            velocity_unit: None,
+        });
+        assert_eq!(found, (Some("rpm"), None));
+    }
+
+    #[test]
+    fn motion_units_of_one_column_follow_its_size() {
+        let [_, position, velocity] = motion(57.3, 300.0);
+        let of = MotionSample { velocity: Some(&velocity), ..MotionSample::default() };
+        assert_eq!(motion_units(of), (Some("rpm"), None));
+        let of = MotionSample { position: Some(&position), ..MotionSample::default() };
+        assert_eq!(motion_units(of), (None, Some("deg")));
+    }
+
+    #[test]
+    fn time_unit_follows_the_rate() {
+        let time = |step: f64| (0..50).map(|row| step * f64::from(row)).collect::<Vec<_>>();
+        assert_eq!(time_unit(&time(0.002)), None);
+        assert_eq!(time_unit(&time(5.0)), Some("ms"));
+        assert_eq!(time_unit(&time(2000.0)), Some("us"));
+        assert_eq!(time_unit(&[]), None);
+    }
+}

@@ -1,0 +1,151 @@
+//! Scales of a torque that no log states: the torque of 100 %, and the torque constant of the motor.
+//!
+//! A drive logs its torque in percent of the rated one, or logs the current that makes it. With the scale, the unit `%` or
+//! `A` of `--columns` becomes a unit in Nm or N.
+
+use super::options::ReadOptions;
+use super::unit::parse_value;
+use crate::setting::Setting;
+use compensator_core::quantity::{JointKind, Quantity};
+
+/// Torque (or force) of one ampere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TorqueConstant {
+    /// Nm/A, or N/A for a linear motor.
+    pub value: f64,
+    /// Revolute for Nm/A, prismatic for N/A.
+    pub joint: JointKind,
+}
+
+/// A torque constant as a user may write it, for messages.
+pub(super) const EXAMPLE: &str = "0.105Nm/A";
+
+impl TorqueConstant {
+    /// Parses a torque constant with its unit: `0.105Nm/A`, `85mNm/A`, `40N/A`.
+    ///
+    /// # Errors
+    /// The expected text, as the end of a message.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let expected = || format!("a positive torque of one ampere, such as {EXAMPLE} or 40N/A");
+        let torque = text.trim().strip_suffix(['A', 'a']).map(str::trim_end);
+        let torque = torque.and_then(|torque| torque.strip_suffix('/')).ok_or_else(expected)?;
+        let kinds = [JointKind::Revolute, JointKind::Prismatic].into_iter();
+        let parsed = kinds.filter_map(|joint| {
+            let value = parse_value(Quantity::Torque.name(joint), torque).ok()?;
+            Some(Self { value, joint })
+        });
+        let positive = |found: &Self| found.value.is_finite() && found.value > 0.0;
+        parsed.filter(positive).next().ok_or_else(expected)
+    }
+}
+
+/// Returns the amperes in one unit of a column: of `A`, `mA`, `-A`, or `0.00269A` for a count.
+pub(super) fn amperes(unit: &str) -> Option<f64> {
+    let (count, symbol) = split_factor(unit);
+    let size = match symbol.replace([' ', '_'], "").to_lowercase().as_str() {
+        "a" | "arms" | "amp" | "amps" | "ampere" | "amperes" => 1.0,
+        "ma" | "marms" => 1e-3,
+        _ => return None,
+    };
+    Some(count? * size)
+}
+
+/// Returns the share of the rated torque in one unit of a column, percent: of `%`, `-%` or `0.1%`.
+fn percent(unit: &str) -> Option<f64> {
+    let (count, symbol) = split_factor(unit);
+    count.filter(|_| symbol == "%")
+}
+
+/// Splits a unit into the number before it, 1 if there is none, and its symbol.
+fn split_factor(unit: &str) -> (Option<f64>, &str) {
+    let at = unit.find(|c: char| c.is_alphabetic() || c == '%').unwrap_or(unit.len());
+    let number = match unit[..at].trim() {
+        "" => Some(1.0),
+        "-" | "−" => Some(-1.0),
+        number => number.parse().ok(),
+    };
+    (number.filter(|number: &f64| number.is_finite()), unit[at..].trim())
+}
+
+/// Returns a unit in percent or amperes as one in the unit of a torque or force, if the scale is given.
+pub(super) fn scaled_unit(
+    contract_name: &str,
+    unit: &str,
+    options: &ReadOptions,
+) -> Option<String> {
+    let (quantity, joint) = Quantity::parse(contract_name)?;
+    let joint = joint.filter(|_| quantity == Quantity::Torque)?;
+    let constant = options.torque_constant.filter(|constant| constant.joint == joint);
+    let of_ampere = || Some(amperes(unit)? * constant?.value);
+    let of_percent = || Some(percent(unit)? / 100.0 * options.rated_torque_nm?);
+    let size = of_ampere().or_else(of_percent)?;
+    Some(format!("{size}{}", joint.torque_unit()))
+}
+
+/// Returns what to type for a torque column in a unit of amperes; `None` for another quantity or unit.
+pub(super) fn expected(contract_name: &str, column: &str, unit: &str) -> Option<String> {
+    let is_torque = Quantity::parse(contract_name)?.0 == Quantity::Torque;
+    amperes(unit).filter(|_| is_torque)?;
+    Some(expected_constant(contract_name, column, unit))
+}
+
+/// Returns what to type for a torque column in amperes.
+pub(super) fn expected_constant(contract_name: &str, column: &str, unit: &str) -> String {
+    let newton = contract_name.starts_with("force");
+    let (example, direct) = if newton { ("40N/A", "40N") } else { (EXAMPLE, "0.105Nm") };
+    let direct = match amperes(unit) {
+        Some(1.0) | None => direct,
+        Some(_) if newton => "0.04N",
+        Some(_) => "0.000105Nm",
+    };
+    let pair = |unit: &str| Setting::Columns.suggested(format!("{contract_name}={column}:{unit}"));
+    format!(
+        "the torque constant, from the motor's data sheet: {} with {}, or {}",
+        pair(unit),
+        Setting::TorqueConstant.suggested(example),
+        pair(direct)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn torque_constant_with_unit_is_parsed() {
+        for (text, value, joint) in [
+            ("0.105Nm/A", 0.105, JointKind::Revolute),
+            ("85 mNm/A", 0.085, JointKind::Revolute),
+            ("40N/A", 40.0, JointKind::Prismatic),
+        ] {
+            assert_eq!(TorqueConstant::parse(text), Ok(TorqueConstant { value, joint }), "{text}");
+        }
+        for text in ["0.105", "0.105Nm", "-1Nm/A", "Nm/A", "0Nm/A", "1rpm/V", ""] {
+            assert!(TorqueConstant::parse(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn scaled_unit_with_scale_returns_torque() {
+        let constant = TorqueConstant { value: 0.5, joint: JointKind::Revolute };
+        let options = ReadOptions {
+            torque_constant: Some(constant),
+            rated_torque_nm: Some(2.0),
+            ..ReadOptions::default()
+        };
+        for (name, unit, expected) in [
+            ("torque_nm", "A", Some("0.5Nm")),
+            ("torque_nm", "-mA", Some("-0.0005Nm")),
+            ("torque_nm", "0.25A", Some("0.125Nm")),
+            ("torque_nm", "A rms", Some("0.5Nm")),
+            ("torque_nm", "0.1%", Some("0.002Nm")),
+            ("torque_nm", "-%", Some("-0.02Nm")),
+            ("torque_nm", "Nm", None),
+            ("force_n", "A", None),
+            ("velocity_rad_s", "%", None),
+        ] {
+            assert_eq!(scaled_unit(name, unit, &options).as_deref(), expected, "{name} {unit}");
+        }
+        assert_eq!(scaled_unit("torque_nm", "A", &ReadOptions::default()), None);
+    }
+}
