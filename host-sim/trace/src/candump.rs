@@ -23,6 +23,18 @@ const MAX_STANDARD_IDENTIFIER: u32 = 0x7FF;
 /// Maximum time stamp, s: the range of nanoseconds in 64 bits, rounded down.
 const MAX_TIME_S: u64 = 18_000_000_000;
 
+/// Length of the beginning of a log in which its stamps are judged, bytes.
+const JUDGED_BYTES: usize = 64 * 1024;
+
+/// Minimum number of frames there for a decision.
+const MIN_JUDGED_FRAMES: usize = 20;
+
+/// Minimum share of stamps that are before the stamp above. The frames of a log with one clock are in order.
+const MIN_BACKWARD_SHARE: f64 = 0.05;
+
+/// Maximum median of the times between frames, ns.
+const MAX_MEDIAN_STEP_NS: u64 = 100_000_000;
+
 /// Value of each hexadecimal digit; [`NO_DIGIT`] for all other bytes.
 const DIGITS: [u8; 256] = {
     let mut table = [NO_DIGIT; 256];
@@ -53,6 +65,25 @@ pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
         _ => return Err(LineError::Direction),
     };
     Ok(Line { time_ns, interface, frame: frame(text)?, direction })
+}
+
+/// Returns true if the stamps of a log with this beginning are the times since the frame before, as `candump -td` writes
+/// them: they fall back again and again, and the last of them are no larger than the first.
+pub(crate) fn has_relative_stamps(head: &[u8]) -> bool {
+    let head = &head[..head.len().min(JUDGED_BYTES)];
+    let lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+    let stamps: Vec<u64> = lines.filter_map(|line| Some(stamp(line)?.0)).collect();
+    let backward = stamps.windows(2).filter(|pair| pair[1] < pair[0]).count();
+    if stamps.len() < MIN_JUDGED_FRAMES
+        || (backward as f64) < MIN_BACKWARD_SHARE * stamps.len() as f64
+    {
+        return false;
+    }
+    let least_late = stamps[stamps.len() / 3 * 2..].iter().min().copied().unwrap_or_default();
+    let mut sorted = stamps;
+    sorted.sort_unstable();
+    let median = sorted[sorted.len() / 2];
+    least_late <= median && median <= MAX_MEDIAN_STEP_NS
 }
 
 /// Returns the time stamp in ns and the rest of the line.

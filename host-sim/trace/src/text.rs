@@ -3,7 +3,7 @@
 //! A line of [`candump`] is complete by itself. The formats of Vector and PEAK have headers that define the following
 //! lines, so a [`TextReader`] keeps these settings.
 
-use crate::fields::Frames;
+use crate::fields::{Frames, MAX_TIME_NS};
 use crate::frame::{CanFrame, Fraction, Line, LineError, TextFormat};
 use crate::{asc, candump, trc};
 
@@ -28,6 +28,8 @@ impl TextFormat {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TextReader {
     format: TextFormat,
+    /// Sum of the stamps so far, ns, if a candump log states the time since the frame before.
+    since_start_ns: Option<u64>,
     asc: asc::State,
     trc: trc::State,
 }
@@ -38,12 +40,31 @@ impl TextReader {
         Self { format, ..Self::default() }
     }
 
+    /// Creates a reader for a file with this beginning. Stamps of `candump -td`, which state the time since the frame before, are
+    /// added up.
+    pub fn of(head: &[u8]) -> Self {
+        let format = TextFormat::of(head).unwrap_or_default();
+        let is_relative = format == TextFormat::Candump && candump::has_relative_stamps(head);
+        Self { since_start_ns: is_relative.then_some(0), ..Self::new(format) }
+    }
+
+    /// Returns true if the stamps of a candump log are added up.
+    pub fn adds_up_stamps(&self) -> bool {
+        self.since_start_ns.is_some()
+    }
+
     /// Parses the next line, with or without its line end. Never panics for any input.
     #[inline]
     pub fn read<'a>(&mut self, line: &'a [u8]) -> Frames<'a> {
         match self.format {
             TextFormat::Candump => match candump::parse(line) {
-                Ok(line) => Frames::Line(line),
+                Ok(mut line) => {
+                    if let Some(total_ns) = &mut self.since_start_ns {
+                        *total_ns = total_ns.saturating_add(line.time_ns).min(MAX_TIME_NS);
+                        line.time_ns = *total_ns;
+                    }
+                    Frames::Line(line)
+                }
                 Err(error) if line.trim_ascii_start().starts_with(b"(") => Frames::Bad(error),
                 Err(_) => Frames::None,
             },

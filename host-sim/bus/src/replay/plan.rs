@@ -130,8 +130,7 @@ impl Plan {
         let file = path.display().to_string();
         let failed = |source| PlanError::Read { file: file.clone(), source };
         let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
-        let format = TextFormat::of(reader.fill_buf().map_err(failed)?);
-        let mut builder = Builder::new(node, format);
+        let mut builder = Builder::new(node, reader.fill_buf().map_err(failed)?);
         let mut line = Vec::new();
         let mut hash = Sha256::new();
         loop {
@@ -151,7 +150,7 @@ impl Plan {
     /// # Errors
     /// See [`Plan::read`].
     pub fn parse(log: &[u8], node: NodeId) -> Result<Self, PlanError> {
-        let mut builder = Builder::new(node, TextFormat::of(log));
+        let mut builder = Builder::new(node, log);
         log.split_inclusive(|byte| *byte == b'\n').for_each(|line| builder.line(line));
         let sha256 = Sha256::digest(log).iter().map(|byte| format!("{byte:02x}")).collect();
         builder.finish("log", sha256, || Census::of(log))
@@ -180,8 +179,9 @@ struct Builder {
 }
 
 impl Builder {
-    fn new(node: NodeId, format: Option<TextFormat>) -> Self {
-        let format = format.unwrap_or_default();
+    /// Creates the builder for a log with this beginning.
+    fn new(node: NodeId, head: &[u8]) -> Self {
+        let format = TextFormat::of(head).unwrap_or_default();
         let plan = Plan {
             frames: Vec::new(),
             samples: 0,
@@ -194,7 +194,7 @@ impl Builder {
         };
         Self {
             node,
-            reader: TextReader::new(format),
+            reader: TextReader::of(head),
             format,
             joint: None,
             inbox: SampleAssembler::new(node),

@@ -82,13 +82,17 @@ struct TraceOverview {
     bad: BadRows,
     /// Number of other lines: comments, and messages of candump about dropped frames.
     other_lines: u64,
+    /// True if the stamps are times since the frame before.
+    adds_up_stamps: bool,
 }
 
 fn read(input: Input) -> Result<FileData, DataError> {
     let Input { path, mut file, head, size, options, progress } = input;
     let format = TextFormat::of(head).unwrap_or_default();
-    let overview =
-        scan(path, &mut file, format, options.max_bad_share, &|bytes| progress(bytes / 2))?;
+    let lines = TextReader::of(head);
+    let max_share = options.max_bad_share;
+    let first_half = |bytes| progress(bytes / 2);
+    let overview = scan(path, &mut file, (format, lines), max_share, &first_half)?;
     let kind = overview.summary.kind;
     let name = |column: &TraceColumn| match column {
         TraceColumn::Run => "run",
@@ -105,7 +109,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     for_each_sample(
         path,
         &mut file,
-        format,
+        (format, lines),
         &second_half,
         |_| {},
         |sample| {
@@ -131,6 +135,11 @@ fn add_notes(path: &Path, overview: &TraceOverview, data: &mut FileData) {
             data.left_out.push(LeftOutColumn { name: name.into(), why });
         }
     }
+    if overview.adds_up_stamps {
+        data.notes.push(format!(
+            "{file}: the stamps are times since the frame before (candump -td) and are added up"
+        ));
+    }
     if summary.lost > 0 {
         let lost = summary.lost;
         data.notes
@@ -148,7 +157,7 @@ fn add_notes(path: &Path, overview: &TraceOverview, data: &mut FileData) {
 fn scan(
     path: &Path,
     file: &mut File,
-    format: TextFormat,
+    (format, lines): (TextFormat, TextReader),
     max_share: f64,
     progress: &dyn Fn(u64),
 ) -> Result<TraceOverview, DataError> {
@@ -166,7 +175,7 @@ fn scan(
             }
         }
     };
-    let summary = for_each_sample(path, file, format, progress, count_line, |sample| {
+    let summary = for_each_sample(path, file, (format, lines), progress, count_line, |sample| {
         for (is_measured, quantity) in is_measured.iter_mut().zip(Quantity::ALL) {
             *is_measured |= !sample.get(*quantity).is_nan();
         }
@@ -201,7 +210,8 @@ fn scan(
     let quantities = Quantity::ALL.iter().copied().filter(|of| has(*of)).map(TraceColumn::Measured);
     let run = has_runs.then_some(TraceColumn::Run);
     let columns = run.into_iter().chain([TraceColumn::Time]).chain(quantities).collect();
-    Ok(TraceOverview { summary, columns, origin_ns, bad, other_lines })
+    let adds_up_stamps = lines.adds_up_stamps();
+    Ok(TraceOverview { summary, columns, origin_ns, bad, other_lines, adds_up_stamps })
 }
 
 /// A line that holds no frame.
@@ -216,7 +226,7 @@ enum NonFrameLine<'a> {
 fn for_each_sample(
     path: &Path,
     file: &mut File,
-    format: TextFormat,
+    (format, mut lines): (TextFormat, TextReader),
     progress: &dyn Fn(u64),
     mut on_other: impl FnMut(NonFrameLine),
     mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
@@ -225,7 +235,6 @@ fn for_each_sample(
     file.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut reader = BufReader::with_capacity(1 << 20, file);
     let mut assembler = Assembler::default();
-    let mut lines = TextReader::new(format);
     let mut line = Vec::with_capacity(256);
     let (mut row, mut bytes) = (0u64, 0u64);
     loop {

@@ -312,3 +312,38 @@ fn reader_with_malformed_fd_frames_returns_what_is_malformed() {
         assert_eq!(in_trc(line), expected, "{line}");
     }
 }
+
+/// Returns the times of the frames of a candump log with these stamps, µs.
+fn times_us(stamps_us: impl Iterator<Item = u64>) -> Vec<u64> {
+    let line =
+        |stamp: u64| format!("({:03}.{:06}) can0 080#01\n", stamp / 1_000_000, stamp % 1_000_000);
+    let text: String = stamps_us.map(line).collect();
+    let mut reader = TextReader::of(text.as_bytes());
+    let time = |line| match reader.read(line) {
+        Frames::Line(line) => line.time_ns / 1000,
+        other => panic!("{other:?}"),
+    };
+    text.lines().map(str::as_bytes).map(time).collect()
+}
+
+#[test]
+fn reader_with_stamps_since_the_frame_before_adds_them_up() {
+    let found = times_us((0..60).map(|frame| if frame % 3 == 2 { 800 } else { frame % 2 }));
+    assert_eq!(found[..6], [0, 1, 801, 802, 802, 1602]);
+    assert!(found.is_sorted());
+}
+
+#[test]
+fn reader_with_stamps_of_one_clock_keeps_them() {
+    let kept: [fn(u64) -> u64; 4] = [
+        |frame| 1000 * frame,
+        // A clock that restarts, one that stands still, and the logs of two interfaces with clocks of their own.
+        |frame| 1000 * (frame % 50),
+        |_| 1000,
+        |frame| 1000 * frame + 7_000_000 * (frame % 2),
+    ];
+    for stamp in kept {
+        let stamps: Vec<u64> = (0..100).map(stamp).collect();
+        assert_eq!(times_us(stamps.iter().copied()), stamps);
+    }
+}

@@ -43,7 +43,7 @@ pub fn run(data: &[u8]) {
     let (mut assembler, mut valid_lines, mut times_ns) = (Assembler::default(), 0, Vec::new());
     // A CAN FD frame of telemetry stands for several frames of a joint.
     let mut joint_frames = 0;
-    let mut lines = TextReader::new(TextFormat::of(data).unwrap_or_default());
+    let mut lines = TextReader::of(data);
     for text in data.split(|byte| *byte == b'\n') {
         let Frames::Line(line) = lines.read(text) else { continue };
         valid_lines += 1;
