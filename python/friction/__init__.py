@@ -66,6 +66,8 @@ def diagnose(
     torque_constant: str | None = None,
     torque_from: str | None = None,
     bad_rows: float | None = None,
+    rate_hz: float | None = None,
+    join: bool = False,
     preset: str | None = None,
     skip_lines: int = 0,
     loss: Literal["squares", "huber"] | None = None,
@@ -97,6 +99,8 @@ def diagnose(
         torque_constant: Torque of one ampere, ``"0.105Nm/A"``, for columns in amperes: ``{"torque_nm": "i_q:A"}``.
         torque_from: Control law of a servo that gives the torque of a log without one, ``"pd,kp=40,kd=1.5,target=q_des"``.
         bad_rows: Maximum share of bad rows, which are left out; 0.05 by default.
+        rate_hz: Rate of the rows, Hz, of a log without a time column.
+        join: Whether to join files or tables that hold one channel each by their times.
         preset: Tool that wrote the log: plotjuggler, moteus, odrive, dynamixel, ethercat or twincat-scope. It supplies names
             and units of columns that ``columns`` does not name.
         skip_lines: Lines of text above the header of each file to skip.
@@ -128,6 +132,8 @@ def diagnose(
         torque_constant=torque_constant,
         torque_from=torque_from,
         bad_rows=bad_rows,
+        rate_hz=rate_hz,
+        join=join,
         preset=preset,
         skip_lines=skip_lines,
         loss=loss,
@@ -159,6 +165,8 @@ def identify(
     torque_constant: str | None = None,
     torque_from: str | None = None,
     bad_rows: float | None = None,
+    rate_hz: float | None = None,
+    join: bool = False,
     preset: str | None = None,
     skip_lines: int = 0,
     loss: Literal["squares", "huber"] | None = None,
@@ -180,8 +188,8 @@ def identify(
         free: Parameters to fit that are otherwise constant.
         choices: Options of the law: damping_fades, printed_extended, allow_active.
         data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm,
-            torque_constant, torque_from, bad_rows, preset, skip_lines, loss, seed, threads, progress, name: As for ``diagnose``. By
-            default whole runs are held out, or time blocks of a single run.
+            torque_constant, torque_from, bad_rows, rate_hz, join, preset, skip_lines, loss, seed, threads, progress, name: As for
+            ``diagnose``. By default whole runs are held out, or time blocks of a single run.
 
     Raises:
         DataError: If the data cannot be read, checked or split.
@@ -203,6 +211,8 @@ def identify(
         torque_constant=torque_constant,
         torque_from=torque_from,
         bad_rows=bad_rows,
+        rate_hz=rate_hz,
+        join=join,
         preset=preset,
         skip_lines=skip_lines,
         loss=loss,
@@ -241,6 +251,8 @@ def compare(
     torque_constant: str | None = None,
     torque_from: str | None = None,
     bad_rows: float | None = None,
+    rate_hz: float | None = None,
+    join: bool = False,
     preset: str | None = None,
     skip_lines: int = 0,
     loss: Literal["squares", "huber"] | None = None,
@@ -256,7 +268,8 @@ def compare(
         models: Models to compare; all laws by default.
         choices: Options of the laws: damping_fades, printed_extended, allow_active.
         data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm,
-            torque_constant, torque_from, bad_rows, preset, skip_lines, loss, seed, threads, progress, name: As for ``identify``.
+            torque_constant, torque_from, bad_rows, rate_hz, join, preset, skip_lines, loss, seed, threads, progress, name: As for
+            ``identify``.
 
     Raises:
         DataError: If the data cannot be read, checked or split.
@@ -278,6 +291,8 @@ def compare(
         torque_constant=torque_constant,
         torque_from=torque_from,
         bad_rows=bad_rows,
+        rate_hz=rate_hz,
+        join=join,
         preset=preset,
         skip_lines=skip_lines,
         loss=loss,
@@ -300,6 +315,7 @@ def simulate(
     runs: int | None = None,
     seconds: float | None = None,
     rate_hz: float | None = None,
+    join: bool = False,
     noise_nm: float | None = None,
     unloaded: bool = False,
     steady: bool = False,
@@ -332,6 +348,7 @@ def simulate(
             runs=runs,
             seconds=seconds,
             rate_hz=rate_hz,
+        join=join,
             noise_nm=noise_nm,
             unloaded=unloaded,
             steady=steady,

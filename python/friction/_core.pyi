@@ -60,6 +60,8 @@ class Log:
         torque_constant: str | None = None,
         torque_from: str | None = None,
         bad_rows: float | None = None,
+        rate_hz: float | None = None,
+        join: bool = False,
         preset: str | None = None,
         skip_lines: int = 0,
         loss: str | None = None,

@@ -111,7 +111,7 @@ def diagnose(
             sent to the processes of the engine, so keep secrets in the environment.
         progress: Called with the number of finished tasks and of all tasks.
         log: How the logs are read, as for ``friction.diagnose``: columns, where, rigid_body, motion, as_logged, skip, decimate,
-            rated_torque_nm, torque_constant, torque_from, bad_rows, preset, skip_lines, loss, seed.
+            rated_torque_nm, torque_constant, torque_from, bad_rows, rate_hz, join, preset, skip_lines, loss, seed.
 
     Raises:
         FrictionError: If there is no log, or a model or limit is unknown. Failures of single tasks are rows.

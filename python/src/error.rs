@@ -40,6 +40,8 @@ fn keyword(reference: Reference) -> String {
         (Setting::Model, _) => format!("model={}", quoted(value)),
         (Setting::RigidBody, _) => "rigid_body=".into(),
         (Setting::Preset, _) => format!("preset={}", quoted(value)),
+        (Setting::Join, _) => "join=True".into(),
+        (Setting::Rate, _) => format!("rate_hz={}", value.trim_end_matches("Hz")),
         (Setting::SkipLines, _) => format!("skip_lines={value}"),
         (Setting::ExportFormat, _) => format!("to={}", quoted(value)),
         (Setting::Feature, _) => format!("feature {value}"),

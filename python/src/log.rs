@@ -32,7 +32,8 @@ impl Log {
     #[new]
     #[pyo3(signature = (sources, *, test=vec![], columns=vec![], only=vec![], skip=0, decimate=1, rigid_body="", motion="smoothed",
         as_logged=vec![], seed=0, hold_out=None, tail=None, rated_torque_nm=None,
-        torque_constant=None, torque_from=None, bad_rows=None, preset=None, skip_lines=0, loss=None))]
+        torque_constant=None, torque_from=None, bad_rows=None, preset=None, skip_lines=0, loss=None, rate_hz=None,
+        join=false))]
     #[expect(clippy::too_many_arguments, reason = "each is a keyword in Python")]
     fn new(
         py: Python<'_>,
@@ -55,6 +56,8 @@ impl Log {
         preset: Option<&str>,
         skip_lines: usize,
         loss: Option<&str>,
+        rate_hz: Option<f64>,
+        join: bool,
     ) -> PyResult<Self> {
         let error = |error: Error| crate::error::to_python(py, error);
         let rigid_body = parse_rigid_body(rigid_body).map_err(|e| error(e.into()))?;
@@ -120,6 +123,8 @@ impl Log {
                 torque_constant,
                 torque_from,
                 max_bad_share,
+                rate_hz,
+                join,
                 ..ReadOptions::default()
             },
             columns: texts,

@@ -56,7 +56,8 @@ error("a header alone", "time_s,velocity_rad_s,torque_nm\n", "log.csv: found a h
 error(
     "no header",
     "0,1,2\n1,2,3\n",
-    "log.csv: row 1, column 0: found numbers, expected the columns' names (time_s, velocity_rad_s, torque_nm ..)",
+    "log.csv: found numbers in the first row and no header, expected the columns' names (time_s, velocity_rad_s, torque_nm "
+    "..), or --columns 1=time_s,2=velocity_rad_s,3=torque_nm with the number of each column; --columns help shows them",
 )
 PYTHON = "expected a CSV or Parquet file: python -c "
 for kind, head, line in [

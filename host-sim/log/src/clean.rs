@@ -16,6 +16,7 @@ use std::path::Path;
 
 use super::cell::is_list;
 use super::clock::{self, Clock};
+use super::collect::CollectedCells;
 use super::columns::{ColumnTally, FINITE, OptionalValues, RunLabel, is_missing_value};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
@@ -23,6 +24,7 @@ use super::header::{Layout, OptionalColumn};
 use super::row::LogRow;
 use super::split::are_equal;
 use super::survey::{ColumnSamples, Survey};
+use super::table::Table;
 use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
 
@@ -86,6 +88,8 @@ pub(super) struct FileData {
     pub bad: BadRows,
     /// The columns, if they are only described.
     pub survey: Survey,
+    /// The cells, if they are only collected.
+    pub table: Option<Table>,
 }
 
 /// One run of a file.
@@ -178,6 +182,8 @@ pub(super) struct Cleaner<'a> {
     pub(super) bad: BadRows,
     /// Sample values, if the columns are only described.
     pub(super) samples: ColumnSamples,
+    /// All cells, if they are only collected.
+    pub(super) collected: CollectedCells,
 }
 
 impl<'a> Cleaner<'a> {
@@ -186,7 +192,8 @@ impl<'a> Cleaner<'a> {
         let texts = |count| std::iter::repeat_with(DistinctTexts::default).take(count).collect();
         Cleaner {
             file,
-            clock: Clock::new(layout.required[0], layout.dates),
+            clock: Clock::new(layout.required[0], layout.dates)
+                .with_timing(layout.timing, layout.run),
             runs: Vec::new(),
             by_name: HashMap::new(),
             current: 0,
@@ -200,6 +207,7 @@ impl<'a> Cleaner<'a> {
             rows: 0,
             bad: BadRows::default(),
             samples: ColumnSamples::default(),
+            collected: CollectedCells::default(),
             layout,
         }
     }
@@ -213,8 +221,16 @@ impl<'a> Cleaner<'a> {
             self.samples.add_row(&self.layout.names, row);
             return Ok(());
         }
+        if self.layout.collects {
+            self.collected.add_row(self.layout.names.len(), row);
+            return Ok(());
+        }
         if !self.is_selected(row) {
             self.unselected_rows += 1;
+            // Rows of another joint are at the same instants, all others at their own.
+            if !self.clock.reads_stamps() && !self.layout.only.iter().any(|only| only.is_joint) {
+                self.clock.time_s(row);
+            }
             return Ok(());
         }
         self.rows += 1;
@@ -310,7 +326,9 @@ impl<'a> Cleaner<'a> {
     /// Returns what is expected instead of a date that cannot be read: that of the time column, or that beside it.
     fn time_error(&self, row: &impl LogRow, text: &[u8]) -> Option<&'static str> {
         let order = self.clock.date_order();
-        clock::date_error(text, order)
+        self.clock
+            .step_error(row)
+            .or_else(|| clock::date_error(text, order))
             .or_else(|| clock::day_error(&row.text(self.layout.dates?), order))
     }
 

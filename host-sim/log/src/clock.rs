@@ -9,6 +9,7 @@
 use super::cell::CellReader;
 use super::date::{ACCEPTED, DateOrder, Stamp, parse_day, parse_stamp};
 use super::row::LogRow;
+use super::row_clock::{RowClock, STEP, Timing};
 use chrono::{DateTime, NaiveDate, Timelike};
 
 /// Stamps of at least this size, ns (three years), count from 1970. Smaller ones count from the start of the logger.
@@ -30,6 +31,8 @@ pub(super) struct Clock {
     is_started: bool,
     /// Last stamp of a time of day, with the days (or hours) that passed, ns.
     last_cyclic_ns: Option<i128>,
+    /// Counts the rows, if they have no stamps.
+    rows: Option<RowClock>,
 }
 
 impl Clock {
@@ -42,7 +45,25 @@ impl Clock {
             is_dated: false,
             is_started: false,
             last_cyclic_ns: None,
+            rows: None,
         }
+    }
+
+    /// Adds up steps or counts rows in place of reading stamps. `run` is the column of the run's name.
+    pub fn with_timing(mut self, timing: Timing, run: Option<usize>) -> Self {
+        self.rows = (timing != Timing::Stamps).then(|| RowClock::new(timing, run));
+        self
+    }
+
+    /// Returns true if the times are those of stamps in the time column.
+    pub fn reads_stamps(&self) -> bool {
+        self.rows.is_none()
+    }
+
+    /// Returns what the time column of a row should hold, if it is not a step.
+    pub fn step_error(&self, row: &impl LogRow) -> Option<&'static str> {
+        let is_negative = self.reading.raw(row).is_some_and(|step| step < 0.0);
+        (!self.reads_stamps() && is_negative).then_some(STEP)
     }
 
     /// Returns the order of day, month and year that the user gave.
@@ -53,6 +74,9 @@ impl Clock {
     /// Returns the time of a row, s, or `None` if the cell holds no time.
     #[inline]
     pub fn time_s(&mut self, row: &impl LogRow) -> Option<f64> {
+        if let Some(rows) = &mut self.rows {
+            return rows.time_s(&self.reading, row);
+        }
         match self.reading.raw(row) {
             // The contract's own column: seconds without a conversion.
             Some(value) if self.reading.conversion.is_none() && self.origin_ns.is_none() => {

@@ -15,10 +15,13 @@ use std::ops::Range;
 
 use super::clean::{CleanRun, Cleaner, FileData, MAX_BAD_SHARE, OpenRun};
 use super::columns::{ColumnUse, FINITE};
+use super::counter_wrap::{ClockWrap, unwrap_times};
 use super::dataset::LeftOutColumn;
+use super::duplicates::remove_duplicates;
 use super::error::{DataError, NAMED_BAD_ROWS, asked_rows, is_too_bad};
 use super::fill::{Fill, fill};
 use super::header::Layout;
+use super::number::figure;
 use super::order::{check_order, late_rows, recordings, sorting_order};
 use super::segment::{GAP_FACTOR, median_step};
 use super::spread::spread;
@@ -64,15 +67,22 @@ impl Cleaner<'_> {
         if self.layout.is_survey {
             return Ok(self.described());
         }
+        if self.layout.collects {
+            let table = self.collected.finish(self.file, self.layout.names);
+            return Ok(FileData { table: Some(table), ..FileData::default() });
+        }
         self.check_not_empty()?;
         self.check_single_joint()?;
         self.check_signs()?;
         let uses = self.column_uses()?;
         let channels = self.channel_layout();
-        let (mut repeated, mut late) = (0, 0);
+        let (mut repeated, mut late, mut duplicates) = (0, 0, 0);
         let mut all: Vec<Recording> = Vec::new();
         let mut runs = take(&mut self.runs);
+        self.continue_clock(&mut runs);
+        self.check_clock(&runs)?;
         for (at, run) in runs.iter_mut().enumerate() {
+            duplicates += remove_duplicates(run);
             late += sort_rows(run);
             repeated += self.remove_backward_rows(run);
             let is_one = self.layout.run.is_some();
@@ -99,7 +109,7 @@ impl Cleaner<'_> {
         self.check_bad_share()?;
         self.add_column_notes(&uses, &filled, &clean);
         self.add_row_notes(channels, other_rows, [repeated, spread], all.len() - runs.len());
-        self.add_order_note(late);
+        self.add_order_notes(late, duplicates);
         let Layout { joint, run, optional, left_out, notes, mut sources, .. } = self.layout;
         let has_runs = run.is_some();
         for ((column, filled), column_use) in optional.iter().zip(&filled).zip(&uses) {
@@ -127,13 +137,34 @@ impl Cleaner<'_> {
             rows,
             bad,
             survey: Survey::default(),
+            table: None,
         })
+    }
+
+    /// Continues the times across the wraps of their counter.
+    fn continue_clock(&mut self, runs: &mut [OpenRun]) {
+        if !self.clock.reads_stamps() {
+            return;
+        }
+        let count_s = self.clock.reading.conversion.map(|conversion| conversion.apply(1.0));
+        let count_s = count_s.filter(|count_s| *count_s > 0.0 && *count_s != 1.0);
+        for run in runs {
+            if let Some(wrap) = unwrap_times(&mut run.required[0], count_s) {
+                let ClockWrap { bits, range_s, count } = wrap;
+                let (file, range) = (self.file.display(), figure(range_s));
+                self.layout.notes.push(format!(
+                    "{file}: the clock is a counter of {bits} bits and wraps {count} times, each after {range} s: the times \
+                     go on"
+                ));
+            }
+        }
     }
 
     /// Returns the description of the columns instead of data.
     fn described(self) -> FileData {
-        let (columns, values) = self.samples.finish(self.layout.names, self.layout.units);
         let preset = self.layout.suggested;
+        let Layout { names, units, is_numbered, .. } = self.layout;
+        let (columns, values) = self.samples.finish(names, units, is_numbered);
         FileData {
             survey: Survey { columns, preset, values, ..Survey::default() },
             ..FileData::default()

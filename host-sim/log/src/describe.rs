@@ -1,8 +1,11 @@
 //! The columns of a file with the quantity that each may hold, for `--columns help` and for the error of a file with many columns.
 
 use super::column_names::ColumnNames;
+use super::contract::TIME;
 use super::error::{DataError, listed};
+use super::header::no_header;
 use super::joint_pattern::suggested_map;
+use super::naming::STEP_MARK;
 use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::Preset;
@@ -43,6 +46,8 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
         let quantity = if is_symbol { Some("torque_nm") } else { guess::quantity(&column.name) };
         // A current beside a torque is one of its causes, not another torque.
         let quantity = quantity.filter(|_| !(has_torque && guess::is_current(&column.name)));
+        let is_step = column.is_step && (quantity == Some(TIME) || is_step_name(&column.name));
+        let quantity = if is_step { Some(TIME) } else { quantity };
         let of_file = column.unit.take();
         let stated = quantity
             .and_then(|quantity| unit::stated(quantity, &column.name))
@@ -54,13 +59,16 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
             let unit = unit::in_name(quantity, &column.name).map(str::to_owned).or(fitting);
             let other = || other_unit(&column.name).map(|other| other.suggestion().to_owned());
             let is_known = unit::stated(quantity, &column.name).is_some();
-            Guess { quantity, unit: unit.or_else(other), is_known, is_by_size: false }
+            Guess { quantity, unit: unit.or_else(other), is_known, is_by_size: false, is_step }
         }));
     }
     add_units_by_size(&survey, &mut found);
     for (column, guess) in survey.columns.iter_mut().zip(&found) {
-        let other_name = guess.as_ref().filter(|guess| guess.quantity != column.name);
-        column.suggestion = other_name.map(|guess| shell_word(&guess.pair(&column.name)));
+        let other_name =
+            guess.as_ref().filter(|guess| guess.quantity != column.name || guess.is_step);
+        let pair = other_name.map(|guess| shell_word(&guess.pair(&column.name)));
+        // Columns without names have a suggestion by their values.
+        column.suggestion = pair.or(column.suggestion.take());
     }
     survey.notes = notes(&survey.columns, &found);
     suggest_joints(&mut survey.columns);
@@ -88,13 +96,16 @@ struct Guess {
     is_known: bool,
     /// True if the unit is by the size of the values.
     is_by_size: bool,
+    /// True if it is a time in steps between rows.
+    is_step: bool,
 }
 
 impl Guess {
     /// Returns the pair of `--columns` that reads the column.
     fn pair(&self, name: &str) -> String {
         let unit = self.unit.as_ref().map_or_else(String::new, |unit| format!(":{unit}"));
-        format!("{}={name}{unit}", self.quantity)
+        let step = if self.is_step { format!(":{STEP_MARK}") } else { String::new() };
+        format!("{}={name}{unit}{step}", self.quantity)
     }
 }
 
@@ -114,6 +125,7 @@ fn add_units_by_size(survey: &Survey, found: &mut [Option<Guess>]) {
     let (time, position, velocity) =
         (place("time_s"), place("position_rad"), place("velocity_rad_s"));
     let is_date = |at: &usize| survey.columns[*at].is_date;
+    let time = time.filter(|at| found[*at].as_ref().is_some_and(|guess| !guess.is_step));
     let time_unit = time.filter(|at| !is_date(at) && stated(*at).is_none());
     let time_unit = time_unit.and_then(|at| size::time_unit(values(at)));
     let time_s: Option<Vec<f64>> = time.filter(|at| !is_date(at)).map(|at| {
@@ -163,6 +175,16 @@ fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
     by_size.into_iter().chain(current).collect()
 }
 
+/// Words of a column that holds the step between rows.
+const STEP_WORDS: [&str; 6] = ["dt", "timestep", "delta", "step", "period", "interval"];
+
+/// Returns true if a name is that of a column of steps.
+fn is_step_name(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let mut words = lower.split(|c: char| !c.is_alphabetic());
+    words.any(|word| STEP_WORDS.contains(&word))
+}
+
 /// Replaces suggestions by those of the preset that the names suggest: it knows the units.
 fn suggest_preset(file: &Path, options: &ReadOptions, survey: &mut Survey) {
     let Survey { columns, preset, .. } = survey;
@@ -170,6 +192,7 @@ fn suggest_preset(file: &Path, options: &ReadOptions, survey: &mut Survey) {
         names: columns.iter().map(|column| column.name.clone()).collect(),
         units: columns.iter().map(|column| column.unit.clone().unwrap_or_default()).collect(),
         is_twincat_scope: *preset == Some(Preset::TwinCatScope),
+        is_numbered: false,
     };
     let found = preset.and_then(|preset| preset.columns(file, &names, options).ok());
     for (ours, theirs) in found.into_iter().flat_map(|found| found.pairs) {
@@ -187,6 +210,14 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
     let DataError::MissingColumns { file, mut found, mut expected, missing, count } = error else {
         return error;
     };
+    if missing.is_empty() {
+        let columns = survey(&file, options).map(|found| found.columns).unwrap_or_default();
+        let pairs: Vec<String> = columns.into_iter().filter_map(|of| of.suggestion).collect();
+        return match pairs.is_empty() {
+            true => DataError::MissingColumns { file, found, expected, missing, count },
+            false => no_header(&file, &pairs.join(","), count),
+        };
+    }
     if count <= MANY_COLUMNS {
         expected += &pairs_by_size(&file, options);
     }

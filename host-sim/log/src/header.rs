@@ -15,13 +15,16 @@ use compensator_core::quantity::{JointKind, Quantity};
 
 use super::cell::CellReader;
 use super::column_names::ColumnNames;
+use super::columns::is_missing_value;
 use super::contract::{self, POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, at_header, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
 use super::naming::Naming;
 use super::options::ReadOptions;
+use super::other_unit::other_unit;
 use super::preset::{Preset, PresetColumns};
+use super::row_clock::Timing;
 use super::unit::conversion;
 use crate::setting::{Setting, shell_word};
 
@@ -45,6 +48,8 @@ pub(super) struct RowSelection {
     pub index: usize,
     /// The values, as given with `--where`.
     pub values: Vec<String>,
+    /// True if the column names joints.
+    pub is_joint: bool,
 }
 
 /// A column whose values may name joints.
@@ -64,7 +69,10 @@ pub(super) struct Layout {
     pub names: Vec<String>,
     /// The column of the run's name.
     pub run: Option<usize>,
-    /// The columns of time, velocity and torque. Without a velocity, the position takes its place.
+    /// Origin of the times.
+    pub timing: Timing,
+    /// The columns of time, velocity and torque. Without a velocity, the position takes its place; without a time, the motion
+    /// does.
     pub required: [CellReader; 3],
     /// The column that may hold the dates, if time holds only times of day.
     pub dates: Option<usize>,
@@ -83,17 +91,21 @@ pub(super) struct Layout {
     pub max_bad_share: f64,
     /// True if the columns are only described.
     pub is_survey: bool,
+    /// True if the cells are only collected as a table.
+    pub collects: bool,
     /// The preset that the names suggest, if the columns are only described.
     pub suggested: Option<Preset>,
     /// The units that the file states, if the columns are only described.
     pub units: Vec<String>,
+    /// True if the file has no names, if the columns are only described.
+    pub is_numbered: bool,
 }
 
 impl Layout {
     /// Returns the layout that describes all columns without interpreting them.
     fn of_survey(names: ColumnNames) -> Self {
         let suggested = Preset::recognise(&names);
-        let ColumnNames { names, units, .. } = names;
+        let ColumnNames { names, units, is_numbered, .. } = names;
         let optional = names.iter().enumerate().map(|(index, name)| OptionalColumn {
             quantity: None,
             name: name.clone(),
@@ -106,6 +118,7 @@ impl Layout {
             suggested,
             units,
             names,
+            is_numbered,
             ..Self::default()
         }
     }
@@ -136,38 +149,64 @@ impl Layout {
         ));
     }
 
-    /// Reads units from the first row and returns true, if that row holds units instead of values. This is so if at
+    /// Reads units from a row `place` (above or below) the header and returns true, if that row holds units instead of values. This is so if at
     /// least two of time, velocity and torque have a valid unit there, and no cell is a number. Units given with
     /// `--columns` take precedence.
-    pub fn take_units(&mut self, cells: &[&[u8]]) -> bool {
+    ///
+    /// # Errors
+    /// If another quantity has a unit there that is none of its own.
+    pub fn take_units(
+        &mut self,
+        file: &Path,
+        cells: &[&[u8]],
+        place: &str,
+    ) -> Result<bool, DataError> {
         let text = |reading: &CellReader| {
             let cell =
                 String::from_utf8_lossy(cells.get(reading.index).copied().unwrap_or_default());
             cell.trim_matches(['[', ']', '(', ')', '"', ' ']).to_owned()
         };
         if cells.iter().any(|cell| fast_float2::parse::<f64, _>(cell).is_ok()) {
-            return false;
+            return Ok(false);
         }
         let kind = if self.is_position { Quantity::Position } else { Quantity::Velocity };
         let names = [TIME, kind.name(self.velocity_kind), Quantity::Torque.name(self.joint)];
-        let units = |name: &str, reading: &CellReader| conversion(name, &text(reading)).ok();
-        let required = self.required.iter().zip(names);
-        if required.filter(|(reading, name)| units(name, reading).is_some()).count() < 2 {
-            return false;
-        }
         let required = self.required.iter_mut().zip(names);
-        let optional = self.optional.iter_mut().map(|column| (&mut column.reading, &*column.name));
-        for (reading, name) in required.chain(optional) {
-            if let (None, Some(conversion)) = (reading.conversion, units(name, reading)) {
-                let unit = text(reading);
-                reading.conversion = Some(conversion);
-                let source = self.sources.iter_mut().find(|source| source.name == name);
-                source.into_iter().for_each(|source| source.unit = Some(unit.clone()));
-            }
+        let required = required.skip(usize::from(matches!(self.timing, Timing::Rate(_))));
+        let mut required: Vec<(&mut CellReader, &str)> = required.collect();
+        let is_unit =
+            |(reading, name): &&(&mut CellReader, &str)| conversion(name, &text(reading)).is_ok();
+        if required.iter().filter(is_unit).count() < 2 {
+            return Ok(false);
         }
-        self.notes.push("the row below the header is read as units".into());
-        true
+        let known = self.optional.iter_mut().filter(|column| column.quantity.is_some());
+        required.extend(known.map(|column| (&mut column.reading, &*column.name)));
+        for (reading, name) in
+            required.into_iter().filter(|(reading, _)| reading.conversion.is_none())
+        {
+            let unit = text(reading);
+            if is_missing_value(unit.as_bytes()) {
+                continue;
+            }
+            let conversion = conversion(name, &unit);
+            reading.conversion = Some(conversion.map_err(|expected| {
+                wrong_unit(file, &self.names[reading.index], name, &unit, expected)
+            })?);
+            let source = self.sources.iter_mut().find(|source| source.name == name);
+            source.into_iter().for_each(|source| source.unit = Some(unit.clone()));
+        }
+        self.notes.push(format!("the row {place} the header is read as units"));
+        Ok(true)
     }
+}
+
+/// Returns the error of a column whose unit in the file is none of its quantity.
+fn wrong_unit(file: &Path, column: &str, name: &str, unit: &str, expected: String) -> DataError {
+    let (found, expected) = match other_unit(&format!("{column} [{unit}]")) {
+        Some(other) => other.refusal(name, column),
+        None => (format!("the unit {unit}"), expected),
+    };
+    DataError::Request { what: format!("{}: column {column}", file.display()), found, expected }
 }
 
 /// Names of columns that identify a row's joint. A column `name` mostly names something else and is treated
@@ -198,21 +237,24 @@ impl RequiredColumns {
     ///
     /// # Errors
     /// If one is missing, or if the header has two targets.
-    fn find(file: &Path, naming: &Naming) -> Result<Self, DataError> {
+    fn find(file: &Path, naming: &Naming, timing: Timing) -> Result<Self, DataError> {
         let ros_time = || {
             let reading = naming.find("%time")?;
             Some(CellReader { conversion: conversion(TIME, "ns").ok(), ..reading })
         };
-        let time = naming.find(TIME).or_else(ros_time);
         let target = find_target(file, naming)?;
         let kind = target.map(|target| target.kind);
         let velocity = find_motion(naming, &VELOCITIES, kind);
         let motion = velocity.or_else(|| find_motion(naming, &POSITIONS, kind));
+        let time = match timing {
+            Timing::Rate(_) => motion.map(|motion| CellReader::plain(motion.reading.index)),
+            _ => naming.find(TIME).or_else(ros_time),
+        };
         if let (Some(time), Some(motion), Some(target)) = (time, motion, target) {
             return Ok(Self { time, motion, is_position: velocity.is_none(), target });
         }
         let missing = [
-            (time.is_none(), TIME, TIME),
+            (time.is_none() && !matches!(timing, Timing::Rate(_)), TIME, TIME),
             (
                 motion.is_none(),
                 "velocity_rad_s (or velocity_m_s)",
@@ -253,8 +295,16 @@ pub(super) fn layout(
 ) -> Result<Layout, DataError> {
     let names = names.into();
     check_wide(file, &names.names)?;
-    if options.is_survey {
-        return Ok(Layout::of_survey(names));
+    if options.is_survey || options.collects {
+        let collects = options.collects;
+        return Ok(Layout { collects, is_survey: !collects, ..Layout::of_survey(names) });
+    }
+    if names.is_numbered && options.columns.is_empty() {
+        return Err(no_header(file, NUMBERED_EXAMPLE, names.names.len()));
+    }
+    let options = &with_contract_names_first(options);
+    if let Some(rate_hz) = options.rate_hz {
+        check_rate(rate_hz, options)?;
     }
     let Some(preset) = options.preset else {
         let suggested = Preset::recognise(&names);
@@ -273,6 +323,60 @@ pub(super) fn layout(
         interpret(file, names.names, &ReadOptions { columns: pairs, ..options.clone() })?;
     layout.notes.extend(note);
     Ok(layout)
+}
+
+/// Pairs of a file without a header, for an example.
+const NUMBERED_EXAMPLE: &str = "1=time_s,2=velocity_rad_s,3=torque_nm";
+
+/// Returns the error of a file without a header. `pairs` name its columns.
+pub(super) fn no_header(file: &Path, pairs: &str, count: usize) -> DataError {
+    let (pairs, help) = (Setting::Columns.suggested(pairs), Setting::Columns.given("help"));
+    DataError::MissingColumns {
+        file: file.into(),
+        found: "numbers in the first row and no header".into(),
+        expected: format!(
+            "the columns' names (time_s, velocity_rad_s, torque_nm ..), or {pairs} with the number of each column; {help} \
+             shows them"
+        ),
+        missing: Vec::new(),
+        count,
+    }
+}
+
+/// Returns the options with every pair `2=velocity_rad_s:deg/s` as `velocity_rad_s=2:deg/s`.
+fn with_contract_names_first(options: &ReadOptions) -> ReadOptions {
+    let mut options = options.clone();
+    for (ours, theirs) in &mut options.columns {
+        let (name, unit) = match theirs.split_once(':') {
+            Some((name, unit)) => (name, format!(":{unit}")),
+            None => (theirs.as_str(), String::new()),
+        };
+        let is_number = ours.bytes().all(|byte| byte.is_ascii_digit());
+        if is_number && contract::names().any(|known| known == name) {
+            let name = name.to_owned();
+            *theirs = std::mem::replace(ours, name) + &unit;
+        }
+    }
+    options
+}
+
+/// Refuses a rate that is none, and one beside a column of the time.
+fn check_rate(rate_hz: f64, options: &ReadOptions) -> Result<(), DataError> {
+    let refused = |found: &str, expected: &str| DataError::Request {
+        what: Setting::Rate.given(format!("{rate_hz}Hz")),
+        found: found.into(),
+        expected: expected.into(),
+    };
+    if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        return Err(refused("no rate", "a positive number of rows a second"));
+    }
+    match options.columns.iter().find(|(ours, _)| ours == TIME) {
+        Some((_, theirs)) => {
+            let column = Setting::Columns.given(format!("{TIME}={theirs}"));
+            Err(refused(&format!("{column} as well"), "one of the two"))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Columns of InfluxDB that make a table long: its rows hold one field each.
@@ -299,7 +403,12 @@ fn check_wide(file: &Path, names: &[String]) -> Result<(), DataError> {
 fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<Layout, DataError> {
     let one = one_joint(file, &names, options)?;
     let naming = Naming::new(file, &one.names, &one.pairs, options)?;
-    let required = RequiredColumns::find(file, &naming)?;
+    let timing = match options.rate_hz {
+        Some(rate_hz) => Timing::Rate(rate_hz),
+        None if naming.is_time_in_steps() => Timing::Steps,
+        None => Timing::Stamps,
+    };
+    let required = RequiredColumns::find(file, &naming, timing)?;
     let kind_note = required.check_kinds(file, &naming)?;
     let required_columns = [required.time, required.motion.reading, required.target.reading];
     let is_free = |at: &usize| required_columns.iter().all(|reading| reading.index != *at);
@@ -313,8 +422,9 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
     let mut layout = Layout {
         joint: target.kind,
         run,
+        timing,
         required: [time, motion.reading, target.reading],
-        dates: date_column(&names, time.index),
+        dates: date_column(&names, time.index).filter(|_| timing == Timing::Stamps),
         is_position,
         velocity_kind: motion.kind,
         joint_names: joint_name_columns(&names, &only, run),
@@ -325,13 +435,18 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
         ..Layout::default()
     };
     let sources = [
-        Some((TIME, time)),
+        (options.rate_hz.is_none()).then_some((TIME, time)),
         (!is_position).then_some((Quantity::Velocity.name(motion.kind), motion.reading)),
         Some((target.name, target.reading)),
     ];
     let sources = sources.into_iter().flatten();
     layout.sources = sources.map(|(name, of)| source_column(&names, &naming, name, of)).collect();
     add_optional_columns(&mut layout, &names, &naming, &one, &required);
+    let unread_time = naming.find(TIME).filter(|_| options.rate_hz.is_some());
+    layout.left_out.extend(unread_time.map(|time| LeftOutColumn {
+        name: names[time.index].clone(),
+        why: "the times are those of --rate".into(),
+    }));
     layout.notes.extend(naming.hints());
     if let Some(name) =
         run.map(|run| &names[run]).filter(|name| naming.find(RUN).is_none() && *name != RUN)
@@ -408,18 +523,20 @@ fn row_selections(
         let own = || names.iter().position(|name| name == column);
         let joint = || names.iter().position(|name| column == JOINT && is_joint_name(name));
         let index = naming.find(column).map(|reading| reading.index).or_else(own).or_else(joint);
-        index.map(|index| RowSelection { index, values: values.clone() }).ok_or_else(|| {
-            DataError::Request {
+        let is_joint = is_joint_name(column) || column == "name";
+        index.map(|index| RowSelection { index, values: values.clone(), is_joint }).ok_or_else(
+            || DataError::Request {
                 what: format!("{}: {}", file.display(), asked_rows(column, values)),
                 found: format!("no column {column}"),
                 expected: format!("one of {}", listed(names)),
-            }
-        })
+            },
+        )
     };
     let by_row = options.only.iter().filter(|(column, _)| !(joint_is_chosen && column == JOINT));
     by_row.map(find).collect()
 }
 
+/// Returns true if a column of this name names joints.
 fn is_joint_name(name: &str) -> bool {
     let name = name.trim_start_matches('#').trim().to_lowercase();
     JOINT_NAMES.split(' ').any(|of| of == name)

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::cell::CellReader;
 use super::clock::is_date;
-use super::contract::{self, POSITIONS, TARGETS};
+use super::contract::{self, POSITIONS, TARGETS, TIME};
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
@@ -38,6 +38,8 @@ struct Mapped<'a> {
     unit: Option<&'a str>,
     /// True if it is a torque in amperes, which the torque constant converts.
     is_current: bool,
+    /// True if the column holds the steps between the rows.
+    is_step: bool,
 }
 
 impl<'a> Naming<'a> {
@@ -51,7 +53,7 @@ impl<'a> Naming<'a> {
         mapping: &'a [(String, String)],
         options: &'a ReadOptions,
     ) -> Result<Self, DataError> {
-        check_names(file, names)?;
+        check_names(file, names, mapping.is_empty())?;
         let mut naming = Naming { names, mapped: mapped_columns(file, names, mapping, options)? };
         naming.check_torque_constant(file, options)?;
         if let Some(servo) = &options.torque_from {
@@ -97,7 +99,7 @@ impl<'a> Naming<'a> {
             refuse(found, expected.replace(&format!("{position}="), "target="))
         })?;
         let reading = CellReader { index, element, conversion };
-        Ok(Mapped { name: TARGETS[kind].0, reading, unit, is_current: false })
+        Ok(Mapped { name: TARGETS[kind].0, reading, unit, is_current: false, is_step: false })
     }
 
     /// Rejects a torque constant if no torque is in amperes.
@@ -132,6 +134,11 @@ impl<'a> Naming<'a> {
     /// Returns true if `--columns` maps this contract name.
     pub fn is_mapped(&self, wanted: &str) -> bool {
         self.mapped.iter().any(|mapped| mapped.name == wanted)
+    }
+
+    /// Returns true if `--columns` states that the time column holds the steps between the rows.
+    pub fn is_time_in_steps(&self) -> bool {
+        self.mapped.iter().any(|mapped| mapped.is_step)
     }
 
     /// Returns the unit that `--columns` gives for this contract name.
@@ -236,9 +243,9 @@ fn torque_hint(pairs: &[String], free: &[&str]) -> String {
     }
 }
 
-/// Rejects a header of numbers, or with duplicate names.
-fn check_names(file: &Path, names: &[String]) -> Result<(), DataError> {
-    if !names.is_empty() && names.iter().all(|name| name.parse::<f64>().is_ok()) {
+/// Rejects a header with duplicate names, and one of numbers if no column is mapped.
+fn check_names(file: &Path, names: &[String], is_unmapped: bool) -> Result<(), DataError> {
+    if is_unmapped && !names.is_empty() && names.iter().all(|name| name.parse::<f64>().is_ok()) {
         let expected = "the columns' names (time_s, velocity_rad_s, torque_nm ..)";
         return Err(at_header(file, &names[0], "numbers", expected));
     }
@@ -259,6 +266,9 @@ fn check_names(file: &Path, names: &[String]) -> Result<(), DataError> {
     }
     Ok(())
 }
+
+/// Follows a time column that holds the steps between the rows: `time_s=dt:us:step`.
+pub(super) const STEP_MARK: &str = "step";
 
 /// Stands for a unit that the user must know, in a suggestion.
 const UNKNOWN_UNIT: &str = "UNIT";
@@ -287,8 +297,12 @@ fn mapped_columns<'a>(
         if mapped.iter().any(|earlier| earlier.name == name) {
             return refuse(format!("{name} twice"), "each contract name once".into());
         }
-        let Some(ForeignColumn { index, element, unit }) = find_foreign(names, foreign) else {
-            let column = without_unit(foreign);
+        let (column, is_step) = match foreign.rsplit_once(':') {
+            Some((head, STEP_MARK)) if name == TIME && !names.contains(foreign) => (head, true),
+            _ => (foreign.as_str(), false),
+        };
+        let Some(ForeignColumn { index, element, unit }) = find_foreign(names, column) else {
+            let column = without_unit(column);
             let expected = format!("one of {}", listed(names));
             return in_file(format!("no column {column}"), expected);
         };
@@ -301,7 +315,7 @@ fn mapped_columns<'a>(
             let found = format!("the column of {}", earlier.name);
             return in_file(found, "a column for each quantity".into());
         }
-        let pair = Pair { name, foreign, unit, own };
+        let pair = Pair { name, foreign: column, unit, own };
         let conversion = pair.conversion(options).map_err(|wrong| match wrong {
             WrongUnit::OfFile(found, expected) => {
                 let what = format!("{}: {}", file.display(), what());
@@ -317,6 +331,7 @@ fn mapped_columns<'a>(
             reading: CellReader { index, element, conversion },
             unit,
             is_current,
+            is_step,
         });
     }
     Ok(mapped)
@@ -403,9 +418,14 @@ struct ForeignColumn<'a> {
 }
 
 /// Resolves a name of `--columns`: as a whole first, then without the unit, then without the element, then without
-/// both.
+/// both. A number that is no name is the number of the column, from 1.
 fn find_foreign<'a>(names: &[String], foreign: &'a str) -> Option<ForeignColumn<'a>> {
-    let find = |wanted: &str| names.iter().position(|name| name == wanted);
+    let by_number = |wanted: &str| {
+        let number = wanted.parse::<usize>().ok()?.checked_sub(1)?;
+        (number < names.len()).then_some(number)
+    };
+    let find =
+        |wanted: &str| names.iter().position(|name| name == wanted).or_else(|| by_number(wanted));
     let either = |text: &str| {
         let element = || {
             let (head, number) = text.strip_suffix(']')?.rsplit_once('[')?;

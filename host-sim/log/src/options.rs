@@ -19,6 +19,8 @@ pub struct ReadOptions {
     pub skip_lines: usize,
     /// The tool that wrote the log; supplies names and units that [`Self::columns`] does not.
     pub preset: Option<Preset>,
+    /// Rate of the rows, Hz. The rows are counted, and a time column is not read.
+    pub rate_hz: Option<f64>,
     /// The torque of 100 %, Nm, for torques in percent.
     pub rated_torque_nm: Option<f64>,
     /// The torque of one ampere, for torques in amperes.
@@ -27,6 +29,11 @@ pub struct ReadOptions {
     pub torque_from: Option<ServoTorque>,
     /// Maximum share of bad rows in a file, 0 to 1.
     pub max_bad_share: f64,
+    /// True to join files that hold one channel each by their times.
+    pub join: bool,
+    /// True to collect the cells of a file without their meaning; [`Self::join`] needs it.
+    #[doc(hidden)]
+    pub collects: bool,
     /// True to describe the columns instead of reading them; [`survey`](super::survey) sets it.
     #[doc(hidden)]
     pub is_survey: bool,
@@ -40,10 +47,13 @@ impl Default for ReadOptions {
             skip: 0,
             skip_lines: 0,
             preset: None,
+            rate_hz: None,
             rated_torque_nm: None,
             torque_constant: None,
             torque_from: None,
             max_bad_share: MAX_BAD_SHARE,
+            join: false,
+            collects: false,
             is_survey: false,
         }
     }

@@ -11,6 +11,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::column_names::ColumnNames;
+use super::contract::TIME;
 use super::error::{DataError, listed};
 use super::options::ReadOptions;
 use super::torque_scale;
@@ -60,7 +61,8 @@ impl Preset {
         let joint = search.joint()?;
         let (mut pairs, mut unknown) = (Vec::new(), Vec::new());
         for rule in self.rules() {
-            if search.is_mapped(rule) || search.is_named_by_contract(rule) {
+            let is_counted = rule.column == TIME && options.rate_hz.is_some();
+            if is_counted || search.is_mapped(rule) || search.is_named_by_contract(rule) {
                 continue;
             }
             let found = search.candidates(rule);

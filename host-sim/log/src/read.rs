@@ -14,6 +14,7 @@ use super::clean::{CleanRun, FileData};
 use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::describe::with_likely_columns;
 use super::error::DataError;
+use super::join;
 use super::options::ReadOptions;
 use super::source::{file_size, read_content, read_file};
 use super::table::{Table, read_table};
@@ -41,6 +42,20 @@ pub fn read(
     options: &ReadOptions,
     progress: &dyn Fn(u64, u64),
 ) -> Result<Dataset, DataError> {
+    if options.join {
+        return read_joined(files, options, progress);
+    }
+    let parts = read_each(files, options, progress)
+        .map_err(|error| with_join(with_likely_columns(error, options), files, options))?;
+    finish(merge(files, parts)?, options)
+}
+
+/// Reads each file by itself.
+fn read_each(
+    files: &[PathBuf],
+    options: &ReadOptions,
+    progress: &dyn Fn(u64, u64),
+) -> Result<Vec<FileData>, DataError> {
     let sizes = sizes(files)?;
     let total = sizes.iter().sum();
     let mut done = 0;
@@ -51,12 +66,81 @@ pub fn read(
             checkpoint();
             progress(done + bytes.min(size), total);
         };
-        let part = read_file(path, size, options, &so_far);
-        parts.push(part.map_err(|error| with_likely_columns(error, options))?);
+        parts.push(read_file(path, size, options, &so_far)?);
         done += size;
         progress(done, total);
     }
-    finish(join(files, parts)?, options)
+    Ok(parts)
+}
+
+/// Reads files that hold one channel each, and joins those of a recording by their times.
+fn read_joined(
+    files: &[PathBuf],
+    options: &ReadOptions,
+    progress: &dyn Fn(u64, u64),
+) -> Result<Dataset, DataError> {
+    let collect = ReadOptions { collects: true, ..options.clone() };
+    let parts = read_each(files, &collect, progress)?;
+    join_recordings(files, collected(parts), options)
+}
+
+/// Joins the tables of the channels of each recording, and validates the results as runs.
+fn join_recordings(
+    files: &[PathBuf],
+    tables: Vec<Table>,
+    options: &ReadOptions,
+) -> Result<Dataset, DataError> {
+    let recordings = join::recordings(files)?;
+    let mut tables: Vec<Option<Table>> = tables.into_iter().map(Some).collect();
+    let (mut parts, mut names, mut firsts, mut joined_notes) = (vec![], vec![], vec![], vec![]);
+    for recording in recordings {
+        let channels = recording.files.iter();
+        let channels = channels.filter_map(|(at, word)| Some((word.clone(), tables[*at].take()?)));
+        let joined = join::join_tables(&recording.name, channels.collect(), options)?;
+        parts.push(read_table(&joined.table, options)?);
+        names.push(PathBuf::from(&joined.table.name));
+        firsts.push(recording.files[0].0);
+        joined_notes.push(format!("{} are joined by {}", joined.files, joined.in_words));
+    }
+    let mut data = merge(&names, parts)?;
+    for run in &mut data.runs {
+        run.file = firsts[run.file];
+    }
+    data.files = files.to_vec();
+    let others = joined_notes.len().saturating_sub(JOIN_NOTES);
+    joined_notes.truncate(JOIN_NOTES);
+    if others > 0 {
+        joined_notes.push(format!("{others} more recordings are joined alike"));
+    }
+    data.notes.splice(..0, joined_notes);
+    finish(data, options)
+}
+
+/// Number of joined recordings that are reported one by one.
+const JOIN_NOTES: usize = 3;
+
+/// Replaces the error of a file that lacks columns by the option that joins it with the others, if they hold them.
+fn with_join(error: DataError, files: &[PathBuf], options: &ReadOptions) -> DataError {
+    let DataError::MissingColumns { file, found, .. } = &error else { return error };
+    let recordings = join::recordings(files);
+    if !recordings.is_ok_and(|all| all.iter().all(join::Recording::has_channels)) {
+        return error;
+    }
+    let option = Setting::Join.alone();
+    let pairs = match read_joined(files, &ReadOptions { join: true, ..options.clone() }, &|_, _| {})
+    {
+        Ok(_) => String::new(),
+        Err(DataError::MissingColumns { expected, .. }) => {
+            let pairs = expected.rsplit_once(", or ").map_or(expected.as_str(), |(_, pairs)| pairs);
+            format!(" with {pairs}")
+        }
+        Err(_) => return error,
+    };
+    DataError::File {
+        file: file.clone(),
+        found: format!("{found}; the files hold one channel each"),
+        expected: format!("{option}{pairs}, which joins the files by their times"),
+    }
 }
 
 /// Validates and joins tables in memory as [`read`] does with files. Their names take the place of the files' names.
@@ -66,8 +150,11 @@ pub fn read(
 pub fn read_tables(tables: &[Table], options: &ReadOptions) -> Result<Dataset, DataError> {
     let names: Vec<PathBuf> = tables.iter().map(|table| PathBuf::from(&table.name)).collect();
     validate_names(&names, "two tables of this name")?;
+    if options.join {
+        return join_recordings(&names, tables.to_vec(), options);
+    }
     let parts = tables.iter().map(|table| read_table(table, options));
-    finish(join(&names, parts.collect::<Result<_, _>>()?)?, options)
+    finish(merge(&names, parts.collect::<Result<_, _>>()?)?, options)
 }
 
 /// Validates and joins the contents of files as [`read`] does with the files. `progress` is called with the bytes done and
@@ -85,16 +172,25 @@ pub fn read_contents(
     let total = contents.iter().map(|content| content.bytes.len() as u64).sum();
     let mut done = 0;
     let mut parts = Vec::with_capacity(contents.len());
+    let each = &ReadOptions { collects: options.join, ..options.clone() };
     for FileContent { name, bytes } in contents {
         let so_far = |bytes: u64| {
             checkpoint();
             progress(done + bytes, total);
         };
-        parts.push(read_content(name, bytes, options, &so_far)?);
+        parts.push(read_content(name, bytes, each, &so_far)?);
         done += bytes.len() as u64;
         progress(done, total);
     }
-    finish(join(&names, parts)?, options)
+    if options.join {
+        return join_recordings(&names, collected(parts), options);
+    }
+    finish(merge(&names, parts)?, options)
+}
+
+/// Returns the tables of files whose cells were collected.
+fn collected(parts: Vec<FileData>) -> Vec<Table> {
+    parts.into_iter().map(|part| part.table.unwrap_or_default()).collect()
 }
 
 /// Fails if there is no name, or one is given twice.
@@ -145,7 +241,7 @@ fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
 type ColumnKey = (Option<Quantity>, String);
 
 /// Joins the files to one data set.
-fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
+fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
     let joint = parts[0].joint;
     for (part, file) in parts.iter().zip(files) {
         if part.joint != joint {

@@ -15,6 +15,10 @@ named! {
         Where = "where",
         /// Samples dropped at the start of each run.
         Skip = "skip",
+        /// Join of files that hold one channel each.
+        Join = "join",
+        /// Rate of the rows, Hz.
+        Rate = "rate",
         /// The torque of 100 %.
         RatedTorque = "rated torque",
         /// The torque of one ampere.

@@ -14,6 +14,7 @@ mod can_trace;
 #[cfg(feature = "mcap")]
 mod cdr;
 mod channel_clocks;
+mod codesys_trace;
 mod csv_file;
 #[cfg(any(feature = "arrow", feature = "parquet"))]
 mod date_text;
@@ -64,6 +65,7 @@ const FORMATS: &[LogFormat] = &[
     arrow_file::FORMAT,
     #[cfg(not(feature = "arrow"))]
     left_out::ARROW,
+    codesys_trace::FORMAT,
     json_lines::FORMAT,
     csv_file::FORMAT,
 ];

@@ -1,6 +1,8 @@
 //! Description of a file's columns: names and sample values, collected row by row.
 
 use super::clock::is_date;
+use super::clock_fault::is_step_column;
+use super::column_guess::guesses;
 use super::columns::is_missing_value;
 use super::error::one_line;
 use super::preset::Preset;
@@ -45,6 +47,8 @@ pub struct ColumnSummary {
     pub unit: Option<String>,
     /// The pair of `--columns` that may read it.
     pub suggestion: Option<String>,
+    /// True if its values may be the steps between rows.
+    pub is_step: bool,
 }
 
 impl ColumnSummary {
@@ -58,7 +62,7 @@ impl ColumnSummary {
 #[derive(Debug, Default)]
 pub(super) struct ColumnSamples {
     columns: Vec<ColumnSummary>,
-    /// The numbers of each column; NaN for other cells.
+    /// Numbers of each column; NaN for other cells.
     values: Vec<Vec<f64>>,
     rows: usize,
 }
@@ -99,15 +103,24 @@ impl ColumnSamples {
         }
     }
 
-    /// Returns the columns and their numbers. Without a row, they have only names.
+    /// Returns the columns. Without a row, they have only names. Columns without names in the file (`is_numbered`) are
+    /// suggested by their values.
     pub fn finish(
         mut self,
         names: Vec<String>,
         units: Vec<String>,
+        is_numbered: bool,
     ) -> (Vec<ColumnSummary>, Vec<Vec<f64>>) {
         if self.columns.is_empty() {
             let named = |name| ColumnSummary { name, ..ColumnSummary::default() };
             self.columns = names.into_iter().map(named).collect();
+        }
+        for (column, values) in self.columns.iter_mut().zip(&self.values) {
+            column.is_step = is_step_column(values);
+        }
+        let guesses = if is_numbered { guesses(&self.values) } else { Vec::new() };
+        for (column, guess) in self.columns.iter_mut().zip(guesses) {
+            column.suggestion = guess.map(|guess| format!("{}={guess}", column.name));
         }
         for (column, unit) in self.columns.iter_mut().zip(units) {
             column.unit = Some(unit).filter(|unit| !unit.is_empty());

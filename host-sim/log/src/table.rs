@@ -87,7 +87,7 @@ impl Cells {
 }
 
 /// A log as named columns.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// Its name in messages and results, in the place of a file's name.
     pub name: String,
@@ -160,7 +160,7 @@ impl TableHeader {
         let unreadable = self.unreadable;
         let mut layout = layout(path, self.names, options)?;
         let required = layout.required.iter().map(|reading| reading.index).chain(layout.run);
-        for at in required.filter(|_| !layout.is_survey) {
+        for at in required.filter(|_| !layout.is_survey && !layout.collects) {
             if let Some(kind) = &unreadable[at] {
                 let expected = "a column of plain numbers or text";
                 return Err(at_header(path, &layout.names[at], kind, expected));

@@ -29,12 +29,19 @@ pub struct LogArguments {
     /// Names and units of the file's columns: `torque_nm=tau_3:mNm,time_s=t:ms`; `help` lists the columns
     ///
     /// `:-Nm` reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale
-    /// and an offset; `velocity[2]` is an element of a cell that contains a list.
+    /// and an offset; `velocity[2]` is an element of a cell that contains a list. `1=time_s` names a column by its number;
+    /// `time_s=dt:us:step` adds up the steps between rows.
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
     /// Tool that wrote the log; supplies names and units of columns that `--columns` does not name
     #[arg(long, value_name = "TOOL", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)), hide_possible_values = true)]
     pub from: Option<String>,
+    /// Rate of the rows of a log without a time column: `200Hz`
+    #[arg(long, value_name = "RATE", value_parser = rate_hz)]
+    pub rate: Option<f64>,
+    /// Join files that hold one channel each (`effort.csv`, `position.csv`) by their times
+    #[arg(long)]
+    pub join: bool,
     /// Use only rows where COLUMN has one of the values, such as `joint=2`
     ///
     /// `joint=2` selects one joint, as `--joint 2` does. May be repeated.
@@ -100,6 +107,11 @@ fn share_of_rows(text: &str) -> Result<f64, String> {
     let percent = text.trim().trim_end_matches('%').trim_end().parse::<f64>().ok();
     let share = percent.map(|percent| percent / 100.0).filter(|share| (0.0..1.0).contains(share));
     share.ok_or_else(|| "expected a percentage below 100, such as 10%".to_owned())
+}
+
+/// Parses a rate with its unit, Hz.
+fn rate_hz(text: &str) -> Result<f64, String> {
+    joint_log::parse_rate_hz(text).ok_or_else(|| "expected a rate as 200Hz or 1kHz".to_owned())
 }
 
 /// Source of the motion.
@@ -233,6 +245,8 @@ impl LogArguments {
             torque_constant: self.torque_constant,
             torque_from: self.torque_from.clone(),
             max_bad_share: self.bad_rows.unwrap_or(MAX_BAD_SHARE),
+            rate_hz: self.rate,
+            join: self.join,
             ..ReadOptions::default()
         })
     }

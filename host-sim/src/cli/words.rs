@@ -25,6 +25,8 @@ fn option(reference: Reference) -> String {
         Setting::Model => "--model",
         Setting::RigidBody => "--rigid-body",
         Setting::Preset => "--from",
+        Setting::Join => "--join",
+        Setting::Rate => "--rate",
         Setting::SkipLines => "--skip-lines",
         Setting::ExportFormat => "--to",
         Setting::Feature => return feature_with_command(reference.value),

@@ -1,8 +1,9 @@
 //! The binary as a script sees it: exit codes, one-line errors, and complete result files.
 //!
-//! A command returns either 0 and a result, or 2 and one line on standard error. The tests generate their logs; `logs`
-//! contains the tests with unusual ones.
+//! A command returns either 0 and a result, or 2 and one line on standard error. The tests generate their logs; `logs` and
+//! `laboratory_logs` contain the tests with unusual ones.
 
+mod laboratory_logs;
 mod logs;
 mod units;
 

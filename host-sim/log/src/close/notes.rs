@@ -152,8 +152,15 @@ impl Cleaner<'_> {
         self.layout.notes.extend(notes.into_iter().map(|note| format!("{file}: {note}")));
     }
 
-    /// Adds a note on rows that were sorted.
-    pub(super) fn add_order_note(&mut self, late: usize) {
+    /// Adds notes on rows that were sorted, and on rows that occur twice.
+    pub(super) fn add_order_notes(&mut self, late: usize, duplicates: usize) {
+        if duplicates > 0 {
+            let file = self.file.display();
+            self.layout.notes.push(format!(
+                "{file}: {duplicates} of {} rows repeat an earlier row in all columns and are left out",
+                self.rows
+            ));
+        }
         if late > 0 {
             let file = self.file.display();
             self.layout.notes.push(format!(

@@ -8,6 +8,7 @@ use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
 use super::typed;
 use crate::number::figure;
+use crate::unit::conversion;
 use crate::{Dataset, Run, differences, segments};
 use compensator_core::quantity::{JointKind, Quantity};
 use std::f64::consts::{PI, TAU};
@@ -37,7 +38,10 @@ const NEIGHBOURS: usize = 8;
 const PERIODS: [f64; 4] = [TAU, PI, 360.0, 1.0];
 
 /// Bits of an encoder's counter whose counts are not converted.
-const COUNTER_BITS: [i32; 10] = [8, 10, 12, 13, 14, 16, 17, 18, 20, 24];
+const ENCODER_BITS: [i32; 10] = [8, 10, 12, 13, 14, 16, 17, 18, 20, 24];
+
+/// Bits of the counters in which drives keep counts, whatever the unit of a count.
+const COUNTER_BITS: [i32; 3] = [16, 31, 32];
 
 /// The period at which a position wraps.
 #[derive(Clone, Copy, Debug)]
@@ -132,11 +136,25 @@ fn unwrap_run(run: &mut Run, wrap: Wrap, derives_velocity: bool) {
     run.set(Quantity::Position, position);
 }
 
-/// Returns the period of a position that wraps. A slide does not turn.
-pub fn find(data: &Dataset) -> Option<Wrap> {
-    if data.joint != JointKind::Revolute {
-        return None;
+/// Returns the periods at which a position may wrap: turns of a rotary joint, and the ranges of counters.
+fn known_periods(data: &Dataset) -> Vec<f64> {
+    let name = Quantity::Position.name(data.joint);
+    let source = data.sources.iter().find(|source| source.name == name);
+    let unit = source.and_then(|source| source.unit.as_deref());
+    let count = unit.and_then(|unit| conversion(name, unit).ok());
+    let count =
+        count.map_or(1.0, |conversion| (conversion.apply(1.0) - conversion.apply(0.0)).abs());
+    let ranges = |bits: i32| 2f64.powi(bits) * count;
+    let mut periods = Vec::new();
+    if data.joint == JointKind::Revolute {
+        periods.extend(PERIODS.into_iter().chain(ENCODER_BITS.map(|bits| 2f64.powi(bits))));
     }
+    periods.extend(COUNTER_BITS.map(ranges));
+    periods
+}
+
+/// Returns the period of a position that wraps. A slide does not turn, but its counter may wrap.
+pub fn find(data: &Dataset) -> Option<Wrap> {
     let positions: Vec<&[f64]> =
         data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
     let mut all: Vec<f64> = positions.iter().flat_map(|q| q.iter().copied()).collect();
@@ -156,7 +174,7 @@ pub fn find(data: &Dataset) -> Option<Wrap> {
     if jumps.is_empty() || jumps.len() as f64 > MAX_JUMP_ROWS * data.rows as f64 {
         return None;
     }
-    let wrap = period(&jumps)?;
+    let wrap = period(&jumps, &known_periods(data), data.joint == JointKind::Revolute)?;
     (range < (1.0 + MAX_SIZE_DIFFERENCE) * wrap.period).then_some(wrap)
 }
 
@@ -185,8 +203,8 @@ fn jumps_of(time: &[f64], position: &[f64], velocity: Option<&[f64]>, least: f64
     rows.map(jump).collect()
 }
 
-/// Returns the common size of the jumps, if they are wraps.
-fn period(jumps: &[Jump]) -> Option<Wrap> {
+/// Returns the common size of the jumps, if they are wraps: of a known period, or of any other if `takes_any` is true.
+fn period(jumps: &[Jump], known: &[f64], takes_any: bool) -> Option<Wrap> {
     let mut sizes: Vec<f64> = jumps.iter().map(Jump::size).collect();
     let usual = quantile(&mut sizes, 0.5);
     let is_usual = |jump: &&Jump| {
@@ -206,8 +224,8 @@ fn period(jumps: &[Jump]) -> Option<Wrap> {
     }
     let mean = same.iter().map(|jump| jump.size()).sum::<f64>() / same.len() as f64;
     let is_near = |known: &f64| (mean / known - 1.0).abs() < MAX_SIZE_DIFFERENCE;
-    let known = PERIODS.into_iter().chain(COUNTER_BITS.map(|bits| 2f64.powi(bits))).find(is_near);
-    let period = known.or_else(|| (same.len() >= MIN_JUMPS).then_some(mean))?;
+    let known = known.iter().copied().find(is_near);
+    let period = known.or_else(|| (takes_any && same.len() >= MIN_JUMPS).then_some(mean))?;
     Some(Wrap { period, count: same.len() })
 }
 
@@ -254,6 +272,30 @@ mod tests {
             for row in 0..1000 {
                 let expected = scale * true_position(STEP_S * row as f64);
                 assert!((travel(row) - expected).abs() < 5e-3 * period, "{period}: row {row}");
+            }
+        }
+    }
+
+    #[test]
+    fn unwrapped_with_one_wrap_of_a_counter_finds_it() {
+        // A count is a 4096th of a turn, or a micrometre.
+        for (joint, unit, count) in
+            [(JointKind::Revolute, "4096counts", TAU / 4096.0), (JointKind::Prismatic, "um", 1e-6)]
+        {
+            for bits in COUNTER_BITS {
+                let range = 2f64.powi(bits) * count;
+                let start = range - 15.0 * count;
+                let exact = |t: f64| start + 40.0 * count * t;
+                let mut data = log(|t| exact(t).rem_euclid(range), |_| 0.0);
+                let name = Quantity::Position.name(joint).to_owned();
+                let unit = Some(unit.to_owned());
+                data.sources = vec![crate::SourceColumn { name, unit, ..Default::default() }];
+                data.joint = joint;
+                let (data, findings) = unwrapped(data, true);
+                assert_eq!(findings.len(), 1, "{bits} bits");
+                let q = data.runs[0].get(Quantity::Position).expect("a position");
+                let travel = exact(STEP_S * 999.0) - exact(0.0);
+                assert!((q[999] - q[0] - travel).abs() < 1e-6 * range, "{bits} bits");
             }
         }
     }

@@ -14,6 +14,10 @@ pub(super) struct Preamble {
     pub header: Option<Range<usize>>,
     /// The columns, if the lines above the table describe them.
     pub columns: Option<ColumnNames>,
+    /// The separator of the cells, where the lines above the table show it better than its rows.
+    pub separator: Option<u8>,
+    /// The line of units above the header.
+    pub units: Option<Range<usize>>,
     /// The first line of text that is skipped.
     pub skipped: Option<String>,
 }

@@ -112,6 +112,7 @@ impl ChannelClocks {
             names: self.kept.iter().map(|at| of_file.names[*at].clone()).collect(),
             units: self.kept.iter().map(unit).collect(),
             is_twincat_scope: of_file.is_twincat_scope,
+            is_numbered: of_file.is_numbered,
         }
     }
 

@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::above_table::Preamble;
+use super::above_table::{Preamble, cells};
 use super::channel_clocks::{ChannelClocks, groups};
 use super::format::{HEAD_BYTES, Input, LogFormat};
 use super::number_style::NumberStyle;
@@ -24,7 +24,9 @@ use super::records::{
 use super::separator::separator;
 use super::{utf16, windows_1252};
 use crate::clean::{Cleaner, FileData};
+use crate::clock::is_date;
 use crate::column_names::ColumnNames;
+use crate::columns::is_missing_value;
 use crate::error::DataError;
 use crate::error::quoted;
 use crate::header::{Layout, layout};
@@ -138,7 +140,9 @@ fn preamble_after_mark(head: &[u8], options: &ReadOptions) -> Preamble {
     let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let mut before = find_preamble(&head[mark..], options.skip_lines);
     before.start += mark;
-    before.header = before.header.map(|range| range.start + mark..range.end + mark);
+    let moved = |range: std::ops::Range<usize>| range.start + mark..range.end + mark;
+    before.header = before.header.map(moved);
+    before.units = before.units.map(moved);
     before
 }
 
@@ -184,8 +188,13 @@ impl TextTable<'_> {
         self.read_in_style(open().map_err(io)?, plain, options, progress).0
     }
 
-    /// Returns the names of the columns: those of the preamble or those of the first record.
-    fn names<R: Read>(&self, records: &mut RecordReader<R>) -> Result<ColumnNames, csv::Error> {
+    /// Returns the names of the columns: those of the preamble or those of the first record. If the first record is a row, the
+    /// columns are numbered and the record is the current one.
+    fn names<R: Read>(
+        &self,
+        records: &mut RecordReader<R>,
+        format: &NumberFormat,
+    ) -> Result<ColumnNames, csv::Error> {
         if let Some(columns) = &self.before.columns {
             return Ok(columns.clone());
         }
@@ -203,9 +212,13 @@ impl TextTable<'_> {
             }
         }
         while names.is_empty() && records.advance()? {
-            if !is_blank(&records.record) {
-                names = cell_names(&records.record);
+            if is_blank(&records.record) {
+                continue;
             }
+            if is_row(&records.record, format) {
+                return Ok(ColumnNames::numbered(records.record.len()));
+            }
+            names = cell_names(&records.record);
         }
         Ok(names.into())
     }
@@ -218,6 +231,9 @@ impl TextTable<'_> {
     fn separator(&self) -> u8 {
         let start = self.before.start.min(self.head.len());
         let below = &self.head[start..];
+        if let Some(separator) = self.before.separator {
+            return separator;
+        }
         // Rows of numbers may have more decimal commas than separators.
         if self.before.columns.is_some() {
             let above = &self.head[..start];
@@ -254,16 +270,21 @@ impl TextTable<'_> {
     ) -> Result<FileData, DataError> {
         let path = self.path;
         let failed = |error: csv::Error| csv_error(path, error);
-        let names = self.names(&mut records).map_err(failed)?;
+        let names = self.names(&mut records, format).map_err(failed)?;
         let width = names.names.len();
         let mut clocks = groups(&names, options).map(ChannelClocks::new);
         let merged = clocks.as_ref().map(|clocks| clocks.names(&names));
         let mut layout: Layout = layout(path, merged.unwrap_or_else(|| names.clone()), options)?;
-        let mut has_record = records.advance().map_err(failed)?;
+        if let Some(line) = self.before.units.clone().map(|range| &self.head[range]) {
+            let units = cells(line, self.separator());
+            let cells = clocks.as_ref().map_or(units.clone(), |clocks| clocks.cells(&units));
+            layout.take_units(path, &cells, "above")?;
+        }
+        let mut has_record = names.is_numbered || records.advance().map_err(failed)?;
         if has_record && records.record.len() == width {
-            let cells: Vec<&[u8]> = records.record.iter().map(<[u8]>::trim_ascii).collect();
-            let cells = clocks.as_ref().map_or(cells.clone(), |clocks| clocks.cells(&cells));
-            if layout.take_units(&cells) {
+            let row: Vec<&[u8]> = records.record.iter().map(<[u8]>::trim_ascii).collect();
+            let cells = clocks.as_ref().map_or(row.clone(), |clocks| clocks.cells(&row));
+            if layout.take_units(path, &cells, "below")? {
                 has_record = records.advance().map_err(failed)?;
             }
         }
@@ -325,6 +346,14 @@ impl TextTable<'_> {
         let file = self.path.display();
         notes.into_iter().map(|note| format!("{file}: {note}")).collect()
     }
+}
+
+/// Returns true if a record is a row of values and not a header: numbers, dates and missing values.
+fn is_row(record: &csv::ByteRecord, format: &NumberFormat) -> bool {
+    let is_number = |cell: &[u8]| format.parse(cell.trim_ascii()).is_some();
+    let is_value = |cell: &[u8]| is_number(cell) || is_missing_value(cell) || is_date(cell);
+    let numbers = record.iter().filter(|cell| is_number(cell)).count();
+    record.len() > 1 && numbers > 0 && 2 * numbers >= record.len() && record.iter().all(is_value)
 }
 
 /// Describes a record of the wrong number of cells.

@@ -10,6 +10,7 @@
 use super::above_table::{Preamble, cells, is_number};
 use super::scope_preamble::find_scope_preamble;
 use super::separator::separator;
+use crate::column_names::ColumnNames;
 use crate::{guess, unit};
 use std::ops::Range;
 
@@ -34,7 +35,9 @@ pub(super) fn find_preamble(head: &[u8], skip: usize) -> Preamble {
     }
     found.start += given;
     found.lines += skip as u64;
-    found.header = found.header.map(|range| range.start + given..range.end + given);
+    let moved = |range: Range<usize>| range.start + given..range.end + given;
+    found.header = found.header.map(moved);
+    found.units = found.units.map(moved);
     found
 }
 
@@ -75,15 +78,77 @@ fn add_text_lines(head: &[u8], preamble: &mut Preamble) {
     let is_cut = head.last() != Some(&b'\n') && lines.len() > 3;
     let lines = if is_cut { &lines[..lines.len() - 1] } else { &lines[..] };
     let is_table = |at: &usize| is_header_of(lines[*at].1, lines.get(at + 1..).unwrap_or_default());
-    let Some(last) = (0..lines.len()).find(is_table) else { return };
+    let is_names = |at: &usize| is_table(at) && !is_all_units(lines[*at].1);
+    let Some(last) = (0..lines.len()).find(is_names).or_else(|| (0..lines.len()).find(is_table))
+    else {
+        return;
+    };
     // A row of words may follow the header.
     let at = (0..=last).rev().max_by_key(|at| header_rank(lines[*at].1, lines[last].1));
+    if at.is_some_and(|at| add_groups(head, &lines, at, preamble)) {
+        return;
+    }
     if let Some(at) = at.filter(|at| *at > 0) {
+        let above = lines[at - 1];
+        let names = cells(lines[at].1, separator(lines[at].1)).len();
+        if is_unit_row(&cells(above.1, separator(lines[at].1)), names) {
+            preamble.units = Some(above.0..above.0 + above.1.len());
+        }
         let new_lines = head[preamble.start..lines[at].0].iter().filter(|byte| **byte == b'\n');
         preamble.lines += new_lines.count() as u64;
         preamble.start = lines[at].0;
         preamble.skipped = Some(String::from_utf8_lossy(lines[0].1).into_owned());
     }
+}
+
+/// Joins the names of the header with those of the groups in the line above it (`joint 1,,joint 2,`), if the header has names
+/// twice. pandas writes such tables, with the name of the index in a line below. Returns true if there are groups.
+fn add_groups(head: &[u8], lines: &[(usize, &[u8])], at: usize, preamble: &mut Preamble) -> bool {
+    let by = separator(lines[at].1);
+    let text = |cell: &&[u8]| String::from_utf8_lossy(cell).trim().to_owned();
+    let names: Vec<String> = cells(lines[at].1, by).iter().map(text).collect();
+    let is_twice =
+        |name: &String| !name.is_empty() && names.iter().filter(|of| *of == name).count() > 1;
+    let Some(above) = at.checked_sub(1).filter(|_| names.iter().any(is_twice)) else {
+        return false;
+    };
+    let mut groups: Vec<String> = cells(lines[above].1, by).iter().map(text).collect();
+    if groups.len() != names.len() || groups.iter().any(|group| is_number(group.as_bytes())) {
+        return false;
+    }
+    for place in 1..groups.len() {
+        if groups[place].is_empty() {
+            groups[place] = groups[place - 1].clone();
+        }
+    }
+    let below = lines.get(at + 1).map(|(_, line)| cells(line, by));
+    let index = below.as_ref().filter(|row| is_index_name(row, names.len()));
+    let index_name = index.map(|row| text(&row[0]));
+    let joined = names.iter().zip(&groups).enumerate().map(|(place, (name, group))| {
+        let parts = match (place, &index_name) {
+            (0, Some(index)) if name.is_empty() => return index.clone(),
+            _ if is_twice(name) || name.is_empty() => [group.as_str(), name.as_str()],
+            _ => ["", name.as_str()],
+        };
+        parts.join(" ").trim().to_owned()
+    });
+    let columns = ColumnNames { names: joined.collect(), ..ColumnNames::default() };
+    let Some((start, _)) = lines.get(at + 1 + usize::from(index_name.is_some())) else {
+        return false;
+    };
+    let new_lines = head[preamble.start..*start].iter().filter(|byte| **byte == b'\n');
+    preamble.lines += new_lines.count() as u64;
+    (preamble.start, preamble.columns, preamble.separator) = (*start, Some(columns), Some(by));
+    true
+}
+
+/// Returns true if a row holds only the name of the index.
+fn is_index_name(row: &[&[u8]], columns: usize) -> bool {
+    let [first, others @ ..] = row else { return false };
+    row.len() == columns
+        && !first.is_empty()
+        && !is_number(first)
+        && others.iter().all(|cell| cell.is_empty())
 }
 
 /// Ranks a line as the header, among lines above the rows of numbers: 0 for a line that is none, else one more than the
@@ -116,6 +181,8 @@ fn is_header_of(line: &[u8], below: &[(usize, &[u8])]) -> bool {
         let numbers = row.iter().filter(|cell| is_number(cell)).count();
         row.len() == names.len() && numbers > 0 && 2 * numbers >= filled
     };
+    let is_index = |(_, line): &(usize, &[u8])| is_index_name(&cells(line, by), names.len());
+    let below = below.get(usize::from(below.first().is_some_and(is_index))..).unwrap_or_default();
     let is_units =
         below.first().is_some_and(|(_, line)| is_unit_row(&cells(line, by), names.len()));
     let rows = below.get(usize::from(is_units)..).unwrap_or_default();
@@ -124,13 +191,22 @@ fn is_header_of(line: &[u8], below: &[(usize, &[u8])]) -> bool {
 
 /// Returns true if a row holds units.
 fn is_unit_row(row: &[&[u8]], columns: usize) -> bool {
-    let is_unit = |cell: &&&[u8]| {
-        let text = String::from_utf8_lossy(cell);
-        unit::is_symbol(text.trim_matches(['[', ']', '(', ')', ' ']))
-    };
     row.len() == columns
         && !row.iter().any(|cell| is_number(cell))
-        && row.iter().filter(|cell| !cell.is_empty()).filter(is_unit).count() > 0
+        && row.iter().filter(|cell| !cell.is_empty()).any(is_unit)
+}
+
+/// Returns true if a line holds only units.
+fn is_all_units(line: &[u8]) -> bool {
+    let row = cells(line, separator(line));
+    let filled = || row.iter().filter(|cell| !cell.is_empty());
+    filled().count() > 1 && filled().all(is_unit)
+}
+
+/// Returns true if a cell holds a unit, perhaps in brackets.
+fn is_unit(cell: &&[u8]) -> bool {
+    let text = String::from_utf8_lossy(cell);
+    unit::is_symbol(text.trim_matches(['[', ']', '(', ')', ' ']))
 }
 
 /// Finds the comments above a table.

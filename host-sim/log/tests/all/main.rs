@@ -4,10 +4,14 @@
 
 #[cfg(feature = "arrow")]
 mod data_arrow;
+mod data_clock;
+mod data_columns;
 mod data_garbage;
+mod data_join;
 mod data_measured;
 #[cfg(feature = "parquet")]
 mod data_parquet;
 mod data_reading;
 mod filtered_velocity;
+mod folder;
 mod motion;

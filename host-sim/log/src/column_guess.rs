@@ -1,0 +1,211 @@
+//! Guess of the quantities of columns without names, by their values.
+//!
+//! A clock increases in steps of one size. A velocity follows the derivative of a position, and the ratio of the two shows
+//! their units. Friction has the sign of the velocity. A guess is only a suggestion of what to type.
+
+use super::clock_fault::is_step_column;
+use super::contract::TIME;
+use super::naming::STEP_MARK;
+
+/// Units of position and velocity, by the ratio of the velocity to the derivative of the position.
+const RATIOS: [(f64, [&str; 2]); 5] = {
+    use std::f64::consts::PI;
+    [
+        (1.0, ["", ""]),
+        (180.0 / PI, ["", ":deg/s"]),
+        (PI / 180.0, [":deg", ""]),
+        (30.0 / PI, ["", ":rpm"]),
+        (1.0 / 6.0, [":deg", ":rpm"]),
+    ]
+};
+
+/// Maximum difference of a ratio from that of known units, as a share.
+const MAX_RATIO_DIFFERENCE: f64 = 0.1;
+
+/// Minimum correlation of a velocity with the derivative of a position.
+const MIN_MOTION_FIT: f64 = 0.9;
+
+/// Minimum correlation of a torque with the sign of the velocity.
+const MIN_SIGN_FIT: f64 = 0.3;
+
+/// Minimum number of rows of a guess.
+const MIN_ROWS: usize = 20;
+
+/// Minimum share of the steps of a clock between half and twice their median.
+const MIN_REGULAR_STEPS: f64 = 0.8;
+
+/// Units of time, each with its length, s, and the steps that suggest it.
+const CLOCK_UNITS: [(&str, f64, std::ops::Range<f64>); 4] = [
+    ("", 1.0, 1e-5..0.15),
+    (":ms", 1e-3, 0.15..60.0),
+    (":us", 1e-6, 60.0..1e5),
+    (":ns", 1e-9, 1e5..1e9),
+];
+
+/// Returns for each column the contract name that it may hold, with its unit.
+pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Option<String>> {
+    let mut found = vec![None; columns.len()];
+    if columns.iter().map(Vec::len).min().unwrap_or_default() < MIN_ROWS {
+        return found;
+    }
+    let varies = |at: &usize| columns[*at].iter().any(|value| *value != columns[*at][0]);
+    let stamps = (0..columns.len()).find_map(|at| Some((at, clock(&columns[at])?)));
+    // A constant column is a step only beside a motion and a torque.
+    let has_others = (0..columns.len()).filter(varies).count() > 1;
+    let steps = || (0..columns.len()).find_map(|at| Some((at, step(&columns[at])?)));
+    let clock = stamps.or_else(|| has_others.then(steps).flatten());
+    let mut time = None;
+    if let Some((at, (name, length_s))) = clock {
+        found[at] = Some(name);
+        time = length_s.map(|length_s| columns[at].iter().map(|t| t * length_s).collect());
+    }
+    let mut free: Vec<usize> = (0..columns.len()).collect();
+    free.retain(|at| found[*at].is_none() && varies(at));
+    let time: Option<Vec<f64>> = time;
+    let pairs = free.iter().flat_map(|q| free.iter().map(|v| (*q, *v))).filter(|(q, v)| q != v);
+    let rated = pairs.map(|(q, v)| {
+        let rate = derivative(&columns[q], time.as_deref());
+        let (fit, ratio) = regression(&rate, &columns[v]);
+        (q, v, fit, ratio)
+    });
+    let motion = rated.max_by(|a, b| a.2.total_cmp(&b.2)).filter(|pair| pair.2 >= MIN_MOTION_FIT);
+    let signs: Vec<(usize, Vec<f64>)> = match motion {
+        Some((q, v, _, ratio)) => {
+            let is_near = |known: f64| (ratio / known - 1.0).abs() < MAX_RATIO_DIFFERENCE;
+            let known = RATIOS.iter().find(|(known, _)| time.is_some() && is_near(*known));
+            let [of_position, of_velocity] = known.map_or(["", ""], |(_, units)| *units);
+            found[q] = Some(format!("position_rad{of_position}"));
+            found[v] = Some(format!("velocity_rad_s{of_velocity}"));
+            free.retain(|at| found[*at].is_none());
+            vec![(v, columns[v].clone())]
+        }
+        // Without a pair, any column may be the motion: a velocity itself, or a position.
+        None => {
+            let both = |at: &usize| [columns[*at].clone(), derivative(&columns[*at], None)];
+            free.iter().flat_map(|at| both(at).map(|values| (*at, values))).collect()
+        }
+    };
+    let torques =
+        free.iter().flat_map(|torque| signs.iter().enumerate().map(move |s| (*torque, s)));
+    let torques =
+        torques.filter(|(torque, (_, (of, _)))| torque != of).map(|(torque, (number, sign))| {
+            let signum: Vec<f64> =
+                sign.1.iter().map(|v| if *v == 0.0 { 0.0 } else { v.signum() }).collect();
+            (torque, number, sign.0, regression(&signum, &columns[torque]).0)
+        });
+    if let Some((torque, number, of, fit)) = torques.max_by(|a, b| a.3.total_cmp(&b.3))
+        && (fit >= MIN_SIGN_FIT || motion.is_some() && free.len() == 1)
+    {
+        found[torque] = Some("torque_nm".into());
+        let name = if number % 2 == 0 { "velocity_rad_s" } else { "position_rad" };
+        found[of].get_or_insert_with(|| name.into());
+    }
+    found
+}
+
+/// Returns the unit of a column of times, by its step.
+fn clock_unit(step: f64) -> Option<(&'static str, f64)> {
+    let unit = CLOCK_UNITS.iter().find(|(.., steps)| steps.contains(&step));
+    unit.map(|(unit, length_s, _)| (*unit, *length_s))
+}
+
+/// Returns the name of a column that holds steps, with its unit.
+fn step(values: &[f64]) -> Option<(String, Option<f64>)> {
+    if !is_step_column(values) {
+        return None;
+    }
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let (unit, _) = clock_unit(sorted[sorted.len() / 2])?;
+    Some((format!("{TIME}{unit}:{STEP_MARK}"), None))
+}
+
+/// Returns the name of a time column with its unit, and the length of the unit, s.
+fn clock(values: &[f64]) -> Option<(String, Option<f64>)> {
+    let mut steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if steps.iter().any(|step| *step < 0.0) {
+        return None;
+    }
+    steps.sort_unstable_by(f64::total_cmp);
+    let median = steps[steps.len() / 2];
+    let is_regular = |step: &&f64| (0.5 * median..=2.0 * median).contains(*step);
+    let regular = steps.iter().filter(is_regular).count();
+    if median <= 0.0 || (regular as f64) < MIN_REGULAR_STEPS * steps.len() as f64 {
+        return None;
+    }
+    let (unit, length_s) = clock_unit(median)?;
+    Some((format!("{TIME}{unit}"), Some(length_s)))
+}
+
+/// Returns the derivative of a column over two rows, in units per second, or per row without a time.
+fn derivative(values: &[f64], time: Option<&[f64]>) -> Vec<f64> {
+    let last = values.len() - 1;
+    let slope = |row: usize| {
+        let (before, after) = (row.saturating_sub(1), (row + 1).min(last));
+        let length = time.map_or((after - before) as f64, |time| time[after] - time[before]);
+        (values[after] - values[before]) / if length > 0.0 { length } else { f64::INFINITY }
+    };
+    (0..=last).map(slope).collect()
+}
+
+/// Returns the correlation of two columns, and the slope of the second over the first.
+fn regression(x: &[f64], y: &[f64]) -> (f64, f64) {
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let (mean_x, mean_y) = (mean(x), mean(y));
+    let product = |a: &[f64], mean_a: f64, b: &[f64], mean_b: f64| -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - mean_a) * (b - mean_b)).sum()
+    };
+    let (xx, yy) = (product(x, mean_x, x, mean_x), product(y, mean_y, y, mean_y));
+    let xy = product(x, mean_x, y, mean_y);
+    if xx > 0.0 && yy > 0.0 { (xy / (xx * yy).sqrt(), xy / xx) } else { (0.0, 0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns(of: &[fn(f64) -> f64]) -> Vec<Option<String>> {
+        let columns: Vec<Vec<f64>> =
+            of.iter().map(|of| (0..400).map(|row| of(0.005 * f64::from(row))).collect()).collect();
+        guesses(&columns)
+    }
+
+    fn names(found: &[Option<String>]) -> Vec<&str> {
+        found.iter().map(|name| name.as_deref().unwrap_or("-")).collect()
+    }
+
+    const POSITION: fn(f64) -> f64 = |t| 2.0 * (3.0 * t).sin();
+    const VELOCITY: fn(f64) -> f64 = |t| 6.0 * (3.0 * t).cos();
+    const TORQUE: fn(f64) -> f64 = |t| 0.5 * (3.0 * t).cos().signum() + 0.1 * (40.0 * t).sin();
+
+    #[test]
+    fn guesses_with_all_quantities_finds_each_in_any_order() {
+        let found = columns(&[TORQUE, |_| 3.0, POSITION, |t| 1e3 * t, VELOCITY]);
+        assert_eq!(
+            names(&found),
+            ["torque_nm", "-", "position_rad", "time_s:ms", "velocity_rad_s"]
+        );
+    }
+
+    #[test]
+    fn guesses_with_other_units_names_them() {
+        let found =
+            columns(&[|t| t, |t| POSITION(t).to_degrees(), |t| VELOCITY(t) * 9.549_297, TORQUE]);
+        assert_eq!(
+            names(&found),
+            ["time_s", "position_rad:deg", "velocity_rad_s:rpm", "torque_nm"]
+        );
+        let found = columns(&[|_| 5000.0, VELOCITY, TORQUE]);
+        assert_eq!(names(&found), ["time_s:us:step", "velocity_rad_s", "torque_nm"]);
+    }
+
+    #[test]
+    fn guesses_with_position_and_torque_alone_finds_them() {
+        assert_eq!(
+            names(&columns(&[|t| t, POSITION, TORQUE])),
+            ["time_s", "position_rad", "torque_nm"]
+        );
+        assert_eq!(names(&columns(&[|_| 1.0, |_| 2.0])), ["-", "-"]);
+        assert_eq!(guesses(&[vec![1.0; 3], vec![2.0; 3]]), [None, None]);
+    }
+}

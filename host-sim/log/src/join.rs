@@ -1,0 +1,393 @@
+//! Join of files that hold one channel each: `effort.csv`, `position.csv`, `velocity.csv`.
+//!
+//! Files belong to one recording if their paths are equal but for a word that names a quantity, in the name of the file or of
+//! a folder: `effort/07.csv` and `position/07.csv`, or `run7_tau.csv` and `run7_q.csv`. Their rows are joined by their times.
+//! Rows of equal times become one row. If the channels have clocks of their own, each sample keeps its time, and the empty
+//! cells are treated as in every log with merged channels.
+
+use super::contract::TIME;
+use super::date::parse_stamp;
+use super::error::{DataError, listed};
+use super::guess;
+use super::options::ReadOptions;
+use super::segment::median_step;
+use super::table::{Cells, Table};
+use crate::setting::Setting;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Maximum difference of two times of one row, in steps between rows.
+const SAME_TIME_STEPS: f64 = 0.05;
+
+/// Minimum share of rows with a sample of each file, for the files to have one clock.
+const MIN_COMMON_SHARE: f64 = 0.9;
+
+/// Minimum share of the shortest file that is at times of all files.
+const MIN_OVERLAP: f64 = 0.5;
+
+/// The quantities whose words tell channels apart.
+const CHANNELS: [&str; 6] = [
+    "torque_nm",
+    "velocity_rad_s",
+    "position_rad",
+    "temperature_c",
+    "pressure_diff_pa",
+    "acceleration_rad_s2",
+];
+
+/// The files of one recording.
+#[derive(Debug, PartialEq)]
+pub(super) struct Recording {
+    /// The part of the paths that tells it from the others, or the words of its channels.
+    pub name: String,
+    /// Each file as its index among all files, with the word of its channel.
+    pub files: Vec<(usize, String)>,
+}
+
+/// A joined recording.
+pub(super) struct Joined {
+    pub table: Table,
+    /// The joined files, for the report.
+    pub files: String,
+    /// How they were joined, as the end of a sentence.
+    pub in_words: String,
+}
+
+impl Recording {
+    /// Returns true if the names of its files are those of several measured quantities.
+    pub fn has_channels(&self) -> bool {
+        self.files.len() > 1 && self.files.iter().all(|(_, word)| is_channel(word))
+    }
+}
+
+/// Groups files into recordings.
+///
+/// # Errors
+/// If the paths do not show which files belong together.
+pub(super) fn recordings(files: &[PathBuf]) -> Result<Vec<Recording>, DataError> {
+    let mut groups: BTreeMap<String, Vec<(usize, String)>> = BTreeMap::new();
+    for (at, file) in files.iter().enumerate() {
+        let (key, channel) = key_and_channel(file);
+        groups.entry(key).or_default().push((at, channel));
+    }
+    let is_alone = groups.values().all(|group| group.len() == 1);
+    if is_alone {
+        // Names without a word of a channel: one recording.
+        let channels = groups.into_values().flatten().collect();
+        groups = BTreeMap::from([(String::new(), channels)]);
+    }
+    let most = groups.values().map(Vec::len).max().unwrap_or_default();
+    let refused = |at: usize, found: String| DataError::File {
+        file: files[at].clone(),
+        found,
+        expected: format!(
+            "for {}, files of each recording whose names differ in one word: effort_1.csv, velocity_1.csv",
+            Setting::Join.alone()
+        ),
+    };
+    if let Some(short) = groups.values().find(|group| group.len() < most) {
+        let found = format!("{} of {most} channels of its recording", short.len());
+        return Err(refused(short[0].0, found));
+    }
+    for group in groups.values() {
+        let is_second = |(place, (_, word)): &(usize, &(usize, String))| {
+            group[..*place].iter().any(|(_, known)| known == word)
+        };
+        if let Some((_, (at, word))) = group.iter().enumerate().find(is_second) {
+            return Err(refused(*at, format!("a second channel {word} of its recording")));
+        }
+    }
+    let keys: Vec<Vec<String>> =
+        groups.keys().map(|key| key.split('/').map(str::to_owned).collect()).collect();
+    let common = (0..).take_while(|at| {
+        let part = keys[0].get(*at);
+        keys.len() > 1 && part.is_some() && keys.iter().all(|key| key.get(*at) == part)
+    });
+    let common = common.count();
+    let name = |key: &[String], files: &[(usize, String)]| match keys.len() {
+        1 => files.iter().map(|(_, word)| word.as_str()).collect::<Vec<_>>().join("+"),
+        _ => key[common..].join("-"),
+    };
+    let mut found: Vec<Recording> = keys
+        .iter()
+        .zip(groups.into_values())
+        .map(|(key, files)| Recording { name: name(key, &files), files })
+        .collect();
+    found.sort_by_key(|recording| recording.files[0].0);
+    Ok(found)
+}
+
+/// Returns the path without the word of its channel, and this word. A path without such a word is its own channel.
+fn key_and_channel(file: &Path) -> (String, String) {
+    let parts: Vec<String> = file
+        .with_extension("")
+        .components()
+        .map(|part| part.as_os_str().to_string_lossy().into_owned())
+        .collect();
+    for (place, part) in parts.iter().enumerate().rev() {
+        let words = words(part);
+        let named = words.iter().filter(|word| is_channel(word));
+        let Some(word) = named.max_by_key(|word| word.len()) else { continue };
+        let rest = part.replacen(word.as_str(), "", 1);
+        let rest = rest.trim_matches(['_', '-', '.', ' ']);
+        let mut key = parts.clone();
+        key[place] = rest.to_owned();
+        key.retain(|part| !part.is_empty());
+        return (key.join("/"), word.to_lowercase());
+    }
+    let stem = parts.last().cloned().unwrap_or_default();
+    (parts.join("/"), stem)
+}
+
+/// Returns true if a word names a measured quantity. One letter is too short: `v2` is a version.
+fn is_channel(word: &str) -> bool {
+    word.len() > 1 && guess::quantity(word).is_some_and(|of| CHANNELS.contains(&of))
+}
+
+/// Returns the parts of a name that are letters alone.
+fn words(name: &str) -> Vec<String> {
+    let parts = name.split(|c: char| !c.is_alphabetic());
+    parts.filter(|part| !part.is_empty()).map(str::to_owned).collect()
+}
+
+/// A file as a table with its clock.
+struct Channel {
+    file: String,
+    word: String,
+    time_name: Option<String>,
+    /// Times in the unit of the column, from the earliest of all files; empty if the rows are counted.
+    times: Vec<f64>,
+    columns: Vec<(String, Cells)>,
+    rows: usize,
+}
+
+/// Joins the tables of a recording, each with the word of its channel. `name` is its name in messages.
+///
+/// # Errors
+/// If a table has no column of times, or the times do not overlap.
+pub(super) fn join_tables(
+    name: &str,
+    tables: Vec<(String, Table)>,
+    options: &ReadOptions,
+) -> Result<Joined, DataError> {
+    let mut channels: Vec<Channel> = tables
+        .into_iter()
+        .map(|(word, table)| channel(word, table, options))
+        .collect::<Result<_, _>>()?;
+    let files: Vec<String> = channels.iter().map(|channel| channel.file.clone()).collect();
+    name_columns(&mut channels);
+    let rows =
+        if options.rate_hz.is_some() { counted_rows(&channels)? } else { matched_rows(&channels)? };
+    let mut columns = Vec::new();
+    for (at, channel) in channels.iter_mut().enumerate() {
+        for (name, cells) in std::mem::take(&mut channel.columns) {
+            columns.push((name, select(&cells, rows.rows.iter().map(|row| row[at]))));
+        }
+    }
+    if let Some(time) = time_column(&channels, &rows) {
+        columns.insert(0, time);
+    }
+    let table = Table { name: name.into(), columns };
+    Ok(Joined { table, files: listed(&files), in_words: rows.in_words })
+}
+
+/// The rows of the joined table: the row of each file, if it has one there.
+struct MatchedRows {
+    rows: Vec<Vec<Option<usize>>>,
+    in_words: String,
+}
+
+fn refused(file: &str, found: String, expected: String) -> DataError {
+    DataError::File { file: file.into(), found, expected }
+}
+
+/// Splits a table into its clock and its other columns.
+fn channel(word: String, table: Table, options: &ReadOptions) -> Result<Channel, DataError> {
+    let Table { name: file, mut columns } = table;
+    let rows = columns.first().map_or(0, |(_, cells)| cells.len());
+    let given = options.columns.iter().find(|(ours, _)| ours == TIME).map(|(_, theirs)| theirs);
+    let is_given = |name: &str| {
+        given.is_some_and(|given| {
+            given.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(':'))
+        })
+    };
+    let is_time = |name: &str| guess::quantity(name) == Some(TIME);
+    // A file without a header has its times first.
+    let place = columns
+        .iter()
+        .position(|(name, _)| is_given(name))
+        .or_else(|| columns.iter().position(|(name, _)| is_time(name)))
+        .or_else(|| (columns.len() > 1 && columns[0].0 == "1").then_some(0));
+    let Some(place) = place else {
+        if options.rate_hz.is_some() {
+            return Ok(Channel { file, word, time_name: None, times: Vec::new(), columns, rows });
+        }
+        let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+        let pair = Setting::Columns.suggested(format!("{TIME}=NAME"));
+        let expected =
+            format!("a column of times, as {pair}, or {}", Setting::Rate.suggested("200Hz"));
+        return Err(refused(&file, format!("only the columns {}", listed(&names)), expected));
+    };
+    let (time_name, cells) = columns.remove(place);
+    let times = times(&file, &time_name, &cells)?;
+    Ok(Channel { file, word, time_name: Some(time_name), times, columns, rows })
+}
+
+/// Returns the times of a column in its unit, or in s for dates.
+fn times(file: &str, name: &str, cells: &Cells) -> Result<Vec<f64>, DataError> {
+    let time = |row: usize| match cells {
+        Cells::Numbers(cells) => cells[row],
+        Cells::Integers(cells) | Cells::Stamps(cells) => cells[row].map_or(f64::NAN, |n| n as f64),
+        Cells::Texts(cells) => match parse_stamp(cells[row].as_bytes(), None) {
+            Ok(Some(stamp)) => stamp.nanoseconds() as f64 / 1e9,
+            _ => cells[row].trim().parse().unwrap_or(f64::NAN),
+        },
+        Cells::Unreadable { .. } => f64::NAN,
+    };
+    let times: Vec<f64> = (0..cells.len()).map(time).collect();
+    if times.iter().any(|time| !time.is_nan()) {
+        return Ok(times);
+    }
+    Err(refused(file, format!("no time in column {name}"), "numbers or dates".into()))
+}
+
+/// Gives the columns of all files distinct names: a name that occurs in two files gets the word of its channel.
+fn name_columns(channels: &mut [Channel]) {
+    let names: Vec<Vec<String>> = channels
+        .iter()
+        .map(|channel| channel.columns.iter().map(|(name, _)| name.clone()).collect())
+        .collect();
+    for (at, channel) in channels.iter_mut().enumerate() {
+        let is_alone = channel.columns.len() == 1;
+        for (name, _) in &mut channel.columns {
+            let is_number = name.bytes().all(|byte| byte.is_ascii_digit());
+            let is_twice =
+                names.iter().enumerate().any(|(of, names)| of != at && names.contains(name));
+            if is_alone && (is_number || is_twice) {
+                *name = channel.word.clone();
+            } else if is_number || is_twice {
+                *name = format!("{}_{name}", channel.word);
+            }
+        }
+    }
+}
+
+/// Joins files without times row by row.
+fn counted_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
+    let rows = channels[0].rows;
+    if let Some(other) = channels.iter().find(|channel| channel.rows != rows) {
+        let expected = format!("{rows} as in {}", channels[0].file);
+        return Err(refused(&other.file, format!("{} rows", other.rows), expected));
+    }
+    let rows: Vec<_> = (0..rows).map(|row| vec![Some(row); channels.len()]).collect();
+    let in_words = format!("the number of their rows: {} rows", rows.len());
+    Ok(MatchedRows { rows, in_words })
+}
+
+/// Joins files by their times.
+fn matched_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
+    let orders: Vec<Vec<usize>> = channels
+        .iter()
+        .map(|channel| {
+            let mut order: Vec<usize> =
+                (0..channel.times.len()).filter(|row| !channel.times[*row].is_nan()).collect();
+            order.sort_by(|a, b| channel.times[*a].total_cmp(&channel.times[*b]));
+            order
+        })
+        .collect();
+    let sorted: Vec<Vec<f64>> = channels
+        .iter()
+        .zip(&orders)
+        .map(|(channel, order)| order.iter().map(|row| channel.times[*row]).collect())
+        .collect();
+    let (from, to) = common_times(channels, &sorted)?;
+    let steps = sorted.iter().filter_map(|times| median_step(times));
+    let tolerance = SAME_TIME_STEPS * steps.fold(f64::INFINITY, f64::min);
+    let tolerance = if tolerance.is_finite() { tolerance } else { 0.0 };
+    let mut next: Vec<usize> =
+        sorted.iter().map(|times| times.partition_point(|time| *time < from - tolerance)).collect();
+    let mut rows = Vec::new();
+    loop {
+        let heads = sorted.iter().zip(&next).filter_map(|(times, at)| times.get(*at).copied());
+        let Some(time) = heads.min_by(f64::total_cmp).filter(|time| *time <= to + tolerance) else {
+            break;
+        };
+        let row: Vec<Option<usize>> = (0..channels.len())
+            .map(|at| {
+                let is_here = sorted[at].get(next[at]).is_some_and(|own| *own <= time + tolerance);
+                next[at] += usize::from(is_here);
+                is_here.then(|| orders[at][next[at] - 1])
+            })
+            .collect();
+        rows.push(row);
+    }
+    let common = rows.iter().filter(|row| row.iter().all(Option::is_some)).count();
+    if common as f64 >= MIN_COMMON_SHARE * rows.len() as f64 {
+        let others = rows.len() - common;
+        rows.retain(|row| row.iter().all(Option::is_some));
+        let note = if others > 0 {
+            format!(", {others} times without a row in each are left out")
+        } else {
+            String::new()
+        };
+        return Ok(MatchedRows {
+            rows,
+            in_words: format!("their equal times: {common} rows{note}"),
+        });
+    }
+    let in_words = format!(
+        "their times, which differ: {} rows, {common} of them with a value in each",
+        rows.len()
+    );
+    Ok(MatchedRows { rows, in_words })
+}
+
+/// Returns the range of times that all files have.
+fn common_times(channels: &[Channel], sorted: &[Vec<f64>]) -> Result<(f64, f64), DataError> {
+    let range = |times: &Vec<f64>| (times[0], times[times.len() - 1]);
+    let ranges: Vec<(f64, f64)> = sorted.iter().map(range).collect();
+    let from = ranges.iter().map(|(from, _)| *from).fold(f64::NEG_INFINITY, f64::max);
+    let to = ranges.iter().map(|(_, to)| *to).fold(f64::INFINITY, f64::min);
+    let shortest = ranges.iter().map(|(from, to)| to - from).fold(f64::INFINITY, f64::min);
+    if to >= from && to - from >= MIN_OVERLAP * shortest {
+        return Ok((from, to));
+    }
+    let in_words = |at: usize| format!("times {} to {}", ranges[at].0, ranges[at].1);
+    let other =
+        (0..ranges.len()).find(|at| ranges[*at].1 < from || ranges[*at].0 > to).unwrap_or(1);
+    let first = usize::from(other == 0);
+    Err(refused(
+        &channels[other].file,
+        in_words(other),
+        format!("{} as in {}: files of one clock", in_words(first), channels[first].file),
+    ))
+}
+
+/// Returns the column of times of the joined table: that of the first file, or numbers if its rows are not in all rows.
+fn time_column(channels: &[Channel], rows: &MatchedRows) -> Option<(String, Cells)> {
+    let name = channels.iter().find_map(|channel| channel.time_name.clone())?;
+    let name = if name.bytes().all(|byte| byte.is_ascii_digit()) { "time".into() } else { name };
+    let time = |row: &Vec<Option<usize>>| {
+        let of = row.iter().zip(channels).find_map(|(row, channel)| Some(channel.times[(*row)?]));
+        of.unwrap_or(f64::NAN)
+    };
+    (!channels[0].times.is_empty())
+        .then(|| (name, Cells::Numbers(rows.rows.iter().map(time).collect())))
+}
+
+/// Returns the cells of some rows of a column; a missing value where there is no row.
+fn select(cells: &Cells, rows: impl Iterator<Item = Option<usize>>) -> Cells {
+    match cells {
+        Cells::Numbers(cells) => {
+            Cells::Numbers(rows.map(|row| row.map_or(f64::NAN, |row| cells[row])).collect())
+        }
+        Cells::Integers(cells) => Cells::Integers(rows.map(|row| cells[row?]).collect()),
+        Cells::Stamps(cells) => Cells::Stamps(rows.map(|row| cells[row?]).collect()),
+        Cells::Texts(cells) => Cells::Texts(
+            rows.map(|row| row.map_or_else(String::new, |row| cells[row].clone())).collect(),
+        ),
+        Cells::Unreadable { kind, .. } => {
+            Cells::Unreadable { rows: rows.count(), kind: kind.clone() }
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Files that hold one channel each, joined by their times.
+
+use super::folder::{Folder, plain};
+use joint_log::{Cells, Dataset, Quantity, ReadOptions, Table, read, read_tables};
+use std::path::PathBuf;
+
+const ROWS: u32 = 200;
+
+fn time(row: u32) -> f64 {
+    0.01 * f64::from(row)
+}
+
+fn position(row: u32) -> f64 {
+    2.0 * (3.0 * time(row)).sin()
+}
+
+fn velocity(row: u32) -> f64 {
+    6.0 * (3.0 * time(row)).cos()
+}
+
+fn torque(row: u32) -> f64 {
+    0.5 * velocity(row).signum()
+}
+
+/// Returns a file of two columns, with the stamps of some rows later by `late_s`.
+fn file(header: &str, values: fn(u32) -> f64, late_s: f64) -> String {
+    let row = |row| format!("{:.5},{:.6}\n", time(row) + late_s, values(row));
+    format!("{header}{}", (0..ROWS).map(row).collect::<String>())
+}
+
+const PAIRS: &str = "time_s=time,torque_nm=effort,velocity_rad_s=velocity,position_rad=position";
+
+fn options(pairs: &str) -> ReadOptions {
+    let pairs = pairs.split(',').filter_map(|pair| pair.split_once('='));
+    let columns = pairs.map(|(ours, theirs)| (ours.to_owned(), theirs.to_owned())).collect();
+    ReadOptions { columns, join: true, ..ReadOptions::default() }
+}
+
+fn read_with(folder: &Folder, files: &[PathBuf], options: &ReadOptions) -> Result<Dataset, String> {
+    read(files, options, &|_, _| {}).map_err(|error| plain(folder, &error))
+}
+
+/// Writes the three channels of a recording. `name` is the name of each channel's file.
+fn write(
+    folder: &Folder,
+    header: &str,
+    late_s: f64,
+    name: impl Fn(&str) -> String,
+) -> Vec<PathBuf> {
+    let channels: [(&str, fn(u32) -> f64, f64); 3] =
+        [("effort", torque, 0.0), ("position", position, late_s), ("velocity", velocity, -late_s)];
+    let write = |(word, values, late_s): (&str, fn(u32) -> f64, f64)| {
+        folder.write(&name(word), file(&header.replace("WORD", word), values, late_s))
+    };
+    channels.map(write).to_vec()
+}
+
+#[test]
+fn read_with_join_of_channels_with_one_clock_joins_rows() {
+    for header in ["time,WORD\n", "time,value\n", ""] {
+        let folder = Folder::new();
+        let files = write(&folder, header, 0.0, |word| format!("{word}.csv"));
+        let data = read_with(&folder, &files, &options(PAIRS)).unwrap();
+        assert_eq!((data.runs.len(), data.rows, data.bad_rows.count), (1, 200, 0), "{header:?}");
+        let run = &data.runs[0];
+        assert_eq!((&*run.name, run.time_s[3]), ("effort+position+velocity", 0.03));
+        assert!((run.velocity[3] - velocity(3)).abs() < 1e-5);
+        assert!((run.get(Quantity::Position).unwrap()[3] - position(3)).abs() < 1e-5);
+        assert_eq!(data.files, files);
+        let note = &data.notes[0];
+        assert!(
+            note.contains("effort.csv") && note.ends_with("by their equal times: 200 rows"),
+            "{note}"
+        );
+    }
+}
+
+#[test]
+fn read_with_join_of_many_recordings_makes_runs() {
+    for name in [
+        |word: &str, run: u32| format!("{word}/{run:02}.csv"),
+        |word: &str, run: u32| format!("{run:02}_{word}.csv"),
+    ] {
+        let folder = Folder::new();
+        let mut files: Vec<PathBuf> =
+            (1..=4).flat_map(|run| write(&folder, "", 0.0, |word| name(word, run))).collect();
+        // The shell lists folder by folder.
+        files.sort();
+        let data = read_with(&folder, &files, &options(PAIRS)).unwrap();
+        let names: Vec<&str> = data.runs.iter().map(|run| run.name.as_str()).collect();
+        assert_eq!(names, ["01", "02", "03", "04"]);
+        assert!(data.runs.iter().all(|run| run.len() == 200));
+        assert!(data.notes.iter().any(|note| note == "1 more recordings are joined alike"));
+    }
+}
+
+#[test]
+fn read_with_join_of_channels_with_own_clocks_merges_them() {
+    let folder = Folder::new();
+    let files = write(&folder, "time,WORD\n", 0.003, |word| format!("{word}.csv"));
+    let data = read_with(&folder, &files, &options(PAIRS)).unwrap();
+    let run = &data.runs[0];
+    assert!(data.rows > 190 && data.bad_rows.count == 0, "{} {:?}", data.rows, data.bad_rows);
+    assert!(data.notes[0].contains("by their times, which differ"), "{}", data.notes[0]);
+    // The velocity of a row is interpolated between two stamps that are 3 ms early.
+    let expected = |t: f64| 6.0 * (3.0 * (t + 0.003)).cos();
+    let off = run.time_s.iter().zip(&run.velocity).map(|(t, v)| (v - expected(*t)).abs());
+    assert!(off.fold(0.0, f64::max) < 0.01);
+}
+
+#[test]
+fn read_with_join_of_times_apart_returns_error() {
+    let folder = Folder::new();
+    let files = write(&folder, "time,WORD\n", 5.0, |word| format!("{word}.csv"));
+    let error = read_with(&folder, &files, &options(PAIRS)).unwrap_err();
+    let expected = "effort.csv: found times 0 to 1.99, expected times 5 to 6.99 as in position.csv: files of one clock";
+    assert_eq!(error, expected);
+    let mut files = write(&folder, "", 0.0, |word| format!("{word}/1.csv"));
+    files.push(folder.write("effort/2.csv", file("", torque, 0.0)));
+    let error = read_with(&folder, &files, &options(PAIRS)).unwrap_err();
+    assert!(error.contains("found 1 of 3 channels of its recording"), "{error}");
+}
+
+#[test]
+fn read_with_channels_apart_returns_error_with_the_option() {
+    let folder = Folder::new();
+    let files = write(&folder, "time,WORD\n", 0.0, |word| format!("{word}.csv"));
+    let error = read_with(&folder, &files, &ReadOptions::default()).unwrap_err();
+    assert_eq!(
+        error,
+        "effort.csv: found only the columns time, effort; the files hold one channel each, expected join with columns \
+         time_s=time,velocity_rad_s=velocity,torque_nm=effort, which joins the files by their times"
+    );
+}
+
+#[test]
+fn read_with_runs_of_one_channel_suggests_no_join() {
+    let folder = Folder::new();
+    let run = |name: &str| folder.write(name, file("time,velocity\n", velocity, 0.0));
+    let files = [run("velocity_1.csv"), run("velocity_2.csv")];
+    let error = read_with(&folder, &files, &ReadOptions::default()).unwrap_err();
+    assert!(!error.contains("join"), "{error}");
+    let error = read_with(&folder, &files, &options(PAIRS)).unwrap_err();
+    assert!(error.contains("found a second channel velocity of its recording"), "{error}");
+}
+
+#[test]
+fn read_with_join_of_rows_without_times_needs_rate() {
+    let folder = Folder::new();
+    let one = |word: &str, values: fn(u32) -> f64| {
+        let rows: String = (0..ROWS).map(|row| format!("{}\n", values(row))).collect();
+        folder.write(&format!("{word}.txt"), format!("{word}\n{rows}"))
+    };
+    let files = [one("effort", torque), one("velocity", velocity)];
+    let pairs = options("torque_nm=effort,velocity_rad_s=velocity");
+    let error = read_with(&folder, &files, &pairs).unwrap_err();
+    assert!(
+        error.contains("expected a column of times, as columns time_s=NAME, or rate 200Hz"),
+        "{error}"
+    );
+    let data = read_with(&folder, &files, &ReadOptions { rate_hz: Some(100.0), ..pairs }).unwrap();
+    assert_eq!((data.rows, data.runs[0].time_s[2]), (200, 0.02));
+}
+
+#[test]
+fn read_tables_with_join_joins_them() {
+    let table = |word: &str, values: fn(u32) -> f64| Table {
+        name: word.into(),
+        columns: vec![
+            ("time".into(), Cells::Numbers((0..ROWS).map(time).collect())),
+            (word.into(), Cells::Numbers((0..ROWS).map(values).collect())),
+        ],
+    };
+    let tables = [table("effort", torque), table("velocity", velocity)];
+    let pairs = options("time_s=time,torque_nm=effort,velocity_rad_s=velocity");
+    let data = read_tables(&tables, &pairs).unwrap();
+    assert_eq!((data.rows, data.runs[0].velocity[5]), (200, velocity(5)));
+}
