@@ -13,6 +13,7 @@
 use super::rows::Rows;
 use super::solve::{LANES, Lanes, dot, lanes, solve_in_place};
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Ridge relative to the mean of the diagonal.
@@ -45,9 +46,9 @@ impl Bank {
     /// Computes the products of columns, given in all rows of the log, over the judged rows.
     pub fn new(rows: &Rows, columns: &[&[f64]]) -> Self {
         let size = columns.len() + 1;
-        let scale: Vec<f64> = columns.iter().map(|column| rms(rows, column)).collect();
+        let scale: Vec<f64> = columns.par_iter().map(|column| rms(rows, column)).collect();
         let block = |judged: &Range<usize>| products(rows, columns, &scale, judged.clone());
-        let blocks: Vec<DMatrix<f64>> = rows.blocks.iter().map(block).collect();
+        let blocks: Vec<DMatrix<f64>> = rows.blocks.par_iter().map(block).collect();
         let fold_count = rows.fold_count();
         let mut total = DMatrix::zeros(size, size);
         let mut sums = vec![DMatrix::zeros(size, size); fold_count];

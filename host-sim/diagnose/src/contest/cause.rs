@@ -17,6 +17,7 @@ mod unknown;
 use super::law::Shapes;
 use super::rows::Rows;
 use backlash::GapGrid;
+use rayon::prelude::*;
 use ripple::RippleOrders;
 
 /// A way in which a cause may enter a model.
@@ -183,25 +184,24 @@ const CAUSES: &[CauseRow] = &[
 
 /// Returns the variants of all causes that the log's columns allow. A column that does not vary or is not finite makes none.
 pub fn variants(context: &Context) -> Vec<Variant> {
-    let mut all = Vec::new();
-    for row in CAUSES {
-        for made in (row.build)(context) {
-            let is_usable = |column: &Vec<f64>| {
-                column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0)
-            };
-            if !made.columns.is_empty() && made.columns.iter().all(is_usable) {
-                all.push(Variant {
-                    cause: row.name,
-                    follows: made.follows,
-                    detail: made.detail,
-                    price: row.price + COLUMN_PRICE * (made.columns.len() - 1) as f64,
-                    columns: made.columns,
-                    sign: row.sign,
-                });
-            }
-        }
-    }
-    all
+    let is_usable = |column: &Vec<f64>| {
+        column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0)
+    };
+    let of_cause = |row: &CauseRow| -> Vec<Variant> {
+        let made = (row.build)(context).into_iter();
+        let usable =
+            made.filter(|own| !own.columns.is_empty() && own.columns.iter().all(is_usable));
+        let variant = |own: Columns| Variant {
+            cause: row.name,
+            follows: own.follows,
+            detail: own.detail,
+            price: row.price + COLUMN_PRICE * (own.columns.len() - 1) as f64,
+            columns: own.columns,
+            sign: row.sign,
+        };
+        usable.map(variant).collect()
+    };
+    CAUSES.par_iter().flat_map_iter(of_cause).collect()
 }
 
 impl Context<'_> {

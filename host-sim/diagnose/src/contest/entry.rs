@@ -12,6 +12,7 @@ use super::rows::Rows;
 use super::search::Search;
 use compensator_core::Parameters;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Prior cost of a correction.
 const CORRECTION_PRICE: f64 = 0.04;
@@ -23,6 +24,13 @@ const SIMULATED: [&str; 3] = ["backlash", "dwell-time-static", "radial-force-rat
 pub(crate) struct Waves {
     pub(crate) orders: Vec<RippleOrders>,
     pub(crate) gaps: GapGrid,
+}
+
+impl Waves {
+    /// Returns the first sets of orders, which were known at an earlier time, and the gaps.
+    fn before(&self, count: usize) -> (&[RippleOrders], &GapGrid) {
+        (&self.orders[..count], &self.gaps)
+    }
 }
 
 /// What a base law was made from.
@@ -52,7 +60,7 @@ pub(crate) struct Base {
     /// What it was made from.
     pub(crate) origin: Origin,
     /// Simulated causes, which take the place of those of shape.
-    simulated: Vec<Variant>,
+    simulated: Arc<[Variant]>,
     /// Coefficients of its columns, fitted to all rows.
     pub(crate) sizes: Vec<f64>,
     /// Index of its main travel.
@@ -81,7 +89,7 @@ impl Base {
             sizes,
             has_slip: law.stops.len() > 1,
             origin: Origin::Shapes(law.clone()),
-            simulated: Vec::new(),
+            simulated: Arc::from([]),
             travel: law.stops[0],
             price: law.price(),
         }
@@ -155,6 +163,8 @@ pub(crate) struct Entry {
     pub(crate) correction: Correction,
     pub(crate) variants: Vec<Variant>,
     pub(crate) bank: Bank,
+    /// Number of found sets of orders that the variants were made from.
+    orders: usize,
 }
 
 impl Entry {
@@ -165,30 +175,46 @@ impl Entry {
         correction: Correction,
         waves: &Waves,
     ) -> Self {
-        let Waves { orders, gaps } = waves;
-        let (travel, level, residual) = (base.travel, &base.level, &base.residual);
-        let context = Context { rows, shapes, travel, level, orders, gaps, residual };
-        let mut variants = variants(&context);
-        let simulated = std::mem::take(&mut base.simulated);
-        if !simulated.is_empty() {
-            let is_replaced = |own: &Variant| SIMULATED.contains(&own.cause);
-            variants.retain(|own| !is_replaced(own));
-            variants.extend(simulated);
-        }
+        let orders = waves.orders.len();
+        let known = waves.before(orders);
+        let variants = corrected_variants(rows, shapes, &base, correction, known);
         if correction != Correction::None {
-            let columns = variants.iter_mut().flat_map(|variant| &mut variant.columns);
-            columns
-                .chain(&mut base.columns)
-                .for_each(|column| *column = correction.apply(rows, column));
+            base.columns.iter_mut().for_each(|column| *column = correction.apply(rows, column));
         }
         let columns =
             base.columns.iter().chain(variants.iter().flat_map(|variant| &variant.columns));
         let columns: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
         let bank = Bank::new(rows, &columns);
-        Self { base, correction, variants, bank }
+        Self { base, correction, variants, bank, orders }
     }
 
-    /// Returns the columns of a set of variants, those of the law first.
+    /// Drops the columns of all variants. Their products in the bank stay.
+    pub(crate) fn drop_columns(&mut self) {
+        let columns = self.variants.iter_mut().flat_map(|variant| &mut variant.columns);
+        columns.for_each(|column| *column = Vec::new());
+    }
+
+    /// Computes the columns of a set again if they were dropped.
+    pub(crate) fn restore_columns(
+        &mut self,
+        rows: &Rows,
+        shapes: &Shapes,
+        waves: &Waves,
+        set: &[u16],
+    ) {
+        let is_dropped = |at: &&u16| self.variants[**at as usize].columns.iter().any(Vec::is_empty);
+        if !set.iter().any(|at| is_dropped(&at)) {
+            return;
+        }
+        let known = waves.before(self.orders);
+        let mut made = corrected_variants(rows, shapes, &self.base, self.correction, known);
+        for at in set {
+            let at = *at as usize;
+            self.variants[at].columns = std::mem::take(&mut made[at].columns);
+        }
+    }
+
+    /// Returns the columns of a set of variants, those of the law first. None of them may be dropped.
     pub(crate) fn columns(&self, set: &[u16]) -> Vec<&[f64]> {
         let own = set.iter().flat_map(|variant| &self.variants[*variant as usize].columns);
         self.base.columns.iter().chain(own).map(Vec::as_slice).collect()
@@ -221,6 +247,28 @@ impl Entry {
         };
         scores.into_iter().filter(|(_, error)| error.is_finite()).map(hypothesis).collect()
     }
+}
+
+/// Returns the variants of all causes for a base law, with a correction of the log.
+fn corrected_variants(
+    rows: &Rows,
+    shapes: &Shapes,
+    base: &Base,
+    correction: Correction,
+    (orders, gaps): (&[RippleOrders], &GapGrid),
+) -> Vec<Variant> {
+    let (travel, level, residual) = (base.travel, &base.level, &base.residual);
+    let context = Context { rows, shapes, travel, level, orders, gaps, residual };
+    let mut made = variants(&context);
+    if !base.simulated.is_empty() {
+        made.retain(|own| !SIMULATED.contains(&own.cause));
+        made.extend(base.simulated.iter().cloned());
+    }
+    if correction != Correction::None {
+        let columns = made.iter_mut().flat_map(|variant| &mut variant.columns);
+        columns.for_each(|column| *column = correction.apply(rows, column));
+    }
+    made
 }
 
 fn key(variant: &Variant) -> CauseKey {

@@ -23,6 +23,7 @@ use friction_fit::spec::Spec;
 use friction_fit::torque_low_pass::TorqueLowPass;
 use friction_fit::{FitOptions, Resolution, Track, fit, treatment};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Most rows of a fit.
 const MOST_FITTED: usize = 10_000;
@@ -97,7 +98,7 @@ pub struct KernelLaw {
     /// RMS error of the torque that comes from the uncertain motion, in all rows; empty if the motion is exact.
     pub motion_error: Vec<f64>,
     /// Columns of causes that change the dynamics of the bristles.
-    pub(crate) simulated: Vec<Variant>,
+    pub(crate) simulated: Arc<[Variant]>,
 }
 
 impl KernelLaw {
@@ -180,7 +181,7 @@ impl KernelLaw {
         let residual = target.iter().zip(&torque).map(|(target, own)| target - own).collect();
         // Differences of two simulations of the same coarse steps: the steps' error cancels.
         let coarse = sensitivities(&parameters, &[], tracks, Resolution::PLAIN);
-        let simulated = simulated::variants(rows, tracks, &coarse, travel);
+        let simulated = simulated::variants(rows, tracks, &coarse, travel).into();
         let motion_error = motion_error(rows, tracks, &coarse);
         is_finite.then_some(Self {
             parameters,

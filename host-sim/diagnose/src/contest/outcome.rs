@@ -146,7 +146,10 @@ impl Outcome {
             blocks: rows.blocks.len(),
             runs: rows.runs.len(),
             hypotheses: table.ledger.hypotheses.len(),
-            finalists: table.finalists(rows),
+            finalists: finalists(table.ledger, table.draws)
+                .into_iter()
+                .map(|hypothesis| table.finalist(rows, hypothesis))
+                .collect(),
             entries: table.entries(rows, base.error),
         }
     }
@@ -332,6 +335,25 @@ const MOST_FINALISTS: usize = 3;
 /// Share of the draws that a hypothesis after the best one must win to be a finalist.
 const MIN_WINS: f64 = 0.1;
 
+/// Returns the hypotheses to be fitted with the driver's law: the best one first, then those that win draws.
+pub(crate) fn finalists<'l>(ledger: &'l Ledger, draws: &Draws) -> Vec<&'l Hypothesis> {
+    let wins = |hypothesis: &Hypothesis| {
+        let own = draws.winners.iter().find(|(causes, _)| *causes == hypothesis.causes);
+        own.map_or(0.0, |(_, wins)| *wins as f64 / DRAWS as f64)
+    };
+    let mut found: Vec<&Hypothesis> = Vec::new();
+    for (at, hypothesis) in ledger.hypotheses.iter().enumerate() {
+        let is_finalist = at == 0 || wins(hypothesis) >= MIN_WINS;
+        if is_finalist && found.iter().all(|own| own.causes != hypothesis.causes) {
+            found.push(hypothesis);
+        }
+        if found.len() == MOST_FINALISTS {
+            break;
+        }
+    }
+    found
+}
+
 /// A hypothesis to be fitted with the driver's law.
 #[derive(Clone, Debug)]
 pub struct Finalist {
@@ -380,26 +402,6 @@ pub struct FinalistCause {
 }
 
 impl Table<'_> {
-    fn finalists(&self, rows: &Rows) -> Vec<Finalist> {
-        let wins = |hypothesis: &Hypothesis| {
-            let own = self.draws.winners.iter().find(|(causes, _)| *causes == hypothesis.causes);
-            own.map_or(0.0, |(_, wins)| *wins as f64 / DRAWS as f64)
-        };
-        let mut sets: Vec<&BTreeSet<CauseKey>> = Vec::new();
-        let mut finalists = Vec::new();
-        for (at, hypothesis) in self.ledger.hypotheses.iter().enumerate() {
-            let is_finalist = at == 0 || wins(hypothesis) >= MIN_WINS;
-            if is_finalist && !sets.contains(&&hypothesis.causes) {
-                sets.push(&hypothesis.causes);
-                finalists.push(self.finalist(rows, hypothesis));
-            }
-            if finalists.len() == MOST_FINALISTS {
-                break;
-            }
-        }
-        finalists
-    }
-
     fn finalist(&self, rows: &Rows, hypothesis: &Hypothesis) -> Finalist {
         let entry = &self.entries[hypothesis.bank];
         let indices = entry.indices(&hypothesis.set);

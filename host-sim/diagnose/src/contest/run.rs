@@ -13,7 +13,7 @@ use super::entry::{Base, Entry, Origin, Waves};
 use super::kernel::{KernelLaw, KernelStart};
 use super::law::{Law, LawStart, Shapes};
 use super::ledger::{Hypothesis, Ledger};
-use super::outcome::{Outcome, Table};
+use super::outcome::{Outcome, Table, finalists};
 use super::rows::Rows;
 use super::weights::weigh;
 use joint_log::log_check::drives_both_ways;
@@ -71,9 +71,12 @@ pub fn contest(rows: &mut Rows) -> Outcome {
             break;
         }
     }
-    let Found { entries, hypotheses } = contest.found;
+    let Contest { waves, found: Found { mut entries, hypotheses }, .. } = contest;
     let ledger = Ledger::new(hypotheses);
     let draws = draw(rows, &entries, &ledger);
+    for hypothesis in finalists(&ledger, &draws) {
+        entries[hypothesis.bank].restore_columns(rows, &shapes, &waves, &hypothesis.set);
+    }
     Outcome::new(rows, Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws })
 }
 
@@ -104,10 +107,23 @@ impl Contest<'_> {
     /// Builds entries and searches in them.
     fn add(&mut self, wanted: Vec<(Base, Correction)>) {
         let (rows, shapes, waves) = (self.rows, self.shapes, &self.waves);
-        let build = |(base, correction)| Entry::new(rows, shapes, base, correction, waves);
-        let made: Vec<Entry> = wanted.into_par_iter().map(build).collect();
+        let build = |(base, correction)| {
+            // One after the other, in parallel inside: the columns of an entry are the largest part of the memory.
+            let mut entry = Entry::new(rows, shapes, base, correction, waves);
+            entry.drop_columns();
+            entry
+        };
+        let made: Vec<Entry> = wanted.into_iter().map(build).collect();
         self.found.hypotheses.extend(search_all(&made, self.found.entries.len()));
         self.found.entries.extend(made);
+    }
+
+    /// Returns the best hypothesis, whose columns are then in its entry.
+    fn best(&mut self) -> Option<Hypothesis> {
+        let best = self.found.best().cloned()?;
+        let entry = &mut self.found.entries[best.bank];
+        entry.restore_columns(self.rows, self.shapes, &self.waves, &best.set);
+        Some(best)
     }
 
     /// Adds the driver's law, alone and beside a law of shapes.
@@ -119,7 +135,7 @@ impl Contest<'_> {
 
     /// Tries corrections of the log beside the best hypothesis, and linearises the driver's law anew with its causes.
     fn round(&mut self, bases: &[Base], kernels: &mut Vec<(Correction, KernelLaw)>) {
-        let Some(best) = self.found.best().cloned() else { return };
+        let Some(best) = self.best() else { return };
         let entry = &self.found.entries[best.bank];
         let mut wanted = screen(self.rows, entry, &best);
         wanted.retain(|correction| kernels.iter().all(|(own, _)| !own.is_near(*correction)));
@@ -131,7 +147,7 @@ impl Contest<'_> {
             let shaped = wanted.iter().filter_map(|c| Some((own?.clone(), *c))).collect();
             self.add(shaped);
         }
-        let best = self.found.best().cloned().unwrap_or(best);
+        let best = self.best().unwrap_or(best);
         self.find_orders(&best);
         let entry = &self.found.entries[best.bank];
         let target = without_causes(self.rows, entry, &best.set);

@@ -22,7 +22,8 @@ const SMALLEST_GAP: f64 = 0.01;
 
 /// Gaps and travels with their columns, and the products of these with all that a law has.
 pub struct GapGrid {
-    pairs: Vec<(f64, f64, Vec<f64>)>,
+    /// Gap and travel of each pair.
+    pairs: Vec<(f64, f64)>,
     bank: Option<Bank>,
     stops: usize,
     shared: usize,
@@ -38,12 +39,16 @@ impl GapGrid {
         let largest = LARGEST_GAP * rows.swing;
         let ratio = SMALLEST_GAP.powf(1.0 / (GAPS - 1) as f64);
         let gaps: Vec<f64> = (0..GAPS).map(|at| largest * ratio.powi(at as i32)).collect();
-        let pairs = |gap: &f64| {
+        let pairs: Vec<(f64, f64)> = gaps
+            .iter()
+            .flat_map(|gap| shapes.travels.iter().map(move |travel| (*gap, *travel)))
+            .collect();
+        let stops_of = |gap: &f64| {
             let moved = play(&rows.position, &rows.runs, 0.5 * gap);
-            let pair = |travel: &f64| (*gap, *travel, stop(&moved, &rows.runs, *travel));
-            shapes.travels.iter().map(pair).collect::<Vec<_>>()
+            let stop = |travel: &f64| stop(&moved, &rows.runs, *travel);
+            shapes.travels.iter().map(stop).collect::<Vec<_>>()
         };
-        let pairs: Vec<(f64, f64, Vec<f64>)> = gaps.par_iter().flat_map_iter(pairs).collect();
+        let behind: Vec<Vec<f64>> = gaps.par_iter().flat_map_iter(stops_of).collect();
         let speed: Vec<f64> = rows.smooth_velocity.iter().map(|v| v.abs()).collect();
         let one = vec![1.0; rows.len()];
         let mut columns: Vec<&[f64]> = shapes.stops.iter().map(Vec::as_slice).collect();
@@ -51,7 +56,7 @@ impl GapGrid {
         columns.extend(shapes.rigid.iter().map(Vec::as_slice));
         let shared = columns.len() - stops;
         columns.extend([one.as_slice(), speed.as_slice()]);
-        columns.extend(pairs.iter().map(|(_, _, column)| column.as_slice()));
+        columns.extend(behind.iter().map(Vec::as_slice));
         let bank = Some(Bank::new(rows, &columns));
         Self { pairs, bank, stops, shared }
     }
@@ -84,11 +89,14 @@ impl GapGrid {
 
 pub(super) fn backlash(context: &Context) -> Vec<Columns> {
     let variant = |pair: usize| {
-        let (gap, travel, column) = &context.gaps.pairs[pair];
-        let falling = product(column, &context.shapes.falls[1]);
+        // Computed again: the columns of the whole grid would be a quarter of the memory.
+        let (gap, travel) = context.gaps.pairs[pair];
+        let moved = play(&context.rows.position, &context.rows.runs, 0.5 * gap);
+        let column = stop(&moved, &context.rows.runs, travel);
+        let falling = product(&column, &context.shapes.falls[1]);
         Columns {
             detail: format!("gap {gap:.3e}, travel {travel:.3e}"),
-            columns: vec![column.clone(), falling],
+            columns: vec![column, falling],
             ..Columns::default()
         }
     };
