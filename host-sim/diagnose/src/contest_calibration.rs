@@ -1,18 +1,17 @@
 //! Calibrated probability that a cause is real, from the figures of a contest.
 //!
-//! The log odds are a sum of figures with weights that are not negative: each figure is signed so that more of it never speaks
-//! against a cause. Causes of one [`Group`] share weights, because a covariate that enters a model by chance looks different from
-//! a motion that an inaccurate law resembles. Each cause has an offset of its own. A monotone step (isotonic regression, Zadrozny
-//! and Elkan 2002) then gives the observed frequency of cases that the weights were not fitted to.
+//! The log odds are a sum of [small trees](trees) over the figures. Each figure is signed so that more of it never speaks against a
+//! cause, and the trees keep that. They are boosted (Friedman 2001): each takes what those before it leave. A monotone step
+//! (isotonic regression, Zadrozny and Elkan 2002) then gives the observed frequency of cases that the trees were not fitted to.
 //!
 //! The table is `contest_calibration.toml`. `cargo run --release -p friction-grading --example calibrate_contest` makes it from
 //! the evidence on simulated and measured logs with known causes.
 
-mod fit;
 mod table;
+pub mod trees;
 
-pub use fit::{Case, out_of_fold, probabilities_out_of_fold};
 pub use table::CalibrationError;
+use trees::{Tree, category};
 
 use super::contest::{Figures, Outcome};
 use std::sync::OnceLock;
@@ -22,55 +21,6 @@ const TABLE: &str = include_str!("../contest_calibration.toml");
 
 /// Lowest and highest probability, because no set of logs makes certain.
 const BOUNDS: (f64, f64) = (0.005, 0.995);
-
-/// Kind of cause, by what may imitate it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Group {
-    /// Follows a column of the log besides the motion.
-    Covariate,
-    /// Follows the motion or the time alone, which an inaccurate law resembles.
-    Motion,
-    /// A function of the angle.
-    Angle,
-    /// A fault of the log.
-    Log,
-}
-
-impl Group {
-    /// All groups, in the order of the table.
-    pub const ALL: [Group; 4] = [Group::Covariate, Group::Motion, Group::Angle, Group::Log];
-
-    /// Returns the group of a cause that follows a column.
-    pub fn of(cause: &str, follows: &str) -> Self {
-        match cause {
-            "channel-delay" | "channel-gain" => Group::Log,
-            "gravity-imbalance" | "torque-ripple" | "position-ripple" | "encoder-error" => {
-                Group::Angle
-            }
-            "unknown" if follows.starts_with("position") => Group::Angle,
-            "direction-asymmetry"
-            | "torque-offset"
-            | "quadratic-drag"
-            | "unmodelled-inertia"
-            | "dwell-time-static"
-            | "time-drift"
-            | "warm-up"
-            | "backlash"
-            | "stribeck-shape" => Group::Motion,
-            _ => Group::Covariate,
-        }
-    }
-
-    /// Returns the name of the group in the table.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Group::Covariate => "covariate",
-            Group::Motion => "motion",
-            Group::Angle => "angle",
-            Group::Log => "log",
-        }
-    }
-}
 
 /// A figure of a candidate. More of it never speaks against the cause.
 pub struct Figure {
@@ -130,33 +80,32 @@ pub fn figures(outcome: &Outcome, own: &Figures) -> Vec<f64> {
     FIGURES.iter().map(|figure| (figure.of)(outcome, own)).collect()
 }
 
-/// Weights of a group.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct GroupWeights {
-    /// Log odds of figures that are all 0.
-    pub intercept: f64,
-    /// Weights of the figures, 0 or positive.
-    pub weights: Vec<f64>,
-}
-
 /// A calibration.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ContestCalibration {
     /// Name of the table with the number of logs, as in `data.calibration`.
     pub name: String,
-    /// Weights of the groups, in the order of [`Group::ALL`].
-    pub groups: Vec<GroupWeights>,
-    /// Offsets of causes, by name.
-    pub offsets: Vec<(String, f64)>,
+    /// Log odds before all trees.
+    pub start: f64,
+    /// Trees, whose values add to the start.
+    pub trees: Vec<Tree>,
     /// Isotonic step: log odds and probability, both increasing. Empty for the plain logistic function.
     pub steps: Vec<(f64, f64)>,
 }
 
 impl ContestCalibration {
+    /// Names nothing.
+    const NONE: Self = Self {
+        name: String::new(),
+        start: f64::NEG_INFINITY,
+        trees: Vec::new(),
+        steps: Vec::new(),
+    };
+
     /// Returns the calibration of the repository. If its table is invalid, no cause has a probability; a test holds it valid.
     pub fn current() -> &'static Self {
         static CURRENT: OnceLock<ContestCalibration> = OnceLock::new();
-        CURRENT.get_or_init(|| Self::parse(TABLE).unwrap_or_default())
+        CURRENT.get_or_init(|| Self::parse(TABLE).unwrap_or(Self::NONE))
     }
 
     /// Returns the probability of a candidate of a contest.
@@ -172,11 +121,8 @@ impl ContestCalibration {
 
     /// Returns the log odds before the isotonic step.
     pub fn log_odds(&self, cause: &str, follows: &str, figures: &[f64]) -> f64 {
-        let group = Group::of(cause, follows) as usize;
-        let Some(own) = self.groups.get(group) else { return f64::NEG_INFINITY };
-        let offset = self.offsets.iter().find(|(name, _)| name == cause);
-        let sum: f64 = own.weights.iter().zip(figures).map(|(weight, x)| weight * x).sum();
-        own.intercept + offset.map_or(0.0, |(_, offset)| *offset) + sum
+        let category = category(cause, follows);
+        self.start + self.trees.iter().map(|tree| tree.value(category, figures)).sum::<f64>()
     }
 
     /// Returns the probability for log odds, interpolated between the steps.
@@ -199,14 +145,30 @@ impl ContestCalibration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
 
     #[test]
-    fn current_table_is_complete() {
+    fn current_table_is_monotone() {
         let current = ContestCalibration::parse(TABLE).unwrap();
-        assert_eq!(current.groups.len(), Group::ALL.len());
-        assert!(current.groups.iter().all(|own| own.weights.len() == FIGURES.len()));
-        assert!(current.groups.iter().flat_map(|own| &own.weights).all(|weight| *weight >= 0.0));
+        assert!(!current.trees.is_empty());
         assert!(current.steps.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1));
+        let mut random = Pcg64::seed_from_u64(3);
+        let mut draw = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
+        for _ in 0..2000 {
+            let mut figures: Vec<f64> = FIGURES.iter().map(|_| draw(-5.0, 10.0)).collect();
+            for cause in ["backlash", "pressure-coulomb", "torque-ripple"] {
+                let before = current.log_odds(cause, "", &figures);
+                let at = draw(0.0, FIGURES.len() as f64) as usize;
+                figures[at] += draw(0.0, 5.0);
+                let after = current.log_odds(cause, "", &figures);
+                assert!(
+                    after >= before - 1e-9,
+                    "{cause}: more of {} is against it",
+                    FIGURES[at].name
+                );
+            }
+        }
     }
 
     #[test]
@@ -220,7 +182,7 @@ mod tests {
 
     #[test]
     fn probability_without_table_names_nothing() {
-        let own = ContestCalibration::default();
+        let own = ContestCalibration::NONE;
         assert_eq!(own.probability_of("backlash", "", &[9.0; FIGURES.len()]), BOUNDS.0);
     }
 }

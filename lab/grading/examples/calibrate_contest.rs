@@ -7,14 +7,13 @@
 //! cargo run --release -p friction-grading --example calibrate_contest -- evidence.tsv --check   writes nothing
 //! ```
 //!
-//! `contest_evidence` makes the evidence; `lab/grading/calibrate` runs all of it. Every figure is out of fold: the weights and the
+//! `contest_evidence` makes the evidence; `lab/grading/calibrate` runs all of it. Every figure is out of fold: the trees and the
 //! isotonic step have seen neither the world, nor any log of the machine. Fresh worlds are drawn after the last change of the
 //! contest and are judged by the whole fit, as a user's log is.
 
 use clap::Parser;
-use friction_diagnose::contest_calibration::{
-    Case, ContestCalibration, out_of_fold, probabilities_out_of_fold,
-};
+use friction_diagnose::contest_calibration::ContestCalibration;
+use friction_grading::calibration_fit::{Case, fit, out_of_fold, probabilities_out_of_fold};
 use friction_grading::contest_figures::{self, FigureRow};
 use friction_grading::contest_verdicts::Grades;
 use friction_grading::evidence_table::{EvidenceRow, parse};
@@ -27,7 +26,7 @@ struct Arguments {
     /// Tables of evidence
     tables: Vec<PathBuf>,
     /// Share of the weight that the measured logs have; about that of their candidates among all
-    #[arg(long, default_value_t = 0.02)]
+    #[arg(long, default_value_t = 0.05)]
     measured_share: f64,
     /// Tables of evidence of worlds that the fit does not see: their figures and those of all others are the table of figures
     #[arg(long)]
@@ -55,7 +54,7 @@ fn main() -> Result<(), String> {
         own.map(|row| &row.log).collect::<BTreeSet<_>>().len()
     };
     let name = format!("{} simulated and {} measured logs", logs(false), logs(true));
-    let calibration = ContestCalibration::fit(name, &cases, &odds);
+    let calibration = fit(name, &cases, &odds);
     // Rows that are no cases have the probability of the whole fit: it decides nothing about them.
     let mut probabilities: Vec<f64> = rows
         .iter()

@@ -2,7 +2,8 @@
 //!
 //! A log without candidates, and a hidden effect that is no candidate, have rows too, so that every log and effect is counted.
 
-use friction_diagnose::contest_calibration::{Case, FIGURES};
+use crate::calibration_fit::Case;
+use friction_diagnose::contest_calibration::FIGURES;
 
 /// What is known of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,6 +4,8 @@
 //! log. Seeds from [`TUNING_SEED`] serve to tune the diagnosis, seeds from [`GRADING_SEED`] to grade it. Another seed is another machine,
 //! campaign and set of sensors, and not only other noise.
 
+mod boosting;
+pub mod calibration_fit;
 mod cause_regressors;
 pub mod contest;
 pub mod contest_figures;

@@ -44,20 +44,22 @@ impl Cause for DirectionAsymmetry {
         ])]
     }
 
-    /// Beside a torque offset, the log may not determine the difference of the levels. The size is
-    /// then the asymmetry of the viscous part.
+    /// Beside a torque offset, the log may not determine the difference of the levels, and a drive's losses may differ in the
+    /// viscous part alone. The size is that of the part that is larger in its standard errors.
     fn size(&self, extended: &Extended) -> Size {
-        let level = extended.estimate(Id::CoulombAsymmetry).and_then(|e| e.std_error);
-        extended.size(if level.is_some() { Id::CoulombAsymmetry } else { Id::ViscousAsymmetry })
+        extended.size(larger(extended))
     }
 
     fn in_words(&self, size: &Size, extended: &Extended) -> String {
-        let viscous = extended.value(Id::ViscousAsymmetry);
+        let (own, other, parts) = match larger(extended) {
+            Id::ViscousAsymmetry => ("viscous part", Id::CoulombAsymmetry, "level"),
+            _ => ("level", Id::ViscousAsymmetry, "viscous part"),
+        };
         format!(
-            "{}: {} of the level, {} of the viscous part",
+            "{}: {} of the {own}, {} of the {parts}",
             self.meaning(),
             size.in_words(),
-            figure(viscous)
+            figure(extended.value(other))
         )
     }
 
@@ -68,4 +70,14 @@ impl Cause for DirectionAsymmetry {
                 .into(),
         })
     }
+}
+
+/// Returns the part of the friction whose asymmetry is the larger one in standard errors.
+fn larger(extended: &Extended) -> Id {
+    let in_errors = |id: Id| {
+        let error = extended.estimate(id).and_then(|e| e.std_error);
+        error.map_or(0.0, |error| extended.value(id).abs() / error.max(f64::MIN_POSITIVE))
+    };
+    let is_viscous = in_errors(Id::ViscousAsymmetry) > in_errors(Id::CoulombAsymmetry);
+    if is_viscous { Id::ViscousAsymmetry } else { Id::CoulombAsymmetry }
 }

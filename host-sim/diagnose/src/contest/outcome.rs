@@ -111,11 +111,7 @@ pub(crate) struct Table<'a> {
 impl Outcome {
     pub(crate) fn new(rows: &Rows, table: Table) -> Self {
         let Some(best) = table.ledger.best() else { return Self::default() };
-        let none = BTreeSet::new();
-        let base = table.ledger.hypotheses.iter().filter(|h| h.causes == none);
-        let Some(base) = base.min_by(|a, b| a.error.total_cmp(&b.error)) else {
-            return Self::default();
-        };
+        let Some(base) = table.ledger.with_causes(&BTreeSet::new()) else { return Self::default() };
         let mut causes: Vec<Figures> = table
             .draws
             .inclusion

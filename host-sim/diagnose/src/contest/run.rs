@@ -18,6 +18,7 @@ use super::rows::Rows;
 use super::weights::weigh;
 use joint_log::log_check::drives_both_ways;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Share of the error that a correction must take to get a bank.
 const MIN_CORRECTION_GAIN: f64 = 0.02;
@@ -74,7 +75,10 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     let Contest { waves, found: Found { mut entries, hypotheses }, .. } = contest;
     let ledger = Ledger::new(hypotheses);
     let draws = draw(rows, &entries, &ledger);
-    for hypothesis in finalists(&ledger, &draws) {
+    // A hypothesis without a cause may hold channels of which the torque has a share.
+    for hypothesis in
+        finalists(&ledger, &draws).into_iter().chain(ledger.with_causes(&BTreeSet::new()))
+    {
         entries[hypothesis.bank].restore_columns(rows, &shapes, &waves, &hypothesis.set);
     }
     Outcome::new(rows, Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws })
