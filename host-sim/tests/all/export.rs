@@ -406,6 +406,24 @@ fn export_gives_the_same_error_on_a_log_in_every_form() {
 }
 
 #[test]
+fn export_to_mujoco_writes_inertia_as_armature() {
+    let model = joint(LawKind::Linear, &[TermKind::UnmodelledInertia]);
+    let text = |inertia: f32, format| {
+        let model = model.clone().with(Id::Inertia, inertia);
+        let written = export(&file(&model), format, "params.toml").expect("exported");
+        String::from_utf8(written.content).expect("text")
+    };
+    let written = text(0.25, ExportFormat::Mujoco);
+    assert!((attribute(&written, "armature") - 0.25).abs() < 1e-6, "{written}");
+    assert!((attribute(&written, "frictionloss") - 1.5).abs() < 1e-6, "{written}");
+    assert!(written.contains("kg m^2") && !written.contains("left out"), "{written}");
+    // A negative one is no inertia, and a URDF joint has no attribute for it.
+    for left_out in [text(-0.1, ExportFormat::Mujoco), text(0.25, ExportFormat::Urdf)] {
+        assert!(!left_out.contains("armature") && left_out.contains("unmodelled-inertia"));
+    }
+}
+
+#[test]
 fn export_to_simulator_takes_covariates_at_the_means_of_the_log() {
     let model = joint(LawKind::Stribeck, &[TermKind::PressureCoulomb, TermKind::TorqueOffset]);
     let text = emit_model(&model, JointKind::Revolute) + "\n[log_means]\npressure_diff_pa = 2e5\n";

@@ -5,11 +5,14 @@
 //! the speed range of the model. For the law `linear`, the line equals the law. The header of the file states the
 //! largest error, because the simulator has no Stribeck curve.
 //!
+//! A MuJoCo joint also has an inertia of its own, `armature`: that of the term `unmodelled-inertia`, which `--rigid-body inertia`
+//! fits.
+//!
 //! A simulator's joint has no pressure, side load or temperature. Terms of such covariates are evaluated at the means of the
 //! log, which the parameter file states.
 
 use super::ExportedModel;
-use compensator_core::{ModelState, Parameters, Quantity, Sample, TermKind};
+use compensator_core::{ModelState, ParameterId, Parameters, Quantity, Sample, TermKind};
 use friction_fit::params::ParameterFile;
 use joint_log::JointKind;
 use joint_log::number::significant;
@@ -152,12 +155,15 @@ fn units(joint: JointKind) -> [&'static str; 3] {
     }
 }
 
+/// Exports the line as an element. `also_written` are terms that the element has besides the line, and the notes on them.
 fn export(
     file: &ParameterFile,
     source: &str,
+    also_written: (&[TermKind], Option<String>),
     element: impl Fn(&FrictionLine) -> String,
 ) -> ExportedModel {
-    let line = fit_line(file);
+    let mut line = fit_line(file);
+    line.left_out.retain(|name| also_written.0.iter().all(|term| term.name() != *name));
     let [torque, damping, speed] = units(file.joint);
     let mut notes = Vec::new();
     // For a linear law, the error is only rounding.
@@ -191,6 +197,7 @@ fn export(
             line.left_out.join(", ")
         ));
     }
+    notes.extend(also_written.1);
     // Two hyphens are not allowed inside an XML comment.
     let mut text = format!(
         "<!-- {} from {}: dry friction in {torque}, damping in {damping}.\n",
@@ -203,12 +210,32 @@ fn export(
     ExportedModel::new(text.into_bytes(), notes)
 }
 
+/// Returns the joint's own inertia, kg m^2 or kg, if the model has a possible one.
+fn armature(file: &ParameterFile) -> Option<f64> {
+    let has_inertia = file.parameters.terms.contains(&TermKind::UnmodelledInertia);
+    let inertia = file.parameters.get(ParameterId::Inertia);
+    (has_inertia && inertia > 0.0).then_some(inertia)
+}
+
 /// Exports the attributes of a MuJoCo joint.
 pub(super) fn mujoco(file: &ParameterFile, source: &str) -> ExportedModel {
     let kind = if file.joint == JointKind::Revolute { "hinge" } else { "slide" };
-    export(file, source, |line| {
+    let armature = armature(file);
+    let also_written: &[TermKind] = match armature {
+        Some(_) => &[TermKind::UnmodelledInertia],
+        None => &[],
+    };
+    let note = armature.map(|_| {
+        let unit = if file.joint == JointKind::Revolute { "kg m^2" } else { "kg" };
         format!(
-            "<joint name=\"joint\" type=\"{kind}\" frictionloss=\"{}\" damping=\"{}\"/>",
+            "armature in {unit} is the whole inertia of the fit: subtract that of the bodies that the simulator moves"
+        )
+    });
+    export(file, source, (also_written, note), |line| {
+        let inertia =
+            armature.map_or(String::new(), |inertia| format!(" armature=\"{}\"", inertia as f32));
+        format!(
+            "<joint name=\"joint\" type=\"{kind}\"{inertia} frictionloss=\"{}\" damping=\"{}\"/>",
             line.dry as f32, line.damping as f32
         )
     })
@@ -216,7 +243,7 @@ pub(super) fn mujoco(file: &ParameterFile, source: &str) -> ExportedModel {
 
 /// Exports the dynamics element of a URDF joint.
 pub(super) fn urdf(file: &ParameterFile, source: &str) -> ExportedModel {
-    export(file, source, |line| {
+    export(file, source, (&[], None), |line| {
         format!("<dynamics friction=\"{}\" damping=\"{}\"/>", line.dry as f32, line.damping as f32)
     })
 }
