@@ -6,7 +6,7 @@
 
 One task is the log of one joint and campaign: its *files*, each read with its own header. Frames that a cluster groups by joint
 are no tasks. Their engines give every group the columns of all files, or those of the first, and a joint then gets a wrong answer
-without an error. ``diagnose_group`` for ``applyInPandas`` states the columns that it needs instead.
+without an error. ``diagnose_group`` for grouped frames states the columns that it needs instead.
 
 A task writes a folder of its own, which appears only when it is complete. A second call computes only what is missing or has
 changed. Logs and results may be in an object store: ``diagnose("s3://bucket/logs", out="s3://bucket/out")``.
@@ -99,9 +99,8 @@ def diagnose(
         data: A folder (``joint=.../campaign=.../*.csv``, ``JOINT/CAMPAIGN/*.csv``, ``JOINT/CAMPAIGN.csv`` or ``JOINT.csv``), its
             address for fsspec (``s3://bucket/logs``), or the tasks.
         out: Folder of the results, or its address: ``fleet.parquet``, ``fleet.html``, and a folder for each joint and campaign.
-        engine: ``"local"``: processes of this machine. Or a ``dask.distributed.Client``, the module ``ray``, a
-            ``SparkSession``, or an object with the methods of ``Engine``. On a cluster, ``out`` is an address, or a folder that
-            all machines share.
+        engine: ``"local"``: processes of this machine. Or a ``dask.distributed.Client``, or an object with the methods of
+            ``Engine`` for another cluster. On a cluster, ``out`` is an address, or a folder that all machines share.
         workers: Number of local processes; by default one for each core.
         retries: Further attempts for a task whose process was killed. A bad log is not tried again.
         model: Base model of the diagnoses; by default selected for each log.
@@ -142,9 +141,9 @@ def diagnose(
 def diagnose_group(
     *, joint: str = "joint", required: Iterable[str], **options: Any
 ) -> Callable[[Any], Any]:
-    """Returns a function for ``groupBy(joint).applyInPandas``, which gives one row for each group.
+    """Returns a function for the groups of a frame by joint, which gives one row for each group.
 
-    Spark fills the columns that a joint's file lacks with nulls. The function therefore refuses a group in which one of the
+    A frame of many joints has nulls in the columns that a joint's file lacks. The function therefore refuses a group in which one of the
     columns ``required`` has no value, instead of diagnosing the joint with the columns of others. Prefer ``diagnose``, where
     each file keeps its own columns.
 
@@ -244,10 +243,6 @@ def _engine(engine: Any, workers: int | None) -> Engine:
         raise FrictionError(f"engine={engine!r}: expected 'local' or an engine")
     if all(hasattr(engine, method) for method in ("submit", "scheduler_info", "gather")):
         return _Dask(engine)
-    if hasattr(engine, "remote") and hasattr(engine, "wait"):
-        return _Ray(engine)
-    if hasattr(engine, "sparkContext"):
-        return _Spark(engine)
     if hasattr(engine, "run") and hasattr(engine, "close"):
         found: Engine = engine
         return found
@@ -347,46 +342,3 @@ class _Dask:
 
     def close(self) -> None:
         """The cluster belongs to the caller."""
-
-
-class _Ray:
-    """A cluster of Ray."""
-
-    def __init__(self, ray: Any) -> None:
-        self._ray = ray
-
-    def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
-        def attempt(task: Task) -> list[Row]:
-            return function(task)
-
-        remote: Any = self._ray.remote(max_retries=retries)(attempt)
-        waiting = {remote.remote(task): task for task in tasks}
-        while waiting:
-            (done,), _ = self._ray.wait(list(waiting), num_returns=1)
-            try:
-                found: Any = self._ray.get(done)
-            except Exception as failure:  # Ray raises classes of its own.
-                found = failure
-            yield waiting.pop(done), found
-
-    def close(self) -> None:
-        """The cluster belongs to the caller."""
-
-
-class _Spark:
-    """A cluster of Spark. It has one number of attempts for all its tasks, ``spark.task.maxFailures``."""
-
-    def __init__(self, session: Any) -> None:
-        self._context = session.sparkContext
-
-    def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
-        def caught(task: Task) -> tuple[Task, Any]:
-            try:
-                return task, function(task)
-            except FrictionError as failure:
-                return task, str(failure)
-
-        yield from self._context.parallelize(list(tasks), len(tasks) or 1).map(caught).toLocalIterator()
-
-    def close(self) -> None:
-        """The session belongs to the caller."""
