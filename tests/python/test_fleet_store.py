@@ -57,7 +57,7 @@ def test_diagnose_with_addresses_writes_the_files_of_a_folder(bucket):
     assert failed["error"].startswith(f"{address}/logs/joint=elbow/campaign=2026-03-01/a.csv"), failed["error"]
     place = "joint=hip/campaign=2026-03-01"
     names = {name.split("/out/")[1] for name in store.find(f"{address}/out")}
-    files = {"diagnosis.json", "params.toml", "report.html", "row.json", "rows.parquet"}
+    files = {"diagnosis.json", "params.toml", "report.html", "row.json"}
     assert {f"{place}/{name}" for name in files} | {"fleet.html", "fleet.parquet"} <= names
     assert not [name for name in names if "elbow" in name or ".unfinished" in name]
     document = json.loads(store.cat_file(f"{address}/out/{place}/diagnosis.json"))

@@ -85,6 +85,8 @@ pub use read::{FileContent, read, read_contents, read_tables};
 pub use row_clock::parse_rate_hz;
 pub use segment::{GAP_FACTOR, segments};
 pub use servo_torque::ServoTorque;
+#[cfg(feature = "parquet")]
+pub use source::parquet_table;
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use survey::{ColumnSummary, Survey};
 pub use table::{Cells, Table};

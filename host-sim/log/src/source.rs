@@ -40,6 +40,9 @@ mod unpack;
 mod utf16;
 mod windows_1252;
 
+#[cfg(feature = "parquet")]
+pub use parquet_file::parquet_table;
+
 use super::clean::FileData;
 use super::error::DataError;
 use super::options::ReadOptions;

@@ -59,6 +59,21 @@ impl Cells {
         self.len() == 0
     }
 
+    /// Adds the cells of the next rows of the same column.
+    #[cfg(feature = "parquet")]
+    pub(super) fn append(&mut self, next: Self) {
+        match (self, next) {
+            (Self::Numbers(cells), Self::Numbers(next)) => cells.extend(next),
+            (Self::Texts(cells), Self::Texts(next)) => cells.extend(next),
+            (cells, next) => *cells = next,
+        }
+    }
+
+    /// Returns a cell as text; empty if there is none.
+    pub fn text_of(&self, row: usize) -> String {
+        String::from_utf8_lossy(&self.text(row)).into_owned()
+    }
+
     fn number(&self, row: usize) -> Option<f64> {
         match self {
             Self::Numbers(cells) => cells.get(row).copied(),
@@ -192,11 +207,11 @@ impl TableHeader {
 /// Calls `read`, which uses a library that reports a few damaged files with a panic, for example a page that refers to a missing
 /// dictionary. A damaged file must not look like a defect of this program, so a panic becomes an error.
 #[cfg(any(feature = "arrow", feature = "parquet"))]
-pub(super) fn read_damaged(
+pub(super) fn read_damaged<T>(
     path: &Path,
     expected: &str,
-    read: impl FnOnce() -> Result<FileData, DataError>,
-) -> Result<FileData, DataError> {
+    read: impl FnOnce() -> Result<T, DataError>,
+) -> Result<T, DataError> {
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
         if panic.is::<Cancelled>() {
             resume_unwind(panic);

@@ -232,6 +232,20 @@ pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
     Ok(files)
 }
 
+/// Returns the result files of one of many diagnoses: `diagnosis.json`, a short `report.html` and `params.toml`. `predict` gives
+/// the rows from `params.toml` and the log.
+///
+/// # Errors
+/// See [`json_text`].
+#[cfg(feature = "pages")]
+pub fn short_files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
+    let html = diagnosis_page::short_page(&report(found, input)).render();
+    let toml = parameter_text(found, input);
+    let predicted = PredictedLog::of_text(&toml, &input.data)?.without_rows();
+    let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
+    Ok(Files { document: ("diagnosis.json", document_text(found, input, &predicted)?), others })
+}
+
 /// Returns the document of a diagnosis. `hashes` are those of the files, in order.
 pub fn document(
     found: &Diagnosis,

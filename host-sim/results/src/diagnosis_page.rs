@@ -107,7 +107,18 @@ impl Scene<'_> {
 
 /// Returns the page of a diagnosis.
 pub fn page(about: &DiagnosisReport) -> Page {
-    in_scene(about, whole_page)
+    in_scene(about, |scene| page_of(scene, false))
+}
+
+/// Largest number of points of a curve on a short page.
+const SHORT_CURVE_POINTS: usize = 120;
+
+/// Returns a page of less than 100 kB, for one of thousands of diagnoses: without the charts of the remaining residual, of the
+/// state of motion and of the stochastic extension, and with fewer points in the others.
+pub fn short_page(about: &DiagnosisReport) -> Page {
+    let mut page = in_scene(about, |scene| page_of(scene, true));
+    page.limit_points(SHORT_CURVE_POINTS);
+    page
 }
 
 /// Returns the first screen as an HTML fragment without scripts, for a notebook: the facts, the errors above the noise
@@ -153,7 +164,7 @@ fn in_scene<R>(about: &DiagnosisReport, show: impl FnOnce(&Scene) -> R) -> R {
     show(&scene)
 }
 
-fn whole_page(scene: &Scene) -> Page {
+fn page_of(scene: &Scene, is_short: bool) -> Page {
     let mut page = Page::new(words::title(scene), words::subtitle(scene));
     let charts = largest_effect::chart(scene).into_iter().chain([lead::above_the_floor(scene)]);
     page.push(Block::Lead { facts: lead::facts(scene), charts: charts.collect() });
@@ -166,10 +177,10 @@ fn whole_page(scene: &Scene) -> Page {
         candidates(scene),
         predictions(scene),
         evidence(scene),
-        left_over(scene),
-        where_in_motion(scene),
+        if is_short { vec![Block::paragraph(words::SHORT)] } else { left_over(scene) },
+        if is_short { Vec::new() } else { where_in_motion(scene) },
         parameters(scene),
-        stochastic(scene),
+        if is_short { Vec::new() } else { stochastic(scene) },
         shared::methods(&scene.view, words::methods(scene)),
         shared::data(&scene.view, words::sources(scene)),
     ];

@@ -2,18 +2,22 @@
 //!
 //! A *campaign* is one measurement of a joint: a day, a dive, a service interval. Each joint and campaign has one
 //! [`FleetRow`], also if its diagnosis failed. `fleet.parquet` holds all rows with a fixed schema, and `fleet.html` shows
-//! what a maintainer asks: which causes occur, which joints stand out, and which levels change over the campaigns.
+//! what a maintainer asks: which joints need attention and why, which causes occur, and which levels change over the campaigns.
 //!
 //! A trend compares numbers of one fixed model. The models that the diagnosis selects may differ between campaigns, and the
 //! level of one is then not comparable with the level of the other.
 
 mod jobs;
+mod joint;
 mod page;
 pub mod statistics;
+mod table;
 mod task;
 
-pub use jobs::{FleetJob, find_jobs, jobs_of_files};
+pub use jobs::{FleetJob, find_jobs, jobs_of_files, mixed_forms};
+pub use joint::{JointSummary, attention_in_words, joints};
 pub use page::page;
+pub use table::jobs_of_table;
 pub use task::{FleetOptions, ROW_FILE, ReadEarlierRow, run_task, run_task_beside, write_fleet};
 
 use crate::table_file::{TableColumn, TableFile};

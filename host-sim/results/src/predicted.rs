@@ -44,6 +44,12 @@ impl PredictedLog {
         Ok(Self { prediction, summary })
     }
 
+    /// Returns the prediction of a result without the table of rows.
+    pub fn without_rows(mut self) -> Self {
+        self.summary["file"] = Value::Null;
+        self
+    }
+
     /// Adds the table of rows to the files of a command.
     ///
     /// # Errors

@@ -1,27 +1,31 @@
 //! `fleet`: diagnoses the logs of many joints and campaigns, and compares them on one page.
 
 use super::input::DataArguments;
-use super::output::{pretty, print_formatted, print_text};
-use super::progress::in_stages;
+use super::output::{pretty, print_formatted, print_message, print_text};
+use super::progress::{LINE_EVERY, duration_in_words, in_stages, with_lines};
 use super::words::in_options;
 use friction_diagnose::prepare::Error;
 use friction_fit::spec::Spec;
-use friction_results::fleet::statistics::{Limit, outliers, trends};
+use friction_results::fleet::statistics::Limit;
 use friction_results::fleet::{
-    FleetJob, FleetOptions, FleetRow, LEVELS, find_jobs, run_task, write_fleet,
+    FleetJob, FleetOptions, FleetRow, LEVELS, attention_in_words, find_jobs, jobs_of_table, joints,
+    mixed_forms, run_task, write_fleet,
 };
 use joint_log::SplitRule;
 use joint_log::work;
 use rayon::prelude::*;
 use serde_json::json;
-use std::path::PathBuf;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 /// Arguments of `fleet`.
 #[derive(clap::Args)]
 pub struct FleetArguments {
-    /// Folder of the results: `fleet.parquet`, `fleet.html`, and a folder for each joint and campaign. A second call computes
-    /// only what is missing or has changed
+    /// Folder of the results; a second call computes only what is missing or has changed
+    ///
+    /// It gets `fleet.parquet`, `fleet.html`, and a folder for each joint and campaign.
     #[arg(long, value_name = "DIR", default_value = "out/fleet")]
     out: PathBuf,
     /// Print the result as JSON instead of text
@@ -49,25 +53,85 @@ pub fn run(arguments: &FleetArguments) -> Result<(), String> {
     options.model = arguments.model.as_deref().map(Spec::parse).transpose().map_err(in_options)?;
     options.fixed_model = Spec::parse(&arguments.fixed_model).map_err(in_options)?;
     options.worded = |error| in_options(error);
-    let folders = arguments.data.log.data.iter().map(|root| find_jobs(root, &arguments.out));
-    let jobs: Vec<FleetJob> = folders.collect::<Result<Vec<_>, _>>()?.concat();
     let failed = |error: std::io::Error| format!("{}: {error}", arguments.out.display());
     std::fs::create_dir_all(&arguments.out).map_err(failed)?;
-    let rows = in_stages(arguments.data.log.threads, || {
-        let done = AtomicUsize::new(0);
-        work::report_stage(&format!("diagnosing {} logs", jobs.len()));
+    let pieces = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&arguments.out);
+    let pieces = pieces.map_err(failed)?;
+    let jobs = find_all(&arguments.data.log.data, &arguments.out, pieces.path())?;
+    let rows = diagnose_all(&jobs, &options, arguments.data.log.threads)?;
+    write_fleet(&arguments.out, &rows, &limits)?;
+    print(arguments, &rows, &limits)
+}
+
+/// Returns the logs of all folders and tables. The logs of a table are copied to `pieces`.
+fn find_all(data: &[PathBuf], out: &Path, pieces: &Path) -> Result<Vec<FleetJob>, String> {
+    let mut all: Vec<FleetJob> = Vec::new();
+    for (at, root) in data.iter().enumerate() {
+        let found = match root.is_file() {
+            true => {
+                let own = pieces.join(at.to_string());
+                std::fs::create_dir(&own).map_err(|error| format!("{}: {error}", own.display()))?;
+                jobs_of_table(root, &own)?
+            }
+            false => find_jobs(root, out)?,
+        };
+        if let Some(line) = mixed_forms(root, &found).filter(|_| root.is_dir()) {
+            print_message(&format!("fleet: {line}"));
+        }
+        let names = |job: &FleetJob| (job.joint.clone(), job.campaign.clone());
+        if let Some(twice) = found.iter().find(|job| all.iter().any(|of| names(of) == names(job))) {
+            return Err(format!(
+                "{}: found joint {}, campaign {:?} a second time, expected once in all folders and tables",
+                root.display(),
+                twice.joint,
+                twice.campaign
+            ));
+        }
+        all.extend(found);
+    }
+    Ok(all)
+}
+
+/// Diagnoses all logs. In a pipe, a line every 30 s says how far it is.
+fn diagnose_all(
+    jobs: &[FleetJob],
+    options: &FleetOptions,
+    threads: usize,
+) -> Result<Vec<FleetRow>, String> {
+    let (begin, count) = (Instant::now(), AtomicUsize::new(0));
+    let state = || {
+        let done = count.load(Ordering::Relaxed);
+        let left = match done {
+            0 => String::new(),
+            done => {
+                let each_s = begin.elapsed().as_secs_f64() / done as f64;
+                format!(", about {} left", duration_in_words(each_s * (jobs.len() - done) as f64))
+            }
+        };
+        format!("diagnosed {done} of {} logs{left}", jobs.len())
+    };
+    let work = || {
+        work::report_stage(&state());
         let run = |job: &FleetJob| {
-            let rows = run_task(job, &options);
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            work::report_stage(&format!("diagnosed {done} of {} logs", jobs.len()));
+            let rows = run_task(job, options);
+            count.fetch_add(1, Ordering::Relaxed);
+            work::report_stage(&state());
             rows
         };
         let rows: Vec<Vec<FleetRow>> = jobs.par_iter().map(run).collect();
         Ok::<_, Error>(rows.concat())
-    })
-    .map_err(in_options)?;
-    write_fleet(&arguments.out, &rows, &limits)?;
-    print(arguments, &rows, &limits)
+    };
+    // A defect in one log is the reason in its row; the trace of its panic would stand between the lines of the others.
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| ()));
+    let computed = match std::io::stderr().is_terminal() {
+        true => in_stages(threads, work),
+        false => {
+            with_lines(LINE_EVERY, || eprintln!("fleet: {}", state()), || in_stages(threads, work))
+        }
+    };
+    std::panic::set_hook(hook);
+    computed.map_err(in_options)
 }
 
 /// Parses a limit of a level.
@@ -89,31 +153,22 @@ fn print(arguments: &FleetArguments, rows: &[FleetRow], limits: &[Limit]) -> Res
         let document = json!({ "schema": 1, "rows": rows });
         return print_text(&pretty(&document)?);
     }
+    let joints = joints(rows, limits);
+    let mut text = format!("{}\n", attention_in_words(&joints));
+    for joint in joints.iter().filter(|joint| !joint.reasons.is_empty()) {
+        text += &format!("- {}: {}\n", joint.joint, joint.reasons.join("; "));
+    }
     let failed: Vec<&FleetRow> = rows.iter().filter(|row| !row.is_ok()).collect();
     let named = rows.iter().filter(|row| row.is_ok() && row.cause != "none").count();
-    let mut text = format!(
+    text += &format!(
         "{} logs diagnosed, {} failed; {named} name a cause\n",
         rows.len() - failed.len(),
         failed.len()
     );
-    for trend in trends(rows, limits).iter().filter(|trend| trend.is_significant) {
-        text += &format!(
-            "trend: joint {}: {} changes by {:.2} % per {}\n",
-            trend.joint,
-            LEVELS[trend.level],
-            100.0 * trend.slope / trend.now,
-            trend.unit.name()
-        );
-    }
-    for outlier in outliers(rows) {
-        text += &format!(
-            "far from the other joints: joint {}: {} {:.4}, median {:.4}\n",
-            rows[outlier.row].joint, LEVELS[outlier.level], outlier.value, outlier.median
-        );
-    }
     for row in failed {
         let reason = row.error.as_deref().unwrap_or_default();
-        text += &format!("failed: joint {} {}: {reason}\n", row.joint, row.campaign);
+        let campaign = if row.campaign.is_empty() { "" } else { ", campaign " };
+        text += &format!("failed: joint {}{campaign}{}: {reason}\n", row.joint, row.campaign);
     }
     print_formatted(&format!("{text}written: {out}/fleet.parquet, {out}/fleet.html\n"))
 }

@@ -10,7 +10,7 @@ use super::progress::in_stages;
 use super::table;
 use super::words::{in_options, text_in_options};
 use clap::Args;
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValuesParser, Resettable, Str};
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, corrections, prepare};
 use friction_fit::Loss;
 use joint_log::log_check::LogFindingKind;
@@ -24,7 +24,7 @@ use std::path::PathBuf;
 #[command(next_help_heading = "Reading the log")]
 pub struct LogArguments {
     /// Log files: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
-    #[arg(required = true, value_name = "DATA", help_heading = "Arguments")]
+    #[arg(required = true, value_name = "DATA", help_heading = Resettable::<Str>::Reset)]
     pub data: Vec<PathBuf>,
     /// Names and units of the file's columns: `torque_nm=tau_3:mNm,time_s=t:ms`; `help` lists the columns
     ///

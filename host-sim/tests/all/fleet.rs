@@ -22,13 +22,14 @@ fn write_log(file: &Path, coulomb_nm: f64) {
     std::fs::write(file, text).expect("written");
 }
 
-/// Runs `fleet` in a folder. Returns the rows of its result.
-fn fleet(folder: &Path) -> Vec<Value> {
+/// Runs `fleet` on a folder or table. Returns the rows of its result.
+fn fleet(folder: &Path, data: &str) -> Vec<Value> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
-    let arguments = ["fleet", "logs", "--out", "out", "--fixed-model", "linear", "--json"];
+    let arguments = ["fleet", data, "--out", "out", "--fixed-model", "linear", "--json"];
     let output = command.args(arguments).current_dir(folder).output().expect("it runs");
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
     let document: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     document["rows"].as_array().expect("rows").clone()
 }
@@ -46,7 +47,7 @@ fn fleet_with_bad_log_keeps_the_others_and_resumes() {
     write_log(&path("logs/joint=knee/campaign=2026-03-01/a.csv"), 1.4);
     std::fs::create_dir_all(path("logs/joint=wrist")).expect("created");
     std::fs::write(path("logs/joint=wrist/a.csv"), "time_s,torque_nm\n0,1\n").expect("written");
-    let rows = fleet(folder.path());
+    let rows = fleet(folder.path(), "logs");
     let causes: Vec<(&str, bool)> = rows
         .iter()
         .map(|row| (row["joint"].as_str().expect("a text"), row["error"].is_null()))
@@ -61,7 +62,11 @@ fn fleet_with_bad_log_keeps_the_others_and_resumes() {
         let report = row["report"].as_str().expect("a text");
         let page = std::fs::read_to_string(path("out").join(report)).expect("read");
         assert!(!page.contains("<script src"), "a report needs another file");
-        assert!(page.len() < 600_000, "{} bytes", page.len());
+        let folder = path("out").join(report).parent().expect("a folder").to_owned();
+        let files = std::fs::read_dir(folder).expect("a folder");
+        let sizes = files.map(|file| file.expect("a file").metadata().expect("a size").len());
+        let size: u64 = sizes.sum();
+        assert!(size < 100_000, "{size} bytes: 200 diagnoses take more than 20 MB");
     }
     let page = std::fs::read_to_string(path("out/fleet.html")).expect("read");
     assert!(page.contains("joint=hip/campaign=2026-03-01/report.html"));
@@ -75,9 +80,67 @@ fn fleet_with_bad_log_keeps_the_others_and_resumes() {
 
     // Only the changed log is computed again; the stored duration is that of the first call.
     write_log(&path("logs/joint=knee/campaign=2026-03-01/a.csv"), 1.6);
-    let again = fleet(folder.path());
+    let again = fleet(folder.path(), "logs");
     assert_eq!(seconds(&again, "hip"), seconds(&rows, "hip"));
     assert_ne!(seconds(&again, "knee"), seconds(&rows, "knee"));
     let level = again[1]["levels"][0]["value"].as_f64().expect("a number");
     assert!((level / 1.6 - 1.0).abs() < 0.05, "{level}");
+}
+
+#[test]
+fn fleet_of_one_table_has_the_rows_of_the_same_logs_in_folders() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let mut table = String::new();
+    for (joint, coulomb_nm) in [("hip", 1.2), ("knee", 1.4)] {
+        let log = path(&format!("logs/{joint}/2026-03-01.csv"));
+        write_log(&log, coulomb_nm);
+        let text = std::fs::read_to_string(log).expect("read");
+        let (header, rows) = text.split_once('\n').expect("a header");
+        if table.is_empty() {
+            table = format!("campaign,{header},joint\n");
+        }
+        rows.lines().for_each(|row| {
+            let _ = writeln!(table, "2026-03-01,{row},{joint}");
+        });
+    }
+    std::fs::write(path("table.csv"), table).expect("written");
+    let of_table = fleet(folder.path(), "table.csv");
+    assert_eq!(of_table.len(), 2);
+    assert_eq!(of_table[1]["files"][0], "table.csv (joint=knee, campaign=2026-03-01)");
+    std::fs::remove_dir_all(path("out")).expect("removed");
+    let of_folders = fleet(folder.path(), "logs");
+    for (one, other) in of_table.iter().zip(&of_folders) {
+        for key in ["joint", "campaign", "cause", "test_rmse", "levels", "report"] {
+            assert_eq!(one[key], other[key], "{key}");
+        }
+    }
+    let page = std::fs::read_to_string(path("out/fleet.html")).expect("read");
+    let place = |text: &str| page.find(text).unwrap_or_else(|| panic!("no {text} in the page"));
+    assert!(place("of 2 joints need attention") < place("needs attention"));
+    assert!(place("needs attention") < place("All logs") && place("All logs") < place("Causes"));
+}
+
+#[test]
+fn fleet_with_several_forms_of_paths_reports_them_in_one_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for log in ["logs/hip/1.csv", "logs/knee.csv"] {
+        write_log(&folder.path().join(log), 1.2);
+    }
+    std::fs::write(folder.path().join("logs/hip/2.csv.gz"), "no archive").expect("written");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    let arguments = ["fleet", "logs", "--fixed-model", "linear"];
+    let output = command.args(arguments).current_dir(folder.path()).output().expect("it runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    let lines: Vec<&str> = said.lines().filter(|line| line.contains("forms of paths")).collect();
+    assert_eq!(lines.len(), 1, "{said}");
+    assert!(lines[0].contains("JOINT.csv") && lines[0].contains("JOINT/CAMPAIGN.csv"), "{said}");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let first = text.lines().next().unwrap_or_default();
+    assert!(first.ends_with("of 2 joints needs attention"), "{text}");
+    assert_eq!(
+        text.lines().filter(|line| line.starts_with("failed: joint hip")).count(),
+        1,
+        "{text}"
+    );
 }

@@ -106,7 +106,7 @@ fn predict_with_wrong_arguments_is_rejected_and_keeps_the_log() {
         ("log.csv --out log.csv", "--out: log.csv is an input, expected another file"),
         ("log.csv --out a/params.toml", "--out: a/params.toml is an input"),
         ("log.csv --out p.xlsx", "--out: found p.xlsx, expected a name ending in .parquet or .csv"),
-        ("log.csv --tail 0.2", "found an option that holds rows out"),
+        ("log.csv --tail 0.2", "unexpected argument '--tail'"),
         ("none.csv", "none.csv"),
     ] {
         let (code, said) = run(folder.path(), &format!("predict a/params.toml {arguments}"));

@@ -10,6 +10,7 @@
 //! out by name.
 
 use std::fs::File;
+use std::path::Path;
 
 use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
@@ -23,7 +24,7 @@ use super::format::{Input, LogFormat, is_parquet};
 use super::parquet_zstd::ZstdPages;
 use crate::clean::FileData;
 use crate::error::{DataError, one_line};
-use crate::table::{Cells, TableHeader, read_damaged};
+use crate::table::{Cells, Table, TableHeader, read_damaged};
 
 /// Rows that are decompressed at a time.
 const BATCH_ROWS: usize = 8 * 1024;
@@ -92,6 +93,39 @@ fn read_table(input: Input) -> Result<FileData, DataError> {
         };
         Ok(std::iter::from_fn(move || next().map_err(failed).transpose()))
     })
+}
+
+/// Reads all columns of a Parquet file into memory. A column that is no measurement has no cells.
+///
+/// # Errors
+/// If the file is damaged or compressed in another way.
+pub fn parquet_table(path: &Path) -> Result<Table, DataError> {
+    let failed = |error: ParquetError| DataError::File {
+        file: path.into(),
+        found: one_line(&error.to_string()),
+        expected: "an intact Parquet file".into(),
+    };
+    let open = || -> Result<Table, ParquetError> {
+        let file = File::open(path)?;
+        let reader = SerializedFileReader::new(file.try_clone()?)?;
+        let columns = reader.metadata().file_metadata().schema_descr().columns().to_vec();
+        let kinds: Vec<_> = columns.iter().map(|column| column_type(column)).collect();
+        let mut cells: Vec<Cells> = vec![Cells::NOT_READ; columns.len()];
+        for group in 0..reader.num_row_groups() {
+            let rows = reader.get_row_group(group)?;
+            let mut readers = open_readers(&file, &*rows, &kinds, &vec![true; kinds.len()])?;
+            loop {
+                let batch = next_batches(&mut readers)?;
+                if rows_of(&batch)? == 0 {
+                    break;
+                }
+                cells.iter_mut().zip(batch).for_each(|(all, batch)| all.append(batch));
+            }
+        }
+        let names = columns.iter().map(|column| column.path().parts().join("."));
+        Ok(Table { name: path.display().to_string(), columns: names.zip(cells).collect() })
+    };
+    read_damaged(path, "an intact Parquet file", || open().map_err(failed))
 }
 
 /// Returns the type of a column, or why it cannot be read, as the end of "it is ..".

@@ -7,6 +7,9 @@
 //! | `knee/2026-03-01.csv` | `knee` | `2026-03-01` |
 //! | `knee.csv` | `knee` | none |
 //!
+//! Below `joint=knee/`, the other folders are the campaign if none is named `campaign=`. Several forms in one folder are read
+//! each as it is, and reported ([`mixed_forms`]).
+//!
 //! Files of the same joint and campaign are one log of several runs. Each file is read with its own header: the columns of one
 //! file never stand for those of another.
 
@@ -97,25 +100,60 @@ fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), Strin
     Ok(())
 }
 
-/// Returns the names of joint and campaign of a file.
-fn names(root: &Path, file: &Path) -> (String, String) {
+/// Returns a line if the paths of the logs have several of the forms above, so that a wrong one is seen.
+pub fn mixed_forms(root: &Path, jobs: &[FleetJob]) -> Option<String> {
+    let mut forms: BTreeMap<&str, Vec<&Path>> = BTreeMap::new();
+    for file in jobs.iter().flat_map(|job| &job.files) {
+        let below = file.strip_prefix(root).unwrap_or(file);
+        forms.entry(form(&folders(root, file))).or_default().push(below);
+    }
+    let each = forms.iter().map(|(form, files)| {
+        let count =
+            if files.len() == 1 { "1 file".into() } else { format!("{} files", files.len()) };
+        format!("{form} ({count}, such as {})", files[0].display())
+    });
+    let each: Vec<String> = each.collect();
+    (each.len() > 1).then(|| {
+        format!("{}: found {} forms of paths: {}", root.display(), each.len(), each.join(", "))
+    })
+}
+
+/// Returns the form of a path with these folders.
+fn form(folders: &[String]) -> &'static str {
+    let has = |key: &str| folders.iter().any(|name| name.starts_with(key));
+    match (folders.len(), has("joint="), has("campaign=")) {
+        (_, true, true) => "joint=JOINT/campaign=CAMPAIGN/FILE",
+        (1, true, false) => "joint=JOINT/FILE",
+        (_, true, false) => "joint=JOINT/CAMPAIGN/FILE",
+        (0, ..) => "JOINT.csv",
+        (1, ..) => "JOINT/CAMPAIGN.csv",
+        _ => "JOINT/CAMPAIGN/FILE",
+    }
+}
+
+/// Returns the folders between the root and a file.
+fn folders(root: &Path, file: &Path) -> Vec<String> {
     let below = file.strip_prefix(root).unwrap_or(file);
-    let folders: Vec<String> = below
-        .parent()
-        .into_iter()
-        .flat_map(Path::components)
-        .filter_map(|part| match part {
+    let folders =
+        below.parent().into_iter().flat_map(Path::components).filter_map(|part| match part {
             Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
             _ => None,
-        })
-        .collect();
+        });
+    folders.collect()
+}
+
+/// Returns the names of joint and campaign of a file.
+fn names(root: &Path, file: &Path) -> (String, String) {
+    let folders = folders(root, file);
     let keyed = |key: &str| {
         let start = format!("{key}=");
         folders.iter().find_map(|name| name.strip_prefix(&start).map(str::to_owned))
     };
     let stem = file_stem(file);
     if let Some(joint) = keyed("joint") {
-        return (joint, keyed("campaign").unwrap_or_default());
+        let is_name = |name: &&String| !name.starts_with("joint=");
+        let others: Vec<String> = folders.iter().filter(is_name).cloned().collect();
+        return (joint, keyed("campaign").unwrap_or_else(|| others.join("/")));
     }
     match folders.as_slice() {
         [] => (stem, String::new()),
@@ -149,6 +187,7 @@ mod tests {
             "knee/1/x.csv",
             "knee/2.csv.gz",
             "wrist.csv",
+            "joint=elbow/3/a.csv",
             "out/joint=hip/rows.parquet",
         ] {
             let path = root.join(file);
@@ -160,8 +199,21 @@ mod tests {
             jobs.iter().map(|job| (&*job.joint, &*job.campaign, job.files.len())).collect();
         assert_eq!(
             found,
-            [("hip", "2026-03-01", 2), ("knee", "1", 1), ("knee", "2", 1), ("wrist", "", 1)]
+            [
+                ("elbow", "3", 1),
+                ("hip", "2026-03-01", 2),
+                ("knee", "1", 1),
+                ("knee", "2", 1),
+                ("wrist", "", 1)
+            ]
         );
+        let line = mixed_forms(root, &jobs).unwrap();
+        assert!(
+            line.contains("found 5 forms of paths: JOINT.csv (1 file, such as wrist.csv), "),
+            "{line}"
+        );
+        let wrist = &jobs[4..];
+        assert_eq!(mixed_forms(root, wrist), None);
         let error =
             find_jobs(&root.join("out/joint=hip"), &root.join("out/joint=hip/rows.parquet"));
         assert!(error.unwrap_err().contains("found no log"));

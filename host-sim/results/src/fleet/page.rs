@@ -1,9 +1,10 @@
 //! `fleet.html`: the fleet on one page.
 //!
-//! The order is what a maintainer asks: how many joints, which causes, which joints stand out, which levels change, which
-//! logs failed, and where the report of a joint is. Lists are cut at [`MAX_LISTED`], because ten thousand rows of HTML stop a
-//! browser. The last block searches all rows and shows at most that many.
+//! The order is what a maintainer asks: how many joints need attention, each joint over its campaigns, the report of each log,
+//! then the causes, the levels that stand out or change, and the logs that failed. Lists are cut at [`MAX_LISTED`], because ten
+//! thousand rows of HTML stop a browser. The list of logs searches all rows and shows at most that many.
 
+use super::joint::{JointSummary, attention_in_words, joints};
 use super::statistics::{Limit, OUTLIER_SCORE, Trend, outliers, trends};
 use super::{FleetRow, LEVELS};
 use crate::page::words::counted;
@@ -22,20 +23,54 @@ const MAX_DOTS: usize = 400;
 
 /// Returns the page of a fleet. `limits` are the levels above which a joint needs service.
 pub fn page(rows: &[FleetRow], limits: &[Limit]) -> Page {
-    let joints: BTreeSet<&str> = rows.iter().map(|row| row.joint.as_str()).collect();
+    let names: BTreeSet<&str> = rows.iter().map(|row| row.joint.as_str()).collect();
     let campaigns: BTreeSet<&str> = rows.iter().map(|row| row.campaign.as_str()).collect();
-    let subtitle = format!("{} joints, {} campaigns", joints.len(), campaigns.len());
+    let subtitle =
+        format!("{}, {}", counted(names.len(), "joint"), counted(campaigns.len(), "campaign"));
     let mut page = Page::new("Friction of a fleet", subtitle);
-    let trends = trends(rows, limits);
+    let (trends, joints) = (trends(rows, limits), joints(rows, limits));
+    page.push(Block::Paragraph(format!("{}.", attention_in_words(&joints))));
+    page.push(Block::Records(joint_table(rows, &joints)));
+    page.push(Block::heading("All logs"));
+    page.push(Block::Find(finder(rows)));
+    page.push(Block::heading("Causes"));
     page.push(Block::Paragraph(summary(rows, &trends)));
     page.push(Block::Lead { facts: facts(rows), charts: vec![causes(rows)] });
     standing_out(rows, &mut page);
     trend_blocks(&trends, &mut page);
     sizes(rows, &mut page);
     failures(rows, &mut page);
-    page.push(Block::heading("All joints"));
-    page.push(Block::Find(finder(rows)));
     page
+}
+
+/// Returns one row for each joint over its campaigns, those that need attention first.
+fn joint_table(rows: &[FleetRow], joints: &[JointSummary]) -> Table {
+    let listed = joints.iter().take(MAX_LISTED).map(|joint| {
+        let of_cause = joint.rows.iter().rev().map(|at| &rows[*at]);
+        let shown = of_cause.clone().find(|row| row.is_ok() && row.cause == joint.cause);
+        let shown = shown.or_else(|| of_cause.clone().find(|row| row.is_ok()));
+        let named = match joint.named {
+            0 => Cell::Empty,
+            named => format!("{named} of {}", counted(joint.diagnosed, "log")).into(),
+        };
+        vec![
+            shown.map_or_else(|| joint.joint.as_str().into(), joint_cell),
+            match joint.reasons.is_empty() {
+                true => "no".into(),
+                false => joint.reasons.join("; ").into(),
+            },
+            joint.cause.as_str().into(),
+            named,
+            if joint.trend.is_empty() { Cell::Empty } else { joint.trend.as_str().into() },
+            Cell::Count(joint.rows.len() as u64),
+        ]
+    });
+    let caption = format!(
+        "A joint needs attention if more than half of its logs name the same cause, a level changes or is far from the other \
+         joints, or its latest log has no result. The name leads to the latest report with the cause.{}",
+        cut(joints.len())
+    );
+    Table::new(caption, "joint|needs attention|cause|named in|trend|logs", listed)
 }
 
 fn summary(rows: &[FleetRow], trends: &[Trend]) -> String {
@@ -107,7 +142,7 @@ fn cut(total: usize) -> String {
 
 fn standing_out(rows: &[FleetRow], page: &mut Page) {
     let found = outliers(rows);
-    page.push(Block::heading("Joints that stand out"));
+    page.push(Block::heading("Levels that stand out"));
     if found.is_empty() {
         let text = "No level of a joint is far from those of the other joints of its model.";
         page.push(Block::paragraph(text));
@@ -126,10 +161,10 @@ fn standing_out(rows: &[FleetRow], page: &mut Page) {
         ]
     });
     let caption = format!(
-        "Latest level more than {OUTLIER_SCORE} robust standard deviations from the median of the fleet.{}",
+        "Latest level more than {OUTLIER_SCORE} standard deviations, of the fleet and of the level's own error, from the median.{}",
         cut(found.len())
     );
-    let header = "joint|campaign|level|value|median|robust z-score|cause";
+    let header = "joint|campaign|level|value|median|deviations|cause";
     page.push(Block::Records(Table::new(caption, header, listed)));
 }
 

@@ -6,9 +6,11 @@
 //! fleet (Bonferroni), so that a thousand healthy joints do not give fifty trends.
 //!
 //! A joint *stands out* if its latest level is far from the median of the joints of the same model and unit. The distance is
-//! measured in median absolute deviations, which some bad joints do not change (Iglewicz and Hoaglin, 1993).
+//! measured in standard deviations: of the fleet, by the median absolute deviation, which some bad joints do not change
+//! (Iglewicz and Hoaglin, 1993), and of the level itself, by its standard error. A level that its log determines badly does
+//! not stand out.
 
-use super::{FleetRow, LEVELS};
+use super::{FleetRow, LEVELS, Level};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 
@@ -94,7 +96,7 @@ pub struct Outlier {
     pub value: f64,
     /// Median over the joints of the same model and unit.
     pub median: f64,
-    /// Modified z-score.
+    /// Distance from the median in standard deviations of fleet and level together.
     pub score: f64,
 }
 
@@ -206,7 +208,7 @@ pub fn campaign_times(rows: &[FleetRow]) -> (BTreeMap<&str, f64>, CampaignUnit) 
 }
 
 /// Splits a name into texts and numbers, so that `dive 10` comes after `dive 9`.
-fn natural_key(name: &str) -> Vec<(String, u64)> {
+pub(super) fn natural_key(name: &str) -> Vec<(String, u64)> {
     let mut parts = vec![(String::new(), 0u64)];
     let mut was_digit = false;
     for letter in name.chars() {
@@ -247,22 +249,24 @@ pub fn outliers(rows: &[FleetRow]) -> Vec<Outlier> {
             *known = at;
         }
     }
-    let mut groups: BTreeMap<Group, Vec<(usize, f64)>> = BTreeMap::new();
+    let mut groups: BTreeMap<Group, Vec<(usize, Level)>> = BTreeMap::new();
     for at in latest.into_values() {
         let row = &rows[at];
         for (level, found) in row.levels.iter().enumerate() {
             if let Some(found) = found {
                 let group = groups.entry((&row.fixed_model, &row.unit, level)).or_default();
-                group.push((at, found.value));
+                group.push((at, *found));
             }
         }
     }
     let mut outliers = Vec::new();
     for ((_, _, level), group) in groups.into_iter().filter(|(_, own)| own.len() >= MIN_JOINTS) {
-        let middle = median(group.iter().map(|(_, value)| *value).collect());
-        let deviation = median(group.iter().map(|(_, value)| (value - middle).abs()).collect());
-        for (row, value) in group {
-            let score = NORMAL_MAD * (value - middle) / deviation;
+        let middle = median(group.iter().map(|(_, level)| level.value).collect());
+        let deviations = group.iter().map(|(_, level)| (level.value - middle).abs()).collect();
+        let fleet = median(deviations) / NORMAL_MAD;
+        for (row, Level { value, std_error }) in group {
+            let deviation = fleet.hypot(std_error);
+            let score = (value - middle) / deviation;
             if deviation > 0.0 && score.abs() > OUTLIER_SCORE {
                 outliers.push(Outlier { row, level, value, median: middle, score });
             }
@@ -283,7 +287,6 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Level;
     use super::*;
 
     /// Deterministic numbers of mean 0 and standard deviation 1, nearly normal.
@@ -368,5 +371,8 @@ mod tests {
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!((found[0].row, found[0].value), (31, 2.4));
         assert!(outliers(&rows[25..]).is_empty(), "too few joints");
+        let uncertain = Level { value: 2.4, std_error: 0.5 };
+        rows[31].levels[0] = Some(uncertain);
+        assert!(outliers(&rows).is_empty(), "the log of the joint does not determine its level");
     }
 }

@@ -96,7 +96,8 @@ pub fn run_task_beside(
         Err(panic) => {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-            format!("defect of the program: {}", text.unwrap_or("unknown"))
+            let text = text.unwrap_or("unknown");
+            format!("defect of the program: {text}; a diagnosis of this log alone shows its place")
         }
     };
     let copies = job.files.iter().zip(&job.addresses);
@@ -158,7 +159,7 @@ fn one_joint(
     row.seconds = Some(begin.elapsed().as_secs_f64());
     row.report = format!("{folder}/report.html");
     let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
-    let mut files = diagnosis::files(&found, &input)?;
+    let mut files = diagnosis::short_files(&found, &input)?;
     files.others.push((ROW_FILE, stored.map_err(|error| error.to_string())?));
     let temporary = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&options.out);
     let place = options.out.join(&folder);

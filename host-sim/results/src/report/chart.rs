@@ -139,6 +139,20 @@ impl Series {
     }
 }
 
+impl Chart {
+    /// Thins every curve and cloud of dots to at most `most` points. Values with error bars keep all.
+    pub(super) fn limit_points(&mut self, most: usize) {
+        for series in self.series.iter_mut().filter(|series| series.error.is_none()) {
+            let thin = match series.style {
+                Style::Line => thin_series,
+                Style::Points => thin_scatter,
+                Style::Steps | Style::Bars | Style::Band { .. } => continue,
+            };
+            (series.x, series.y) = thin(&series.x, &series.y, most);
+        }
+    }
+}
+
 /// A chart with its title above and its caption below.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Chart {

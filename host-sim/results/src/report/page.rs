@@ -83,6 +83,11 @@ impl Page {
         self
     }
 
+    /// Thins every curve and cloud of dots to at most `most` points, for a page of fewer bytes.
+    pub fn limit_points(&mut self, most: usize) {
+        self.blocks.iter_mut().for_each(|block| block.limit_points(most));
+    }
+
     /// Renders the page as a self-contained HTML document.
     pub fn render(&self) -> String {
         let has_chart = self.blocks.iter().any(has_chart);
@@ -238,6 +243,21 @@ fn with_code(text: &str) -> Markup {
             @else { code { @for (word, text) in part.split(' ').enumerate() {
                 @if word > 0 { " " } span { (text) }
             } } }
+        }
+    }
+}
+
+impl Block {
+    fn limit_points(&mut self, most: usize) {
+        match self {
+            Self::Chart(chart) => chart.limit_points(most),
+            Self::Row(charts) | Self::Lead { charts, .. } => {
+                charts.iter_mut().for_each(|chart| chart.limit_points(most));
+            }
+            Self::Details { blocks, .. } => {
+                blocks.iter_mut().for_each(|block| block.limit_points(most));
+            }
+            _ => {}
         }
     }
 }
