@@ -22,6 +22,7 @@ fn keyword(reference: Reference) -> String {
     match (reference.setting, value) {
         (Setting::RatedTorque, _) => format!("rated_torque_nm={}", value.trim_end_matches("Nm")),
         (Setting::TorqueConstant, _) => format!("torque_constant={}", quoted(value)),
+        (Setting::AsLogged, _) => format!("as_logged=[{}]", quoted(value)),
         (Setting::TorqueFrom, "") => "torque_from=".into(),
         (Setting::TorqueFrom, _) => format!("torque_from={}", quoted(value)),
         (Setting::BadRows, _) => {

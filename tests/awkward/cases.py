@@ -201,7 +201,7 @@ error(
 error(
     "a unit of something else",
     table(joint(torque=("u", lambda r: r["tau"]))),
-    "--columns torque_nm=u:N: found the unit N, expected one of Nm, cNm, mNm, uNm, kNm, MNm, kgcm, ozin, lbin, lbft",
+    "--columns torque_nm=u:N: found the unit N, expected a torque; for a force on a lever of 0.2 m --columns torque_nm=u:0.2Nm",
     "--columns torque_nm=u:N",
 )
 error(
@@ -218,22 +218,38 @@ suspect(
     table(joint(time=("time_s", lambda r: 1e3 * r["t"]))),
     "unit-suspect: By its stamps the log has 0.1000 rows a second: the time may be in ms (--columns time_s=time_s:ms). "
     "Nothing is changed.",
+    arguments="--as-logged unit-suspect",
 )
 suspect(
     "nanoseconds as seconds",
     table(joint(time=("time_s", lambda r: r["i"] * 10_000_000))),
     "unit-suspect: By its stamps the log has 1.000e-7 rows a second: the time may be in ns (--columns time_s=time_s:ns). "
     "Nothing is changed.",
+    arguments="--as-logged unit-suspect",
 )
 suspect(
     "rpm as rad/s beside a position",
     table(joint(velocity=("velocity_rad_s", lambda r: RPM * r["v"]), position=("position_rad", lambda r: r["q"]))),
     "times the derivative of the position: the velocity may be in rpm (--columns velocity_rad_s=velocity_rad_s:rpm).",
+    arguments="--as-logged unit-suspect",
 )
 suspect(
     "rpm as rad/s of a fast motor",
     table(joint(velocity=("velocity_rad_s", lambda r: 3e3 * r["v"]))),
     "by its column's unit, which no joint does: it may be in rpm (--columns velocity_rad_s=velocity_rad_s:rpm).",
+    arguments="--as-logged unit-suspect",
+)
+error(
+    "milliseconds as seconds, without a word",
+    table(joint(time=("time_s", lambda r: 1e3 * r["t"]))),
+    "log.csv: found 0.1000 rows a second by the column time_s, expected --columns time_s=time_s:ms, or --as-logged unit-suspect "
+    "to keep the units",
+)
+error(
+    "rpm as rad/s, without a word",
+    table(joint(velocity=("velocity_rad_s", lambda r: RPM * r["v"]), position=("position_rad", lambda r: r["q"]))),
+    "log.csv: found a velocity that is 9.549 times the derivative of the position: the velocity may be in rpm, expected --columns "
+    "velocity_rad_s=velocity_rad_s:rpm, or --as-logged unit-suspect to keep the units",
 )
 suspect(
     "a torque that pushes along the motion",

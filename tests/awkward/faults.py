@@ -133,18 +133,19 @@ suspect(
     table(joint(position=("q", lambda r: DEGREES * r["q"]))),
     "unit-suspect: The velocity is 0.01745 times the derivative of the position: the position may be in deg (--columns "
     "position_rad=q:deg). Nothing is changed.",
-    arguments="--columns position_rad=q",
+    arguments="--columns position_rad=q --as-logged unit-suspect",
 )
 suspect(
     "degrees a second as radians beside a position",
     table(joint(velocity=("velocity_rad_s", lambda r: DEGREES * r["v"]), position=POSITION)),
     "the velocity may be in deg/s (--columns velocity_rad_s=velocity_rad_s:deg/s).",
+    arguments="--as-logged unit-suspect",
 )
 suspect(
     "rpm as degrees a second beside a position",
     table(joint(velocity=("w", lambda r: RPM * r["v"]), position=POSITION)),
     "the velocity may be in rpm (--columns velocity_rad_s=w:rpm).",
-    arguments="--columns velocity_rad_s=w:deg/s",
+    arguments="--columns velocity_rad_s=w:deg/s --as-logged unit-suspect",
 )
 suspect(
     "rpm and degrees as radians",
@@ -153,6 +154,7 @@ suspect(
     )),
     "the velocity may be in rpm and the position in deg (--columns "
     "velocity_rad_s=velocity_rad_s:rpm,position_rad=position_rad:deg).",
+    arguments="--as-logged unit-suspect",
 )
 
 # ---- names that are nearly known

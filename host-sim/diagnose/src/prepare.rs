@@ -180,8 +180,11 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
     };
     work::report_stage("checking the log");
     log_check::refuse(&data)?;
-    let CheckedLog { data, findings: log_findings, overview, .. } =
+    let CheckedLog { data, findings: log_findings, overview, suspected_unit, .. } =
         log_check::check(data, options.corrections);
+    if let Some(suspicion) = suspected_unit {
+        return Err(suspicion.error(&data).into());
+    }
     let overview = overview.lines(&data);
     let split = joint_log::split(&data, &options.split, options.seed)?;
     let start = campaign_start(&data);
@@ -261,6 +264,7 @@ pub fn corrections(motion: bool, as_logged: &[String]) -> Result<Corrections, St
             Some(LogFindingKind::Outlier) => correct.outliers = false,
             Some(LogFindingKind::HeldChannel) => correct.held = false,
             Some(LogFindingKind::SignSuspect) => correct.sign = false,
+            Some(LogFindingKind::UnitSuspect) => correct.units = false,
             // The diagnosis detects this kind itself.
             Some(LogFindingKind::TorqueLag) => {}
             Some(_) => return Err(format!("{name} is never corrected")),

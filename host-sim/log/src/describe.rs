@@ -43,7 +43,8 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     let mut found: Vec<Option<Guess>> = Vec::new();
     for column in &mut survey.columns {
         let is_symbol = times > 1 && column.name == guess::TORQUE_SYMBOL;
-        let quantity = if is_symbol { Some("torque_nm") } else { guess::quantity(&column.name) };
+        let by_name = || guess::quantity(&column.name).or_else(|| guess::by_unit(&column.name));
+        let quantity = if is_symbol { Some("torque_nm") } else { by_name() };
         // A current beside a torque is one of its causes, not another torque.
         let quantity = quantity.filter(|_| !(has_torque && guess::is_current(&column.name)));
         let is_step = column.is_step && (quantity == Some(TIME) || is_step_name(&column.name));

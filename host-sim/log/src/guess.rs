@@ -131,7 +131,15 @@ pub(super) fn is_same_quantity(one: &str, other: &str) -> bool {
 
 /// Returns the unit at the end of a name, of any quantity of the contract. Units of one letter are too common.
 pub(super) fn any_unit(name: &str) -> Option<&'static str> {
-    contract::names().find_map(|of| unit::stated(of, name)).filter(|unit| unit.len() > 1)
+    unit::any_in_name(name).filter(|unit| unit.len() > 1)
+}
+
+/// Returns the contract name of the motion or torque of a rotary joint that a name's unit fits: `bucket_deg_s`.
+pub(super) fn by_unit(name: &str) -> Option<&'static str> {
+    let unit = any_unit(name)?;
+    ["velocity_rad_s", "position_rad", "torque_nm"]
+        .into_iter()
+        .find(|of| unit::conversion(of, unit).is_ok())
 }
 
 /// Symbol of a torque. It is a time only if no other column is.
@@ -220,6 +228,19 @@ mod tests {
         assert_eq!(quantity("currentVelocity"), Some("velocity_rad_s"));
         assert_eq!(quantity("i_d [A]"), Some("torque_nm"), "by its unit");
         assert!(!is_motor_current("id_current"));
+    }
+
+    #[test]
+    fn unit_of_two_words_is_not_its_last_letter() {
+        assert_eq!(any_unit("bucket_deg_s"), Some("deg/s"));
+        assert_eq!(any_unit("bucket_deg"), Some("deg"));
+        assert_eq!(any_unit("bucket_s"), None);
+        assert_eq!(
+            (by_unit("bucket_deg_s"), by_unit("boom_nm")),
+            (Some("velocity_rad_s"), Some("torque_nm"))
+        );
+        assert_eq!(unit::stated("time_s", "bucket_deg_s"), None);
+        assert_eq!(unit::stated("time_s", "stamp_s"), Some("s"));
     }
 
     #[test]

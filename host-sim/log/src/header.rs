@@ -273,9 +273,20 @@ impl RequiredColumns {
         let (velocity, target) = (self.motion.name, self.target.name);
         if !naming.is_mapped(velocity) && !naming.is_mapped(target) {
             let fitting = if target == "force_n" { "torque_nm" } else { "force_n" };
-            let mapping = Setting::Columns.alone();
-            let expected =
-                format!("{fitting} for a joint with {velocity} (or {mapping} to map the columns)");
+            let expected = match target {
+                "force_n" => {
+                    let lever = Setting::Columns.suggested("torque_nm=force_n:0.2Nm");
+                    format!(
+                        "{fitting} for a joint with {velocity}; for a force on a lever of 0.2 m {lever}"
+                    )
+                }
+                _ => {
+                    let mapping = Setting::Columns.alone();
+                    format!(
+                        "{fitting} for a joint with {velocity} (or {mapping} to map the columns)"
+                    )
+                }
+            };
             return Err(at_header(file, target, target, &expected));
         }
         Ok(Some(format!(

@@ -94,5 +94,6 @@ pub use torque_scale::TorqueConstant;
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
 pub use unit::parse_value;
 
+pub(crate) use unit::any_in_name as unit_of_name;
 pub(crate) use unit::in_name as unit_in_name;
 pub(crate) use velocity::differences;

@@ -17,6 +17,7 @@ mod constant_torque;
 mod finding;
 mod held;
 mod independence;
+mod isolated;
 mod log;
 mod nearly_named;
 mod outlier;
@@ -24,6 +25,7 @@ mod overview;
 mod position_zero;
 mod quantised;
 mod rate;
+mod register;
 mod saturated;
 mod sign;
 mod spike;
@@ -39,6 +41,7 @@ pub use finding::{LogFinding, LogFindingKind};
 pub use log::Corrections;
 pub use overview::{ColumnOverview, Overview, overview};
 pub use sign::drives_both_ways;
+pub use unit::UnitSuspicion;
 
 use crate::motion::{self, Sensors};
 use crate::setting::shell_word;
@@ -72,6 +75,8 @@ pub struct CheckedLog {
     pub data: Dataset,
     /// The defects.
     pub findings: Vec<LogFinding>,
+    /// Set if the units of the log contradict each other and [`Corrections::units`] is true: the log is to be refused.
+    pub suspected_unit: Option<UnitSuspicion>,
     /// Properties of the motion sensors.
     pub sensors: Sensors,
     /// Summary of the log, after a position was unwrapped and before any other correction.
@@ -94,6 +99,8 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     let (mut data, outliers) = outlier::outliers(data, correct.outliers);
     data.notes.extend(suggestions);
     findings.extend(outliers);
+    let (data, isolated) = isolated::isolated(data, correct.outliers);
+    findings.extend(isolated);
     let (data, spikes) = spike::spikes(data, correct.outliers);
     findings.extend(spikes);
     let (mut data, turned) = sign::sign(data, correct.sign);
@@ -113,12 +120,13 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
         checkpoint();
         check(&log)
     }));
+    let suspected_unit = unit::suspicion(&log).filter(|_| correct.units);
     findings.extend(held);
     if let Some(fresh) = fresh.filter(|fresh| !fresh.is_motion_held) {
         (data, smoothed) = (fresh.select(&data), fresh.select(&smoothed));
     }
     let data = if correct.motion { smoothed } else { data };
-    CheckedLog { data, findings, sensors, overview }
+    CheckedLog { data, findings, suspected_unit, sensors, overview }
 }
 
 /// Returns the pair of `--columns` that reads a column in this unit, as a shell takes it.

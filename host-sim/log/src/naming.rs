@@ -389,7 +389,9 @@ impl Pair<'_> {
                     Some(other) => refusal(other),
                     None => WrongUnit::Unknown(
                         format!("the unit {unit}"),
-                        torque_scale::expected(name, self.column(), unit).unwrap_or(expected),
+                        torque_scale::expected(name, self.column(), unit)
+                            .or_else(|| torque_scale::expected_lever(name, self.column(), unit))
+                            .unwrap_or(expected),
                     ),
                 }),
             },

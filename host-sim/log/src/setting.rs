@@ -33,6 +33,8 @@ named! {
         RigidBody = "rigid body",
         /// The tool that wrote the log.
         Preset = "preset",
+        /// Kinds of findings that are left as logged.
+        AsLogged = "as logged",
         /// Lines of text above the header.
         SkipLines = "skip lines",
         /// Form of an exported model.

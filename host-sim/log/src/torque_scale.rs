@@ -4,7 +4,7 @@
 //! `A` of `--columns` becomes a unit in Nm or N.
 
 use super::options::ReadOptions;
-use super::unit::parse_value;
+use super::unit::{parse_value, split_register};
 use crate::setting::Setting;
 use compensator_core::quantity::{JointKind, Quantity};
 
@@ -41,7 +41,7 @@ impl TorqueConstant {
 
 /// Returns the amperes in one unit of a column: of `A`, `mA`, `-A`, or `0.00269A` for a count.
 pub(super) fn amperes(unit: &str) -> Option<f64> {
-    let (count, symbol) = split_factor(unit);
+    let (count, symbol) = split_factor(split_register(unit).1);
     let size = match symbol.replace([' ', '_'], "").to_lowercase().as_str() {
         "a" | "arms" | "amp" | "amps" | "ampere" | "amperes" => 1.0,
         "ma" | "marms" => 1e-3,
@@ -76,10 +76,11 @@ pub(super) fn scaled_unit(
     let (quantity, joint) = Quantity::parse(contract_name)?;
     let joint = joint.filter(|_| quantity == Quantity::Torque)?;
     let constant = options.torque_constant.filter(|constant| constant.joint == joint);
+    let (register, unit) = split_register(unit);
     let of_ampere = || Some(amperes(unit)? * constant?.value);
     let of_percent = || Some(percent(unit)? / 100.0 * options.rated_torque_nm?);
     let size = of_ampere().or_else(of_percent)?;
-    Some(format!("{size}{}", joint.torque_unit()))
+    Some(format!("{register}{size}{}", joint.torque_unit()))
 }
 
 /// Returns what to type for a torque column in a unit of amperes; `None` for another quantity or unit.
@@ -87,6 +88,17 @@ pub(super) fn expected(contract_name: &str, column: &str, unit: &str) -> Option<
     let is_torque = Quantity::parse(contract_name)?.0 == Quantity::Torque;
     amperes(unit).filter(|_| is_torque)?;
     Some(expected_constant(contract_name, column, unit))
+}
+
+/// Returns what to type for a torque column in a unit of force; `None` for another quantity or unit.
+pub(super) fn expected_lever(contract_name: &str, column: &str, unit: &str) -> Option<String> {
+    let newton = parse_value("force_n", &format!("1{}", unit.trim_start_matches('-'))).ok()?;
+    let is_torque =
+        Quantity::parse(contract_name)? == (Quantity::Torque, Some(JointKind::Revolute));
+    let pair = format!("{contract_name}={column}:{}Nm", 0.2 * newton);
+    is_torque.then(|| {
+        format!("a torque; for a force on a lever of 0.2 m {}", Setting::Columns.suggested(pair))
+    })
 }
 
 /// Returns what to type for a torque column in amperes.
@@ -126,6 +138,15 @@ mod tests {
     }
 
     #[test]
+    fn expected_lever_of_force_names_a_torque() {
+        let found = expected_lever("torque_nm", "F", "kN").map(|text| crate::setting::plain(&text));
+        let expected = "a torque; for a force on a lever of 0.2 m columns torque_nm=F:200Nm";
+        assert_eq!(found.as_deref(), Some(expected));
+        assert_eq!(expected_lever("torque_nm", "F", "rpm"), None);
+        assert_eq!(expected_lever("force_n", "F", "N"), None);
+    }
+
+    #[test]
     fn scaled_unit_with_scale_returns_torque() {
         let constant = TorqueConstant { value: 0.5, joint: JointKind::Revolute };
         let options = ReadOptions {
@@ -140,6 +161,7 @@ mod tests {
             ("torque_nm", "A rms", Some("0.5Nm")),
             ("torque_nm", "0.1%", Some("0.002Nm")),
             ("torque_nm", "-%", Some("-0.02Nm")),
+            ("torque_nm", "sign10 0.1%", Some("sign10 0.002Nm")),
             ("torque_nm", "Nm", None),
             ("force_n", "A", None),
             ("velocity_rad_s", "%", None),

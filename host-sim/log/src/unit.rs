@@ -8,6 +8,9 @@
 //! A number before the unit is the size of one count (`Present Velocity:0.229rpm`, `tau_raw:4.2/1000Nm`), and a number
 //! after it an offset (`oil:0.1degC-40`). An encoder's counts take the number of counts per turn: `enc:4096counts`.
 //!
+//! A register whose sign the log lost takes its kind before the size of a count: `tau:int16 0.01Nm` for two's complement,
+//! `Present Speed:sign10 0.111rpm` if bit 10 is the sign.
+//!
 //! A unit in a column's own name (`speed_rpm`, `t (ms)`) is neither applied nor ignored. Without an explicit unit the
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
@@ -135,13 +138,53 @@ pub(super) struct Conversion {
     /// Offset in the column's unit.
     offset: f64,
     date_order: Option<DateOrder>,
-    /// Range of a signed counter that the log holds without its sign; 0 for other columns.
-    counter_range: f64,
+    register: Register,
 }
 
-/// Counters with a sign, and their ranges: `int16 0.01Nm`.
-const SIGNED_COUNTERS: [(&str, f64); 3] =
-    [("int8", 256.0), ("int16", 65_536.0), ("int32", 4_294_967_296.0)];
+/// How a register holds the sign of a number that the log holds without it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Register {
+    /// The log holds the sign.
+    Signed,
+    /// Two's complement, with the range of the register: `int16`.
+    Complement(f64),
+    /// The bit above the magnitude is the sign, with its value: `sign10`.
+    SignBit(f64),
+}
+
+impl Register {
+    /// Registers of two's complement, and their ranges.
+    const COMPLEMENTS: [(&str, f64); 3] =
+        [("int8", 256.0), ("int16", 65_536.0), ("int32", 4_294_967_296.0)];
+
+    /// Largest number of a sign bit.
+    const MAX_SIGN_BIT: u32 = 31;
+
+    /// Splits a unit into its register and the unit of one count: `int16 0.01Nm`, `sign10 0.111rpm`.
+    fn parse(symbol: &str) -> Option<(Self, &str)> {
+        let complement = Self::COMPLEMENTS
+            .iter()
+            .find_map(|(name, range)| Some((Self::Complement(*range), symbol.strip_prefix(name)?)));
+        let sign_bit = || {
+            let rest = symbol.strip_prefix("sign")?;
+            let end = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+            let bit: u32 = rest[..end].parse().ok().filter(|bit| *bit <= Self::MAX_SIGN_BIT)?;
+            Some((Self::SignBit(2f64.powi(bit as i32)), &rest[end..]))
+        };
+        let (register, unit) = complement.or_else(sign_bit)?;
+        Some((register, unit.trim().trim_start_matches(['*', 'x']).trim()))
+    }
+
+    /// Returns a number of the register with its sign.
+    #[inline]
+    fn signed(self, value: f64) -> f64 {
+        match self {
+            Self::Complement(range) if value >= 0.5 * range => value - range,
+            Self::SignBit(sign) if value >= sign => sign - value,
+            _ => value,
+        }
+    }
+}
 
 impl Conversion {
     const UNCHANGED: Self = Self {
@@ -149,15 +192,14 @@ impl Conversion {
         sign: 1.0,
         offset: 0.0,
         date_order: None,
-        counter_range: 0.0,
+        register: Register::Signed,
     };
 
     /// Converts a number of the column to the contract's unit.
     #[inline]
     pub fn apply(&self, value: f64) -> f64 {
         let (times, over, plus) = self.linear;
-        let is_negative = self.counter_range > 0.0 && value >= 0.5 * self.counter_range;
-        let value = if is_negative { value - self.counter_range } else { value };
+        let value = self.register.signed(value);
         self.sign * (value * times / over + plus) + self.offset
     }
 
@@ -167,9 +209,9 @@ impl Conversion {
         ((value - self.offset) / self.sign - plus) * over / times
     }
 
-    /// Returns true if the column is read as a signed counter.
+    /// Returns true if the column is read as a register without a sign of its own.
     pub fn is_signed_counter(&self) -> bool {
-        self.counter_range > 0.0
+        self.register != Register::Signed
     }
 
     /// Returns the order of day, month and year, if it was given in place of a unit.
@@ -304,14 +346,13 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
     if date_order.is_some() {
         return Ok(Conversion { date_order, ..Conversion::UNCHANGED });
     }
-    for (name, counter_range) in SIGNED_COUNTERS {
-        if let Some(unit) = symbol.strip_prefix(name).filter(|_| dimension != Dimension::Time) {
-            let own = match unit.trim().trim_start_matches(['*', 'x']).trim() {
-                "" => Conversion::UNCHANGED,
-                unit => conversion(contract_name, unit)?,
-            };
-            return Ok(Conversion { counter_range, ..own });
-        }
+    let register = Register::parse(symbol).filter(|_| dimension != Dimension::Time);
+    if let Some((register, unit)) = register {
+        let own = match unit {
+            "" => Conversion::UNCHANGED,
+            unit => conversion(contract_name, unit)?,
+        };
+        return Ok(Conversion { register, ..own });
     }
     let (sign, bare) = match symbol.strip_prefix(['-', '−']) {
         Some(bare) if dimension != Dimension::Time => (-1.0, bare.trim_start()),
@@ -345,6 +386,14 @@ pub fn parse_value(contract_name: &str, text: &str) -> Result<f64, String> {
     Ok(conversion(contract_name, text)?.apply(1.0))
 }
 
+/// Splits a unit into the kind of a register, empty if there is none, and the unit of one count.
+pub(super) fn split_register(symbol: &str) -> (&str, &str) {
+    match Register::parse(symbol) {
+        Some((_, unit)) => symbol.split_at(symbol.len() - unit.len()),
+        None => ("", symbol),
+    }
+}
+
 /// Returns true if the symbol is a known unit. The text after a colon in a header's own name mostly is not.
 pub(super) fn is_symbol(symbol: &str) -> bool {
     let text = symbol.trim().trim_start_matches(['-', '−']);
@@ -375,24 +424,64 @@ pub(super) fn stated(contract_name: &str, foreign: &str) -> Option<&'static str>
 fn at_end(contract_name: &str, foreign: &str) -> Option<&'static Unit> {
     let dimension = dimension(contract_name)?;
     let text = foreign.trim_end();
-    let bracketed = [('[', ']'), ('(', ')'), ('{', '}')].iter().find_map(|(open, close)| {
+    match bracketed(text) {
+        Some(symbol) => find(&symbol, dimension),
+        // The last letter of a longer unit is no unit: `deg_s` is not in seconds.
+        None => suffix(text, dimension)
+            .filter(|unit| unit.symbols[0].len() > 1 || !is_part_of_unit(text)),
+    }
+}
+
+/// Returns the text in brackets at the end of a name.
+fn bracketed(text: &str) -> Option<String> {
+    [('[', ']'), ('(', ')'), ('{', '}')].iter().find_map(|(open, close)| {
         let inside = text.strip_suffix(*close)?;
         Some(inside[inside.rfind(*open)? + open.len_utf8()..].to_owned())
-    });
-    match bracketed {
-        Some(symbol) => find(&symbol, dimension),
-        None => suffix(text, dimension),
+    })
+}
+
+/// Returns true if the last word of a name is a part of a longer unit.
+fn is_part_of_unit(name: &str) -> bool {
+    let last = name.rsplit(['_', ' ', '.', '-']).find(|word| !word.is_empty());
+    any_in_name(name).is_some_and(|unit| unit.contains('/') && Some(unit) != last)
+}
+
+/// Returns the unit that the last words of a name form, of any quantity: the longest, so that `bucket_deg_s` is in deg/s.
+pub(crate) fn any_in_name(name: &str) -> Option<&'static str> {
+    use Dimension::*;
+    let all = [
+        AngularAcceleration,
+        AngularVelocity,
+        Acceleration,
+        Velocity,
+        Torque,
+        Force,
+        Pressure,
+        Angle,
+        Length,
+        Temperature,
+        Time,
+    ];
+    if let Some(symbol) = bracketed(name.trim_end()) {
+        return all.into_iter().find_map(|of| find(&symbol, of)).map(|unit| unit.symbols[0]);
     }
+    (1..=3).rev().find_map(|count| {
+        let unit = all.into_iter().find_map(|of| of_last_words(name.trim_end(), count, of));
+        unit.map(|unit| unit.symbols[0])
+    })
 }
 
 /// Returns the unit that the last words of a name form. Three words are tried before two and one.
 fn suffix(name: &str, dimension: Dimension) -> Option<&'static Unit> {
+    (1..=3).rev().find_map(|count| of_last_words(name, count, dimension))
+}
+
+/// Returns the unit that some last words of a name form.
+fn of_last_words(name: &str, count: usize, dimension: Dimension) -> Option<&'static Unit> {
     let words: Vec<&str> = name.split(['_', ' ', '.', '-']).filter(|w| !w.is_empty()).collect();
-    (1..=3.min(words.len())).rev().find_map(|count| {
-        let last = &words[words.len() - count..];
-        let ratio: Vec<&str> = last.iter().copied().filter(|word| *word != "per").collect();
-        find(&ratio.join("/"), dimension).or_else(|| find(&last.concat(), dimension))
-    })
+    let last = &words[words.len().checked_sub(count)?..];
+    let ratio: Vec<&str> = last.iter().copied().filter(|word| *word != "per").collect();
+    find(&ratio.join("/"), dimension).or_else(|| find(&last.concat(), dimension))
 }
 
 #[cfg(test)]

@@ -74,7 +74,7 @@ pub struct LogArguments {
     /// Log problems to report without correction
     ///
     /// velocity-noise, velocity-lag, quantised (for these the motion is used as logged), wrapped-angle, outlier, held-channel,
-    /// torque-lag.
+    /// torque-lag. `unit-suspect` reads a log whose units contradict each other.
     #[arg(long, value_name = "KIND,..", value_delimiter = ',', hide_short_help = true)]
     pub as_logged: Vec<String>,
     /// Number of threads; 0 uses all cores

@@ -20,6 +20,7 @@ fn option(reference: Reference) -> String {
         Setting::Skip => "--skip",
         Setting::RatedTorque => "--rated-torque",
         Setting::TorqueConstant => "--torque-constant",
+        Setting::AsLogged => "--as-logged",
         Setting::TorqueFrom => "--torque-from",
         Setting::BadRows => "--bad-rows",
         Setting::Model => "--model",

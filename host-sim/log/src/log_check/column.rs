@@ -78,8 +78,10 @@ fn unit(name: &str) -> String {
         ("_hz", "Hz"),
         ("_s", "s"),
     ];
-    let found = UNITS.iter().find(|(end, _)| name.ends_with(end));
-    found.map_or("as logged", |(_, unit)| unit).into()
+    let found = UNITS.iter().find(|(end, _)| name.ends_with(end)).map(|(_, unit)| *unit);
+    // `bucket_deg_s` is in deg/s, not in seconds.
+    let longer = crate::unit_of_name(name).filter(|unit| unit.len() > 1);
+    longer.or(found).unwrap_or("as logged").into()
 }
 
 /// Returns the least and the largest value; infinities for no values.

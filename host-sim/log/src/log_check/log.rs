@@ -16,13 +16,15 @@ pub struct Corrections {
     pub outliers: bool,
     /// Turn a torque that drives the motion.
     pub sign: bool,
+    /// Refuse a log whose units contradict each other.
+    pub units: bool,
     /// Leave out the rows between two readings of a held torque or motion.
     pub held: bool,
 }
 
 impl Default for Corrections {
     fn default() -> Self {
-        Self { motion: true, wrapped: true, outliers: true, sign: true, held: true }
+        Self { motion: true, wrapped: true, outliers: true, sign: true, units: true, held: true }
     }
 }
 

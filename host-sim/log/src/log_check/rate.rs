@@ -71,16 +71,24 @@ pub fn impossible(data: &Dataset) -> Option<DataError> {
     })
 }
 
-/// Reports a rate that is not plausible.
-pub fn implausible(log: &Log) -> Vec<LogFinding> {
+/// Returns the rate of a log, Hz, if it is not plausible.
+fn implausible_rate(log: &Log) -> Option<f64> {
     let rate = 1.0 / log.sensors.step_s;
     let is_plausible = (PLAUSIBLE_RATES_HZ.0..PLAUSIBLE_RATES_HZ.1).contains(&rate);
-    let has_rate = log.sensors.step_s > 0.0;
-    if !has_rate || is_plausible {
-        return Vec::new();
-    }
-    let hint = match probable_units(log.data, rate).first() {
-        Some((unit, _)) => {
+    (log.sensors.step_s > 0.0 && !is_plausible).then_some(rate)
+}
+
+/// Returns a rate that is not plausible, Hz, with the unit of the time that explains it.
+pub fn probable_unit(log: &Log) -> Option<(f64, &'static str)> {
+    let rate = implausible_rate(log)?;
+    probable_units(log.data, rate).first().map(|(unit, _)| (rate, *unit))
+}
+
+/// Reports a rate that is not plausible.
+pub fn implausible(log: &Log) -> Vec<LogFinding> {
+    let Some(rate) = implausible_rate(log) else { return Vec::new() };
+    let hint = match probable_unit(log) {
+        Some((_, unit)) => {
             format!("may be in {unit} (--columns {})", typed(log.data, "time_s", unit))
         }
         None => "may not be in seconds".into(),

@@ -30,7 +30,7 @@ const MIN_RANGES: f64 = 1.0;
 const MIN_DEVIATIONS: f64 = 10.0;
 
 /// Minimum share of the rows. Fewer spikes of this size hardly change a fit, and shocks are as rare.
-const MIN_SHARE: f64 = 5e-3;
+pub const MIN_SHARE: f64 = 5e-3;
 
 /// Maximum share of the rows. With more, the median of the neighbours is unreliable.
 const MAX_SHARE: f64 = 0.3;

@@ -2,13 +2,19 @@
 //!
 //! If there is a position, its derivative must be the velocity: a factor of 9.55 indicates revolutions per minute, 57.3
 //! degrees, and 1000 millimetres or milliseconds. Without a position, only values that no machine reaches are reported.
+//!
+//! Where a known unit explains the contradiction, the log is refused ([`suspicion`]) until the unit is given, or confirmed.
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
-use super::{rate, typed};
+use super::register::{self, SignBit};
+use super::{header, rate, typed};
 use crate::number::figure;
+use crate::setting::{Setting, shell_word};
 use crate::unit::conversion;
+use crate::{DataError, Dataset, derivative, segments};
 use compensator_core::quantity::{JointKind, Quantity};
+use nalgebra::{Matrix4, Vector4};
 
 /// A unit with the number in the column for one unit of the contract.
 type SizedUnit = (&'static str, f64);
@@ -55,6 +61,7 @@ pub fn units(log: &Log) -> Vec<LogFinding> {
     found.extend(rate::implausible(log));
     found.extend(speed_limit(log));
     found.extend(covariate_limits(log));
+    found.extend(inertia_limit(log));
     found
 }
 
@@ -71,16 +78,20 @@ fn finding(columns: &[&str], value: f64, unit: &str, in_words: String) -> LogFin
 
 /// Compares the velocity with the derivative of the position.
 fn velocity_gain(log: &Log) -> Option<LogFinding> {
-    let gain = log.sensors.agreement.filter(|agreement| agreement.is_clear())?.gain;
-    let cause = match probable_cause(log, gain) {
-        _ if gain < 0.0 => {
-            let unit = log.data.joint.velocity_unit();
-            let pair = typed(log.data, log.velocity(), &format!("-{unit}"));
-            format!("one of them has the other sign (--columns {pair} turns the velocity)")
-        }
-        Some(cause) => cause,
-        None if (gain - 1.0).abs() > MIN_GAIN_ERROR => "one of them has another scale".into(),
-        None => return None,
+    let gain = clear_gain(log)?;
+    let causes = probable_causes(log, gain);
+    let cause = if gain < 0.0 {
+        let unit = log.data.joint.velocity_unit();
+        let pair = typed(log.data, log.velocity(), &format!("-{unit}"));
+        format!("one of them has the other sign (--columns {pair} turns the velocity)")
+    } else if !causes.is_empty() {
+        let words =
+            |cause: &UnitCause| format!("{} (--columns {})", cause.in_words, cause.typed(log));
+        causes.iter().map(words).collect::<Vec<_>>().join(", or ")
+    } else if (gain - 1.0).abs() > MIN_GAIN_ERROR {
+        "one of them has another scale".into()
+    } else {
+        return None;
     };
     let factor = figure(gain);
     let words = format!(
@@ -89,42 +100,134 @@ fn velocity_gain(log: &Log) -> Option<LogFinding> {
     Some(finding(&[log.velocity(), log.position()], gain, "times dq/dt", words))
 }
 
-/// Returns the units that explain a gain, with the option to type: of one column if possible, else of both.
-fn probable_cause(log: &Log, gain: f64) -> Option<String> {
+/// Returns the ratio of the velocity and the derivative of the position, if both are of one motion.
+fn clear_gain(log: &Log) -> Option<f64> {
+    log.sensors.agreement.filter(|agreement| agreement.is_clear()).map(|found| found.gain)
+}
+
+/// Units that explain a ratio.
+struct UnitCause {
+    in_words: String,
+    /// Columns with their units.
+    columns: Vec<(&'static str, String)>,
+}
+
+impl UnitCause {
+    fn one(what: &str, name: &'static str, unit: &str) -> Self {
+        Self { in_words: format!("{what} may be in {unit}"), columns: vec![(name, unit.into())] }
+    }
+
+    /// Returns the pairs of `--columns`, as a shell takes them.
+    fn typed(&self, log: &Log) -> String {
+        shell_word(&self.pairs(log))
+    }
+
+    /// Returns the pairs of `--columns`.
+    fn pairs(&self, log: &Log) -> String {
+        let pair =
+            |(name, unit): &(&str, String)| format!("{name}={}:{unit}", header(log.data, name));
+        self.columns.iter().map(pair).collect::<Vec<_>>().join(",")
+    }
+}
+
+/// Returns the units that explain a ratio of velocity and derivative: of one column if possible, else of both.
+fn probable_causes(log: &Log, gain: f64) -> Vec<UnitCause> {
     let is_near = |of: f64| (gain / of - 1.0).abs() < MAX_GAIN_DIFFERENCE;
     if is_near(1.0) {
-        return None;
+        return Vec::new();
     }
     let joint = log.data.joint;
     let velocities = relative(&velocity_units(joint), given_unit(log, log.velocity()));
     let positions = sized(Quantity::Position, joint, &POSITION_UNITS);
     let positions = relative(&positions, given_unit(log, log.position()));
-    let option = |name: &str, unit: &str| typed(log.data, name, unit);
+    let (velocity, position) = (log.velocity(), log.position());
     let mut causes = Vec::new();
     for (unit, _) in velocities.iter().filter(|(_, size)| is_near(*size)) {
-        let pair = option(log.velocity(), unit);
-        causes.push(format!("the velocity may be in {unit} (--columns {pair})"));
+        causes.push(UnitCause::one("the velocity", velocity, unit));
     }
     for (unit, _) in positions.iter().filter(|(_, size)| is_near(1.0 / size)) {
-        let pair = option(log.position(), unit);
-        causes.push(format!("the position may be in {unit} (--columns {pair})"));
+        causes.push(UnitCause::one("the position", position, unit));
     }
     if is_near(1e3) {
-        let pair = option("time_s", "ms");
-        causes.push(format!("the time may be in ms (--columns {pair})"));
+        causes.push(UnitCause::one("the time", "time_s", "ms"));
     }
     if causes.is_empty() {
-        let pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
-        let (velocity, position) = pairs.into_iter().find(|(v, q)| is_near(v.1 / q.1))?;
-        let both = [option(log.velocity(), velocity.0), option(log.position(), position.0)];
-        causes.push(format!(
-            "the velocity may be in {} and the position in {} (--columns {})",
-            velocity.0,
-            position.0,
-            both.join(",")
-        ));
+        let mut pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
+        let both = pairs.find(|(v, q)| is_near(v.1 / q.1)).map(|(v, q)| UnitCause {
+            in_words: format!("the velocity may be in {} and the position in {}", v.0, q.0),
+            columns: vec![(velocity, v.0.into()), (position, q.0.into())],
+        });
+        causes.extend(both);
     }
-    Some(causes.join(", or "))
+    causes
+}
+
+/// A log whose units contradict each other: what was found, and what to type.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnitSuspicion {
+    found: String,
+    expected: String,
+}
+
+impl UnitSuspicion {
+    fn new(found: String, pairs: &[String]) -> Self {
+        let each: Vec<String> = pairs.iter().map(|pair| Setting::Columns.suggested(pair)).collect();
+        let kept = Setting::AsLogged.suggested(LogFindingKind::UnitSuspect.name());
+        Self { found, expected: format!("{}, or {kept} to keep the units", each.join(" or ")) }
+    }
+
+    /// Returns the error of a log with such units.
+    pub fn error(self, data: &Dataset) -> DataError {
+        let file = data.files.first().cloned().unwrap_or_default();
+        DataError::File { file, found: self.found, expected: self.expected }
+    }
+}
+
+/// Returns the reason to refuse a log whose units are clearly others: parameters in wrong units look like right ones.
+pub fn suspicion(log: &Log) -> Option<UnitSuspicion> {
+    let gain = clear_gain(log).filter(|gain| *gain > 0.0);
+    let of_register = || {
+        let found = register::sign_bits(log);
+        let first = found.first()?;
+        let pair = |of: &SignBit| format!("{}={}:{}", of.name, header(log.data, &of.name), of.unit);
+        let pairs: Vec<String> = found.iter().map(pair).collect();
+        let words = format!(
+            "a {} that contradicts {}, whose bit {} is its sign",
+            first.name,
+            log.position(),
+            first.bit
+        );
+        Some(UnitSuspicion::new(words, &[pairs.join(",")]))
+    };
+    let of_gain = || {
+        let causes = probable_causes(log, gain?);
+        let in_words: Vec<&str> = causes.iter().map(|cause| cause.in_words.as_str()).collect();
+        let pairs: Vec<String> = causes.iter().map(|cause| cause.pairs(log)).collect();
+        let words = format!(
+            "a velocity that is {} times the derivative of the position: {}",
+            figure(gain?),
+            in_words.join(", or ")
+        );
+        (!causes.is_empty()).then(|| UnitSuspicion::new(words, &pairs))
+    };
+    let of_rate = || {
+        let (rate, unit) = rate::probable_unit(log)?;
+        let words =
+            format!("{} rows a second by the column {}", figure(rate), header(log.data, "time_s"));
+        let pair = format!("time_s={}:{unit}", header(log.data, "time_s"));
+        Some(UnitSuspicion::new(words, &[pair]))
+    };
+    let of_speed = || {
+        let (speed, unit) = impossible_speed(log)?;
+        let name = log.velocity();
+        let words = format!(
+            "{} {} in {name}, which no joint reaches",
+            figure(speed),
+            log.data.joint.velocity_unit()
+        );
+        Some(UnitSuspicion::new(words, &[format!("{name}={}:{unit}", header(log.data, name))]))
+    };
+    of_register().or_else(of_gain).or_else(of_rate).or_else(of_speed)
 }
 
 /// Returns the unit that `--columns` gives for a column.
@@ -143,17 +246,20 @@ fn relative(units: &[SizedUnit], given: Option<&str>) -> Vec<SizedUnit> {
     sizes.filter(|(_, size)| *size != 1.0).collect()
 }
 
-/// Compares the speed with the maximum plausible one.
-fn speed_limit(log: &Log) -> Option<LogFinding> {
-    let (velocity, unit) = (log.velocity(), log.data.joint.velocity_unit());
+/// Returns a speed that no joint reaches, with the unit that it may be in.
+fn impossible_speed(log: &Log) -> Option<(f64, &'static str)> {
     let (fastest, other) = match log.data.joint {
         JointKind::Revolute => (MAX_SPEEDS[0], "rpm"),
         JointKind::Prismatic => (MAX_SPEEDS[1], "mm/s"),
     };
     let speed = log.sensors.speed;
-    if speed.is_nan() || speed <= fastest {
-        return None;
-    }
+    (speed > fastest).then_some((speed, other))
+}
+
+/// Compares the speed with the maximum plausible one.
+fn speed_limit(log: &Log) -> Option<LogFinding> {
+    let (velocity, unit) = (log.velocity(), log.data.joint.velocity_unit());
+    let (speed, other) = impossible_speed(log)?;
     let words = format!(
         "The velocity reaches {} {unit} by its column's unit, which no joint does: it may be in {other} \
          (--columns {}). Nothing is changed.",
@@ -161,6 +267,55 @@ fn speed_limit(log: &Log) -> Option<LogFinding> {
         typed(log.data, velocity, other)
     );
     Some(finding(&[velocity], speed, unit, words))
+}
+
+/// Minimum inertia of a joint that is doubtful, kg m²: that of the first axis of a robot of a tonne.
+const MIN_DOUBTFUL_INERTIA: f64 = 100.0;
+
+/// Maximum relative standard error of an inertia that is reported.
+const MAX_INERTIA_ERROR: f64 = 0.1;
+
+/// Compares the inertia that the torque implies with plausible ones.
+fn inertia_limit(log: &Log) -> Option<LogFinding> {
+    if log.data.joint != JointKind::Revolute {
+        return None;
+    }
+    let (inertia, error) = implied_inertia(log)?;
+    if inertia < MIN_DOUBTFUL_INERTIA || error > MAX_INERTIA_ERROR * inertia {
+        return None;
+    }
+    let torque = log.torque();
+    let words = format!(
+        "By {torque} and the acceleration the joint has an inertia of {} kg m². If that is too much, the torque may be in mNm \
+         (--columns {}). Nothing is changed.",
+        figure(inertia),
+        typed(log.data, torque, "mNm")
+    );
+    Some(finding(&[torque], inertia, "kg m²", words))
+}
+
+/// Returns the inertia by a regression of the torque on acceleration, direction, velocity and 1, and its standard error.
+fn implied_inertia(log: &Log) -> Option<(f64, f64)> {
+    let mut normal = Matrix4::<f64>::zeros();
+    let (mut right, mut squares, mut count) = (Vector4::zeros(), 0.0, 0.0);
+    for (logged, smooth) in log.data.runs.iter().zip(&log.smoothed.runs) {
+        for rows in segments(smooth) {
+            let velocity = &smooth.velocity[rows.clone()];
+            let acceleration = derivative(&smooth.time_s[rows.clone()], velocity);
+            let torque = &logged.torque[rows];
+            for ((a, v), y) in acceleration.iter().zip(velocity).zip(torque) {
+                let row = Vector4::new(*a, v.signum(), *v, 1.0);
+                normal += row * row.transpose();
+                right += row * *y;
+                squares += y * y;
+                count += 1.0;
+            }
+        }
+    }
+    let inverse = normal.try_inverse()?;
+    let found = inverse * right;
+    let left = (squares - found.dot(&right)).max(0.0) / f64::max(count - 4.0, 1.0);
+    Some((found[0], (left * inverse[(0, 0)]).sqrt()))
 }
 
 /// Compares pressures and temperatures with plausible values.

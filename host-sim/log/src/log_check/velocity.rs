@@ -51,6 +51,14 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
     {
         let size = figure(sensors.velocity_noise);
         (sensors.velocity_noise, format!("The velocity has a noise of {size} {unit}: {done}."))
+    } else if let Some(found) = log.sensors.agreement.filter(|found| is_replaced(log, found)) {
+        let size = found.scatter / sensors.step_s;
+        let words = format!(
+            "The velocity contradicts the position: it is {} {unit} RMS from the derivative, which neither noise, a delay nor \
+             a low-pass explains: {done}.",
+            figure(size)
+        );
+        (size, words)
     } else {
         return Vec::new();
     };
@@ -62,6 +70,11 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
         corrected,
         in_words: words,
     }]
+}
+
+/// Returns true if the velocity is replaced by the derivative of the position, and [`lag`] does not say why.
+fn is_replaced(log: &Log, found: &Agreement) -> bool {
+    log.sensors.from_position_alone && !found.lags() && found.low_pass_rows.is_none()
 }
 
 pub fn lag(log: &Log) -> Vec<LogFinding> {

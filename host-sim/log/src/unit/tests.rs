@@ -42,6 +42,8 @@ fn conversion_with_common_units_returns_si_values() {
         ("temperature_c", "0.1degC-40", 650.0, 25.0),
         ("torque_nm", "int16 0.01Nm", 65_436.0, -1.0),
         ("torque_nm", "int16", 3.0, 3.0),
+        ("velocity_rad_s", "sign10 0.111rpm", 1124.0, -11.1 * TURN_RAD / 60.0),
+        ("velocity_rad_s", "sign15", 7.0, 7.0),
         ("temperature_c", "0.01K", 30_000.0, 26.850_000_000_000_023),
     ] {
         let found = in_si(name, symbol, value);

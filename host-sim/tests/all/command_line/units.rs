@@ -96,3 +96,97 @@ fn bad_rows_above_the_limit_are_left_out_if_allowed() {
     let line = folder.run_rejected("identify lost.csv --bad-rows 100%");
     assert!(line.contains("a percentage below 100, such as 10%"), "{line}");
 }
+
+const CONTRACT: &str = "time_s,position_rad,velocity_rad_s,torque_nm";
+
+#[test]
+fn log_with_contradicting_units_is_rejected_unless_confirmed() {
+    let folder = Folder::new();
+    write(&folder, "degrees.csv", CONTRACT, |[t, q, v, torque]| vec![t, q, v.to_degrees(), torque]);
+    let line = folder.run_rejected("identify degrees.csv --model linear");
+    let expected = "the velocity may be in deg/s, expected --columns velocity_rad_s=velocity_rad_s:deg/s, or --as-logged \
+                    unit-suspect to keep the units";
+    assert!(line.trim_end().ends_with(expected), "{line}");
+    let coulomb = coulomb_nm(&folder, "degrees.csv --columns velocity_rad_s=velocity_rad_s:deg/s");
+    assert!((coulomb - 0.8).abs() < 0.02, "{coulomb}");
+    let found = folder.json("diagnose degrees.csv --as-logged unit-suspect");
+    assert_eq!(number(&found, "/log/0/kind"), "unit-suspect", "{found}");
+    assert_eq!(number(&found, "/log/0/corrected"), false);
+}
+
+#[test]
+fn velocity_with_sign_bit_is_recognised_by_the_position() {
+    let folder = Folder::new();
+    let register = |value: f64, count: f64| {
+        let counts = (value / count).round();
+        if counts < 0.0 { 1024.0 - counts } else { counts }
+    };
+    let count = 0.111 * std::f64::consts::PI / 30.0;
+    write(
+        &folder,
+        "servo.csv",
+        "time_s,position_rad,Present Speed,torque_nm",
+        |[t, q, v, torque]| vec![t, q, register(v, count), torque],
+    );
+    let columns = "--columns velocity_rad_s=Present_Speed";
+    let text = std::fs::read_to_string(folder.path("servo.csv")).expect("a log");
+    folder.write("servo.csv", text.replace("Present Speed", "Present_Speed"));
+    let line = folder.run_rejected(&format!("identify servo.csv {columns}:0.111rpm"));
+    let expected = "found a velocity_rad_s that contradicts position_rad, whose bit 10 is its sign, expected --columns \
+                    'velocity_rad_s=Present_Speed:sign10 0.111rpm'";
+    assert!(line.contains(expected), "{line}");
+    // The arguments of a test have no blanks.
+    let coulomb = coulomb_nm(&folder, &format!("servo.csv {columns}:sign10*0.111rpm"));
+    assert!((coulomb - 0.8).abs() < 0.03, "{coulomb}");
+}
+
+#[test]
+fn torque_of_a_servo_is_computed_from_its_gains() {
+    let folder = Folder::new();
+    let (kp, kd) = (40.0, 1.5);
+    write(&folder, "servo.csv", "time_s,position_rad,velocity_rad_s,q_des", |[t, q, v, torque]| {
+        vec![t, q, v, q + (torque + kd * v) / kp]
+    });
+    let line = folder.run_rejected("identify servo.csv");
+    assert!(line.contains("--torque-from pd,kp=40,kd=1.5,target=q_des"), "{line}");
+    let law = "--torque-from pd,kp=40,kd=1.5,target=q_des";
+    let coulomb = coulomb_nm(&folder, &format!("servo.csv {law}"));
+    assert!((coulomb - 0.8).abs() < 0.02, "{coulomb}");
+    let found = folder.json(&format!("diagnose servo.csv {law}"));
+    let log = number(&found, "/log").as_array().expect("a list");
+    let computed = log.iter().find(|one| one["kind"] == "computed-torque").expect("a finding");
+    let words = computed["in_words"].as_str().expect("a sentence");
+    assert!(words.contains("40 Nm/rad (target - q) - 1.5 Nm s/rad v"), "{words}");
+    let line = folder.run_rejected("identify servo.csv --torque-from pd,kp=40,target=nothing");
+    assert!(line.contains("found no column nothing, expected one of time_s"), "{line}");
+}
+
+#[test]
+fn force_beside_an_angle_names_the_lever() {
+    let folder = Folder::new();
+    write(
+        &folder,
+        "lever.csv",
+        "time_s,position_rad,velocity_rad_s,force_n",
+        |[t, q, v, torque]| vec![t, q, v, torque / 0.2],
+    );
+    let line = folder.run_rejected("identify lever.csv");
+    let expected = "for a force on a lever of 0.2 m --columns torque_nm=force_n:0.2Nm";
+    assert!(line.contains(expected), "{line}");
+    let coulomb = coulomb_nm(&folder, "lever.csv --columns torque_nm=force_n:0.2Nm");
+    assert!((coulomb - 0.8).abs() < 0.02, "{coulomb}");
+}
+
+#[test]
+fn torque_a_thousand_times_off_is_doubted_by_its_inertia() {
+    let folder = Folder::new();
+    write(&folder, "milli.csv", CONTRACT, |[t, q, v, torque]| {
+        let acceleration = -0.81 * (0.9 * t).sin() - 0.69 * 2.3 * (2.3 * t).sin();
+        vec![t, q, v, 1e3 * (torque + 0.55 * acceleration)]
+    });
+    let found = folder.json("diagnose milli.csv --rigid-body inertia");
+    let log = number(&found, "/log").as_array().expect("a list");
+    let doubt = log.iter().find(|one| one["kind"] == "unit-suspect").expect("a finding");
+    let words = doubt["in_words"].as_str().expect("a sentence");
+    assert!(words.contains("--columns torque_nm=torque_nm:mNm"), "{words}");
+}

@@ -1,0 +1,251 @@
+//! Single rows far off their neighbours: a wrap of an encoder that lasts for one row, a failed reading inside the range.
+//!
+//! A joint has inertia, so its position and velocity cannot leave their course for one row and return. Such a row is far from
+//! the line between its neighbours, measured in usual steps from row to row, while the neighbours agree. It is left out. A
+//! velocity must also be off by a part of its range, and a torque, which a shock does change for one row, by twice its range.
+
+use super::column::quantile;
+use super::finding::{LogFinding, LogFindingKind};
+use super::outlier::without;
+use super::spike;
+use super::wrap::is_velocity_derived;
+use crate::motion::quantum::quantum;
+use crate::number::figure;
+use crate::{Dataset, Run, segments};
+use compensator_core::quantity::Quantity;
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// Minimum distance from the line between the neighbours, in large steps of the column from row to row.
+const MIN_STEPS: f64 = 8.0;
+
+/// Quantile of the steps that counts as large.
+const LARGE_STEP: f64 = 0.9;
+
+/// Minimum distance of a quantised column, in its quanta.
+const MIN_QUANTA: f64 = 24.0;
+
+/// Minimum distance of a velocity and of a torque, in ranges of the middle 98 %.
+const MIN_VELOCITY_RANGES: f64 = 0.25;
+const MIN_TORQUE_RANGES: f64 = 2.0;
+
+/// Maximum difference of the neighbours, as a share of the distance.
+const MAX_NEIGHBOUR_SHARE: f64 = 0.25;
+
+/// Maximum number of consecutive rows.
+const MAX_CONSECUTIVE_ROWS: usize = 3;
+
+/// Maximum share of such rows. A column with more has another fault.
+const MAX_SHARE: f64 = 0.02;
+
+/// Finds single rows far off their neighbours, and leaves them out if `correct` is true.
+pub fn isolated(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+    let mut data = data;
+    let mut findings = Vec::new();
+    for quantity in [Quantity::Position, Quantity::Velocity, Quantity::Torque] {
+        let Some(found) = Isolated::find(&data, quantity) else { continue };
+        findings.push(found.finding(&data, quantity, correct));
+        if correct {
+            found.leave_out(&mut data, quantity);
+        }
+    }
+    (data, findings)
+}
+
+/// The rows of a column that are far off their neighbours.
+struct Isolated {
+    /// The rows of each run.
+    runs: Vec<BTreeSet<usize>>,
+    count: usize,
+    /// The row with the largest distance, as (run, row), and the distance.
+    farthest: ((usize, usize), f64),
+}
+
+impl Isolated {
+    fn find(data: &Dataset, quantity: Quantity) -> Option<Self> {
+        let columns: Option<Vec<&[f64]>> = data.runs.iter().map(|run| run.get(quantity)).collect();
+        let columns = columns?;
+        let least = least_distance(data, &columns, quantity)?;
+        let mut found = Self { runs: Vec::new(), count: 0, farthest: ((0, 0), 0.0) };
+        for (index, (run, values)) in data.runs.iter().zip(&columns).enumerate() {
+            let mut rows = BTreeSet::new();
+            for segment in segments(run) {
+                for (row, distance) in isolated_rows(&run.time_s, values, segment, least) {
+                    rows.insert(row);
+                    if distance > found.farthest.1 {
+                        found.farthest = ((index, row), distance);
+                    }
+                }
+            }
+            found.count += rows.len();
+            found.runs.push(rows);
+        }
+        // Many spikes of the torque keep their motion (`spike`).
+        let most = if quantity == Quantity::Torque { spike::MIN_SHARE } else { MAX_SHARE };
+        let share = found.count as f64 / data.rows.max(1) as f64;
+        (found.count > 0 && share < most).then_some(found)
+    }
+
+    fn finding(&self, data: &Dataset, quantity: Quantity, correct: bool) -> LogFinding {
+        let name = quantity.name(data.joint);
+        let ((index, row), distance) = self.farthest;
+        let run = &data.runs[index];
+        let value = run.get(quantity).map_or(f64::NAN, |values| values[row]);
+        let unit = quantity.unit(data.joint);
+        let (rows, done) = match (self.count, correct) {
+            (1, true) => ("1 row".to_owned(), "it is left out"),
+            (count, true) => (format!("{count} rows"), "they are left out"),
+            (1, false) => ("1 row".to_owned(), "left in, as asked"),
+            (count, false) => (format!("{count} rows"), "left in, as asked"),
+        };
+        LogFinding {
+            kind: LogFindingKind::Outlier,
+            columns: vec![name.into()],
+            value,
+            unit: unit.into(),
+            corrected: correct,
+            in_words: format!(
+                "{rows} of {name} cannot be: each leaves the course of its neighbours and returns at once (the farthest is \
+                 {} {unit} off, in run {} at {} s): {done}.",
+                figure(distance),
+                run.name,
+                figure(run.time_s[row])
+            ),
+        }
+    }
+
+    /// Leaves the rows out. A velocity that was derived from the position is derived again.
+    fn leave_out(&self, data: &mut Dataset, quantity: Quantity) {
+        let is_derived = quantity == Quantity::Position && is_velocity_derived(data);
+        for (run, rows) in data.runs.iter_mut().zip(&self.runs).filter(|(_, rows)| !rows.is_empty())
+        {
+            *run = without(run, rows);
+            if let Some(position) = run.get(Quantity::Position).filter(|_| is_derived) {
+                run.velocity = crate::differences(&run.time_s, position);
+            }
+        }
+        data.runs.retain(|run| !run.is_empty());
+        data.rows = data.runs.iter().map(Run::len).sum();
+        data.bad_rows.count += self.count;
+    }
+}
+
+/// Returns the minimum distance of a row from the line between its neighbours; `None` for a constant column.
+fn least_distance(data: &Dataset, columns: &[&[f64]], quantity: Quantity) -> Option<f64> {
+    let steps = columns.iter().flat_map(|values| values.windows(2).map(|w| (w[1] - w[0]).abs()));
+    // A joint at rest would make the steps of its motion look large.
+    let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+    let large = quantile(&mut steps, LARGE_STEP);
+    let least = (MIN_STEPS * large).max(MIN_QUANTA * quantum(columns.iter().copied()));
+    let ranges = match quantity {
+        Quantity::Velocity => MIN_VELOCITY_RANGES,
+        Quantity::Torque => MIN_TORQUE_RANGES,
+        _ => 0.0,
+    };
+    let mut all: Vec<f64> = columns.iter().flat_map(|values| values.iter().copied()).collect();
+    let range = quantile(&mut all, 0.99) - quantile(&mut all, 0.01);
+    let has_rows = data.rows > MAX_CONSECUTIVE_ROWS + 2;
+    (has_rows && large > 0.0).then_some(least.max(ranges * range))
+}
+
+/// Returns the rows of a segment that leave the line between their neighbours by `least` and return, with their distances.
+fn isolated_rows(
+    time: &[f64],
+    values: &[f64],
+    segment: Range<usize>,
+    least: f64,
+) -> Vec<(usize, f64)> {
+    let mut found = Vec::new();
+    let mut row = segment.start + 1;
+    while row < segment.end {
+        let group = (1..=MAX_CONSECUTIVE_ROWS).find_map(|count| {
+            let (before, after) = (row - 1, row + count);
+            if after >= segment.end {
+                return None;
+            }
+            let (step, rise) = (time[after] - time[before], values[after] - values[before]);
+            let distance = |at: usize| {
+                let share = if step > 0.0 { (time[at] - time[before]) / step } else { 0.5 };
+                (values[at] - values[before] - share * rise).abs()
+            };
+            let distances: Vec<(usize, f64)> = (row..after).map(|at| (at, distance(at))).collect();
+            let nearest = distances.iter().map(|(_, off)| *off).fold(f64::INFINITY, f64::min);
+            let returns = rise.abs() < MAX_NEIGHBOUR_SHARE * nearest;
+            (nearest > least && returns).then_some(distances)
+        });
+        match group {
+            Some(rows) => {
+                row += rows.len() + 1;
+                found.extend(rows);
+            }
+            None => row += 1,
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: usize = 2000;
+
+    /// A swing of several turns, with noise, in which `spoil` changes rows.
+    fn log(spoil: impl Fn(usize, &mut [f64; 3])) -> Dataset {
+        let names = ["time_s", "position_rad", "velocity_rad_s", "torque_nm"].map(str::to_owned);
+        let mut columns = vec![Vec::new(); 4];
+        for row in 0..ROWS {
+            let t = 0.01 * row as f64;
+            let noise = 1e-3 * ((row * 7919 % 101) as f64 / 50.0 - 1.0);
+            let velocity = 9.0 * (1.3 * t).cos() + noise;
+            let position = 9.0 / 1.3 * (1.3 * t).sin() + noise;
+            let mut cells = [position, velocity, 1.2 * velocity.signum() + 0.35 * velocity + noise];
+            spoil(row, &mut cells);
+            columns[0].push(t);
+            columns[1..].iter_mut().zip(cells).for_each(|(column, cell)| column.push(cell));
+        }
+        Dataset::from_columns(&names, [("a".to_owned(), columns)]).expect("columns")
+    }
+
+    #[test]
+    fn isolated_rows_inside_the_range_are_left_out() {
+        let sizes = [
+            (0, "position_rad", std::f64::consts::TAU),
+            (1, "velocity_rad_s", 6.0),
+            (2, "torque_nm", 30.0),
+        ];
+        for (column, name, size) in sizes {
+            let spoil = |row: usize, cells: &mut [f64; 3]| {
+                if row % 400 == 150 {
+                    cells[column] += size;
+                }
+            };
+            let (data, findings) = isolated(log(spoil), true);
+            assert_eq!(findings.len(), 1, "{name}: {findings:?}");
+            assert_eq!((findings[0].columns[0].as_str(), data.rows), (name, ROWS - 5));
+            assert!(findings[0].in_words.contains("5 rows"), "{}", findings[0].in_words);
+            let (kept, findings) = isolated(log(spoil), false);
+            assert_eq!((kept.rows, findings[0].corrected), (ROWS, false));
+        }
+    }
+
+    #[test]
+    fn isolated_with_clean_log_steps_or_shocks_returns_log_unchanged() {
+        let step = |row: usize, cells: &mut [f64; 3]| {
+            if row > 700 {
+                cells[0] += 3.0;
+            }
+        };
+        let shock = |row: usize, cells: &mut [f64; 3]| {
+            if row % 500 == 20 {
+                cells[2] += 3.0;
+            }
+        };
+        for spoil in
+            [&(|_: usize, _: &mut [f64; 3]| {}) as &dyn Fn(usize, &mut [f64; 3]), &step, &shock]
+        {
+            let (data, findings) = isolated(log(spoil), true);
+            assert_eq!((data.rows, findings), (ROWS, Vec::new()));
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Registers with a sign bit that the log holds as positive numbers.
+//!
+//! Servos of hobby and research robots report a speed or a load as a magnitude with the sign in the bit above it, mostly bit 10
+//! or 15. A log of the plain number has large speeds where the joint turns backwards. The position shows it: with the sign
+//! bit the velocity follows the derivative of the position, without it not.
+
+use super::column::Column;
+use super::log::Log;
+use crate::Quantity;
+use crate::unit::conversion;
+
+/// Bits that hold a sign in known registers, and those between.
+const SIGN_BITS: std::ops::RangeInclusive<u32> = 7..=15;
+
+/// Maximum distance of a value from a whole number of counts, caused by the rounding of its unit.
+const MAX_FRACTION: f64 = 1e-3;
+
+/// Minimum number of rows with and without the sign bit.
+const MIN_ROWS: usize = 20;
+
+/// Minimum correlation with the position's derivative if the sign bit is read.
+const MIN_CORRELATION: f64 = 0.8;
+
+/// Maximum correlation with it as logged.
+const MAX_LOGGED_CORRELATION: f64 = 0.5;
+
+/// A column whose sign bit is read as a part of the number.
+pub struct SignBit {
+    /// The name of the column in the contract.
+    pub name: String,
+    /// The unit to give in `--columns`.
+    pub unit: String,
+    /// The bit.
+    pub bit: u32,
+    /// The values with their sign.
+    values: Vec<Vec<f64>>,
+}
+
+/// Returns the velocity with a sign bit, and the torque if it has one too.
+pub fn sign_bits(log: &Log) -> Vec<SignBit> {
+    let Some(velocity) = log.column(log.velocity()).and_then(|column| sign_bit(log, column)) else {
+        return Vec::new();
+    };
+    let Some(derivative) = derivative(log) else { return Vec::new() };
+    let logged = log.data.runs.iter().map(|run| run.velocity.as_slice());
+    let follows = correlation(velocity.values.iter().map(Vec::as_slice), &derivative);
+    if follows < MIN_CORRELATION || correlation(logged, &derivative) > MAX_LOGGED_CORRELATION {
+        return Vec::new();
+    }
+    let torque = log.column(log.torque()).and_then(|column| sign_bit(log, column));
+    [Some(velocity), torque].into_iter().flatten().collect()
+}
+
+/// Returns the sign bit of a column of whole positive counts: the highest bit, if it is set in many rows and not in others.
+fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
+    let source = log.data.sources.iter().find(|source| source.name == column.name);
+    let unit = source.and_then(|source| source.unit.clone());
+    let conversion = unit.as_deref().and_then(|unit| conversion(&column.name, unit).ok());
+    if conversion.is_some_and(|conversion| conversion.is_signed_counter()) {
+        return None;
+    }
+    let count = |value: f64| conversion.map_or(value, |of| of.inverse(value));
+    let is_count = |value: f64| {
+        let count = count(value);
+        count > -0.5 && (count - count.round()).abs() < MAX_FRACTION
+    };
+    if !column.values().all(is_count) {
+        return None;
+    }
+    let largest = column.values().map(count).fold(0.0, f64::max);
+    let bit = largest.max(1.0).log2().floor() as u32;
+    let sign = 2f64.powi(bit as i32);
+    let negative = column.values().filter(|value| count(*value) >= sign).count();
+    let positive = column.values().count() - negative;
+    if !SIGN_BITS.contains(&bit) || negative.min(positive) < MIN_ROWS {
+        return None;
+    }
+    let signed = |value: &f64| {
+        let count = count(*value);
+        if count >= sign { sign - count } else { count }
+    };
+    let values = column.runs.iter().map(|run| run.iter().map(signed).collect()).collect();
+    let unit = format!("sign{bit} {}", unit.unwrap_or_else(|| column.unit.clone()));
+    Some(SignBit { name: column.name.clone(), unit, bit, values })
+}
+
+/// Returns the differences of the position from row to row, with 0 at the start of each segment.
+fn derivative(log: &Log) -> Option<Vec<Vec<f64>>> {
+    let each = log.data.runs.iter().map(|run| {
+        let position = run.get(Quantity::Position)?;
+        Some(crate::differences(&run.time_s, position))
+    });
+    each.collect()
+}
+
+/// Returns the correlation of columns with others.
+fn correlation<'a>(of: impl Iterator<Item = &'a [f64]>, with: &[Vec<f64>]) -> f64 {
+    let pairs: Vec<(f64, f64)> =
+        of.zip(with).flat_map(|(of, with)| of.iter().copied().zip(with.iter().copied())).collect();
+    let count = pairs.len().max(1) as f64;
+    let mean_x = pairs.iter().map(|pair| pair.0).sum::<f64>() / count;
+    let mean_y = pairs.iter().map(|pair| pair.1).sum::<f64>() / count;
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (x, y) in pairs {
+        xx += (x - mean_x).powi(2);
+        xy += (x - mean_x) * (y - mean_y);
+        yy += (y - mean_y).powi(2);
+    }
+    if xx > 0.0 && yy > 0.0 { xy / (xx * yy).sqrt() } else { 0.0 }
+}
