@@ -51,7 +51,8 @@ pub struct PrepareOptions {
     pub rigid_body: Vec<TermKind>,
     /// Use every N-th sample of the residual, at least 1.
     pub decimate: usize,
-    /// Loss of the fits; `None` for [`Loss::Huber`] if the torque has many spikes, else [`Loss::Squares`].
+    /// Loss of the fits; `None` for [`Loss::Huber`] if the torque has many spikes or rows of a held channel are left out,
+    /// else [`Loss::Squares`].
     pub loss: Option<Loss>,
 }
 
@@ -205,7 +206,11 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         Source::Tables(tables) => tables.iter().map(table_sha256).collect(),
     };
     let has_spikes = data.runs.iter().any(|run| !run.torque_spikes.is_empty());
-    let automatic = if has_spikes { Loss::Huber } else { Loss::Squares };
+    // Where most rows of a held channel are left out, the others are too sparse for reversals: a few large errors there.
+    let is_sparse = log_findings
+        .iter()
+        .any(|finding| finding.kind == LogFindingKind::HeldChannel && finding.corrected);
+    let automatic = if has_spikes || is_sparse { Loss::Huber } else { Loss::Squares };
     Ok(Prepared {
         joint: None,
         data,

@@ -201,7 +201,11 @@ impl DataArguments {
         // Printed after the last possible error, so that an error stays the only line.
         print_log(&input);
         if input.loss == Loss::Huber && self.fit.loss == LossChoice::Auto {
-            print_lines(&input, [SPIKES.to_owned()].into_iter());
+            let has_spikes = input.data.runs.iter().any(|run| !run.torque_spikes.is_empty());
+            let reason =
+                if has_spikes { "of the spikes" } else { "a held channel leaves few rows" };
+            let line = format!("the loss is huber because {reason}; --loss squares changes it");
+            print_lines(&input, [line].into_iter());
         }
         Ok(input)
     }
@@ -295,9 +299,6 @@ impl LogArguments {
         self.only.iter().map(choice).chain(joint).collect()
     }
 }
-
-/// Remark on a loss that the user did not select.
-const SPIKES: &str = "the loss is huber because of the spikes; --loss squares changes it";
 
 /// Prints the columns of a log and its problems on standard error, so that standard output contains the result only.
 fn print_log(input: &Prepared) {
