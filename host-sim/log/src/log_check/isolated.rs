@@ -2,7 +2,8 @@
 //!
 //! A joint has inertia, so its position and velocity cannot leave their course for one row and return. Such a row is far from
 //! the line between its neighbours, measured in usual steps from row to row, while the neighbours agree. It is left out. A
-//! velocity must also be off by a part of its range, and a torque, which a shock does change for one row, by twice its range.
+//! velocity must also be off by a part of its range, and must not be a slip of a joint that sticks. A torque, which a shock does
+//! change for one row, must be off by twice its range.
 
 use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
@@ -28,6 +29,12 @@ const MIN_QUANTA: f64 = 24.0;
 /// Minimum distance of a velocity and of a torque, in ranges of the middle 98 %.
 const MIN_VELOCITY_RANGES: f64 = 0.25;
 const MIN_TORQUE_RANGES: f64 = 2.0;
+
+/// Maximum speed of rest, as a share of the 95th percentile of speed.
+const MAX_REST_SHARE: f64 = 0.05;
+
+/// Minimum share of a single velocity's travel in the position that confirms it.
+const MIN_CONFIRMED_SHARE: f64 = 0.5;
 
 /// Maximum difference of the neighbours, as a share of the distance.
 const MAX_NEIGHBOUR_SHARE: f64 = 0.25;
@@ -66,11 +73,17 @@ impl Isolated {
         let columns: Option<Vec<&[f64]>> = data.runs.iter().map(|run| run.get(quantity)).collect();
         let columns = columns?;
         let least = least_distance(data, &columns, quantity)?;
+        let mut speeds: Vec<f64> =
+            columns.iter().flat_map(|run| run.iter().map(|v| v.abs())).collect();
+        let slow = MAX_REST_SHARE * quantile(&mut speeds, 0.95);
         let mut found = Self { runs: Vec::new(), count: 0, farthest: ((0, 0), 0.0) };
         for (index, (run, values)) in data.runs.iter().zip(&columns).enumerate() {
             let mut rows = BTreeSet::new();
             for segment in segments(run) {
                 for (row, distance) in isolated_rows(&run.time_s, values, segment, least) {
+                    if quantity == Quantity::Velocity && may_be_slip(run, row, slow) {
+                        continue;
+                    }
                     rows.insert(row);
                     if distance > found.farthest.1 {
                         found.farthest = ((index, row), distance);
@@ -128,6 +141,20 @@ impl Isolated {
         data.rows = data.runs.iter().map(Run::len).sum();
         data.bad_rows.count += self.count;
     }
+}
+
+/// Returns true if a single velocity may be a slip of a joint that sticks: the position confirms it, or, without a position,
+/// the joint rests before and after. `slow` is the maximum speed of rest.
+fn may_be_slip(run: &Run, row: usize, slow: f64) -> bool {
+    let (before, after) = (row - 1, (row + 1).min(run.len() - 1));
+    let ends = [run.velocity[before], run.velocity[after]];
+    let Some(position) = run.get(Quantity::Position) else {
+        return ends.iter().all(|velocity| velocity.abs() < slow);
+    };
+    let step = run.time_s[after] - run.time_s[before];
+    let mean = 0.5 * (ends[0] + ends[1]);
+    let travel = position[after] - position[before] - step * mean;
+    travel.abs() > MIN_CONFIRMED_SHARE * 0.5 * step * (run.velocity[row] - mean).abs()
 }
 
 /// Returns the minimum distance of a row from the line between its neighbours; `None` for a constant column.
@@ -241,6 +268,13 @@ mod tests {
                 cells[2] += 3.0;
             }
         };
+        // A slip of one row, which the position confirms.
+        let slip = |row: usize, cells: &mut [f64; 3]| {
+            let is_slip = row > 0 && row.is_multiple_of(500);
+            cells[0] += 0.05 * (row / 500) as f64 - if is_slip { 0.025 } else { 0.0 };
+            cells[1] += if is_slip { 5.0 } else { 0.0 };
+        };
+        assert_eq!(isolated(log(slip), true).1, Vec::new());
         for spoil in
             [&(|_: usize, _: &mut [f64; 3]| {}) as &dyn Fn(usize, &mut [f64; 3]), &step, &shock]
         {
