@@ -85,7 +85,7 @@ fn add_text_lines(head: &[u8], preamble: &mut Preamble) {
     };
     // A row of words may follow the header.
     let at = (0..=last).rev().max_by_key(|at| header_rank(lines[*at].1, lines[last].1));
-    if at.is_some_and(|at| add_groups(head, &lines, at, preamble)) {
+    if at.is_some_and(|at| add_groups(head, lines, at, preamble)) {
         return;
     }
     if let Some(at) = at.filter(|at| *at > 0) {

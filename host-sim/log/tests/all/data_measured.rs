@@ -61,3 +61,36 @@ fn read_with_worm_drive_and_servo_returns_all_rows() {
     let rule = SplitRule::parse_hold_out("kp=400").unwrap();
     assert_eq!(split(&data, &rule, 0).unwrap().test.len(), 4);
 }
+
+#[test]
+fn read_with_reported_logs_without_a_clock_says_what_to_type() {
+    let cases = ["clock-stands-still.csv", "step-instead-of-clock.csv", "candump-delta-stamps.log"];
+    let Some(files) =
+        measured(&cases.map(|name| format!("cases/{name}")).each_ref().map(String::as_str))
+    else {
+        return;
+    };
+    let pairs = |time: &str| {
+        let theirs = [time, "motor_torque [N.m]", "encoder_paddle_pos [deg]:deg"];
+        let ours = ["time_s", "torque_nm", "position_rad"];
+        let columns = ours.iter().zip(theirs).map(|(a, b)| (a.to_string(), b.to_owned())).collect();
+        ReadOptions { columns, ..ReadOptions::default() }
+    };
+    let error = |file: &Path, options: &ReadOptions| {
+        read(&[file.into()], options, &|_, _| {}).unwrap_err().to_string()
+    };
+    let still = error(&files[0], &ReadOptions::default());
+    assert!(still.contains("the clock stands still") && still.contains("rate 200Hz"), "{still}");
+    let step = error(&files[1], &pairs("timestep [us]:us"));
+    assert!(
+        step.contains("columns time_s=timestep [us]:us:step if each row is 3.500 ms"),
+        "{step}"
+    );
+    let summed = read(&files[1..2], &pairs("timestep [us]:us:step"), &|_, _| {}).unwrap();
+    let run = &summed.runs[0];
+    assert!((run.time_s[run.len() - 1] - 0.0035 * (run.len() - 1) as f64).abs() < 1e-9);
+    let trace = load(&files[2..], &[]);
+    let time = &trace.runs[0].time_s;
+    let length = time[time.len() - 1] - time[0];
+    assert!(length > 0.9e-3 * time.len() as f64, "{} rows in {length} s", time.len());
+}
