@@ -109,9 +109,9 @@ fn add_groups(head: &[u8], lines: &[(usize, &[u8])], at: usize, preamble: &mut P
     let names: Vec<String> = cells(lines[at].1, by).iter().map(text).collect();
     let is_twice =
         |name: &String| !name.is_empty() && names.iter().filter(|of| *of == name).count() > 1;
-    let Some(above) = at.checked_sub(1).filter(|_| names.iter().any(is_twice)) else {
-        return false;
-    };
+    // A first name that returns is the clock of each channel.
+    let are_groups = names.iter().any(is_twice) && !names.first().is_some_and(is_twice);
+    let Some(above) = at.checked_sub(1).filter(|_| are_groups) else { return false };
     let mut groups: Vec<String> = cells(lines[above].1, by).iter().map(text).collect();
     if groups.len() != names.len() || groups.iter().any(|group| is_number(group.as_bytes())) {
         return false;
