@@ -162,6 +162,9 @@ fn probable_causes(log: &Log, gain: f64) -> Vec<UnitCause> {
     causes
 }
 
+/// Rates of slow logs, Hz: a row each second may be a slow log, or one with 1000 rows a second and a time in ms.
+const SLOW_RATES_HZ: std::ops::Range<f64> = 0.2..2.5;
+
 /// A log whose units contradict each other: what was found, and what to type.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnitSuspicion {
@@ -211,7 +214,8 @@ pub fn suspicion(log: &Log) -> Option<UnitSuspicion> {
         (!causes.is_empty()).then(|| UnitSuspicion::new(words, &pairs))
     };
     let of_rate = || {
-        let (rate, unit) = rate::probable_unit(log)?;
+        let (rate, unit) =
+            rate::probable_unit(log).filter(|(rate, _)| !SLOW_RATES_HZ.contains(rate))?;
         let words =
             format!("{} rows a second by the column {}", figure(rate), header(log.data, "time_s"));
         let pair = format!("time_s={}:{unit}", header(log.data, "time_s"));

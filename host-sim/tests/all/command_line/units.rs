@@ -36,10 +36,10 @@ fn torque_in_amperes_without_constant_names_what_to_type() {
     let expected = "expected the torque constant, from the motor's data sheet: --columns torque_nm=i_q:A with \
                     --torque-constant 0.105Nm/A, or --columns torque_nm=i_q:0.105Nm";
     for unit in ["", ":A"] {
-        let line = folder.run_rejected(&format!("identify drive.csv {columns}{unit}"));
+        let line = folder.run_rejected(&format!("diagnose drive.csv {columns}{unit}"));
         assert!(line.trim_end().ends_with(expected), "{line}");
     }
-    let missing = folder.run_rejected("identify drive.csv");
+    let missing = folder.run_rejected("diagnose drive.csv");
     assert!(missing.contains("torque_nm=i_q:A with the motor's torque constant"), "{missing}");
     for ending in [":A --torque-constant 0.105Nm/A", " --torque-constant 105mNm/A", ":0.105Nm"] {
         let coulomb = coulomb_nm(&folder, &format!("drive.csv {columns}{ending}"));
@@ -51,9 +51,9 @@ fn torque_in_amperes_without_constant_names_what_to_type() {
 fn torque_constant_without_current_is_rejected() {
     let folder = Folder::new();
     write(&folder, "joint.csv", "time_s,position_rad,velocity_rad_s,torque_nm", |row| row.to_vec());
-    let line = folder.run_rejected("identify joint.csv --torque-constant 0.105Nm/A");
+    let line = folder.run_rejected("diagnose joint.csv --torque-constant 0.105Nm/A");
     assert!(line.contains("found no torque_nm in amperes, expected --columns torque_nm=NAME:A"));
-    let line = folder.run_rejected("identify joint.csv --torque-constant 0.105");
+    let line = folder.run_rejected("diagnose joint.csv --torque-constant 0.105");
     assert!(line.contains("a positive torque of one ampere, such as 0.105Nm/A"), "{line}");
 }
 
@@ -63,7 +63,7 @@ fn columns_help_suggests_currents_and_units_by_size() {
     write(&folder, "drive.csv", "time,angle,speed,current [A]", |[t, q, v, torque]| {
         vec![t, q.to_degrees(), v * 30.0 / std::f64::consts::PI, torque / 0.105]
     });
-    let help = folder.run_successfully("identify drive.csv --columns help");
+    let help = folder.run_successfully("diagnose drive.csv --columns help");
     for expected in [
         "position_rad=angle:deg",
         "velocity_rad_s=speed:rpm",
@@ -73,7 +73,7 @@ fn columns_help_suggests_currents_and_units_by_size() {
     ] {
         assert!(help.contains(expected), "{expected} in {help}");
     }
-    let line = folder.run_rejected("identify drive.csv");
+    let line = folder.run_rejected("diagnose drive.csv");
     assert!(line.contains("position_rad=angle:deg,velocity_rad_s=speed:rpm"), "{line}");
 }
 
@@ -89,11 +89,11 @@ fn bad_rows_above_the_limit_are_left_out_if_allowed() {
             vec![t, q, v, if is_lost { f64::NAN } else { torque }]
         },
     );
-    let line = folder.run_rejected("identify lost.csv");
+    let line = folder.run_rejected("diagnose lost.csv");
     assert!(line.contains("at most 5 % may be; --bad-rows 8% leaves them out"), "{line}");
     let coulomb = coulomb_nm(&folder, "lost.csv --bad-rows 8%");
     assert!((coulomb - 0.8).abs() < 0.02, "{coulomb}");
-    let line = folder.run_rejected("identify lost.csv --bad-rows 100%");
+    let line = folder.run_rejected("diagnose lost.csv --bad-rows 100%");
     assert!(line.contains("a percentage below 100, such as 10%"), "{line}");
 }
 
@@ -103,7 +103,7 @@ const CONTRACT: &str = "time_s,position_rad,velocity_rad_s,torque_nm";
 fn log_with_contradicting_units_is_rejected_unless_confirmed() {
     let folder = Folder::new();
     write(&folder, "degrees.csv", CONTRACT, |[t, q, v, torque]| vec![t, q, v.to_degrees(), torque]);
-    let line = folder.run_rejected("identify degrees.csv --model linear");
+    let line = folder.run_rejected("diagnose degrees.csv");
     let expected = "the velocity may be in deg/s, expected --columns velocity_rad_s=velocity_rad_s:deg/s, or --as-logged \
                     unit-suspect to keep the units";
     assert!(line.trim_end().ends_with(expected), "{line}");
@@ -131,7 +131,7 @@ fn velocity_with_sign_bit_is_recognised_by_the_position() {
     let columns = "--columns velocity_rad_s=Present_Speed";
     let text = std::fs::read_to_string(folder.path("servo.csv")).expect("a log");
     folder.write("servo.csv", text.replace("Present Speed", "Present_Speed"));
-    let line = folder.run_rejected(&format!("identify servo.csv {columns}:0.111rpm"));
+    let line = folder.run_rejected(&format!("diagnose servo.csv {columns}:0.111rpm"));
     let expected = "found a velocity_rad_s that contradicts position_rad, whose bit 10 is its sign, expected --columns \
                     'velocity_rad_s=Present_Speed:sign10 0.111rpm'";
     assert!(line.contains(expected), "{line}");
@@ -147,7 +147,7 @@ fn torque_of_a_servo_is_computed_from_its_gains() {
     write(&folder, "servo.csv", "time_s,position_rad,velocity_rad_s,q_des", |[t, q, v, torque]| {
         vec![t, q, v, q + (torque + kd * v) / kp]
     });
-    let line = folder.run_rejected("identify servo.csv");
+    let line = folder.run_rejected("diagnose servo.csv");
     assert!(line.contains("--torque-from pd,kp=40,kd=1.5,target=q_des"), "{line}");
     let law = "--torque-from pd,kp=40,kd=1.5,target=q_des";
     let coulomb = coulomb_nm(&folder, &format!("servo.csv {law}"));
@@ -157,7 +157,7 @@ fn torque_of_a_servo_is_computed_from_its_gains() {
     let computed = log.iter().find(|one| one["kind"] == "computed-torque").expect("a finding");
     let words = computed["in_words"].as_str().expect("a sentence");
     assert!(words.contains("40 Nm/rad (target - q) - 1.5 Nm s/rad v"), "{words}");
-    let line = folder.run_rejected("identify servo.csv --torque-from pd,kp=40,target=nothing");
+    let line = folder.run_rejected("diagnose servo.csv --torque-from pd,kp=40,target=nothing");
     assert!(line.contains("found no column nothing, expected one of time_s"), "{line}");
 }
 
@@ -170,7 +170,7 @@ fn force_beside_an_angle_names_the_lever() {
         "time_s,position_rad,velocity_rad_s,force_n",
         |[t, q, v, torque]| vec![t, q, v, torque / 0.2],
     );
-    let line = folder.run_rejected("identify lever.csv");
+    let line = folder.run_rejected("diagnose lever.csv");
     let expected = "for a force on a lever of 0.2 m --columns torque_nm=force_n:0.2Nm";
     assert!(line.contains(expected), "{line}");
     let coulomb = coulomb_nm(&folder, "lever.csv --columns torque_nm=force_n:0.2Nm");
