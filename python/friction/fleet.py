@@ -224,7 +224,7 @@ def _failure(task: Task, reason: object) -> Row:
     row: Row = dict.fromkeys(
         ("probability", "size", "size_ci95", "gain", "gain_ci95", "test_rmse", "noise_floor", "rows", "seconds")
     )
-    texts = dict.fromkeys(("model", "cause", "size_unit", "unit", "fixed_model", "report"), "")
+    texts = dict.fromkeys(("model", "cause", "leading_fault", "size_unit", "unit", "fixed_model", "report"), "")
     line = " ".join(str(reason).split()) or type(reason).__name__
     return row | texts | {
         "joint": task.joint,

@@ -51,6 +51,9 @@ pub struct FleetRow {
     pub model: String,
     /// Cause that the diagnosis names; `none` if there is none.
     pub cause: String,
+    /// Kind of the log's fault that explains most of the error, such as `sign-suspect`; empty if there is none.
+    #[serde(default)]
+    pub leading_fault: String,
     /// Columns that the cause follows.
     pub columns: Vec<String>,
     /// Calibrated probability of the cause, 0 to 1.
@@ -103,6 +106,7 @@ pub fn table(rows: &[FleetRow]) -> TableFile {
     texts("error", &|row| row.error.clone().unwrap_or_default());
     texts("model", &|row| row.model.clone());
     texts("cause", &|row| row.cause.clone());
+    texts("leading_fault", &|row| row.leading_fault.clone());
     texts("columns", &|row| row.columns.join(";"));
     texts("size_unit", &|row| row.size_unit.clone());
     texts("unit", &|row| row.unit.clone());

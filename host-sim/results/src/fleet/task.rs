@@ -233,6 +233,7 @@ fn row(job: &FleetJob, joint: &str, input: &Prepared, found: &Diagnosis) -> Flee
     FleetRow {
         model: found.extended.spec.to_string(),
         cause: found.cause().into(),
+        leading_fault: found.leading_fault().map_or("", |fault| fault.kind.name()).into(),
         columns: finding.map(|finding| finding.columns.clone()).unwrap_or_default(),
         probability: finding.map(|finding| finding.probability),
         size: finding.map(|finding| finding.size.value),
