@@ -40,7 +40,13 @@ pub fn sign(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let corrected = correct && power / size < TURNED_POWER_RATIO && is_friction;
     let (torque, velocity) =
         (Quantity::Torque.name(data.joint), Quantity::Velocity.name(data.joint));
-    let pair = typed(&data, torque, &format!("-{}", data.joint.torque_unit()));
+    // The unit that was given stays: a current is no torque.
+    let source = data.sources.iter().find(|source| source.name == torque);
+    let unit = source.and_then(|source| source.unit.as_deref()).unwrap_or(data.joint.torque_unit());
+    let pair = match unit.strip_prefix('-') {
+        Some(turned_back) => typed(&data, torque, turned_back),
+        None => typed(&data, torque, &format!("-{unit}")),
+    };
     let percent = format!("{:.0}", -100.0 * power / size);
     let in_words = if corrected {
         format!(
@@ -85,6 +91,7 @@ pub fn drives_both_ways(pairs: impl Iterator<Item = (f64, f64)>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SourceColumn;
 
     /// A log of torque over velocity at one step.
     fn log(of: impl Fn(usize) -> (f64, f64)) -> Dataset {
@@ -107,6 +114,25 @@ mod tests {
         assert!(findings[0].corrected);
         assert_eq!(data.runs[0].torque[10], -reversed().runs[0].torque[10]);
         assert!(!sign(reversed(), false).1[0].corrected);
+    }
+
+    #[test]
+    fn sign_keeps_the_unit_that_was_given() {
+        for (given, typed) in [(Some("A"), ":-A"), (Some("-mNm"), ":mNm"), (None, ":-Nm")] {
+            let mut reversed = log(|row| {
+                let velocity = (0.02 * row as f64).sin();
+                (velocity, -1.5 * velocity.signum())
+            });
+            let unit = given.map(str::to_owned);
+            reversed.sources = vec![SourceColumn {
+                name: "torque_nm".into(),
+                header: "i".into(),
+                unit,
+                ..SourceColumn::default()
+            }];
+            let said = &sign(reversed, true).1[0].in_words;
+            assert!(said.contains(&format!("torque_nm=i{typed} ")), "{said}");
+        }
     }
 
     #[test]
