@@ -79,7 +79,7 @@ fn help_lists_own_options_before_shared_ones() {
         let is_shared = |name: &&str| shared.contains(name);
         // `predict`, `fleet` and `sign` have an option `--out` of their own.
         let own = |name: &&&str| **name != "out" && **name != "json";
-        let first_shared = names.iter().filter(own).position(|name| is_shared(name));
+        let first_shared = names.iter().filter(own).position(is_shared);
         let after = names.iter().filter(own).skip(first_shared.unwrap_or(names.len()));
         let headed = |name: &str| {
             let found = command.get_arguments().find(|of| of.get_long() == Some(name));
