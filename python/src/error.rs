@@ -111,7 +111,8 @@ fn add_details(details: &Bound<'_, PyDict>, error: &DataError) -> PyResult<()> {
     };
     match error {
         DataError::Io { file, .. } => details.set_item("file", file.display().to_string()),
-        DataError::Cell(bad) | DataError::TooManyBad { first: bad, .. } => cell(bad),
+        DataError::Cell(bad) => cell(bad),
+        DataError::TooManyBad { first, .. } => cell(first),
         DataError::File { file, found, expected }
         | DataError::MissingColumns { file, found, expected, .. } => place(file, found, expected),
         DataError::LeftOut { file, .. } => details.set_item("file", file.display().to_string()),

@@ -445,7 +445,7 @@ impl Cleaner<'_> {
         match self.bad.first.first() {
             Some(first) if is_too_bad(bad, rows, self.layout.max_bad_share) => {
                 let max_share = self.layout.max_bad_share;
-                Err(DataError::TooManyBad { first: first.clone(), bad, rows, max_share })
+                Err(DataError::TooManyBad { first: Box::new(first.clone()), bad, rows, max_share })
             }
             _ => Ok(()),
         }

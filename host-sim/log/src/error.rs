@@ -70,7 +70,7 @@ pub enum DataError {
     /// Too many of the rows are bad.
     TooManyBad {
         /// The first bad row of the file.
-        first: BadCell,
+        first: Box<BadCell>,
         /// Number of bad rows of the file.
         bad: usize,
         /// Number of rows of the file.

@@ -30,12 +30,12 @@ impl TorqueConstant {
         let torque = text.trim().strip_suffix(['A', 'a']).map(str::trim_end);
         let torque = torque.and_then(|torque| torque.strip_suffix('/')).ok_or_else(expected)?;
         let kinds = [JointKind::Revolute, JointKind::Prismatic].into_iter();
-        let parsed = kinds.filter_map(|joint| {
+        let mut parsed = kinds.filter_map(|joint| {
             let value = parse_value(Quantity::Torque.name(joint), torque).ok()?;
             Some(Self { value, joint })
         });
         let positive = |found: &Self| found.value.is_finite() && found.value > 0.0;
-        parsed.filter(positive).next().ok_or_else(expected)
+        parsed.find(positive).ok_or_else(expected)
     }
 }
 

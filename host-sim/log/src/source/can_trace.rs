@@ -186,7 +186,7 @@ fn scan(
     let rows = summary.frames as usize + bad.count;
     if is_too_bad(bad.count, rows, max_share) {
         let (first, bad) = (bad.first[0].clone(), bad.count);
-        return Err(DataError::TooManyBad { first, bad, rows, max_share });
+        return Err(DataError::TooManyBad { first: Box::new(first), bad, rows, max_share });
     }
     let wrong = |found: String, expected: &str| {
         Err(DataError::File { file: path.into(), found, expected: expected.into() })
