@@ -180,7 +180,7 @@ mod tests {
     fn clock_fault_with_uneven_steps_says_so() {
         let jitter = |row: usize| 0.0035 + 1e-5 * (row * 37 % 11) as f64;
         assert_eq!(clock(300, jitter), Some(ClockFault::Steps { median_s: 0.0035 + 5e-5 }));
-        let bursts = |row: usize| if row % 3 == 0 { 0.0 } else { 0.004 };
+        let bursts = |row: usize| if row.is_multiple_of(3) { 0.0 } else { 0.004 };
         assert_eq!(clock(300, bursts), Some(ClockFault::Steps { median_s: 0.004 }));
     }
 

@@ -8,6 +8,8 @@
 //! Joints side by side are read one at a time (`joints`). An ambiguous header is an error, not a guess: two columns
 //! of one name, two targets, or a linear velocity with a torque (unless the pairs say so).
 
+mod required;
+
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -16,9 +18,9 @@ use compensator_core::quantity::{JointKind, Quantity};
 use super::cell::CellReader;
 use super::column_names::ColumnNames;
 use super::columns::is_missing_value;
-use super::contract::{self, POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
+use super::contract::{self, RUN, TARGETS, TIME, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
-use super::error::{DataError, asked_rows, at_header, listed};
+use super::error::{DataError, asked_rows, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
 use super::naming::Naming;
 use super::options::ReadOptions;
@@ -27,6 +29,7 @@ use super::preset::{Preset, PresetColumns};
 use super::row_clock::Timing;
 use super::unit::conversion;
 use crate::setting::{Setting, shell_word};
+use required::RequiredColumns;
 
 /// A column other than time, velocity and torque.
 #[derive(Debug, Clone, PartialEq)]
@@ -221,78 +224,6 @@ const DATE_NAMES: [&str; 5] = ["date", "datum", "day", "fecha", "data"];
 fn date_column(names: &[String], time: usize) -> Option<usize> {
     let is_date = |name: &String| DATE_NAMES.contains(&&*name.trim().to_lowercase());
     names.iter().position(is_date).filter(|at| *at != time)
-}
-
-/// The required columns of a header.
-struct RequiredColumns {
-    time: CellReader,
-    /// The velocity, or the position if there is no velocity.
-    motion: KindColumn,
-    is_position: bool,
-    target: KindColumn,
-}
-
-impl RequiredColumns {
-    /// Finds the required columns.
-    ///
-    /// # Errors
-    /// If one is missing, or if the header has two targets.
-    fn find(file: &Path, naming: &Naming, timing: Timing) -> Result<Self, DataError> {
-        let ros_time = || {
-            let reading = naming.find("%time")?;
-            Some(CellReader { conversion: conversion(TIME, "ns").ok(), ..reading })
-        };
-        let target = find_target(file, naming)?;
-        let kind = target.map(|target| target.kind);
-        let velocity = find_motion(naming, &VELOCITIES, kind);
-        let motion = velocity.or_else(|| find_motion(naming, &POSITIONS, kind));
-        let time = match timing {
-            Timing::Rate(_) => motion.map(|motion| CellReader::plain(motion.reading.index)),
-            _ => naming.find(TIME).or_else(ros_time),
-        };
-        if let (Some(time), Some(motion), Some(target)) = (time, motion, target) {
-            return Ok(Self { time, motion, is_position: velocity.is_none(), target });
-        }
-        let missing = [
-            (time.is_none() && !matches!(timing, Timing::Rate(_)), TIME, TIME),
-            (
-                motion.is_none(),
-                "velocity_rad_s (or velocity_m_s)",
-                VELOCITIES[usize::from(kind == Some(JointKind::Prismatic))].0,
-            ),
-            (target.is_none(), "torque_nm (or force_n)", TARGETS[0].0),
-        ];
-        Err(naming.missing(file, &missing))
-    }
-
-    /// Returns a note if motion and target have units of different joint kinds, which `--columns` must allow.
-    fn check_kinds(&self, file: &Path, naming: &Naming) -> Result<Option<String>, DataError> {
-        if self.motion.kind == self.target.kind {
-            return Ok(None);
-        }
-        let (velocity, target) = (self.motion.name, self.target.name);
-        if !naming.is_mapped(velocity) && !naming.is_mapped(target) {
-            let fitting = if target == "force_n" { "torque_nm" } else { "force_n" };
-            let expected = match target {
-                "force_n" => {
-                    let lever = Setting::Columns.suggested("torque_nm=force_n:0.2Nm");
-                    format!(
-                        "{fitting} for a joint with {velocity}; for a force on a lever of 0.2 m {lever}"
-                    )
-                }
-                _ => {
-                    let mapping = Setting::Columns.alone();
-                    format!(
-                        "{fitting} for a joint with {velocity} (or {mapping} to map the columns)"
-                    )
-                }
-            };
-            return Err(at_header(file, target, target, &expected));
-        }
-        Ok(Some(format!(
-            "{target} is read with {velocity}, as given with --columns: units are those of {target}"
-        )))
-    }
 }
 
 /// Interprets a header, with the columns of a preset if one is given.
@@ -566,44 +497,6 @@ fn joint_name_columns(
         (is_free && (is_certain || is_name)).then_some(JointNameColumn { index, is_certain })
     };
     names.iter().enumerate().filter_map(suspect).collect()
-}
-
-/// A column whose name states the joint kind.
-#[derive(Debug, Clone, Copy)]
-struct KindColumn {
-    reading: CellReader,
-    name: &'static str,
-    kind: JointKind,
-}
-
-/// Finds the target column, which sets the joint kind. Of two, the one that `--columns` names is taken.
-fn find_target(file: &Path, naming: &Naming) -> Result<Option<KindColumn>, DataError> {
-    let found = TARGETS
-        .map(|(name, kind)| naming.find(name).map(|reading| KindColumn { reading, name, kind }));
-    match found {
-        [Some(torque), Some(force)] => {
-            match (naming.is_mapped(torque.name), naming.is_mapped(force.name)) {
-                (true, false) => Ok(Some(torque)),
-                (false, true) => Ok(Some(force)),
-                _ => {
-                    let expected =
-                        "one target: torque_nm for a rotary joint or force_n for a linear joint";
-                    Err(at_header(file, force.name, "torque_nm as well", expected))
-                }
-            }
-        }
-        [torque, force] => Ok(torque.or(force)),
-    }
-}
-
-/// Finds a column of the motion by its names. Of two, the one of the target's joint kind is taken.
-fn find_motion(
-    naming: &Naming,
-    names: &[(&'static str, JointKind); 2],
-    kind: Option<JointKind>,
-) -> Option<KindColumn> {
-    let find = |&(name, kind)| naming.find(name).map(|reading| KindColumn { reading, name, kind });
-    names.iter().filter_map(find).min_by_key(|of| Some(of.kind) != kind)
 }
 
 /// Returns why a column cannot be a covariate, or `None` if it can.

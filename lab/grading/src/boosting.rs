@@ -234,8 +234,8 @@ fn leaf(
         let mut sums = vec![Sums::default(); limits.len() + 1];
         rows.iter().for_each(|row| sums[usize::from(data.bins[figure][*row])].add(slopes[*row]));
         let mut yes = Sums::default();
-        for limit in 0..limits.len() {
-            yes = yes.plus(sums[limit]);
+        for (limit, own) in sums.iter().take(limits.len()).enumerate() {
+            yes = yes.plus(*own);
             try_split(&|| Question::Figure(figure, limit), yes, true);
         }
     }

@@ -40,6 +40,9 @@ fn read_with(folder: &Folder, files: &[PathBuf], options: &ReadOptions) -> Resul
     read(files, options, &|_, _| {}).map_err(|error| plain(folder, &error))
 }
 
+/// A channel: its word, its values and how late its clock is, s.
+type Channel = (&'static str, fn(u32) -> f64, f64);
+
 /// Writes the three channels of a recording. `name` is the name of each channel's file.
 fn write(
     folder: &Folder,
@@ -47,9 +50,9 @@ fn write(
     late_s: f64,
     name: impl Fn(&str) -> String,
 ) -> Vec<PathBuf> {
-    let channels: [(&str, fn(u32) -> f64, f64); 3] =
+    let channels: [Channel; 3] =
         [("effort", torque, 0.0), ("position", position, late_s), ("velocity", velocity, -late_s)];
-    let write = |(word, values, late_s): (&str, fn(u32) -> f64, f64)| {
+    let write = |(word, values, late_s): Channel| {
         folder.write(&name(word), file(&header.replace("WORD", word), values, late_s))
     };
     channels.map(write).to_vec()
