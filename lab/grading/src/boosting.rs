@@ -5,9 +5,25 @@
 //! one, and the branches are bounded by the middle of both (as in LightGBM and scikit-learn), so that the whole is monotone.
 //! Written here, because a table of some hundred small trees must be read by people and by the diagnosis without a library.
 
-use crate::calibration_fit::Case;
 use friction_diagnose::contest_calibration::trees::{Node, Tree, category};
 use friction_diagnose::contest_calibration::{ContestCalibration, FIGURES};
+
+/// A candidate with its truth.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// The cause.
+    pub cause: String,
+    /// The column that it follows, or empty.
+    pub follows: String,
+    /// Its figures, in the order of [`FIGURES`].
+    pub figures: Vec<f64>,
+    /// True if the cause is in the log.
+    pub is_real: bool,
+    /// Weight of the case.
+    pub weight: f64,
+    /// Part of the cases that is left out at once: a share of the worlds, or a machine.
+    pub fold: usize,
+}
 
 /// Number of trees.
 const TREES: usize = 150;

@@ -3,29 +3,13 @@
 //! A fit without a part of the cases gives the log odds of that part; the isotonic step is fitted to these, so that it corrects
 //! what the trees promise too much.
 
+pub use crate::boosting::Case;
 use crate::boosting::boost;
 use friction_diagnose::contest_calibration::ContestCalibration;
 use rayon::prelude::*;
 
 /// Fewest cases in a step of the isotonic regression, by weight.
 const MIN_STEP_CASES: f64 = 15.0;
-
-/// A candidate with its truth.
-#[derive(Clone, Debug)]
-pub struct Case {
-    /// The cause.
-    pub cause: String,
-    /// The column that it follows, or empty.
-    pub follows: String,
-    /// Its figures, in the order of [`FIGURES`].
-    pub figures: Vec<f64>,
-    /// True if the cause is in the log.
-    pub is_real: bool,
-    /// Weight of the case.
-    pub weight: f64,
-    /// Part of the cases that is left out at once: a share of the worlds, or a machine.
-    pub fold: usize,
-}
 
 /// Returns the log odds of each case by a fit without the cases of its fold.
 pub fn out_of_fold(cases: &[Case]) -> Vec<f64> {
