@@ -246,6 +246,10 @@ fn pairs_by_size(file: &Path, options: &ReadOptions) -> String {
         return String::new();
     }
     let pairs: Vec<String> = columns.into_iter().filter_map(|column| column.suggestion).collect();
+    // A name that cannot be typed does not help.
+    if pairs.iter().any(|pair| pair.contains(char::is_control)) {
+        return String::new();
+    }
     // The front end quotes the pairs as a whole.
     let pairs: Vec<&str> = pairs.iter().map(|pair| pair.trim_matches('\'')).collect();
     format!("; by the sizes of the values, {}", Setting::Columns.suggested(pairs.join(",")))

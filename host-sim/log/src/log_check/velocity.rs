@@ -54,8 +54,8 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
     } else if let Some(found) = log.sensors.agreement.filter(|found| is_replaced(log, found)) {
         let size = found.scatter / sensors.step_s;
         let words = format!(
-            "The velocity contradicts the position: it is {} {unit} RMS from the derivative, which neither noise, a delay nor \
-             a low-pass explains: {done}.",
+            "The velocity contradicts the position: it is {} {unit} RMS from the derivative, which neither noise nor a short \
+             delay explains: {done}.",
             figure(size)
         );
         (size, words)
