@@ -91,7 +91,12 @@ for column, what, expected in [
         "per mille",
         "--columns 'torque_nm=T [1/1000 of motor rated torque]:0.1%' with --rated-torque 1.2Nm, the torque of 100 %",
     ),
-    ("I [A]", "amperes", "the torque of 1 A, such as --columns 'torque_nm=I [A]:0.05Nm'"),
+    (
+        "I [A]",
+        "amperes",
+        "the torque constant, from the motor's data sheet: --columns 'torque_nm=I [A]:A' with --torque-constant 0.105Nm/A, or "
+        "--columns 'torque_nm=I [A]:0.105Nm'",
+    ),
 ]:
     error(
         f"a torque {column}",
