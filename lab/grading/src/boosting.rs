@@ -25,7 +25,7 @@ pub struct Case {
     pub fold: usize,
 }
 
-/// Number of trees.
+/// Number of trees. With 300 (and no cost of a cause): Brier score of the worlds 0.072 instead of 0.073, one measured log fewer.
 const TREES: usize = 150;
 
 /// Part of a tree's leaves that counts.
@@ -42,6 +42,9 @@ const RIDGE: f64 = 5.0;
 
 /// Fall of the loss by which a split by cause must surpass one by a figure. What trees learn of one cause is mostly how the
 /// simulated worlds have it; what they learn of a figure holds for other machines too.
+///
+/// Half and twice of it, out of fold: 18 and 16 of 427 clean worlds named (19 at 6), 698 and 690 of 1205 effects found (701), 18 of
+/// 25 measured logs right in each case. Without splits by cause: 39 clean, 627 found, 18 measured.
 const CAUSE_COST: f64 = 6.0;
 
 /// Most limits of a figure that are tried.
