@@ -185,8 +185,10 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.is_armed() || self.samples.is_hil_armed()
     }
 
+    /// Sets the time of a request, and ends a session that is over by then.
     pub(super) fn set_time(&mut self, now_us: u64) {
         self.now_us = now_us;
+        self.watch_session();
     }
 
     /// Runs the periodic work: see [`super::Driver::tick`].

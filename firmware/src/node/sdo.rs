@@ -69,7 +69,8 @@ pub type ValueBuffer = Vec<u8, { MAX_VALUE_BYTES + SEGMENT - 1 }>;
 
 /// Access of the server to the driver's objects.
 pub trait Objects {
-    /// Checks that the object can be written with this length. The server calls it before it accepts data.
+    /// Checks that the object can be written with this length. The server calls it before it accepts data, and again
+    /// when the value is complete: the rights may have changed meanwhile.
     ///
     /// # Errors
     /// Returns why it cannot be written.

@@ -16,6 +16,7 @@ mod pdos;
 mod sensors;
 mod stock_master;
 mod target_deadline;
+mod transfers;
 
 use bench::{Bench, NODE, frame};
 use compensator_core::can::{Message, MotionFrame, SealFrame, SyncFrame};

@@ -96,6 +96,8 @@ impl Incoming {
             return Err(Abort::Memory);
         }
         if !self.is_streamed {
+            // The joint may have been locked or armed since the begin of the transfer.
+            objects.check_write(self.at, Some(length))?;
             return objects.write(self.at, buffer);
         }
         self.pass_on(0, buffer, objects)?;
