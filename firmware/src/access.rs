@@ -4,14 +4,15 @@
 //! is not: wiring, limits, watches, stop reactions, node number, stored settings and the update need the *service*
 //! level ([`crate::node::dictionary::Entry::level`]). A tool reads a challenge (2041h:2), and answers it with
 //! [`Key::response`] (2041h:3). Every challenge is valid once. The level ends by a lock (2041h:4), a reset, or
-//! [`SESSION_US`] after the last write that needed it.
+//! [`SESSION_US`] after the unlock.
 //!
-//! A frame has no sender, so an unlock is valid for the whole bus. The default key is public: with it the lock
-//! prevents mistakes, not attacks. The page docs/src/explanation/bus-security.md lists what stays possible.
+//! A frame has no sender, so an unlock is valid for the whole bus. Key and policy therefore need a [`Key::proof`] besides:
+//! whoever uses the session of another node cannot keep it. The default key is public: with it the lock prevents mistakes,
+//! not attacks. The page docs/src/explanation/bus-security.md lists what stays possible.
 
 use siphasher::sip::SipHasher24;
 
-/// Time after the last write at service level until the joint locks itself, us.
+/// Time after an unlock until the joint locks itself, us.
 pub const SESSION_US: u64 = 600_000_000;
 
 /// Wait after the first wrong response, us. It doubles with every further one.
@@ -59,11 +60,24 @@ impl Key {
         challenge: [u8; Self::RESPONSE_LENGTH],
         serial: u32,
         node: u8,
-    ) -> [u8; 8] {
-        let mut message = [0; 13];
+    ) -> [u8; Self::RESPONSE_LENGTH] {
+        self.proof(challenge, serial, node, &[])
+    }
+
+    /// Returns the proof of a new key or policy, of up to [`Key::LENGTH`] bytes: the response, with these bytes at the end of
+    /// the hashed ones. Their length differs, so a proof is no response, and the proof of one is none of the other.
+    pub fn proof(
+        &self,
+        challenge: [u8; Self::RESPONSE_LENGTH],
+        serial: u32,
+        node: u8,
+        change: &[u8],
+    ) -> [u8; Self::RESPONSE_LENGTH] {
+        let mut message = [0; Self::RESPONSE_LENGTH + 5 + Self::LENGTH];
         let parts = challenge.into_iter().chain(serial.to_le_bytes()).chain([node]);
-        message.iter_mut().zip(parts).for_each(|(to, from)| *to = from);
-        self.hash(&message).to_le_bytes()
+        let parts = parts.chain(change.iter().copied());
+        let length = message.iter_mut().zip(parts).map(|(to, from)| *to = from).count();
+        self.hash(message.get(..length).unwrap_or(&message)).to_le_bytes()
     }
 
     // Not inlined, so that there is one copy of its 64-bit arithmetic.
@@ -138,9 +152,9 @@ pub struct Lock {
     challenges: u32,
     /// The challenge that was read last, until a response has used it.
     open: Option<[u8; Key::RESPONSE_LENGTH]>,
-    /// Time of the last write at service level, us; `None` while the joint is locked.
-    used_us: Option<u64>,
-    /// Wrong responses since the last unlock.
+    /// End of the session, us; `None` while the joint is locked.
+    ends_us: Option<u64>,
+    /// Wrong responses since the last right one.
     failures: u16,
     /// End of the wait after a wrong response, us.
     wait_until_us: u64,
@@ -166,11 +180,16 @@ impl Lock {
         challenge
     }
 
-    /// Checks a response to the open challenge, and unlocks the joint.
+    /// Unlocks the joint until the end of the session.
+    pub const fn unlock(&mut self, now_us: u64) {
+        self.ends_us = Some(now_us.saturating_add(SESSION_US));
+    }
+
+    /// Checks a response to the open challenge, or a proof.
     ///
     /// # Errors
-    /// Returns why the joint stays locked.
-    pub fn unlock(
+    /// Returns why it is refused.
+    pub fn check(
         &mut self,
         response: [u8; 8],
         expected: impl FnOnce([u8; 8]) -> [u8; 8],
@@ -190,33 +209,25 @@ impl Lock {
             return Err(Refusal::Wrong);
         }
         self.failures = 0;
-        self.used_us = Some(now_us);
         Ok(())
     }
 
     /// Locks the joint. Returns true if it was unlocked.
     pub const fn lock(&mut self) -> bool {
-        self.used_us.take().is_some()
+        self.ends_us.take().is_some()
     }
 
     /// Returns true if the joint is unlocked.
     pub const fn is_unlocked(&self) -> bool {
-        self.used_us.is_some()
+        self.ends_us.is_some()
     }
 
-    /// Notes a write at service level.
-    pub const fn record_use(&mut self, now_us: u64) {
-        if self.used_us.is_some() {
-            self.used_us = Some(now_us);
-        }
-    }
-
-    /// Returns true if the session is over: no write has needed it for [`SESSION_US`].
+    /// Returns true if the session is over.
     pub fn is_expired(&self, now_us: u64) -> bool {
-        self.used_us.is_some_and(|used_us| now_us.saturating_sub(used_us) >= SESSION_US)
+        self.ends_us.is_some_and(|ends_us| now_us >= ends_us)
     }
 
-    /// Returns the number of wrong responses since the last unlock.
+    /// Returns the number of wrong responses since the last right one.
     pub const fn failures(&self) -> u16 {
         self.failures
     }
@@ -247,6 +258,15 @@ mod tests {
     }
 
     #[test]
+    fn proof_depends_on_what_it_proves() {
+        let (key, challenge) = (Key::DEFAULT, [1, 2, 3, 4, 5, 6, 7, 8]);
+        let proof = |change: &[u8]| key.proof(challenge, 7, 1, change);
+        let seen = [&[][..], &[0], &[1], &[0; 2], &[0; 16], &[1; 16]].map(proof);
+        let distinct: std::collections::HashSet<_> = seen.iter().collect();
+        assert_eq!(distinct.len(), seen.len());
+    }
+
+    #[test]
     fn challenge_without_a_seed_never_repeats() {
         let (mut lock, settings) = (Lock::default(), AccessSettings::default());
         let mut seen = std::collections::HashSet::new();
@@ -262,13 +282,13 @@ mod tests {
         let mut now_us = 0;
         for wait_s in [1, 2, 4, 8, 16, 32, 60, 60] {
             lock.challenge(&settings, now_us);
-            assert_eq!(lock.unlock([0; 8], |_| [1; 8], now_us), Err(Refusal::Wrong));
+            assert_eq!(lock.check([0; 8], |_| [1; 8], now_us), Err(Refusal::Wrong));
             now_us += wait_s * 1_000_000;
-            assert_eq!(lock.unlock([1; 8], |_| [1; 8], now_us - 1), Err(Refusal::Wait));
+            assert_eq!(lock.check([1; 8], |_| [1; 8], now_us - 1), Err(Refusal::Wait));
         }
         assert_eq!(lock.failures(), 8);
         lock.challenge(&settings, now_us);
-        assert_eq!(lock.unlock([1; 8], |_| [1; 8], now_us), Ok(()));
+        assert_eq!(lock.check([1; 8], |_| [1; 8], now_us), Ok(()));
         assert_eq!(lock.failures(), 0);
     }
 
@@ -279,7 +299,7 @@ mod tests {
         let (mut times, mut at_us) = (std::vec::Vec::new(), 0);
         while at_us * numerator / 2 < until_us {
             lock.challenge(&settings, at_us);
-            assert_eq!(lock.unlock([0; 8], |_| [1; 8], at_us), Err(Refusal::Wrong));
+            assert_eq!(lock.check([0; 8], |_| [1; 8], at_us), Err(Refusal::Wrong));
             times.push(at_us * numerator / 2);
             at_us = lock.wait_until_us;
         }

@@ -24,7 +24,6 @@ impl<F: NorFlash> Device<F> {
             let why = "the joint is locked: a response to its challenge unlocks it (2041h)";
             return Err(self.staging.refuse(Abort::Locked, why));
         }
-        self.lock.record_use(self.now_us);
         Ok(())
     }
 
@@ -44,33 +43,43 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(in crate::driver) fn write_access(&mut self, place: u8, value: &[u8]) -> Result<(), Abort> {
-        match place {
-            AccessObject::RESPONSE => self
-                .unlock(value.try_into().map_err(|_| wrong_length(value, Key::RESPONSE_LENGTH))?),
+        let length = match place {
             AccessObject::LOCK => {
                 self.lock();
-                Ok(())
+                return Ok(());
             }
-            AccessObject::NEW_KEY => {
-                let key = value.try_into().map_err(|_| wrong_length(value, Key::LENGTH))?;
-                self.settings.access.key = Key::new(key);
-                Ok(())
-            }
-            _ => match *value {
-                [policy @ (0 | 1)] => {
-                    self.settings.access.is_locked = policy == 1;
-                    Ok(())
+            AccessObject::RESPONSE => 0,
+            AccessObject::NEW_KEY => Key::LENGTH,
+            _ => 1,
+        };
+        let (change, proof) = value.split_at_checked(length).ok_or(Abort::TooShort)?;
+        self.check_proof(change, proof)?;
+        match *change {
+            [] => self.lock.unlock(self.now_us),
+            [policy] => {
+                self.settings.access.is_locked = policy != 0;
+                if !self.is_service() {
+                    // While the policy was open, every node could stage anything.
+                    self.staging.discard();
                 }
-                _ => Err(self.staging.refuse(Abort::Value, "locked_by_default: must be 0 or 1")),
-            },
+            }
+            _ => {
+                let key = change.try_into().map_err(|_| Abort::TooLong)?;
+                self.settings.access.key = Key::new(key);
+            }
         }
+        Ok(())
     }
 
-    fn unlock(&mut self, response: [u8; Key::RESPONSE_LENGTH]) -> Result<(), Abort> {
+    /// Checks the proof of a change with the present key; without a change, it is the response to a challenge.
+    fn check_proof(&mut self, change: &[u8], proof: &[u8]) -> Result<(), Abort> {
+        let proof = proof.try_into().map_err(|_| {
+            if proof.len() < Key::RESPONSE_LENGTH { Abort::TooShort } else { Abort::TooLong }
+        })?;
         let (key, serial) = (self.settings.access.key, self.identity.serial);
         let node = self.node_in_use().number();
-        let expected = |challenge| key.response(challenge, serial, node);
-        self.lock.unlock(response, expected, self.now_us).map_err(|refusal| match refusal {
+        let expected = |challenge| key.proof(challenge, serial, node, change);
+        self.lock.check(proof, expected, self.now_us).map_err(|refusal| match refusal {
             Refusal::Wrong => self.staging.refuse(Abort::Value, "the response is wrong"),
             Refusal::Wait => {
                 self.staging.refuse(Abort::State, "a response was wrong: wait up to 60 s")
@@ -85,14 +94,10 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Ends a session that is not used.
+    /// Ends a session that is over.
     pub(super) fn watch_session(&mut self) {
         if self.lock.is_expired(self.now_us) {
             self.lock();
         }
     }
-}
-
-const fn wrong_length(value: &[u8], expected: usize) -> Abort {
-    if value.len() < expected { Abort::TooShort } else { Abort::TooLong }
 }

@@ -197,9 +197,10 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
-    /// Stores the defaults; they apply from the next start, as in CiA 301.
+    /// Stores the defaults; they apply from the next start, as in CiA 301. Key and policy stay: they change by proof only.
     pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
-        self.write_block(&emit_block(self.memory.defaults(), &ParameterSet::default()))
+        let settings = NodeSettings { access: self.settings.access, ..*self.memory.defaults() };
+        self.write_block(&emit_block(&settings, &ParameterSet::default()))
     }
 
     fn write_block(&mut self, block: &[u8]) -> Result<(), Abort> {

@@ -310,8 +310,9 @@ record! {
         response: Domain, WriteOnly, RESPONSE [armed];
         lock: Unsigned8, WriteOnly, LOCK [armed];
         new_key: Domain, WriteOnly, NEW_KEY [service];
-        locked_by_default: Unsigned8, ReadWrite, LOCKED_BY_DEFAULT [service];
+        locked_by_default: Unsigned8, ReadOnly, LOCKED_BY_DEFAULT;
         wrong_responses: Unsigned16, ReadOnly;
+        new_policy: Domain, WriteOnly, NEW_POLICY [service];
     }
 }
 

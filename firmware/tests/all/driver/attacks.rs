@@ -38,7 +38,7 @@ fn pass(bench: &mut Bench, milliseconds: u64) {
 fn installed() -> Bench {
     let mut bench = Bench::on_sensors();
     bench.commission();
-    bench.write(index::ACCESS, NEW_KEY, &OWN_KEY.bytes()).unwrap();
+    bench.write_proven(NEW_KEY, &OWN_KEY.bytes(), &Key::DEFAULT).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
     restarted(bench)
 }
@@ -212,7 +212,7 @@ fn attacker_reads_every_object_but_the_key() {
     }
 }
 
-/// Attack: write service objects while a tool has unlocked the joint. Bound: 10 minutes, the lock.
+/// Attack: write service objects, and save them, while a tool has unlocked the joint. Bound: 10 minutes after the unlock, the lock; key and policy stay.
 #[test]
 fn attacker_uses_the_session_of_a_tool() {
     let mut bench = installed();
@@ -220,7 +220,9 @@ fn attacker_uses_the_session_of_a_tool() {
     bench.unlock(&OWN_KEY).expect("the tool's key");
     // The frames of the attacker do not differ from those of the tool.
     bench.write(index::FOLLOWING_TIME, 0, &[5, 0]).unwrap();
-    bench.write(index::ACCESS, NEW_KEY, &[0; 16]).unwrap();
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    // It has no proof of the key.
+    assert!(bench.write(index::ACCESS, NEW_KEY, &[0; 24]).is_err());
     bench.write(index::ACCESS, LOCK, &[1]).unwrap();
     assert_eq!(bench.write(index::FOLLOWING_TIME, 0, &[6, 0]), Err(LOCKED));
 }
@@ -228,17 +230,18 @@ fn attacker_uses_the_session_of_a_tool() {
 /// Attack: listen while a key is set.
 #[test]
 fn attacker_who_listens_to_a_key_change_has_the_key() {
-    // The frames of the tool: 2041h:5 with 16 bytes, in segments of seven.
-    let mut wire: Vec<[u8; 8]> = vec![[0x21, 0x41, 0x20, 5, 16, 0, 0, 0]];
-    for (place, part) in OWN_KEY.bytes().chunks(7).enumerate() {
+    let mut bench = Bench::on_sensors();
+    bench.unlock(&Key::DEFAULT).unwrap();
+    // The frames of the tool: 2041h:5 with key and proof of 24 bytes, in segments of seven.
+    let proof = bench.proof(&Key::DEFAULT, &OWN_KEY.bytes());
+    let mut wire: Vec<[u8; 8]> = vec![[0x21, 0x41, 0x20, 5, 24, 0, 0, 0]];
+    for (place, part) in [&OWN_KEY.bytes()[..], &proof].concat().chunks(7).enumerate() {
         let unused = 7 - part.len();
         let mut segment = [0; 8];
         segment[0] = (place as u8 % 2) << 4 | (unused as u8) << 1 | u8::from(unused > 0);
         segment[1..=part.len()].copy_from_slice(part);
         wire.push(segment);
     }
-    let mut bench = Bench::on_sensors();
-    bench.unlock(&Key::DEFAULT).unwrap();
     for request in &wire {
         bench.driver.receive(&frame(0x601, request), bench.now_us);
     }

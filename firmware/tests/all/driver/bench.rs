@@ -99,7 +99,8 @@ impl Bench {
         self.write(index::COMMISSIONING, 3, &wiring.to_le_bytes()).expect("it is in use");
     }
 
-    fn exchange(&mut self, request: [u8; 8]) -> Result<[u8; 8], u32> {
+    /// Sends a request of a transfer, and returns its answer, or the abort code.
+    pub fn exchange(&mut self, request: [u8; 8]) -> Result<[u8; 8], u32> {
         self.driver.receive(&frame(0x601, &request), self.now_us);
         let answers: Vec<Frame> =
             self.sent().into_iter().filter(|frame| frame.identifier() == 0x581).collect();
@@ -159,9 +160,23 @@ impl Bench {
 
     /// Reads a challenge, and returns the response to it.
     pub fn response(&mut self, key: &Key) -> [u8; 8] {
+        self.proof(key, &[])
+    }
+
+    /// Reads a challenge, and returns the proof of a new key or policy.
+    pub fn proof(&mut self, key: &Key, change: &[u8]) -> [u8; 8] {
         let challenge = self.read(index::ACCESS, 2).expect("can be read");
         let serial = self.number(index::IDENTITY, 4);
-        key.response(challenge.try_into().expect("eight bytes"), serial, NODE.number())
+        key.proof(challenge.try_into().expect("eight bytes"), serial, NODE.number(), change)
+    }
+
+    /// Writes a new key or policy with its proof. A locked joint is unlocked with the same key before.
+    pub fn write_proven(&mut self, sub_index: u8, change: &[u8], key: &Key) -> Result<(), u32> {
+        if self.number(index::ACCESS, 1) == 0 {
+            self.unlock(key)?;
+        }
+        let proof = self.proof(key, change);
+        self.write_once(index::ACCESS, sub_index, &[change, &proof].concat())
     }
 
     fn write_once(&mut self, index: u16, sub_index: u8, value: &[u8]) -> Result<(), u32> {

@@ -160,9 +160,8 @@ fn master_whose_configuration_has_service_objects_needs_an_open_joint() {
     let mut bench = Bench::on_sensors();
     bench.key = None;
     assert_eq!(bench.write(at_index, sub_index, value), Err(LOCKED));
-    // Stored once with 2041h:6 = 0, it starts open.
-    bench.unlock(&Key::DEFAULT).unwrap();
-    bench.write(index::ACCESS, 6, &[0]).unwrap();
+    // Stored once with an open policy (2041h:8), it starts open.
+    bench.write_proven(8, &[0], &Key::DEFAULT).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
     let flash = bench.driver.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());

@@ -50,11 +50,18 @@ impl<B: Bus> Client<B> {
         })
     }
 
-    /// Answers a challenge of the node, which then accepts writes of the service level.
+    /// Answers a challenge of the node, which then accepts writes of the service level for ten minutes.
     ///
     /// # Errors
     /// See [`SdoError`]. A refusal means a wrong key, or a wait after one.
     pub fn unlock(&mut self) -> Result<(), SdoError> {
+        let response = self.proof(&[])?;
+        let written = self.download(at(AccessObject::RESPONSE), &response);
+        self.with_reason(written)
+    }
+
+    /// Reads a challenge, and returns the proof of a change with the present key.
+    fn proof(&mut self, change: &[u8]) -> Result<[u8; Key::RESPONSE_LENGTH], SdoError> {
         let serial = self.read_number(Address::new(index::IDENTITY, 4))?;
         let challenge_at = at(AccessObject::CHALLENGE);
         let challenge = self.read(challenge_at)?;
@@ -63,9 +70,14 @@ impl<B: Bus> Client<B> {
             found: challenge.len(),
             expected: Key::RESPONSE_LENGTH,
         })?;
-        let response = self.key.response(challenge, serial, self.node.number());
-        let written = self.download(at(AccessObject::RESPONSE), &response);
-        self.with_reason(written)
+        Ok(self.key.proof(challenge, serial, self.node.number(), change))
+    }
+
+    /// Writes a new key or policy with its proof. The node is unlocked before, so that a refusal is that of the proof.
+    fn write_proven(&mut self, object: Address, change: &[u8]) -> Result<(), SdoError> {
+        self.unlock_for(object)?;
+        let proof = self.proof(change)?;
+        self.write(object, &[change, &proof].concat())
     }
 
     /// Ends the service level of the node.
@@ -77,26 +89,22 @@ impl<B: Bus> Client<B> {
     }
 
     /// Gives the node another key, which this client uses from now on. It is stored with the next save (1010h:1).
-    /// It travels in clear text: no other node may listen.
+    /// It travels in clear text: no other node may listen. The present key of this client proves the change.
     ///
     /// # Errors
-    /// See [`SdoError`].
+    /// See [`SdoError`]. With a wrong key, nothing is changed.
     pub fn set_key(&mut self, key: Key) -> Result<(), SdoError> {
-        self.write(at(AccessObject::NEW_KEY), &key.bytes())?;
+        self.write_proven(at(AccessObject::NEW_KEY), &key.bytes())?;
         self.key = key;
         Ok(())
     }
 
-    /// Sets whether the node starts locked. It is stored with the next save (1010h:1).
-    ///
-    /// To lock a node, the key must be the node's: with another one, nobody could unlock it again over the bus.
+    /// Sets whether the node starts locked. It is stored with the next save (1010h:1). The key of this client proves the
+    /// change.
     ///
     /// # Errors
     /// See [`SdoError`]. With a wrong key, nothing is changed.
     pub fn set_locked_by_default(&mut self, is_locked: bool) -> Result<(), SdoError> {
-        if is_locked {
-            self.unlock_for(at(AccessObject::LOCKED_BY_DEFAULT))?;
-        }
-        self.write(at(AccessObject::LOCKED_BY_DEFAULT), &[is_locked.into()])
+        self.write_proven(at(AccessObject::NEW_POLICY), &[is_locked.into()])
     }
 }

@@ -90,5 +90,7 @@ fn open_joint_whose_key_is_unknown_is_not_locked() {
     let mut stranger = Client::new(hub.port(), NodeId::FIRST);
     let error = stranger.set_locked_by_default(true).unwrap_err();
     assert!(matches!(error, SdoError::WrongKey { .. }), "{error}");
+    let error = stranger.set_key(Key::DEFAULT).unwrap_err();
+    assert!(matches!(error, SdoError::UnlockDelayed { .. }), "{error}");
     stranger.write(FOLLOWING_TIME, &[6, 0]).expect("still open");
 }
