@@ -1,6 +1,7 @@
 //! The chip: its peripherals on one bus, their events, and their interrupt lines.
 
 pub mod adc;
+pub mod bme280;
 mod bus;
 pub mod clock;
 pub mod comparators;
@@ -313,7 +314,9 @@ impl<W: World> Chip<W> {
 
     /// Starts a frame of the encoder. The encoder latches its angle at this time, which may be ahead.
     fn exchange(&mut self, word: u16, at: u64, latched_at: u64) {
-        let is_selected = self.gpio.is_encoder_selected() || self.timer3.selects(at);
+        let by_timer = self.gpio.connects(gpio::ENCODER_SELECT) && self.timer3.selects(at);
+        let is_selected =
+            self.gpio.connects(gpio::ENCODER_BUS) && (by_timer || self.gpio.is_encoder_selected());
         let seconds = (latched_at as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64;
         let world = &mut self.world;
         self.spi.write(SPI1_DR & 0x3FF, word.into(), at, &mut |word| {
@@ -352,17 +355,24 @@ impl<W: World> Chip<W> {
         }
         let cycles = until - self.world_until;
         self.world_until = until;
-        let is_closed = self.timer1.is_main_output_enabled() && self.gpio.is_gate_driver_awake();
-        let bridge = if is_closed { Bridge::Driven(self.timer1.duties()) } else { Bridge::Open };
-        self.driven_periods += u64::from(is_closed && cycles > 4000);
+        let is_ready = self.gpio.is_gate_driver_awake() && self.gpio.is_bridge_connected();
+        let duties = self.timer1.duties().filter(|_| is_ready);
+        let bridge = duties.map_or(Bridge::Open, Bridge::Driven);
+        self.driven_periods += u64::from(duties.is_some() && cycles > 4000);
         self.world.set_brake_output(self.gpio.is_brake_output_high());
         self.world.advance(cycles as f64 / CORE_HZ as f64, bridge);
         if self.world.is_overcurrent() {
             self.timer1.set_break(false);
         }
-        let has_gate_fault = self.world.has_gate_fault();
-        self.gpio.set_gate_fault(has_gate_fault);
-        if has_gate_fault {
+        self.gpio.set_torque_allowed(self.world.torque_allowed());
+        self.gpio.set_gate_fault(self.world.has_gate_fault());
+        self.break_by_pin();
+    }
+
+    /// Activates the break if its pin demands it. A signal without a pin is at rest.
+    fn break_by_pin(&mut self) {
+        let is_connected = self.gpio.connects(gpio::BREAK_INPUT);
+        if is_connected && self.timer1.breaks_at(!self.world.has_gate_fault()) {
             self.timer1.set_break(false);
         }
     }

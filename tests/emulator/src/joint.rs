@@ -1,5 +1,6 @@
 //! The emulated board as the driver of a rig.
 
+use crate::chip::bme280::HousingAir;
 use crate::chip::clock::reset;
 use crate::chip::comparators::BreakLevels;
 use crate::chip::flash::{STORE_BYTES, StoreContent};
@@ -94,12 +95,10 @@ impl World for JointWorld {
             (1, 1) => phases[0],
             (2, 2) => phases[1],
             (1, 6) => board.bus_counts(self.sampled.bus_v),
+            (2, 7) => counts(self.state.enclosure.leak_share.unwrap_or(1.0).into()),
             (3, 12) => self.thermistor(0, self.state.bridge_temperature_c),
             (3, 1) => self.thermistor(1, self.state.motor_temperature_c),
-            (4, 3) => {
-                let share = 0.5 + self.stage.plant.show().radial_force_n / FORCE_RANGE_N;
-                (share * 4096.0).round().clamp(0.0, 4095.0) as u16
-            }
+            (4, 3) => counts(0.5 + self.stage.plant.show().radial_force_n / FORCE_RANGE_N),
             _ => 0,
         }
     }
@@ -116,6 +115,19 @@ impl World for JointWorld {
             pressure_pa: plant.around().pressure_diff_pa + INSIDE_PA,
             temperature_c: plant.seal().shown_temperature_c(),
         })
+    }
+
+    fn air(&self) -> Option<HousingAir> {
+        let air = self.state.enclosure.air?;
+        Some(HousingAir {
+            pressure_pa: air.pressure_pa.into(),
+            temperature_c: air.temperature_c.into(),
+            humidity_percent: air.humidity_percent.into(),
+        })
+    }
+
+    fn torque_allowed(&self) -> [bool; 2] {
+        self.state.enclosure.torque_allowed.unwrap_or([true; 2])
     }
 
     fn has_gate_fault(&self) -> bool {
@@ -150,6 +162,11 @@ impl World for JointWorld {
             InterruptTiming::Missed => PERIOD_CYCLES,
         }
     }
+}
+
+/// Returns the converter's counts for a share of its range.
+fn counts(share: f64) -> u16 {
+    (share * 4096.0).round().clamp(0.0, 4095.0) as u16
 }
 
 /// Returns the converter's counts for a temperature, deg C; 25 if it is not given.

@@ -42,7 +42,8 @@ impl Default for Nvic {
 }
 
 impl Nvic {
-    fn priority_of(&self, exception: usize) -> i32 {
+    /// Returns the priority of an exception; a lower one is more urgent.
+    pub fn priority_of(&self, exception: usize) -> i32 {
         match exception {
             NMI => -2,
             HARD_FAULT => -1,

@@ -1,5 +1,6 @@
 //! What surrounds the chip: the motor stage, the encoder and the bus, as the peripherals see them.
 
+use crate::chip::bme280::HousingAir;
 use crate::chip::comparators::BreakLevels;
 use crate::chip::ms5837::Water;
 
@@ -33,6 +34,16 @@ pub trait World {
     /// Returns what the pressure sensor is in; `None` if there is no sensor.
     fn water(&self) -> Option<Water> {
         None
+    }
+
+    /// Returns what the sensor in the housing is in; `None` if there is no sensor.
+    fn air(&self) -> Option<HousingAir> {
+        None
+    }
+
+    /// Returns which channels of safe torque off allow torque.
+    fn torque_allowed(&self) -> [bool; 2] {
+        [true; 2]
     }
 
     /// Returns true if the gate driver reports a fault.

@@ -1,6 +1,8 @@
 //! Reads and writes of registers, by their addresses (RM0440, 2.2).
 
-use super::{AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, VTOR, adc, comparators, flash, timer1};
+use super::{
+    AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, VTOR, adc, comparators, flash, gpio, i2c, timer1,
+};
 use crate::cycles::{Cost, FlashAccess};
 use crate::world::World;
 
@@ -93,7 +95,12 @@ impl<W: World> Chip<W> {
             0x4000_0400..=0x4000_07FF => self.timer3.write(aligned & 0x3FF, word),
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.write(aligned, word),
             0x4000_5400..=0x4000_57FF => {
-                self.i2c.write(aligned & 0x3FF, word, now, self.world.water());
+                let devices = i2c::Devices {
+                    water: self.world.water(),
+                    air: self.world.air(),
+                    are_connected: self.gpio.connects(gpio::SENSOR_BUS),
+                };
+                self.i2c.write(aligned & 0x3FF, word, now, devices);
             }
             0x4000_6400..=0x4000_67FF | 0x4000_A400..=0x4000_AFFF => {
                 self.can.write(aligned, word, now)
@@ -147,9 +154,10 @@ impl<W: World> Chip<W> {
         if had_break && !self.timer1.has_break() {
             self.world.clear_break();
             // The flag is set again while its input is active.
-            if self.world.is_overcurrent() || self.world.has_gate_fault() {
+            if self.world.is_overcurrent() {
                 self.timer1.set_break(false);
             }
+            self.break_by_pin();
         }
     }
 
@@ -174,6 +182,7 @@ impl<W: World> Chip<W> {
         let was_awake = self.gpio.is_gate_driver_awake();
         self.advance_if_port_changes(address, word);
         self.gpio.write(address, word);
+        self.can.set_connected(self.gpio.connects(gpio::CAN));
         if was_awake && !self.gpio.is_gate_driver_awake() {
             self.world.clear_break();
         }

@@ -1,8 +1,11 @@
 //! FDCAN1: message RAM, filters, receive FIFO 0, transmit FIFO, and a bus of its own (RM0440, 44).
 //!
-//! A frame occupies the bus for its bits at 1 Mbit/s, with a stuff bit in ten, and those of CAN FD data at their own rate. Where several wait, the lowest identifier
-//! wins. A share of the frames may be destroyed by bit errors: they are repeated, and the error counters rise as ISO
-//! 11898-1 states, to error passive and bus-off. Frames of others are never lost.
+//! A frame occupies the bus for its bits at 1 Mbit/s, with a stuff bit in ten, and those of CAN FD data at their own rate. Where
+//! several wait, the lowest identifier wins. A share of the frames may be destroyed by bit errors: they are repeated, and the
+//! error counters rise as ISO 11898-1 states, to error passive and bus-off. Frames of others are never lost.
+//!
+//! A sender compares the bits of its data with those on the bus, which show them after the way through the transceiver. If it
+//! looks before, the frame is a bit error. It looks later by the measured delay if it compensates the delay (TDC).
 
 use compensator_core::can::{FdTelemetry, Frame};
 use std::collections::VecDeque;
@@ -15,6 +18,7 @@ const CREL: u32 = 0x00;
 const ENDN: u32 = 0x04;
 const DBTP: u32 = 0x0C;
 const CCCR: u32 = 0x18;
+const TDCR: u32 = 0x48;
 const ECR: u32 = 0x40;
 const PSR: u32 = 0x44;
 const IR: u32 = 0x50;
@@ -38,6 +42,12 @@ const MESSAGE_LOST: u32 = 1 << 2;
 const TRANSMITTED: u32 = 1 << 7;
 const BUS_OFF: u32 = 1 << 7;
 const ERROR_PASSIVE: u32 = 1 << 5;
+
+const DELAY_COMPENSATED: u32 = 1 << 23;
+/// Way through the transceiver and back (ISO 11898-2: 255 ns at most), cycles.
+const TRANSCEIVER_CYCLES: u64 = 43;
+/// Largest prescaler with which the delay is measured (RM0440, 44.3.3).
+const LAST_COMPENSATED_PRESCALER: u64 = 2;
 
 /// Words of an element, and of its header; first words in the message RAM.
 const ELEMENT_WORDS: usize = 18;
@@ -75,6 +85,8 @@ pub struct Fdcan {
     /// Error counters: transmit, receive.
     errors: [u32; 2],
     recovers_at: Option<u64>,
+    /// Both pins have the controller's signals.
+    is_connected: bool,
     /// Number of times that the node went bus-off.
     pub bus_offs: u32,
     /// Share of the frames that bit errors destroy, from 0 to 1.
@@ -120,6 +132,7 @@ impl Default for Fdcan {
             bus_free: 0,
             errors: [0; 2],
             recovers_at: None,
+            is_connected: false,
             bus_offs: 0,
             destroyed_share: 0.0,
             random: 1,
@@ -139,13 +152,35 @@ impl Fdcan {
         self.registers[offset as usize / 4]
     }
 
+    /// Connects the controller to its pins, or separates it from them.
+    pub fn set_connected(&mut self, is_connected: bool) {
+        self.is_connected = is_connected;
+    }
+
+    /// Prescaler of CAN FD data, and cycles of a bit up to its sample point and in all.
+    fn data_timing(&self) -> (u64, u64, u64) {
+        let timing = u64::from(self.register(DBTP));
+        let prescaler = 1 + (timing >> 16 & 0x1F);
+        let before = 2 + (timing >> 8 & 0x1F);
+        (prescaler, prescaler * before, prescaler * (before + 1 + (timing >> 4 & 0xF)))
+    }
+
     /// Returns the bit rate of the data of CAN FD frames that the controller can follow, bit/s; `None` if it would
     /// destroy them.
     pub fn data_bit_rate(&self) -> Option<u64> {
-        let timing = u64::from(self.register(DBTP));
-        let quanta = 3 + (timing >> 8 & 0x1F) + (timing >> 4 & 0xF);
-        let cycles = (1 + (timing >> 16 & 0x1F)) * quanta;
+        let (_, _, cycles) = self.data_timing();
         (self.register(CCCR) & FD_OPERATION != 0).then(|| BIT_CYCLES * 1_000_000 / cycles)
+    }
+
+    /// Returns true if the controller finds the bits of its own CAN FD data on the bus.
+    fn finds_own_data(&self) -> bool {
+        let (prescaler, sample, bit) = self.data_timing();
+        if self.register(DBTP) & DELAY_COMPENSATED == 0 {
+            return sample > TRANSCEIVER_CYCLES;
+        }
+        // The second sample point is behind the measured delay by its offset, and must be in the same bit.
+        let offset = u64::from(self.register(TDCR) >> 8 & 0x7F);
+        prescaler <= LAST_COMPENSATED_PRESCALER && (1..bit).contains(&offset)
     }
 
     fn flag(&mut self, flags: u32) {
@@ -154,7 +189,7 @@ impl Fdcan {
 
     fn is_running(&self) -> bool {
         let is_off = self.register(PSR) & BUS_OFF != 0;
-        self.register(CCCR) & INIT == 0 && !is_off
+        self.is_connected && self.register(CCCR) & INIT == 0 && !is_off
     }
 
     /// Sends a frame to the node, from this time on.
@@ -233,7 +268,9 @@ impl Fdcan {
         {
             let is_destroyed = self.is_destroyed();
             if let Some((end, element)) = self.on_bus.take() {
-                self.finish_own(end, element, is_destroyed);
+                let is_fd = matches!(self.outgoing(element), Some(Outgoing::Fd(_)));
+                let is_lost = is_fd && !self.finds_own_data();
+                self.finish_own(end, element, is_destroyed || is_lost);
             } else if let Some(end) = self.arrival.take() {
                 self.finish_other(end, is_destroyed);
             }
@@ -450,64 +487,5 @@ impl Fdcan {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn running() -> Fdcan {
-        let mut can = Fdcan::default();
-        can.write(BASE + CCCR, 0, 0);
-        // One mask filter that accepts everything.
-        can.write(RAM, 2 << 30 | 1 << 27, 0);
-        can.write(BASE + RXGFC, 1 << 16 | 2 << 4, 0);
-        can
-    }
-
-    fn frame(identifier: u16) -> Frame {
-        Frame::new(identifier, &[1, 2, 3]).expect("a frame")
-    }
-
-    fn send(can: &mut Fdcan, identifier: u32, element: u32, now: u64) {
-        let words = RAM + 4 * (TRANSMIT + ELEMENT_WORDS * element as usize) as u32;
-        can.write(words, identifier << 18, now);
-        can.write(words + 4, 8 << 16, now);
-        can.write(BASE + TXBAR, 1 << element, now);
-    }
-
-    #[test]
-    fn lowest_identifier_wins_where_several_wait() {
-        let mut can = running();
-        can.deliver(frame(0x300), 0);
-        can.deliver(frame(0x100), 0);
-        can.deliver(frame(0x250), 0);
-        send(&mut can, 0x200, 0, 0);
-        let mut first = 0;
-        while can.sent.is_empty() {
-            let at = can.next_event();
-            can.process(at);
-            first += 1;
-        }
-        // 300h had begun; then 100h, and 200h before 250h.
-        assert_eq!((first, can.filled), (3, 2));
-    }
-
-    #[test]
-    fn node_with_destroyed_frames_goes_bus_off_and_recovers() {
-        let mut can = running();
-        can.destroyed_share = 1.0;
-        send(&mut can, 0x200, 0, 0);
-        let mut now = 0;
-        while can.read(BASE + PSR) & BUS_OFF == 0 {
-            now = can.next_event();
-            can.process(now);
-        }
-        assert!(can.sent.is_empty());
-        assert_eq!(can.read(BASE + CCCR) & INIT, INIT);
-        can.destroyed_share = 0.0;
-        can.write(BASE + CCCR, 0, now);
-        while can.sent.is_empty() {
-            now = can.next_event();
-            can.process(now);
-        }
-        assert_eq!(can.read(BASE + PSR) & BUS_OFF, 0);
-    }
-}
+#[path = "fdcan_tests.rs"]
+mod tests;

@@ -1,23 +1,60 @@
-//! Ports A to G: output levels, and the inputs that the driver reads (RM0440, 9).
+//! Ports A to G: modes, alternate functions, output levels, and the inputs that the driver reads (RM0440, 9).
+//!
+//! A signal of a peripheral reaches its pin only through the pin's alternate function (data sheet DS12288, table 13). The
+//! connections are those of the board's pins.rs.
 
 const PORTS: usize = 7;
+const MODER: u32 = 0x00;
+const PUPDR: u32 = 0x0C;
 const IDR: u32 = 0x10;
 const ODR: u32 = 0x14;
 const BSRR: u32 = 0x18;
+const AFRL: u32 = 0x20;
+const AFRH: u32 = 0x24;
 const BRR: u32 = 0x28;
 
+/// Values of MODER for an output and an alternate function, and of PUPDR for a resistor to ground.
+const OUTPUT: u32 = 1;
+const ALTERNATE: u32 = 2;
+const PULLED_DOWN: u32 = 2;
+
+/// A pin: its port, from 0 for A, and its number.
+type Pin = (usize, u32);
+
 /// Gate driver's enable PC6, its fault PB10 (low when there is one), and the encoder's select PA4 (low).
-const ENABLE: (usize, u32) = (2, 6);
-const FAULT: (usize, u32) = (1, 10);
-const SELECT: (usize, u32) = (0, 4);
+const ENABLE: Pin = (2, 6);
+const FAULT: Pin = (1, 10);
+const SELECT: Pin = (0, 4);
 /// Output of the holding brake PC7.
-const BRAKE: (usize, u32) = (2, 7);
+const BRAKE: Pin = (2, 7);
+/// Channels of safe torque off, PC10 and PC11, high while they allow torque.
+const TORQUE_ALLOWED: [Pin; 2] = [(2, 10), (2, 11)];
+
+/// Signals of a peripheral, each with its pin and the alternate function that connects it.
+pub type Connections = &'static [(Pin, u32)];
+
+/// TIM1_CH1 to 3 and TIM1_CH1N to 3N.
+pub const BRIDGE: Connections =
+    &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((0, 7), 6), ((0, 12), 6), ((1, 15), 4)];
+/// TIM1_BKIN.
+pub const BREAK_INPUT: Connections = &[(FAULT, 12)];
+/// TIM3_CH2.
+pub const ENCODER_SELECT: Connections = &[(SELECT, 2)];
+/// SPI1_SCK, MISO and MOSI.
+pub const ENCODER_BUS: Connections = &[((0, 5), 5), ((0, 6), 5), ((1, 5), 5)];
+/// FDCAN1_RX and TX.
+pub const CAN: Connections = &[((0, 11), 9), ((1, 9), 9)];
+/// I2C1_SCL and SDA.
+pub const SENSOR_BUS: Connections = &[((0, 15), 4), ((1, 7), 4)];
 
 /// The ports.
 #[derive(Clone, Debug)]
 pub struct Gpio {
     registers: [[u32; 12]; PORTS],
     has_gate_fault: bool,
+    torque_allowed: [bool; 2],
+    /// The timer's six signals are connected to the bridge.
+    is_bridge_connected: bool,
 }
 
 impl Default for Gpio {
@@ -26,14 +63,40 @@ impl Default for Gpio {
         // After a reset all pins are analog, apart from the debug port's.
         registers.iter_mut().for_each(|port| port[0] = u32::MAX);
         (registers[0][0], registers[1][0]) = (0xABFF_FFFF, 0xFFFF_FEBF);
-        Self { registers, has_gate_fault: false }
+        Self {
+            registers,
+            has_gate_fault: false,
+            torque_allowed: [true; 2],
+            is_bridge_connected: false,
+        }
     }
 }
 
 impl Gpio {
-    fn output(&self, (port, pin): (usize, u32)) -> Option<bool> {
-        let is_output = self.registers[port][0] >> (2 * pin) & 3 == 1;
-        is_output.then(|| self.registers[port][ODR as usize / 4] >> pin & 1 == 1)
+    fn register(&self, port: usize, offset: u32) -> u32 {
+        self.registers[port][offset as usize / 4]
+    }
+
+    fn mode(&self, (port, pin): Pin) -> u32 {
+        self.register(port, MODER) >> (2 * pin) & 3
+    }
+
+    fn output(&self, (port, pin): Pin) -> Option<bool> {
+        let is_output = self.mode((port, pin)) == OUTPUT;
+        is_output.then(|| self.register(port, ODR) >> pin & 1 == 1)
+    }
+
+    /// Returns true if all these signals are connected to their pins.
+    pub fn connects(&self, signals: Connections) -> bool {
+        signals.iter().all(|&(pin, function)| {
+            let word = self.register(pin.0, if pin.1 < 8 { AFRL } else { AFRH });
+            self.mode(pin) == ALTERNATE && word >> (4 * (pin.1 % 8)) & 0xF == function
+        })
+    }
+
+    /// Returns true if the timer's six signals are connected to the bridge.
+    pub fn is_bridge_connected(&self) -> bool {
+        self.is_bridge_connected
     }
 
     /// Returns true if the gate driver is awake. It is asleep while the pin is not driven.
@@ -46,7 +109,7 @@ impl Gpio {
         self.output(BRAKE) == Some(true)
     }
 
-    /// Returns true if the encoder is selected.
+    /// Returns true if software selects the encoder.
     pub fn is_encoder_selected(&self) -> bool {
         self.output(SELECT) == Some(false)
     }
@@ -56,6 +119,28 @@ impl Gpio {
         self.has_gate_fault = is_present;
     }
 
+    /// Sets the channels of safe torque off.
+    pub fn set_torque_allowed(&mut self, channels: [bool; 2]) {
+        self.torque_allowed = channels;
+    }
+
+    /// Levels of the pins of a port that are no outputs. What the board does not drive follows the port's resistors; without
+    /// one it is high.
+    fn inputs(&self, port: usize) -> u32 {
+        let pulls = self.register(port, PUPDR);
+        let mut levels = (0..16)
+            .filter(|pin| pulls >> (2 * pin) & 3 != PULLED_DOWN)
+            .fold(0, |word, pin| word | 1 << pin);
+        let fault = (FAULT, !self.has_gate_fault);
+        let torque = [0, 1].map(|at| (TORQUE_ALLOWED[at], self.torque_allowed[at]));
+        for ((driven, pin), is_high) in [fault].into_iter().chain(torque) {
+            if driven == port {
+                levels = levels & !(1 << pin) | u32::from(is_high) << pin;
+            }
+        }
+        levels
+    }
+
     /// Reads a register by its address.
     pub fn read(&self, address: u32) -> u32 {
         let (port, offset) = (((address >> 10) & 0xF) as usize, address & 0x3FF);
@@ -63,11 +148,9 @@ impl Gpio {
         if offset != IDR {
             return registers.get(offset as usize / 4).copied().unwrap_or(0);
         }
-        let outputs = (0..16)
-            .fold(0, |word, pin| word | u32::from(registers[0] >> (2 * pin) & 3 == 1) << pin);
-        // Inputs are pulled up.
-        let low = if port == FAULT.0 && self.has_gate_fault { 1 << FAULT.1 } else { 0 };
-        (registers[ODR as usize / 4] & outputs | !outputs & !low) & 0xFFFF
+        let outputs =
+            (0..16).fold(0, |word, pin| word | u32::from(self.mode((port, pin)) == OUTPUT) << pin);
+        (registers[ODR as usize / 4] & outputs | self.inputs(port) & !outputs) & 0xFFFF
     }
 
     /// Writes a register by its address.
@@ -87,5 +170,37 @@ impl Gpio {
                 }
             }
         }
+        if matches!(offset, MODER | AFRL | AFRH) {
+            self.is_bridge_connected = self.connects(BRIDGE);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PORT_B: u32 = 0x4800_0400;
+
+    #[test]
+    fn signal_with_another_alternate_function_is_not_connected() {
+        let mut gpio = Gpio::default();
+        gpio.write(PORT_B + AFRH, 12 << 8);
+        assert!(!gpio.connects(BREAK_INPUT), "the pin is analog");
+        gpio.write(PORT_B + MODER, 0xFFEF_FEBF);
+        assert!(gpio.connects(BREAK_INPUT));
+        gpio.write(PORT_B + AFRH, 11 << 8);
+        assert!(!gpio.connects(BREAK_INPUT));
+    }
+
+    #[test]
+    fn input_shows_what_drives_it_and_otherwise_its_resistor() {
+        let mut gpio = Gpio::default();
+        gpio.set_gate_fault(true);
+        assert_eq!(gpio.read(PORT_B + IDR), 0xFBFF);
+        gpio.write(PORT_B + PUPDR, PULLED_DOWN);
+        assert_eq!(gpio.read(PORT_B + IDR), 0xFBFE);
+        gpio.set_torque_allowed([true, false]);
+        assert_eq!(gpio.read(PORT_B + 0x400 + IDR), 0xF7FF);
     }
 }

@@ -1,9 +1,10 @@
-//! I2C1 as master, with the pressure sensor of the board as the only device (RM0440, 41).
+//! I2C1 as master, with the pressure sensor of the board and the sensor in the housing (RM0440, 41).
 //!
-//! The sensor is absent unless the surroundings have it; then no address is acknowledged. A byte takes nine clocks at
+//! A sensor is absent unless the surroundings have it; its address is then not acknowledged. A byte takes nine clocks at
 //! 400 kHz. The bus waits while the software has not supplied or read a byte, as by clock stretching.
 
-use super::ms5837::{ADDRESS, Ms5837, Water};
+use super::bme280::{self, Bme280, HousingAir};
+use super::ms5837::{self, Ms5837, Water};
 
 const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
@@ -28,6 +29,17 @@ const BUSY: u32 = 1 << 15;
 /// Nine clocks at 400 kHz.
 const BYTE_CYCLES: u64 = 9 * 425;
 
+/// The devices of the bus.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Devices {
+    /// What the pressure sensor is in; `None` if there is none.
+    pub water: Option<Water>,
+    /// What the sensor in the housing is in; `None` if there is none.
+    pub air: Option<HousingAir>,
+    /// Both lines have the controller's signals.
+    pub are_connected: bool,
+}
+
 /// What is on the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
@@ -49,13 +61,18 @@ pub struct I2c {
     phase: Phase,
     /// Bytes that follow in this transfer.
     left: u32,
-    sensor: Ms5837,
-    is_present: bool,
+    pressure: Ms5837,
+    housing: Bme280,
+    devices: Devices,
 }
 
 impl I2c {
     fn control(&self) -> u32 {
         self.registers[CR2 as usize / 4]
+    }
+
+    fn address(&self) -> u8 {
+        (self.control() >> 1) as u8 & 0x7F
     }
 
     /// Simulates the bus up to this time.
@@ -70,8 +87,12 @@ impl I2c {
 
     fn end_address(&mut self, at: u64) {
         self.registers[CR2 as usize / 4] &= !START;
-        let is_addressed = self.control() >> 1 & 0x7F == u32::from(ADDRESS);
-        if !(self.is_present && is_addressed) {
+        let is_present = match self.address() {
+            ms5837::ADDRESS => self.devices.water.is_some(),
+            bme280::ADDRESS => self.devices.air.is_some(),
+            _ => false,
+        };
+        if !(self.devices.are_connected && is_present) {
             // A transfer that is not acknowledged is ended by a stop.
             self.flags |= NOT_ACKNOWLEDGED;
             return self.stop();
@@ -80,6 +101,7 @@ impl I2c {
         if self.control() & READS != 0 {
             self.phase = Phase::Byte(at + BYTE_CYCLES);
         } else {
+            self.housing.begin_write();
             self.phase = Phase::Held;
             self.continue_write();
         }
@@ -89,7 +111,11 @@ impl I2c {
         self.phase = Phase::Held;
         self.left = self.left.saturating_sub(1);
         if self.control() & READS != 0 {
-            self.registers[RXDR as usize / 4] = self.sensor.read(at).into();
+            let byte = match self.address() {
+                bme280::ADDRESS => self.housing.read(at),
+                _ => self.pressure.read(at),
+            };
+            self.registers[RXDR as usize / 4] = byte.into();
             self.flags |= RECEIVED;
             if self.left == 0 {
                 self.complete();
@@ -137,10 +163,10 @@ impl I2c {
         }
     }
 
-    /// Writes a register. `water` is what the sensor is in, if there is one.
-    pub fn write(&mut self, offset: u32, word: u32, now: u64, water: Option<Water>) {
+    /// Writes a register.
+    pub fn write(&mut self, offset: u32, word: u32, now: u64, devices: Devices) {
         self.process(now);
-        self.is_present = water.is_some();
+        self.devices = devices;
         match offset {
             ISR => {}
             ICR => self.flags &= !word,
@@ -150,7 +176,12 @@ impl I2c {
             }
             TXDR if self.flags & SEND_NEXT != 0 => {
                 self.flags &= !SEND_NEXT;
-                self.sensor.write(word as u8, now, water.unwrap_or_default());
+                match self.address() {
+                    bme280::ADDRESS => {
+                        self.housing.write(word as u8, now, devices.air.unwrap_or_default());
+                    }
+                    _ => self.pressure.write(word as u8, now, devices.water.unwrap_or_default()),
+                }
                 self.phase = Phase::Byte(now + BYTE_CYCLES);
             }
             _ => {
@@ -177,9 +208,10 @@ mod tests {
     #[test]
     fn transfer_with_sensor_reads_two_bytes_and_without_is_not_acknowledged() {
         for water in [Some(Water::default()), None] {
+            let devices = Devices { water, air: None, are_connected: true };
             let mut bus = I2c::default();
-            let address = u32::from(ADDRESS) << 1;
-            bus.write(CR2, address | 1 << 16 | START, 0, water);
+            let address = u32::from(ms5837::ADDRESS) << 1;
+            bus.write(CR2, address | 1 << 16 | START, 0, devices);
             assert_eq!(bus.read(ISR, 0) & BUSY, BUSY);
             let mut now = 2 * BYTE_CYCLES;
             if water.is_none() {
@@ -187,10 +219,10 @@ mod tests {
                 continue;
             }
             assert_eq!(bus.read(ISR, now) & SEND_NEXT, SEND_NEXT);
-            bus.write(TXDR, READ_PROM_1, now, water);
+            bus.write(TXDR, READ_PROM_1, now, devices);
             now += 2 * BYTE_CYCLES;
             assert_eq!(bus.read(ISR, now) & COMPLETE, COMPLETE);
-            bus.write(CR2, address | READS | 2 << 16 | START | AUTOMATIC_END, now, water);
+            bus.write(CR2, address | READS | 2 << 16 | START | AUTOMATIC_END, now, devices);
             let mut bytes = Vec::new();
             for _ in 0..20 {
                 now += BYTE_CYCLES / 2;

@@ -1,4 +1,8 @@
 //! SPI1: one frame at a time, as a master (RM0440, 39).
+//!
+//! The encoder changes its bits at rising edges and takes those of the master at falling ones: CPOL = 0, CPHA = 1. In any other
+//! mode an end of the wire looks at the bit before, so its word arrives one bit late. The first bit is then that of the line at
+//! rest, which is pulled up.
 
 const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
@@ -10,6 +14,13 @@ const EMPTY: u32 = 1 << 1;
 const OVERRUN: u32 = 1 << 6;
 const BUSY: u32 = 1 << 7;
 const ENABLED: u32 = 1 << 6;
+/// CPHA and CPOL in CR1, and the frames that the encoder needs: 16 bits, the highest one first, from a master.
+const PHASE: u32 = 1;
+const POLARITY: u32 = 1 << 1;
+const MASTER: u32 = 1 << 2;
+const LOWEST_FIRST: u32 = 1 << 7;
+const SIZE_16: u32 = 0xF << 8;
+const AT_REST: u16 = 0x8000;
 const RECEIVE_DMA: u32 = 1;
 /// Bits of the encoder's frames.
 const FRAME_BITS: u64 = 16;
@@ -33,6 +44,18 @@ impl Spi {
             self.has_overrun |= self.received.is_some();
             self.received.get_or_insert(answer);
         }
+    }
+
+    /// Returns what a word of the bus, and the encoder's answer, arrive as: `None` if the frame is no frame of the encoder.
+    fn shifts(&self) -> Option<[bool; 2]> {
+        let (first, second) = (self.registers[CR1 as usize / 4], self.registers[CR2 as usize / 4]);
+        let is_frame = first & (MASTER | LOWEST_FIRST) == MASTER && second & SIZE_16 == SIZE_16;
+        is_frame.then_some(match first & (PHASE | POLARITY) {
+            PHASE => [false, false],
+            // The master, too, changes its bit at the falling edge at which the encoder looks.
+            0b11 => [true, true],
+            _ => [false, true],
+        })
     }
 
     fn requests_dma(&self) -> bool {
@@ -80,10 +103,39 @@ impl Spi {
             let control = self.registers[CR1 as usize / 4];
             if control & ENABLED != 0 {
                 let divider = 2u64 << (control >> 3 & 7);
-                self.frame = Some((now + FRAME_BITS * divider, exchange(word as u16)));
+                let late = |word: u16, is_late: bool| {
+                    if is_late { word >> 1 | AT_REST } else { word }
+                };
+                let answer = match self.shifts() {
+                    Some([sent, received]) => late(exchange(late(word as u16, sent)), received),
+                    None => u16::MAX,
+                };
+                self.frame = Some((now + FRAME_BITS * divider, answer));
             }
         } else if let Some(register) = self.registers.get_mut(offset as usize / 4) {
             *register = word;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answer(mode: u32) -> u32 {
+        let mut bus = Spi::default();
+        bus.write(CR2, SIZE_16, 0, &mut |_| 0);
+        bus.write(CR1, ENABLED | MASTER | mode, 0, &mut |_| 0);
+        bus.write(DR, 0x4001, 0, &mut |word| word + 0x1003);
+        bus.read(DR, 1000)
+    }
+
+    #[test]
+    fn words_in_other_mode_arrive_one_bit_late() {
+        assert_eq!(answer(PHASE), 0x5004);
+        assert_eq!(answer(0), 0xA802);
+        assert_eq!(answer(POLARITY), 0xA802);
+        assert_eq!(answer(PHASE | POLARITY), (0xA000 + 0x1003) >> 1 | 0x8000);
+        assert_eq!(answer(PHASE | LOWEST_FIRST), 0xFFFF);
     }
 }

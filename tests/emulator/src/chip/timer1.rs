@@ -1,13 +1,15 @@
 //! TIM1: centre-aligned PWM with repetition counter, preload, main output and break (RM0440, 28).
 //!
 //! The count follows from the time. Events are the turning points and the edges of channel 4's reference, which is
-//! the trigger output (TRGO2).
+//! the trigger output (TRGO2). With CMS = 0 the counter is edge-aligned: it rises to the top and starts again at 0.
 
 const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
 const SR: u32 = 0x10;
 const EGR: u32 = 0x14;
+const CCMR1: u32 = 0x18;
 const CCMR2: u32 = 0x1C;
+const CCER: u32 = 0x20;
 const CNT: u32 = 0x24;
 const ARR: u32 = 0x2C;
 const RCR: u32 = 0x30;
@@ -17,6 +19,8 @@ const BDTR: u32 = 0x44;
 
 const ENABLED: u32 = 1;
 const COUNTS_DOWN: u32 = 1 << 4;
+/// Alignment in CR1: 0 for the edge.
+const ALIGNMENT: u32 = 3 << 5;
 const UPDATE_FLAG: u32 = 1;
 const BREAK_FLAG: u32 = 1 << 7;
 const SYSTEM_BREAK_FLAG: u32 = 1 << 13;
@@ -26,6 +30,15 @@ const MAIN_OUTPUT: u32 = 1 << 15;
 const LOCK: u32 = 3 << 8;
 /// Trigger output on channel 4's reference (CR2, MMS2).
 const TRIGGER_ON_CHANNEL_4: u32 = 7;
+/// Modes of a channel (OCxM): high below the compare value, and above it.
+const PWM_MODE_1: u32 = 6;
+const PWM_MODE_2: u32 = 7;
+/// Bits of CCER for a channel whose output and complementary output are enabled and active high.
+const BOTH_OUTPUTS: u32 = 0b0101;
+/// The pin of the break is enabled, and inverted (AF1).
+const AF1: u32 = 0x60;
+const BREAK_PIN_ENABLED: u32 = 1;
+const BREAK_PIN_INVERTED: u32 = 1 << 9;
 
 /// An event of the timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +85,7 @@ impl Default for Timer1 {
 
 /// Returns true if a write to this register may change the state of the bridge.
 pub const fn changes_bridge(offset: u32) -> bool {
-    matches!(offset, CR1 | EGR | BDTR)
+    matches!(offset, CR1 | EGR | BDTR | CCMR1 | CCMR2 | CCER)
 }
 
 impl Timer1 {
@@ -84,27 +97,65 @@ impl Timer1 {
         u64::from(self.register(ARR)).max(1)
     }
 
-    /// Time in the period from bottom to bottom, cycles.
+    fn is_centre_aligned(&self) -> bool {
+        self.register(CR1) & ALIGNMENT != 0
+    }
+
+    /// Cycles from bottom to bottom.
+    fn period(&self) -> u64 {
+        if self.is_centre_aligned() { 2 * self.top() } else { self.top() + 1 }
+    }
+
+    /// Time in the period, cycles.
     fn phase(&self, now: u64) -> u64 {
-        self.started.map_or(0, |started| (now - started) % (2 * self.top()))
+        self.started.map_or(0, |started| (now - started) % self.period())
     }
 
     fn count(&self, now: u64) -> u64 {
         let (phase, top) = (self.phase(now), self.top());
-        if phase < top { phase } else { 2 * top - phase }
+        if phase <= top { phase } else { 2 * top - phase }
     }
 
-    /// Duties in effect, from 0 to 1.
-    pub fn duties(&self) -> [f64; 3] {
+    /// Mode of a channel, from 0.
+    fn mode(&self, channel: usize) -> u32 {
+        let word = self.register(if channel < 2 { CCMR1 } else { CCMR2 }) >> (8 * (channel % 2));
+        word >> 4 & 7 | (word >> 16 & 1) << 3
+    }
+
+    /// Duties in effect, from 0 to 1; `None` if the bridge is open.
+    ///
+    /// A half bridge follows its channel only if both outputs are enabled. With one of them its other switch never conducts
+    /// (RM0440, 28.3.16). The joint then has no sound voltages, and the whole bridge counts as open.
+    pub fn duties(&self) -> Option<[f64; 3]> {
+        let outputs = self.register(CCER) & 0xFFF;
+        if !self.is_main_output_enabled() || outputs != BOTH_OUTPUTS * 0x111 {
+            return None;
+        }
         let top = self.top() as f64;
-        std::array::from_fn(|channel| (f64::from(self.active[channel]) / top).min(1.0))
+        Some(std::array::from_fn(|channel| {
+            let below = (f64::from(self.active[channel]) / top).min(1.0);
+            match self.mode(channel) {
+                PWM_MODE_1 => below,
+                PWM_MODE_2 => 1.0 - below,
+                _ => 0.0,
+            }
+        }))
     }
 
     /// Returns for phases a and b whether the low side conducts at this time.
     pub fn low_sides(&self, now: u64) -> [bool; 2] {
         let count = self.count(now);
-        let is_open = !self.is_main_output_enabled();
-        std::array::from_fn(|channel| is_open || count >= u64::from(self.active[channel]))
+        let is_open = self.duties().is_none();
+        std::array::from_fn(|channel| {
+            let is_above = count >= u64::from(self.active[channel]);
+            is_open || is_above != (self.mode(channel) == PWM_MODE_2)
+        })
+    }
+
+    /// Returns true if this level of the pin TIM1_BKIN activates the break, whose input is active high.
+    pub fn breaks_at(&self, is_high: bool) -> bool {
+        let word = self.register(AF1);
+        word & BREAK_PIN_ENABLED != 0 && is_high != (word & BREAK_PIN_INVERTED != 0)
     }
 
     /// Returns true if the main output is enabled (MOE).
@@ -154,8 +205,14 @@ impl Timer1 {
     /// Phases of the events: the edges of channel 4's reference, and the turning points.
     fn phases(&self) -> [(u64, TimerEvent); 4] {
         let (top, compare) = (self.top(), u64::from(self.active[3]));
-        // PWM mode 1 is high below the compare value, mode 2 above it.
-        let is_high_above = self.register(CCMR2) >> 12 & 7 == 7;
+        let is_high_above = self.mode(3) == PWM_MODE_2;
+        if !self.is_centre_aligned() {
+            let edge = |is_rising| TimerEvent::Trigger { is_rising };
+            // The other edge is at the overflow; here one count before, as an event has a time of its own.
+            let (first, second) = (edge(is_high_above), edge(!is_high_above));
+            let turn = (top + 1, TimerEvent::Turn);
+            return [(compare.min(top - 1), first), (top, second), turn, turn];
+        }
         [
             (compare.min(top), TimerEvent::Trigger { is_rising: is_high_above }),
             (top, TimerEvent::Turn),
@@ -166,7 +223,7 @@ impl Timer1 {
 
     fn upcoming(&self) -> Option<(u64, TimerEvent)> {
         let started = self.started?;
-        let period = 2 * self.top();
+        let period = self.period();
         let passed = self.taken - started;
         let base = started + passed / period * period;
         let phases = self.phases();
@@ -230,7 +287,7 @@ impl Timer1 {
         match offset {
             CNT => self.count(now) as u32,
             CR1 => {
-                let is_down = self.phase(now) >= self.top();
+                let is_down = self.is_centre_aligned() && self.phase(now) >= self.top();
                 self.register(CR1) & !COUNTS_DOWN | if is_down { COUNTS_DOWN } else { 0 }
             }
             _ => self.registers.get(offset as usize / 4).copied().unwrap_or(0),
@@ -289,12 +346,26 @@ mod tests {
         let mut timer = Timer1::default();
         timer.write(ARR, 4250, 0);
         timer.write(CCR4, 4249, 0);
-        timer.write(CCMR2, 7 << 12, 0);
+        timer.write(CCMR1, PWM_MODE_1 << 4 | PWM_MODE_1 << 12, 0);
+        timer.write(CCMR2, PWM_MODE_1 << 4 | PWM_MODE_2 << 12, 0);
+        timer.write(CCER, 0x1555, 0);
         timer.write(CR2, TRIGGER_ON_CHANNEL_4 << 20, 0);
         timer.write(RCR, 1, 0);
         timer.write(EGR, 1, 0);
-        timer.write(CR1, ENABLED, 100);
+        timer.write(CR1, ENABLED | ALIGNMENT, 100);
         timer
+    }
+
+    fn driven() -> Timer1 {
+        let mut timer = running();
+        timer.write(BDTR, MAIN_OUTPUT, 200);
+        timer.write(CCR1, 1000, 200);
+        (0..2).for_each(|_| timer.turn());
+        timer
+    }
+
+    fn duty(timer: &Timer1) -> Option<f64> {
+        timer.duties().map(|[first, ..]| first)
     }
 
     #[test]
@@ -309,12 +380,35 @@ mod tests {
 
     #[test]
     fn duty_with_preload_takes_effect_at_second_turn() {
+        let mut timer = driven();
+        timer.write(CCR1, 2000, 200);
+        timer.turn();
+        assert_eq!(duty(&timer), Some(1000.0 / 4250.0));
+        timer.turn();
+        assert_eq!(duty(&timer), Some(2000.0 / 4250.0));
+    }
+
+    #[test]
+    fn duties_need_all_outputs_and_follow_mode() {
+        let mut timer = driven();
+        timer.write(CCMR1, PWM_MODE_2 << 4 | PWM_MODE_1 << 12, 0);
+        assert_eq!(duty(&timer), Some(1.0 - 1000.0 / 4250.0));
+        assert_eq!(timer.low_sides(100 + 1500), [false, true]);
+        for missing in [0x1155, 0x1551, 0x155D] {
+            timer.write(CCER, missing, 0);
+            assert_eq!(duty(&timer), None, "{missing:x}");
+        }
+    }
+
+    #[test]
+    fn edge_aligned_counter_starts_again_after_top() {
         let mut timer = running();
-        timer.write(CCR1, 1000, 200);
-        timer.turn();
-        assert_eq!(timer.duties()[0], 0.0);
-        timer.turn();
-        assert!((timer.duties()[0] - 1000.0 / 4250.0).abs() < 1e-12);
+        timer.write(CR1, ENABLED, 200);
+        assert_eq!(timer.read(CNT, 100 + 4251 + 10), 10);
+        assert_eq!(timer.read(CR1, 100 + 4250) & COUNTS_DOWN, 0);
+        assert_eq!(timer.take_event(9000), Some((4349, TimerEvent::Trigger { is_rising: true })));
+        assert_eq!(timer.take_event(9000), Some((4350, TimerEvent::Trigger { is_rising: false })));
+        assert_eq!(timer.take_event(9000), Some((4351, TimerEvent::Turn)));
     }
 
     #[test]

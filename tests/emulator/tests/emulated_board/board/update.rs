@@ -131,6 +131,26 @@ fn update_of_whole_image_takes_less_than_a_minute_and_is_confirmed() {
     assert!(seconds < 60.0, "{seconds} s");
 }
 
+#[test]
+fn update_writes_the_package_from_the_begin_of_the_other_slot() {
+    let mut client = started(confirmed(&[(0, "1.0.0")]));
+    let operations = client.bus().flash().record_operations();
+    client.bus().cut_at = Some(client.bus().now() + CORE_HZ / 2);
+    update(&mut client, &release("1.0.1")).expect_err("the power is cut");
+    let slot = SLOTS[1];
+    let places: Vec<u32> = operations
+        .borrow()
+        .iter()
+        .map(|operation| match *operation {
+            Operation::Erase(at) | Operation::Program(at, _) => at,
+        })
+        .collect();
+    println!("measured: {} operations before the cut", places.len());
+    assert!(places.contains(&slot.start), "{places:x?}");
+    let package = slot.start..slot.marks + 2048;
+    assert!(places.iter().all(|at| package.contains(at)), "{places:x?}");
+}
+
 /// Starts a board that has received 1.0.1 in this slot, beside a confirmed 1.0.0 in the other one.
 fn trial_of(slot: usize) -> Client<BoardBus> {
     let mut content = confirmed(&[(1 - slot, "1.0.0")]);
@@ -171,17 +191,36 @@ fn trial_with_reset_ordered_by_a_master_is_tried_again_and_confirmed() {
     assert_eq!(entry(&mut client, ProgramObject::STATE), CONFIRMED);
 }
 
-#[test]
-fn trial_that_hangs_at_its_start_returns_to_the_old_image() {
+/// Returns a flash with a trial of 1.0.1 in slot B that begins with these instructions, beside a confirmed 1.0.0.
+fn trial_beginning_with(instructions: &[u8]) -> Content {
     let mut content = confirmed(&[(0, "1.0.0")]);
     let mut code = codes()[1].clone();
     let reset = u32::from_le_bytes(code.bytes[4..8].try_into().expect("a vector"));
     let at = (reset - 1 - code.address) as usize;
-    // A branch to itself.
-    code.bytes[at..at + 2].copy_from_slice(&[0xFE, 0xE7]);
+    code.bytes[at..at + instructions.len()].copy_from_slice(instructions);
     install(&mut content, 1, &signed(&code, "1.0.1", &KEY), 8);
-    let mut client = started(content);
+    content
+}
+
+#[test]
+fn trial_that_hangs_at_its_start_returns_to_the_old_image() {
+    // A branch to itself.
+    let mut client = started(trial_beginning_with(&[0xFE, 0xE7]));
     assert_eq!(client.bus().resets, 1, "the watchdog of the boot program");
+    assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+    assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Failed as u32);
+}
+
+/// Orders a reset: AIRCR = 05FA0004h, then a branch to itself.
+const RESET_CODE: [u8; 20] = [
+    0x4E, 0xF6, 0x0C, 0x50, 0xCE, 0xF2, 0x00, 0x00, 0x40, 0xF2, 0x04, 0x01, 0xC0, 0xF2, 0xFA, 0x51,
+    0x01, 0x60, 0xFE, 0xE7,
+];
+
+#[test]
+fn trial_that_resets_itself_returns_to_the_old_image() {
+    let mut client = started(trial_beginning_with(&RESET_CODE));
+    assert_eq!(client.bus().resets, 1, "by software");
     assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
     assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Failed as u32);
 }
