@@ -1,0 +1,156 @@
+"""Mutations of the image and of the boot program: each is a fault in the board's code that a test on the emulator must find.
+
+One image and one boot program contain them all, built from a copy of the sources: a word in both selects the mutation that
+acts. What a constant fixes at compile time is mutated where it is used. Each mutation runs the tests that must fail; without a
+mutation, all of these must pass.
+"""
+
+import re
+import shutil
+
+import images
+
+BOARD = "firmware/src/boards/stm32g474/"
+BOOT = "firmware/src/bin/boot/"
+SINE = "board::course::joint_with_image_follows_sine_of_velocity"
+HANGING = "board::course::joint_with_hanging_loop_is_stopped_at_level_of_its_comparators"
+START = "board::start::image_after_power_on_sends_boot_up_frame_with_open_bridge"
+GATE_FAULT = "board::peripherals::fault_of_gate_driver_is_named_and_overcurrent_is_not"
+DRY_SIDE = "board::dry_side::readings_of_dry_side_are_those_of_its_sensors"
+
+# Name, file, an expression or statement of it, what replaces it, and the test that must fail.
+MUTATIONS = [
+    ("compare registers of phases a and b swapped", BOARD + "power_stage.rs",
+     "TIMER.ccr(channel).write(|w| w.set_ccr(compare.min(PWM_TOP)));",
+     "TIMER.ccr([1, 0, 2][channel]).write(|w| w.set_ccr(compare.min(PWM_TOP)));", SINE),
+    ("complementary outputs off", BOARD + "power_stage.rs",
+     "w.set_ccne(channel, true);", "w.set_ccne(channel, false);", SINE),
+    ("PWM mode 2 for mode 1", BOARD + "power_stage.rs", "vals::Ocm::PWM_MODE1", "vals::Ocm::PWM_MODE2", SINE),
+    ("PWM aligned to the edge", BOARD + "power_stage.rs", "vals::Cms::CENTER_ALIGNED1", "vals::Cms::EDGE_ALIGNED", SINE),
+    ("alternate function 11 for the break", BOARD + "power_stage.rs",
+     "break_pin.set_as_af_unchecked(BREAK_FUNCTION, AfType::input(Pull::Up));",
+     "break_pin.set_as_af_unchecked(11, AfType::input(Pull::Up));", GATE_FAULT),
+    ("level of the break pin inverted", BOARD + "power_stage.rs",
+     "self.break_pin.is_low()", "self.break_pin.is_high()", GATE_FAULT),
+    ("leak probe at the next channel", BOARD + "power_stage.rs",
+     "(currents.leak.degrade_adc(), SampleTime::CYCLES24_5)",
+     "(unsafe { embassy_stm32::peripherals::PC2::steal() }.degrade_adc(), SampleTime::CYCLES24_5)", DRY_SIDE),
+    ("level of safe torque off inverted", BOARD + "slow.rs",
+     "self.torque_allowed.each_ref().map(Input::is_high)", "self.torque_allowed.each_ref().map(Input::is_low)", DRY_SIDE),
+    ("temperatures swapped", BOARD + "slow.rs", "self.temperatures.read_injected_samples()",
+     "{ let [first, second] = self.temperatures.read_injected_samples(); [second, first] }",
+     "board::peripherals::thermistors_are_those_of_bridge_and_motor"),
+    ("sign of the currents", "firmware/src/boards/stm32g474.rs",
+     "driver.set().sensors.shunt_sign", "-driver.set().sensors.shunt_sign", SINE),
+    ("sign of the angle", BOARD + "motor_stage.rs",
+     "encoder_angle(u32::from(angle), ANGLE_BITS)", "encoder_angle(u32::from(angle), ANGLE_BITS).wrapping_neg()", SINE),
+    ("trigger at the other end of the PWM", BOARD + "power_stage.rs",
+     "TIMER.ccr(3).write(|w| w.set_ccr(PWM_TOP - 1));", "TIMER.ccr(3).write(|w| w.set_ccr(1));", SINE),
+    ("SPI mode 0 for mode 1", BOARD + "encoder.rs", "config.mode = spi::MODE_1;", "config.mode = spi::MODE_0;", SINE),
+    ("DMA of the encoder's answer half a period late", BOARD + "encoder.rs",
+     "TIMER.cnt().write(|w| w.set_cnt(LEAD_CYCLES as u16));",
+     "TIMER.cnt().write(|w| w.set_cnt(LEAD_CYCLES as u16 - 900));", SINE),
+    ("bridge closed before the offsets are measured", BOARD + "motor_stage.rs",
+     "[OffsetFinder::default(); 2]", "{ stage.drive([0.5; 3]); [OffsetFinder::default(); 2] }", START),
+    ("level of the comparators half too high", BOARD + "overcurrent.rs",
+     "break_current_a(overcurrent_a, scales::BREAK_CEILING_A)", "1.5 * break_current_a(overcurrent_a, scales::BREAK_CEILING_A)",
+     HANGING),
+    ("watchdog not refreshed", BOARD + "watchdog.rs",
+     "pac::IWDG.kr().write(|w| w.set_key(pac::iwdg::vals::Key::RESET));", "{}", START),
+    ("delay of the transceiver not compensated", BOARD + "can.rs", "CONTROLLER.dbtp().modify(|w| w.set_tdc(true));", "{}",
+     "board::peripherals::telemetry_at_5_mbit_is_sent_with_compensated_delay"),
+    ("clock's interrupt as urgent as the loop's", "firmware/src/boards/stm32g474.rs",
+     "embassy_stm32::interrupt::TIM5.set_priority(Priority::P12);", "{}",
+     "board::peripherals::interrupts_of_the_image_have_their_priorities"),
+    ("package received a page behind its place", "firmware/src/boards/stm32g474.rs", "Some(PROGRAM)",
+     "Some(firmware::update::Program { other: firmware::update::Slot { start: PROGRAM.other.start + 2048, ..PROGRAM.other },"
+     " ..PROGRAM })",
+     "board::update::update_writes_the_package_from_the_begin_of_the_other_slot"),
+    ("package sought a page behind its place by the boot program", BOOT + "program.rs",
+     "select(&mut flash, &SLOTS, &PROGRAM.public_key, has_failed, is_plausible)",
+     "select(&mut flash, &SLOTS.map(|slot| firmware::update::Slot { start: slot.start + 2048, ..slot }),"
+     " &PROGRAM.public_key, has_failed, is_plausible)",
+     "board::update::image_linked_for_the_other_slot_is_not_started"),
+    ("reset by software is no failure for the boot program", BOOT + "program.rs", "flags.sftrstf()", "false",
+     "board::update::trial_that_resets_itself_returns_to_the_old_image"),
+]
+
+# The word that selects a mutation follows this one in a program.
+MARK = 0x4D75_7461
+SELECTOR = f"""
+/// Selects a mutation of the tests: the number of the one that acts, from 0.
+static MUTATION: [core::sync::atomic::AtomicU32; 2] =
+    [core::sync::atomic::AtomicU32::new({MARK:#x}), core::sync::atomic::AtomicU32::new(u32::MAX)];
+
+pub(crate) fn is_mutated(number: u32) -> bool {{
+    let [_, selected] = core::hint::black_box(&MUTATION);
+    selected.load(core::sync::atomic::Ordering::Relaxed) == number
+}}
+"""
+FOLDER = images.IMAGES_FOLDER / "mutations"
+PROGRAMS = ["firmware", "boot"]
+
+
+def write_sources(workspace):
+    """Writes a workspace with the mutated sources."""
+    # Another path in the workspace than in this one: otherwise cargo would take the mutated program for the one that ships.
+    folder = workspace / "mutated"
+    shutil.rmtree(workspace, ignore_errors=True)
+    for part in ("firmware", "compensator-core"):
+        shutil.copytree(images.ROOT / part, folder / part, ignore=shutil.ignore_patterns("target"))
+    shutil.copytree(images.ROOT / ".cargo", workspace / ".cargo")
+    for name in ("Cargo.lock", "rust-toolchain.toml"):
+        shutil.copy2(images.ROOT / name, workspace / name)
+    shutil.copy2(images.ROOT / "memory.x", folder / "memory.x")
+    manifest = re.sub(r"(?ms)^(default-)?members = \[.*?^\]\n", "", (images.ROOT / "Cargo.toml").read_text())
+    manifest = manifest.replace("[workspace]\n", '[workspace]\nmembers = ["mutated/compensator-core", "mutated/firmware"]\n', 1)
+    (workspace / "Cargo.toml").write_text(manifest.replace('path = "', 'path = "mutated/'))
+    boards = folder / "firmware/src/boards.rs"
+    boards.write_text(boards.read_text() + SELECTOR)
+    # The boot program includes files of the board, which find the selector by the same path.
+    boot = folder / BOOT / "main.rs"
+    boot.write_text(f"{boot.read_text()}\nmod boards {{{SELECTOR}}}\n")
+    for number, (_, path, text, replacement, _) in enumerate(MUTATIONS):
+        source = (folder / path).read_text()
+        assert source.count(text) == 1, f"{path} does not have this text once: {text}"
+        both = f"if crate::boards::is_mutated({number}) {{ {replacement} }} else {{ {text} }}"
+        (folder / path).write_text(source.replace(text, both))
+
+
+def build():
+    """Builds the mutated image and boot program; returns their bytes, by name."""
+    workspace = FOLDER / "workspace"
+    write_sources(workspace)
+    # In the same folder of artefacts, which has the libraries already. The copy has fewer packages than its lock.
+    arguments = ["--offline", "-p", "firmware", "--target-dir", str(images.TARGET_FOLDER)]
+    selection = images.selection(images.IMAGES["stm32g474"][2])
+    built = images.cargo("build", *arguments, "--bin", "firmware", *selection, root=workspace)
+    built |= images.cargo("rustc", *arguments, "--bin", "boot", *selection, "--", "-C", "opt-level=z", root=workspace)
+    return {name: built[name].read_bytes() for name in PROGRAMS}
+
+
+def select(programs, number):
+    """Writes the programs with the mutation of this number, or with none; returns the path of the image."""
+    selector = MARK.to_bytes(4, "little") + b"\xFF" * 4
+    word = b"\xFF" * 4 if number is None else number.to_bytes(4, "little")
+    for name, program in programs.items():
+        assert program.count(selector) == 1, f"{name} has no selector of the mutations"
+        (FOLDER / name).write_bytes(program.replace(selector, selector[:4] + word))
+    return FOLDER / "firmware"
+
+
+def run(run_tests, built):
+    """Runs the tests of each mutation, which must fail, and those of all without any, which must pass. `run_tests` runs tests on
+    an image; `built` is the folder of the images that ship. Returns the numbers of mutations that were found, and were not."""
+    programs = build()
+    # Slot B has the image that ships.
+    shutil.copy2(built / "firmware-b", FOLDER / "firmware-b")
+    passed = failed = 0
+    everything = sorted({test for *_, test in MUTATIONS})
+    for number, name, tests in [(None, "none", everything), *((at, row[0], [row[-1]]) for at, row in enumerate(MUTATIONS))]:
+        passes, failures, code = run_tests(select(programs, number), tests)
+        is_run = passes + failures == len(tests)
+        is_right = is_run and (failures > 0) == (number is not None) and (code == 0) == (failures == 0)
+        print(f"  mutation: {name}: {failures} of {passes + failures} tests failed{'' if is_right else ', NOT AS EXPECTED'}")
+        passed, failed = passed + is_right, failed + (not is_right)
+    return passed, failed
