@@ -32,6 +32,7 @@ mod fields;
 pub mod can;
 pub mod compensator;
 pub mod configuration;
+pub mod crc32;
 pub mod curve;
 pub mod effect;
 mod envelope;

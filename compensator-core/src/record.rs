@@ -23,6 +23,7 @@
 //! follows from the length.
 
 use crate::configuration::{CompensatorParameters, Configuration};
+use crate::crc32::crc32;
 use crate::parameters::table::COUNT;
 use crate::parameters::{Choices, Envelope, LawKind, ParameterError, ParameterId, Parameters};
 use crate::term::{MAX_TERMS, TermKind};
@@ -46,8 +47,6 @@ pub const LENGTH: usize = CRC_AT + 4;
 
 /// Length of a record without values, bytes.
 const LEAST_LENGTH: usize = VALUES_AT + 4;
-
-const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
 /// Reason why a record is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -139,7 +138,7 @@ pub fn emit(configuration: &Configuration) -> [u8; LENGTH] {
     put_all(&mut bytes, ENVELOPE_AT, model.envelope.to_array().into_iter());
     put_all(&mut bytes, COMPENSATOR_AT, compensator.to_array().into_iter());
     put_all(&mut bytes, VALUES_AT, ParameterId::ALL.iter().map(|id| model.get(*id)));
-    let crc = CRC.checksum(&bytes[..CRC_AT]);
+    let crc = crc32(&bytes[..CRC_AT]);
     put(&mut bytes, CRC_AT, &crc.to_le_bytes());
     bytes
 }
@@ -171,7 +170,7 @@ pub fn parse(record: &[u8]) -> Result<Configuration, RecordError> {
     let Some((guarded, crc)) = record.split_last_chunk::<4>() else {
         return Err(wrong_length);
     };
-    if CRC.checksum(guarded).to_le_bytes() != *crc {
+    if crc32(guarded).to_le_bytes() != *crc {
         return Err(RecordError::Crc);
     }
     let bytes = head;
@@ -247,7 +246,7 @@ mod tests {
         let mut bytes = emit(&configuration())[..length].to_vec();
         bytes[4..6].copy_from_slice(&version.to_le_bytes());
         bytes[6..8].copy_from_slice(&(length as u16).to_le_bytes());
-        let crc = CRC.checksum(&bytes[..length - 4]);
+        let crc = crc32(&bytes[..length - 4]);
         bytes[length - 4..].copy_from_slice(&crc.to_le_bytes());
         bytes
     }
@@ -302,7 +301,7 @@ mod tests {
             bytes[..4].copy_from_slice(&MAGIC);
             bytes[4..6].copy_from_slice(&VERSION.to_le_bytes());
             bytes[6..8].copy_from_slice(&(LENGTH as u16).to_le_bytes());
-            let crc = CRC.checksum(&bytes[..CRC_AT]);
+            let crc = crc32(&bytes[..CRC_AT]);
             bytes[CRC_AT..].copy_from_slice(&crc.to_le_bytes());
             if let Ok(configuration) = parse(&bytes) {
                 prop_assert!(configuration.validate().is_ok());

@@ -6,6 +6,7 @@
 //! inspect. Text that does not fit is cut at a whole character. `crate::panic` defines where the note is
 //! stored.
 
+use compensator_core::crc32::Crc32;
 use core::fmt::{self, Display, Write};
 use heapless::String;
 
@@ -13,8 +14,6 @@ use heapless::String;
 pub const MAX_PANIC_TEXT_BYTES: usize = 160;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"NOTE");
-
-const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
 /// A text of at most [`MAX_PANIC_TEXT_BYTES`] bytes with its own validity check.
 #[derive(Clone, Debug)]
@@ -66,10 +65,10 @@ impl PanicNote {
     }
 
     fn compute_crc(&self) -> u32 {
-        let mut digest = CRC.digest();
+        let mut digest = Crc32::new();
         digest.update(&self.length.to_le_bytes());
         digest.update(&self.text);
-        digest.finalize()
+        digest.value()
     }
 }
 

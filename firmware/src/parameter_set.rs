@@ -12,11 +12,14 @@ use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
+use compensator_core::crc32::Crc32;
 use compensator_core::network::record as network_record;
 use compensator_core::network::{FactorSupplier, JointNetwork};
 use compensator_core::record::{self, RecordError};
 use compensator_core::{Compensator, LawKind, ParameterError, Parameters};
+use core::cell::Cell;
 use core::fmt;
+use core::ops::{Deref, DerefMut};
 use heapless::Vec;
 
 /// Number of values of motor, thresholds, watch and sensors.
@@ -30,8 +33,6 @@ pub const DRIVE_RECORD_BYTES: usize = 4 * DRIVE_VALUE_COUNT;
 pub const SET_BYTES: usize = record::LENGTH + DRIVE_RECORD_BYTES;
 /// Length of a set with a network, bytes.
 pub const MAX_SET_BYTES: usize = SET_BYTES + network_record::LENGTH;
-
-const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
 /// The complete parameters of a joint driver.
 #[derive(Debug, PartialEq)]
@@ -177,14 +178,14 @@ impl ParameterSet {
     /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`] and of the sign of the shunts, never 0. A joint stays commissioned if
     /// other parameters change.
     pub fn wiring_crc(&self) -> u32 {
-        let mut digest = CRC.digest();
+        let mut digest = Crc32::new();
         for (name, number) in MotorParameters::NAMES.iter().zip(self.motor.to_array()) {
             if Self::WIRING_PARAMETERS.contains(name) {
                 digest.update(&number.to_le_bytes());
             }
         }
         digest.update(&self.sensors.shunt_sign.to_le_bytes());
-        digest.finalize().max(1)
+        digest.value().max(1)
     }
 
     /// Returns the encoded set.
@@ -274,14 +275,52 @@ impl ParameterSet {
     /// over data and its own CRC is a constant, so a record would not contribute.
     pub fn crc(&self) -> u32 {
         let record = record::emit(&self.friction);
-        let mut digest = CRC.digest();
+        let mut digest = Crc32::new();
         digest.update(record.split_last_chunk::<4>().map_or(&record[..], |(guarded, _)| guarded));
         digest.update(&self.emit_drive());
         if self.network.is_some() {
             let record = network_record::emit(self.network.as_ref());
             digest.update(record.split_last_chunk::<4>().map_or(&record, |(guarded, _)| guarded));
         }
-        digest.finalize()
+        digest.value()
+    }
+}
+
+/// A set with its CRC, which is computed once after a change: it takes as long as several periods of the current loop.
+#[derive(Clone, Debug, Default)]
+pub struct IdentifiedSet {
+    set: ParameterSet,
+    crc: Cell<Option<u32>>,
+}
+
+impl IdentifiedSet {
+    /// Returns [`ParameterSet::crc`].
+    pub fn crc(&self) -> u32 {
+        let crc = self.crc.get().unwrap_or_else(|| self.set.crc());
+        self.crc.set(Some(crc));
+        crc
+    }
+
+    /// Copies another set, with its CRC if that is known.
+    pub fn copy_from(&mut self, from: &Self) {
+        self.set.clone_from(&from.set);
+        self.crc.clone_from(&from.crc);
+    }
+}
+
+impl Deref for IdentifiedSet {
+    type Target = ParameterSet;
+
+    fn deref(&self) -> &ParameterSet {
+        &self.set
+    }
+}
+
+impl DerefMut for IdentifiedSet {
+    /// Returns the set, whose CRC is then unknown.
+    fn deref_mut(&mut self) -> &mut ParameterSet {
+        self.crc.set(None);
+        &mut self.set
     }
 }
 
@@ -289,6 +328,18 @@ impl ParameterSet {
 mod tests {
     use super::*;
     use compensator_core::ParameterId;
+
+    #[test]
+    fn crc_of_identified_set_follows_every_change() {
+        let mut set = IdentifiedSet::default();
+        assert_eq!((set.crc(), set.crc()), (ParameterSet::default().crc(), set.set.crc()));
+        set.motor.pole_pairs += 1.0;
+        let changed = set.crc();
+        assert_eq!(changed, set.set.crc());
+        let mut copy = IdentifiedSet::default();
+        copy.copy_from(&set);
+        assert_eq!((copy.crc.get(), copy.set.crc()), (Some(changed), changed));
+    }
     use compensator_core::network::reference;
 
     #[test]

@@ -25,6 +25,7 @@
 
 use super::joint::{CELLS, InputSource, JointNetwork, MAX_INPUTS};
 use super::{FACTOR_COUNT, FactorBounds, InputRange, Lstm, Network, Readout, StrokeRange};
+use crate::crc32::crc32;
 use crate::refusal::ParameterError;
 use core::fmt;
 use heapless::Vec;
@@ -44,8 +45,6 @@ pub const LENGTH: usize = NUMBERS_AT + 4 * (NUMBERS + WEIGHTS) + 4;
 
 /// Length of a record without a network, bytes.
 pub const EMPTY_LENGTH: usize = 16;
-
-const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
 /// The bytes of a record.
 pub type Record = Vec<u8, LENGTH>;
@@ -138,7 +137,7 @@ pub fn emit(network: Option<&JointNetwork>) -> Record {
 
 /// Appends the CRC.
 fn sealed(mut record: Record) -> Record {
-    let crc = CRC.checksum(&record);
+    let crc = crc32(&record);
     let _ = record.extend_from_slice(&crc.to_le_bytes());
     record
 }
@@ -164,7 +163,7 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
         return Err(wrong_length);
     }
     let Some((guarded, crc)) = record.split_last_chunk::<4>() else { return Err(wrong_length) };
-    if CRC.checksum(guarded).to_le_bytes() != *crc {
+    if crc32(guarded).to_le_bytes() != *crc {
         return Err(RecordError::Crc);
     }
     if inputs == 0 {

@@ -34,7 +34,7 @@ fn parse_with_damaged_or_foreign_record_returns_error() {
     let sealed = |change: &dyn Fn(&mut [u8])| {
         let mut record = emit(Some(&network));
         change(&mut record);
-        let crc = CRC.checksum(&record[..LENGTH - 4]);
+        let crc = crc32(&record[..LENGTH - 4]);
         record[LENGTH - 4..].copy_from_slice(&crc.to_le_bytes());
         parse(&record).unwrap_err()
     };
@@ -66,7 +66,7 @@ proptest! {
         bytes[6..8].copy_from_slice(&(LENGTH as u16).to_le_bytes());
         bytes[8] %= 6;
         bytes[9] = 8;
-        let crc = CRC.checksum(&bytes[..LENGTH - 4]);
+        let crc = crc32(&bytes[..LENGTH - 4]);
         bytes[LENGTH - 4..].copy_from_slice(&crc.to_le_bytes());
         if let Ok(Some(network)) = parse(&bytes) {
             prop_assert!(network.validate().is_ok());

@@ -160,7 +160,7 @@ impl<F: NorFlash> Device<F> {
         &self.supervisor
     }
 
-    pub(super) const fn set(&self) -> &ParameterSet {
+    pub(super) fn set(&self) -> &ParameterSet {
         self.staging.active()
     }
 

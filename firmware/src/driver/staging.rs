@@ -9,7 +9,7 @@ use crate::control::MotorParameters;
 use crate::log::log;
 use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, ValueBuffer};
-use crate::parameter_set::{DRIVE_RECORD_BYTES, ParameterSet, SetError};
+use crate::parameter_set::{DRIVE_RECORD_BYTES, IdentifiedSet, ParameterSet, SetError};
 use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
@@ -31,11 +31,11 @@ pub const MAX_REASON_BYTES: usize = 160;
 /// The active set and the staged one.
 #[derive(Clone, Debug)]
 pub struct Staging {
-    active: ParameterSet,
+    active: IdentifiedSet,
     /// [`ParameterSet::wiring_crc`] of the active set. It is compared every millisecond, and computing it takes longer than a
     /// period of the current loop.
     wiring_crc: u32,
-    staged: ParameterSet,
+    staged: IdentifiedSet,
     /// The staged terms as they were written: between two writes a term may appear twice.
     terms: [u8; MAX_TERMS],
     reason: String<MAX_REASON_BYTES>,
@@ -45,9 +45,9 @@ impl Default for Staging {
     /// The default set, active and staged.
     fn default() -> Self {
         let mut staging = Self {
-            active: ParameterSet::default(),
+            active: IdentifiedSet::default(),
             wiring_crc: 0,
-            staged: ParameterSet::default(),
+            staged: IdentifiedSet::default(),
             terms: [NO_TERM; MAX_TERMS],
             reason: String::new(),
         };
@@ -64,7 +64,7 @@ impl Staging {
     pub fn load(&mut self, bytes: &[u8]) -> Result<(), SetError> {
         let read = self.active.read(bytes);
         if read.is_err() {
-            self.active = ParameterSet::default();
+            *self.active = ParameterSet::default();
         }
         self.wiring_crc = self.active.wiring_crc();
         self.discard();
@@ -72,8 +72,13 @@ impl Staging {
     }
 
     /// Returns the set in use.
-    pub const fn active(&self) -> &ParameterSet {
+    pub fn active(&self) -> &ParameterSet {
         &self.active
+    }
+
+    /// Returns the CRCs of the active set and of the staged one: see [`ParameterSet::crc`].
+    pub fn crcs(&self) -> (u32, u32) {
+        (self.active.crc(), self.staged.crc())
     }
 
     /// Returns the CRC of the wiring parameters in use: see [`ParameterSet::wiring_crc`].
@@ -82,7 +87,7 @@ impl Staging {
     }
 
     /// Returns the staged set, with its terms sorted.
-    pub const fn staged(&self) -> &ParameterSet {
+    pub fn staged(&self) -> &ParameterSet {
         &self.staged
     }
 
@@ -94,7 +99,7 @@ impl Staging {
 
     /// Replaces the staged set by the active one.
     pub fn discard(&mut self) {
-        self.staged.clone_from(&self.active);
+        self.staged.copy_from(&self.active);
         self.list_terms();
     }
 
@@ -316,7 +321,7 @@ impl Staging {
 
     /// Makes the staged set the active one.
     pub fn activate(&mut self) {
-        self.active.clone_from(&self.staged);
+        self.active.copy_from(&self.staged);
         self.wiring_crc = self.active.wiring_crc();
         self.list_terms();
         self.reason.clear();

@@ -40,5 +40,5 @@ pub fn clocks() -> Config {
 
 /// Returns a serial number: the CRC of the chip's 96-bit unique ID.
 pub fn serial() -> u32 {
-    crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC).checksum(&embassy_stm32::uid::uid())
+    compensator_core::crc32::crc32(&embassy_stm32::uid::uid())
 }

@@ -145,8 +145,7 @@ impl<F: NorFlash> Device<F> {
             index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {
-                let (active_crc, staged_crc) =
-                    (self.staging.active().crc(), self.staging.staged().crc());
+                let (active_crc, staged_crc) = self.staging.crcs();
                 entry(&CommitObject { active_crc, staged_crc, ..Default::default() }.words(), place)
             }
             _ => Err(Abort::NoObject),
