@@ -1,9 +1,9 @@
 //! The background loop of a board: all work of a joint driver that is not done in the interrupt.
 //!
 //! ```text
-//! received frames -> Driver -> frames to send            every round
 //! sensors, report of the current loop -> Driver -> commands, parts -> the current loop
 //!                                                         once a millisecond
+//! received frames -> Driver -> frames to send            until the next millisecond
 //! ```
 //! A [`Board`] provides the hardware (frames, time, sensors, watchdog) and calls [`Background::round`] whenever
 //! it wakes. All decisions that need no register are taken here. A caller with its own frames and time, such as
@@ -107,6 +107,8 @@ pub trait Board {
 pub enum RoundOutcome {
     /// Sleep until the next event.
     Sleep,
+    /// Run the next round at once: frames may be waiting.
+    Continue,
     /// Restart: the network requested it, and the last frames are sent.
     Restart,
 }
@@ -129,40 +131,48 @@ impl<F: NorFlash> Background<F> {
         self.driver.load(boot, now_us);
     }
 
-    /// Runs all work that is due.
+    /// Runs all work that is due: the tick, then received frames until the next tick is due. A flood of frames delays a tick
+    /// by one frame at most.
     pub fn round<B: Board>(&mut self, board: &mut B) -> RoundOutcome {
-        while !self.driver.is_reset_requested()
-            && let Some(frame) = board.receive()
-        {
-            let now_us = board.now_us();
-            self.driver.receive(&frame, now_us);
+        self.tick_if_due(board);
+        loop {
             // Send the answers before the next frame is processed, so that they do not accumulate.
             self.send(board);
-        }
-        let now_us = board.now_us();
-        if now_us >= self.due_us {
-            self.due_us += TICK_US;
-            if self.due_us <= now_us {
-                // Missed ticks are skipped.
-                self.due_us = now_us + TICK_US;
+            if self.driver.is_reset_requested() {
+                break;
             }
-            board.apply_sensors(&self.driver.set().sensors);
-            board.accept_identifiers(&self.driver.receive_identifiers());
-            let state = board.state(now_us);
-            if self.tick(&state, board.current_loop(), now_us) {
-                board.refresh_watchdog();
+            let Some(frame) = board.receive() else { return RoundOutcome::Sleep };
+            let now_us = board.now_us();
+            self.driver.receive(&frame, now_us);
+            // After the frame, so that a round processes one even if its tick took too long.
+            if board.now_us() >= self.due_us {
+                return RoundOutcome::Continue;
             }
-            board.set_holding_brake(self.driver.brake_output());
-        }
-        self.send(board);
-        if !self.driver.is_reset_requested() {
-            return RoundOutcome::Sleep;
         }
         let until_us = board.now_us() + B::RESTART_FLUSH_US;
         while !board.is_idle() && board.now_us() < until_us {
             self.send(board);
         }
         RoundOutcome::Restart
+    }
+
+    fn tick_if_due(&mut self, board: &mut impl Board) {
+        let now_us = board.now_us();
+        if now_us < self.due_us {
+            return;
+        }
+        self.due_us += TICK_US;
+        if self.due_us <= now_us {
+            // Missed ticks are skipped.
+            self.due_us = now_us + TICK_US;
+        }
+        board.apply_sensors(&self.driver.set().sensors);
+        board.accept_identifiers(&self.driver.receive_identifiers());
+        let state = board.state(now_us);
+        if self.tick(&state, board.current_loop(), now_us) {
+            board.refresh_watchdog();
+        }
+        board.set_holding_brake(self.driver.brake_output());
     }
 
     // Called in several places: not inlined, to reduce the size of the image.

@@ -255,6 +255,7 @@ mod app {
         loop {
             match local.background.round(local.board) {
                 RoundOutcome::Sleep => cortex_m::asm::wfi(),
+                RoundOutcome::Continue => {}
                 // A reset opens the bridge.
                 RoundOutcome::Restart => cortex_m::peripheral::SCB::sys_reset(),
             }

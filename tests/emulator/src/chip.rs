@@ -210,6 +210,12 @@ impl<W: World> Chip<W> {
         self.schedule();
     }
 
+    /// Sends a remote frame to the node.
+    pub fn deliver_remote(&mut self, frame: Frame) {
+        self.can.deliver_remote(frame, self.now);
+        self.schedule();
+    }
+
     fn schedule(&mut self) {
         let hold = if self.hold_until > self.now { self.hold_until } else { u64::MAX };
         let converters = self.adc.iter().map(Adc::next_event).min().unwrap_or(u64::MAX);

@@ -85,8 +85,9 @@ fn missed_ticks_are_skipped() {
     let mut joint = Joint::started();
     let state_reads = joint.board.state_reads;
     joint.board.now_us += 100 * TICK_US;
-    joint.run_ms(1);
-    assert_eq!(joint.background.round(&mut joint.board), RoundOutcome::Sleep);
+    for _ in 0..2 {
+        assert_eq!(joint.background.round(&mut joint.board), RoundOutcome::Sleep);
+    }
     assert_eq!(joint.board.state_reads - state_reads, 1);
     // After a delay of less than a tick, the next tick keeps its time.
     joint.board.now_us += TICK_US / 2;
@@ -115,6 +116,40 @@ fn restart_waits_for_last_frames_or_timeout() {
     let began_us = joint.board.now_us;
     assert_eq!(joint.background.round(&mut joint.board), RoundOutcome::Restart);
     assert!(joint.board.now_us - began_us < 10);
+}
+
+/// Attack: any frames at the highest rate. Bound: a tick is delayed by one frame at most.
+#[test]
+fn flood_of_frames_delays_a_tick_by_one_frame() {
+    const FRAME_US: u64 = 700;
+    let mut joint = Joint::started();
+    joint.run_ms(50);
+    assert!(joint.board.longest_pause_us <= TICK_US);
+    let flood: [(u16, &[u8]); 6] = [
+        (0x601, &[0x40, 0x27, 0x20, 1, 0, 0, 0, 0]),
+        (0x601, &[0x40, 0x27, 0x20, 5, 0, 0, 0, 0]),
+        (0x000, &[0x81, NODE.number() + 1]),
+        (0x7E5, &[0x5E, 0, 0, 0, 0, 0, 0, 0]),
+        (0x080, &[]),
+        (0x77F, &[5]),
+    ];
+    joint.board.frame_us = FRAME_US;
+    let refreshes = joint.board.watchdog_refreshes;
+    for (identifier, data) in flood {
+        for _ in 0..200 {
+            joint.queue_frame(identifier, data);
+        }
+    }
+    let mut rounds = 0;
+    while !joint.board.received.is_empty() {
+        assert_ne!(joint.background.round(&mut joint.board), RoundOutcome::Restart);
+        joint.run_interrupts();
+        rounds += 1;
+    }
+    let pause_us = joint.board.longest_pause_us;
+    println!("measured: {pause_us} us between two ticks, {rounds} rounds");
+    assert!(pause_us <= TICK_US + FRAME_US, "{pause_us} us");
+    assert!(joint.board.watchdog_refreshes - refreshes > 400, "{rounds} rounds");
 }
 
 /// The amplifiers' offsets drift as they warm up. The driver measures them with the bridge open at each arming.

@@ -37,6 +37,11 @@ pub struct SimulatedBoard {
     pub state_reads: usize,
     /// Number of refreshes of the watchdog.
     pub watchdog_refreshes: usize,
+    /// Time of the last refresh, and the longest time from one to the next, us.
+    pub refreshed_us: u64,
+    pub longest_pause_us: u64,
+    /// Time that each received frame takes, us.
+    pub frame_us: u64,
     /// Constants of the sensors that the background applied last.
     pub sensors: SensorParameters,
     /// Readings of the dry side.
@@ -52,7 +57,9 @@ impl Board for SimulatedBoard {
         self.now_us
     }
     fn receive(&mut self) -> Option<Frame> {
-        self.received.pop_front()
+        let frame = self.received.pop_front()?;
+        self.now_us += self.frame_us;
+        Some(frame)
     }
     fn has_room(&mut self) -> bool {
         self.sent.len() < self.room
@@ -75,6 +82,8 @@ impl Board for SimulatedBoard {
     }
     fn refresh_watchdog(&mut self) {
         self.watchdog_refreshes += 1;
+        self.longest_pause_us = self.longest_pause_us.max(self.now_us - self.refreshed_us);
+        self.refreshed_us = self.now_us;
     }
 }
 
@@ -132,6 +141,9 @@ impl Joint {
             reading_us: 0,
             state_reads: 0,
             watchdog_refreshes: 0,
+            refreshed_us: 0,
+            longest_pause_us: 0,
+            frame_us: 0,
             sensors: SensorParameters::default(),
             enclosure: enclosure::Readings::default(),
             link,
@@ -204,8 +216,12 @@ impl Joint {
         }
     }
 
-    /// Runs one round of the background loop, a tick later.
+    /// Runs the background loop for a tick: the frames that wait, and then the tick.
     pub fn run_round(&mut self) -> RoundOutcome {
+        let outcome = self.background.round(&mut self.board);
+        if outcome == RoundOutcome::Restart {
+            return outcome;
+        }
         self.board.now_us += TICK_US;
         self.background.round(&mut self.board)
     }

@@ -40,6 +40,8 @@ const NEW_MESSAGE: u32 = 1;
 const FIFO_FULL: u32 = 1 << 1;
 const MESSAGE_LOST: u32 = 1 << 2;
 const TRANSMITTED: u32 = 1 << 7;
+/// Remote frames with identifiers of eleven bits are rejected.
+const REJECT_REMOTE: u32 = 1 << 1;
 const BUS_OFF: u32 = 1 << 7;
 const ERROR_PASSIVE: u32 = 1 << 5;
 
@@ -78,8 +80,8 @@ pub struct Fdcan {
     /// Transmit elements that wait, oldest first, and the one on the bus with its end.
     waiting: VecDeque<usize>,
     on_bus: Option<(u64, usize)>,
-    /// Frames that others send: earliest start.
-    arriving: VecDeque<(u64, Frame)>,
+    /// Frames that others send: earliest start, and true for a remote frame.
+    arriving: VecDeque<(u64, Frame, bool)>,
     arrival: Option<u64>,
     bus_free: u64,
     /// Error counters: transmit, receive.
@@ -194,8 +196,19 @@ impl Fdcan {
 
     /// Sends a frame to the node, from this time on.
     pub fn deliver(&mut self, frame: Frame, now: u64) {
-        self.arriving.push_back((now, frame));
+        self.arriving.push_back((now, frame, false));
         self.begin_next(now);
+    }
+
+    /// Sends a remote frame, which requests that of an identifier.
+    pub fn deliver_remote(&mut self, frame: Frame, now: u64) {
+        self.arriving.push_back((now, frame, true));
+        self.begin_next(now);
+    }
+
+    /// Returns the number of frames of others on the bus and waiting for it.
+    pub fn waiting_frames(&self) -> usize {
+        self.arriving.len()
     }
 
     /// Sets the error state: bus-off, or passive.
@@ -231,11 +244,11 @@ impl Fdcan {
         let others_win = match (&own, arrives) {
             (_, None) => false,
             (None, Some(_)) => true,
-            (Some((_, own)), Some((from, other))) => {
+            (Some((_, own)), Some((from, other, _))) => {
                 *from <= start && other.identifier() < own.identifier()
             }
         };
-        if others_win && let Some((from, frame)) = arrives {
+        if others_win && let Some((from, frame, _)) = arrives {
             self.arrival = Some(start.max(*from) + frame_cycles(frame));
         } else if let Some((element, frame)) = own {
             let cycles = match &frame {
@@ -248,9 +261,9 @@ impl Fdcan {
 
     /// Puts the frame of the others that is next on the bus first: the lowest identifier of those that wait.
     fn sort_arriving(&mut self, start: u64) {
-        let waits = self.arriving.iter().enumerate().filter(|(_, (from, _))| *from <= start);
+        let waits = self.arriving.iter().enumerate().filter(|(_, (from, ..))| *from <= start);
         let lowest =
-            waits.min_by_key(|(at, (_, frame))| (frame.identifier(), *at)).map(|(at, _)| at);
+            waits.min_by_key(|(at, (_, frame, _))| (frame.identifier(), *at)).map(|(at, _)| at);
         if let Some(frame) = lowest.and_then(|at| self.arriving.remove(at)) {
             self.arriving.push_front(frame);
         }
@@ -319,10 +332,10 @@ impl Fdcan {
         }
         self.errors[1] = self.errors[1].saturating_sub(1);
         self.bus_free = end;
-        if let Some((_, frame)) = self.arriving.pop_front()
+        if let Some((_, frame, is_remote)) = self.arriving.pop_front()
             && self.is_running()
         {
-            self.receive(&frame);
+            self.receive(&frame, is_remote);
         }
         self.show_errors();
     }
@@ -389,8 +402,9 @@ impl Fdcan {
         settings >> 4 & 3 == 0
     }
 
-    fn receive(&mut self, frame: &Frame) {
-        if !self.accepts(u32::from(frame.identifier())) {
+    fn receive(&mut self, frame: &Frame, is_remote: bool) {
+        let is_rejected = is_remote && self.register(RXGFC) & REJECT_REMOTE != 0;
+        if is_rejected || !self.accepts(u32::from(frame.identifier())) {
             return;
         }
         if self.filled == ELEMENTS {
@@ -400,7 +414,7 @@ impl Fdcan {
         let words = &mut self.ram[FIFO_0 + ELEMENT_WORDS * place..];
         let mut bytes = [0; 8];
         bytes[..frame.data().len()].copy_from_slice(frame.data());
-        words[0] = u32::from(frame.identifier()) << 18;
+        words[0] = u32::from(frame.identifier()) << 18 | u32::from(is_remote) << 29;
         words[1] = (frame.data().len() as u32) << 16;
         words[2] = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         words[3] = u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]);

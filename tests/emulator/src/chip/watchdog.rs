@@ -16,6 +16,9 @@ pub struct Watchdog {
     expires: Option<u64>,
     /// Number of refreshes.
     pub refreshes: u64,
+    refreshed_at: u64,
+    /// Longest time from one refresh to the next, cycles.
+    pub longest_pause: u64,
 }
 
 impl Watchdog {
@@ -34,6 +37,8 @@ impl Watchdog {
         match (offset, word & 0xFFFF) {
             (KR, 0xAAAA) if self.expires.is_some() => {
                 self.refreshes += 1;
+                self.longest_pause = self.longest_pause.max(now - self.refreshed_at);
+                self.refreshed_at = now;
                 self.restart(now);
             }
             (KR, 0xCCCC) => self.restart(now),

@@ -8,6 +8,7 @@ mod bus;
 mod cost;
 mod course;
 mod dry_side;
+mod flood;
 mod interruptions;
 mod peripherals;
 mod power_cut;

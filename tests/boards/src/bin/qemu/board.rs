@@ -135,7 +135,8 @@ struct EmulatedBoard {
 fn run(mut background: Background<BoardFlash>, mut board: EmulatedBoard) -> ! {
     loop {
         board.bus.line.clear();
-        if background.round(&mut board) == RoundOutcome::Restart {
+        let outcome = background.round(&mut board);
+        if outcome == RoundOutcome::Restart {
             // The emulator keeps files open across a reset, so close the file first.
             drop(background.into_flash());
             cortex_m::peripheral::SCB::sys_reset()
@@ -146,7 +147,9 @@ fn run(mut background: Background<BoardFlash>, mut board: EmulatedBoard) -> ! {
             // The UART may have become free before its interrupt was enabled.
             board.bus.send_waiting();
         }
-        board.clock.sleep();
+        if outcome == RoundOutcome::Sleep {
+            board.clock.sleep();
+        }
     }
 }
 

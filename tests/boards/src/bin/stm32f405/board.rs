@@ -192,11 +192,14 @@ fn main() -> ! {
     let (background, board) =
         start(BACKGROUND_STATE, FLASH, RECEIVE_QUEUE, LOOP_QUEUES, stack_overflowed);
     loop {
-        if background.round(board) == RoundOutcome::Restart {
+        let outcome = background.round(board);
+        if outcome == RoundOutcome::Restart {
             cortex_m::peripheral::SCB::sys_reset();
         }
         board.bus.send_waiting();
-        cortex_m::asm::wfi();
+        if outcome == RoundOutcome::Sleep {
+            cortex_m::asm::wfi();
+        }
     }
 }
 
