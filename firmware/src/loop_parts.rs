@@ -187,7 +187,8 @@ impl LoopParts {
             modulation_max: set.motor.modulation_max.min(stage.modulation_max),
             ..set.motor
         }
-        .build(period_s)?;
+        .build(period_s)?
+        .with_overspeed(set.thresholds.overspeed_rad_s);
         let max_current_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
         let model = LimitedCompensator::build(&set.friction, max_current_a, period_s)?;
         Ok(Self { motor, model, may_drive: true })

@@ -321,7 +321,9 @@ impl<C: Compensate> CurrentLoop<C> {
         let velocity_rad_s = self.observer.velocity_rad_s(motor);
         let acceleration_rad_s2 = self.observer.acceleration_rad_s2(motor);
         let position_rad = self.observer.position_rad(motor);
-        flags |= LoopFlags::OVERSPEED.when(velocity_rad_s.abs() > motor.velocity_max_rad_s);
+        let speed_rad_s = velocity_rad_s.abs();
+        flags |= LoopFlags::VELOCITY_EXCEEDED.when(speed_rad_s > motor.velocity_max_rad_s);
+        flags |= LoopFlags::OVERSPEED.when(speed_rad_s > motor.overspeed_rad_s);
         let age_s = self.observer.age_s();
         let observed = |value| Reading { value, age_s };
         let inputs = covariates.inputs(MotionReadings {

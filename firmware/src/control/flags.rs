@@ -33,8 +33,8 @@ bitflags::bitflags! {
         const ENCODER_LOST = 1 << 10;
         /// Whole turns of the motor are unknown; the compensator receives no position.
         const POSITION_UNREFERENCED = 1 << 11;
-        /// The joint velocity exceeds `velocity_max_rad_s`.
-        const OVERSPEED = 1 << 12;
+        /// The joint velocity exceeds `velocity_max_rad_s`. The supervisor stops the joint if it persists.
+        const VELOCITY_EXCEEDED = 1 << 12;
         /// The set-point is older than `setpoint_timeout_s` or was never received: no current.
         const SETPOINT_STALE = 1 << 13;
         /// The set-point current is not finite: no current.
@@ -54,13 +54,16 @@ bitflags::bitflags! {
         /// A value computed by the loop was not finite; its state was cleared. This cannot happen with validated
         /// parameters. The flag makes a programming error visible and keeps it out of the voltage.
         const NOT_FINITE = 1 << 21;
+        /// The joint velocity exceeds `overspeed_rad_s`.
+        const OVERSPEED = 1 << 23;
         /// The bus is nearly full: the copper burns braking power by a d current, or braking is reduced.
         const BRAKING_LIMITED = 1 << 22;
 
         /// Flags that open the bridge in the cycle in which they are set.
         const FAULTS = Self::CURRENT_INVALID.bits() | Self::OVERCURRENT.bits()
             | Self::BUS_UNKNOWN.bits() | Self::BUS_UNDERVOLTAGE.bits()
-            | Self::BUS_OVERVOLTAGE.bits() | Self::ENCODER_LOST.bits() | Self::NOT_FINITE.bits();
+            | Self::BUS_OVERVOLTAGE.bits() | Self::ENCODER_LOST.bits() | Self::NOT_FINITE.bits()
+            | Self::OVERSPEED.bits();
     }
 }
 

@@ -239,6 +239,7 @@ impl MotorParameters {
             park_units: self.encoder_delay_s * UNITS_PER_RAD,
             drive_units: (self.encoder_delay_s + DRIVE_DELAY_PERIODS * period_s) * UNITS_PER_RAD,
             velocity_max_rad_s: self.velocity_max_rad_s,
+            overspeed_rad_s: f32::INFINITY,
             setpoint_timeout_s: self.setpoint_timeout_s,
             inertia_kg_m2: self.inertia_kg_m2,
         })
@@ -292,11 +293,19 @@ pub struct Motor {
     /// duties act.
     pub(super) drive_units: f32,
     pub(super) velocity_max_rad_s: f32,
+    /// Joint speed at which the bridge opens, rad/s.
+    pub(super) overspeed_rad_s: f32,
     pub(super) setpoint_timeout_s: f32,
     pub(super) inertia_kg_m2: f32,
 }
 
 impl Motor {
+    /// Returns the motor with a joint speed at which the bridge opens, rad/s; without it, there is none.
+    #[must_use]
+    pub const fn with_overspeed(self, overspeed_rad_s: f32) -> Self {
+        Self { overspeed_rad_s, ..self }
+    }
+
     /// Returns the period for which the loop was built, s.
     pub fn period_s(&self) -> f32 {
         self.period_s

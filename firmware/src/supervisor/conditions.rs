@@ -49,7 +49,7 @@ const fn raising_loop_flags(code: Code) -> LoopFlags {
         Code::EncoderLost => LoopFlags::ENCODER_LOST,
         Code::EncoderJump => LoopFlags::ENCODER_IMPLAUSIBLE,
         Code::AdcTimeout => LoopFlags::BUS_UNKNOWN,
-        Code::Overspeed => LoopFlags::OVERSPEED,
+        Code::Overspeed => LoopFlags::OVERSPEED.union(LoopFlags::VELOCITY_EXCEEDED),
         Code::Internal => LoopFlags::NOT_FINITE,
         Code::VoltageLimited => LoopFlags::VOLTAGE_LIMITED,
         Code::CurrentLimited => LoopFlags::CURRENT_LIMITED,

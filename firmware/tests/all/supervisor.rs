@@ -180,7 +180,8 @@ fn every_flag_raises_a_code_or_is_listed_as_silent() {
         bench.run(200 * STEP_US);
         let is_silent = bench.events.is_empty();
         assert_eq!(is_silent, silent_flags.contains(flag), "{name}");
-        let stops = LoopFlags::FAULTS | LoopFlags::OVERSPEED | LoopFlags::ENCODER_IMPLAUSIBLE;
+        let stops =
+            LoopFlags::FAULTS | LoopFlags::VELOCITY_EXCEEDED | LoopFlags::ENCODER_IMPLAUSIBLE;
         assert_eq!(bench.supervisor.is_bridge_allowed(), !stops.contains(flag), "{name}");
     }
     // If one velocity is missing the other replaces it. Outside its training range a network's law uses its

@@ -1,9 +1,11 @@
 //! Tests of the whole driver in virtual time: CAN frames, background loop, queues, interrupt, bridge and plant.
 
 use super::driver::{Joint, NODE};
+use super::plant::Machine;
 use firmware::background::{RoundOutcome, TICK_US};
 use firmware::control::{BridgeFault, StageSample, ValidChannels};
 use firmware::node::dictionary::index;
+use firmware::parameter_set::ParameterSet;
 use firmware::sensors::SensorParameters;
 use firmware::supervisor::Code;
 
@@ -116,6 +118,33 @@ fn restart_waits_for_last_frames_or_timeout() {
     let began_us = joint.board.now_us;
     assert_eq!(joint.background.round(&mut joint.board), RoundOutcome::Restart);
     assert!(joint.board.now_us - began_us < 10);
+}
+
+/// The interrupt compares the speed in each of its periods: a background that hangs does not delay the stop.
+#[test]
+fn overspeed_opens_the_bridge_while_the_background_hangs() {
+    let mut set = ParameterSet::default();
+    set.motor.velocity_max_rad_s = 20.0;
+    set.thresholds.overspeed_rad_s = 8.0;
+    let mut joint = Joint::with(Machine::default(), &set);
+    joint.drive_ms(0.0, 5);
+    joint.request_state(1);
+    joint.drive_ms(0.0, 30);
+    for _ in 0..500 {
+        joint.drive_ms(10.0, 1);
+        if joint.stage.plant.velocity() > 7.0 {
+            break;
+        }
+    }
+    assert!(joint.stage.is_on());
+    for _ in 0..50 {
+        joint.run_interrupts();
+    }
+    let speed = joint.stage.plant.velocity();
+    println!("measured: {speed} rad/s");
+    assert!(!joint.stage.is_on() && (7.5..8.2).contains(&speed), "{speed} rad/s");
+    joint.run_ms(10);
+    assert!(joint.has_fault(Code::Overspeed));
 }
 
 /// Attack: any frames at the highest rate. Bound: a tick is delayed by one frame at most.
