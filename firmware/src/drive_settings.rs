@@ -69,7 +69,7 @@ drive_settings! {
     HOLDING_BRAKE 2 brake_release_ms: u16 = 100, 0..=5000, "0 to 5000";
     /// 2030h:3: time until the brake is closed, ms.
     HOLDING_BRAKE 3 brake_engage_ms: u16 = 100, 0..=5000, "0 to 5000";
-    /// 2030h:4: after a fault the brake engages: 0 at standstill, 1 at once.
+    /// 2030h:4: if the bridge opens in motion, the brake engages: 0 at standstill, 1 at once.
     HOLDING_BRAKE 4 brake_engage_at: u8 = 0, 0 | 1, "0 (standstill) or 1 (at once)";
     /// 2030h:5: longest wait for standstill, ms.
     HOLDING_BRAKE 5 brake_longest_wait_ms: u16 = 1000, 0..=60000, "0 to 60000";

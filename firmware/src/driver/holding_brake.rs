@@ -4,10 +4,10 @@
 //! bridge drives -> output releases -> release delay -> motion is permitted
 //! joint stands  -> output engages  -> engage delay  -> the bridge may open
 //! ```
-//! In both delays the motor holds the joint, because the brake is not yet open, or not yet closed. If the bridge opens by
-//! a fault, the brake engages at once, or waits for standstill: a brake that is only made to hold wears or slips when
-//! it stops a moving joint. A joint that does not stop in the longest wait, or whose speed is unknown, is stopped by
-//! the brake in any case.
+//! In both delays the motor holds the joint, because the brake is not yet open, or not yet closed. If the bridge opens
+//! while the joint moves, the brake engages at once, or waits for standstill: a brake that is only made to hold wears or
+//! slips when it stops a moving joint. It does not wait if the bridge has a fault and cannot brake the joint, if the joint
+//! gets faster, if its speed is unknown, or longer than the longest wait: such a load falls.
 //!
 //! The brake closes without power. A processor without firmware does not drive the output, and a resistor on the
 //! board keeps the brake closed then.
@@ -22,6 +22,8 @@ pub struct BrakeInputs {
     pub is_driven: bool,
     /// The driver wants the brake closed although the bridge drives.
     pub wants_closed: bool,
+    /// The bridge has no fault, so that its low sides can brake the motor.
+    pub is_bridge_sound: bool,
     /// Speed, rad/s; `None` if it is unknown.
     pub speed_rad_s: Option<f32>,
     /// Time, us.
@@ -34,23 +36,26 @@ pub struct HoldingBrake {
     is_released: bool,
     /// Time of the last change of the output, us.
     changed_us: u64,
-    /// Time since which the bridge is open with a released brake, us.
-    open_us: Option<u64>,
+    /// Time since which the bridge is open, us, and the lowest speed since then, rad/s.
+    open: Option<(u64, f32)>,
 }
 
 impl HoldingBrake {
     /// Runs a step, once per tick.
     pub fn step(&mut self, settings: &DriveSettings, inputs: &BrakeInputs) {
-        let BrakeInputs { is_driven, wants_closed, speed_rad_s, now_us } = *inputs;
+        let BrakeInputs { is_driven, wants_closed, is_bridge_sound, speed_rad_s, now_us } = *inputs;
         let is_released = if is_driven {
-            self.open_us = None;
+            self.open = None;
             !wants_closed
         } else {
-            let since_us = *self.open_us.get_or_insert(now_us);
+            // An unknown speed is none that decreases.
+            let speed = speed_rad_s.unwrap_or(f32::NAN);
+            let (since_us, lowest) = self.open.unwrap_or((now_us, speed));
+            self.open = Some((since_us, lowest.min(speed)));
             let longest_us = 1000 * u64::from(settings.brake_longest_wait_ms);
-            let moves = speed_rad_s.is_some_and(|speed| speed > STANDSTILL_RAD_S);
-            let waits = settings.brake_engage_at == 0 && moves && now_us - since_us < longest_us;
-            self.is_released && waits
+            let slows_down = speed > STANDSTILL_RAD_S && speed <= lowest + STANDSTILL_RAD_S;
+            let waits = settings.brake_engage_at == 0 && is_bridge_sound && slows_down;
+            self.is_released && waits && now_us - since_us < longest_us
         };
         if is_released != self.is_released {
             (self.is_released, self.changed_us) = (is_released, now_us);
@@ -110,8 +115,13 @@ mod tests {
         }
     }
 
-    const OPEN_BRIDGE: BrakeInputs =
-        BrakeInputs { is_driven: false, wants_closed: false, speed_rad_s: Some(0.0), now_us: 0 };
+    const OPEN_BRIDGE: BrakeInputs = BrakeInputs {
+        is_driven: false,
+        wants_closed: false,
+        is_bridge_sound: true,
+        speed_rad_s: Some(0.0),
+        now_us: 0,
+    };
     const DRIVEN: BrakeInputs = BrakeInputs { is_driven: true, ..OPEN_BRIDGE };
 
     #[test]
@@ -146,6 +156,17 @@ mod tests {
         let mut brake = released(&settings());
         run(&mut brake, &settings(), 10..11, BrakeInputs { speed_rad_s: None, ..moving });
         assert!(!brake.is_released(), "its speed is unknown");
+        let mut brake = released(&settings());
+        run(&mut brake, &settings(), 10..11, BrakeInputs { is_bridge_sound: false, ..moving });
+        assert!(!brake.is_released(), "its bridge cannot brake it");
+        let mut brake = released(&settings());
+        for (ms, speed) in [(10, 2.0), (11, 1.5), (12, 1.55), (13, 1.4)] {
+            let speed_rad_s = Some(speed);
+            run(&mut brake, &settings(), ms..ms + 1, BrakeInputs { speed_rad_s, ..moving });
+            assert!(brake.is_released(), "it slows down, with the noise of its speed");
+        }
+        run(&mut brake, &settings(), 14..15, BrakeInputs { speed_rad_s: Some(1.51), ..moving });
+        assert!(!brake.is_released(), "it gets faster");
         let at_once = DriveSettings { brake_engage_at: 1, ..settings() };
         let mut brake = released(&at_once);
         run(&mut brake, &at_once, 10..11, moving);

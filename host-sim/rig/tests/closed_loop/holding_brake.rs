@@ -24,6 +24,11 @@ pub fn rows() -> &'static [ScenarioRow] {
         let mut rows = cycle();
         rows.extend(fault(true));
         rows.extend(fault(false));
+        rows.extend(fall_in_motion("gate driver fault", |master| {
+            master.rig.stage_mut().gate_fault = true;
+            0x0F
+        }));
+        rows.extend(fall_in_motion("disable voltage", |_| 0x00));
         rows.extend(silence());
         rows
     });
@@ -113,6 +118,27 @@ fn fault(has_brake: bool) -> Vec<ScenarioRow> {
         let limits = if has_brake { 0.0..=2.0 * most } else { 0.3..=3.0 };
         vec![
             row(18, &name, "fall, rad", fallen, limits),
+            row(18, &name, "stays armed", flag(master.rig.is_armed()), 0.0..=0.0),
+        ]
+    })
+}
+
+/// The bridge opens while the leg moves down; `open` returns the controlword that the master sends then.
+fn fall_in_motion(what: &str, open: fn(&mut Master) -> u16) -> Vec<ScenarioRow> {
+    let name = format!("leg lowered with 0.5 rad/s, with its brake: {what}");
+    with_brake(true, |master| {
+        enable(master);
+        run(master, 500, 0x0F, 0.0);
+        run(master, 500, 0x0F, -0.5);
+        let controlword = open(master);
+        let fallen = fall(master, 1000, |master| drive(master, controlword, -0.5));
+        // The brake closes in 30 ms, 3 ms after the fault, or 7 ms after the leg is faster by 0.1 rad/s. Then it stops the
+        // leg with three times the load.
+        let until_s = CLOSING_S + 0.01;
+        let speed = 0.5 + FALL_RAD_S2 * until_s;
+        let most = 0.5 * (0.5 + speed) * until_s + 0.5 * speed * speed / (2.0 * FALL_RAD_S2);
+        vec![
+            row(18, &name, "fall, rad", fallen, 0.01..=1.5 * most),
             row(18, &name, "stays armed", flag(master.rig.is_armed()), 0.0..=0.0),
         ]
     })
