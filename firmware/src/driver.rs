@@ -46,6 +46,10 @@ use compensator_core::network::Factors;
 use device::Device;
 use embedded_storage::nor_flash::NorFlash;
 
+/// Maximum time from the request of a restart to the restart, us: a joint that has not stopped by then is left to its open
+/// bridge. The longest ramp of the reference joint and the longest delay of a holding brake fit into it.
+const RESTART_LIMIT_US: u64 = 10_000_000;
+
 /// Time from the start until the model and its live terms are logged, us: sensors and bus have reported by then.
 const MODEL_LOG_DELAY_US: u64 = 1_000_000;
 
@@ -56,6 +60,8 @@ pub struct Driver<F> {
     sdo: SdoServer,
     device: Device<F>,
     is_reset_requested: bool,
+    /// A restart waits until the joint has stopped, at the latest until this time, us.
+    restart_until_us: Option<u64>,
     /// The last state that was logged.
     logged: JointState,
     /// Time at which the model is logged, us; `None` afterwards.
@@ -90,6 +96,7 @@ impl<F: NorFlash> Driver<F> {
             sdo: SdoServer::new(),
             device: Device::with_defaults(settings, flash, identity, now_us),
             is_reset_requested: false,
+            restart_until_us: None,
             logged: JointState::Safe,
             model_log_us: Some(now_us.saturating_add(MODEL_LOG_DELAY_US)),
         }
@@ -111,12 +118,16 @@ impl<F: NorFlash> Driver<F> {
     /// Processes a received frame.
     pub fn receive(&mut self, frame: &Frame, now_us: u64) {
         self.device.counters.received = self.device.counters.received.wrapping_add(1);
-        if let Some(action) = self.network.on_nmt_frame(frame) {
-            self.execute(action, now_us);
-            return;
-        }
         if self.network.on_heartbeat(frame, self.device.settings().awaited_heartbeat, now_us) {
             self.device.confirm_target_by_heartbeat(now_us);
+            return;
+        }
+        if self.restart_until_us.is_some() {
+            // Nothing ends the stop before the restart.
+            return;
+        }
+        if let Some(action) = self.network.on_nmt_frame(frame) {
+            self.execute(action, now_us);
             return;
         }
         let node = self.network.node();
@@ -166,16 +177,17 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::State(_) => {
                 // A joint without a master must not stay armed.
                 if !self.network.is_operational() {
+                    self.device.set_time(now_us);
                     self.device.restart_pdos();
                     self.device.stop_connection();
                 }
             }
-            NmtAction::Reset if self.is_reset_requested => {}
             NmtAction::Reset => {
                 self.device.note_ordered_restart();
-                self.is_reset_requested = true;
+                self.begin_restart(now_us);
             }
             NmtAction::ResetCommunication => {
+                self.device.set_time(now_us);
                 self.device.stop_connection();
                 self.device.lock();
                 self.sdo = SdoServer::new();
@@ -183,6 +195,20 @@ impl<F: NorFlash> Driver<F> {
                 let node = self.device.settings().node;
                 self.network = Network::boot(node, now_us, self.device.outbox());
             }
+        }
+    }
+
+    /// Stops the joint as if its connection were lost. The restart follows once it has stopped.
+    fn begin_restart(&mut self, now_us: u64) {
+        self.restart_until_us = Some(now_us.saturating_add(RESTART_LIMIT_US));
+        self.device.set_time(now_us);
+        self.device.stop_connection();
+        self.watch_restart(now_us);
+    }
+
+    fn watch_restart(&mut self, now_us: u64) {
+        if let Some(until_us) = self.restart_until_us {
+            self.is_reset_requested |= now_us >= until_us || self.device.has_stopped();
         }
     }
 
@@ -222,7 +248,10 @@ impl<F: NorFlash> Driver<F> {
             let frame = self.sdo.tick(now_us, &mut self.device);
             self.send_answer(frame, self.network.node());
         }
-        self.is_reset_requested |= self.device.program.is_restart_due(now_us);
+        if self.restart_until_us.is_none() && self.device.program.is_restart_due(now_us) {
+            self.begin_restart(now_us);
+        }
+        self.watch_restart(now_us);
         if self.model_log_us.is_some_and(|log_us| now_us >= log_us) {
             self.model_log_us = None;
             self.device.log_model();
@@ -292,7 +321,8 @@ impl<F: NorFlash> Driver<F> {
         self.device.set_enclosure(readings);
     }
 
-    /// Returns true if the network requested a restart, which the board or its simulation performs.
+    /// Returns true if the network requested a restart and the joint has stopped. The board or its simulation performs
+    /// the restart.
     pub const fn is_reset_requested(&self) -> bool {
         self.is_reset_requested
     }

@@ -262,6 +262,8 @@ impl Profile {
         let was = self.state;
         let is_voltage_enabled = controlword & control::ENABLE_VOLTAGE != 0;
         self.state = match (was, controlword & 0xF) {
+            // A lost connection is no command that its master could take back.
+            (State::Stopping(StopCause::ConnectionLost), _) if is_voltage_enabled => was,
             (State::OperationEnabled | State::Stopping(_), _) if is_voltage_enabled && !powered => {
                 State::QuickStopActive
             }

@@ -42,7 +42,7 @@ pub trait RigDriver {
     /// Stalls the background loop for this time, ms; the interrupt continues.
     fn stall_background(&mut self, milliseconds: u32);
 
-    /// Returns true after a watchdog reset. The driver then stays inactive.
+    /// Returns true after a reset, by the watchdog or as the network requested. The driver then stays inactive.
     fn is_reset(&self) -> bool;
 
     /// Returns true if the joint is armed.
@@ -101,7 +101,7 @@ pub struct LibraryDriver<'q> {
     /// Remaining time of a stall of the background loop, ms, and the frames received during it.
     stalled_ms: u32,
     deferred_frames: VecDeque<Frame>,
-    /// Time since the watchdog was serviced, ms, and whether it has reset the processor.
+    /// Time since the watchdog was serviced, ms, and whether the processor was reset.
     watchdog_unserviced_ms: u32,
     is_reset: bool,
 }
@@ -195,6 +195,7 @@ impl RigDriver for LibraryDriver<'_> {
             if self.background.tick(state, Some(&mut self.link), self.now_us) {
                 self.watchdog_unserviced_ms = 0;
             }
+            self.is_reset = self.background.driver().is_reset_requested();
         }
         // Without its firmware, the processor does not drive the output.
         let output = self.background.driver().brake_output().filter(|_| !self.is_reset);
@@ -225,7 +226,7 @@ impl RigDriver for LibraryDriver<'_> {
     }
 
     fn is_armed(&mut self) -> bool {
-        self.background.driver().is_armed()
+        self.background.driver().is_armed() && !self.is_reset
     }
 
     fn faults(&mut self) -> CodeSet {

@@ -298,7 +298,8 @@ impl JointRig<'_> {
         self.sends_sync = false;
     }
 
-    /// Returns true after a watchdog reset. The rig then stays inactive; simulate the restart with a new rig.
+    /// Returns true after a reset, by the watchdog or as the network requested. The rig then stays inactive; simulate the
+    /// restart with a new rig.
     pub fn is_reset(&self) -> bool {
         self.driver.is_reset()
     }

@@ -136,8 +136,21 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Stops the joint because its network stops, with the reaction of 6007h.
+    /// Returns true if the bridge is open, its low sides too, and the holding brake is closed: a restart changes nothing.
+    pub(in crate::driver) fn has_stopped(&self) -> bool {
+        let report = self.current_loop.report();
+        // A board without a current loop samples nothing.
+        let is_open = report.sample_age_us.is_none()
+            || report.loop_flags.contains(LoopFlags::BRIDGE_OFF) && !report.bridge_shorted;
+        let is_closed = self.stopping.brake.is_closed(&self.settings.drive, self.now_us);
+        !self.is_bridge_in_use() && is_open && is_closed
+    }
+
+    /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.
     pub(in crate::driver) fn stop_connection(&mut self) {
+        if self.supervisor.is_stopping() {
+            return;
+        }
         self.profile.stop_connection();
         let reaction = self.settings.drive.reaction(StopCause::ConnectionLost);
         match reaction {
@@ -263,6 +276,7 @@ impl<F: NorFlash> Device<F> {
         let inputs = BrakeInputs {
             is_driven,
             wants_closed,
+            is_bridge_sound: self.supervisor.is_braking_allowed(),
             speed_rad_s: is_known.then_some(report.velocity_rad_s.abs()),
             now_us: self.now_us,
         };

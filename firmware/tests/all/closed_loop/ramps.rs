@@ -2,6 +2,7 @@
 
 use super::driver::Joint;
 use super::plant::Machine;
+use firmware::background::RoundOutcome;
 use firmware::control::{BridgeFault, MotorParameters, ValidChannels};
 use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
@@ -182,6 +183,87 @@ fn network_that_stops_ends_the_driving_with_the_reaction_of_6007h() {
         let ms = open_ms(&mut joint, |joint| joint.run_ms(1));
         assert!(expected_ms.contains(&ms), "{options:?}: {ms} ms");
         assert!(joint.background.driver().supervisor().faults().is_empty());
+    }
+}
+
+/// Runs until the restart, with these frames each millisecond; returns the time, ms. The bridge is open then.
+fn restart_ms(joint: &mut Joint, frames: &[(u16, &[u8])]) -> usize {
+    let ms = (1..12_000)
+        .find(|_| {
+            frames.iter().for_each(|(identifier, data)| joint.queue_frame(*identifier, data));
+            joint.run_interrupts();
+            joint.run_round() == RoundOutcome::Restart
+        })
+        .expect("a restart");
+    assert!(ms >= 10_000 || !joint.stage.is_on(), "after {ms} ms");
+    ms
+}
+
+#[test]
+fn network_reset_restarts_after_the_reaction_of_6007h_whatever_the_master_sends() {
+    for (options, expected_ms) in [
+        (vec![], 1..=5),
+        (vec![(index::FAULT_OPTION, 1)], 300..=385),
+        // A shorted motor needs 0.1 s at rest.
+        (vec![(index::FAULT_OPTION, -1)], 120..=300),
+        (vec![(index::ABORT_CONNECTION, 3), (index::QUICK_STOP_OPTION, 2)], 60..=135),
+    ] {
+        let mut joint = spinning(&options);
+        joint.queue_frame(0, &[0x81, 1]);
+        let ms = restart_ms(&mut joint, &[(0, &[1, 1]), (0x201, &[0x0F, 0, 0, 0])]);
+        assert!(expected_ms.contains(&ms), "{options:?}: {ms} ms");
+    }
+}
+
+#[test]
+fn network_reset_during_a_ramp_waits_for_its_end() {
+    // By a fault, with 605Eh, and by a command, whose ramp becomes that of 6007h.
+    for (silent_ms, expected_ms) in [(150, 230..=330), (0, 60..=135)] {
+        let reaction = if silent_ms > 0 { 1 } else { 2 };
+        let options = [(index::FAULT_OPTION, reaction), (index::QUICK_STOP_OPTION, 1)];
+        let mut joint = spinning(&options);
+        joint.run_ms(silent_ms);
+        if silent_ms == 0 {
+            joint.drive_velocity(QUICK_STOP, 3.0);
+        }
+        joint.queue_frame(0, &[0x81, 1]);
+        let ms = restart_ms(&mut joint, &[]);
+        assert!(expected_ms.contains(&ms), "silent for {silent_ms} ms: {ms} ms");
+        assert!(joint.stage.plant.velocity().abs() < 0.15, "{}", joint.stage.plant.velocity());
+    }
+}
+
+#[test]
+fn network_reset_of_a_joint_that_does_not_stop_has_a_limit() {
+    // The ramp ends a second late, or would last for 300 s.
+    for (deceleration, expected_ms) in [(50_000_000u32, 1_060..=1_070), (10_000, 10_000..=10_001)] {
+        // A machine turns the joint against its motor.
+        let machine = Machine { driven: Some(3.0), ..Machine::default() };
+        let mut joint = Joint::with(machine, &ParameterSet::default());
+        set_option(&mut joint, index::FAULT_OPTION, 2);
+        joint.write_object(index::QUICK_DECELERATION, 0, deceleration.to_le_bytes(), 4);
+        joint.drive_ms(0.0, 5);
+        joint.request_state(1);
+        joint.drive_ms(0.0, 60);
+        assert!(joint.stage.is_on());
+        joint.queue_frame(0, &[0x81, 1]);
+        let ms = restart_ms(&mut joint, &[]);
+        assert!(expected_ms.contains(&ms), "{deceleration}: {ms} ms");
+    }
+}
+
+#[test]
+fn master_that_returns_does_not_end_the_stop_by_its_lost_connection() {
+    for command in [0x82, 0x80] {
+        let mut joint = spinning(&[(index::FAULT_OPTION, 1)]);
+        joint.queue_frame(0, &[command, 1]);
+        joint.run_ms(50);
+        joint.queue_frame(0, &[1, 1]);
+        let ms = 50 + open_ms(&mut joint, |joint| joint.drive_velocity(0x0F, 3.0));
+        assert!((300..=380).contains(&ms), "{command:x}: {ms} ms");
+        // The same controlword does not enable the drive again.
+        (0..50).for_each(|_| joint.drive_velocity(0x0F, 3.0));
+        assert!(!joint.stage.is_on(), "{command:x}");
     }
 }
 

@@ -4,7 +4,9 @@ use super::rig::{Joint, Master, set};
 use super::table::{ScenarioRow, check, row};
 use super::velocity::{drive, enable};
 use firmware::node::dictionary::index;
-use joint_rig::EncoderFault;
+use firmware::supervisor::CanState;
+use joint_rig::{EncoderFault, WATCHDOG_TIMEOUT_MS};
+use simulated_machines::joint_plant::JointPlant;
 use std::sync::LazyLock;
 
 /// Speed before a stop, rad/s.
@@ -24,6 +26,10 @@ pub fn rows() -> &'static [ScenarioRow] {
         for stop in losses() {
             rows.extend(stop.rows());
         }
+        for stop in network_stops() {
+            rows.extend(stop.rows());
+        }
+        rows.extend(moving_start());
         rows.extend(holds());
         rows.extend(halt());
         rows
@@ -64,6 +70,8 @@ struct Stop {
     way: Way,
     /// Time from the event to the begin of the reaction, ms.
     delay_ms: f64,
+    /// The processor restarts once the joint has stopped.
+    restarts: bool,
 }
 
 fn nothing(_: &mut Master) {}
@@ -80,6 +88,7 @@ fn commands() -> [Stop; 6] {
         controlword,
         way,
         delay_ms: 0.0,
+        restarts: false,
     };
     [
         stop("quick stop, 605Ah = 0", &[(index::QUICK_STOP_OPTION, 0)], QUICK_STOP, Coast),
@@ -102,6 +111,7 @@ fn losses() -> [Stop; 6] {
         controlword: None,
         way,
         delay_ms: 99.0,
+        restarts: false,
     };
     fn cut_encoder(master: &mut Master) {
         let board = master.rig.stage_mut().board.as_mut().expect("a board");
@@ -114,6 +124,7 @@ fn losses() -> [Stop; 6] {
         controlword: Some(0x0F),
         way,
         delay_ms: 10.0,
+        restarts: false,
     };
     [
         silent("the master stops sending, 605Eh = 0", &[(index::FAULT_OPTION, 0)], Coast),
@@ -129,6 +140,57 @@ fn losses() -> [Stop; 6] {
     ]
 }
 
+/// Stops by the network, and by a processor that hangs. The master goes on to send targets.
+fn network_stops() -> [Stop; 10] {
+    use Way::{Coast, Ramp, Short};
+    const FAULT_RAMP: &[(u16, i16)] = &[(index::FAULT_OPTION, 2)];
+    fn reset(master: &mut Master) {
+        master.rig.send_immediately(0, &[0x81, 1]);
+    }
+    fn reset_communication(master: &mut Master) {
+        master.rig.send_immediately(0, &[0x82, 1]);
+    }
+    fn stop_node(master: &mut Master) {
+        master.rig.send_immediately(0, &[2, 1]);
+    }
+    fn leave_bus(master: &mut Master) {
+        master.rig.board_state_mut().can = CanState::Off;
+    }
+    fn hang(master: &mut Master) {
+        master.rig.stall_background(100);
+    }
+    let stop = |name, settings, act, way| Stop {
+        name,
+        settings,
+        act,
+        controlword: Some(0x0F),
+        way,
+        delay_ms: 0.0,
+        restarts: false,
+    };
+    let restart = |name, settings, way| Stop { restarts: true, ..stop(name, settings, reset, way) };
+    [
+        restart("NMT reset node, 605Eh = 0", &[(index::FAULT_OPTION, 0)], Coast),
+        restart("NMT reset node, 605Eh = -1", &[(index::FAULT_OPTION, -1)], Short),
+        restart("NMT reset node, 605Eh = 2", FAULT_RAMP, Ramp(QUICK)),
+        restart(
+            "NMT reset node, 6007h = 3, 605Ah = 1",
+            &[(index::ABORT_CONNECTION, 3), (index::QUICK_STOP_OPTION, 1)],
+            Ramp(SLOW),
+        ),
+        restart("NMT reset node, 6007h = 2", &[(index::ABORT_CONNECTION, 2)], Coast),
+        stop("NMT reset communication, 605Eh = 2", FAULT_RAMP, reset_communication, Ramp(QUICK)),
+        stop("NMT stop, 605Eh = 2", FAULT_RAMP, stop_node, Ramp(QUICK)),
+        stop("bus off, 605Eh = 2", FAULT_RAMP, leave_bus, Ramp(QUICK)),
+        stop("bus off, 605Eh = -1", &[(index::FAULT_OPTION, -1)], leave_bus, Short),
+        Stop {
+            delay_ms: f64::from(WATCHDOG_TIMEOUT_MS),
+            restarts: true,
+            ..stop("the background hangs, 605Eh = 2: watchdog, no ramp", FAULT_RAMP, hang, Coast)
+        },
+    ]
+}
+
 impl Stop {
     fn rows(&self) -> Vec<ScenarioRow> {
         let name = format!("CSV at 3 rad/s: {}", self.name);
@@ -141,7 +203,7 @@ impl Stop {
             let from = master.rig.plant().position_rad();
             (self.act)(master);
             master.rig.stage_mut().take_extremes();
-            let (mut rest_ms, mut open_ms) = (f64::INFINITY, f64::INFINITY);
+            let (mut rest_ms, mut open_ms, mut restart_ms) = (f64::INFINITY, f64::INFINITY, 0.0);
             for ms in 0..1500 {
                 match self.controlword {
                     Some(word) => drive(master, word, SPEED_RAD_S),
@@ -152,11 +214,20 @@ impl Stop {
                 if master.rig.stage_mut().applied_duty().is_none() {
                     open_ms = f64::min(open_ms, f64::from(ms + 1));
                 }
+                if !master.rig.is_reset() {
+                    restart_ms = f64::from(ms + 2);
+                }
             }
             let travel = master.rig.plant().position_rad() - from;
             let most_a = master.rig.stage_mut().take_extremes().current_a;
             let armed = flag(master.rig.is_armed());
-            self.checked(&name, [rest_ms, open_ms, travel, most_a, armed])
+            let mut rows = self.checked(&name, [rest_ms, open_ms, travel, most_a, armed]);
+            if self.restarts {
+                // Open low sides are reported within 3 ms, and the last frames take up to 20 ms.
+                let figure = "from open bridge to restart, ms";
+                rows.push(row(17, &name, figure, restart_ms - open_ms, 0.0..=25.0));
+            }
+            rows
         })
     }
 
@@ -188,6 +259,34 @@ impl Stop {
             row(17, name, "stays armed", armed, 0.0..=0.0),
         ]
     }
+}
+
+/// The driver starts while the joint turns: the bridge stays open.
+fn moving_start() -> Vec<ScenarioRow> {
+    let name = "start of the driver while the joint turns at 8 rad/s";
+    let turn = |plant: &mut JointPlant| {
+        while plant.velocity_rad_s() < 8.0 {
+            plant.period_at_current(50e-6, 20.0);
+        }
+    };
+    Joint::with(set(0.9)).run_plant(turn, |master| {
+        let speed = master.rig.plant().velocity_rad_s();
+        (0..1500).for_each(|_| master.rig.step_idle());
+        let extremes = master.rig.stage_mut().take_extremes();
+        vec![
+            // Friction takes 2 to 3 rad/s until the observer has settled.
+            row(17, name, "speed after the start, rad/s", speed, 1.0..=8.0),
+            row(17, name, "driven periods", extremes.driven_periods.into(), 0.0..=0.0),
+            row(
+                17,
+                name,
+                "speed at the end, rad/s",
+                master.rig.plant().velocity_rad_s().abs(),
+                0.0..=REST_RAD_S,
+            ),
+            row(17, name, "stays armed", flag(master.rig.is_armed()), 0.0..=0.0),
+        ]
+    })
 }
 
 /// *Quick stop active* holds the joint until "enable operation".
