@@ -34,7 +34,7 @@ impl CompensatorParameters {
     /// # Errors
     /// Returns the first field outside its range, with its value, its bound and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)
+        check_ranges(&Self::TEXTS, &self.to_array(), &Self::RANGES)
     }
 }
 

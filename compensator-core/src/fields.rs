@@ -4,7 +4,7 @@
 //! values for a record, the object dictionary and a file. [`named_fields!`](crate::named_fields) makes
 //! both from one list, so that a new field is one line and no order can differ from another.
 
-/// Makes a struct of named numbers with `FIELDS`, `NAMES`, `to_array`, `from_array` and `Default`.
+/// Makes a struct of named numbers with `FIELDS`, `NAMES`, `TEXTS`, `to_array`, `from_array` and `Default`.
 ///
 /// Each line is a field: its doc, name and type (`f32`, or an integer that an `f32` holds exactly) and its
 /// default. Where every line also says `, least..=most, "why";` the struct has `RANGES`, in the form that
@@ -24,7 +24,7 @@
 /// assert_eq!(Door::NAMES, ["torque_limit_nm", "attempts"]);
 /// assert_eq!(Door::default().to_array(), [2.0, 3.0]);
 /// assert_eq!(Door::from_array([1.0, 7.0]).attempts, 7);
-/// assert_eq!(Door::RANGES[0], (0.0, 10.0, "a limit is a size"));
+/// assert_eq!(Door::RANGES[0], (0.0, 10.0, compensator_core::text!("a limit is a size")));
 /// ```
 #[macro_export]
 macro_rules! named_fields {
@@ -41,6 +41,10 @@ macro_rules! named_fields {
 
             /// Names of the fields, in their order.
             pub const NAMES: [&'static str; Self::FIELDS] = [$(stringify!($field)),*];
+
+            /// Names of the fields as a refusal contains them.
+            pub const TEXTS: [$crate::parameters::Text; Self::FIELDS] =
+                $crate::parameters::Text::all(Self::NAMES);
 
             /// The fields, in their order.
             pub const fn to_array(self) -> [f32; Self::FIELDS] {
@@ -72,8 +76,8 @@ macro_rules! named_fields {
 
         impl $name {
             /// Smallest and largest legal value of each field, in their order, and why.
-            pub const RANGES: [(f32, f32, &'static str); Self::FIELDS] =
-                [$(($least, $most, $why)),*];
+            pub const RANGES: [(f32, f32, $crate::parameters::Text); Self::FIELDS] =
+                [$(($least, $most, $crate::parameters::Text::new($why))),*];
         }
     };
 }

@@ -4,26 +4,28 @@
 //! leave it within the envelope, which is why the step need not check. Floats hold everything.
 
 use crate::number::Real;
-use crate::refusal::{Bound, ParameterError, refuse};
+use crate::refusal::{Bound, ParameterError, Text, refuse};
+use crate::text;
 
 /// Refuses a coefficient the number type would round too coarsely, or has no room for.
 // Not inlined: a build checks many values, and is in every image.
 #[inline(never)]
-pub(crate) fn coefficient<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
+pub(crate) fn coefficient<T: Real>(field: Text, value: f32) -> Result<(), ParameterError> {
     if T::represents(value) {
         return Ok(());
     }
-    let why = "the number type cannot hold this coefficient to 1e-3 of its value";
+    let why = text!("the number type cannot hold this coefficient to 1e-3 of its value");
     refuse(field, value, Bound::Finite, why)
 }
 
 /// Refuses a product the number type has no room for, with two percent to spare for the rounding of
 /// its factors. A small product may round to nothing.
 #[inline(never)]
-pub(crate) fn product<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
-    if T::represents((1.02 * value.abs()).max(1.0)) {
+pub(crate) fn product<T: Real>(field: Text, value: f32) -> Result<(), ParameterError> {
+    // A value that is not a number must not pass as the larger one.
+    if value.is_finite() && T::represents((1.02 * value.abs()).max(1.0)) {
         return Ok(());
     }
-    let why = "the number type cannot hold this product of the step within the envelope";
+    let why = text!("the number type cannot hold this product of the step within the envelope");
     refuse(field, value, Bound::Finite, why)
 }

@@ -99,14 +99,14 @@ macro_rules! define_laws {
             #[inline(never)]
             pub const fn parameters(self) -> &'static [ParameterId] {
                 match self {
-                    $(LawKind::$kind => <$file::$kind<f64> as FrictionLaw<f64>>::PARAMETERS),*
+                    $(LawKind::$kind => <$file::$kind<f32> as FrictionLaw<f32>>::PARAMETERS),*
                 }
             }
 
             /// Returns true if the law itself models side load and pressure.
             pub const fn has_seal_load(self) -> bool {
                 match self {
-                    $(LawKind::$kind => <$file::$kind<f64> as FrictionLaw<f64>>::HAS_SEAL_LOAD),*
+                    $(LawKind::$kind => <$file::$kind<f32> as FrictionLaw<f32>>::HAS_SEAL_LOAD),*
                 }
             }
 
@@ -115,9 +115,9 @@ macro_rules! define_laws {
                 self,
                 written: &LawParameters<S>,
                 range: &LawRange,
-            ) -> Result<f64, ParameterError> {
+            ) -> Result<f32, ParameterError> {
                 match self {
-                    $(LawKind::$kind => $file::$kind::<f64>::check::<N, S>(written, range)),*
+                    $(LawKind::$kind => $file::$kind::<f32>::check::<N, S>(written, range)),*
                 }
             }
         }

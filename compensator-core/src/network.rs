@@ -36,6 +36,7 @@ pub use stroke::{StrokeRange, StrokeTracker};
 
 use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 use core::array;
 
 /// A trained network: input ranges, weights and limits of the factors.
@@ -96,7 +97,7 @@ pub struct NetworkTrace<T, const INPUTS: usize, const CELLS: usize> {
 }
 
 /// Maximum sum of the magnitudes of one gate's weights. It keeps the products within the range of [`crate::Fixed`].
-const LARGEST_SUM: f64 = 1000.0;
+const LARGEST_SUM: f32 = 1000.0;
 
 impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS> {
     /// Number of weights: first those of the gates, then those of the readout.
@@ -213,16 +214,18 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
         }
         let sum = lstm::largest([self.lstm.largest_sum(), self.readout.largest_sum()].into_iter());
         if sum.is_nan() || sum > LARGEST_SUM {
-            let why = "their sum must stay within the range of fixed point";
-            refuse("network_weights", sum, Bound::AtMost(LARGEST_SUM), why)?;
+            let why = text!("their sum must stay within the range of fixed point");
+            refuse(text!("network_weights"), sum, Bound::AtMost(LARGEST_SUM), why)?;
         }
-        for (field, value) in [("network_slew", self.slew), ("network_fade", self.fade)] {
-            let value = value.value();
+        for (field, value) in
+            [(text!("network_slew"), self.slew), (text!("network_fade"), self.fade)]
+        {
+            let value = value.single();
             if value.is_nan() || value <= 0.0 {
-                refuse(field, value, Bound::MoreThan(0.0), "factors must be able to move")?;
+                refuse(field, value, Bound::MoreThan(0.0), text!("factors must be able to move"))?;
             }
             if value > 1.0 {
-                refuse(field, value, Bound::AtMost(1.0), "a change is at most 1")?;
+                refuse(field, value, Bound::AtMost(1.0), text!("a change is at most 1"))?;
             }
         }
         Ok(())

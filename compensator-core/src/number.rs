@@ -65,10 +65,17 @@ pub trait Real:
     /// Returns the value as `f64`; for a dual number, its real part.
     fn value(self) -> f64;
 
+    /// Returns the value in single precision: in it, parameters are checked. A processor without double precision
+    /// then needs no emulated arithmetic, and a PC finds what a driver finds.
+    #[inline(always)]
+    fn single(self) -> f32 {
+        self.value() as f32
+    }
+
     /// Returns true if the type can represent `value` with a relative error of at most 1e-3, or as exact 0.
     ///
     /// A float returns true if the converted value is finite. [`Fixed`] has a limited range and resolution.
-    fn represents(value: f64) -> bool;
+    fn represents(value: f32) -> bool;
 
     /// Returns the magnitude.
     fn abs(self) -> Self;

@@ -6,12 +6,11 @@
 
 use crate::number::Real;
 use crate::quantity::Quantity;
+use crate::refusal::Text;
 
 /// Static description of a parameter.
 #[derive(Clone, Copy, Debug)]
 pub struct ParameterInfo {
-    /// Name in files, on the command line and in reports.
-    pub name: &'static str,
     /// Minimum legal value.
     pub lower: f64,
     /// Maximum legal value.
@@ -38,12 +37,29 @@ macro_rules! parameters {
 
         /// Description of each parameter, ordered by number.
         pub static TABLE: [ParameterInfo; COUNT] = [$(ParameterInfo {
-            name: $name, lower: $lower, upper: $upper, default: $default,
+            lower: $lower, upper: $upper, default: $default,
         }),*];
 
-        /// Units of each parameter, for a revolute and a prismatic joint. A table of its own, because the image of a
-        /// driver does not need it.
+        /// Ranges in single precision, in which a driver checks them.
+        static RANGES: [[f32; 2]; COUNT] = [$([$lower as f32, $upper as f32]),*];
+
+        /// Names of the parameters. The tables of texts are apart, because the image of a driver needs few of them.
+        static NAMES: [&str; COUNT] = [$($name),*];
+
+        /// Names as a refusal contains them.
+        static TEXTS: [Text; COUNT] = Text::all([$($name),*]);
+
+        /// Units of each parameter, for a revolute and a prismatic joint.
         static UNITS: [[&str; 2]; COUNT] = [$([$unit, $prismatic]),*];
+
+        impl<S: Real> ParameterValues<S> {
+            /// Creates the values with every parameter at its default.
+            // Out of line, because each inlined copy has one store per parameter.
+            #[inline(never)]
+            pub fn new() -> Self {
+                Self([$(S::from_f64($default)),*])
+            }
+        }
     };
 }
 
@@ -217,13 +233,6 @@ parameters! {
 pub struct ParameterValues<S>([S; COUNT]);
 
 impl<S: Real> ParameterValues<S> {
-    /// Creates the values with every parameter at its default.
-    // Out of line, because each inlined copy has one store per parameter.
-    #[inline(never)]
-    pub fn new() -> Self {
-        Self(TABLE.each_ref().map(|info| S::from_f64(info.default)))
-    }
-
     /// Returns the value of a parameter.
     #[inline]
     pub fn get(&self, id: ParameterId) -> S {
@@ -235,6 +244,11 @@ impl<S: Real> ParameterValues<S> {
         if let Some(slot) = self.0.get_mut(id as usize) {
             *slot = value;
         }
+    }
+
+    /// Returns the value of a parameter in single precision: see [`Real::single`].
+    pub(crate) fn single(&self, id: ParameterId) -> f32 {
+        self.get(id).single()
     }
 
     /// Returns the value of a parameter as `f64`.
@@ -261,9 +275,19 @@ impl ParameterId {
         &TABLE[self as usize]
     }
 
+    /// Returns minimum and maximum legal value in single precision.
+    pub fn range(self) -> [f32; 2] {
+        RANGES[self as usize]
+    }
+
     /// Returns the name in files and reports.
     pub fn name(self) -> &'static str {
-        self.info().name
+        NAMES[self as usize]
+    }
+
+    /// Returns the name as a refusal contains it.
+    pub fn text(self) -> Text {
+        TEXTS[self as usize]
     }
 
     /// Returns the unit for a revolute joint.

@@ -18,7 +18,7 @@ pub use crate::envelope::Envelope;
 pub use crate::law::{Choices, LawKind};
 pub use crate::parameter as table;
 pub use crate::parameter::{ParameterId, ParameterInfo};
-pub use crate::refusal::{Bound, ParameterError, ShortNumber, check_ranges};
+pub use crate::refusal::{Bound, ParameterError, ShortNumber, Text, check_ranges, reason, refuse};
 pub use build::PeriodError;
 
 use crate::number::Real;

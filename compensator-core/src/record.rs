@@ -24,8 +24,10 @@
 
 use crate::configuration::{CompensatorParameters, Configuration};
 use crate::crc32::crc32;
+use crate::parameters::reason::Reason;
 use crate::parameters::table::COUNT;
 use crate::parameters::{Choices, Envelope, LawKind, ParameterError, ParameterId, Parameters};
+use crate::refusal;
 use crate::term::{MAX_TERMS, TermKind};
 use core::fmt;
 
@@ -69,22 +71,34 @@ pub enum RecordError {
     Refused(ParameterError),
 }
 
+impl From<RecordError> for Reason {
+    fn from(error: RecordError) -> Self {
+        match error {
+            RecordError::Length(found) => refusal!(
+                "record of {u32} bytes, expected the length in its header, at most {u32}",
+                found,
+                LENGTH
+            ),
+            RecordError::Magic => refusal!("not a parameter record"),
+            RecordError::Version(found) => {
+                refusal!("record version {u32}, expected 1 to {u32}", found, VERSION)
+            }
+            RecordError::Crc => refusal!("record is damaged (CRC)"),
+            RecordError::UnknownLaw(number) => refusal!("unknown law number {u32}", number),
+            RecordError::UnknownTerm(number) => refusal!("unknown term number {u32}", number),
+            RecordError::TooManyTerms(number) => {
+                refusal!("{u32} terms, at most {u32}", number, MAX_TERMS)
+            }
+            RecordError::Refused(error) => error.into(),
+        }
+    }
+}
+
 impl fmt::Display for RecordError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Length(found) => {
-                write!(
-                    f,
-                    "record of {found} bytes, expected the length in its header, at most {LENGTH}"
-                )
-            }
-            Self::Magic => f.write_str("not a parameter record"),
-            Self::Version(found) => write!(f, "record version {found}, expected 1 to {VERSION}"),
-            Self::Crc => f.write_str("record is damaged (CRC)"),
-            Self::UnknownLaw(number) => write!(f, "unknown law number {number}"),
-            Self::UnknownTerm(number) => write!(f, "unknown term number {number}"),
-            Self::TooManyTerms(number) => write!(f, "{number} terms, at most {MAX_TERMS}"),
             Self::Refused(error) => error.fmt(f),
+            other => Reason::from(*other).fmt(f),
         }
     }
 }

@@ -48,7 +48,7 @@ use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId, ParameterValues};
 use crate::quantity::Quantity;
-use crate::refusal::ParameterError;
+use crate::refusal::{ParameterError, Text};
 use bounds::Bounds;
 use interface::Term;
 
@@ -127,10 +127,15 @@ macro_rules! define_kinds {
                 match self { $(TermKind::$kind => $name),* }
             }
 
+            /// Returns the name as a refusal contains it.
+            pub const fn text(self) -> Text {
+                match self { $(TermKind::$kind => crate::text!($name)),* }
+            }
+
             /// Returns the parameters of this kind.
             #[inline(never)]
             pub const fn parameters(self) -> &'static [ParameterId] {
-                match self { $(TermKind::$kind => <$file::$kind<f64> as Term<f64>>::PARAMETERS),* }
+                match self { $(TermKind::$kind => <$file::$kind<f32> as Term<f32>>::PARAMETERS),* }
             }
 
             /// Returns the quantity that the term requires.
@@ -138,12 +143,12 @@ macro_rules! define_kinds {
             /// `None` if it needs only velocity, acceleration or time, which every log has, or if a
             /// parameter selects its column.
             pub const fn reads(self) -> Option<Quantity> {
-                match self { $(TermKind::$kind => <$file::$kind<f64> as Term<f64>>::READS),* }
+                match self { $(TermKind::$kind => <$file::$kind<f32> as Term<f32>>::READS),* }
             }
 
             /// Returns true if the term acts before all others, because they depend on its effect.
             pub const fn is_applied_first(self) -> bool {
-                match self { $(TermKind::$kind => <$file::$kind<f64> as Term<f64>>::IS_APPLIED_FIRST),* }
+                match self { $(TermKind::$kind => <$file::$kind<f32> as Term<f32>>::IS_APPLIED_FIRST),* }
             }
 
             /// Widens the bounds of a law's quantities by the effect of the term within the envelope.
@@ -154,7 +159,7 @@ macro_rules! define_kinds {
                 bounds: &mut Bounds,
             ) {
                 match self {
-                    $(TermKind::$kind => $file::$kind::<f64>::widen(values, envelope, bounds)),*
+                    $(TermKind::$kind => $file::$kind::<f32>::widen(values, envelope, bounds)),*
                 }
             }
 
@@ -164,7 +169,7 @@ macro_rules! define_kinds {
                 values: &ParameterValues<S>,
                 envelope: &Envelope,
             ) -> Result<(), ParameterError> {
-                match self { $(TermKind::$kind => $file::$kind::<f64>::validate(values, envelope)),* }
+                match self { $(TermKind::$kind => $file::$kind::<f32>::validate(values, envelope)),* }
             }
         }
     };

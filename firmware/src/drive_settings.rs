@@ -5,6 +5,9 @@
 //! 1e-6 rad/s^2, ms.
 
 use crate::node::dictionary::index;
+use crate::refusal::SettingError;
+use compensator_core::parameters::Text;
+use compensator_core::text;
 
 macro_rules! drive_settings {
     ($(
@@ -28,6 +31,10 @@ macro_rules! drive_settings {
             const PLACES: [(u16, u8); [$($sub_index as u8),*].len()] =
                 [$((index::$INDEX, $sub_index)),*];
 
+            /// Names of the settings and their legal values, as refusals contain them.
+            pub const TEXTS: [[Text; 2]; Self::PLACES.len()] =
+                [$([text!(stringify!($field)), text!($text)]),*];
+
             /// Returns the value of an object as a word; `None` if the object is no setting.
             pub fn get(&self, at_index: u16, sub_index: u8) -> Option<u32> {
                 match (at_index, sub_index) {
@@ -39,13 +46,13 @@ macro_rules! drive_settings {
             /// Sets the value of an object; `None` if the object is no setting.
             ///
             /// # Errors
-            /// The value is out of range: returns the name of the setting and its legal values.
+            /// The value is out of range.
             pub fn set(
                 &mut self,
                 at_index: u16,
                 sub_index: u8,
                 word: u32,
-            ) -> Option<Result<(), (&'static str, &'static str)>> {
+            ) -> Option<Result<(), SettingError>> {
                 match (at_index, sub_index) {
                     $((index::$INDEX, $sub_index) => {
                         let value = word as $kind;
@@ -53,7 +60,7 @@ macro_rules! drive_settings {
                         if is_legal {
                             self.$field = value;
                         }
-                        Some(if is_legal { Ok(()) } else { Err((stringify!($field), $text)) })
+                        Some(if is_legal { Ok(()) } else { Err(SettingError { name: text!(stringify!($field)), legal: text!($text) }) })
                     })*
                     _ => None,
                 }

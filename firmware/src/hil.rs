@@ -14,6 +14,8 @@ use compensator_core::can::{
 };
 use compensator_core::configuration::Configuration;
 use compensator_core::network::{FactorSupplier, Factors, JointNetwork};
+use compensator_core::parameters::Text;
+use compensator_core::text;
 use compensator_core::{Compensator, Flags, ParameterError, Real};
 
 /// Number type of the compensator.
@@ -30,10 +32,10 @@ pub enum NumberType {
 
 impl NumberType {
     /// Description of the codes that [`Self::from_code`] accepts.
-    pub const LEGAL_CODES: &str = if cfg!(feature = "fixed") {
-        "0 (f32) or 1 (fixed point)"
+    pub const LEGAL_CODES: Text = if cfg!(feature = "fixed") {
+        text!("0 (f32) or 1 (fixed point)")
     } else {
-        "0 (f32): this driver has no fixed point"
+        text!("0 (f32): this driver has no fixed point")
     };
 
     /// Returns the number type of a code; `None` if there is none, or if this image does not contain it.

@@ -29,6 +29,7 @@ pub mod node_settings;
 pub mod panic_note;
 pub mod parameter_set;
 pub mod reference_joint;
+pub mod refusal;
 pub mod scope;
 pub mod sensors;
 pub mod stop_brake;

@@ -10,6 +10,7 @@ use crate::parameter_set::ParameterSet;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
 use compensator_core::parameters::Bound;
+use compensator_core::text;
 use compensator_core::{CompensatorOutput, Flags, Inputs, ParameterError};
 use core::cell::Cell;
 
@@ -139,14 +140,14 @@ impl StageTraits {
     pub fn check_currents(&self, set: &ParameterSet) -> Result<(), ParameterError> {
         let most_a = self.current_max_a;
         for (field, value, most_a) in [
-            ("current_limit_a", set.motor.current_limit_a, most_a / OVERCURRENT_MARGIN),
-            ("overcurrent_a", set.motor.overcurrent_a, most_a),
-            ("overcurrent_a", set.thresholds.overcurrent_a, most_a),
+            (text!("current_limit_a"), set.motor.current_limit_a, most_a / OVERCURRENT_MARGIN),
+            (text!("overcurrent_a"), set.motor.overcurrent_a, most_a),
+            (text!("overcurrent_a"), set.thresholds.overcurrent_a, most_a),
         ] {
             if value > most_a {
-                let why = "the current sensors of this board measure no more";
-                let bound = Bound::AtMost(most_a.into());
-                return Err(ParameterError { field, value: value.into(), bound, why });
+                let why = text!("the current sensors of this board measure no more");
+                let bound = Bound::AtMost(most_a);
+                return Err(ParameterError { field, value, bound, why });
             }
         }
         Ok(())
@@ -200,7 +201,7 @@ impl LoopParts {
     /// # Panics If the default set cannot be built, which the tests rule out.
     pub fn build_or_measure_only(set: &ParameterSet, stage: StageTraits) -> Self {
         Self::build(set, stage, PERIOD_S).unwrap_or_else(|_refused| {
-            log!(error, "stored parameters cannot be built: {=str}", _refused.field);
+            log!(error, "stored parameters cannot be built: {=u32:08X}", _refused.field.number());
             match Self::build(&ParameterSet::default(), stage, PERIOD_S) {
                 Ok(parts) => parts.measure_only(),
                 Err(refused) => panic!("default parameters: {refused}"),

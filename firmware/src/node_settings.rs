@@ -9,9 +9,11 @@ use crate::drive_settings::DriveSettings;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
-use crate::store::{IDENTITY_BYTES, Identity};
+use crate::refusal::SettingError;
 use compensator_core::can::NodeId;
-use core::fmt;
+use compensator_core::parameters::reason::Reason;
+use compensator_core::refusal;
+use compensator_core::text;
 use heapless::Vec;
 
 /// Source of the driver's inputs.
@@ -110,11 +112,8 @@ pub struct BusSettings {
 }
 
 impl BusSettings {
-    /// Length of the begin of encoded settings that has them, bytes.
-    pub const BYTES: usize = 16;
-
     /// Parses the begin of encoded settings, of this or a later version; `None` for a value out of range.
-    pub fn parse(bytes: &[u8; Self::BYTES]) -> Option<Self> {
+    pub fn parse(bytes: &[u8; 16]) -> Option<Self> {
         let [version, node, _, _, _, _, rate_low, rate_high, .., data_rate, _, _] = *bytes;
         let bit_rate_kbit = u16::from_le_bytes([rate_low, rate_high]);
         let is_known = version >= NodeSettings::VERSION_WITHOUT_DRIVE
@@ -200,23 +199,6 @@ impl NodeSettings {
         bytes
     }
 
-    /// Returns what the joint keeps if its store is damaged: the begin of the encoded settings, with node number and bit
-    /// rates, and key and policy. Other versions read it, so that the places must stay.
-    pub fn identity(&self) -> Identity {
-        let mut identity = [0; IDENTITY_BYTES];
-        let bytes = self.emit().into_iter().take(BusSettings::BYTES).chain(self.access.emit());
-        identity.iter_mut().zip(bytes).for_each(|(to, from)| *to = from);
-        identity
-    }
-
-    /// Returns these settings with an identity; `None` for a value out of range.
-    pub fn with_identity(self, identity: &Identity) -> Option<Self> {
-        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } =
-            BusSettings::parse(identity.first_chunk()?)?;
-        let access = AccessSettings::parse(identity.last_chunk()?)?;
-        Some(Self { node, bit_rate_kbit, data_bit_rate_kbit, access, ..self })
-    }
-
     /// Parses settings; `None` for another version or a value out of range.
     pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
         let access = AccessSettings::parse(bytes.last_chunk()?)?;
@@ -285,25 +267,25 @@ impl NodeSettings {
         let checks = [
             (
                 BIT_RATES_KBIT.contains(&self.bit_rate_kbit),
-                "bit_rate_kbit",
-                "1000, 500, 250 or 125",
+                text!("bit_rate_kbit"),
+                text!("1000, 500, 250 or 125"),
             ),
             (
                 DATA_BIT_RATES_KBIT.contains(&self.data_bit_rate_kbit),
-                "data_bit_rate_kbit",
-                "1000, 2000 or 5000",
+                text!("data_bit_rate_kbit"),
+                text!("1000, 2000 or 5000"),
             ),
-            ((least..=most).contains(&self.period_s), "period_s", "1e-5 to 1"),
-            ((0.0..=1e6).contains(&self.campaign_h), "campaign_h", "0 to 1e6"),
+            ((least..=most).contains(&self.period_s), text!("period_s"), text!("1e-5 to 1")),
+            ((0.0..=1e6).contains(&self.campaign_h), text!("campaign_h"), text!("0 to 1e6")),
             (
                 self.awaited_heartbeat >> 23 == 0,
-                "awaited_heartbeat",
-                "a node (bits 16 to 22) and milliseconds (bits 0 to 15)",
+                text!("awaited_heartbeat"),
+                text!("a node (bits 16 to 22) and milliseconds (bits 0 to 15)"),
             ),
             (
                 self.target_timeout_ms <= TARGET_TIMEOUT_MAX_MS,
-                "event_timer_ms",
-                "1 to 100, or 0 (the monitored heartbeat confirms the target)",
+                text!("event_timer_ms"),
+                text!("1 to 100, or 0 (the monitored heartbeat confirms the target)"),
             ),
         ];
         match checks.into_iter().find(|(holds, ..)| !holds) {
@@ -313,27 +295,9 @@ impl NodeSettings {
     }
 }
 
-/// A setting is out of range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SettingError {
-    /// Name of the setting.
-    pub name: &'static str,
-    /// Legal values.
-    pub legal: &'static str,
-}
-
-impl fmt::Display for SettingError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: must be {}", self.name, self.legal)
-    }
-}
-
-impl core::error::Error for SettingError {}
-
 /// Maximum length of a stored block, bytes: with a network.
 pub const MAX_BLOCK_BYTES: usize = NodeSettings::LENGTH + MAX_SET_BYTES;
 const _: () = assert!(MAX_BLOCK_BYTES <= crate::store::MAX_PAYLOAD, "it must fit the store");
-const _: () = assert!(BusSettings::BYTES + AccessSettings::LENGTH == IDENTITY_BYTES);
 
 /// Reason why a stored block was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -344,18 +308,16 @@ pub enum BlockError {
     Set(SetError),
 }
 
-impl fmt::Display for BlockError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NodeSettings => {
-                f.write_str("stored settings are of another version or out of range")
+impl From<BlockError> for Reason {
+    fn from(error: BlockError) -> Self {
+        match error {
+            BlockError::NodeSettings => {
+                refusal!("stored settings are of another version or out of range")
             }
-            Self::Set(error) => error.fmt(f),
+            BlockError::Set(error) => error.into(),
         }
     }
 }
-
-impl core::error::Error for BlockError {}
 
 /// Returns settings and parameters as the block that is stored.
 pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BLOCK_BYTES> {

@@ -15,10 +15,11 @@ use compensator_core::configuration::Configuration;
 use compensator_core::crc32::Crc32;
 use compensator_core::network::record as network_record;
 use compensator_core::network::{FactorSupplier, JointNetwork};
+use compensator_core::parameters::reason::Reason;
 use compensator_core::record::{self, RecordError};
+use compensator_core::refusal;
 use compensator_core::{Compensator, LawKind, ParameterError, Parameters};
 use core::cell::Cell;
-use core::fmt;
 use core::ops::{Deref, DerefMut};
 use heapless::Vec;
 
@@ -101,23 +102,21 @@ pub enum SetError {
     Drive(ParameterError),
 }
 
-impl fmt::Display for SetError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Length(found) => {
-                write!(
-                    f,
-                    "parameter set of {found} bytes, expected {SET_BYTES}, or {MAX_SET_BYTES} with a network"
-                )
-            }
-            Self::Record(error) => error.fmt(f),
-            Self::Network(error) => error.fmt(f),
-            Self::Drive(error) => error.fmt(f),
+impl From<SetError> for Reason {
+    fn from(error: SetError) -> Self {
+        match error {
+            SetError::Length(found) => refusal!(
+                "parameter set of {u32} bytes, expected {u32}, or {u32} with a network",
+                found,
+                SET_BYTES,
+                MAX_SET_BYTES
+            ),
+            SetError::Record(error) => error.into(),
+            SetError::Network(error) => error.into(),
+            SetError::Drive(error) => error.into(),
         }
     }
 }
-
-impl core::error::Error for SetError {}
 
 impl ParameterSet {
     /// Names of the parameters that commissioning determines, of [`MotorParameters::NAMES`]: the wiring of

@@ -5,8 +5,7 @@
 //! set becomes valid with its last double word, the commit ([`image`] has the layout); until then a start
 //! finds the previous set. A sequence number, which may wrap around, decides which of two intact sets is
 //! newer. Each double word is read back after it is written, so unreadable data is never committed. Each
-//! load checks the CRC. If the newer set is damaged, the older one is used. The end of each slot has a copy of what a
-//! joint keeps even then ([`Identity`]).
+//! load checks the CRC. If the newer set is damaged, the older one is used.
 //!
 //! Opening only reads. Random bytes, a half-erased page or an unreadable word make a slot
 //! [`SlotState::Damaged`] and have no other effect. (On the STM32G4 a torn double word raises an ECC
@@ -14,17 +13,15 @@
 //! the very end of the commit may leave a cell between 0 and 1. That commit may be valid at one start and
 //! invalid at the next, but an intact set is loaded either way.
 
-mod identity;
 pub mod image;
 pub mod memory;
 mod mirror;
 
-pub use identity::{FoundIdentity, IDENTITY_BYTES, Identity};
-
+use compensator_core::parameters::reason::Reason;
+use compensator_core::refusal;
 use core::fmt;
 use core::ops::Range;
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
-use identity::COPY_BYTES;
 use image::{COMMIT_AT, Commit, PAYLOAD_AT, SlotHeader, UNIT_BYTES};
 
 /// Maximum payload, bytes.
@@ -155,21 +152,23 @@ pub enum StoreError {
     Flash(NorFlashErrorKind),
 }
 
-impl fmt::Display for StoreError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooLong { length, max } => {
-                write!(f, "a parameter set of {length} bytes, at most {max} fit")
+impl From<StoreError> for Reason {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::TooLong { length, max } => {
+                refusal!("a parameter set of {u32} bytes, at most {u32} fit", length, max)
             }
-            Self::Slots => f.write_str("the two slots must be whole pages that do not overlap"),
-            Self::NotErased(at) => write!(f, "flash at {at:#x} is not blank after an erase"),
-            Self::NotVerified(at) => write!(f, "flash at {at:#x} does not read as written"),
-            Self::Flash(kind) => write!(f, "flash: {kind}"),
+            StoreError::Slots => refusal!("the two slots must be whole pages that do not overlap"),
+            StoreError::NotErased(at) => refusal!("flash at {hex} is not blank after an erase", at),
+            StoreError::NotVerified(at) => refusal!("flash at {hex} does not read as written", at),
+            StoreError::Flash(kind) => match kind {
+                NorFlashErrorKind::NotAligned => refusal!("flash: a write is not aligned"),
+                NorFlashErrorKind::OutOfBounds => refusal!("flash: a place outside it"),
+                _ => refusal!("flash: it reported an error"),
+            },
         }
     }
 }
-
-impl core::error::Error for StoreError {}
 
 /// A parameter store in the given flash.
 #[derive(Debug)]
@@ -246,7 +245,7 @@ impl<F: NorFlash> Store<F> {
     pub fn max_payload_bytes(&self) -> usize {
         let [first, second] = &self.slots;
         let slot = first.len().min(second.len());
-        slot.saturating_sub(PAYLOAD_AT as usize + COPY_BYTES).min(MAX_PAYLOAD)
+        slot.saturating_sub(PAYLOAD_AT as usize).min(MAX_PAYLOAD)
     }
 
     /// Returns the states of the two slots as of the last open, load or save.
@@ -298,21 +297,19 @@ impl<F: NorFlash> Store<F> {
     /// flash meanwhile, so do not call it while the bridge is on.
     ///
     /// A set that is already current is not written again, unless the other slot is damaged: then the save
-    /// makes a second intact copy. `identity` is what the joint keeps if its sets are lost.
+    /// makes a second intact copy.
     ///
     /// # Errors
-    /// Returns what failed. The set that was current stays current, unless only the copies of the identity
-    /// failed, which are written after the commit.
-    pub fn save(&mut self, payload: &[u8], identity: &Identity) -> Result<SaveOutcome, StoreError> {
+    /// Returns what failed. The set that was current stays current.
+    pub fn save(&mut self, payload: &[u8]) -> Result<SaveOutcome, StoreError> {
         let max = self.max_payload_bytes();
         if payload.len() > max || max == 0 {
             return Err(StoreError::TooLong { length: payload.len(), max });
         }
         self.inspect();
         let current = self.current();
-        if let Some((slot, sequence, _)) = current
+        if let Some((slot, ..)) = current
             && !self.states.contains(&SlotState::Damaged)
-            && self.copy(slot) == Some((sequence, *identity))
             && self.holds_exactly(slot, payload)
         {
             return Ok(SaveOutcome::Unchanged);
@@ -324,7 +321,7 @@ impl<F: NorFlash> Store<F> {
             // No set to keep: an undamaged slot is preferred.
             None => (usize::from(self.states[0] == SlotState::Damaged), 1),
         };
-        self.write_both(slot, sequence, payload, identity)
+        self.write_checked(slot, sequence, payload)
     }
 
     fn write_checked(
@@ -332,9 +329,8 @@ impl<F: NorFlash> Store<F> {
         slot: usize,
         sequence: u32,
         payload: &[u8],
-        identity: &Identity,
     ) -> Result<SaveOutcome, StoreError> {
-        let written = self.write(slot, sequence, payload, identity);
+        let written = self.write(slot, sequence, payload);
         let state = self.scan(slot, Payload::Ignored);
         self.set_state(slot, state);
         written?;
@@ -345,14 +341,8 @@ impl<F: NorFlash> Store<F> {
         Ok(SaveOutcome::Written { slot, sequence })
     }
 
-    /// Erases a slot and writes a set into it. The commit is written after the set, and the copy of the identity last.
-    fn write(
-        &mut self,
-        slot: usize,
-        sequence: u32,
-        payload: &[u8],
-        identity: &Identity,
-    ) -> Result<(), StoreError> {
+    /// Erases a slot and writes a set into it. The commit is written last.
+    fn write(&mut self, slot: usize, sequence: u32, payload: &[u8]) -> Result<(), StoreError> {
         let Some(Range { start, end }) = self.slots.get(slot).cloned() else {
             return Err(StoreError::Slots);
         };
@@ -370,8 +360,7 @@ impl<F: NorFlash> Store<F> {
             commit.update(&unit);
             self.program(start + at, &unit)?;
         }
-        self.program(start + COMMIT_AT, &commit.emit())?;
-        self.write_copy(slot, sequence, identity)
+        self.program(start + COMMIT_AT, &commit.emit())
     }
 
     fn program(&mut self, at: u32, unit: &[u8; UNIT_BYTES]) -> Result<(), StoreError> {
@@ -456,7 +445,7 @@ impl<F: NorFlash> Store<F> {
             _ => None,
         };
         match (whole(0), whole(1)) {
-            (Some(first), Some(second)) if is_newer(second.1, first.1) => Some(second),
+            (Some(first), Some(second)) if newer(second.1, first.1) => Some(second),
             (first, second) => first.or(second),
         }
     }
@@ -470,7 +459,7 @@ impl<F: NorFlash> Store<F> {
             _ => None,
         };
         match (whole(0), whole(1)) {
-            (Some(first), Some(second)) if is_newer(second.1, first.1) => Some(second),
+            (Some(first), Some(second)) if newer(second.1, first.1) => Some(second),
             (first, second) => first.or(second),
         }
     }
@@ -507,9 +496,8 @@ impl Payload<'_> {
 
 /// Returns true if sequence number `a` is newer than `b`: less than half the range of `u32` ahead, modulo
 /// wrapping.
-pub(crate) const fn is_newer(a: u32, b: u32) -> bool {
-    let ahead = a.wrapping_sub(b);
-    ahead > 0 && ahead < 1 << 31
+fn newer(a: u32, b: u32) -> bool {
+    (1..1 << 31).contains(&a.wrapping_sub(b))
 }
 
 fn flash_error(error: impl NorFlashError) -> StoreError {

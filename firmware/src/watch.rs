@@ -23,7 +23,8 @@
 //! may flag it earlier. A bias that grows slowly is flagged `memory_s` after it has passed the limit.
 
 use compensator_core::Real;
-use compensator_core::parameters::{Bound, ParameterError, check_ranges};
+use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
+use compensator_core::text;
 use libm::sqrtf;
 
 compensator_core::named_fields! {
@@ -61,24 +62,21 @@ impl WatchParameters {
     /// # Errors
     /// Names the refused field, its value, the bound it broke and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let refuse = |field, value: f32, bound, why| {
-            Err(ParameterError { field, value: value.into(), bound, why })
-        };
-        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
+        check_ranges(&Self::TEXTS, &self.to_array(), &Self::RANGES)?;
         let [min_s, max_s] = MEMORY_WINDOWS.map(|windows| windows * self.independent_s);
         let memory = self.memory_s;
         if memory < min_s {
-            let why = "a mean of few windows has no steady scatter";
-            return refuse("memory_s", memory, Bound::AtLeast(min_s.into()), why);
+            let why = text!("a mean of few windows has no steady scatter");
+            return refuse(text!("memory_s"), memory, Bound::AtLeast(min_s), why);
         }
         if memory > max_s {
-            let why = "single precision cannot add smaller shares";
-            return refuse("memory_s", memory, Bound::AtMost(max_s.into()), why);
+            let why = text!("single precision cannot add smaller shares");
+            return refuse(text!("memory_s"), memory, Bound::AtMost(max_s), why);
         }
         let min_h = MIN_ALARM_INTERVAL_MEMORIES * memory / 3600.0;
         if self.false_alarm_h < min_h {
-            let why = "a mean that remembers this long cannot alarm more often";
-            return refuse("false_alarm_h", self.false_alarm_h, Bound::AtLeast(min_h.into()), why);
+            let why = text!("a mean that remembers this long cannot alarm more often");
+            return refuse(text!("false_alarm_h"), self.false_alarm_h, Bound::AtLeast(min_h), why);
         }
         Ok(())
     }
@@ -91,16 +89,16 @@ impl WatchParameters {
     pub fn build(&self, period_s: f32) -> Result<ResidualWatch, ParameterError> {
         self.validate()?;
         let refuse = |bound| {
-            let why = "a window has from one to 65536 samples";
-            Err(ParameterError { field: "period_s", value: period_s.into(), bound, why })
+            let why = text!("a window has from one to 65536 samples");
+            Err(ParameterError { field: text!("period_s"), value: period_s, bound, why })
         };
         let samples = self.independent_s / period_s;
         if !period_s.is_finite() {
             return refuse(Bound::Finite);
         } else if !(period_s > 0.0 && samples <= 65536.5) {
-            return refuse(Bound::AtLeast((self.independent_s / 65536.0).into()));
+            return refuse(Bound::AtLeast(self.independent_s / 65536.0));
         } else if samples < 0.999 {
-            return refuse(Bound::AtMost(self.independent_s.into()));
+            return refuse(Bound::AtMost(self.independent_s));
         }
         // The number of samples is rounded: this changes `independent_s` by at most a third.
         let samples = ((samples + 0.5) as u32).max(1);

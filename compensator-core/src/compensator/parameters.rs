@@ -4,6 +4,7 @@ use super::limit;
 use crate::configuration::CompensatorParameters;
 use crate::number::Real;
 use crate::parameters::{Bound, Envelope, ParameterError};
+use crate::text;
 
 /// Minimum time in which the side load may cross its whole envelope, s: five frames at 1 kHz.
 const MIN_CROSSING_TIME_S: f32 = 5e-3;
@@ -67,24 +68,20 @@ impl<T: Real<Setting = f32>> BuiltParameters<T> {
             pressure_max_mpa: limit(envelope.pressure_diff_max_pa * 1e-6),
         };
         for (field, value) in [
-            ("scale", parameters.scale),
-            ("torque_limit_nm", parameters.torque_limit_nm),
-            ("current_limit_a", parameters.current_limit_a),
-            ("1 / torque_constant_nm_per_a", 1.0 / parameters.torque_constant_nm_per_a),
+            (text!("scale"), parameters.scale),
+            (text!("torque_limit_nm"), parameters.torque_limit_nm),
+            (text!("current_limit_a"), parameters.current_limit_a),
+            (text!("1 / torque_constant_nm_per_a"), 1.0 / parameters.torque_constant_nm_per_a),
             (
-                "torque_limit_nm / torque_constant_nm_per_a",
+                text!("torque_limit_nm / torque_constant_nm_per_a"),
                 parameters.torque_limit_nm / parameters.torque_constant_nm_per_a,
             ),
-            ("1 / fade_s", 1.0 / parameters.fade_s),
+            (text!("1 / fade_s"), 1.0 / parameters.fade_s),
         ] {
-            if !T::represents(value.into()) {
-                let why = "the number type cannot hold this coefficient to 1e-3 of its value";
-                return Err(ParameterError {
-                    field,
-                    value: value.into(),
-                    bound: Bound::Finite,
-                    why,
-                });
+            if !T::represents(value) {
+                let why =
+                    text!("the number type cannot hold this coefficient to 1e-3 of its value");
+                return Err(ParameterError { field, value: value, bound: Bound::Finite, why });
             }
         }
         Ok(built)

@@ -8,7 +8,8 @@ use crate::fits::product;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
-use core::f64::consts::FRAC_PI_2;
+use crate::text;
+use core::f32::consts::FRAC_PI_2;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
@@ -54,10 +55,10 @@ impl<T: Real> FrictionLaw<T> for Atan<T> {
     fn check<N: Real, S: Real>(
         written: &LawParameters<S>,
         range: &LawRange,
-    ) -> Result<f64, ParameterError> {
-        let value = |id: Id| written.values.value(id);
-        product::<N>("atan_slope * velocity_max", value(Id::AtanSlope) * range.speed)?;
-        product::<N>(Id::AtanTorque.name(), value(Id::AtanTorque) * FRAC_PI_2)?;
+    ) -> Result<f32, ParameterError> {
+        let value = |id: Id| written.values.single(id);
+        product::<N>(text!("atan_slope * velocity_max"), value(Id::AtanSlope) * range.speed)?;
+        product::<N>(Id::AtanTorque.text(), value(Id::AtanTorque) * FRAC_PI_2)?;
         Ok(0.0)
     }
 }

@@ -29,6 +29,7 @@ use crate::fits::{coefficient, product};
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
+use crate::text;
 
 /// Coefficients of the LuGre bristles for one sample period, shared by all bristle laws.
 #[derive(Clone, Copy, Debug)]
@@ -149,22 +150,22 @@ const STIFFNESS_STEP_MAX: f64 = 1e15;
 pub(super) fn check<N: Real, S: Real>(
     written: &LawParameters<S>,
     range: &LawRange,
-    damping: f64,
-) -> Result<f64, ParameterError> {
+    damping: f32,
+) -> Result<f32, ParameterError> {
     let LawRange { period_s, speed, largest_level: level, .. } = *range;
-    let step = written.values.value(Id::BristleStiffness) * period_s;
-    coefficient::<N>("bristle_stiffness * sample_period", step)?;
+    let step = written.values.single(Id::BristleStiffness) * period_s;
+    coefficient::<N>(text!("bristle_stiffness * sample_period"), step)?;
     let per_newton = range.bounds.travel_per_newton / period_s;
-    coefficient::<N>("radial_force_rate / sample_period", per_newton)?;
-    let bent = per_newton.abs() * f64::from(written.envelope.radial_force_max_n);
-    product::<N>("radial_force_rate * radial_force_max / sample_period", bent)?;
-    product::<N>("bristle_stiffness * radial_force_rate * radial_force_max", step * bent)?;
+    coefficient::<N>(text!("radial_force_rate / sample_period"), per_newton)?;
+    let bent = per_newton.abs() * written.envelope.radial_force_max_n;
+    product::<N>(text!("radial_force_rate * radial_force_max / sample_period"), bent)?;
+    product::<N>(text!("bristle_stiffness * radial_force_rate * radial_force_max"), step * bent)?;
     let both = 2.0 * level + step * bent;
-    product::<N>("level * velocity_max", both * speed)?;
-    product::<N>("bristle_stiffness * sample_period * velocity_max", step * speed + level)?;
+    product::<N>(text!("level * velocity_max"), both * speed)?;
+    product::<N>(text!("bristle_stiffness * sample_period * velocity_max"), step * speed + level)?;
     let rate = (both * speed / range.smallest_level).min(both / step);
-    product::<N>("bristle rate", rate)?;
+    product::<N>(text!("bristle rate"), rate)?;
     let damped = damping * (rate + bent);
-    product::<N>("bristle_damping * bristle rate", damped)?;
+    product::<N>(text!("bristle_damping * bristle rate"), damped)?;
     Ok(damped)
 }

@@ -52,7 +52,7 @@ impl<T: Real> FrictionLaw<T> for Dahl<T> {
     fn check<N: Real, S: Real>(
         written: &LawParameters<S>,
         range: &LawRange,
-    ) -> Result<f64, ParameterError> {
+    ) -> Result<f32, ParameterError> {
         bristle::check::<N, S>(written, range, 0.0)
     }
 }

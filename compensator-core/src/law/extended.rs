@@ -58,11 +58,11 @@ impl<T: Real> FrictionLaw<T> for Extended<T> {
     fn check<N: Real, S: Real>(
         written: &LawParameters<S>,
         range: &LawRange,
-    ) -> Result<f64, ParameterError> {
-        let value = |id: Id| written.values.value(id);
+    ) -> Result<f32, ParameterError> {
+        let value = |id: Id| written.values.single(id);
         let square = range.speed * range.speed;
-        product::<N>(Id::QuadraticFriction.name(), value(Id::QuadraticFriction) * square)?;
-        product::<N>(Id::CubicFriction.name(), value(Id::CubicFriction) * square * range.speed)?;
+        product::<N>(Id::QuadraticFriction.text(), value(Id::QuadraticFriction) * square)?;
+        product::<N>(Id::CubicFriction.text(), value(Id::CubicFriction) * square * range.speed)?;
         Ok(0.0)
     }
 }

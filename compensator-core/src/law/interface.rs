@@ -100,7 +100,7 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
     ///
     /// # Errors
     /// Names the product that `N` cannot represent.
-    fn check<N: Real, S: Real>(_: &LawParameters<S>, _: &LawRange) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(_: &LawParameters<S>, _: &LawRange) -> Result<f32, ParameterError> {
         Ok(0.0)
     }
 }

@@ -49,7 +49,7 @@ impl<T: Real> FrictionLaw<T> for Lugre<T> {
     fn check<N: Real, S: Real>(
         written: &LawParameters<S>,
         range: &LawRange,
-    ) -> Result<f64, ParameterError> {
-        bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
+    ) -> Result<f32, ParameterError> {
+        bristle::check::<N, S>(written, range, written.values.single(Id::BristleDamping))
     }
 }

@@ -79,7 +79,7 @@ impl<T: Real> FrictionLaw<T> for LugreAsymmetric<T> {
     fn check<N: Real, S: Real>(
         written: &LawParameters<S>,
         range: &LawRange,
-    ) -> Result<f64, ParameterError> {
-        bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
+    ) -> Result<f32, ParameterError> {
+        bristle::check::<N, S>(written, range, written.values.single(Id::BristleDamping))
     }
 }

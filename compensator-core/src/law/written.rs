@@ -38,13 +38,13 @@ pub(super) fn stribeck_axis<T: Real>(written: &LawParameters<T::Setting>) -> (T,
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LawRange<'a> {
     /// Sample period, s.
-    pub period_s: f64,
+    pub period_s: f32,
     /// Largest speed, rad/s.
-    pub speed: f64,
+    pub speed: f32,
     /// Smallest Coulomb level, Nm. It is the smallest possible divisor of a step.
-    pub smallest_level: f64,
+    pub smallest_level: f32,
     /// Largest static level, Nm. It limits the bristle torque.
-    pub largest_level: f64,
+    pub largest_level: f32,
     /// Bounds of load and terms.
     pub bounds: &'a Bounds,
 }

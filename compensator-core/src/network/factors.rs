@@ -4,6 +4,7 @@ use super::activation::sigmoid;
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Number of factors: on `F_C`, on `F_S`, on `sigma0`.
 pub const FACTOR_COUNT: usize = 3;
@@ -50,27 +51,32 @@ impl<T: Real> FactorBounds<T> {
     }
 
     pub(super) fn validate(&self) -> Result<(), ParameterError> {
-        let (least, most) = (self.least.value(), self.most.value());
-        let why = "the bounds must contain the factor 1";
+        let (least, most) = (self.least.single(), self.most.single());
+        let why = text!("the bounds must contain the factor 1");
         if least.is_nan() || least <= 0.0 {
-            refuse("network_factor_least", least, Bound::MoreThan(0.0), "a factor is positive")?;
+            refuse(
+                text!("network_factor_least"),
+                least,
+                Bound::MoreThan(0.0),
+                text!("a factor is positive"),
+            )?;
         }
         if least > 1.0 {
-            refuse("network_factor_least", least, Bound::AtMost(1.0), why)?;
+            refuse(text!("network_factor_least"), least, Bound::AtMost(1.0), why)?;
         }
         if most.is_nan() || most < 1.0 {
-            refuse("network_factor_most", most, Bound::AtLeast(1.0), why)?;
+            refuse(text!("network_factor_most"), most, Bound::AtLeast(1.0), why)?;
         }
         if most > LARGEST_FACTOR {
-            let why = "the law is not fitted beyond it";
-            refuse("network_factor_most", most, Bound::AtMost(LARGEST_FACTOR), why)?;
+            let why = text!("the law is not fitted beyond it");
+            refuse(text!("network_factor_most"), most, Bound::AtMost(LARGEST_FACTOR), why)?;
         }
         Ok(())
     }
 }
 
 /// Maximum value of any factor.
-const LARGEST_FACTOR: f64 = 100.0;
+const LARGEST_FACTOR: f32 = 100.0;
 
 impl<T: Real> Factors<T> {
     /// Maps the output sums of the readout to factors within their bounds.

@@ -2,6 +2,7 @@
 
 use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Range of an input, in the input's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,21 +42,21 @@ impl<T: Real> InputRange<T> {
     }
 
     pub(super) fn validate(&self) -> Result<(), ParameterError> {
-        if !self.middle.value().is_finite() {
+        if !self.middle.single().is_finite() {
             refuse(
-                "network_input_middle",
-                self.middle.value(),
+                text!("network_input_middle"),
+                self.middle.single(),
                 Bound::Finite,
-                "the range needs it",
+                text!("the range needs it"),
             )?;
         }
-        let per_unit = self.per_unit.value();
+        let per_unit = self.per_unit.single();
         if !(per_unit > 0.0 && per_unit.is_finite()) {
             refuse(
-                "network_input_per_unit",
+                text!("network_input_per_unit"),
                 per_unit,
                 Bound::MoreThan(0.0),
-                "a range has a width",
+                text!("a range has a width"),
             )?;
         }
         Ok(())

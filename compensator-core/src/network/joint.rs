@@ -11,7 +11,9 @@ use super::{Factors, Network, NetworkState, StrokeRange, StrokeTracker};
 use crate::number::Real;
 use crate::parameters::{LawKind, Parameters};
 use crate::quantity::{Inputs, Quantity};
+use crate::refusal::Text;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Maximum number of inputs of a driver's network.
 pub const MAX_INPUTS: usize = 4;
@@ -71,7 +73,7 @@ pub struct JointNetwork {
 }
 
 /// Valid range of the evaluation period, s.
-const PERIOD_RANGE_S: [f64; 2] = [1e-4, 10.0];
+const PERIOD_RANGE_S: [f32; 2] = [1e-4, 10.0];
 
 impl JointNetwork {
     /// Checks that a driver can run the network.
@@ -80,18 +82,33 @@ impl JointNetwork {
     /// Names the first invalid field.
     pub fn validate(&self) -> Result<(), ParameterError> {
         if self.feeds.is_empty() {
-            refuse("network_inputs", 0.0, Bound::AtLeast(1.0), "a network needs an input")?;
+            refuse(
+                text!("network_inputs"),
+                0.0,
+                Bound::AtLeast(1.0),
+                text!("a network needs an input"),
+            )?;
         }
-        between("network_period_s", self.period_s, PERIOD_RANGE_S, "the evaluation period")?;
+        between(
+            text!("network_period_s"),
+            self.period_s,
+            PERIOD_RANGE_S,
+            text!("the evaluation period"),
+        )?;
         if let Some(strokes) = &self.strokes {
-            let largest = f64::from(f32::MAX);
-            let least = f64::from(strokes.least);
-            between("network_stroke_least", strokes.least, [0.0, largest], "a length")?;
-            let why = "it is at least the shortest stroke";
-            between("network_stroke_most", strokes.most, [least, largest], why)?;
-            let tiny = f64::from(f32::MIN_POSITIVE);
-            let why = "noise is not a reversal";
-            between("network_stroke_reversal", strokes.reversal, [tiny, largest], why)?;
+            let largest = f32::MAX;
+            let least = strokes.least;
+            between(
+                text!("network_stroke_least"),
+                strokes.least,
+                [0.0, largest],
+                text!("a length"),
+            )?;
+            let why = text!("it is at least the shortest stroke");
+            between(text!("network_stroke_most"), strokes.most, [least, largest], why)?;
+            let tiny = f32::MIN_POSITIVE;
+            let why = text!("noise is not a reversal");
+            between(text!("network_stroke_reversal"), strokes.reversal, [tiny, largest], why)?;
         }
         self.network.validate()
     }
@@ -104,18 +121,18 @@ impl JointNetwork {
         if model.law == LawKind::LugreAsymmetric && model.terms.is_empty() {
             return Ok(());
         }
-        let why = "a network supplies lugre-asymmetric without terms, and no other model";
-        refuse("network_inputs", 1.0, Bound::AtMost(0.0), why)
+        let why = text!("a network supplies lugre-asymmetric without terms, and no other model");
+        refuse(text!("network_inputs"), 1.0, Bound::AtMost(0.0), why)
     }
 }
 
 fn between(
-    field: &'static str,
+    field: Text,
     value: f32,
-    [least, most]: [f64; 2],
-    why: &'static str,
+    [least, most]: [f32; 2],
+    why: Text,
 ) -> Result<(), ParameterError> {
-    let value = f64::from(value);
+    let value = value;
     if value.is_nan() || value < least {
         refuse(field, value, Bound::AtLeast(least), why)?;
     }
@@ -146,14 +163,14 @@ impl<T: Real<Setting = f32>> FactorSupplier<T> {
     pub fn build(from: &JointNetwork, hold_s: f32) -> Result<Self, ParameterError> {
         from.validate()?;
         for range in from.network.inputs.iter().take(from.feeds.len()) {
-            held_by::<T>("network_input_middle", range.middle)?;
-            held_by::<T>("network_input_per_unit", range.per_unit)?;
+            held_by::<T>(text!("network_input_middle"), range.middle)?;
+            held_by::<T>(text!("network_input_per_unit"), range.per_unit)?;
         }
         let number = |value: f32| T::from_f64(f64::from(value));
         let strokes = match &from.strokes {
             None => None,
             Some(strokes) => {
-                held_by::<T>("network_stroke_most", strokes.most)?;
+                held_by::<T>(text!("network_stroke_most"), strokes.most)?;
                 Some(StrokeRange {
                     least: number(strokes.least),
                     most: number(strokes.most),
@@ -181,9 +198,9 @@ impl<T: Real<Setting = f32>> FactorSupplier<T> {
     pub fn every(&self, sample_period_s: f32) -> Result<u32, ParameterError> {
         let ratio = self.period_s / sample_period_s;
         if ratio < 0.8 {
-            let why = "samples are farther apart than the evaluations it was trained with";
-            let (found, least) = (f64::from(self.period_s), 0.8 * f64::from(sample_period_s));
-            refuse("network_period_s", found, Bound::AtLeast(least), why)?;
+            let why = text!("samples are farther apart than the evaluations it was trained with");
+            let (found, least) = (self.period_s, 0.8 * sample_period_s);
+            refuse(text!("network_period_s"), found, Bound::AtLeast(least), why)?;
         }
         // Round by hand: `f32::round` is not in `core`.
         Ok(((ratio + 0.5) as u32).max(1))
@@ -234,16 +251,16 @@ impl<T: Real<Setting = f32>> FactorSupplier<T> {
 }
 
 /// Returns an error if `T` cannot represent the value to 0.1 %, plus an absolute tolerance of 1e-5.
-fn held_by<T: Real>(field: &'static str, value: f32) -> Result<(), ParameterError> {
-    let value = f64::from(value);
-    let held = T::from_f64(value).value();
-    let (size, error) = (libm::fabs(value), libm::fabs(held - value));
+fn held_by<T: Real>(field: Text, value: f32) -> Result<(), ParameterError> {
+    let value = value;
+    let held = T::from_f64(value.into()).single();
+    let (size, error) = (libm::fabsf(value), libm::fabsf(held - value));
     if error > 1e-3 * size + 1e-5 {
         refuse(
             field,
             value,
-            Bound::AtMost(libm::fabs(held)),
-            "the number type cannot represent it",
+            Bound::AtMost(libm::fabsf(held)),
+            text!("the number type cannot represent it"),
         )?;
     }
     Ok(())

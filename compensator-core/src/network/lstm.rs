@@ -160,9 +160,9 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
     }
 
     /// Returns the largest sum of the magnitudes of one gate's weights.
-    pub(super) fn largest_sum(&self) -> f64 {
-        let of_gate = |cell: &LstmCell<T, INPUTS, CELLS>, gate: usize| -> f64 {
-            cell.rows().flat_map(|row| row.get(gate)).map(|weight| weight.value().abs()).sum()
+    pub(super) fn largest_sum(&self) -> f32 {
+        let of_gate = |cell: &LstmCell<T, INPUTS, CELLS>, gate: usize| -> f32 {
+            cell.rows().flat_map(|row| row.get(gate)).map(|weight| weight.single().abs()).sum()
         };
         largest(self.cells.iter().flat_map(|cell| (0..GATES).map(move |gate| of_gate(cell, gate))))
     }
@@ -180,6 +180,6 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
 }
 
 /// Returns the largest of the sums, or NaN if any sum is NaN.
-pub(super) fn largest(sums: impl Iterator<Item = f64>) -> f64 {
-    sums.fold(0.0, |most: f64, sum| if sum <= most || most.is_nan() { most } else { sum })
+pub(super) fn largest(sums: impl Iterator<Item = f32>) -> f32 {
+    sums.fold(0.0, |most: f32, sum| if sum <= most || most.is_nan() { most } else { sum })
 }

@@ -41,8 +41,8 @@ impl<T: Real, const CELLS: usize> Readout<T, CELLS> {
     }
 
     /// Returns the largest sum of the magnitudes of one factor's weights.
-    pub(super) fn largest_sum(&self) -> f64 {
-        largest(self.rows().map(|row| row.map(|weight| weight.value().abs()).sum()))
+    pub(super) fn largest_sum(&self) -> f32 {
+        largest(self.rows().map(|row| row.map(|weight| weight.single().abs()).sum()))
     }
 
     pub(super) fn for_each(&self, sink: &mut impl FnMut(T)) {

@@ -26,7 +26,9 @@
 use super::joint::{CELLS, InputSource, JointNetwork, MAX_INPUTS};
 use super::{FACTOR_COUNT, FactorBounds, InputRange, Lstm, Network, Readout, StrokeRange};
 use crate::crc32::crc32;
+use crate::refusal;
 use crate::refusal::ParameterError;
+use crate::refusal::reason::Reason;
 use core::fmt;
 use heapless::Vec;
 
@@ -68,26 +70,39 @@ pub enum RecordError {
     Refused(ParameterError),
 }
 
+impl From<RecordError> for Reason {
+    fn from(error: RecordError) -> Self {
+        match error {
+            RecordError::Length(found) => refusal!(
+                "network's record of {u32} bytes, expected {u32} or {u32}, as in its header",
+                found,
+                LENGTH,
+                EMPTY_LENGTH
+            ),
+            RecordError::Magic => refusal!("not a network's record"),
+            RecordError::Version(found) => {
+                refusal!("network's record of version {u32}, expected {u32}", found, VERSION)
+            }
+            RecordError::Crc => refusal!("network's record is damaged (CRC)"),
+            RecordError::Size(found) => refusal!(
+                "network of {u32} inputs or cells, at most {u32} inputs and {u32} cells",
+                found,
+                MAX_INPUTS,
+                CELLS
+            ),
+            RecordError::UnknownFeed(number) => {
+                refusal!("network's input has the unknown source number {u32}", number)
+            }
+            RecordError::Refused(error) => error.into(),
+        }
+    }
+}
+
 impl fmt::Display for RecordError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Length(found) => write!(
-                f,
-                "network's record of {found} bytes, expected {LENGTH} or {EMPTY_LENGTH}, as in its header"
-            ),
-            Self::Magic => f.write_str("not a network's record"),
-            Self::Version(found) => {
-                write!(f, "network's record of version {found}, expected {VERSION}")
-            }
-            Self::Crc => f.write_str("network's record is damaged (CRC)"),
-            Self::Size(found) => write!(
-                f,
-                "network of {found} inputs or cells, at most {MAX_INPUTS} inputs and {CELLS} cells"
-            ),
-            Self::UnknownFeed(number) => {
-                write!(f, "network's input has the unknown source number {number}")
-            }
             Self::Refused(error) => error.fmt(f),
+            other => Reason::from(*other).fmt(f),
         }
     }
 }

@@ -104,7 +104,8 @@ impl Real for Fixed {
         f64::from(self.0) / SCALE
     }
 
-    fn represents(value: f64) -> bool {
+    fn represents(value: f32) -> bool {
+        let value = f64::from(value);
         let held = Self::from_f64(value).value();
         // The range needs its own test: a saturated value is close to a value just out of range.
         let in_range = value.abs() * SCALE <= f64::from(i32::MAX);

@@ -20,8 +20,8 @@ macro_rules! common {
         fn value(self) -> f64 {
             f64::from(self)
         }
-        fn represents(value: f64) -> bool {
-            (value as $type).is_finite()
+        fn represents(value: f32) -> bool {
+            value.is_finite()
         }
         #[inline(always)]
         fn abs(self) -> Self {

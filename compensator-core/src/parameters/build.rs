@@ -12,6 +12,7 @@ use crate::model::FrictionModel;
 use crate::number::Real;
 use crate::refusal::refuse;
 use crate::term::{Terms, check};
+use crate::text;
 use ParameterId as Id;
 
 /// Error of a build, for example an illegal sample period.
@@ -28,12 +29,12 @@ impl<S: Real<Setting = S>> Parameters<S> {
         period_s: S,
     ) -> Result<FrictionModel<T>, ParameterError> {
         self.validate()?;
-        let period = period_s.value();
+        let period = period_s.single();
         if !(period.is_finite() && period > 0.0) {
-            refuse("sample_period_s", period, Bound::MoreThan(0.0), "time moves on")?;
+            refuse(text!("sample_period_s"), period, Bound::MoreThan(0.0), text!("time moves on"))?;
         }
         let model = self.build_unchecked(period_s);
-        self.check_range::<T>(period)?;
+        self.check_range::<T>(period_s)?;
         Ok(model)
     }
 
@@ -51,34 +52,34 @@ impl<S: Real<Setting = S>> Parameters<S> {
         LawParameters { values: &self.values, choices: self.choices, envelope: &self.envelope }
     }
 
-    fn check_range<T: Real<Setting = S>>(&self, period: f64) -> Result<(), ParameterError> {
-        let value = |id: Id| self.get(id).value();
-        let speed = f64::from(self.envelope.velocity_max_rad_s);
-        coefficient::<T>("velocity_max_rad_s", speed)?;
+    fn check_range<T: Real<Setting = S>>(&self, period_s: S) -> Result<(), ParameterError> {
+        let value = |id: Id| self.get(id).single();
+        let speed = self.envelope.velocity_max_rad_s;
+        coefficient::<T>(text!("velocity_max_rad_s"), speed)?;
         for id in self.law.parameters() {
             // The step uses these only in a product, which is checked below or by the law.
             let combined = [Id::BristleStiffness, Id::StribeckVelocity, Id::RadialForceRate];
             let per_pascal = [Id::PressureCoulomb, Id::PressureStaticExcess];
             if per_pascal.contains(id) {
-                coefficient::<T>(id.name(), value(*id) * 1e6)?;
+                coefficient::<T>(id.text(), value(*id) * 1e6)?;
             } else if !combined.contains(id) {
-                coefficient::<T>(id.name(), value(*id))?;
+                coefficient::<T>(id.text(), value(*id))?;
             }
         }
         let bounds = self.bounds();
         let viscous = self.largest_viscous(&bounds) * speed;
-        product::<T>("viscous_friction * velocity_max", viscous)?;
+        product::<T>(text!("viscous_friction * velocity_max"), viscous)?;
         let level = self.largest_level(&bounds);
-        product::<T>("the largest level", level)?;
+        product::<T>(text!("the largest level"), level)?;
         if self.law.has_stribeck_curve() {
-            let cells = curve::CELLS_PER_STRIBECK_VELOCITY / value(Id::StribeckVelocity);
-            coefficient::<T>("16 / stribeck_velocity", cells)?;
+            let cells = curve::CELLS_PER_STRIBECK_VELOCITY as f32 / value(Id::StribeckVelocity);
+            coefficient::<T>(text!("16 / stribeck_velocity"), cells)?;
             if bounds.bends_stribeck_curve {
-                product::<T>("16 / stribeck_velocity * velocity_max", cells * speed)?;
+                product::<T>(text!("16 / stribeck_velocity * velocity_max"), cells * speed)?;
             }
         }
         let range = LawRange {
-            period_s: period,
+            period_s: period_s.single(),
             speed,
             smallest_level: self.smallest_level(&bounds),
             largest_level: level,
@@ -86,7 +87,7 @@ impl<S: Real<Setting = S>> Parameters<S> {
         };
         let law_torque = self.law.check::<T, S>(&self.law_parameters(), &range)?;
         let torque = level + viscous + bounds.torque + law_torque;
-        product::<T>("the sum of all torques", torque)?;
-        check::<T, S>(&self.terms, &self.values, &self.envelope, S::from_f64(period))
+        product::<T>(text!("the sum of all torques"), torque)?;
+        check::<T, S>(&self.terms, &self.values, &self.envelope, period_s)
     }
 }

@@ -9,8 +9,8 @@ use crate::term::bounds::Bounds;
 use ParameterId as Id;
 
 impl<S: Real> Parameters<S> {
-    fn value(&self, id: Id) -> f64 {
-        self.get(id).value()
+    fn value(&self, id: Id) -> f32 {
+        self.get(id).single()
     }
 
     /// Returns the combined bounds of the law's own load and of all terms of the model.
@@ -27,18 +27,18 @@ impl<S: Real> Parameters<S> {
     }
 
     /// Returns the smallest Coulomb level, Nm. It is the smallest possible divisor of a step.
-    pub(super) fn smallest_level(&self, bounds: &Bounds) -> f64 {
+    pub(super) fn smallest_level(&self, bounds: &Bounds) -> f32 {
         let mut coulomb = self.value(Id::CoulombTorque);
         if self.law.parameters().contains(&Id::CoulombTorqueNegative) {
             coulomb = coulomb.min(self.value(Id::CoulombTorqueNegative));
         }
         let corners = bounds.corners(&self.envelope);
-        let added = corners.iter().map(|added| added.coulomb).fold(0.0, f64::min);
+        let added = corners.iter().map(|added| added.coulomb).fold(0.0, f32::min);
         (coulomb + added) * bounds.level_factor.0
     }
 
     /// Returns the largest static level, Nm. It limits the bristle torque.
-    pub(super) fn largest_level(&self, bounds: &Bounds) -> f64 {
+    pub(super) fn largest_level(&self, bounds: &Bounds) -> f32 {
         let sides = [
             Id::CoulombTorque,
             Id::StaticTorque,
@@ -49,12 +49,12 @@ impl<S: Real> Parameters<S> {
         let base = sides.iter().filter(|id| own.contains(id)).map(|id| self.value(*id));
         let corners = bounds.corners(&self.envelope);
         let added = corners.iter().map(|added| added.coulomb + added.excess.max(0.0));
-        let sum = base.fold(0.0, f64::max) + added.fold(0.0, f64::max) + bounds.static_level;
+        let sum = base.fold(0.0, f32::max) + added.fold(0.0, f32::max) + bounds.static_level;
         sum * bounds.level_factor.1
     }
 
     /// Returns the largest magnitude of the viscous coefficient, Nm s/rad.
-    pub(super) fn largest_viscous(&self, bounds: &Bounds) -> f64 {
+    pub(super) fn largest_viscous(&self, bounds: &Bounds) -> f32 {
         self.value(Id::ViscousFriction).abs() * bounds.viscous_factor
     }
 }

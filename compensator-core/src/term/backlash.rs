@@ -13,6 +13,7 @@ use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,7 +35,7 @@ impl<T: Real> Term<T> for Backlash<T> {
 
     fn build(values: &ParameterValues<T::Setting>, period_s: T::Setting) -> Self {
         let constant = T::Setting::from_f64;
-        let unloaded = values.value(Id::BacklashUnloaded) > 0.5;
+        let unloaded = values.single(Id::BacklashUnloaded) > 0.5;
         let half_travel = values.get(Id::BacklashTravel) * constant(0.5);
         if half_travel > constant(0.0) {
             let stiffness = values.get(Id::BacklashStiffnessRatio);
@@ -79,8 +80,8 @@ impl<T: Real> Term<T> for Backlash<T> {
         [self.missing, self.per_velocity, T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        self.per_velocity.value().abs() * f64::from(envelope.velocity_max_rad_s)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        self.per_velocity.single().abs() * envelope.velocity_max_rad_s
     }
 
     fn widen<S: Real>(_: &ParameterValues<S>, _: &Envelope, _: &mut Bounds) {
@@ -88,10 +89,10 @@ impl<T: Real> Term<T> for Backlash<T> {
     }
 
     fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        let unloaded = values.value(Id::BacklashUnloaded);
-        if unloaded != libm::trunc(unloaded) {
-            let why = "the play is crossed either way";
-            return refuse(Id::BacklashUnloaded.name(), unloaded, Bound::Whole, why);
+        let unloaded = values.single(Id::BacklashUnloaded);
+        if unloaded != libm::truncf(unloaded) {
+            let why = text!("the play is crossed either way");
+            return refuse(Id::BacklashUnloaded.text(), unloaded, Bound::Whole, why);
         }
         Ok(())
     }

@@ -9,21 +9,21 @@ use crate::envelope::Envelope;
 
 /// Minimum share of a level that must remain under load, pressure or wear. It is large enough that rounding in
 /// the number type of the step cannot make the level 0.
-pub(crate) const LEAST_SHARE: f64 = 1e-3;
+pub(crate) const LEAST_SHARE: f32 = 1e-3;
 
 /// Increase of the levels by a linear effect, Nm, or Nm per unit of its input.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Added {
     /// `F_C`.
-    pub coulomb: f64,
+    pub coulomb: f32,
     /// `F_S - F_C`.
-    pub excess: f64,
+    pub excess: f32,
 }
 
 impl Added {
     const NONE: Self = Self { coulomb: 0.0, excess: 0.0 };
 
-    fn plus(self, other: Self, times: f64) -> Self {
+    fn plus(self, other: Self, times: f32) -> Self {
         Self {
             coulomb: self.coulomb + other.coulomb * times,
             excess: self.excess + other.excess * times,
@@ -44,15 +44,15 @@ pub(crate) struct Bounds {
     /// Increase of the levels per magnitude of the transmitted torque, Nm/Nm.
     pub per_load_torque: Added,
     /// Largest further increase of `F_S`, Nm. No term decreases `F_S` in this way.
-    pub static_level: f64,
+    pub static_level: f32,
     /// Smallest and largest factor of the level.
-    pub level_factor: (f64, f64),
+    pub level_factor: (f32, f32),
     /// Largest factor of the viscous coefficient.
-    pub viscous_factor: f64,
+    pub viscous_factor: f32,
     /// Largest magnitude of a torque outside the law, Nm.
-    pub torque: f64,
+    pub torque: f32,
     /// Bristle travel per change of the side load, rad/N.
-    pub travel_per_newton: f64,
+    pub travel_per_newton: f32,
     /// True if speeds are scaled for the Stribeck curve before they are limited to its end.
     pub bends_stribeck_curve: bool,
 }
@@ -72,13 +72,13 @@ impl Bounds {
     };
 
     /// Includes a factor of the level, given its smallest and largest value.
-    pub fn scale_level(&mut self, least: f64, most: f64) {
+    pub fn scale_level(&mut self, least: f32, most: f32) {
         self.level_factor.0 *= least;
         self.level_factor.1 *= most;
     }
 
     /// Includes a factor of the level in `1 - share..=1 + share`.
-    pub fn scale_level_by_share(&mut self, share: f64) {
+    pub fn scale_level_by_share(&mut self, share: f32) {
         self.scale_level(1.0 - share, 1.0 + share);
     }
 
@@ -87,7 +87,7 @@ impl Bounds {
     pub fn corners(&self, envelope: &Envelope) -> [Added; CORNERS] {
         core::array::from_fn(|corner| {
             let at = |bit: usize, size: f32| {
-                if corner >> bit & 1 == 1 { f64::from(size) } else { 0.0 }
+                if corner >> bit & 1 == 1 { size } else { 0.0 }
             };
             Added::NONE
                 .plus(self.per_newton, at(0, envelope.radial_force_max_n))

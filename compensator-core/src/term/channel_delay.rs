@@ -10,13 +10,14 @@ use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ChannelDelay<T> {
     /// Integer part of the delay, samples; at most [`DELAY_LINE_SAMPLES`] - 2.
     ///
-    /// The delay is split at build time. A split in every sample would need emulated `f64` arithmetic.
+    /// The delay is split at build time. A split in every sample would need emulated `f32` arithmetic.
     whole: u8,
     /// Fractional part of the delay, samples, 0..=1.
     fraction: T,
@@ -92,7 +93,7 @@ impl<T: Real> Term<T> for ChannelDelay<T> {
         [self.fraction, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
+    fn largest_product(&self, _: &Envelope) -> f32 {
         1.0
     }
 
@@ -102,13 +103,13 @@ impl<T: Real> Term<T> for ChannelDelay<T> {
 
     fn validate_period<S: Real>(
         values: &ParameterValues<S>,
-        period_s: f64,
+        period_s: f32,
     ) -> Result<(), ParameterError> {
-        let longest = (DELAY_LINE_SAMPLES - 1) as f64 * period_s;
-        let delay = values.value(Id::ChannelDelay);
+        let longest = (DELAY_LINE_SAMPLES - 1) as f32 * period_s;
+        let delay = values.single(Id::ChannelDelay);
         if delay > longest {
-            let why = "the delay line holds 31 samples";
-            return refuse(Id::ChannelDelay.name(), delay, Bound::AtMost(longest), why);
+            let why = text!("the delay line holds 31 samples");
+            return refuse(Id::ChannelDelay.text(), delay, Bound::AtMost(longest), why);
         }
         Ok(())
     }

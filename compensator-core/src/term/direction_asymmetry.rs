@@ -39,12 +39,12 @@ impl<T: Real> Term<T> for DirectionAsymmetry<T> {
         [self.coulomb, self.viscous, T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
-        self.coulomb.value().abs().max(self.viscous.value().abs())
+    fn largest_product(&self, _: &Envelope) -> f32 {
+        self.coulomb.single().abs().max(self.viscous.single().abs())
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        bounds.scale_level_by_share(values.value(Id::CoulombAsymmetry).abs());
-        bounds.viscous_factor *= 1.0 + values.value(Id::ViscousAsymmetry).abs();
+        bounds.scale_level_by_share(values.single(Id::CoulombAsymmetry).abs());
+        bounds.viscous_factor *= 1.0 + values.single(Id::ViscousAsymmetry).abs();
     }
 }

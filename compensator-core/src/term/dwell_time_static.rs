@@ -64,15 +64,15 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
         [self.gain, self.per_time, self.renewal, T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        let speed = f64::from(envelope.velocity_max_rad_s);
-        let size = |coefficient: T| coefficient.value().abs();
-        let aged = size(self.per_time) * CONTACT_AGE_MAX_S;
-        (size(self.gain) * libm::log(1.0 + aged)).max(size(self.renewal) * speed).max(aged)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        let speed = envelope.velocity_max_rad_s;
+        let size = |coefficient: T| coefficient.single().abs();
+        let aged = size(self.per_time) * CONTACT_AGE_MAX_S as f32;
+        (size(self.gain) * libm::logf(1.0 + aged)).max(size(self.renewal) * speed).max(aged)
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        let ages = CONTACT_AGE_MAX_S / values.value(Id::DwellTime);
-        bounds.static_level += values.value(Id::DwellGain) * libm::log(1.0 + ages);
+        let ages = CONTACT_AGE_MAX_S as f32 / values.single(Id::DwellTime);
+        bounds.static_level += values.single(Id::DwellGain) * libm::logf(1.0 + ages);
     }
 }

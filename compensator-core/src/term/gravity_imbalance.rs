@@ -42,12 +42,12 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
         [self.sine, self.cosine, T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
-        self.sine.value().abs() + self.cosine.value().abs()
+    fn largest_product(&self, _: &Envelope) -> f32 {
+        self.sine.single().abs() + self.cosine.single().abs()
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        let (sine, cosine) = (values.value(Id::GravitySine), values.value(Id::GravityCosine));
-        bounds.torque += libm::hypot(sine, cosine);
+        let (sine, cosine) = (values.single(Id::GravitySine), values.single(Id::GravityCosine));
+        bounds.torque += libm::hypotf(sine, cosine);
     }
 }

@@ -44,7 +44,7 @@ pub(crate) trait Term<T: Real>: Copy + Default {
 
     /// Returns the largest magnitude of any product in [`Term::act`] within the envelope. Products that
     /// [`Term::widen`] covers are excluded.
-    fn largest_product(&self, envelope: &Envelope) -> f64;
+    fn largest_product(&self, envelope: &Envelope) -> f32;
 
     /// Widens the bounds of a law's quantities by the effect of the term within the envelope.
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds);
@@ -63,7 +63,7 @@ pub(crate) trait Term<T: Real>: Copy + Default {
     /// As [`Term::validate`].
     fn validate_period<S: Real>(
         _: &ParameterValues<S>,
-        _period_s: f64,
+        _period_s: f32,
     ) -> Result<(), ParameterError> {
         Ok(())
     }

@@ -12,7 +12,9 @@ use crate::fits::product;
 use crate::number::Real;
 use crate::parameter::ParameterValues;
 use crate::quantity::{Quantity, Sample};
+use crate::refusal::Text;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 use heapless::Vec;
 
 macro_rules! define_list {
@@ -94,11 +96,11 @@ macro_rules! define_list {
             for kind in kinds {
                 let (coefficients, largest) = match kind {
                     $(TermKind::$kind => {
-                        super::$file::$kind::<S>::validate_period(values, period_s.value())?;
+                        super::$file::$kind::<S>::validate_period(values, period_s.single())?;
                         (built.$file.coefficients(), built.$file.largest_product(envelope))
                     })*
                 };
-                check_representable::<T>(kind.name(), coefficients.map(Real::value), largest)?;
+                check_representable::<T>(kind.text(), coefficients.map(Real::single), largest)?;
             }
             Ok(())
         }
@@ -144,13 +146,14 @@ impl<T: Real> Terms<T> {
 
 /// Checks that `T` can represent these coefficients and this largest product of a term.
 fn check_representable<T: Real>(
-    name: &'static str,
-    coefficients: [f64; COEFFICIENTS],
-    largest: f64,
+    name: Text,
+    coefficients: [f32; COEFFICIENTS],
+    largest: f32,
 ) -> Result<(), ParameterError> {
     for value in coefficients {
         if !T::represents(value) {
-            let why = "the number type cannot hold what this term computes within the envelope";
+            let why =
+                text!("the number type cannot hold what this term computes within the envelope");
             return refuse(name, value, Bound::Finite, why);
         }
     }

@@ -35,12 +35,12 @@ impl<T: Real> Term<T> for LoadGain<T> {
         [self.gain, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        self.gain.value().abs() * f64::from(envelope.load_torque_max_nm)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        self.gain.single().abs() * envelope.load_torque_max_nm
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
-        let largest = f64::from(envelope.load_torque_max_nm);
-        bounds.torque += values.value(Id::LoadGain).abs() * largest;
+        let largest = envelope.load_torque_max_nm;
+        bounds.torque += values.single(Id::LoadGain).abs() * largest;
     }
 }

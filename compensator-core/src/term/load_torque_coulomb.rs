@@ -37,11 +37,11 @@ impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
         [self.coefficient, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        self.coefficient.value().abs() * f64::from(envelope.load_torque_max_nm)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        self.coefficient.single().abs() * envelope.load_torque_max_nm
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        bounds.per_load_torque.coulomb += values.value(Id::LoadCoulomb);
+        bounds.per_load_torque.coulomb += values.single(Id::LoadCoulomb);
     }
 }

@@ -22,6 +22,7 @@ use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Number of knots of each of the two lines.
 pub const LOOKUP_KNOTS: usize = 6;
@@ -67,7 +68,7 @@ impl LookupFormula {
     pub const ALL: [Self; 4] = [Self::None, Self::Linear, Self::Saturating, Self::Exponential];
 
     /// Returns the formula with this number, or [`LookupFormula::None`] if the number is illegal.
-    pub fn of_number(number: f64) -> Self {
+    pub fn of_number(number: f32) -> Self {
         // The cast saturates.
         Self::ALL.get(number as usize).copied().unwrap_or(Self::None)
     }
@@ -87,7 +88,7 @@ impl LookupFormula {
 /// Returns the relative change of the level at the knots, including the formula.
 #[inline(never)]
 fn levels<S: Real>(values: &ParameterValues<S>) -> [S; LOOKUP_KNOTS] {
-    let formula = LookupFormula::of_number(values.value(Id::LookupFormula));
+    let formula = LookupFormula::of_number(values.single(Id::LookupFormula));
     let (rise, scale) = (values.get(Id::LookupRise), values.get(Id::LookupScale));
     let scale = scale / (values.get(Id::LookupUpper) - values.get(Id::LookupLower));
     core::array::from_fn(|knot| {
@@ -97,9 +98,9 @@ fn levels<S: Real>(values: &ParameterValues<S>) -> [S; LOOKUP_KNOTS] {
 }
 
 /// Returns the quantity with this column number. An illegal number gives the nearest, and NaN the first.
-fn column_of(number: f64) -> Quantity {
+fn column_of(number: f32) -> Quantity {
     // The cast saturates at 0; the range of the parameter limits the upper end.
-    let last = Id::LookupColumn.info().upper;
+    let [_, last] = Id::LookupColumn.range();
     Quantity::from_column_number(number.min(last) as u8).unwrap_or(Quantity::Velocity)
 }
 
@@ -160,7 +161,7 @@ impl<T: Real> Term<T> for LookupTable<T> {
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
-        let column = column_of(values.value(Id::LookupColumn));
+        let column = column_of(values.single(Id::LookupColumn));
         let scale = T::Setting::from_f64(column.info().inside_scale);
         let lower = values.get(Id::LookupLower) * scale;
         let span = values.get(Id::LookupUpper) * scale - lower;
@@ -200,47 +201,47 @@ impl<T: Real> Term<T> for LookupTable<T> {
         [self.cells_per_unit, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
+    fn largest_product(&self, _: &Envelope) -> f32 {
         let ends = [self.lower, self.span, self.lower + self.span];
         let knots = self.torque.iter().chain(&self.level);
         // The difference of two knots can be twice a knot. The factor of the level adds 1.
-        let steps = knots.map(|knot| 2.0 * knot.value().abs() + 1.0);
-        ends.iter().map(|end| end.value().abs()).chain(steps).fold(CELLS as f64, f64::max)
+        let steps = knots.map(|knot| 2.0 * knot.single().abs() + 1.0);
+        ends.iter().map(|end| end.single().abs()).chain(steps).fold(CELLS as f32, f32::max)
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.torque +=
-            LOOKUP_TORQUES.iter().map(|id| values.value(*id).abs()).fold(0.0, f64::max);
+            LOOKUP_TORQUES.iter().map(|id| values.single(*id).abs()).fold(0.0, f32::max);
         // The extremes are at a knot, or 1 if the weight of the column is 0.
         let levels = levels(values);
-        let factors = || levels.iter().map(|level| 1.0 + level.value());
-        bounds.scale_level(factors().fold(1.0, f64::min), factors().fold(1.0, f64::max));
+        let factors = || levels.iter().map(|level| 1.0 + level.single());
+        bounds.scale_level(factors().fold(1.0, f32::min), factors().fold(1.0, f32::max));
     }
 
     fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         for (id, why) in [
-            (Id::LookupColumn, "a column has a number"),
-            (Id::LookupFormula, "a formula has a number"),
+            (Id::LookupColumn, text!("a column has a number")),
+            (Id::LookupFormula, text!("a formula has a number")),
         ] {
-            let number = values.value(id);
-            if number != libm::trunc(number) {
-                return refuse(id.name(), number, Bound::Whole, why);
+            let number = values.single(id);
+            if number != libm::truncf(number) {
+                return refuse(id.text(), number, Bound::Whole, why);
             }
         }
-        let (lower, upper) = (values.value(Id::LookupLower), values.value(Id::LookupUpper));
+        let (lower, upper) = (values.single(Id::LookupLower), values.single(Id::LookupUpper));
         if upper <= lower {
-            let why = "the knots are spread over a range";
-            return refuse(Id::LookupUpper.name(), upper, Bound::MoreThan(lower), why);
+            let why = text!("the knots are spread over a range");
+            return refuse(Id::LookupUpper.text(), upper, Bound::MoreThan(lower), why);
         }
         // The range of each parameter leaves a tenth of the level, but knots and formula add up.
-        let lowest = levels(values).into_iter().map(Real::value).fold(0.0, f64::min);
-        let least = Id::LookupRise.info().lower;
+        let lowest = levels(values).into_iter().map(Real::single).fold(0.0, f32::min);
+        let [least, _] = Id::LookupRise.range();
         // The margin allows for rounding in the exponential formula at the lowest rise.
         if lowest < least - 1e-6 {
-            let rise = values.value(Id::LookupRise);
-            let why = "knots and formula together must leave a tenth of the level";
+            let rise = values.single(Id::LookupRise);
+            let why = text!("knots and formula together must leave a tenth of the level");
             let bound = Bound::AtLeast(rise + least - lowest);
-            return refuse(Id::LookupRise.name(), rise, bound, why);
+            return refuse(Id::LookupRise.text(), rise, bound, why);
         }
         Ok(())
     }

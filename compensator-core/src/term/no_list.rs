@@ -7,6 +7,7 @@ use crate::number::Real;
 use crate::parameter::ParameterValues;
 use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 use core::marker::PhantomData;
 use heapless::Vec;
 
@@ -58,7 +59,7 @@ pub(crate) fn check<T: Real, S: Real<Setting = S>>(
     match kinds.first() {
         None => Ok(()),
         Some(kind) => {
-            refuse(kind.name(), 1.0, Bound::AtMost(0.0), "built without the feature `terms`")
+            refuse(kind.text(), 1.0, Bound::AtMost(0.0), text!("built without the feature `terms`"))
         }
     }
 }

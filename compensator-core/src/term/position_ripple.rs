@@ -9,6 +9,7 @@ use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -22,11 +23,11 @@ pub(crate) struct PositionRipple<T> {
 }
 
 /// Maximum amplitude, equal to the range limit of its sine and cosine part.
-const AMPLITUDE_MAX: f64 = 0.99;
+const AMPLITUDE_MAX: f32 = 0.99;
 
 /// Returns the amplitude of the ripple.
-fn amplitude<S: Real>(values: &ParameterValues<S>) -> f64 {
-    libm::hypot(values.value(Id::RippleSine), values.value(Id::RippleCosine))
+fn amplitude<S: Real>(values: &ParameterValues<S>) -> f32 {
+    libm::hypotf(values.single(Id::RippleSine), values.single(Id::RippleCosine))
 }
 
 impl<T: Real> Term<T> for PositionRipple<T> {
@@ -55,8 +56,8 @@ impl<T: Real> Term<T> for PositionRipple<T> {
         [self.order, self.sine, self.cosine, T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        self.order.value().abs() * f64::from(envelope.position_max_rad)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        self.order.single().abs() * envelope.position_max_rad
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
@@ -66,8 +67,8 @@ impl<T: Real> Term<T> for PositionRipple<T> {
     fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         let amplitude = amplitude(values);
         if amplitude > AMPLITUDE_MAX {
-            let why = "a ripple of 1 or more turns friction round";
-            let field = "hypot(ripple_sine, ripple_cosine)";
+            let why = text!("a ripple of 1 or more turns friction round");
+            let field = text!("hypot(ripple_sine, ripple_cosine)");
             return refuse(field, amplitude, Bound::AtMost(AMPLITUDE_MAX), why);
         }
         Ok(())

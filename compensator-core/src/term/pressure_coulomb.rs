@@ -45,13 +45,13 @@ impl<T: Real> Term<T> for PressureCoulomb<T> {
         [self.coulomb, self.static_level, T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        let steeper = self.coulomb.value().abs().max(self.static_level.value().abs());
-        steeper * f64::from(envelope.pressure_diff_max_pa) * 1e-6
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        let steeper = self.coulomb.single().abs().max(self.static_level.single().abs());
+        steeper * envelope.pressure_diff_max_pa * 1e-6
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        bounds.per_pascal.coulomb += values.value(Id::PressureCoulomb);
-        bounds.per_pascal.excess += values.value(Id::PressureStaticExcess);
+        bounds.per_pascal.coulomb += values.single(Id::PressureCoulomb);
+        bounds.per_pascal.excess += values.single(Id::PressureStaticExcess);
     }
 }

@@ -34,13 +34,13 @@ impl<T: Real> Term<T> for QuadraticDrag<T> {
         [self.coefficient, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        let speed = f64::from(envelope.velocity_max_rad_s);
-        (self.coefficient.value().abs() * speed).max(1.0) * speed
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        let speed = envelope.velocity_max_rad_s;
+        (self.coefficient.single().abs() * speed).max(1.0) * speed
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
-        let speed = f64::from(envelope.velocity_max_rad_s);
-        bounds.torque += values.value(Id::QuadraticDrag).abs() * (speed * speed);
+        let speed = envelope.velocity_max_rad_s;
+        bounds.torque += values.single(Id::QuadraticDrag).abs() * (speed * speed);
     }
 }

@@ -41,13 +41,13 @@ impl<T: Real> Term<T> for RadialForceCoulomb<T> {
         [self.coulomb, self.static_level, T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        let steeper = self.coulomb.value().abs().max(self.static_level.value().abs());
-        steeper * f64::from(envelope.radial_force_max_n)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        let steeper = self.coulomb.single().abs().max(self.static_level.single().abs());
+        steeper * envelope.radial_force_max_n
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        bounds.per_newton.coulomb += values.value(Id::RadialForceCoulomb);
-        bounds.per_newton.excess += values.value(Id::RadialForceStaticExcess);
+        bounds.per_newton.coulomb += values.single(Id::RadialForceCoulomb);
+        bounds.per_newton.excess += values.single(Id::RadialForceStaticExcess);
     }
 }

@@ -40,11 +40,11 @@ impl<T: Real> Term<T> for RadialForceRate<T> {
         [self.per_newton, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        self.per_newton.value().abs() * f64::from(envelope.radial_force_max_n)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        self.per_newton.single().abs() * envelope.radial_force_max_n
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        bounds.travel_per_newton += values.value(Id::RadialForceRate);
+        bounds.travel_per_newton += values.single(Id::RadialForceRate);
     }
 }

@@ -34,8 +34,8 @@ impl<T: Real> Term<T> for StribeckShape<T> {
         [self.half_exponent, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
-        self.half_exponent.value().abs()
+    fn largest_product(&self, _: &Envelope) -> f32 {
+        self.half_exponent.single().abs()
     }
 
     fn widen<S: Real>(_: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {

@@ -9,6 +9,7 @@ use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::TEMPERATURE_RANGE_C;
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -20,10 +21,10 @@ pub(crate) struct TemperatureCoulomb<T> {
 }
 
 /// Returns the exponent at both ends of the valid temperature range.
-fn exponents<S: Real>(values: &ParameterValues<S>) -> [f64; 2] {
-    let rate = values.value(Id::TemperatureCoulomb);
-    let reference = values.value(Id::TemperatureReference);
-    TEMPERATURE_RANGE_C.map(|end| -rate * (end - reference))
+fn exponents<S: Real>(values: &ParameterValues<S>) -> [f32; 2] {
+    let rate = values.single(Id::TemperatureCoulomb);
+    let reference = values.single(Id::TemperatureReference);
+    TEMPERATURE_RANGE_C.map(|end| -rate * (end as f32 - reference))
 }
 
 impl<T: Real> Term<T> for TemperatureCoulomb<T> {
@@ -50,25 +51,25 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
         [self.rate, self.reference, T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
+    fn largest_product(&self, _: &Envelope) -> f32 {
         // The exponent. The check of the level includes the effect on the level.
-        self.rate.value().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])
+        self.rate.single().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0]) as f32
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        let [cold, hot] = exponents(values).map(libm::exp);
+        let [cold, hot] = exponents(values).map(libm::expf);
         bounds.scale_level(cold.min(hot), cold.max(hot));
     }
 
     fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
-        let steepest = exponents(values).into_iter().map(f64::abs).fold(0.0, f64::max);
-        let most = -libm::log(LEAST_SHARE);
+        let steepest = exponents(values).into_iter().map(f32::abs).fold(0.0, f32::max);
+        let most = -libm::logf(LEAST_SHARE);
         if steepest > most {
-            let rate = values.value(Id::TemperatureCoulomb);
-            let why = "the level must stay positive, and sane, from -50 to 150 deg C";
+            let rate = values.single(Id::TemperatureCoulomb);
+            let why = text!("the level must stay positive, and sane, from -50 to 150 deg C");
             let bound = rate * most / steepest;
             let bound = if rate > 0.0 { Bound::AtMost(bound) } else { Bound::AtLeast(bound) };
-            return refuse(Id::TemperatureCoulomb.name(), rate, bound, why);
+            return refuse(Id::TemperatureCoulomb.text(), rate, bound, why);
         }
         Ok(())
     }

@@ -42,15 +42,15 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
         [self.rate, self.reference, T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
+    fn largest_product(&self, _: &Envelope) -> f32 {
         // The exponent. The check of the viscous torque includes the effect on it.
-        self.rate.value().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])
+        self.rate.single().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0]) as f32
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (rate, reference) =
-            (values.value(Id::TemperatureViscosity), values.value(Id::TemperatureReference));
-        let factor = TEMPERATURE_RANGE_C.map(|end| libm::exp(-rate * (end - reference)));
+            (values.single(Id::TemperatureViscosity), values.single(Id::TemperatureReference));
+        let factor = TEMPERATURE_RANGE_C.map(|end| libm::expf(-rate * (end as f32 - reference)));
         bounds.viscous_factor *= factor[0].max(factor[1]);
     }
 }

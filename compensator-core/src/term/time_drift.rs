@@ -8,6 +8,7 @@ use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
+use crate::text;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,13 +22,13 @@ pub(crate) struct TimeDrift<T> {
 }
 
 /// Returns the smallest and largest factor of the level, including 1, over the campaign.
-fn range<S: Real>(values: &ParameterValues<S>, envelope: &Envelope) -> (f64, f64) {
-    let end_s = f64::from(envelope.campaign_max_h) * 3600.0;
-    let amplitude = values.value(Id::DriftAmplitude);
+fn range<S: Real>(values: &ParameterValues<S>, envelope: &Envelope) -> (f32, f32) {
+    let end_s = envelope.campaign_max_h * 3600.0;
+    let amplitude = values.single(Id::DriftAmplitude);
     let start = 1.0 + amplitude;
     let end = 1.0
-        + amplitude * libm::exp(-end_s / values.value(Id::DriftTime))
-        + values.value(Id::DriftRate) * end_s;
+        + amplitude * libm::expf(-end_s / values.single(Id::DriftTime))
+        + values.single(Id::DriftRate) * end_s;
     (start.min(end).min(1.0), start.max(end).max(1.0))
 }
 
@@ -57,9 +58,9 @@ impl<T: Real> Term<T> for TimeDrift<T> {
         [self.amplitude, self.per_time, self.rate, T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        let faster = self.per_time.value().abs().max(self.rate.value().abs());
-        faster * f64::from(envelope.campaign_max_h)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        let faster = self.per_time.single().abs().max(self.rate.single().abs());
+        faster * envelope.campaign_max_h
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
@@ -74,11 +75,11 @@ impl<T: Real> Term<T> for TimeDrift<T> {
         let (least, _) = range(values, envelope);
         if least < LEAST_SHARE {
             // The run-in alone leaves at least 1 % of the level, so the wear rate is the cause.
-            let end_s = f64::from(envelope.campaign_max_h) * 3600.0;
-            let why = "the level must stay positive to the end of the campaign";
-            let rate = values.value(Id::DriftRate);
+            let end_s = envelope.campaign_max_h * 3600.0;
+            let why = text!("the level must stay positive to the end of the campaign");
+            let rate = values.single(Id::DriftRate);
             let bound = Bound::AtLeast(rate + (LEAST_SHARE - least) / end_s);
-            return refuse(Id::DriftRate.name(), rate, bound, why);
+            return refuse(Id::DriftRate.text(), rate, bound, why);
         }
         Ok(())
     }

@@ -33,11 +33,11 @@ impl<T: Real> Term<T> for TorqueOffset<T> {
         [self.offset, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
-        self.offset.value().abs()
+    fn largest_product(&self, _: &Envelope) -> f32 {
+        self.offset.single().abs()
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        bounds.torque += values.value(Id::TorqueOffset).abs();
+        bounds.torque += values.single(Id::TorqueOffset).abs();
     }
 }

@@ -64,16 +64,16 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
         self.waves.map(|[order, ..]| order)
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        let position = f64::from(envelope.position_max_rad);
-        let sizes = self.waves.map(|wave| wave.map(|number| number.value().abs()));
-        let torque: f64 = sizes.iter().map(|[_, sine, cosine]| sine + cosine).sum();
-        sizes.iter().map(|[order, ..]| order * position).fold(torque, f64::max)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        let position = envelope.position_max_rad;
+        let sizes = self.waves.map(|wave| wave.map(|number| number.single().abs()));
+        let torque: f32 = sizes.iter().map(|[_, sine, cosine]| sine + cosine).sum();
+        sizes.iter().map(|[order, ..]| order * position).fold(torque, f32::max)
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         for [_, sine, cosine] in TORQUE_RIPPLE_PARAMETERS {
-            bounds.torque += libm::hypot(values.value(sine), values.value(cosine));
+            bounds.torque += libm::hypotf(values.single(sine), values.single(cosine));
         }
     }
 }

@@ -33,12 +33,12 @@ impl<T: Real> Term<T> for UnmodelledInertia<T> {
         [self.inertia, T::zero(), T::zero(), T::zero()]
     }
 
-    fn largest_product(&self, envelope: &Envelope) -> f64 {
-        self.inertia.value().abs() * f64::from(envelope.acceleration_max_rad_s2)
+    fn largest_product(&self, envelope: &Envelope) -> f32 {
+        self.inertia.single().abs() * envelope.acceleration_max_rad_s2
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
-        let fastest = f64::from(envelope.acceleration_max_rad_s2);
-        bounds.torque += values.value(Id::Inertia).abs() * fastest;
+        let fastest = envelope.acceleration_max_rad_s2;
+        bounds.torque += values.single(Id::Inertia).abs() * fastest;
     }
 }

@@ -86,13 +86,13 @@ impl<T: Real> Term<T> for WarmUp<T> {
         [self.fall, self.per_power, self.cooling, T::zero()]
     }
 
-    fn largest_product(&self, _: &Envelope) -> f64 {
+    fn largest_product(&self, _: &Envelope) -> f32 {
         // The heat. The law has already checked the power, torque times speed.
-        MAX_HEAT
+        MAX_HEAT as f32
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
-        let left = 1.0 - values.value(Id::WarmUpFall);
+        let left = 1.0 - values.single(Id::WarmUpFall);
         bounds.scale_level(left.min(1.0), left.max(1.0));
     }
 }

@@ -53,7 +53,7 @@ fn refusal(
 }
 
 fn are_close(a: Bound, b: Bound) -> bool {
-    let is_close = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
+    let is_close = |a: f32, b: f32| (a - b).abs() <= 1e-6 * b.abs();
     match (a, b) {
         (Bound::AtLeast(a), Bound::AtLeast(b))
         | (Bound::AtMost(a), Bound::AtMost(b))
@@ -152,7 +152,7 @@ fn passivity_and_delay_cases() -> Vec<RefusalCase> {
             fading,
             Id::BristleDamping,
             140.0,
-            AtMost(60.0 * (2.0 * core::f64::consts::E).sqrt()),
+            AtMost(60.0 * (2.0 * core::f32::consts::E).sqrt()),
             "passivity",
         ),
         // At the corner of the envelope F_C is 0.7 Nm: 4 * 0.7 / 8.
@@ -182,17 +182,20 @@ fn refusals_name_field_value_bound_and_reason() {
         from.clone().build::<f64>(PERIOD).unwrap_or_else(|error| panic!("{}: {error}", id.name()));
         let refused = from.clone().with(id, value).build::<f64>(PERIOD).unwrap_err();
         assert_eq!(refused.field, id.name());
-        assert_eq!(refused.value.to_bits(), value.to_bits(), "{refused}");
+        assert_eq!(refused.value.to_bits(), (value as f32).to_bits(), "{refused}");
         assert!(are_close(refused.bound, bound), "{refused}, expected {bound:?}");
-        assert!(refused.why.contains(word), "{refused}");
+        assert!(refused.why.as_str().contains(word), "{refused}");
         let message = refused.to_string();
-        for part in [id.name(), &value.to_string(), &refused.bound.to_string(), refused.why] {
+        for part in
+            [id.name(), &value.to_string(), &refused.bound.to_string(), refused.why.as_str()]
+        {
             assert!(message.contains(part), "{message:?} lacks {part:?}");
         }
         // Just inside the bound, the set is valid.
+        let margin = |bound: f64| 1e-6 * (bound.abs() + (bound - value).abs());
         let inside = match bound {
-            AtLeast(least) => least + 1e-6 * (least - value).abs(),
-            AtMost(most) => most - 1e-6 * (most - value).abs(),
+            AtLeast(least) => f64::from(least) + margin(least.into()),
+            AtMost(most) => f64::from(most) - margin(most.into()),
             _ => continue,
         };
         let narrow = from.with(id, inside);
@@ -334,6 +337,6 @@ fn build_in_fixed_point_with_overflow_names_the_product() {
         assert!(invalid.build::<f32>(1e-3).is_ok(), "{field}: a float holds it");
         let refused = invalid.build::<Fixed>(1e-3).unwrap_err();
         assert_eq!(refused.field, field, "{refused}");
-        assert!(refused.why.contains("number type"), "{refused}");
+        assert!(refused.why.as_str().contains("number type"), "{refused}");
     }
 }

@@ -111,7 +111,8 @@ fn lugre(excess: f64, stiffness: f64, viscous: f64) -> Parameters<f64> {
 
 /// Returns the largest bristle damping that validation accepts, Nm s/rad.
 fn max_damping(parameters: &Parameters<f64>) -> f64 {
-    parameters.clone().with(Id::BristleDamping, 1e7).active_damping().expect("1e7 is too much")
+    let too_much = parameters.clone().with(Id::BristleDamping, 1e7);
+    too_much.active_damping().expect("1e7 is too much").into()
 }
 
 proptest! {
@@ -144,7 +145,7 @@ proptest! {
 fn step_with_damping_beyond_limit_releases_energy() {
     let mut parameters = lugre(1.0, 1e4, 0.0);
     let most = max_damping(&parameters);
-    assert!((most - 1.0 / 3.0).abs() < 1e-9, "4 F_C / v_max: {most}");
+    assert!((most - 1.0 / 3.0).abs() < 1e-7, "4 F_C / v_max: {most}");
     // The joint creeps until the bristle holds the static level, and then moves fast. The level halves, and the
     // bristle springs back faster than the velocity changes its deflection.
     let mut creep_and_jump = vec![0.02; 20_000];

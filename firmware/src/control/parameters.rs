@@ -11,7 +11,8 @@ use super::pi::{BANDWIDTH_SHARE_MAX, Gains, one_minus_exp};
 use super::space_vector::MAX_VECTOR_PER_BUS_V;
 use super::transform::{UNITS_PER_RAD, binary_angle};
 use compensator_core::compensator::CompensatorParameters;
-use compensator_core::parameters::{Bound, ParameterError, check_ranges};
+use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
+use compensator_core::text;
 use core::f32::consts::TAU;
 
 /// Share of the written resistance that is assumed to burn power: the winding may be colder than at its measurement.
@@ -93,43 +94,44 @@ const SHORT_OVERSHOOT: f32 = 1.6;
 /// Settling time after a start, in time constants of the triple pole: 1 % is left.
 const SETTLE_TIME_CONSTANTS: f32 = 12.0;
 
-fn refuse(
-    field: &'static str,
-    value: f32,
-    bound: Bound,
-    why: &'static str,
-) -> Result<(), ParameterError> {
-    Err(ParameterError { field, value: value.into(), bound, why })
-}
-
 impl MotorParameters {
     /// Checks every field, and the fields that bound each other.
     ///
     /// # Errors
     /// Names the first field refused, its value, the bound it broke and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
+        check_ranges(&Self::TEXTS, &self.to_array(), &Self::RANGES)?;
         if self.pole_pairs != self.pole_pairs as u32 as f32 {
-            refuse("pole_pairs", self.pole_pairs, Bound::Whole, "poles come in pairs")?;
+            refuse(
+                text!("pole_pairs"),
+                self.pole_pairs,
+                Bound::Whole,
+                text!("poles come in pairs"),
+            )?;
         }
         for (field, sign) in [
-            ("joint_direction", self.joint_direction),
-            ("encoder_direction", self.encoder_direction),
+            (text!("joint_direction"), self.joint_direction),
+            (text!("encoder_direction"), self.encoder_direction),
         ] {
             if sign.abs() != 1.0 {
                 let bound = if sign < 0.0 { Bound::AtMost(-1.0) } else { Bound::AtLeast(1.0) };
-                refuse(field, sign, bound, "1 or -1")?;
+                refuse(field, sign, bound, text!("1 or -1"))?;
             }
         }
         self.validate_brake()?;
         let least = self.current_limit_a * OVERCURRENT_MARGIN;
         if self.overcurrent_a < least {
-            let why = "a tenth above the current limit, or the bridge opens in normal use";
-            refuse("overcurrent_a", self.overcurrent_a, Bound::AtLeast(least.into()), why)?;
+            let why = text!("a tenth above the current limit, or the bridge opens in normal use");
+            refuse(text!("overcurrent_a"), self.overcurrent_a, Bound::AtLeast(least), why)?;
         }
         if self.bus_voltage_max_v <= self.bus_voltage_min_v {
-            let bound = Bound::MoreThan(self.bus_voltage_min_v.into());
-            refuse("bus_voltage_max_v", self.bus_voltage_max_v, bound, "a range has a width")?;
+            let bound = Bound::MoreThan(self.bus_voltage_min_v);
+            refuse(
+                text!("bus_voltage_max_v"),
+                self.bus_voltage_max_v,
+                bound,
+                text!("a range has a width"),
+            )?;
         }
         Ok(())
     }
@@ -137,13 +139,13 @@ impl MotorParameters {
     /// Checks the reaction to a stop: the current of the shorted motor at its largest speed, with its overshoot, is
     /// below the overcurrent level, or the brake would be opened.
     fn validate_brake(&self) -> Result<(), ParameterError> {
-        let (field, value) = ("brake_at_stop", self.brake_at_stop);
+        let (field, value) = (text!("brake_at_stop"), self.brake_at_stop);
         if value != 0.0 && value != 1.0 {
             let bound = if value < 0.5 { Bound::AtMost(0.0) } else { Bound::AtLeast(1.0) };
-            refuse(field, value, bound, "0 or 1")?;
+            refuse(field, value, bound, text!("0 or 1"))?;
         }
         if value == 1.0 && !self.is_short_bounded() {
-            let why = "the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
+            let why = text!("the shorted motor would exceed overcurrent_a at velocity_max_rad_s");
             refuse(field, value, Bound::AtMost(0.0), why)?;
         }
         Ok(())
@@ -166,13 +168,14 @@ impl MotorParameters {
     /// # Errors
     /// Names the compensator's torque constant and the bound it broke.
     pub fn validate_with(&self, joint: &CompensatorParameters) -> Result<(), ParameterError> {
-        let (field, value) = ("torque_constant_nm_per_a", joint.torque_constant_nm_per_a);
+        let (field, value) = (text!("torque_constant_nm_per_a"), joint.torque_constant_nm_per_a);
         let lossless = self.torque_constant_nm_per_a * self.gear_ratio;
-        let why = "the joint's is the motor's times the gear ratio times the gear's efficiency";
+        let why =
+            text!("the joint's is the motor's times the gear ratio times the gear's efficiency");
         if value.is_nan() || value < 0.2 * lossless {
-            refuse(field, value, Bound::AtLeast((0.2 * lossless).into()), why)
+            refuse(field, value, Bound::AtLeast(0.2 * lossless), why)
         } else if value > 1.1 * lossless {
-            refuse(field, value, Bound::AtMost((1.1 * lossless).into()), why)
+            refuse(field, value, Bound::AtMost(1.1 * lossless), why)
         } else {
             Ok(())
         }
@@ -186,27 +189,29 @@ impl MotorParameters {
     pub fn build(&self, period_s: f32) -> Result<Motor, ParameterError> {
         self.validate()?;
         let (shortest, longest) = PERIOD_RANGE_S;
-        let why = "range of a current loop's period";
+        let why = text!("range of a current loop's period");
         if !period_s.is_finite() || period_s < shortest {
-            refuse("period_s", period_s, Bound::AtLeast(shortest.into()), why)?;
+            refuse(text!("period_s"), period_s, Bound::AtLeast(shortest), why)?;
         } else if period_s > longest {
-            refuse("period_s", period_s, Bound::AtMost(longest.into()), why)?;
+            refuse(text!("period_s"), period_s, Bound::AtMost(longest), why)?;
         }
         let fastest = BANDWIDTH_SHARE_MAX / period_s;
         for (field, value) in [
-            ("current_bandwidth_hz", self.current_bandwidth_hz),
-            ("observer_bandwidth_hz", self.observer_bandwidth_hz),
+            (text!("current_bandwidth_hz"), self.current_bandwidth_hz),
+            (text!("observer_bandwidth_hz"), self.observer_bandwidth_hz),
         ] {
             if value > fastest * 1.000_001 {
-                let why = "a twentieth of the loop rate: beyond it the PWM's delay makes overshoot";
-                refuse(field, value, Bound::AtMost(fastest.into()), why)?;
+                let why = text!(
+                    "a twentieth of the loop rate: beyond it the PWM's delay makes overshoot"
+                );
+                refuse(field, value, Bound::AtMost(fastest), why)?;
             }
         }
         let motor_velocity_max = self.velocity_max_rad_s * self.gear_ratio;
         let most = TURN_MAX_RAD / (period_s * self.gear_ratio * self.pole_pairs);
         if self.velocity_max_rad_s > most {
-            let why = "the magnet may turn 0.6 rad (electrical) in a period";
-            refuse("velocity_max_rad_s", self.velocity_max_rad_s, Bound::AtMost(most.into()), why)?;
+            let why = text!("the magnet may turn 0.6 rad (electrical) in a period");
+            refuse(text!("velocity_max_rad_s"), self.velocity_max_rad_s, Bound::AtMost(most), why)?;
         }
         let flux_vs = self.torque_constant_nm_per_a / (1.5 * self.pole_pairs);
         let (r, bandwidth) = (self.resistance_ohm, self.current_bandwidth_hz);

@@ -348,7 +348,7 @@ impl<F: NorFlash> Device<F> {
         let event = self.supervisor.take_event()?;
         let info = event.code.info();
         let code = if event.raised { info.emergency } else { 0 };
-        log!(warn, "{=str} {=str}", info.name, if event.raised { "came" } else { "went" });
+        log!(warn, "code {=u8}, raised: {=bool}", info.number, event.raised);
         if event.raised {
             self.history.record_error(info.emergency, u16::from(info.number));
         }

@@ -9,11 +9,14 @@ use crate::node::dictionary::records::{
 };
 use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
-use crate::node_settings::{InputSource, SettingError};
+use crate::node_settings::InputSource;
+use crate::refusal::{self, SettingError};
 use canopen_rs::Address;
 use compensator_core::can::{JointKind, Message, NodeId, TraceEntry};
 use compensator_core::network::record as network_record;
+use compensator_core::parameters::Text;
 use compensator_core::record;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Objects for Device<F> {
@@ -32,7 +35,7 @@ impl<F: NorFlash> Objects for Device<F> {
         }
         self.check_level(entry.level)?;
         if !entry.is_written_armed && self.is_bridge_in_use() {
-            let why = "the joint is armed, and nothing is written then: disarm first";
+            let why = text!("the joint is armed, and nothing is written then: disarm first");
             return Err(self.staging.refuse(Abort::State, why));
         }
         Ok(())
@@ -87,7 +90,10 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
             (index::SOFTWARE_VERSION, _) => return text(env!("CARGO_PKG_VERSION"), value),
             (index::LAST_PANIC, _) => return text(self.history.panic(), value),
-            (index::REFUSAL, _) => return text(self.staging.reason(), value),
+            (index::REFUSAL, _) => {
+                let bytes = refusal::emit(self.staging.reason());
+                return value.extend_from_slice(&bytes).map_err(|_| Abort::Memory);
+            }
             (index::COMMIT, CommitObject::FRICTION_RECORD) => {
                 let record = record::emit(&self.staging.staged().friction);
                 return value.extend_from_slice(&record).map_err(|_| Abort::Memory);
@@ -118,7 +124,9 @@ impl<F: NorFlash> Objects for Device<F> {
             return Ok(None);
         }
         match self.scope.readable_bytes() {
-            0 => Err(self.staging.refuse(Abort::Refused, "the scope has no complete capture")),
+            0 => {
+                Err(self.staging.refuse(Abort::Refused, text!("the scope has no complete capture")))
+            }
             length => Ok(Some(length)),
         }
     }
@@ -188,7 +196,7 @@ impl<F: NorFlash> Device<F> {
             index::RESTORE if number == LOAD_SIGNATURE => self.restore_defaults(),
             index::STORE | index::RESTORE => Err(self.staging.refuse(
                 Abort::Refused,
-                "save and load need their own word (65766173h, 64616F6Ch)",
+                text!("save and load need their own word (65766173h, 64616F6Ch)"),
             )),
             index::AWAITED_HEARTBEAT => self.write_setting(at, number),
             index::HEARTBEAT => {
@@ -266,26 +274,30 @@ impl<F: NorFlash> Device<F> {
                 changed.source = match byte {
                     0 => InputSource::Sensors,
                     1 => InputSource::Bus,
-                    _ => return Err(self.refuse_setting("source", "0 (sensors) or 1 (bus)")),
+                    _ => {
+                        return Err(
+                            self.refuse_setting(text!("source"), text!("0 (sensors) or 1 (bus)"))
+                        );
+                    }
                 }
             }
             (_, OperationObject::NUMBER) => {
                 changed.number = NumberType::from_code(byte)
-                    .ok_or_else(|| self.refuse_setting("number", NumberType::LEGAL_CODES))?;
+                    .ok_or_else(|| self.refuse_setting(text!("number"), NumberType::LEGAL_CODES))?;
             }
             (_, OperationObject::PERIOD_S) => changed.period_s = f32::from_bits(number),
             (_, OperationObject::CAMPAIGN_H) => changed.campaign_h = f32::from_bits(number),
             (_, OperationObject::TELEMETRY_EVERY) => changed.telemetry_every = byte,
             (_, OperationObject::NODE) => {
-                changed.node =
-                    NodeId::new(byte).ok_or_else(|| self.refuse_setting("node", "1 to 127"))?;
+                changed.node = NodeId::new(byte)
+                    .ok_or_else(|| self.refuse_setting(text!("node"), text!("1 to 127")))?;
             }
             (_, OperationObject::DATA_BIT_RATE) => changed.data_bit_rate_kbit = number as u16,
             (_, OperationObject::FD_TELEMETRY) => {
                 let most = u8::from(self.sends_fd);
                 if byte > most {
-                    let legal = "0, or 1 with a controller that sends CAN FD";
-                    return Err(self.refuse_setting("fd_telemetry", legal));
+                    let legal = text!("0, or 1 with a controller that sends CAN FD");
+                    return Err(self.refuse_setting(text!("fd_telemetry"), legal));
                 }
                 changed.fd_telemetry = byte == 1;
             }
@@ -295,7 +307,7 @@ impl<F: NorFlash> Device<F> {
         self.set_settings(changed)
     }
 
-    fn refuse_setting(&mut self, name: &'static str, legal: &'static str) -> Abort {
+    fn refuse_setting(&mut self, name: Text, legal: Text) -> Abort {
         self.staging.refuse(Abort::Value, SettingError { name, legal })
     }
 
@@ -306,7 +318,11 @@ impl<F: NorFlash> Device<F> {
             _ => TraceEntry::JointKind(match number {
                 0 => JointKind::Revolute,
                 1 => JointKind::Prismatic,
-                _ => return Err(self.refuse_setting("joint_kind", "0 (turns) or 1 (slides)")),
+                _ => {
+                    return Err(
+                        self.refuse_setting(text!("joint_kind"), text!("0 (turns) or 1 (slides)"))
+                    );
+                }
             }),
         };
         let node = self.settings().node;

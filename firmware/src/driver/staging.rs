@@ -15,18 +15,15 @@ use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::network::record as network_record;
-use compensator_core::parameters::{Choices, Envelope, LawKind, ShortNumber};
+use compensator_core::parameters::reason::Reason;
+use compensator_core::parameters::{Choices, Envelope, LawKind, Text};
 use compensator_core::record;
+use compensator_core::refusal;
 use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, TermKind};
-use core::fmt::{Display, Write};
-use heapless::String;
 
 /// Number of an empty term entry.
 pub const NO_TERM: u8 = 0xFF;
-
-/// Maximum length of a reason, bytes.
-pub const MAX_REASON_BYTES: usize = 160;
 
 /// The active set and the staged one.
 #[derive(Clone, Debug)]
@@ -38,7 +35,7 @@ pub struct Staging {
     staged: IdentifiedSet,
     /// The staged terms as they were written: between two writes a term may appear twice.
     terms: [u8; MAX_TERMS],
-    reason: String<MAX_REASON_BYTES>,
+    reason: Option<Reason>,
 }
 
 impl Default for Staging {
@@ -49,7 +46,7 @@ impl Default for Staging {
             wiring_crc: 0,
             staged: IdentifiedSet::default(),
             terms: [NO_TERM; MAX_TERMS],
-            reason: String::new(),
+            reason: None,
         };
         staging.wiring_crc = staging.active.wiring_crc();
         staging
@@ -121,25 +118,16 @@ impl Staging {
         }
     }
 
-    /// Returns the reason of the last refusal.
-    pub fn reason(&self) -> &str {
-        &self.reason
+    /// Returns the reason of the last refusal, if there was one since the last commit.
+    pub const fn reason(&self) -> Option<&Reason> {
+        self.reason.as_ref()
     }
 
-    /// Stores a reason, truncated if necessary, and returns the abort code.
-    #[inline]
-    pub fn refuse(&mut self, abort: Abort, why: impl Display) -> Abort {
-        self.refuse_for(abort, &why)
-    }
-
-    // One function for all types of a reason, to reduce the size of an image.
-    #[inline(never)]
-    fn refuse_for(&mut self, abort: Abort, why: &dyn Display) -> Abort {
-        self.reason.clear();
-        let mut cut = TruncatedWriter(&mut self.reason);
-        // A reason that is too long is truncated.
-        let _ = write!(cut, "{why}");
-        log!(warn, "refused: {=str}", self.reason.as_str());
+    /// Stores a reason and returns the abort code.
+    pub fn refuse(&mut self, abort: Abort, why: impl Into<Reason>) -> Abort {
+        let reason = why.into();
+        log!(warn, "refused: reason {=u32:08X}", reason.text.number());
+        self.reason = Some(reason);
         abort
     }
 
@@ -188,7 +176,7 @@ impl Staging {
         match at_index {
             index::ENVELOPE => {
                 let mut fields = self.staged.friction.model.envelope.to_array();
-                let name = *Envelope::NAMES.get(place).ok_or(Abort::NoSubIndex)?;
+                let name = *Envelope::TEXTS.get(place).ok_or(Abort::NoSubIndex)?;
                 self.check_finite(name, number)?;
                 *fields.get_mut(place).ok_or(Abort::NoSubIndex)? = number;
                 self.staged.friction.model.envelope = Envelope::from_array(fields);
@@ -210,8 +198,8 @@ impl Staging {
             }
             _ => {
                 let id = *ParameterId::ALL.get(place).ok_or(Abort::NoSubIndex)?;
-                let info = id.info();
-                self.check(info.name, number, info.lower, info.upper)?;
+                let [least, most] = id.range();
+                self.check(id.text(), number, least, most)?;
                 self.staged.friction.model.set(id, number);
             }
         }
@@ -222,19 +210,19 @@ impl Staging {
         match place {
             0 => {
                 let law = LawKind::from_number(byte).ok_or_else(|| {
-                    self.refuse(Abort::Value, format_args!("law = {byte}: there is no such law"))
+                    self.refuse(Abort::Value, refusal!("law = {u32}: there is no such law", byte))
                 })?;
                 self.staged.friction.model.law = law;
                 self.sort_terms();
             }
             1 => {
                 self.staged.friction.model.choices = choices_from_bits(byte).ok_or_else(|| {
-                    self.refuse(Abort::Value, format_args!("choices = {byte}: must be at most 7"))
+                    self.refuse(Abort::Value, refusal!("choices = {u32}: must be at most 7", byte))
                 })?;
             }
             _ => {
                 if byte != NO_TERM && TermKind::from_number(byte).is_none() {
-                    let why = format_args!("term = {byte}: there is no such term");
+                    let why = refusal!("term = {u32}: there is no such term", byte);
                     return Err(self.refuse(Abort::Value, why));
                 }
                 *self.terms.get_mut(place - 2).ok_or(Abort::NoSubIndex)? = byte;
@@ -245,22 +233,21 @@ impl Staging {
     }
 
     /// Checks that a value is finite. The commit checks the ranges, because they depend on each other.
-    fn check_finite(&mut self, name: &str, number: f32) -> Result<(), Abort> {
-        self.check(name, number, f64::from(f32::MIN), f64::from(f32::MAX))
+    fn check_finite(&mut self, name: Text, number: f32) -> Result<(), Abort> {
+        self.check(name, number, f32::MIN, f32::MAX)
     }
 
-    fn check(&mut self, name: &str, number: f32, least: f64, most: f64) -> Result<(), Abort> {
-        let wide = f64::from(number);
-        let text = ShortNumber(wide);
+    fn check(&mut self, name: Text, number: f32, least: f32, most: f32) -> Result<(), Abort> {
         if !number.is_finite() {
-            return Err(self.refuse(Abort::Value, format_args!("{name} = {text}: must be finite")));
+            let why = refusal!("{name} = {f32}: must be finite", name, number);
+            return Err(self.refuse(Abort::Value, why));
         }
-        if wide < least {
-            let why = format_args!("{name} = {text}: must be at least {}", ShortNumber(least));
+        if number < least {
+            let why = refusal!("{name} = {f32}: must be at least {f32}", name, number, least);
             return Err(self.refuse(Abort::TooLow, why));
         }
-        if wide > most {
-            let why = format_args!("{name} = {text}: must be at most {}", ShortNumber(most));
+        if number > most {
+            let why = refusal!("{name} = {f32}: must be at most {f32}", name, number, most);
             return Err(self.refuse(Abort::TooHigh, why));
         }
         Ok(())
@@ -313,7 +300,7 @@ impl Staging {
     pub fn validate_commit(&mut self, meant: u32) -> Result<(), Abort> {
         let found = self.staged.crc();
         if found != meant {
-            let why = format_args!("commit of {meant:08x}, but the staged set is {found:08x}");
+            let why = refusal!("commit of {hex}, but the staged set is {hex}", meant, found);
             return Err(self.refuse(Abort::Refused, why));
         }
         self.staged.validate().map_err(|error| self.refuse(Abort::Value, error))
@@ -324,20 +311,20 @@ impl Staging {
         self.active.copy_from(&self.staged);
         self.wiring_crc = self.active.wiring_crc();
         self.list_terms();
-        self.reason.clear();
+        self.reason = None;
     }
 }
 
 /// Returns the place of a value of motor, thresholds, watch or sensors in their common encoding, and its name.
-fn drive_value(at_index: u16, place: usize) -> Option<(usize, &'static str)> {
+fn drive_value(at_index: u16, place: usize) -> Option<(usize, Text)> {
     const THRESHOLDS: usize = MotorParameters::FIELDS;
     const WATCH: usize = THRESHOLDS + Thresholds::FIELDS;
     const SENSORS: usize = WATCH + WatchParameters::FIELDS;
-    let (first, names): (usize, &[&'static str]) = match at_index {
-        index::MOTOR => (0, &MotorParameters::NAMES),
-        index::THRESHOLDS => (THRESHOLDS, &Thresholds::NAMES),
-        index::WATCH_PARAMETERS => (WATCH, &WatchParameters::NAMES),
-        _ => (SENSORS, &SensorParameters::NAMES),
+    let (first, names): (usize, &[Text]) = match at_index {
+        index::MOTOR => (0, &MotorParameters::TEXTS),
+        index::THRESHOLDS => (THRESHOLDS, &Thresholds::TEXTS),
+        index::WATCH_PARAMETERS => (WATCH, &WatchParameters::TEXTS),
+        _ => (SENSORS, &SensorParameters::TEXTS),
     };
     names.get(place).map(|name| (first + place, *name))
 }
@@ -356,21 +343,15 @@ fn choices_from_bits(bits: u8) -> Option<Choices> {
     })
 }
 
-/// Writes into a string until it is full.
-struct TruncatedWriter<'a, const N: usize>(&'a mut String<N>);
-
-impl<const N: usize> Write for TruncatedWriter<'_, N> {
-    fn write_str(&mut self, text: &str) -> core::fmt::Result {
-        for letter in text.chars() {
-            self.0.push(letter).map_err(|_| core::fmt::Error)?;
-        }
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::refusal::Explained;
+    use std::string::{String, ToString};
+
+    fn reason_of(staging: &Staging) -> String {
+        staging.reason().map(|reason| Explained::from(reason).to_string()).unwrap_or_default()
+    }
 
     fn float(staging: &mut Staging, id: ParameterId, value: f32) -> Result<(), Abort> {
         staging.write(index::PARAMETERS, id as u8 + 1, &value.to_le_bytes())
@@ -387,7 +368,11 @@ mod tests {
         assert_eq!(staging.active(), &ParameterSet::default());
         let wrong = staging.validate_commit(1);
         assert_eq!(wrong, Err(Abort::Refused));
-        assert!(staging.reason().starts_with("commit of 00000001, but"), "{}", staging.reason());
+        assert!(
+            reason_of(&staging).starts_with("commit of 00000001, but"),
+            "{}",
+            reason_of(&staging)
+        );
         let meant = staging.staged().crc();
         staging.validate_commit(meant).unwrap();
         staging.activate();
@@ -449,7 +434,7 @@ mod tests {
         ];
         for (at, sub_index, bytes, abort, reason) in cases {
             assert_eq!(staging.write(at, sub_index, bytes), Err(abort));
-            assert!(staging.reason().starts_with(reason), "{}", staging.reason());
+            assert!(reason_of(&staging).starts_with(reason), "{}", reason_of(&staging));
             assert_eq!(staging.staged(), &before);
         }
     }
@@ -460,14 +445,14 @@ mod tests {
         float(&mut staging, ParameterId::CoulombTorque, 3.0).unwrap();
         let meant = staging.staged().crc();
         assert_eq!(staging.validate_commit(meant), Err(Abort::Value));
-        assert!(staging.reason().starts_with("static_torque = 1: must be at least 3"));
+        assert!(reason_of(&staging).starts_with("static_torque = 1: must be at least 3"));
         staging.discard();
         assert_eq!(staging.staged(), &ParameterSet::default());
         staging.write(index::THRESHOLDS, 1, &2e5f32.to_le_bytes()).unwrap();
         let meant = staging.staged().crc();
         assert_eq!(staging.validate_commit(meant), Err(Abort::Value));
         assert!(
-            staging.reason().starts_with("command_timeout_us = 200000: must be at most 100000")
+            reason_of(&staging).starts_with("command_timeout_us = 200000: must be at most 100000")
         );
     }
 
@@ -482,14 +467,7 @@ mod tests {
         assert_eq!(staging.staged(), &other);
         record[90] ^= 1;
         assert_eq!(staging.write_record(&record), Err(Abort::Value));
-        assert_eq!(staging.reason(), "record is damaged (CRC)");
+        assert_eq!(reason_of(&staging), "record is damaged (CRC)");
         assert_eq!(staging.staged(), &other);
-    }
-
-    #[test]
-    fn refuse_with_long_reason_truncates_it() {
-        let mut staging = Staging::default();
-        staging.refuse(Abort::Value, "x".repeat(400));
-        assert_eq!(staging.reason().len(), MAX_REASON_BYTES);
     }
 }

@@ -78,7 +78,7 @@ pub const LOAD_SIGNATURE: u32 = u32::from_le_bytes(*b"load");
 
 use Access::{Const, Input, ReadOnly, ReadWrite, WriteOnly};
 use DataType::{
-    Domain, Integer8, Integer16, Integer32, Real32, Unsigned8, Unsigned16, Unsigned32,
+    Domain, Integer8, Integer16, Integer32, OctetString, Real32, Unsigned8, Unsigned16, Unsigned32,
     VisibleString,
 };
 
@@ -230,7 +230,7 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x2025 THRESHOLDS service(numbers("thresholds", &Thresholds::NAMES));
     0x2026 WATCH_PARAMETERS service(numbers("watch_parameters", &WatchParameters::NAMES));
     0x2027 COMMIT record("commit", CommitObject::ENTRIES);
-    0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
+    0x2028 REFUSAL variable("last_refusal", OctetString, ReadOnly);
     0x2029 SENSORS service(numbers("sensors", &SensorParameters::NAMES));
     0x2030 HOLDING_BRAKE service(record("holding_brake", HoldingBrakeObject::ENTRIES));
     0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);

@@ -1,6 +1,8 @@
 //! The background's side of a scope: settings, ring of rows, trigger.
 
 use super::{MAX_SIGNALS, ScopeOrder, ScopeRow, Signal};
+use compensator_core::parameters::Text;
+use compensator_core::text;
 
 /// Number of [`ScopeSettings::trigger_signal`] for a fault of the supervisor.
 pub const TRIGGER_FAULT: u8 = 0xFF;
@@ -151,7 +153,7 @@ impl Scope {
     ///
     /// # Errors
     /// Returns why it is refused.
-    pub fn start(&mut self) -> Result<(), &'static str> {
+    pub fn start(&mut self) -> Result<(), Text> {
         let settings = self.settings;
         let width = settings.signals.iter().take_while(|number| **number != 0).count();
         let has_unknown = settings
@@ -162,9 +164,9 @@ impl Scope {
             || has_unknown
             || settings.signals.iter().skip(width).any(|number| *number != 0)
         {
-            return Err(
-                "the signals of the scope (2014h) must be known numbers, followed by zeros",
-            );
+            return Err(text!(
+                "the signals of the scope (2014h) must be known numbers, followed by zeros"
+            ));
         }
         let trigger = match settings.trigger_signal {
             0 => Trigger::Now,
@@ -174,12 +176,18 @@ impl Scope {
                     let (level, is_falling) = (settings.trigger_level, settings.is_falling);
                     Trigger::Level { place, level, is_falling }
                 }
-                None => return Err("the signal of the trigger must be one of the recorded ones"),
+                None => {
+                    return Err(text!(
+                        "the signal of the trigger must be one of the recorded ones"
+                    ));
+                }
             },
         };
         let capacity = self.memory.len() / width;
         if settings.every == 0 || usize::from(settings.rows_before) >= capacity {
-            return Err("a capture needs a row at least every period, and one after the trigger");
+            return Err(text!(
+                "a capture needs a row at least every period, and one after the trigger"
+            ));
         }
         self.signals = settings.signals;
         (self.width, self.capacity, self.trigger) = (width, capacity, trigger);

@@ -5,7 +5,8 @@
 
 use super::strain_gauge::StrainGauge;
 use super::thermistor::Thermistor;
-use compensator_core::parameters::{Bound, ParameterError, check_ranges};
+use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
+use compensator_core::text;
 
 compensator_core::named_fields! {
     /// Constants of the sensors of a joint.
@@ -56,40 +57,43 @@ impl SensorParameters {
     /// # Errors
     /// Names the first field refused, its value, the bound it broke and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
+        check_ranges(&Self::TEXTS, &self.to_array(), &Self::RANGES)?;
         let switches = [
-            ("strain_connected", self.strain_connected),
-            ("leak_connected", self.leak_connected),
-            ("leak_stops", self.leak_stops),
-            ("air_connected", self.air_connected),
-            ("sto_connected", self.sto_connected),
+            (text!("strain_connected"), self.strain_connected),
+            (text!("leak_connected"), self.leak_connected),
+            (text!("leak_stops"), self.leak_stops),
+            (text!("air_connected"), self.air_connected),
+            (text!("sto_connected"), self.sto_connected),
         ];
         let neither = switches.into_iter().find(|(_, switch)| *switch != 0.0 && *switch != 1.0);
         let refused = if let Some((field, switch)) = neither {
-            Some((field, switch, Bound::AtLeast(1.0), "0 or 1"))
+            Some((field, switch, Bound::AtLeast(1.0), text!("0 or 1")))
         } else if self.leak_open_share <= self.leak_wet_share {
-            let why = "a broken wire is drier than a dry probe";
+            let why = text!("a broken wire is drier than a dry probe");
             Some((
-                "leak_open_share",
+                text!("leak_open_share"),
                 self.leak_open_share,
-                Bound::MoreThan(self.leak_wet_share.into()),
+                Bound::MoreThan(self.leak_wet_share),
                 why,
             ))
         } else if self.housing_pressure_max_pa <= self.housing_pressure_min_pa {
             let (low, high) = (self.housing_pressure_min_pa, self.housing_pressure_max_pa);
-            let why = "there must be a range between the two";
-            Some(("housing_pressure_max_pa", high, Bound::MoreThan(low.into()), why))
+            let why = text!("there must be a range between the two");
+            Some((text!("housing_pressure_max_pa"), high, Bound::MoreThan(low), why))
         } else if self.shunt_sign.abs() != 1.0 {
-            Some(("shunt_sign", self.shunt_sign, Bound::AtLeast(1.0), "1 or -1"))
+            Some((text!("shunt_sign"), self.shunt_sign, Bound::AtLeast(1.0), text!("1 or -1")))
         } else if self.strain_range_n == 0.0 {
-            Some(("strain_range_n", 0.0, Bound::MoreThan(0.0), "a gauge answers to a force"))
+            Some((
+                text!("strain_range_n"),
+                0.0,
+                Bound::MoreThan(0.0),
+                text!("a gauge answers to a force"),
+            ))
         } else {
             None
         };
         match refused {
-            Some((field, value, bound, why)) => {
-                Err(ParameterError { field, value: value.into(), bound, why })
-            }
+            Some((field, value, bound, why)) => refuse(field, value, bound, why),
             None => Ok(()),
         }
     }

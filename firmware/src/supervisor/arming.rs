@@ -11,7 +11,8 @@
 
 use super::Supervisor;
 use super::codes::{Code, CodeSet, Effect};
-use core::fmt;
+use compensator_core::parameters::reason::Reason;
+use compensator_core::refusal;
 
 /// Maximum age of the last observation when arming, us.
 pub const MAX_OBSERVATION_AGE_US: u64 = 20_000;
@@ -27,23 +28,18 @@ pub struct ArmRefusal {
     pub unmeasured: bool,
 }
 
-impl fmt::Display for ArmRefusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("not armed:")?;
-        for code in self.causes.iter() {
-            write!(f, " {}", code.info().name)?;
-        }
-        if self.unobserved {
-            f.write_str(" unobserved")?;
-        }
-        if self.unmeasured {
-            f.write_str(" unmeasured")?;
-        }
-        Ok(())
+impl From<ArmRefusal> for Reason {
+    fn from(refusal: ArmRefusal) -> Self {
+        let ArmRefusal { causes, unobserved, unmeasured } = refusal;
+        let conditions = u32::from(unobserved) | u32::from(unmeasured) << 1;
+        refusal!(
+            "not armed:{faults}{limits}{conditions}",
+            causes.fault_bits(),
+            causes.limit_bits(),
+            conditions
+        )
     }
 }
-
-impl core::error::Error for ArmRefusal {}
 
 impl Supervisor {
     /// Arms the joint, which allows the bridge to be on. A joint that is armed stays armed.

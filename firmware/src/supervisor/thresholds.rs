@@ -3,7 +3,8 @@
 //! Users write them in SI units; [`Thresholds::validate`] names the field it refuses. Delays that depend on
 //! the physics of a cause, not on the joint, are in the table of [`super::codes`].
 
-use compensator_core::parameters::{Bound, ParameterError, check_ranges};
+use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
+use compensator_core::text;
 
 compensator_core::named_fields! {
     /// Levels and times of the supervisor.
@@ -65,45 +66,57 @@ impl Thresholds {
     /// # Errors
     /// Returns the refused field, its value, the violated bound and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let refuse = |field, value: f32, bound, why| {
-            Err(ParameterError { field, value: value.into(), bound, why })
-        };
-        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
-        let clears = "the clear level must be on the safe side of the trip level";
-        let derates = "derating must begin before the trip";
+        check_ranges(&Self::TEXTS, &self.to_array(), &Self::RANGES)?;
+        let clears = text!("the clear level must be on the safe side of the trip level");
+        let derates = text!("derating must begin before the trip");
         let hysteresis = self.temperature_hysteresis_c;
         for (field, value, least, why) in [
-            ("bus_overvoltage_v", self.bus_overvoltage_v, self.bus_overvoltage_clear_v, clears),
             (
-                "bus_undervoltage_clear_v",
+                text!("bus_overvoltage_v"),
+                self.bus_overvoltage_v,
+                self.bus_overvoltage_clear_v,
+                clears,
+            ),
+            (
+                text!("bus_undervoltage_clear_v"),
                 self.bus_undervoltage_clear_v,
                 self.bus_undervoltage_v,
                 clears,
             ),
             (
-                "bus_overvoltage_clear_v",
+                text!("bus_overvoltage_clear_v"),
                 self.bus_overvoltage_clear_v,
                 self.bus_undervoltage_clear_v,
-                "there must be an operating voltage between the two",
+                text!("there must be an operating voltage between the two"),
             ),
-            ("bridge_trip_c", self.bridge_trip_c, self.bridge_derate_c + hysteresis, derates),
-            ("motor_trip_c", self.motor_trip_c, self.motor_derate_c + hysteresis, derates),
-            ("winding_max_c", self.winding_max_c, self.winding_derate_c + hysteresis, derates),
             (
-                "phase_check_a",
+                text!("bridge_trip_c"),
+                self.bridge_trip_c,
+                self.bridge_derate_c + hysteresis,
+                derates,
+            ),
+            (text!("motor_trip_c"), self.motor_trip_c, self.motor_derate_c + hysteresis, derates),
+            (
+                text!("winding_max_c"),
+                self.winding_max_c,
+                self.winding_derate_c + hysteresis,
+                derates,
+            ),
+            (
+                text!("phase_check_a"),
                 self.phase_check_a,
                 2.0 * self.phase_dead_a,
-                "a phase that carries its share must not count as open",
+                text!("a phase that carries its share must not count as open"),
             ),
             (
-                "overcurrent_a",
+                text!("overcurrent_a"),
                 self.overcurrent_a,
                 self.current_offset_a,
-                "the offset limit must be below the overcurrent level",
+                text!("the offset limit must be below the overcurrent level"),
             ),
         ] {
             if value <= least {
-                return refuse(field, value, Bound::MoreThan(least.into()), why);
+                return refuse(field, value, Bound::MoreThan(least), why);
             }
         }
         Ok(())

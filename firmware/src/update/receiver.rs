@@ -13,6 +13,8 @@ use super::flash::{is_blank, read_chunks};
 use super::marks::{self, SlotState};
 use super::package::{HASH_AT, HEADER_BYTES, Header, USED_BYTES, continue_crc};
 use super::{Program, Slot, UNIT_BYTES};
+use compensator_core::parameters::Text;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 use sha2::{Digest, Sha512};
 
@@ -47,20 +49,20 @@ pub enum Refusal {
 
 impl Refusal {
     /// Returns the reason as a text.
-    pub const fn text(self) -> &'static str {
+    pub const fn text(self) -> Text {
         match self {
-            Self::NoPackage => "no package of this firmware",
-            Self::Board(_) => "a package for another board",
-            Self::Address(_) => "an image for the slot that runs",
+            Self::NoPackage => text!("no package of this firmware"),
+            Self::Board(_) => text!("a package for another board"),
+            Self::Address(_) => text!("an image for the slot that runs"),
             Self::Counter(..) => {
-                "anti-rollback counter: smaller than that of the program that runs"
+                text!("anti-rollback counter: smaller than that of the program that runs")
             }
-            Self::TooLong(_) => "an image longer than the slot",
-            Self::Excess => "more bytes than the package has",
-            Self::NotCleared => "clear the program first (1F51h:1 = 3)",
-            Self::Crc => "the image differs from its CRC",
-            Self::Hash => "the image differs from its SHA-512",
-            Self::Flash => "the flash reported an error",
+            Self::TooLong(_) => text!("an image longer than the slot"),
+            Self::Excess => text!("more bytes than the package has"),
+            Self::NotCleared => text!("clear the program first (1F51h:1 = 3)"),
+            Self::Crc => text!("the image differs from its CRC"),
+            Self::Hash => text!("the image differs from its SHA-512"),
+            Self::Flash => text!("the flash reported an error"),
         }
     }
 }

@@ -13,6 +13,8 @@ use super::Program;
 use super::marks::{self, ImageState, SlotState};
 use super::receiver::{Receiver, Refusal};
 use crate::node::sdo::Abort;
+use compensator_core::parameters::Text;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Time after the last access until a transfer counts as left, us.
@@ -48,11 +50,13 @@ impl RequestError {
     }
 
     /// Returns the reason as a text.
-    pub const fn text(self) -> &'static str {
+    pub const fn text(self) -> Text {
         match self {
             Self::Package(refusal) => refusal.text(),
-            Self::NotReady => "the package is not complete or not accepted (1F57h)",
-            Self::Command(_) => "program control: must be 0 prepare, 1 start, 2 reset or 3 clear",
+            Self::NotReady => text!("the package is not complete or not accepted (1F57h)"),
+            Self::Command(_) => {
+                text!("program control: must be 0 prepare, 1 start, 2 reset or 3 clear")
+            }
         }
     }
 }

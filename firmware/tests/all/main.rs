@@ -4,6 +4,7 @@
 
 mod closed_loop;
 mod driver;
+mod refusals;
 mod store;
 mod supervisor;
 mod update;

@@ -411,7 +411,7 @@ fn invalid_thresholds_are_refused_by_name() {
         let mut thresholds = default;
         change(&mut thresholds);
         let error = bench.supervisor.configure(&thresholds).unwrap_err();
-        assert_eq!((error.field, error.bound), (field, bound));
+        assert_eq!((error.field.as_str(), error.bound), (field, bound));
         assert_eq!(bench.supervisor.thresholds(), &default);
         // At boot the defaults apply and a code is raised.
         let supervisor = Supervisor::boot(&thresholds, &SupervisorBoot::default());

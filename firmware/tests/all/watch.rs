@@ -266,7 +266,7 @@ fn parameters_out_of_range_are_refused_by_name() {
         let mut parameters = default;
         spoil(&mut parameters);
         let error = parameters.validate().unwrap_err();
-        assert_eq!((error.field, error.bound), (field, bound));
+        assert_eq!((error.field.as_str(), error.bound), (field, bound));
         assert!(parameters.build(1e-3).is_err());
     }
     for (period, legal) in [

@@ -17,6 +17,7 @@ use canopen_rs::sdo::{
 use compensator_core::can::{Frame, NodeId, cob_id};
 use firmware::access::Key;
 use firmware::node::dictionary::{Object, index};
+use firmware::refusal::Explained;
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -101,6 +102,11 @@ pub enum SdoError {
         /// Expected bytes.
         expected: usize,
     },
+}
+
+/// Returns a reason as object 2028h contains it in words; empty if it is none.
+pub fn reason_in_words(bytes: &[u8]) -> String {
+    Explained::parse(bytes).map(|reason| reason.to_string()).unwrap_or_default()
 }
 
 fn reason(why: &str) -> String {
@@ -291,7 +297,15 @@ impl<B: Bus> Client<B> {
         Ok(String::from_utf8_lossy(&bytes).trim_end().to_owned())
     }
 
-    /// Adds the reason text of the node to a refusal whose code is not specific.
+    /// Reads why the node refused the last request, in words; empty if it refused none.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn read_refusal(&mut self) -> Result<String, SdoError> {
+        Ok(reason_in_words(&self.read(Address::new(index::REFUSAL, 0))?))
+    }
+
+    /// Adds the reason of the node to a refusal whose code is not specific.
     fn with_reason<T>(&mut self, outcome: Result<T, SdoError>) -> Result<T, SdoError> {
         match outcome {
             Err(SdoError::Refused { object, code, .. })
@@ -300,8 +314,8 @@ impl<B: Bus> Client<B> {
                     LOCKED | 0x0606_0000 | 0x0609_0030..=0x0609_0032 | 0x0800_0020 | 0x0800_0022
                 ) =>
             {
-                let text = self.upload(Address::new(index::REFUSAL, 0)).unwrap_or_default();
-                let why = String::from_utf8_lossy(&text).trim().to_owned();
+                let why = self.upload(Address::new(index::REFUSAL, 0)).unwrap_or_default();
+                let why = reason_in_words(&why);
                 Err(SdoError::Refused { object, code, why })
             }
             other => other,

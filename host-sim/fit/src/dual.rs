@@ -192,7 +192,7 @@ impl<const N: usize> Real for Dual<N> {
     fn value(self) -> f64 {
         self.value
     }
-    fn represents(value: f64) -> bool {
+    fn represents(value: f32) -> bool {
         value.is_finite()
     }
     #[inline(always)]

@@ -105,9 +105,9 @@ pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> Strin
     let mut text = head(joint, &outcome.spec.full_name());
     // Writing to a string does not fail.
     for estimate in &estimates {
-        let (info, value) = (estimate.id.info(), estimate.value);
+        let (name, value) = (estimate.id.name(), estimate.value);
         let unit = unit(estimate.id, joint);
-        let _ = write!(text, "{} = {{ value = {value:?}, unit = \"{unit}\"", info.name);
+        let _ = write!(text, "{name} = {{ value = {value:?}, unit = \"{unit}\"");
         if let Some(error) = estimate.std_error {
             let _ = write!(text, ", std_error = {error:?}, state = \"{}\"", estimate.state.name());
         }
@@ -123,9 +123,9 @@ pub fn emit_model(model: &Parameters<f32>, joint: JointKind) -> String {
     let spec = Spec { terms: model.terms.to_vec(), ..Spec::law(model.law) };
     let mut text = head(joint, &spec.full_name());
     for id in model.active() {
-        let (info, value) = (id.info(), model.get(id));
+        let (name, value) = (id.name(), model.get(id));
         let unit = unit(id, joint);
-        let _ = writeln!(text, "{} = {{ value = {value:?}, unit = \"{unit}\" }}", info.name);
+        let _ = writeln!(text, "{name} = {{ value = {value:?}, unit = \"{unit}\" }}");
     }
     emit_limits(&model.envelope, model.choices, &mut text);
     text

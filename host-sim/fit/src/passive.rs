@@ -94,7 +94,7 @@ fn towards_passivity(
         );
         return Some(PassivityChange { id: Some(Id::ViscousFriction), note });
     }
-    let largest = parameters.active_damping()?;
+    let largest = f64::from(parameters.active_damping()?);
     let damping = significant(parameters.get(Id::BristleDamping), 3);
     if !parameters.choices.damping_fades && !options.fixed.contains(&Id::BristleDamping) {
         parameters.choices.damping_fades = true;

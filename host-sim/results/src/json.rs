@@ -30,14 +30,13 @@ impl FitDocument {
 }
 
 pub(super) fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
-    let info = estimate.id.info();
     let value = json!({
         "value": estimate.value,
         "unit": unit(estimate.id, data.joint),
         "std_error": estimate.std_error,
         "state": estimate.state.name(),
     });
-    (info.name.to_owned(), value)
+    (estimate.id.name().to_owned(), value)
 }
 
 /// Returns the correlations of the fitted parameters, each pair once.

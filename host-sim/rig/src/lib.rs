@@ -28,7 +28,6 @@ pub use faults::{RigFaults, SealSensorFault};
 pub use node::MotorNode;
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
 
-use canopen_rs::Address;
 use compensator_core::can::{
     CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame,
 };
@@ -222,7 +221,7 @@ impl JointRig<'_> {
             return Ok(());
         }
         let mut client = Client::new(RigBus::new(self), NODE);
-        let reason = client.read_text(Address::new(index::REFUSAL, 0));
+        let reason = client.read_refusal();
         Err(format!("the driver does not arm: {}", reason.map_err(|error| error.to_string())?))
     }
 

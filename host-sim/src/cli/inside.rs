@@ -88,7 +88,7 @@ fn model_json(fit: &InsideFit, names: &[&str]) -> Value {
         let parameters = &fit.fitted.parameters[at];
         let values = parameters.active().map(|id| {
             let about = json!({"value": parameters.get(id), "unit": id.unit()});
-            (id.info().name.to_owned(), about)
+            (id.name().to_owned(), about)
         });
         json!({
             "joint": name, "params": serde_json::Map::from_iter(values),

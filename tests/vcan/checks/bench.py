@@ -66,11 +66,11 @@ def simulate(name, *arguments):
     return folder / "trace.log"
 
 
-def unlock_of_the_book():
-    """The function `unlock` that the book gives for python-canopen."""
+def program_of_the_book(path):
+    """The names of a program that the book gives for python-canopen."""
     names = {}
-    exec((REPO / "docs" / "src" / "explanation" / "unlock.py").read_text(), names)
-    return names["unlock"]
+    exec((REPO / "docs" / "src" / path).read_text(), names)
+    return names
 
 
 def cansend(*frames):

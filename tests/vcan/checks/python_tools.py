@@ -13,7 +13,7 @@ import time
 import can
 import canopen
 import cantools
-from bench import FOLDER, INTERFACE, REPO, Candump, Node, equal, host_sim, passed, simulate, test, unlock_of_the_book, until
+from bench import FOLDER, INTERFACE, REPO, Candump, Node, equal, host_sim, passed, program_of_the_book, simulate, test, until
 
 DBC = cantools.database.load_file(REPO / "compensator-core" / "joint.dbc")
 EDS = str(REPO / "firmware" / "joint.eds")
@@ -23,7 +23,8 @@ READ_ONLY, TOO_LONG, TOO_SHORT = 0x0601_0002, 0x0607_0012, 0x0607_0013
 VALUE, HIGH, LOW, NOT_GRANTED, NOT_ARMED = 0x0609_0030, 0x0609_0031, 0x0609_0032, 0x0800_0020, 0x0800_0022
 
 
-unlock = unlock_of_the_book()
+unlock = program_of_the_book("explanation/unlock.py")["unlock"]
+reasons = program_of_the_book("reference/refusal.py")
 
 
 def float32(value):
@@ -314,6 +315,11 @@ def a_blank_joint_gets_its_number_by_fastscan():
         assert not found, "none is left"
 
 
+def last_reason(node):
+    texts = reasons["texts"](REPO / "firmware" / "refusals.tsv")
+    return reasons["reason"](node.sdo.upload(0x2028, 0), texts)
+
+
 @test
 def what_is_refused_has_the_code_of_its_reason():
     with Joint() as node:
@@ -323,7 +329,7 @@ def what_is_refused_has_the_code_of_its_reason():
         refused(LOW, put, parameters["coulomb_torque"], -1.0)
         refused(VALUE, put, parameters["coulomb_torque"], math.nan)
         refused(VALUE, put, scale, 1.5)
-        assert node.sdo["last_refusal"].raw.startswith("scale = 1.5: must be at most 1"), "in words"
+        assert last_reason(node).startswith("scale = 1.5: must be at most 1"), "in words"
         refused(READ_ONLY, node.sdo.download, 0x1000, 0, bytes(4))
         refused(READ_ONLY, node.sdo.download, 0x2005, 1, bytes(4))
         refused(TOO_LONG, node.sdo.download, 0x1017, 0, bytes(4))
@@ -343,7 +349,7 @@ def what_is_refused_has_the_code_of_its_reason():
         # Each by itself is legal, together they are not.
         parameters["coulomb_torque"].raw = 3.0
         refused(VALUE, commit, node)
-        assert "static_torque = 1: must be at least 3" in node.sdo["last_refusal"].raw
+        assert "static_torque = 1: must be at least 3" in last_reason(node)
         node.sdo["commit"]["discard"].raw = 1
         node.nmt.state = "OPERATIONAL"
         node.sdo["state"]["request"].raw = 1
@@ -363,7 +369,7 @@ def a_locked_joint_is_unlocked_as_the_book_says():
         window = node.sdo["following_error_time_out"]
         refused(LOCKED, put, window, 5)
         refused(LOCKED, node.store)
-        assert node.sdo["last_refusal"].raw.startswith("the joint is locked")
+        assert last_reason(node).startswith("the joint is locked")
         unlock(node)
         equal(node.sdo["access"]["level"].raw, 1)
         window.raw = 5

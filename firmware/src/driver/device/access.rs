@@ -4,6 +4,7 @@ use super::Device;
 use crate::access::{Key, Level, Refusal};
 use crate::node::dictionary::records::AccessObject;
 use crate::node::sdo::Abort;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -21,7 +22,7 @@ impl<F: NorFlash> Device<F> {
             return Ok(());
         }
         if !self.is_service() {
-            let why = "the joint is locked: a response to its challenge unlocks it (2041h)";
+            let why = text!("the joint is locked: a response to its challenge unlocks it (2041h)");
             return Err(self.staging.refuse(Abort::Locked, why));
         }
         Ok(())
@@ -80,9 +81,9 @@ impl<F: NorFlash> Device<F> {
         let node = self.node_in_use().number();
         let expected = |challenge| key.proof(challenge, serial, node, change);
         self.lock.check(proof, expected, self.now_us).map_err(|refusal| match refusal {
-            Refusal::Wrong => self.staging.refuse(Abort::Value, "the response is wrong"),
+            Refusal::Wrong => self.staging.refuse(Abort::Value, text!("the response is wrong")),
             Refusal::Wait => {
-                self.staging.refuse(Abort::State, "a response was wrong: wait up to 60 s")
+                self.staging.refuse(Abort::State, text!("a response was wrong: wait up to 60 s"))
             }
         })
     }

@@ -15,7 +15,8 @@ use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun, Fr
 use crate::driver::commissioning::{AbortReason, Commissioning, CommissioningBounds};
 use crate::node::dictionary::records::CommissioningRunObject;
 use crate::node::sdo::Abort;
-use compensator_core::parameters::ShortNumber;
+use compensator_core::refusal;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Default current of a run, as a share of the current limit.
@@ -127,17 +128,16 @@ impl<F: NorFlash> Device<F> {
         let (name, least, most) = match place {
             CommissioningRunObject::ORDER => return self.order_commissioning(word as u8),
             CommissioningRunObject::CURRENT => {
-                ("current_a", CURRENT_MIN_A, self.set().motor.current_limit_a)
+                (text!("current_a"), CURRENT_MIN_A, self.set().motor.current_limit_a)
             }
             CommissioningRunObject::SPEED => {
-                ("speed_rad_s", 1e-2, self.set().motor.velocity_max_rad_s)
+                (text!("speed_rad_s"), 1e-2, self.set().motor.velocity_max_rad_s)
             }
-            _ => ("travel_rad", 1e-3, TRAVEL_MAX_RAD),
+            _ => (text!("travel_rad"), 1e-3, TRAVEL_MAX_RAD),
         };
         let number = f32::from_bits(word);
         if !(number >= least && number <= most) {
-            let [number, least, most] = [number, least, most].map(|n| ShortNumber(n.into()));
-            let why = format_args!("{name} = {number}: must be {least} to {most}");
+            let why = refusal!("{name} = {f32}: must be {f32} to {f32}", name, number, least, most);
             return Err(self.staging.refuse(Abort::Value, why));
         }
         let run = &mut self.commissioning;
@@ -159,8 +159,9 @@ impl<F: NorFlash> Device<F> {
             MEASURE => return self.begin_commissioning(),
             FRICTION_RUN => return self.begin_friction_run(),
             _ => {
-                let why = format_args!(
-                    "order = {order}: must be 0 (stop), 1 (measure the motor), 2 (continue) or 3 (friction run)"
+                let why = refusal!(
+                    "order = {u32}: must be 0 (stop), 1 (measure the motor), 2 (continue) or 3 (friction run)",
+                    order
                 );
                 return Err(self.staging.refuse(Abort::Value, why));
             }
@@ -176,11 +177,11 @@ impl<F: NorFlash> Device<F> {
     /// Checks the conditions of both runs.
     fn may_begin(&mut self) -> Result<(), Abort> {
         if self.settings.source == InputSource::Bus {
-            let why = "a joint in HIL drives no motor that could be measured (2001h:1)";
+            let why = text!("a joint in HIL drives no motor that could be measured (2001h:1)");
             return Err(self.staging.refuse(Abort::State, why));
         }
         if self.is_armed() {
-            let why = "the joint is armed: disarm first";
+            let why = text!("the joint is armed: disarm first");
             return Err(self.staging.refuse(Abort::State, why));
         }
         if let Some(why) = self.update_blocks_arming() {

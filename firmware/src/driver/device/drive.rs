@@ -6,7 +6,7 @@ use crate::node::dictionary::HOMING_METHODS;
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use compensator_core::can::Frame;
-use compensator_core::parameters::ShortNumber;
+use compensator_core::refusal;
 use embedded_storage::nor_flash::NorFlash;
 
 /// The targets of a CiA 402 master: when the last one came, and the counter of the commands that they become.
@@ -122,14 +122,16 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
         let modes = [0, profile::PP, profile::HOMING, profile::CSP, profile::CSV, profile::CST];
         if !modes.contains(&mode) {
-            let why = format_args!(
-                "modes_of_operation = {mode}: must be 0 (none), 1 (PP), 6 (homing), 8 (CSP), 9 (CSV) or 10 (CST)"
+            let why = refusal!(
+                "modes_of_operation = {i32}: must be 0 (none), 1 (PP), 6 (homing), 8 (CSP), 9 (CSV) or 10 (CST)",
+                mode
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }
         if ![0, profile::CST].contains(&mode) && self.settings.source == InputSource::Bus {
-            let why = format_args!(
-                "a joint in HIL drives nothing and has no position of its own: mode {mode} needs the joint's own sensors (2001h:1)"
+            let why = refusal!(
+                "a joint in HIL drives nothing and has no position of its own: mode {i32} needs the joint's own sensors (2001h:1)",
+                mode
             );
             return Err(self.staging.refuse(Abort::State, why));
         }
@@ -187,9 +189,9 @@ impl<F: NorFlash> Device<F> {
         let homed = self.is_standing() && self.set_position(home_rad).is_ok();
         self.profile.homing = if homed { Homing::Attained } else { Homing::Failed };
         if !homed {
-            let why = format_args!(
-                "homing uses the present position, and the joint moves (more than {} rad/s)",
-                ShortNumber(profile::STANDSTILL_RAD_S.into())
+            let why = refusal!(
+                "homing uses the present position, and the joint moves (more than {f32} rad/s)",
+                profile::STANDSTILL_RAD_S
             );
             let _ = self.staging.refuse(Abort::State, why);
         }
@@ -198,8 +200,9 @@ impl<F: NorFlash> Device<F> {
     /// 6098h.
     pub(in crate::driver) fn set_homing_method(&mut self, method: i8) -> Result<(), Abort> {
         if !HOMING_METHODS.contains(&method) {
-            let why = format_args!(
-                "homing_method = {method}: must be 37 or 35 (the present position), -1 or -2 (a stop); the joint has no switches"
+            let why = refusal!(
+                "homing_method = {i32}: must be 37 or 35 (the present position), -1 or -2 (a stop); the joint has no switches",
+                method
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }

@@ -15,6 +15,8 @@ use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, Objects};
 use canopen_rs::Address;
 use compensator_core::can::{FdTelemetry, Frame, FrameError, SyncFrame, cob_id};
+use compensator_core::refusal;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 use mapping::{Direction, Mapping};
 use sync::SyncState;
@@ -202,11 +204,11 @@ impl<F: NorFlash> Device<F> {
             self.check_identifier(number)?;
         }
         if at.subindex == 2 && !is_legal_type(number) {
-            let why = format_args!("transmission_type = {number}: must be 0 to 240, 254 or 255");
+            let why = refusal!("transmission_type = {u32}: must be 0 to 240, 254 or 255", number);
             return Err(self.staging.refuse(Abort::Value, why));
         }
         if at.subindex == 6 && number > 240 {
-            let why = format_args!("sync_start = {number}: must be at most 240");
+            let why = refusal!("sync_start = {u32}: must be at most 240", number);
             return Err(self.staging.refuse(Abort::Value, why));
         }
         match direction {
@@ -235,11 +237,12 @@ impl<F: NorFlash> Device<F> {
 
     fn set_sync_overflow(&mut self, number: u32) -> Result<(), Abort> {
         if self.pdos.sync.period_us != 0 {
-            let why = "sync_counter_overflow: set the communication cycle (1006h) to 0 first";
+            let why =
+                text!("sync_counter_overflow: set the communication cycle (1006h) to 0 first");
             return Err(self.staging.refuse(Abort::State, why));
         }
         if number == 1 || number > 240 {
-            let why = format_args!("sync_counter_overflow = {number}: must be 0 or 2 to 240");
+            let why = refusal!("sync_counter_overflow = {u32}: must be 0 or 2 to 240", number);
             return Err(self.staging.refuse(Abort::Value, why));
         }
         self.pdos.sync.overflow = number as u8;
@@ -252,8 +255,7 @@ impl<F: NorFlash> Device<F> {
         // The identifiers that CiA 301 permits for PDOs: the predefined set, and the free ones above SDO.
         let is_legal = (0x181..=0x57F).contains(&number) || (0x680..=0x6FF).contains(&number);
         if !is_legal && identifier & PDO_UNUSED == 0 {
-            let why =
-                format_args!("cob_id = {identifier:x}h: must be 181h to 57Fh or 680h to 6FFh");
+            let why = refusal!("cob_id = {hex}h: must be 181h to 57Fh or 680h to 6FFh", identifier);
             return Err(self.staging.refuse(Abort::Value, why));
         }
         Ok(())
@@ -277,13 +279,15 @@ impl<F: NorFlash> Device<F> {
             ),
         };
         if identifier & PDO_UNUSED == 0 {
-            let why = "a mapping is changed while its PDO is disabled (bit 31 of the identifier)";
+            let why =
+                text!("a mapping is changed while its PDO is disabled (bit 31 of the identifier)");
             return Err(self.staging.refuse(Abort::State, why));
         }
         let written = mapping.ok_or(Abort::NoObject)?.write(sub_index, number, direction);
         written.map_err(|abort| match abort {
             Abort::State => {
-                let why = "an entry of a mapping is written while the count (sub-index 0) is 0";
+                let why =
+                    text!("an entry of a mapping is written while the count (sub-index 0) is 0");
                 self.staging.refuse(Abort::State, why)
             }
             other => other,

@@ -19,6 +19,7 @@ use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{self, Homing, SetPoint};
 use crate::driver::trajectory::{Interpolation, MoveLimits, Reference};
 use crate::node::sdo::Abort;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Share of the homing torque that counts as reached: the loop's own limit.
@@ -242,7 +243,7 @@ impl<F: NorFlash> Device<F> {
         self.position.homing = HomingStep::Idle;
         self.profile.homing = result;
         if result == Homing::Failed {
-            let why = "homing found no stop within 2031h:3";
+            let why = text!("homing found no stop within 2031h:3");
             let _ = self.staging.refuse(Abort::State, why);
         }
     }

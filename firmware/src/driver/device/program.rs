@@ -14,6 +14,8 @@ use crate::update::Program;
 use crate::update::marks::{self, ImageState, SlotState};
 use crate::update::session::{CLEAR, RESTART, Session};
 use crate::update::trial::{Times, Trial, Verdict};
+use compensator_core::parameters::Text;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Codes during which a trial is not confirmed: the self-test, the loop, memory, parameters, the bus.
@@ -113,11 +115,11 @@ impl ProgramState {
 
 impl<F: NorFlash> Device<F> {
     /// Returns why the joint cannot be armed, if a program update is the reason.
-    pub(super) fn update_blocks_arming(&self) -> Option<&'static str> {
+    pub(super) fn update_blocks_arming(&self) -> Option<Text> {
         if self.program.session.as_ref().is_some_and(Session::is_active) {
-            Some("a program update is in progress: finish it, or wait 10 s")
+            Some(text!("a program update is in progress: finish it, or wait 10 s"))
         } else if self.program.running == RunningState::Trial {
-            Some("this program is on trial: wait for its confirmation, 2 s after the start")
+            Some(text!("this program is on trial: wait for its confirmation, 2 s after the start"))
         } else {
             None
         }
@@ -134,7 +136,7 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
         if command == CLEAR && self.program.running == RunningState::Trial {
             // The other slot holds the only program that is known to work.
-            let why = "this program is on trial: clear the other one after its confirmation";
+            let why = text!("this program is on trial: clear the other one after its confirmation");
             return Err(self.staging.refuse(Abort::State, why));
         }
         if command == RESTART {
@@ -161,7 +163,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn no_updates(&mut self) -> Abort {
-        self.staging.refuse(Abort::Refused, "this board has no place for a second program")
+        self.staging.refuse(Abort::Refused, text!("this board has no place for a second program"))
     }
 
     /// Verifies a package in parts, and confirms or ends a trial. Called once per tick.

@@ -8,8 +8,11 @@ use crate::loop_parts::LoopParts;
 use crate::node::sdo::Abort;
 use crate::node_settings::{InputSource, NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
+use crate::supervisor::CodeSet;
 use crate::supervisor::{self, Code, ParameterSource};
-use compensator_core::parameters::ShortNumber;
+use compensator_core::parameters::reason::Reason;
+use compensator_core::refusal;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -24,23 +27,27 @@ impl<F: NorFlash> Device<F> {
             1 => self.arm(),
             2 if self.supervisor.is_stopping() => Err(self
                 .staging
-                .refuse(Abort::State, "the joint still stops: wait until it stands")),
+                .refuse(Abort::State, text!("the joint still stops: wait until it stands"))),
             2 => self.supervisor.clear_faults().map_err(|left| {
                 self.blocking = left.fault_bits();
                 if left.contains(Code::GateDriverFault) {
                     // The gate driver may latch its fault until it has slept, and the bridge is off. The next
                     // request succeeds.
                     self.current_loop.reset_gate_driver();
-                    let why =
-                        format_args!("{} (its driver was reset: ask again)", RemainingFaults(left));
+                    let why = refusal!(
+                        "still present:{faults}{limits} (its driver was reset: ask again)",
+                        left.fault_bits(),
+                        left.limit_bits()
+                    );
                     return self.staging.refuse(Abort::State, why);
                 }
-                self.staging.refuse(Abort::State, RemainingFaults(left))
+                self.staging.refuse(Abort::State, remaining(left))
             }),
             _ => Err(self.staging.refuse(
                 Abort::Value,
-                format_args!(
-                    "request = {request}: must be 0 (disarm), 1 (arm) or 2 (clear faults)"
+                refusal!(
+                    "request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)",
+                    request
                 ),
             )),
         }
@@ -49,14 +56,11 @@ impl<F: NorFlash> Device<F> {
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
     pub(in crate::driver) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
         if self.settings.source == InputSource::Bus {
-            let why = "set_position_rad: a joint in HIL receives its position over the bus";
+            let why = text!("set_position_rad: a joint in HIL receives its position over the bus");
             return Err(self.staging.refuse(Abort::State, why));
         }
         if !position_rad.is_finite() {
-            let why = format_args!(
-                "set_position_rad = {}: must be a finite number",
-                ShortNumber(position_rad.into())
-            );
+            let why = refusal!("set_position_rad = {f32}: must be a finite number", position_rad);
             return Err(self.staging.refuse(Abort::Value, why));
         }
         self.current_loop.set_home(position_rad);
@@ -65,7 +69,9 @@ impl<F: NorFlash> Device<F> {
 
     fn arm(&mut self) -> Result<(), Abort> {
         if self.is_commissioning() {
-            let why = "commissioning is running: wait until it has ended, or stop it (200Ch:1 = 0)";
+            let why = text!(
+                "commissioning is running: wait until it has ended, or stop it (200Ch:1 = 0)"
+            );
             return Err(self.staging.refuse(Abort::State, why));
         }
         if let Some(why) = self.update_blocks_arming() {
@@ -84,7 +90,7 @@ impl<F: NorFlash> Device<F> {
         let causes = self.hil_blocking_codes();
         if !causes.is_empty() {
             self.blocking = causes.fault_bits();
-            return Err(self.staging.refuse(Abort::State, RemainingFaults(causes)));
+            return Err(self.staging.refuse(Abort::State, remaining(causes)));
         }
         self.samples.arm_hil(true);
         Ok(())
@@ -110,7 +116,9 @@ impl<F: NorFlash> Device<F> {
         let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         let set = self.staging.staged();
         if self.settings.drive.has_short() && !set.motor.is_short_bounded() {
-            let why = "overcurrent_a: the shorted motor would exceed it, and a reaction to a stop is -1 (605Ah to 605Eh)";
+            let why = text!(
+                "overcurrent_a: the shorted motor would exceed it, and a reaction to a stop is -1 (605Ah to 605Eh)"
+            );
             return Err(self.staging.refuse(Abort::Value, why));
         }
         let buildable = set.check_buildable();
@@ -135,8 +143,10 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn commission(&mut self, seen: u32) -> Result<(), Abort> {
         let wiring = self.staging.wiring_crc();
         if seen != wiring {
-            let why = format_args!(
-                "confirm = {seen:08x}: the wiring in use has the crc {wiring:08x}, and only this can be confirmed"
+            let why = refusal!(
+                "confirm = {hex}: the wiring in use has the crc {hex}, and only this can be confirmed",
+                seen,
+                wiring
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }
@@ -191,9 +201,8 @@ impl<F: NorFlash> Device<F> {
 
     /// Stores settings and the active set.
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
-        let settings = self.settings;
-        let block = emit_block(&settings, self.staging.active());
-        self.write_block(&block, &settings)?;
+        let block = emit_block(&self.settings, self.staging.active());
+        self.write_block(&block)?;
         self.memory.mark_stored();
         Ok(())
     }
@@ -201,12 +210,11 @@ impl<F: NorFlash> Device<F> {
     /// Stores the defaults; they apply from the next start, as in CiA 301. Key and policy stay: they change by proof only.
     pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
         let settings = NodeSettings { access: self.settings.access, ..*self.memory.defaults() };
-        self.write_block(&emit_block(&settings, &ParameterSet::default()), &settings)
+        self.write_block(&emit_block(&settings, &ParameterSet::default()))
     }
 
-    /// Stores a block that has these settings.
-    fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
-        let saved = self.memory.save(block, &settings.identity());
+    fn write_block(&mut self, block: &[u8]) -> Result<(), Abort> {
+        let saved = self.memory.save(block);
         self.supervisor.set_store_health(self.memory.store().health());
         match saved {
             Ok(_) => Ok(()),
@@ -215,12 +223,7 @@ impl<F: NorFlash> Device<F> {
     }
 }
 
-/// Faults that are still present, by name.
-struct RemainingFaults(supervisor::CodeSet);
-
-impl core::fmt::Display for RemainingFaults {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("still present:")?;
-        self.0.iter().try_for_each(|code: Code| write!(f, " {}", code.info().name))
-    }
+/// Returns the reason of faults that are still present.
+fn remaining(codes: CodeSet) -> Reason {
+    refusal!("still present:{faults}{limits}", codes.fault_bits(), codes.limit_bits())
 }

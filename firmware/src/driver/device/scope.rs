@@ -4,6 +4,7 @@ use super::Device;
 use crate::node::dictionary::index;
 use crate::node::dictionary::records::ScopeObject;
 use crate::node::sdo::Abort;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -67,7 +68,8 @@ impl<F: NorFlash> Device<F> {
             }
             2 => self.scope.request_trigger(),
             _ => {
-                let why = "the order of the scope (2013h:1) is 0 (stop), 1 (start) or 2 (trigger)";
+                let why =
+                    text!("the order of the scope (2013h:1) is 0 (stop), 1 (start) or 2 (trigger)");
                 return Err(self.staging.refuse(Abort::Value, why));
             }
         }

@@ -12,8 +12,8 @@ use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::stop::{StopCause, StopReaction, fault_cause};
 use crate::driver::profile::{self, STANDSTILL_RAD_S};
 use crate::node::sdo::Abort;
-use crate::node_settings::SettingError;
 use crate::supervisor::CodeSet;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Time for which the joint must stand before the bridge opens, us: a few delays of velocity and current.
@@ -327,12 +327,13 @@ impl<F: NorFlash> Device<F> {
     ) -> Option<Result<(), Abort>> {
         let mut changed = self.settings.drive;
         let written = changed.set(at_index, sub_index, word)?;
-        if let Err((name, legal)) = written {
-            return Some(Err(self.staging.refuse(Abort::Value, SettingError { name, legal })));
+        if let Err(error) = written {
+            return Some(Err(self.staging.refuse(Abort::Value, error)));
         }
         if changed.has_short() && !self.set().motor.is_short_bounded() {
-            let why =
-                "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
+            let why = text!(
+                "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s"
+            );
             return Some(Err(self.staging.refuse(Abort::Value, why)));
         }
         self.settings.drive = changed;

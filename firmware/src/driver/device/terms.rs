@@ -35,10 +35,10 @@ impl<F: NorFlash> Device<F> {
     /// Logs the law and its terms.
     pub(in crate::driver) fn log_model(&self) {
         let model = &self.set().friction.model;
-        log!(info, "law {=str}, terms: {=usize}", model.law.name(), model.terms.len());
+        log!(info, "law {=u8}, terms: {=usize}", model.law as u8, model.terms.len());
         for _kind in &model.terms {
             let _state = if self.is_live(*_kind) { "live" } else { "without its input" };
-            log!(info, "term {=str}: {=str}", _kind.name(), _state);
+            log!(info, "term {=u8}: {=str}", *_kind as u8, _state);
         }
     }
 }

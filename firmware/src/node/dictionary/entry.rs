@@ -22,6 +22,8 @@ pub enum DataType {
     Real32 = 0x08,
     /// Text.
     VisibleString = 0x09,
+    /// Bytes of a meaning that the object defines.
+    OctetString = 0x0A,
     /// Bytes.
     Domain = 0x0F,
 }
@@ -33,7 +35,7 @@ impl DataType {
             Self::Unsigned8 | Self::Integer8 => Some(1),
             Self::Unsigned16 | Self::Integer16 => Some(2),
             Self::Unsigned32 | Self::Integer32 | Self::Real32 => Some(4),
-            Self::VisibleString | Self::Domain => None,
+            Self::VisibleString | Self::OctetString | Self::Domain => None,
         }
     }
 }

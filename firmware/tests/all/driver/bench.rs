@@ -11,6 +11,7 @@ use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{InputSource, NodeSettings};
+use firmware::refusal::Explained;
 use firmware::store::memory::MemoryFlash;
 
 pub type Flash = MemoryFlash<4>;
@@ -23,8 +24,6 @@ pub const NODE: NodeId = NodeId::FIRST;
 pub struct Bench {
     pub driver: Driver<Flash>,
     pub now_us: u64,
-    /// Node number of the joint.
-    pub node: NodeId,
     /// Key with which a locked joint is unlocked when it refuses a write; `None` leaves it locked.
     pub key: Option<Key>,
 }
@@ -58,14 +57,14 @@ impl Bench {
         let settings = NodeSettings { node: NODE, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial, stage: StageTraits::NONE };
         let driver = Driver::boot(settings, Flash::new(), identity, &Boot::default(), 0);
-        Self { driver, now_us: 0, node: NODE, key: Some(Key::DEFAULT) }
+        Self { driver, now_us: 0, key: Some(Key::DEFAULT) }
     }
 
     fn boot_on(stage: StageTraits, source: InputSource, flash: Flash, boot: &Boot) -> Self {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7, stage };
         let driver = Driver::boot(settings, flash, identity, boot, 0);
-        Self { driver, now_us: 0, node: NODE, key: Some(Key::DEFAULT) }
+        Self { driver, now_us: 0, key: Some(Key::DEFAULT) }
     }
 
     /// Returns all frames that the driver sends.
@@ -92,7 +91,7 @@ impl Bench {
 
     /// Sets the network state to operational.
     pub fn start(&mut self) {
-        self.driver.receive(&frame(0, &[1, self.node.number()]), self.now_us);
+        self.driver.receive(&frame(0, &[1, NODE.number()]), self.now_us);
     }
 
     /// Confirms that the joint is wired as its parameters say.
@@ -103,10 +102,9 @@ impl Bench {
 
     /// Sends a request of a transfer, and returns its answer, or the abort code.
     pub fn exchange(&mut self, request: [u8; 8]) -> Result<[u8; 8], u32> {
-        let node = u16::from(self.node.number());
-        self.driver.receive(&frame(0x600 + node, &request), self.now_us);
+        self.driver.receive(&frame(0x601, &request), self.now_us);
         let answers: Vec<Frame> =
-            self.sent().into_iter().filter(|frame| frame.identifier() == 0x580 + node).collect();
+            self.sent().into_iter().filter(|frame| frame.identifier() == 0x581).collect();
         let [answer] = answers[..] else { panic!("{} answers", answers.len()) };
         let data = answer.data().try_into().expect("eight bytes");
         match decode_abort(&data) {
@@ -140,8 +138,12 @@ impl Bench {
     }
 
     /// Reads a text.
-    pub fn text(&mut self, index: u16) -> String {
-        String::from_utf8(self.read(index, 0).expect("can be read")).expect("text")
+    pub fn text(&mut self, at_index: u16) -> String {
+        if at_index == index::REFUSAL {
+            let bytes = self.read(at_index, 0).expect("can be read");
+            return Explained::parse(&bytes).map(|reason| reason.to_string()).unwrap_or_default();
+        }
+        String::from_utf8(self.read(at_index, 0).expect("can be read")).expect("text")
     }
 
     /// Writes an object, or returns the abort code. A locked joint is unlocked with the bench's key.
@@ -170,7 +172,7 @@ impl Bench {
     pub fn proof(&mut self, key: &Key, change: &[u8]) -> [u8; 8] {
         let challenge = self.read(index::ACCESS, 2).expect("can be read");
         let serial = self.number(index::IDENTITY, 4);
-        key.proof(challenge.try_into().expect("eight bytes"), serial, self.node.number(), change)
+        key.proof(challenge.try_into().expect("eight bytes"), serial, NODE.number(), change)
     }
 
     /// Writes a new key or policy with its proof. A locked joint is unlocked with the same key before.

@@ -8,6 +8,7 @@
 //! another client, and evaluates the answers to that client too. A joint that does not answer is polled less often, and a
 //! stopped joint not at all. A monitor that only listens sends nothing.
 
+use crate::canopen::reason_in_words;
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_upload_initiate_segmented_response,
@@ -184,7 +185,7 @@ impl SdoPoller {
             reply = match pending.job {
                 Job::Write(request) => Some(SdoReply::Unanswered(request)),
                 Job::Reason { request, code, text, .. } => {
-                    Some(SdoReply::Refused(request, code, words(&text)))
+                    Some(SdoReply::Refused(request, code, reason_in_words(&text)))
                 }
                 Job::Read => {
                     self.drop_round();
@@ -272,7 +273,7 @@ impl SdoPoller {
             },
             Some(Job::Reason { request, code, .. }) => {
                 if let Some(text) = expedited(&answer) {
-                    return Some(SdoReply::Refused(request, code, words(text)));
+                    return Some(SdoReply::Refused(request, code, reason_in_words(text)));
                 }
                 if decode_upload_initiate_segmented_response(&answer).is_err() {
                     return Some(SdoReply::Refused(request, code, String::new()));
@@ -302,14 +303,14 @@ impl SdoPoller {
             Ok(segment) if segment.toggle == toggle => {
                 text.extend_from_slice(segment.data);
                 if segment.last || text.len() > 1024 {
-                    return Some(SdoReply::Refused(request, code, words(&text)));
+                    return Some(SdoReply::Refused(request, code, reason_in_words(&text)));
                 }
                 let job = Job::Reason { request, code, text, toggle: Some(!toggle) };
                 self.await_answer(at, job, now_ns);
                 self.follow_up = Some(encode_upload_segment_request(!toggle));
                 None
             }
-            _ => Some(SdoReply::Refused(request, code, words(&text))),
+            _ => Some(SdoReply::Refused(request, code, reason_in_words(&text))),
         }
     }
 }
@@ -321,10 +322,6 @@ fn expedited(answer: &[u8; 8]) -> Option<&[u8]> {
     }
     let unused = if answer[0] & 1 != 0 { usize::from(answer[0] >> 2 & 3) } else { 0 };
     answer.get(4..8 - unused)
-}
-
-fn words(text: &[u8]) -> String {
-    String::from_utf8_lossy(text).trim().to_owned()
 }
 
 #[cfg(test)]

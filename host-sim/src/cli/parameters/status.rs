@@ -99,7 +99,7 @@ impl Driver {
         let network = self.network()?;
         let terms = self.terms()?;
         let panic = text(&mut self.client, index::LAST_PANIC)?;
-        let refusal = text(&mut self.client, index::REFUSAL)?;
+        let refusal = self.client.read_refusal().map_err(sdo_message)?;
         let mut counters = Vec::new();
         for (place, counter) in FRAME_COUNTERS.iter().enumerate() {
             let value = self.number(index::FRAME_COUNTERS, place as u8 + 1)?;

@@ -106,7 +106,7 @@ pub fn harm_map(
             let mut changed = arm.clone();
             changed.set.friction.model.set(id, value * factor);
             let sign = if factor > 1.0 { '+' } else { '−' };
-            add(format!("{} {sign}30 %", id.info().name), changed, *joint);
+            add(format!("{} {sign}30 %", id.name()), changed, *joint);
         }
     }
     // Limits the load torque in the model to the brake of the bench.

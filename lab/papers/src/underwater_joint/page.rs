@@ -79,9 +79,10 @@ fn how(study: &JointStudy) -> Vec<String> {
 fn models(study: &JointStudy) -> Block {
     let rows = study.arms.iter().filter_map(|arm| {
         let fit = arm.fit.as_ref()?;
-        let values = fit.estimates.iter().map(|of| {
-            format!("{} {} {}", of.id.info().name, significant(of.value, 3), of.id.unit())
-        });
+        let values = fit
+            .estimates
+            .iter()
+            .map(|of| format!("{} {} {}", of.id.name(), significant(of.value, 3), of.id.unit()));
         Some(vec![
             Cell::from(arm.name),
             Cell::from(fit.spec.to_string()),

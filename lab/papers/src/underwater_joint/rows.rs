@@ -76,7 +76,7 @@ pub fn rows(study: &JointStudy) -> Vec<ResultRow> {
         let table = format!("III, CV (standard deviation over mean) of {arm}");
         for (parameter, cv) in certificate.parameters.iter().zip(&certificate.cv) {
             for (class, cv) in certificate.classes.iter().zip(cv) {
-                rows.push(ResultRow::simulated(&table, parameter.info().name, class, "", *cv));
+                rows.push(ResultRow::simulated(&table, parameter.name(), class, "", *cv));
             }
         }
     }
@@ -135,8 +135,7 @@ fn printed_form(study: &JointStudy) -> Vec<ResultRow> {
         let classes = in_print(study, arm).unwrap_or_default();
         for (at, (class, values)) in certificate.classes.iter().zip(&classes).enumerate() {
             for (id, value) in certificate.parameters.iter().zip(values) {
-                let info = id.info();
-                let row = ResultRow::simulated(&table, info.name, class, id.unit(), *value);
+                let row = ResultRow::simulated(&table, id.name(), class, id.unit(), *value);
                 let plain = TABLE_III.iter().find(|(own, _)| own == id && *arm == PUBLISHED);
                 rows.push(plain.map_or(row.clone(), |(_, all)| row.printed(all[at.min(2)])));
             }

@@ -1,0 +1,139 @@
+//! Why the driver refused the last request: object 2028h.
+//!
+//! The object has [`LENGTH`] bytes: the number of a text, then the numbers at its places, as little-endian words
+//! ([`Reason`]). No text is in an image. `refusals.tsv` lists every text with its number; a test compares it with the
+//! sources and writes it anew with `UPDATE_TABLES=1`. [`Explained`] prints a reason with these texts.
+//!
+//! Besides the places of the core, a text may have `{faults}` and `{limits}`, sets of codes, and `{conditions}`, further
+//! reasons against arming.
+
+use crate::parameter_set::SetError;
+use crate::store::StoreError;
+use crate::supervisor::{ArmRefusal, Code};
+use compensator_core::parameters::Text;
+use compensator_core::parameters::reason::{self, Names, Reason, WORDS};
+use compensator_core::refusal;
+use core::fmt;
+
+/// Length of a reason on the bus, bytes.
+pub const LENGTH: usize = 4 * (1 + WORDS);
+
+/// Texts and their numbers: a line each.
+const TEXTS: &str = include_str!("../refusals.tsv");
+
+/// Conditions against arming, by bit.
+const CONDITIONS: [&str; 2] = ["unobserved", "unmeasured"];
+
+/// A setting is out of range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SettingError {
+    /// Name of the setting.
+    pub name: Text,
+    /// Legal values.
+    pub legal: Text,
+}
+
+impl fmt::Display for SettingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: must be {}", self.name, self.legal)
+    }
+}
+
+impl From<SettingError> for Reason {
+    fn from(SettingError { name, legal }: SettingError) -> Self {
+        refusal!("{name}: must be {name}", name, legal)
+    }
+}
+
+impl core::error::Error for SettingError {}
+
+/// Returns a reason as it is sent; none is all zeros.
+pub fn emit(reason: Option<&Reason>) -> [u8; LENGTH] {
+    let mut bytes = [0; LENGTH];
+    if let Some(reason) = reason {
+        let words = core::iter::once(reason.text.number()).chain(reason.words);
+        for (place, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(words) {
+            *place = word.to_le_bytes();
+        }
+    }
+    bytes
+}
+
+/// A reason as it was sent, to be printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Explained {
+    text: u32,
+    words: [u32; WORDS],
+}
+
+impl Explained {
+    /// Parses a reason; `None` if there is none, or if the length is wrong.
+    pub fn parse(bytes: &[u8]) -> Option<Self> {
+        let bytes: &[u8; LENGTH] = bytes.try_into().ok()?;
+        let mut all = bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
+        let text = all.next().filter(|number| *number != 0)?;
+        let mut words = [0; WORDS];
+        words.iter_mut().zip(all).for_each(|(place, word)| *place = word);
+        Some(Self { text, words })
+    }
+}
+
+impl From<&Reason> for Explained {
+    fn from(reason: &Reason) -> Self {
+        Self { text: reason.text.number(), words: reason.words }
+    }
+}
+
+impl fmt::Display for Explained {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match Table.text(self.text) {
+            Some(text) => reason::write(text, &self.words, &Table, f),
+            None => write!(
+                f,
+                "reason {:08X} of another version of the firmware: {:X?}",
+                self.text, self.words
+            ),
+        }
+    }
+}
+
+macro_rules! explained {
+    ($($error:ty),*) => {
+        $(impl fmt::Display for $error {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                Explained::from(&Reason::from(*self)).fmt(f)
+            }
+        }
+
+        impl core::error::Error for $error {})*
+    };
+}
+
+explained!(ArmRefusal, SetError, StoreError);
+
+/// The texts of this version.
+struct Table;
+
+impl Names for Table {
+    fn text(&self, number: u32) -> Option<&'static str> {
+        TEXTS.lines().filter_map(|line| line.split_once('\t')).find_map(|(found, text)| {
+            (u32::from_str_radix(found, 16) == Ok(number)).then_some(text)
+        })
+    }
+
+    fn write(&self, place: &str, word: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let first = if place == "limits" { 33 } else { 1 };
+        for bit in (0..32).filter(|bit| word >> bit & 1 == 1) {
+            let name = if place == "conditions" {
+                CONDITIONS.get(bit as usize).copied()
+            } else {
+                Code::from_number((first + bit) as u8).map(|code| code.info().name)
+            };
+            match name {
+                Some(name) => write!(f, " {name}")?,
+                None => write!(f, " {}", first + bit)?,
+            }
+        }
+        Ok(())
+    }
+}
