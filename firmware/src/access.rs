@@ -158,12 +158,19 @@ pub struct Lock {
     failures: u16,
     /// End of the wait after a wrong response, us.
     wait_until_us: u64,
+    /// The key is lost: no response is right.
+    is_sealed: bool,
 }
 
 impl Lock {
     /// Sets the secret of the challenges: random, and new at every start.
     pub const fn seed(&mut self, seed: [u8; Key::LENGTH]) {
         self.seed = Some(Key(seed));
+    }
+
+    /// Refuses every response from now on, because the key is lost.
+    pub const fn seal(&mut self) {
+        self.is_sealed = true;
     }
 
     /// Returns a new challenge. It replaces the previous one.
@@ -201,6 +208,7 @@ impl Lock {
         // The time of a comparison as one number does not depend on the bytes.
         let is_right = self.open.take().is_some_and(|challenge| {
             u64::from_le_bytes(expected(challenge)) == u64::from_le_bytes(response)
+                && !self.is_sealed
         });
         if !is_right {
             let wait_us = (FIRST_WAIT_US << self.failures.min(DOUBLINGS)).min(LONGEST_WAIT_US);

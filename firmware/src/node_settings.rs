@@ -10,6 +10,7 @@ use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
 use crate::refusal::SettingError;
+use crate::store::{IDENTITY_BYTES, Identity};
 use compensator_core::can::NodeId;
 use compensator_core::parameters::reason::Reason;
 use compensator_core::refusal;
@@ -112,8 +113,11 @@ pub struct BusSettings {
 }
 
 impl BusSettings {
+    /// Length of the begin of encoded settings that has them, bytes.
+    pub const BYTES: usize = 16;
+
     /// Parses the begin of encoded settings, of this or a later version; `None` for a value out of range.
-    pub fn parse(bytes: &[u8; 16]) -> Option<Self> {
+    pub fn parse(bytes: &[u8; Self::BYTES]) -> Option<Self> {
         let [version, node, _, _, _, _, rate_low, rate_high, .., data_rate, _, _] = *bytes;
         let bit_rate_kbit = u16::from_le_bytes([rate_low, rate_high]);
         let is_known = version >= NodeSettings::VERSION_WITHOUT_DRIVE
@@ -197,6 +201,23 @@ impl NodeSettings {
             place.copy_from_slice(&self.drive.emit());
         }
         bytes
+    }
+
+    /// Returns what the joint keeps if its store is damaged: the begin of the encoded settings, with node number and bit
+    /// rates, and key and policy. Other versions read it, so that the places must stay.
+    pub fn identity(&self) -> Identity {
+        let mut identity = [0; IDENTITY_BYTES];
+        let bytes = self.emit().into_iter().take(BusSettings::BYTES).chain(self.access.emit());
+        identity.iter_mut().zip(bytes).for_each(|(to, from)| *to = from);
+        identity
+    }
+
+    /// Returns these settings with an identity; `None` for a value out of range.
+    pub fn with_identity(self, identity: &Identity) -> Option<Self> {
+        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } =
+            BusSettings::parse(identity.first_chunk()?)?;
+        let access = AccessSettings::parse(identity.last_chunk()?)?;
+        Some(Self { node, bit_rate_kbit, data_bit_rate_kbit, access, ..self })
     }
 
     /// Parses settings; `None` for another version or a value out of range.
@@ -298,6 +319,7 @@ impl NodeSettings {
 /// Maximum length of a stored block, bytes: with a network.
 pub const MAX_BLOCK_BYTES: usize = NodeSettings::LENGTH + MAX_SET_BYTES;
 const _: () = assert!(MAX_BLOCK_BYTES <= crate::store::MAX_PAYLOAD, "it must fit the store");
+const _: () = assert!(BusSettings::BYTES + AccessSettings::LENGTH == IDENTITY_BYTES);
 
 /// Reason why a stored block was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]

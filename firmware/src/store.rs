@@ -5,7 +5,8 @@
 //! set becomes valid with its last double word, the commit ([`image`] has the layout); until then a start
 //! finds the previous set. A sequence number, which may wrap around, decides which of two intact sets is
 //! newer. Each double word is read back after it is written, so unreadable data is never committed. Each
-//! load checks the CRC. If the newer set is damaged, the older one is used.
+//! load checks the CRC. If the newer set is damaged, the older one is used. The end of each slot has a copy of what a
+//! joint keeps even then ([`Identity`]).
 //!
 //! Opening only reads. Random bytes, a half-erased page or an unreadable word make a slot
 //! [`SlotState::Damaged`] and have no other effect. (On the STM32G4 a torn double word raises an ECC
@@ -13,15 +14,19 @@
 //! the very end of the commit may leave a cell between 0 and 1. That commit may be valid at one start and
 //! invalid at the next, but an intact set is loaded either way.
 
+mod identity;
 pub mod image;
 pub mod memory;
 mod mirror;
+
+pub use identity::{FoundIdentity, IDENTITY_BYTES, Identity};
 
 use compensator_core::parameters::reason::Reason;
 use compensator_core::refusal;
 use core::fmt;
 use core::ops::Range;
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
+use identity::COPY_BYTES;
 use image::{COMMIT_AT, Commit, PAYLOAD_AT, SlotHeader, UNIT_BYTES};
 
 /// Maximum payload, bytes.
@@ -245,7 +250,7 @@ impl<F: NorFlash> Store<F> {
     pub fn max_payload_bytes(&self) -> usize {
         let [first, second] = &self.slots;
         let slot = first.len().min(second.len());
-        slot.saturating_sub(PAYLOAD_AT as usize).min(MAX_PAYLOAD)
+        slot.saturating_sub(PAYLOAD_AT as usize + COPY_BYTES).min(MAX_PAYLOAD)
     }
 
     /// Returns the states of the two slots as of the last open, load or save.
@@ -297,19 +302,21 @@ impl<F: NorFlash> Store<F> {
     /// flash meanwhile, so do not call it while the bridge is on.
     ///
     /// A set that is already current is not written again, unless the other slot is damaged: then the save
-    /// makes a second intact copy.
+    /// makes a second intact copy. `identity` is what the joint keeps if its sets are lost.
     ///
     /// # Errors
-    /// Returns what failed. The set that was current stays current.
-    pub fn save(&mut self, payload: &[u8]) -> Result<SaveOutcome, StoreError> {
+    /// Returns what failed. The set that was current stays current, unless only the copies of the identity
+    /// failed, which are written after the commit.
+    pub fn save(&mut self, payload: &[u8], identity: &Identity) -> Result<SaveOutcome, StoreError> {
         let max = self.max_payload_bytes();
         if payload.len() > max || max == 0 {
             return Err(StoreError::TooLong { length: payload.len(), max });
         }
         self.inspect();
         let current = self.current();
-        if let Some((slot, ..)) = current
+        if let Some((slot, sequence, _)) = current
             && !self.states.contains(&SlotState::Damaged)
+            && self.copy(slot) == Some((sequence, *identity))
             && self.holds_exactly(slot, payload)
         {
             return Ok(SaveOutcome::Unchanged);
@@ -321,7 +328,7 @@ impl<F: NorFlash> Store<F> {
             // No set to keep: an undamaged slot is preferred.
             None => (usize::from(self.states[0] == SlotState::Damaged), 1),
         };
-        self.write_checked(slot, sequence, payload)
+        self.write_both(slot, sequence, payload, identity)
     }
 
     fn write_checked(
@@ -329,8 +336,9 @@ impl<F: NorFlash> Store<F> {
         slot: usize,
         sequence: u32,
         payload: &[u8],
+        identity: &Identity,
     ) -> Result<SaveOutcome, StoreError> {
-        let written = self.write(slot, sequence, payload);
+        let written = self.write(slot, sequence, payload, identity);
         let state = self.scan(slot, Payload::Ignored);
         self.set_state(slot, state);
         written?;
@@ -341,8 +349,14 @@ impl<F: NorFlash> Store<F> {
         Ok(SaveOutcome::Written { slot, sequence })
     }
 
-    /// Erases a slot and writes a set into it. The commit is written last.
-    fn write(&mut self, slot: usize, sequence: u32, payload: &[u8]) -> Result<(), StoreError> {
+    /// Erases a slot and writes a set into it. The commit is written after the set, and the copy of the identity last.
+    fn write(
+        &mut self,
+        slot: usize,
+        sequence: u32,
+        payload: &[u8],
+        identity: &Identity,
+    ) -> Result<(), StoreError> {
         let Some(Range { start, end }) = self.slots.get(slot).cloned() else {
             return Err(StoreError::Slots);
         };
@@ -360,7 +374,8 @@ impl<F: NorFlash> Store<F> {
             commit.update(&unit);
             self.program(start + at, &unit)?;
         }
-        self.program(start + COMMIT_AT, &commit.emit())
+        self.program(start + COMMIT_AT, &commit.emit())?;
+        self.write_copy(slot, sequence, identity)
     }
 
     fn program(&mut self, at: u32, unit: &[u8; UNIT_BYTES]) -> Result<(), StoreError> {
@@ -445,7 +460,7 @@ impl<F: NorFlash> Store<F> {
             _ => None,
         };
         match (whole(0), whole(1)) {
-            (Some(first), Some(second)) if newer(second.1, first.1) => Some(second),
+            (Some(first), Some(second)) if is_newer(second.1, first.1) => Some(second),
             (first, second) => first.or(second),
         }
     }
@@ -459,7 +474,7 @@ impl<F: NorFlash> Store<F> {
             _ => None,
         };
         match (whole(0), whole(1)) {
-            (Some(first), Some(second)) if newer(second.1, first.1) => Some(second),
+            (Some(first), Some(second)) if is_newer(second.1, first.1) => Some(second),
             (first, second) => first.or(second),
         }
     }
@@ -496,8 +511,9 @@ impl Payload<'_> {
 
 /// Returns true if sequence number `a` is newer than `b`: less than half the range of `u32` ahead, modulo
 /// wrapping.
-fn newer(a: u32, b: u32) -> bool {
-    (1..1 << 31).contains(&a.wrapping_sub(b))
+pub(crate) const fn is_newer(a: u32, b: u32) -> bool {
+    let ahead = a.wrapping_sub(b);
+    ahead > 0 && ahead < 1 << 31
 }
 
 fn flash_error(error: impl NorFlashError) -> StoreError {

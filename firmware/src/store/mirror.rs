@@ -5,38 +5,52 @@
 //! sequence number, and the driver goes on with the copy. The original stays: an earlier image that starts again finds
 //! it, even if the copy is replaced by a set with a layout that this image does not know.
 
-use super::{MAX_PAYLOAD, Store, newer};
+use super::{FoundIdentity, Identity, MAX_PAYLOAD, Store, is_newer};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Store<F> {
     /// Opens the store in the other bank. If the newest set that this firmware can read is in the own bank, it is copied
-    /// before; if the copy fails, the own bank's store is used.
+    /// before; if the copy fails, the own bank's store is used. `identity_of` returns the identity in a set.
     // Not inlined: its buffer is free again when the set is loaded.
     #[inline(never)]
-    pub fn open_mirrored(&mut self, own: [Range<u32>; 2], other: [Range<u32>; 2]) {
+    pub fn open_mirrored(
+        &mut self,
+        own: [Range<u32>; 2],
+        other: [Range<u32>; 2],
+        identity_of: fn(&[u8]) -> Option<Identity>,
+    ) {
         self.move_to(own.clone());
         let Some((_, newest, _)) = self.current() else { return self.move_to(other) };
         let mut payload = [0; MAX_PAYLOAD];
         let loaded = self.load(&mut payload);
         self.move_to(other);
-        if self.current().is_some_and(|(_, present, _)| !newer(newest, present)) {
+        if self.current().is_some_and(|(_, present, _)| !is_newer(newest, present)) {
             return;
         }
-        let is_copied = loaded.is_ok_and(|set| self.adopt(set.sequence, payload.get(..set.length)));
+        let is_copied = loaded.is_ok_and(|set| {
+            let payload = payload.get(..set.length).unwrap_or_default();
+            let identity = match self.find_identity(Some(own.clone())) {
+                FoundIdentity::Copy(sequence, copy) if !is_newer(set.sequence, sequence) => {
+                    Some(copy)
+                }
+                _ => identity_of(payload),
+            };
+            identity.is_some_and(|identity| self.adopt(set.sequence, payload, &identity))
+        });
         if !is_copied {
             self.move_to(own);
         }
     }
 
-    fn move_to(&mut self, slots: [Range<u32>; 2]) {
+    pub(super) fn move_to(&mut self, slots: [Range<u32>; 2]) {
         self.slots = slots;
         self.inspect();
     }
 
     /// Writes a set with this sequence number to the slot that is not current. Returns true if it is intact.
-    fn adopt(&mut self, sequence: u32, payload: Option<&[u8]>) -> bool {
+    fn adopt(&mut self, sequence: u32, payload: &[u8], identity: &Identity) -> bool {
         let slot = self.current().map_or(0, |(slot, ..)| 1 - slot);
-        payload.is_some_and(|payload| self.write_checked(slot, sequence, payload).is_ok())
+        self.write_both(slot, sequence, payload, identity).is_ok()
     }
 }

@@ -4,6 +4,7 @@ mod access;
 mod attacks;
 mod bench;
 mod commissioning;
+mod damaged_store;
 mod drive;
 mod eds;
 mod fd_telemetry;

@@ -11,13 +11,18 @@ use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind};
 use firmware::store::image::{PAYLOAD_AT, UNIT_BYTES};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
 use firmware::store::{
-    LoadError, MAX_PAYLOAD, SaveOutcome, SlotState, Store, StoreError, StoreHealth,
+    FoundIdentity, IDENTITY_BYTES, Identity, LoadError, MAX_PAYLOAD, SaveOutcome, SlotState, Store,
+    StoreError, StoreHealth,
 };
 use flashes::{Shared, Words, Worn};
 use proptest::prelude::*;
 
 /// Length of a parameter record, bytes; not a multiple of a double word.
 const LENGTH: usize = 301;
+/// Identity that is saved with every set.
+const IDENTITY: Identity = [0xA5; IDENTITY_BYTES];
+/// Double words of the copy of an identity.
+const COPY_STEPS: u32 = 6;
 
 fn payload(seed: u8, length: usize) -> Vec<u8> {
     (0..length).map(|index| (index as u8).wrapping_mul(31).wrapping_add(seed)).collect()
@@ -50,7 +55,7 @@ fn torn_variants() -> Vec<TornStep> {
 fn flash_after_saves<const PAGES: usize>(saves: u8) -> MemoryFlash<PAGES> {
     let mut store = Store::open(MemoryFlash::new());
     for seed in 1..=saves {
-        let written = store.save(&payload(seed, LENGTH - usize::from(seed))).unwrap();
+        let written = store.save(&payload(seed, LENGTH - usize::from(seed)), &IDENTITY).unwrap();
         assert!(
             matches!(written, SaveOutcome::Written { sequence, .. } if sequence == u32::from(seed))
         );
@@ -62,14 +67,16 @@ fn cut_everywhere<const PAGES: usize>(saves: u8) -> usize {
     let before = flash_after_saves::<PAGES>(saves);
     let old = load_at_start(&before);
     let new = payload(200, LENGTH);
-    let steps = (PAGES / 2 + 2 + LENGTH.div_ceil(UNIT_BYTES) + 1) as u32;
+    let commit = (PAGES / 2 + 2 + LENGTH.div_ceil(UNIT_BYTES)) as u32;
+    // The first save writes both slots, because none has the identity yet.
+    let steps = (commit + 1 + COPY_STEPS) * if saves == 0 { 2 } else { 1 };
     let (mut cuts, mut kept, mut taken) = (0, 0, 0);
     for torn in torn_variants() {
         for step in 0..steps {
             let mut flash = before.clone();
             flash.cut_power(step, torn);
             let mut store = Store::open(flash);
-            let error = store.save(&new).expect_err("the power is cut");
+            let error = store.save(&new, &IDENTITY).expect_err("the power is cut");
             assert!(
                 matches!(error, StoreError::Flash(NorFlashErrorKind::Other)),
                 "{torn:?} in step {step}: {error}"
@@ -79,11 +86,11 @@ fn cut_everywhere<const PAGES: usize>(saves: u8) -> usize {
             flash.power_on();
             match load_at_start(&flash) {
                 Ok(set) if set == new => {
-                    // Only the last step commits the new set.
-                    assert_eq!(step, steps - 1, "{torn:?}");
+                    assert!(step >= commit, "{torn:?} in step {step}");
                     taken += 1;
                 }
                 other => {
+                    assert!(step <= commit, "{torn:?} in step {step}");
                     match (&old, &other) {
                         (Err(_), Err(LoadError::Empty | LoadError::Damaged)) => (),
                         _ => assert_eq!(other, old, "{torn:?} in step {step} after {saves} saves"),
@@ -96,7 +103,7 @@ fn cut_everywhere<const PAGES: usize>(saves: u8) -> usize {
             for seed in [201, 202] {
                 let next = payload(seed, LENGTH);
                 assert!(
-                    matches!(store.save(&next), Ok(SaveOutcome::Written { .. })),
+                    matches!(store.save(&next, &IDENTITY), Ok(SaveOutcome::Written { .. })),
                     "{torn:?} {step}"
                 );
                 assert_eq!(load(&mut store), Ok(next));
@@ -111,7 +118,7 @@ fn cut_everywhere<const PAGES: usize>(saves: u8) -> usize {
     let mut flash = before;
     flash.cut_power(steps, TornStep::Nothing);
     let mut store = Store::open(flash);
-    assert!(store.save(&new).is_ok());
+    assert!(store.save(&new, &IDENTITY).is_ok());
     assert_eq!(load(&mut store), Ok(new));
     cuts
 }
@@ -167,7 +174,7 @@ proptest! {
             }
             let new = payload(seed, length);
             let mut store = Store::open(flash);
-            let result = store.save(&new);
+            let result = store.save(&new, &IDENTITY);
             flash = store.into_flash();
             prop_assert_eq!(result.is_ok(), flash.has_power());
             flash.power_on();
@@ -199,7 +206,7 @@ proptest! {
         prop_assert_eq!(load(&mut store), Err(LoadError::Damaged));
         prop_assert_eq!(store.flash().steps(), 0);
         let new = payload(seed, LENGTH);
-        prop_assert!(store.save(&new).is_ok());
+        prop_assert!(store.save(&new, &IDENTITY).is_ok());
         prop_assert_eq!(load(&mut store), Ok(new));
     }
 }
@@ -218,7 +225,10 @@ fn flipped_bit_in_newer_set_loads_the_older_set() {
         assert_eq!(load(&mut store), Ok(older.clone()), "bit {bit}");
         assert_eq!(store.health(), StoreHealth::Reduced, "bit {bit}");
         // Saving the loaded set again writes a second copy.
-        assert!(matches!(store.save(&older), Ok(SaveOutcome::Written { slot: 1, sequence: 2 })));
+        assert!(matches!(
+            store.save(&older, &IDENTITY),
+            Ok(SaveOutcome::Written { slot: 1, sequence: 2 })
+        ));
         assert_eq!((load(&mut store), store.health()), (Ok(older.clone()), StoreHealth::Sound));
     }
     // Bits outside the image have no effect.
@@ -230,6 +240,7 @@ fn flipped_bit_in_newer_set_loads_the_older_set() {
     for bit in 0..bytes * 8 {
         let mut flash = one.clone();
         flash.flip_bit(bit);
+        flash.flip_bit(PAGE_BYTES * 8 + bit);
         let mut store = Store::open(flash);
         assert_eq!(
             (load(&mut store), store.health()),
@@ -287,7 +298,7 @@ fn empty_incomplete_and_damaged_slots_are_distinguished() {
     let mut flash = MemoryFlash::<2>::new();
     flash.cut_power(10, TornStep::Partly(3));
     let mut store = Store::open(flash);
-    assert!(store.save(&payload(1, LENGTH)).is_err());
+    assert!(store.save(&payload(1, LENGTH), &IDENTITY).is_err());
     let mut flash = store.into_flash();
     flash.power_on();
     let mut store = Store::open(flash);
@@ -298,7 +309,7 @@ fn empty_incomplete_and_damaged_slots_are_distinguished() {
     let mut flash = flash_after_saves::<2>(1);
     flash.cut_power(10, TornStep::Partly(3));
     let mut store = Store::open(flash);
-    assert!(store.save(&payload(9, LENGTH)).is_err());
+    assert!(store.save(&payload(9, LENGTH), &IDENTITY).is_err());
     let mut flash = store.into_flash();
     flash.power_on();
     let store = Store::open(flash);
@@ -310,18 +321,18 @@ fn save_of_the_current_set_writes_nothing() {
     let mut store = Store::open(flash_after_saves::<2>(2));
     let steps = store.flash().steps();
     let same = payload(2, LENGTH - 2);
-    assert_eq!(store.save(&same), Ok(SaveOutcome::Unchanged));
+    assert_eq!(store.save(&same, &IDENTITY), Ok(SaveOutcome::Unchanged));
     assert_eq!(store.flash().steps(), steps);
     // The older set is not current, so it is written.
     assert_eq!(
-        store.save(&payload(1, LENGTH - 1)),
+        store.save(&payload(1, LENGTH - 1), &IDENTITY),
         Ok(SaveOutcome::Written { slot: 0, sequence: 3 })
     );
     // A prefix or an extension of the current set is a different set.
     let longer = payload(1, LENGTH);
-    assert!(matches!(store.save(&longer), Ok(SaveOutcome::Written { .. })));
-    assert!(matches!(store.save(&longer[..9]), Ok(SaveOutcome::Written { .. })));
-    assert!(matches!(store.save(&[]), Ok(SaveOutcome::Written { .. })));
+    assert!(matches!(store.save(&longer, &IDENTITY), Ok(SaveOutcome::Written { .. })));
+    assert!(matches!(store.save(&longer[..9], &IDENTITY), Ok(SaveOutcome::Written { .. })));
+    assert!(matches!(store.save(&[], &IDENTITY), Ok(SaveOutcome::Written { .. })));
     assert_eq!(load(&mut store), Ok(vec![]));
 }
 
@@ -331,18 +342,19 @@ fn saves_alternate_between_the_slots() {
     let saves: u8 = if cfg!(miri) { 10 } else { 100 };
     let mut store = Store::open(MemoryFlash::<2>::new());
     for save in 0..saves {
-        store.save(&payload(save, 40)).unwrap();
+        store.save(&payload(save, 40), &IDENTITY).unwrap();
     }
+    // The first one writes both.
     let each = u32::from(saves / 2);
-    assert_eq!([0, 1].map(|page| store.flash().erases(page)), [each, each]);
+    assert_eq!([0, 1].map(|page| store.flash().erases(page)), [each, each + 1]);
 }
 
 #[test]
 fn oversized_payload_and_invalid_slots_are_refused() {
     let mut store = Store::open(MemoryFlash::<4>::new());
     assert_eq!(store.max_payload_bytes(), MAX_PAYLOAD);
-    assert!(store.save(&payload(1, MAX_PAYLOAD)).is_ok());
-    let error = store.save(&payload(1, MAX_PAYLOAD + 1)).unwrap_err();
+    assert!(store.save(&payload(1, MAX_PAYLOAD), &IDENTITY).is_ok());
+    let error = store.save(&payload(1, MAX_PAYLOAD + 1), &IDENTITY).unwrap_err();
     assert_eq!(error.to_string(), "a parameter set of 3073 bytes, at most 3072 fit");
     let mut small = [0; 3071];
     let error = store.load(&mut small).unwrap_err();
@@ -350,7 +362,7 @@ fn oversized_payload_and_invalid_slots_are_refused() {
 
     let mut tiny = Store::open(MemoryFlash::<1>::new());
     assert_eq!(load(&mut tiny), Err(LoadError::Empty));
-    assert_eq!(tiny.save(b"x"), Err(StoreError::TooLong { length: 1, max: 0 }));
+    assert_eq!(tiny.save(b"x", &IDENTITY), Err(StoreError::TooLong { length: 1, max: 0 }));
     let page = PAGE_BYTES as u32;
     for slots in [
         [0..page, 0..page],
@@ -363,7 +375,10 @@ fn oversized_payload_and_invalid_slots_are_refused() {
         assert_eq!(refused, Err(StoreError::Slots));
     }
     let swapped = Store::open_at(MemoryFlash::<2>::new(), [page..2 * page, 0..page]);
-    assert_eq!(swapped.unwrap().save(b"x"), Ok(SaveOutcome::Written { slot: 0, sequence: 1 }));
+    assert_eq!(
+        swapped.unwrap().save(b"x", &IDENTITY),
+        Ok(SaveOutcome::Written { slot: 0, sequence: 1 })
+    );
 }
 
 #[test]
@@ -379,8 +394,9 @@ fn worn_cell_is_reported_before_the_commit() {
         (nowhere, (PAGE_BYTES + 1000, 1), StoreError::NotErased(page + 1000)),
     ] {
         let mut store = Store::open(Worn { flash: MemoryFlash::new(), one, zero });
-        store.save(&old).unwrap();
-        assert_eq!(store.save(&new), Err(expected));
+        // The first save writes both slots.
+        assert_eq!(store.save(&old, &IDENTITY), Err(expected));
+        assert_eq!(store.save(&new, &IDENTITY), Err(expected));
         assert_eq!(load(&mut store), Ok(old.clone()));
     }
 }
@@ -389,10 +405,85 @@ fn worn_cell_is_reported_before_the_commit() {
 fn store_works_on_flash_with_other_page_and_word_sizes() {
     // Five pages: the last one is unused.
     let mut store = Store::open(Words(vec![0xFF; 5 * 512]));
-    assert_eq!(store.max_payload_bytes(), 1000);
+    assert_eq!(store.max_payload_bytes(), 952);
     for seed in 0..5 {
-        let set = payload(seed, 1000 - usize::from(seed));
-        store.save(&set).unwrap();
+        let set = payload(seed, 952 - usize::from(seed));
+        store.save(&set, &IDENTITY).unwrap();
         assert_eq!(load(&mut store), Ok(set));
     }
+}
+
+#[test]
+fn save_of_another_identity_replaces_the_copies_in_both_slots() {
+    let other: Identity = [0x3C; IDENTITY_BYTES];
+    let mut store = Store::open(flash_after_saves::<4>(3));
+    assert_eq!(store.find_identity(None), FoundIdentity::Copy(3, IDENTITY));
+    let set = payload(9, LENGTH);
+    store.save(&set, &other).unwrap();
+    let flash = store.into_flash();
+    // With any of the two slots lost, the copy is the new one, and the set is the one that was saved with it.
+    for slot in [0, 1] {
+        let mut bytes: Vec<u8> = flash.image().flatten().copied().collect();
+        bytes[slot * 2 * PAGE_BYTES..][..2 * PAGE_BYTES].fill(0x77);
+        let mut half = flash.clone();
+        half.restore(&bytes);
+        let mut store = Store::open(half);
+        assert_eq!(store.find_identity(None), FoundIdentity::Copy(4, other), "slot {slot}");
+        assert_eq!(load(&mut store), Ok(set.clone()));
+    }
+}
+
+#[test]
+fn identity_of_a_lost_store_differs_from_that_of_a_first_save_that_was_cut() {
+    let mut store = Store::open(MemoryFlash::<4>::new());
+    assert_eq!(store.find_identity(None), FoundIdentity::None);
+    for step in 0..20 {
+        let mut flash = MemoryFlash::<4>::new();
+        flash.cut_power(step, TornStep::Garbage(step));
+        let mut store = Store::open(flash);
+        assert!(store.save(&payload(1, LENGTH), &IDENTITY).is_err());
+        let mut flash = store.into_flash();
+        flash.power_on();
+        assert_eq!(Store::open(flash).find_identity(None), FoundIdentity::None, "step {step}");
+    }
+    let mut lost = flash_after_saves::<4>(1);
+    lost.restore(&[0x77; 4 * PAGE_BYTES]);
+    assert_eq!(Store::open(lost.clone()).find_identity(None), FoundIdentity::Lost);
+    // A blank store beside it, as that of the other bank, changes nothing.
+    let pages = 2 * PAGE_BYTES as u32;
+    let mut both = MemoryFlash::<8>::new();
+    let mut bytes: Vec<u8> = lost.image().flatten().copied().collect();
+    bytes.resize(8 * PAGE_BYTES, 0xFF);
+    both.restore(&bytes);
+    let slots = [0, 1, 2, 3].map(|slot| slot * pages..(slot + 1) * pages);
+    let [a, b, c, d] = slots;
+    let mut store = Store::open_at(both, [c, d]).unwrap();
+    assert_eq!(store.find_identity(Some([a, b])), FoundIdentity::Lost);
+    assert_eq!(store.health(), StoreHealth::Empty, "the store is the same");
+}
+
+#[test]
+fn mirrored_store_keeps_the_newest_identity_with_an_older_set() {
+    let pages = 2 * PAGE_BYTES as u32;
+    let [a, b, c, d] = [0, 1, 2, 3].map(|slot| slot * pages..(slot + 1) * pages);
+    let (own, other) = ([a, b], [c, d]);
+    let new: Identity = [0x3C; IDENTITY_BYTES];
+    let mut store = Store::open_at(MemoryFlash::<8>::new(), own.clone()).unwrap();
+    store.save(&payload(1, LENGTH), &IDENTITY).unwrap();
+    // The next start copies the set and its identity.
+    let identity_of = |_: &[u8]| Some(IDENTITY);
+    store.open_mirrored(own.clone(), other.clone(), identity_of);
+    assert_eq!(store.find_identity(None), FoundIdentity::Copy(1, IDENTITY));
+    assert_eq!(load(&mut store), Ok(payload(1, LENGTH)));
+    store.save(&payload(2, LENGTH), &new).unwrap();
+    // Both sets of the other bank are damaged.
+    let mut flash = store.into_flash();
+    for slot in &other {
+        flash.flip_bit((slot.start as usize + 100) * 8);
+    }
+    let mut store = Store::open_at(flash, own.clone()).unwrap();
+    store.open_mirrored(own.clone(), other, identity_of);
+    assert_eq!(load(&mut store), Ok(payload(1, LENGTH)));
+    let FoundIdentity::Copy(_, found) = store.find_identity(Some(own)) else { panic!() };
+    assert_eq!(found, new);
 }

@@ -85,7 +85,7 @@ pub fn stored_flash(start: &PowerUp, traits: StageTraits) -> Result<MemoryFlash<
         let access = AccessSettings { is_locked: false, ..AccessSettings::default() };
         let settings = NodeSettings { commissioned, access, ..NodeSettings::default() };
         let block = emit_block(&settings, set);
-        store.save(&block).map_err(|error| format!("flash: {error:?}"))?;
+        store.save(&block, &settings.identity()).map_err(|error| format!("flash: {error:?}"))?;
     }
     Ok(store.into_flash())
 }

@@ -259,7 +259,7 @@ fn export_to_record_is_read_back_from_the_store() {
     let file = file(&model);
     let bytes = export(&file, ExportFormat::Record, "params.toml").expect("exported").content;
     let mut store = firmware::store::Store::open(firmware::store::memory::MemoryFlash::<2>::new());
-    store.save(&bytes).expect("saved");
+    store.save(&bytes, &[0; firmware::store::IDENTITY_BYTES]).expect("saved");
     let mut kept = [0; firmware::store::MAX_PAYLOAD];
     let length = store.load(&mut kept).expect("loaded").length;
     let configuration = record::parse(&kept[..length]).expect("a record");

@@ -17,10 +17,10 @@ use crate::hil::HilJoint;
 use crate::node::Outbox;
 use crate::node::lss::Lss;
 use crate::node::sdo::Abort;
-use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, split_block};
+use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::scope::Scope;
 use crate::sensors::enclosure;
-use crate::store::LoadError;
+use crate::store::{FoundIdentity, LoadError, is_newer};
 use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -73,16 +73,18 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub(in crate::driver) fn load(&mut self, boot: &Boot) {
         if let Some(program) = boot.program {
-            self.memory
-                .store_mut()
-                .open_mirrored(program.store_slots(true), program.store_slots(false));
+            self.memory.store_mut().open_mirrored(
+                program.store_slots(true),
+                program.store_slots(false),
+                |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
+            );
             self.program = ProgramState::new(self.memory.flash_mut(), program, self.now_us);
         }
-        let mut parameters = self.load_block();
+        let (mut parameters, sequence) = self.load_block();
+        self.keep_identity(boot, sequence);
         if !self.build_hil() {
             parameters = ParameterSource::DefaultRefused;
         }
-        self.memory.set_blank(parameters == ParameterSource::Default);
         let set = self.staging.active();
         self.supervisor.start(
             &set.thresholds,
@@ -102,33 +104,61 @@ impl<F: NorFlash> Device<F> {
         self.pdos.set_node(self.settings.node);
     }
 
-    /// Loads settings and parameters; the defaults stay if no block is stored or if it is refused.
+    /// Loads settings and parameters, and returns the sequence number of the set if its settings are known. The defaults stay
+    /// if no block is stored or if it is refused.
     // Not inlined: its stack is free again when the rest of the start needs as much.
     #[inline(never)]
-    fn load_block(&mut self) -> ParameterSource {
+    fn load_block(&mut self) -> (ParameterSource, Option<u32>) {
         let mut block = [0; MAX_BLOCK_BYTES];
-        let length = match self.memory.store_mut().load(&mut block) {
-            Ok(loaded) => loaded.length,
-            Err(LoadError::Empty | LoadError::Damaged) => return ParameterSource::Default,
+        let set = match self.memory.store_mut().load(&mut block) {
+            Ok(set) => set,
+            Err(LoadError::Empty | LoadError::Damaged) => return (ParameterSource::Default, None),
             // A set of another firmware is stored.
             Err(LoadError::Foreign(_) | LoadError::TooSmall { .. }) => {
-                return ParameterSource::DefaultRefused;
+                return (ParameterSource::DefaultRefused, None);
             }
         };
-        let block = block.get(..length).unwrap_or_default();
-        let loaded = split_block(block).and_then(|(settings, set)| {
-            self.staging.load(set).map_err(BlockError::Set)?;
-            Ok(settings)
-        });
-        match loaded {
-            Ok(settings) => {
+        let block = block.get(..set.length).unwrap_or_default();
+        let (settings, parameters) = match split_block(block) {
+            Ok(parts) => parts,
+            Err(error) => {
+                self.staging.refuse(Abort::Value, error);
+                return (ParameterSource::DefaultRefused, None);
+            }
+        };
+        let source = match self.staging.load(parameters) {
+            Ok(()) => {
                 self.settings = settings;
                 ParameterSource::Set
             }
             Err(error) => {
                 self.staging.refuse(Abort::Value, error);
+                let kept = self.settings.with_identity(&settings.identity());
+                self.settings = kept.unwrap_or(self.settings);
                 ParameterSource::DefaultRefused
             }
+        };
+        (source, Some(set.sequence))
+    }
+
+    /// Takes address, key and policy from their copies if the settings are not known, or if they are those of an older set.
+    /// Without an intact copy, no response unlocks the joint. `loaded` is the sequence number of the loaded set.
+    #[inline(never)]
+    fn keep_identity(&mut self, boot: &Boot, loaded: Option<u32>) {
+        let own = boot.program.map(|program| program.store_slots(true));
+        let kept = match (self.memory.store_mut().find_identity(own), loaded) {
+            (FoundIdentity::Copy(sequence, copy), loaded)
+                if loaded.is_none_or(|loaded| !is_newer(loaded, sequence)) =>
+            {
+                self.settings.with_identity(&copy)
+            }
+            (_, Some(_)) => return,
+            (FoundIdentity::None, None) => return self.memory.set_blank(true),
+            _ => None,
+        };
+        match kept {
+            Some(settings) => self.settings = settings,
+            None => self.lock.seal(),
         }
     }
 

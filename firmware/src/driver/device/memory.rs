@@ -1,7 +1,7 @@
 //! The stored block of settings and parameters, and the defaults.
 
 use crate::node_settings::NodeSettings;
-use crate::store::{SaveOutcome, Store, StoreError};
+use crate::store::{Identity, SaveOutcome, Store, StoreError};
 use embedded_storage::nor_flash::NorFlash;
 
 /// The store, with what is known of its content.
@@ -61,11 +61,15 @@ impl<F: NorFlash> Memory<F> {
         self.is_stored = true;
     }
 
-    /// Stores a block.
+    /// Stores a block, and the identity of its settings.
     ///
     /// # Errors
     /// The error of the store.
-    pub(super) fn save(&mut self, block: &[u8]) -> Result<SaveOutcome, StoreError> {
-        self.store.save(block)
+    pub(super) fn save(
+        &mut self,
+        block: &[u8],
+        identity: &Identity,
+    ) -> Result<SaveOutcome, StoreError> {
+        self.store.save(block, identity)
     }
 }

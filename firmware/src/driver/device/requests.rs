@@ -201,8 +201,9 @@ impl<F: NorFlash> Device<F> {
 
     /// Stores settings and the active set.
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
-        let block = emit_block(&self.settings, self.staging.active());
-        self.write_block(&block)?;
+        let settings = self.settings;
+        let block = emit_block(&settings, self.staging.active());
+        self.write_block(&block, &settings)?;
         self.memory.mark_stored();
         Ok(())
     }
@@ -210,11 +211,12 @@ impl<F: NorFlash> Device<F> {
     /// Stores the defaults; they apply from the next start, as in CiA 301. Key and policy stay: they change by proof only.
     pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
         let settings = NodeSettings { access: self.settings.access, ..*self.memory.defaults() };
-        self.write_block(&emit_block(&settings, &ParameterSet::default()))
+        self.write_block(&emit_block(&settings, &ParameterSet::default()), &settings)
     }
 
-    fn write_block(&mut self, block: &[u8]) -> Result<(), Abort> {
-        let saved = self.memory.save(block);
+    /// Stores a block that has these settings.
+    fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
+        let saved = self.memory.save(block, &settings.identity());
         self.supervisor.set_store_health(self.memory.store().health());
         match saved {
             Ok(_) => Ok(()),

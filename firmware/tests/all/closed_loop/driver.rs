@@ -112,7 +112,9 @@ impl Joint {
     /// Returns a commissioned driver with this parameter set on this plant.
     pub fn with(machine: Machine, set: &ParameterSet) -> Self {
         let mut store = Store::open(MemoryFlash::new());
-        store.save(&emit_block(&open_settings(), set)).expect("the flash works");
+        store
+            .save(&emit_block(&open_settings(), set), &open_settings().identity())
+            .expect("the flash works");
         Self::start(machine, store.into_flash())
     }
 

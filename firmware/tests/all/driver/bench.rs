@@ -24,6 +24,8 @@ pub const NODE: NodeId = NodeId::FIRST;
 pub struct Bench {
     pub driver: Driver<Flash>,
     pub now_us: u64,
+    /// Node number of the joint.
+    pub node: NodeId,
     /// Key with which a locked joint is unlocked when it refuses a write; `None` leaves it locked.
     pub key: Option<Key>,
 }
@@ -57,14 +59,14 @@ impl Bench {
         let settings = NodeSettings { node: NODE, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial, stage: StageTraits::NONE };
         let driver = Driver::boot(settings, Flash::new(), identity, &Boot::default(), 0);
-        Self { driver, now_us: 0, key: Some(Key::DEFAULT) }
+        Self { driver, now_us: 0, node: NODE, key: Some(Key::DEFAULT) }
     }
 
     fn boot_on(stage: StageTraits, source: InputSource, flash: Flash, boot: &Boot) -> Self {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7, stage };
         let driver = Driver::boot(settings, flash, identity, boot, 0);
-        Self { driver, now_us: 0, key: Some(Key::DEFAULT) }
+        Self { driver, now_us: 0, node: NODE, key: Some(Key::DEFAULT) }
     }
 
     /// Returns all frames that the driver sends.
@@ -91,7 +93,7 @@ impl Bench {
 
     /// Sets the network state to operational.
     pub fn start(&mut self) {
-        self.driver.receive(&frame(0, &[1, NODE.number()]), self.now_us);
+        self.driver.receive(&frame(0, &[1, self.node.number()]), self.now_us);
     }
 
     /// Confirms that the joint is wired as its parameters say.
@@ -102,9 +104,10 @@ impl Bench {
 
     /// Sends a request of a transfer, and returns its answer, or the abort code.
     pub fn exchange(&mut self, request: [u8; 8]) -> Result<[u8; 8], u32> {
-        self.driver.receive(&frame(0x601, &request), self.now_us);
+        let node = u16::from(self.node.number());
+        self.driver.receive(&frame(0x600 + node, &request), self.now_us);
         let answers: Vec<Frame> =
-            self.sent().into_iter().filter(|frame| frame.identifier() == 0x581).collect();
+            self.sent().into_iter().filter(|frame| frame.identifier() == 0x580 + node).collect();
         let [answer] = answers[..] else { panic!("{} answers", answers.len()) };
         let data = answer.data().try_into().expect("eight bytes");
         match decode_abort(&data) {
@@ -172,7 +175,7 @@ impl Bench {
     pub fn proof(&mut self, key: &Key, change: &[u8]) -> [u8; 8] {
         let challenge = self.read(index::ACCESS, 2).expect("can be read");
         let serial = self.number(index::IDENTITY, 4);
-        key.proof(challenge.try_into().expect("eight bytes"), serial, NODE.number(), change)
+        key.proof(challenge.try_into().expect("eight bytes"), serial, self.node.number(), change)
     }
 
     /// Writes a new key or policy with its proof. A locked joint is unlocked with the same key before.

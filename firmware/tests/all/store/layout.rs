@@ -1,6 +1,6 @@
 //! The layout of a set in flash, and sets of other firmware versions.
 
-use super::load;
+use super::{IDENTITY, load};
 use firmware::store::image::{self, COMMIT_AT, Commit, SlotHeader, UNIT_BYTES};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
 use firmware::store::{LoadError, LoadedSet, SaveOutcome, SlotState, Store, StoreHealth};
@@ -27,17 +27,22 @@ fn flash_of(first: &[u8], second: &[u8]) -> MemoryFlash<2> {
 #[test]
 fn saved_set_has_the_documented_layout() {
     let mut store = Store::open(MemoryFlash::<2>::new());
-    store.save(b"123456789").unwrap();
+    store.save(b"123456789", &IDENTITY).unwrap();
     let flash = store.into_flash();
     let page = flash.image().next().unwrap();
     assert_eq!(&page[..16], b"JSET\x02\x00\x09\x00\x01\x00\x00\x00\x00\x00\x00\x00");
     assert_eq!(&page[24..40], b"123456789\0\0\0\0\0\0\0");
-    assert_eq!(page[40..], [0xFF; PAGE_BYTES - 40]);
+    assert_eq!(page[40..PAGE_BYTES - 48], [0xFF; PAGE_BYTES - 88]);
     let rest = [&page[..16], &page[24..40]].concat();
     let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&rest);
     assert_eq!(page[16..20], crc.to_le_bytes());
     assert_eq!(page[20..24], (!crc).to_le_bytes());
-    assert_eq!(page[..], slot(2, 1, b"123456789"));
+    assert_eq!(page[..PAGE_BYTES - 48], slot(2, 1, b"123456789")[..PAGE_BYTES - 48]);
+    let copy = &page[PAGE_BYTES - 48..];
+    assert_eq!(copy[..8], *b"JKEY\x01\x00\x00\x00");
+    assert_eq!(copy[8..44], IDENTITY);
+    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&copy[..44]);
+    assert_eq!(copy[44..], crc.to_le_bytes());
 }
 
 #[test]
@@ -56,7 +61,7 @@ fn newest_set_is_found_when_the_sequence_wraps() {
         let expected: &[u8] = if newer == 0 { b"first" } else { b"second" };
         assert_eq!(load(&mut store).as_deref(), Ok(expected), "{first} {second}");
         let next = [first, second][newer].wrapping_add(1);
-        let saved = store.save(b"third");
+        let saved = store.save(b"third", &IDENTITY);
         assert_eq!(saved, Ok(SaveOutcome::Written { slot: 1 - newer, sequence: next }));
         assert_eq!(load(&mut store).as_deref(), Ok(&b"third"[..]));
     }
@@ -70,7 +75,7 @@ fn sets_of_another_layout_are_reported_and_the_newest_is_kept() {
         (Err(LoadError::Foreign(3)), StoreHealth::Foreign)
     );
     // A save by older firmware must not overwrite the newest set of newer firmware.
-    assert_eq!(store.save(b"mine"), Ok(SaveOutcome::Written { slot: 1, sequence: 9 }));
+    assert_eq!(store.save(b"mine", &IDENTITY), Ok(SaveOutcome::Written { slot: 1, sequence: 9 }));
     assert_eq!(store.slots()[0], SlotState::Foreign { version: 3, sequence: 8 });
     let mut place = [0; 8];
     assert_eq!(store.load(&mut place), Ok(LoadedSet { length: 4, slot: 1, sequence: 9 }));

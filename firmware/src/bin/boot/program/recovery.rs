@@ -6,7 +6,7 @@ use super::{can, clocks, pins};
 use compensator_core::can::Frame;
 use cortex_m::peripheral::DWT;
 use firmware::node_settings::BusSettings;
-use firmware::store::{MAX_PAYLOAD, Store};
+use firmware::store::{FoundIdentity, MAX_PAYLOAD, Store};
 use firmware::update::recovery::{Recovery, identity};
 use heapless::Deque;
 
@@ -83,11 +83,17 @@ fn send(controller: &mut can::Controller, node: &mut Recovery<ChipFlash>) {
     }
 }
 
-/// Reads node number and bit rate from the newest parameter store; the defaults if there are none.
+/// Reads node number and bit rate from the newest copy of the joint's identity, or from the newest set if there is no copy;
+/// the defaults if there are none.
 #[inline(never)]
 fn stored_settings(flash: ChipFlash) -> (BusSettings, ChipFlash) {
-    let mut newest = None;
-    let mut flash = flash;
+    let mut store = Store::open_within(flash, PROGRAM.store_slots(false));
+    if let FoundIdentity::Copy(_, identity) = store.find_identity(Some(PROGRAM.store_slots(true)))
+        && let Some(settings) = identity.first_chunk().and_then(BusSettings::parse)
+    {
+        return (settings, store.into_flash());
+    }
+    let (mut newest, mut flash) = (None, store.into_flash());
     for in_own_bank in [false, true] {
         let mut block = [0; MAX_PAYLOAD];
         let mut store = Store::open_within(flash, PROGRAM.store_slots(in_own_bank));

@@ -1,0 +1,126 @@
+//! Copies of what a joint must not lose with its set: its address, and who may write to it.
+//!
+//! A copy lies at the end of each slot, on another page than the begin of the set, and has a check of its own. It is written
+//! after the commit, so it never belongs to a set that was not saved. A save whose identity differs from the copy in the
+//! other slot writes that slot too. Both slots thus have the present identity, and no older set has another one.
+//!
+//! | offset | size | content |
+//! |---|---|---|
+//! | 0 | 4 | magic `JKEY` |
+//! | 4 | 4 | sequence number of the set |
+//! | 8 | 36 | identity |
+//! | 44 | 4 | CRC-32 (ISO-HDLC) of everything else |
+
+use super::image::{UNIT_BYTES, crc};
+use super::{SaveOutcome, SlotState, Store, StoreError, StoreHealth, is_newer};
+use core::ops::Range;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Length of an identity, bytes.
+pub const IDENTITY_BYTES: usize = 36;
+/// What a joint must not lose with its set. The store does not interpret it.
+pub type Identity = [u8; IDENTITY_BYTES];
+
+/// Length of a copy, bytes.
+pub(super) const COPY_BYTES: usize = 48;
+const MAGIC: [u8; 4] = *b"JKEY";
+
+/// What is known of the identity of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FoundIdentity {
+    /// No set was ever saved completely.
+    None,
+    /// Sets were saved, and no copy is intact.
+    Lost,
+    /// The newest copy, with the sequence number of its set.
+    Copy(u32, Identity),
+}
+
+impl<F: NorFlash> Store<F> {
+    /// Returns the newest copy in this store, and in two slots of another bank.
+    // Not inlined: a start has little stack.
+    #[inline(never)]
+    pub fn find_identity(&mut self, other_bank: Option<[Range<u32>; 2]>) -> FoundIdentity {
+        let present = self.slots.clone();
+        let mut found = FoundIdentity::None;
+        for slots in [Some(present.clone()), other_bank].into_iter().flatten() {
+            self.move_to(slots);
+            for slot in [0, 1] {
+                let Some((sequence, identity)) = self.copy(slot) else { continue };
+                if !matches!(found, FoundIdentity::Copy(last, _) if !is_newer(sequence, last)) {
+                    found = FoundIdentity::Copy(sequence, identity);
+                }
+            }
+            // A first save that was cut may leave a damaged slot beside a blank one.
+            let was_saved = match self.health() {
+                StoreHealth::Damaged => !self.states.contains(&SlotState::Blank),
+                StoreHealth::Foreign | StoreHealth::Sound | StoreHealth::Reduced => true,
+                StoreHealth::Empty => false,
+            };
+            if was_saved && found == FoundIdentity::None {
+                found = FoundIdentity::Lost;
+            }
+        }
+        self.move_to(present);
+        found
+    }
+
+    /// Writes a set into a slot, and into the other one unless it has this identity.
+    pub(super) fn write_both(
+        &mut self,
+        slot: usize,
+        sequence: u32,
+        payload: &[u8],
+        identity: &Identity,
+    ) -> Result<SaveOutcome, StoreError> {
+        let written = self.write_checked(slot, sequence, payload, identity)?;
+        let other = 1 - slot;
+        let has_identity = self.copy(other).is_some_and(|(_, present)| present == *identity);
+        if !has_identity && !matches!(self.states.get(other), Some(SlotState::Foreign { .. })) {
+            self.write_checked(other, sequence, payload, identity)?;
+        }
+        Ok(written)
+    }
+
+    /// Returns the copy in a slot; `None` if it is not intact.
+    pub(super) fn copy(&mut self, slot: usize) -> Option<(u32, Identity)> {
+        let at = self.copy_place(slot)?;
+        let mut bytes = [0; COPY_BYTES];
+        self.flash.read(at, &mut bytes).ok()?;
+        let (head, rest) = bytes.split_first_chunk::<8>()?;
+        let (identity, check) = rest.split_first_chunk::<IDENTITY_BYTES>()?;
+        let [m0, m1, m2, m3, s0, s1, s2, s3] = *head;
+        let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
+        let is_intact = [m0, m1, m2, m3] == MAGIC && emit(sequence, identity).ends_with(check);
+        is_intact.then_some((sequence, *identity))
+    }
+
+    /// Writes the copy in a slot, whose place must be erased.
+    pub(super) fn write_copy(
+        &mut self,
+        slot: usize,
+        sequence: u32,
+        identity: &Identity,
+    ) -> Result<(), StoreError> {
+        let place = self.copy_place(slot).ok_or(StoreError::Slots)?;
+        let bytes = emit(sequence, identity);
+        for (at, unit) in (place..).step_by(UNIT_BYTES).zip(bytes.as_chunks().0) {
+            self.program(at, unit)?;
+        }
+        Ok(())
+    }
+
+    fn copy_place(&self, slot: usize) -> Option<u32> {
+        let Range { start, end } = self.slots.get(slot)?;
+        end.checked_sub(COPY_BYTES as u32).filter(|at| at >= start)
+    }
+}
+
+fn emit(sequence: u32, identity: &Identity) -> [u8; COPY_BYTES] {
+    let mut bytes = [0; COPY_BYTES];
+    let content = MAGIC.into_iter().chain(sequence.to_le_bytes()).chain(*identity);
+    bytes.iter_mut().zip(content).for_each(|(to, from)| *to = from);
+    let (content, check) = bytes.split_at_mut(COPY_BYTES - 4);
+    check.copy_from_slice(&crc(content).to_le_bytes());
+    bytes
+}
