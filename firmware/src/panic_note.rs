@@ -7,7 +7,6 @@
 //! stored.
 
 use compensator_core::crc32::Crc32;
-use core::fmt::{self, Display, Write};
 use heapless::String;
 
 /// Maximum length of the text, bytes.
@@ -25,6 +24,19 @@ pub struct PanicNote {
     text: [u8; MAX_PANIC_TEXT_BYTES],
 }
 
+/// Part of the text of a note.
+///
+/// The parts are written without the formatter of the standard library, which would add 3 kB to an image.
+#[derive(Clone, Copy, Debug)]
+pub enum Part<'a> {
+    /// A text.
+    Text(&'a str),
+    /// A number, decimal.
+    Decimal(u32),
+    /// A number, as `0x` and eight digits.
+    Hexadecimal(u32),
+}
+
 impl Default for PanicNote {
     fn default() -> Self {
         Self { magic: 0, length: 0, crc: 0, text: [0; MAX_PANIC_TEXT_BYTES] }
@@ -32,13 +44,12 @@ impl Default for PanicNote {
 }
 
 impl PanicNote {
-    /// Writes a text and replaces the previous one.
-    pub fn write(&mut self, what: &dyn Display) {
+    /// Writes a text of these parts and replaces the previous one.
+    pub fn write(&mut self, parts: &[Part]) {
         self.magic = 0;
         self.text = [0; MAX_PANIC_TEXT_BYTES];
         let mut writer = NoteWriter { into: &mut self.text, length: 0 };
-        // Text that does not fit is cut.
-        let _ = write!(writer, "{what}");
+        parts.iter().for_each(|part| writer.part(*part));
         self.length = writer.length as u32;
         self.crc = self.compute_crc();
         self.magic = MAGIC;
@@ -77,15 +88,40 @@ struct NoteWriter<'a> {
     length: usize,
 }
 
-impl Write for NoteWriter<'_> {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        for letter in text.chars() {
-            let end = self.length + letter.len_utf8();
-            let place = self.into.get_mut(self.length..end).ok_or(fmt::Error)?;
-            letter.encode_utf8(place);
-            self.length = end;
+impl NoteWriter<'_> {
+    /// Appends a part. What does not fit is cut.
+    fn part(&mut self, part: Part) {
+        match part {
+            Part::Text(text) => {
+                let end = text.floor_char_boundary(self.into.len() - self.length);
+                text.bytes().take(end).for_each(|letter| self.letter(letter));
+            }
+            Part::Decimal(number) => self.number(number, 10),
+            Part::Hexadecimal(number) => {
+                self.part(Part::Text("0x"));
+                self.number(number, 16);
+            }
         }
-        Ok(())
+    }
+
+    fn number(&mut self, number: u32, base: u32) {
+        let largest = if base == 10 { 1_000_000_000 } else { 1 << 28 };
+        let (mut divisor, mut begun) = (largest, false);
+        while divisor > 0 {
+            let digit = number / divisor % base;
+            begun |= digit > 0 || base == 16 || divisor == 1;
+            if begun {
+                self.letter(char::from_digit(digit, base).map_or(b'?', |digit| digit as u8));
+            }
+            divisor /= base;
+        }
+    }
+
+    fn letter(&mut self, letter: u8) {
+        if let Some(place) = self.into.get_mut(self.length) {
+            *place = letter;
+            self.length += 1;
+        }
     }
 }
 
@@ -97,15 +133,24 @@ mod tests {
     fn take_returns_the_text_once() {
         let mut note = PanicNote::default();
         assert_eq!(note.take(), None);
-        note.write(&"src/x.rs:7: out of turns");
-        assert_eq!(note.take().unwrap(), "src/x.rs:7: out of turns");
+        note.write(&[
+            Part::Text("src/x.rs:"),
+            Part::Decimal(70),
+            Part::Text(" "),
+            Part::Decimal(0),
+        ]);
+        assert_eq!(note.take().unwrap(), "src/x.rs:70 0");
+        note.write(&[Part::Hexadecimal(0x0800_5A0F)]);
+        assert_eq!(note.take().unwrap(), "0x08005a0f");
+        note.write(&[Part::Decimal(u32::MAX)]);
+        assert_eq!(note.take().unwrap(), "4294967295");
         assert_eq!(note.take(), None);
     }
 
     #[test]
     fn long_text_is_cut_at_a_whole_character() {
         let mut note = PanicNote::default();
-        note.write(&format_args!("x{}", "ä".repeat(MAX_PANIC_TEXT_BYTES)));
+        note.write(&[Part::Text("x"), Part::Text(&"ä".repeat(MAX_PANIC_TEXT_BYTES))]);
         let text = note.take().unwrap();
         assert_eq!(text.len(), MAX_PANIC_TEXT_BYTES - 1);
         assert!(text.ends_with('ä'));
@@ -114,7 +159,7 @@ mod tests {
     #[test]
     fn take_of_damaged_note_returns_none() {
         let mut note = PanicNote::default();
-        note.write(&"gone");
+        note.write(&[Part::Text("gone")]);
         let written = note.clone();
         for (broken, what) in [
             (PanicNote { magic: 1, ..written.clone() }, "magic"),

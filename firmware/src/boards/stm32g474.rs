@@ -33,6 +33,7 @@ mod watchdog;
 
 use defmt_rtt as _;
 use embassy_stm32::pac;
+use firmware::panic_note::Part;
 
 defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
 
@@ -56,7 +57,7 @@ unsafe fn NonMaskableInt() {
     } else {
         "flash: ECC error in the image"
     };
-    crate::boards::stop(&why);
+    crate::boards::stop(&[Part::Text(why)]);
 }
 
 /// Stops the driver: an unexpected interrupt is a firmware error.
@@ -65,7 +66,7 @@ unsafe fn NonMaskableInt() {
 /// Only the processor calls it.
 #[cortex_m_rt::exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    crate::boards::stop(&format_args!("unexpected interrupt {number}"))
+    crate::boards::stop(&[Part::Text("unexpected interrupt "), Part::Decimal(number as u32)])
 }
 
 #[rtic::app(device = embassy_stm32, peripherals = false)]

@@ -13,7 +13,7 @@ use compensator_core::can::{Frame, NodeId};
 use embedded_storage::nor_flash::ReadNorFlash;
 use firmware::background::BoardState;
 use firmware::node::dictionary::index;
-use firmware::panic_note::PanicNote;
+use firmware::panic_note::{PanicNote, Part};
 use firmware::sensors::thermistor::Thermistor;
 use firmware::supervisor::{CodeSet, ResetCause};
 use joint_rig::{
@@ -358,7 +358,7 @@ fn write_panic_note(
 ) -> Result<(), String> {
     let kept = image.find("panic4KEPT").ok_or("the image has no panic note")?.address;
     let mut note = PanicNote::default();
-    note.write(&text);
+    note.write(&[Part::Text(text)]);
     machine.write_memory(kept, &note.to_bytes());
     Ok(())
 }

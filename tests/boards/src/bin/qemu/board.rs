@@ -29,6 +29,7 @@ use firmware::background::{Background, Board, BoardState, RoundOutcome};
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_parts::StageTraits;
 use firmware::node_settings::{InputSource, NodeSettings};
+use firmware::panic_note::Part;
 use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
 use flash::{BoardFlash, OpenError};
@@ -50,15 +51,12 @@ defmt::timestamp!("{=u64:us}", u64::from(clock::stamp_us()));
 #[allow(unsafe_code)]
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
-    panic::record_and_reset(&format_args!("hard fault at {:#010x}", frame.pc()))
+    panic::record_and_reset(&[Part::Text("hard fault at "), Part::Hexadecimal(frame.pc())])
 }
 
 #[panic_handler]
 fn handle_panic(info: &core::panic::PanicInfo) -> ! {
-    match info.location() {
-        Some(place) => panic::record_and_reset(&format_args!("panicked at {place}")),
-        None => panic::record_and_reset(&"panicked"),
-    }
+    panic::record_place_and_reset(info.location())
 }
 
 #[cortex_m_rt::entry]

@@ -30,6 +30,7 @@ use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::node_settings::NodeSettings;
+use firmware::panic_note::Part;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
@@ -78,7 +79,7 @@ static SERIAL: Owned<Producer<'static, u8>> = Owned::empty();
 
 /// Opens the bridge, stores the text and resets the processor. The bridge comes first, because storing
 /// takes time and may itself fail.
-fn stop(what: &dyn core::fmt::Display) -> ! {
+fn stop(what: &[Part]) -> ! {
     open_bridge();
     panic::record_and_reset(what)
 }
@@ -89,16 +90,13 @@ fn stop(what: &dyn core::fmt::Display) -> ! {
 /// Only the processor calls it; it never returns.
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
-    open_bridge();
-    stop(&format_args!("hard fault at {:#010x}", frame.pc()))
+    stop(&[Part::Text("hard fault at "), Part::Hexadecimal(frame.pc())])
 }
 
 #[panic_handler]
 fn handle_panic(info: &core::panic::PanicInfo) -> ! {
-    match info.location() {
-        Some(place) => stop(&format_args!("panicked at {place}")),
-        None => stop(&"panicked"),
-    }
+    open_bridge();
+    panic::record_place_and_reset(info.location())
 }
 
 /// Handles all peripheral interrupts; only that of the serial line is unmasked.
@@ -111,7 +109,7 @@ unsafe fn DefaultHandler(number: i16) {
         // SAFETY: this is the owning interrupt.
         unsafe { SERIAL.with(receive) }
     } else {
-        stop(&format_args!("unexpected interrupt {number}"))
+        stop(&[Part::Text("unexpected interrupt "), Part::Decimal(number as u32)])
     }
 }
 
