@@ -18,6 +18,7 @@ mod activation;
 mod augmented;
 mod factors;
 mod input_range;
+#[cfg_attr(not(feature = "network"), path = "network/no_joint.rs")]
 mod joint;
 mod lstm;
 mod readout;
@@ -29,7 +30,9 @@ pub use activation::{sigmoid, squash, squash_slope};
 pub use augmented::AugmentedLugre;
 pub use factors::{FACTOR_COUNT, FactorBounds, Factors};
 pub use input_range::InputRange;
-pub use joint::{CELLS, FactorSupplier, InputSource, JointNetwork, MAX_INPUTS};
+#[cfg(feature = "network")]
+pub use joint::InputSource;
+pub use joint::{FactorSupplier, JointNetwork};
 pub use lstm::{CELL_LIMIT, GATES, Lstm, LstmActivations, LstmCell, LstmState};
 pub use readout::Readout;
 pub use stroke::{StrokeRange, StrokeTracker};
@@ -38,6 +41,12 @@ use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
 use crate::text;
 use core::array;
+
+/// Maximum number of inputs of a driver's network.
+pub const MAX_INPUTS: usize = 4;
+
+/// Number of cells of a driver's network.
+pub const CELLS: usize = 8;
 
 /// A trained network: input ranges, weights and limits of the factors.
 #[derive(Clone, Debug, PartialEq)]

@@ -81,7 +81,7 @@ impl<T: Real<Setting = f32>> BuiltParameters<T> {
             if !T::represents(value) {
                 let why =
                     text!("the number type cannot hold this coefficient to 1e-3 of its value");
-                return Err(ParameterError { field, value: value, bound: Bound::Finite, why });
+                return Err(ParameterError { field, value, bound: Bound::Finite, why });
             }
         }
         Ok(built)

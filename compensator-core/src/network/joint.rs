@@ -7,19 +7,13 @@
 //! [`JointNetwork`] is the form in files and records, in `f32`. [`FactorSupplier`] is built from it and computes the
 //! factors for a compensator.
 
-use super::{Factors, Network, NetworkState, StrokeRange, StrokeTracker};
+use super::{CELLS, Factors, MAX_INPUTS, Network, NetworkState, StrokeRange, StrokeTracker};
 use crate::number::Real;
 use crate::parameters::{LawKind, Parameters};
 use crate::quantity::{Inputs, Quantity};
 use crate::refusal::Text;
 use crate::refusal::{Bound, ParameterError, refuse};
 use crate::text;
-
-/// Maximum number of inputs of a driver's network.
-pub const MAX_INPUTS: usize = 4;
-
-/// Number of cells of a driver's network.
-pub const CELLS: usize = 8;
 
 /// Source of a network input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,7 +126,6 @@ fn between(
     [least, most]: [f32; 2],
     why: Text,
 ) -> Result<(), ParameterError> {
-    let value = value;
     if value.is_nan() || value < least {
         refuse(field, value, Bound::AtLeast(least), why)?;
     }
@@ -252,7 +245,6 @@ impl<T: Real<Setting = f32>> FactorSupplier<T> {
 
 /// Returns an error if `T` cannot represent the value to 0.1 %, plus an absolute tolerance of 1e-5.
 fn held_by<T: Real>(field: Text, value: f32) -> Result<(), ParameterError> {
-    let value = value;
     let held = T::from_f64(value.into()).single();
     let (size, error) = (libm::fabsf(value), libm::fabsf(held - value));
     if error > 1e-3 * size + 1e-5 {

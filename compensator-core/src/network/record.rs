@@ -23,8 +23,7 @@
 //!
 //! A joint without a network has an empty record, because SDO cannot transfer an absent value.
 
-use super::joint::{CELLS, InputSource, JointNetwork, MAX_INPUTS};
-use super::{FACTOR_COUNT, FactorBounds, InputRange, Lstm, Network, Readout, StrokeRange};
+use super::{CELLS, FACTOR_COUNT, JointNetwork, MAX_INPUTS, Network};
 use crate::crc32::crc32;
 use crate::refusal;
 use crate::refusal::ParameterError;
@@ -36,6 +35,7 @@ use heapless::Vec;
 pub const VERSION: u16 = 1;
 
 const MAGIC: [u8; 4] = *b"FNET";
+#[cfg(feature = "network")]
 const NO_FEED: u8 = 0xFF;
 const NUMBERS_AT: usize = 16;
 /// Period, slew, fade, strokes, bounds, ranges.
@@ -66,6 +66,8 @@ pub enum RecordError {
     Size(u8),
     /// The source of an input has an unknown number.
     UnknownFeed(u8),
+    /// The record has a network, and this program was built without the feature `network`.
+    Unsupported,
     /// The record is well-formed, but the network is invalid.
     Refused(ParameterError),
 }
@@ -92,6 +94,9 @@ impl From<RecordError> for Reason {
             ),
             RecordError::UnknownFeed(number) => {
                 refusal!("network's input has the unknown source number {u32}", number)
+            }
+            RecordError::Unsupported => {
+                refusal!("this program has no networks: build it with the feature `network`")
             }
             RecordError::Refused(error) => error.into(),
         }
@@ -131,10 +136,22 @@ pub fn emit(network: Option<&JointNetwork>) -> Record {
     put(&MAGIC);
     put(&VERSION.to_le_bytes());
     put(&length.to_le_bytes());
-    let Some(JointNetwork { feeds, period_s, strokes, network }) = network else {
-        put(&[0; 4]);
-        return sealed(record);
-    };
+    match network {
+        Some(network) => put_network(network, &mut put),
+        None => put(&[0; 4]),
+    }
+    sealed(record)
+}
+
+#[cfg(not(feature = "network"))]
+fn put_network(network: &JointNetwork, _: &mut impl FnMut(&[u8])) {
+    match *network {}
+}
+
+/// Writes what follows the length.
+#[cfg(feature = "network")]
+fn put_network(network: &JointNetwork, put: &mut impl FnMut(&[u8])) {
+    let JointNetwork { feeds, period_s, strokes, network } = network;
     put(&[feeds.len() as u8, CELLS as u8, strokes.is_some().into(), 0]);
     let mut codes = [NO_FEED; MAX_INPUTS];
     for (code, feed) in codes.iter_mut().zip(feeds) {
@@ -147,7 +164,6 @@ pub fn emit(network: Option<&JointNetwork>) -> Record {
     network.bounds.iter().flat_map(|b| [b.least, b.most]).for_each(&mut number);
     network.inputs.iter().flat_map(|r| [r.middle, r.per_unit]).for_each(&mut number);
     network.for_each_weight(number);
-    sealed(record)
 }
 
 /// Appends the CRC.
@@ -184,6 +200,22 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     if inputs == 0 {
         return Ok(None);
     }
+    read_network(guarded, [inputs, cells, choices])
+}
+
+#[cfg(not(feature = "network"))]
+fn read_network(_: &[u8], _: [u8; 3]) -> Result<Option<JointNetwork>, RecordError> {
+    Err(RecordError::Unsupported)
+}
+
+/// Reads a network behind a valid header with these numbers of inputs and cells and these choices.
+#[cfg(feature = "network")]
+fn read_network(
+    guarded: &[u8],
+    [inputs, cells, choices]: [u8; 3],
+) -> Result<Option<JointNetwork>, RecordError> {
+    use super::{FactorBounds, InputRange, InputSource, Lstm, Readout, StrokeRange};
+
     for (found, most) in [(inputs, MAX_INPUTS), (cells, CELLS)] {
         if usize::from(found) > most {
             return Err(RecordError::Size(found));

@@ -3,13 +3,9 @@
 //! The cost of a network does not depend on its weights, and its bits must agree for any weights. The tests, the
 //! cost image and the fingerprints of the driver use this network.
 
-use super::{
-    AugmentedLugre, FactorBounds, InputRange, InputSource, JointNetwork, Lstm, Network, Readout,
-    StrokeRange,
-};
+use super::{AugmentedLugre, FactorBounds, InputRange, Lstm, Network, Readout};
 use crate::number::Real;
 use crate::parameters::{LawKind, ParameterId as Id, Parameters};
-use crate::quantity::Quantity;
 
 /// Number of inputs.
 pub const INPUTS: usize = 3;
@@ -48,7 +44,11 @@ pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
 ///
 /// Its inputs are the auxiliary covariate, the velocity and the torque held by the bristles. It is evaluated at
 /// 128 Hz and knows strokes from 0.01 rad to 1 rad.
-pub fn joint() -> JointNetwork {
+#[cfg(feature = "network")]
+pub fn joint() -> super::JointNetwork {
+    use super::{InputSource, JointNetwork, StrokeRange};
+    use crate::quantity::Quantity;
+
     let feeds = [
         InputSource::Of(Quantity::Auxiliary),
         InputSource::Of(Quantity::Velocity),

@@ -23,7 +23,7 @@ use ParameterId as Id;
 const ENVELOPE_MAX: f32 = 1e9;
 
 /// Maximum of `x exp(-x^2)`, at `x = 1/sqrt 2`. It is the peak of `sigma1(v) |v| / (sigma1 v_s)`.
-const FADING_DAMPING_PEAK: f32 = 0.428_881_942_480_353_4;
+const FADING_DAMPING_PEAK: f32 = 0.428_881_94;
 
 impl<S: Real> Parameters<S> {
     /// Checks the active parameters, the envelope, the levels, the terms and the passivity.

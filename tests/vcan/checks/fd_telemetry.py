@@ -15,7 +15,7 @@ import can
 import canopen
 import cantools
 from bench import FOLDER, HOST_SIM, INTERFACE, REPO, Candump, Node, Program, equal, frames, host_sim
-from bench import passed, simulate, test, unlock_of_the_book, until
+from bench import passed, program_of_the_book, simulate, test, until
 
 CLASSIC = cantools.database.load_file(REPO / "compensator-core" / "joint.dbc")
 FLEXIBLE = cantools.database.load_file(REPO / "compensator-core" / "joint-fd.dbc")
@@ -38,7 +38,7 @@ def switch_on():
     network = canopen.Network()
     network.connect(interface="socketcan", channel=INTERFACE)
     node = network.add_node(1, str(REPO / "firmware" / "joint.eds"))
-    unlock_of_the_book()(node)
+    program_of_the_book("explanation/unlock.py")["unlock"](node)
     node.sdo["operation"]["fd_telemetry"].raw = 1
     network.disconnect()
 

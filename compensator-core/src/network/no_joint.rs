@@ -1,0 +1,73 @@
+//! Replaces `joint` without the feature `network`: types without values, so that no code of a network remains.
+
+use super::{CELLS, Factors, NetworkState};
+use crate::number::Real;
+use crate::parameters::Parameters;
+use crate::quantity::Inputs;
+use crate::refusal::ParameterError;
+use core::convert::Infallible;
+use core::marker::PhantomData;
+
+/// A network for a joint driver: there is none.
+#[derive(Clone, Debug, PartialEq)]
+pub enum JointNetwork {}
+
+impl JointNetwork {
+    /// Checks that a driver can run the network.
+    ///
+    /// # Errors
+    /// None: there is no network.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        match *self {}
+    }
+
+    /// Checks that the factors of a network can apply to a model.
+    ///
+    /// # Errors
+    /// None: there is no network.
+    pub fn validate_with<T: Real>(_: &Parameters<T>) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}
+
+/// A running network: there is none.
+#[derive(Clone, Debug)]
+pub struct FactorSupplier<T>(Infallible, PhantomData<T>);
+
+impl<T: Real<Setting = f32>> FactorSupplier<T> {
+    /// Builds the supplier.
+    ///
+    /// # Errors
+    /// None: there is no network.
+    pub fn build(from: &JointNetwork, _: f32) -> Result<Self, ParameterError> {
+        match *from {}
+    }
+
+    /// Returns the number of samples per evaluation.
+    ///
+    /// # Errors
+    /// None: there is no network.
+    pub fn every(&self, _: f32) -> Result<u32, ParameterError> {
+        match self.0 {}
+    }
+
+    /// Returns the evaluation period, s.
+    pub const fn period_s(&self) -> f32 {
+        match self.0 {}
+    }
+
+    /// Evaluates the network.
+    pub fn evaluate(&mut self, _: &Inputs<T>, _: T) -> Factors<T> {
+        match self.0 {}
+    }
+
+    /// Returns the state.
+    pub const fn state(&self) -> &NetworkState<T, CELLS> {
+        match self.0 {}
+    }
+
+    /// Resets the state.
+    pub fn rest(&mut self) {
+        match self.0 {}
+    }
+}
