@@ -32,7 +32,7 @@ use compensator_core::ParameterId;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
-use entry::{entry, name_on_host};
+use entry::{Names, entry};
 use records::{
     AccessObject, CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject,
     EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject,
@@ -51,7 +51,7 @@ pub enum Shape {
     /// Values of one type from sub-index 1; sub-index 0 is their number.
     Array(Entry, u8),
     /// Named `f32` values, which can be read and written.
-    Numbers(&'static [&'static str]),
+    Numbers(Names),
     /// The friction parameters, which can be read and written.
     Parameters,
 }
@@ -61,7 +61,8 @@ pub enum Shape {
 pub struct Object {
     /// Index of the object.
     pub index: u16,
-    /// Name of the object; empty on a board.
+    /// Name of the object. A board has none.
+    #[cfg(not(target_os = "none"))]
     pub name: &'static str,
     /// Structure of the object.
     pub shape: Shape,
@@ -83,9 +84,16 @@ use DataType::{
 };
 
 /// Returns an object without an index, which every node of the bus may write while the joint is disarmed.
+#[cfg_attr(target_os = "none", allow(unused_variables))]
 const fn object(name: &'static str, shape: Shape) -> Object {
-    let name = name_on_host(name);
-    Object { index: 0, name, shape, level: Level::Open, is_written_armed: false }
+    Object {
+        index: 0,
+        #[cfg(not(target_os = "none"))]
+        name,
+        shape,
+        level: Level::Open,
+        is_written_armed: false,
+    }
 }
 
 /// A write needs the service level.
@@ -115,7 +123,7 @@ const fn record(name: &'static str, entries: &'static [Entry]) -> Object {
 }
 
 const fn numbers(name: &'static str, names: &'static [&'static str]) -> Object {
-    object(name, Shape::Numbers(names))
+    object(name, Shape::Numbers(Names::new(names)))
 }
 
 /// Maximum number of objects in a PDO: one per byte.
@@ -295,7 +303,7 @@ impl Object {
             Shape::Variable(_) => 0,
             Shape::Record(entries) => entries.len() as u8,
             Shape::Array(_, count) => count,
-            Shape::Numbers(names) => names.len() as u8,
+            Shape::Numbers(names) => names.count(),
             Shape::Parameters => ParameterId::ALL.len() as u8,
         }
     }
@@ -324,7 +332,7 @@ impl Object {
             Shape::Variable(_) => None,
             Shape::Record(entries) => entries.get(place).copied(),
             Shape::Array(entry, count) => (sub_index <= count).then_some(entry),
-            Shape::Numbers(names) => names.get(place).copied().map(number),
+            Shape::Numbers(names) => names.get(place).map(number),
             Shape::Parameters => ParameterId::ALL.get(place).map(|id| number(id.name())),
         }
     }

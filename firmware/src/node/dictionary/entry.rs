@@ -58,7 +58,9 @@ pub enum Access {
 /// One value of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Name, as used in the rest of the project; empty on a board.
+    /// Name, as used in the rest of the project. A board has none, to save flash: tools take the names from their own copy of
+    /// this dictionary or from `joint.eds`.
+    #[cfg(not(target_os = "none"))]
     pub name: &'static str,
     /// Type of the value.
     pub data: DataType,
@@ -83,13 +85,45 @@ impl Entry {
 }
 
 /// Returns an entry that every node of the bus may write while the joint is disarmed.
+#[cfg_attr(target_os = "none", allow(unused_variables))]
 pub(super) const fn entry(name: &'static str, data: DataType, access: Access) -> Entry {
-    let name = name_on_host(name);
-    Entry { name, data, access, level: Level::Open, is_written_armed: false }
+    Entry {
+        #[cfg(not(target_os = "none"))]
+        name,
+        data,
+        access,
+        level: Level::Open,
+        is_written_armed: false,
+    }
 }
 
-/// Returns the name on a host and an empty string on a board, to save flash. Tools take the names from
-/// their own copy of this dictionary or from `joint.eds`.
-pub(super) const fn name_on_host(name: &'static str) -> &'static str {
-    if cfg!(target_os = "none") { "" } else { name }
+/// Names of the values of an object; on a board their number alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Names {
+    count: u8,
+    #[cfg(not(target_os = "none"))]
+    names: &'static [&'static str],
+}
+
+impl Names {
+    pub(super) const fn new(names: &'static [&'static str]) -> Self {
+        Self {
+            count: names.len() as u8,
+            #[cfg(not(target_os = "none"))]
+            names,
+        }
+    }
+
+    /// Returns the number of names.
+    pub const fn count(&self) -> u8 {
+        self.count
+    }
+
+    /// Returns the name at a place, empty on a board; `None` beyond the last.
+    pub(super) fn get(&self, place: usize) -> Option<&'static str> {
+        #[cfg(not(target_os = "none"))]
+        return self.names.get(place).copied();
+        #[cfg(target_os = "none")]
+        (place < usize::from(self.count)).then_some("")
+    }
 }
