@@ -62,6 +62,12 @@ pub trait Real:
     /// Converts a constant. The result is rounded, and saturated if it is out of range.
     fn from_f64(value: f64) -> Self;
 
+    /// Converts a count. An `f32` does so without emulated arithmetic.
+    #[inline(always)]
+    fn from_count(count: u8) -> Self {
+        Self::from_f64(f64::from(count))
+    }
+
     /// Returns the value as `f64`; for a dual number, its real part.
     fn value(self) -> f64;
 

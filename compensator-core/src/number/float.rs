@@ -17,6 +17,10 @@ macro_rules! common {
             value as $type
         }
         #[inline(always)]
+        fn from_count(count: u8) -> Self {
+            count.into()
+        }
+        #[inline(always)]
         fn value(self) -> f64 {
             f64::from(self)
         }

@@ -6,10 +6,21 @@
 //! similar terms are factors with their own ranges. Terms that are not in the model do not count.
 
 use crate::envelope::Envelope;
+use crate::quantity::TEMPERATURE_RANGE_C;
 
 /// Minimum share of a level that must remain under load, pressure or wear. It is large enough that rounding in
 /// the number type of the step cannot make the level 0.
 pub(crate) const LEAST_SHARE: f32 = 1e-3;
+
+/// Least and largest temperature at which a law is used, deg C.
+pub(crate) const TEMPERATURES_C: [f32; 2] =
+    [TEMPERATURE_RANGE_C[0] as f32, TEMPERATURE_RANGE_C[1] as f32];
+
+/// Returns the amplitude of a wave of this sine and cosine. Their ranges do not let the squares overflow, so this needs no
+/// `hypotf`, which computes in double precision.
+pub(crate) fn amplitude(sine: f32, cosine: f32) -> f32 {
+    libm::sqrtf(sine * sine + cosine * cosine)
+}
 
 /// Increase of the levels by a linear effect, Nm, or Nm per unit of its input.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -64,8 +64,8 @@ impl<T: Real> DelayLine<T> {
 impl<T: Real> ChannelDelay<T> {
     /// Splits a delay in samples into its integer and fractional part. The integer part is limited to the line.
     fn from_samples(samples: T) -> Self {
-        let whole = (samples.value() as usize).min(DELAY_LINE_SAMPLES - 2);
-        Self { whole: whole as u8, fraction: samples - T::from_f64(whole as f64) }
+        let whole = (samples.single() as usize).min(DELAY_LINE_SAMPLES - 2);
+        Self { whole: whole as u8, fraction: samples - T::from_count(whole as u8) }
     }
 }
 

@@ -1,7 +1,7 @@
 //! `+ m sin(q + phi)`: a torque that depends on the angle, not on the direction of motion.
 
 use super::angle::over_angle;
-use super::bounds::Bounds;
+use super::bounds::{Bounds, amplitude};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -48,6 +48,6 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (sine, cosine) = (values.single(Id::GravitySine), values.single(Id::GravityCosine));
-        bounds.torque += libm::hypotf(sine, cosine);
+        bounds.torque += amplitude(sine, cosine);
     }
 }

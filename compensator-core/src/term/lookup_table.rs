@@ -93,7 +93,7 @@ fn levels<S: Real>(values: &ParameterValues<S>) -> [S; LOOKUP_KNOTS] {
     let scale = scale / (values.get(Id::LookupUpper) - values.get(Id::LookupLower));
     core::array::from_fn(|knot| {
         let own = LOOKUP_LEVELS.get(knot).map_or(S::zero(), |id| values.get(*id));
-        own + formula.at(S::from_f64(knot as f64 / CELLS as f64), rise, scale)
+        own + formula.at(S::from_count(knot as u8) / S::from_count(CELLS as u8), rise, scale)
     })
 }
 

@@ -1,7 +1,7 @@
 //! `g *= 1 + a sin(n q + phi)`: friction depends on the shaft angle.
 
 use super::angle::over_angle;
-use super::bounds::Bounds;
+use super::bounds::{self, Bounds};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -27,7 +27,7 @@ const AMPLITUDE_MAX: f32 = 0.99;
 
 /// Returns the amplitude of the ripple.
 fn amplitude<S: Real>(values: &ParameterValues<S>) -> f32 {
-    libm::hypotf(values.single(Id::RippleSine), values.single(Id::RippleCosine))
+    bounds::amplitude(values.single(Id::RippleSine), values.single(Id::RippleCosine))
 }
 
 impl<T: Real> Term<T> for PositionRipple<T> {

@@ -1,12 +1,11 @@
 //! `g *= exp(-b (T - T0))`: the seal stiffens at low temperature.
 
-use super::bounds::{Bounds, LEAST_SHARE};
+use super::bounds::{Bounds, LEAST_SHARE, TEMPERATURES_C};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::TEMPERATURE_RANGE_C;
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 use crate::text;
@@ -24,7 +23,7 @@ pub(crate) struct TemperatureCoulomb<T> {
 fn exponents<S: Real>(values: &ParameterValues<S>) -> [f32; 2] {
     let rate = values.single(Id::TemperatureCoulomb);
     let reference = values.single(Id::TemperatureReference);
-    TEMPERATURE_RANGE_C.map(|end| -rate * (end as f32 - reference))
+    TEMPERATURES_C.map(|end| -rate * (end - reference))
 }
 
 impl<T: Real> Term<T> for TemperatureCoulomb<T> {
@@ -53,7 +52,7 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
 
     fn largest_product(&self, _: &Envelope) -> f32 {
         // The exponent. The check of the level includes the effect on the level.
-        self.rate.single().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0]) as f32
+        self.rate.single().abs() * (TEMPERATURES_C[1] - TEMPERATURES_C[0])
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {

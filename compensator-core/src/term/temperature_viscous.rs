@@ -1,12 +1,11 @@
 //! `sigma2 *= exp(-b (T - T0))`: the viscosity of the lubricant decreases with temperature.
 
-use super::bounds::Bounds;
+use super::bounds::{Bounds, TEMPERATURES_C};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::TEMPERATURE_RANGE_C;
 use crate::quantity::{Quantity, Sample};
 
 /// Coefficients of the term for one sample period.
@@ -44,13 +43,13 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
 
     fn largest_product(&self, _: &Envelope) -> f32 {
         // The exponent. The check of the viscous torque includes the effect on it.
-        self.rate.single().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0]) as f32
+        self.rate.single().abs() * (TEMPERATURES_C[1] - TEMPERATURES_C[0])
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (rate, reference) =
             (values.single(Id::TemperatureViscosity), values.single(Id::TemperatureReference));
-        let factor = TEMPERATURE_RANGE_C.map(|end| libm::expf(-rate * (end as f32 - reference)));
+        let factor = TEMPERATURES_C.map(|end| libm::expf(-rate * (end - reference)));
         bounds.viscous_factor *= factor[0].max(factor[1]);
     }
 }

@@ -6,7 +6,7 @@
 //! costs one comparison.
 
 use super::angle::over_angle;
-use super::bounds::Bounds;
+use super::bounds::{Bounds, amplitude};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
@@ -73,7 +73,7 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         for [_, sine, cosine] in TORQUE_RIPPLE_PARAMETERS {
-            bounds.torque += libm::hypotf(values.single(sine), values.single(cosine));
+            bounds.torque += amplitude(values.single(sine), values.single(cosine));
         }
     }
 }
