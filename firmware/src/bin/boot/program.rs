@@ -1,8 +1,8 @@
 //! It starts the newest good image, or answers on the bus if there is none.
 //!
 //! It is the first 20 KB of each bank, which no update writes: the part in the second bank is the check of a signature and
-//! the node in recovery. It runs on the internal oscillator, and hands over with the watchdog running, so that an image that
-//! hangs at its start is reset. The decision is [`firmware::update::boot`], the node in recovery
+//! the node in recovery. It runs on the internal oscillator, under the watchdog, with which it hands over: an image that hangs
+//! at its start is reset, too. The decision is [`firmware::update::boot`], the node in recovery
 //! [`firmware::update::recovery`]; here are only registers. embassy is initialised in recovery only: it would leave
 //! peripherals and interrupts behind that an image does not expect.
 
@@ -22,15 +22,11 @@ mod flash;
 mod pins;
 mod recovery;
 mod start;
+mod watchdog;
 
 /// What the modules of the board use of its values.
 mod scales {
     pub use super::clocks::CORE_HZ as CAN_HZ;
-}
-
-/// The flash driver refreshes the watchdog, which does not run yet.
-mod watchdog {
-    pub const fn refresh_if_loop_runs() {}
 }
 
 use banks::{FLASH_BASE, PROGRAM, SLOTS};
@@ -45,6 +41,7 @@ const RAM: core::ops::RangeInclusive<u32> = 0x2000_0000..=0x2002_0000;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    watchdog::start(watchdog::CHOICE);
     let flags = pac::RCC.csr().read();
     // The image reads the same flags and clears them.
     let has_failed = flags.iwdgrstf() || flags.wwdgrstf() || flags.sftrstf();

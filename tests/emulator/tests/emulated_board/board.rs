@@ -13,6 +13,7 @@ mod interruptions;
 mod peripherals;
 mod power_cut;
 mod pressure;
+mod resets;
 mod scope;
 mod slots;
 mod start;

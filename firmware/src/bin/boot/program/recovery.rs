@@ -2,7 +2,7 @@
 
 use super::banks::PROGRAM;
 use super::flash::ChipFlash;
-use super::{can, clocks, pins};
+use super::{can, clocks, pins, watchdog};
 use compensator_core::can::Frame;
 use cortex_m::peripheral::DWT;
 use firmware::node_settings::BusSettings;
@@ -61,6 +61,7 @@ pub fn run(flash: ChipFlash) -> ! {
         }
         if now_us >= due_us {
             due_us = now_us + TICK_US;
+            watchdog::refresh();
             controller.state();
             node.tick(now_us);
         }

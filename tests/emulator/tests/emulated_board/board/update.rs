@@ -192,7 +192,7 @@ fn trial_with_reset_ordered_by_a_master_is_tried_again_and_confirmed() {
 }
 
 /// Returns a flash with a trial of 1.0.1 in slot B that begins with these instructions, beside a confirmed 1.0.0.
-fn trial_beginning_with(instructions: &[u8]) -> Content {
+pub fn trial_beginning_with(instructions: &[u8]) -> Content {
     let mut content = confirmed(&[(0, "1.0.0")]);
     let mut code = codes()[1].clone();
     let reset = u32::from_le_bytes(code.bytes[4..8].try_into().expect("a vector"));
