@@ -14,8 +14,9 @@
 //! - A panic or a hard fault opens the bridge (`open_bridge` of the board), stores its text in RAM that
 //!   survives a reset ([`firmware::panic`]) and resets, which opens the bridge as well. The next start
 //!   passes the text to the driver in `Boot::panic` (`panic::take`).
-//! - [`firmware::stack_guard`] writes guard words below the stack. `is_intact` goes to
-//!   `LoopReport::stack_intact`. `take_overflow`, called before `paint`, goes to `Boot::stack_overflowed`.
+//! - [`firmware::stack_guard`] closes a region below the stack. `is_intact` goes to
+//!   `LoopReport::stack_intact`. `take_overflow`, called before `paint`, goes to `Boot::stack_overflowed`. The handler of
+//!   the hard fault calls `record_overflow`.
 //! - `HardFault` is handled here; each board defines its own `DefaultHandler`.
 
 mod stm32g474;
@@ -31,7 +32,7 @@ pub(crate) fn stop(what: &[Part]) -> ! {
     firmware::panic::record_and_reset(what)
 }
 
-/// Handles a hard fault like a panic.
+/// Handles a hard fault like a panic. That of a full stack has no room for a text.
 ///
 /// # Safety
 /// Only the processor calls it; it never returns.
@@ -39,6 +40,9 @@ pub(crate) fn stop(what: &[Part]) -> ! {
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
     open_bridge();
+    if firmware::stack_guard::record_overflow() {
+        cortex_m::peripheral::SCB::sys_reset();
+    }
     stop(&[Part::Text("hard fault at "), Part::Hexadecimal(frame.pc())])
 }
 

@@ -124,7 +124,9 @@ def stack(image, graph):
 
     rows = {name: EXCEPTION_FRAME + worst[image.word(image.vectors + 4 * number) & ~1] for name, number in HANDLERS.items()}
     start, background, fault = of("__rtic_init_resources"), of("3app4idle"), rows["fault (HardFault)"]
-    available = image.symbols["_stack_start"][0] - image.symbols["_stack_end"][0]
+    # firmware/src/stack_guard.rs: sixteen words, and above them a region of 512 bytes that is aligned to its length.
+    guard_end = -(-(image.symbols["_stack_end"][0] + 64) // 512) * 512 + 512
+    available = image.symbols["_stack_start"][0] - guard_end
     return [
         ("start, interrupts off", start), ("background", background), *rows.items(),
         (SUMS[0], start + fault), (SUMS[1], background + sum(rows.values())),

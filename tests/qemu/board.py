@@ -75,10 +75,14 @@ class Board:
 
     def jump(self, address):
         """Sets the program counter through the debugger and continues."""
+        self.set_register(15, address)
+
+    def set_register(self, number, value):
+        """Sets a register of the core through the debugger and continues."""
         self.debug_commands(
             # QEMU writes single registers only for debuggers that have read the register list.
             (b"qXfer:features:read:target.xml:0,400", b""),
-            (b"Pf=" + struct.pack("<I", address).hex().encode(), b"OK"),
+            (b"P%x=" % number + struct.pack("<I", value).hex().encode(), b"OK"),
         )
 
     def poke(self, address, data):

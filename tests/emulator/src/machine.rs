@@ -21,6 +21,14 @@ const PAINT: u32 = 0xA5A5_5A5A;
 
 const FPU_ACTIVE: u32 = 1 << 4;
 
+/// Memory protection unit: control, base address and attributes of region 0.
+const MPU_CTRL: u32 = 0xE000_ED94;
+const MPU_RBAR: u32 = 0xE000_ED9C;
+const MPU_RASR: u32 = 0xE000_EDA0;
+/// Status of faults, and its bit for the stack of an exception.
+const CFSR: u32 = 0xE000_ED28;
+const STACKING_REFUSED: u32 = 1 << 4;
+
 /// Reason why [`Machine::run`] returned.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StopReason {
@@ -180,6 +188,21 @@ impl<W: World + 'static> Machine<W> {
         blocks.map(|&(place, cost)| (context.blocks[place].address, cost)).collect()
     }
 
+    /// Moves the stack, as a chain of calls does.
+    pub fn set_stack_pointer(&mut self, address: u32) {
+        self.set(RegisterARM::SP, address);
+    }
+
+    /// Returns true if the memory protection refuses these addresses of the stack to an exception: they are in its
+    /// region 0, the only one in use, and it acts (ARMv7-M, B3.5).
+    fn refuses_stack(&self, exception: usize, addresses: std::ops::Range<u32>) -> bool {
+        let register = |address| self.chip().plain(address);
+        let (base, attributes) = (register(MPU_RBAR) & !0x1F, register(MPU_RASR));
+        let end = base + (2 << (attributes >> 1 & 0x1F));
+        let is_enabled = register(MPU_CTRL) & attributes & 1 == 1;
+        is_enabled && exception > HARD_FAULT && addresses.start < end && addresses.end > base
+    }
+
     /// Stops thread mode for this time, cycles; interrupts are taken.
     pub fn stall_thread(&mut self, cycles: u64) {
         self.thread_stalled_until = self.now() + cycles;
@@ -296,6 +319,11 @@ impl<W: World + 'static> Machine<W> {
         // Its aliases with flags in their names can only be written.
         let status = self.get(RegisterARM::XPSR) | 1 << 24;
         let frame = (stack - 4 * words) & !7;
+        if self.refuses_stack(exception, frame..stack) {
+            self.chip_mut().write(CFSR, 4, STACKING_REFUSED);
+            self.chip_mut().last_fault = Some(format!("stack at {frame:#x}"));
+            return self.enter(HARD_FAULT);
+        }
         let is_realigned = frame + 4 * words != stack;
         use RegisterARM::{LR, R0, R1, R2, R3, R12};
         let mut saved: Vec<u32> =

@@ -51,6 +51,9 @@ defmt::timestamp!("{=u64:us}", u64::from(clock::stamp_us()));
 #[allow(unsafe_code)]
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
+    if stack_guard::record_overflow() {
+        cortex_m::peripheral::SCB::sys_reset();
+    }
     panic::record_and_reset(&[Part::Text("hard fault at "), Part::Hexadecimal(frame.pc())])
 }
 
@@ -77,7 +80,7 @@ fn main() -> ! {
     let panic = panic.as_deref();
     defmt::info!("started, {=str}", if warm { "after a reset" } else { "switched on" });
     // QEMU would not run with faulty memory or registers, so the self-test always passes.
-    let boot = Boot { cause, panic, stack_overflowed, self_test_passed: true, program: None };
+    let boot = Boot { cause, panic, stack_overflowed, ..Boot::default() };
     let now_us = clock.now_us();
     let driver = Driver::boot(settings, flash, identity, &boot, now_us);
     let bus = SerialBus::new(Uart::start());

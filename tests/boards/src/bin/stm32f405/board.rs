@@ -90,6 +90,10 @@ fn stop(what: &[Part]) -> ! {
 /// Only the processor calls it; it never returns.
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
+    open_bridge();
+    if stack_guard::record_overflow() {
+        cortex_m::peripheral::SCB::sys_reset();
+    }
     stop(&[Part::Text("hard fault at "), Part::Hexadecimal(frame.pc())])
 }
 

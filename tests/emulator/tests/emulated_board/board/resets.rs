@@ -1,9 +1,14 @@
-//! What leads to a reset, and what it leaves: the watchdog of boot program and recovery.
+//! What leads to a reset, and what it leaves: the watchdog of boot program and recovery, and the guard of the stack.
 
 use super::board_bus::{BoardBus, MILLISECOND, blank_board};
+use super::start::{Constant, started};
 use super::update::trial_beginning_with;
-use emulated_board::StopReason;
-use emulated_board::chip::CORE_HZ;
+use crate::common::image;
+use emulated_board::chip::clock::reset;
+use emulated_board::chip::{CORE_HZ, Chip};
+use emulated_board::machine::RAM;
+use emulated_board::{Machine, StopReason};
+use firmware::supervisor::Code;
 
 /// Longest time until the watchdog resets a boot program that hangs, s.
 const TIMEOUT_S: u64 = 9;
@@ -43,4 +48,45 @@ fn recovery_that_hangs_is_reset_by_its_watchdog() {
     let refreshes = bus.machine().chip().watchdog.refreshes - before;
     assert!((15..=25).contains(&refreshes), "{refreshes} in 20 ms");
     assert_hang_is_reset(bus, "recovery");
+}
+
+/// Returns the machine after a reset by software, which leaves its RAM.
+fn after_reset(machine: &Machine<Constant>) -> Machine<Constant> {
+    let mut chip = Chip::new(Constant::default());
+    chip.clock.set_reset_flags(reset::SOFTWARE | reset::PIN);
+    let mut next = Machine::new(image(), chip).expect("a machine");
+    next.write_memory(RAM.0, &machine.read_memory(RAM.0, RAM.1 as usize));
+    next
+}
+
+/// Registers of the memory protection: its use, and the address and attributes of its region.
+const PROTECTION: [u32; 3] = [0xE000_ED94, 0xE000_ED9C, 0xE000_EDA0];
+
+#[test]
+fn stack_that_reaches_its_guard_resets_and_is_reported_after_the_restart() {
+    let mut machine = started();
+    machine.run(CORE_HZ / 10);
+    let [control, address, attributes] = PROTECTION.map(|at| machine.chip().plain(at));
+    let ram = RAM.0..RAM.0 + RAM.1;
+    let statics = image().symbols.iter().filter(|symbol| ram.contains(&symbol.address));
+    let statics_end = statics.map(|symbol| symbol.address + symbol.size).max().expect("statics");
+    // The unit acts in all but fault handlers, and lets nothing access the region.
+    assert_eq!((control, attributes & 1, attributes >> 24 & 7), (5, 1, 0));
+    let (first, bytes) = (address & !0x1F, 2 << (attributes >> 1 & 0x1F));
+    assert!(
+        first >= statics_end && bytes >= 256 && first % bytes == 0,
+        "{first:#x}, {bytes} bytes"
+    );
+    let used = machine.stack_used();
+    assert!(first + bytes < ram.end - used, "{used} bytes of stack");
+    // The next interrupt needs 104 bytes.
+    machine.set_stack_pointer(first + bytes + 64);
+    assert_eq!(machine.run(CORE_HZ / 1000), StopReason::Reset);
+    assert!(!machine.chip().is_watchdog_reset());
+    let mut machine = after_reset(&machine);
+    machine.run(CORE_HZ / 10);
+    let sent = &machine.chip().can.sent;
+    let number = Code::StackOverflow.number();
+    let mut emergencies = sent.iter().filter(|(_, frame)| frame.identifier() == 0x081);
+    assert!(emergencies.any(|(_, frame)| frame.data()[3] == number), "{sent:?}");
 }
