@@ -97,6 +97,10 @@ pub trait Board {
     /// closed.
     fn set_holding_brake(&mut self, _output: Option<bool>) {}
 
+    /// Keeps the rise of the winding above the stator, K, across a reset: once per tick. The next start passes it to the
+    /// driver ([`Boot::winding_rise_k`]).
+    fn keep_heat(&mut self, _rise_k: f32) {}
+
     /// Refreshes the watchdog: once per tick, while the current loop reports.
     fn refresh_watchdog(&mut self) {}
 }
@@ -173,6 +177,9 @@ impl<F: NorFlash> Background<F> {
             board.refresh_watchdog();
         }
         board.set_holding_brake(self.driver.brake_output());
+        if let Some(rise_k) = self.driver.winding_rise_k() {
+            board.keep_heat(rise_k);
+        }
     }
 
     // Called in several places: not inlined, to reduce the size of the image.

@@ -379,6 +379,11 @@ impl<F: NorFlash> Driver<F> {
         self.device.stopping.brake().output(&self.device.settings().drive)
     }
 
+    /// Returns the rise of the winding above the stator by its model, K; `None` if it is not known.
+    pub fn winding_rise_k(&self) -> Option<f32> {
+        self.device.winding_rise_k()
+    }
+
     /// Checks that the sensors of side load and pressure still change. The reading of a stuck sensor ages.
     /// Called once per tick with the readings of bus and board.
     pub fn check_seal_sensors(&mut self, covariates: &mut Covariates, now_us: u64) {

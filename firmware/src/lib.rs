@@ -39,6 +39,8 @@ pub mod update;
 pub mod watch;
 
 #[cfg(target_os = "none")]
+pub mod heat_memory;
+#[cfg(target_os = "none")]
 pub mod panic;
 #[cfg(target_os = "none")]
 pub mod stack_guard;

@@ -93,7 +93,7 @@ mod app {
     use firmware::node_settings::NodeSettings;
     use firmware::parameter_set::ParameterSet;
     use firmware::sensors::SensorParameters;
-    use firmware::{panic, stack_guard};
+    use firmware::{heat_memory, panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
     /// Capacity of the queue of received frames. The background may be away while it evaluates parameters or saves them.
@@ -156,6 +156,7 @@ mod app {
             panic: panicked.as_deref(),
             stack_overflowed,
             self_test_passed,
+            winding_rise_k: heat_memory::kept(),
             program: Some(PROGRAM),
         };
         let store = ChipFlash::new(wired.inside.flash);
@@ -343,6 +344,10 @@ mod app {
                     self.brake.set_as_output(Speed::Low);
                 }
             }
+        }
+
+        fn keep_heat(&mut self, rise_k: f32) {
+            heat_memory::keep(rise_k);
         }
 
         fn refresh_watchdog(&mut self) {

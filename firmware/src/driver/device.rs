@@ -94,19 +94,23 @@ pub struct Boot<'a> {
     pub stack_overflowed: bool,
     /// The board's start-up tests passed.
     pub self_test_passed: bool,
+    /// Rise of the winding above the stator at the end of the previous run, K. `None` if the board has lost it, such as
+    /// without power: the winding is then assumed to be hot.
+    pub winding_rise_k: Option<f32>,
     /// Places of images and parameters, if the board has two banks. Otherwise the parameters use the whole flash, and
     /// there are no updates.
     pub program: Option<Program>,
 }
 
 impl Default for Boot<'_> {
-    /// Power-on without faults.
+    /// Power-on without faults, after a pause in which the winding has cooled.
     fn default() -> Self {
         Self {
             cause: ResetCause::PowerOn,
             panic: None,
             stack_overflowed: false,
             self_test_passed: true,
+            winding_rise_k: Some(0.0),
             program: None,
         }
     }
@@ -288,6 +292,10 @@ impl<F: NorFlash> Device<F> {
             let valid = report.residual_torque_nm.is_finite();
             watch.step(report.residual_torque_nm, report.velocity_rad_s, valid);
         }
+    }
+
+    pub(super) const fn winding_rise_k(&self) -> Option<f32> {
+        self.motor.winding_rise_k()
     }
 
     /// Checks the sensors of side load and pressure: see [`super::Driver::check_seal_sensors`].

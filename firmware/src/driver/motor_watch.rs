@@ -14,7 +14,9 @@
 //! proven joint may be armed with a load that its motor must hold.
 //!
 //! *Winding.* A winding is warmer than the stator with its thermistor. The difference follows the copper loss
-//! with its own time constant (`rise' = (loss k - rise) / time`). At stall in cold water it reaches 100 K.
+//! with its own time constant (`rise' = (loss k - rise) / time`). At stall in cold water it reaches 100 K. It survives a
+//! reset ([`crate::driver::Boot::winding_rise_k`]). If it is lost, the winding is assumed to be so hot that half of the
+//! current is left.
 
 use super::loop_data::{LoopReport, REPORT_PERIOD_S};
 use crate::control::MotorParameters;
@@ -35,6 +37,8 @@ const PROOF_CURRENT_A: f32 = 0.5;
 const STANDSTILL_RAD_S: f32 = 0.02;
 /// Temperature coefficient of copper, 1/K, from 20 deg C.
 const COPPER_PER_KELVIN: f32 = 0.0039;
+/// Largest rise of a winding above its stator, K: beyond it, every insulation fails.
+const MAX_RISE_K: f32 = 300.0;
 /// Assumed stator temperature of a motor without thermistor, deg C.
 const UNMEASURED_STATOR_C: f32 = 40.0;
 
@@ -60,10 +64,22 @@ pub struct MotorWatch {
     has_moved: bool,
     /// Travel in the direction of the current since the joint was armed, rad.
     driven_rad: f32,
-    rise_k: f32,
+    /// Rise of the winding above the stator, K; `None` until the first report after a start that lost it.
+    rise_k: Option<f32>,
 }
 
 impl MotorWatch {
+    /// Starts with this rise of the winding above the stator, K. A rise that no winding has counts as unknown, as `None`.
+    pub fn with_rise(rise_k: Option<f32>) -> Self {
+        let is_plausible = |rise_k: &f32| (0.0..=MAX_RISE_K).contains(rise_k);
+        Self { rise_k: rise_k.filter(is_plausible), ..Self::default() }
+    }
+
+    /// Returns the rise of the winding above the stator, K, once it is known.
+    pub const fn rise_k(&self) -> Option<f32> {
+        self.rise_k
+    }
+
     /// Processes a report. `armed` must be false while the motor is measured. `proven`: the wiring is proven.
     pub fn step(
         &mut self,
@@ -116,19 +132,22 @@ impl MotorWatch {
     ) -> Option<f32> {
         let Thresholds { winding_k_per_w, winding_time_s, .. } = *thresholds;
         if winding_k_per_w == 0.0 {
-            self.rise_k = 0.0;
+            self.rise_k = None;
             return None;
         }
         let measured = report.motor_temperature_c.unwrap_or(UNMEASURED_STATOR_C);
         let stator_c = if measured.is_finite() { measured } else { UNMEASURED_STATOR_C };
-        let winding_c = stator_c + self.rise_k;
+        // Half of the current is left there: with resets at any rate, a stall then stays within the winding's class.
+        let hot_c = 0.5 * (thresholds.winding_derate_c + thresholds.winding_max_c);
+        let rise_k = self.rise_k.unwrap_or_else(|| (hot_c - stator_c).max(0.0));
+        let winding_c = stator_c + rise_k;
         let gain = (1.0 + COPPER_PER_KELVIN * (winding_c - 20.0)).max(1.0);
         let [a, b, c] = report.phase_currents_a.unwrap_or_default();
         let square = a * a + b * b + c * c;
         // A current that is not finite is a fault of its own.
         let loss_w = if square.is_finite() { motor.resistance_ohm * gain * square } else { 0.0 };
         let share = REPORT_PERIOD_S / winding_time_s;
-        self.rise_k += share * (loss_w * winding_k_per_w - self.rise_k);
+        self.rise_k = Some(rise_k + share * (loss_w * winding_k_per_w - rise_k));
         Some(winding_c)
     }
 }
@@ -227,6 +246,42 @@ mod tests {
         assert!(!proven(0.2, 1.0, 0.7), "moved by hand");
         assert!(!proven(2.0, 4.0, 0.24), "no EMF along q: the zero is off by a quarter turn");
         assert!(!proven(2.0, 0.0, 0.2), "at rest");
+    }
+
+    /// Stalls a motor at the current that its driver permits, with a reset at this interval, s; returns the highest
+    /// temperature of the copper, deg C.
+    fn hottest_copper_c(every_s: usize, after_reset: fn(Option<f32>) -> Option<f32>) -> f32 {
+        let thresholds = Thresholds::default();
+        let (mut watch, mut copper) =
+            (MotorWatch::with_rise(Some(0.0)), MotorWatch::with_rise(Some(0.0)));
+        let (mut allowed_a, mut hottest_c) = (26.0, 0.0f32);
+        for step in 0..200_000 {
+            if step % (1000 * every_s) == 0 {
+                watch = MotorWatch::with_rise(after_reset(watch.rise_k()));
+            }
+            let stalled = report(allowed_a, 0.0, 0.0);
+            let known_c = check(&mut watch, &stalled, true).winding_c.expect("a model");
+            hottest_c =
+                hottest_c.max(check(&mut copper, &stalled, true).winding_c.expect("a model"));
+            let range_k = thresholds.winding_max_c - thresholds.winding_derate_c;
+            allowed_a = 26.0 * ((thresholds.winding_max_c - known_c) / range_k).clamp(0.0, 1.0);
+        }
+        hottest_c
+    }
+
+    #[test]
+    fn winding_of_a_stalled_motor_with_resets_stays_within_its_class() {
+        let class_c = Thresholds::default().winding_max_c;
+        for every_s in [1, 4, 30] {
+            let kept_c = hottest_copper_c(every_s, |rise_k| rise_k);
+            let lost_c = hottest_copper_c(every_s, |_| None);
+            let cold_c = hottest_copper_c(every_s, |_| Some(0.0));
+            println!("measured: {kept_c:.0} deg C kept, {lost_c:.0} assumed hot, {cold_c:.0} cold");
+            assert!(kept_c < class_c && lost_c < class_c, "{kept_c}, {lost_c} of {class_c}");
+            assert!(every_s == 30 || cold_c > class_c, "a cold start has no effect: {cold_c}");
+        }
+        let unknown = [None, Some(f32::NAN), Some(-1.0), Some(1e9)].map(MotorWatch::with_rise);
+        assert!(unknown.iter().all(|watch| watch.rise_k().is_none()));
     }
 
     #[test]

@@ -36,6 +36,8 @@ const LIMITS_ENTRY: u8 = 4;
 const ARMED: u32 = 1;
 /// Longest start of the image until its boot-up frame, ms.
 const START_TIMEOUT_MS: usize = 200;
+/// Symbol of the heat that a reset leaves (firmware/src/heat_memory.rs).
+pub const HEAT_MEMORY: &str = "heat_memory4KEPT";
 /// Counts of a full turn of the encoder.
 const ENCODER_COUNTS: f64 = 16384.0;
 
@@ -255,6 +257,10 @@ impl BoardDriver {
             _ => reset::POWER | reset::PIN,
         });
         let mut machine = Machine::new(image, chip)?;
+        if let Some(rise_k) = start.boot.winding_rise_k {
+            let kept = image.find(HEAT_MEMORY).ok_or("the image keeps no heat")?.address;
+            machine.write_memory(kept, &kept_heat(rise_k));
+        }
         if let Some(text) = start.boot.panic {
             write_panic_note(image, &mut machine, text)?;
         }
@@ -349,6 +355,13 @@ impl BoardDriver {
         }
         self.last_state[place]
     }
+}
+
+/// Returns the memory with this rise of the winding above the stator, K.
+pub fn kept_heat(rise_k: f32) -> [u8; 8] {
+    let word = rise_k.to_bits();
+    let words = u64::from(word) | u64::from(word ^ u32::from_le_bytes(*b"HEAT")) << 32;
+    words.to_le_bytes()
 }
 
 fn write_panic_note(

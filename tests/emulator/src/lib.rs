@@ -27,5 +27,5 @@ pub mod nvic;
 pub mod world;
 
 pub use image::Image;
-pub use joint::{BoardDriver, JointWorld, largest_stack_bytes};
+pub use joint::{BoardDriver, HEAT_MEMORY, JointWorld, kept_heat, largest_stack_bytes};
 pub use machine::{Machine, StopReason};

@@ -98,6 +98,7 @@ impl<F: NorFlash> Device<F> {
                 self_test_passed: boot.self_test_passed,
             },
         );
+        self.motor.set_winding_rise(boot.winding_rise_k);
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(set, &self.settings);
         self.history.set_panic(boot.panic.unwrap_or_default());

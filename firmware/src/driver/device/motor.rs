@@ -32,6 +32,16 @@ impl MotorObservation {
         &self.state
     }
 
+    /// Sets the rise of the winding above the stator, K; `None` assumes a hot winding.
+    pub(super) fn set_winding_rise(&mut self, rise_k: Option<f32>) {
+        self.watch = MotorWatch::with_rise(rise_k);
+    }
+
+    /// Returns the rise of the winding above the stator, K, once it is known.
+    pub(super) const fn winding_rise_k(&self) -> Option<f32> {
+        self.watch.rise_k()
+    }
+
     /// Keeps the CRC of the wiring that a complete measurement found.
     pub(super) fn record_measurement(&mut self, wiring_crc: u32) {
         self.measured_wiring = Some(wiring_crc);

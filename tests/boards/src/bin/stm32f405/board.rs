@@ -232,6 +232,8 @@ fn start<'state>(
         stack_overflowed,
         // There is nothing to test on this board.
         self_test_passed: true,
+        // It keeps none.
+        winding_rise_k: None,
         program: None,
     };
     let (background, board) = state;
