@@ -156,6 +156,40 @@ fn every_writable_object_has_a_decided_level() {
     }
 }
 
+/// Indices that the page names: `2024h`, and all of `605Ah to 605Eh`.
+fn indices_named_in(page: &str) -> Vec<u16> {
+    let words: Vec<&str> = page.split(|letter: char| !letter.is_ascii_alphanumeric()).collect();
+    let index = |word: &str| {
+        word.strip_suffix('h')
+            .filter(|digits| digits.len() == 4)
+            .and_then(|digits| u16::from_str_radix(digits, 16).ok())
+    };
+    let mut named: Vec<u16> = words.iter().filter_map(|word| index(word)).collect();
+    for range in words.windows(3).filter(|range| range[1] == "to") {
+        if let (Some(first), Some(last)) = (index(range[0]), index(range[2])) {
+            named.extend(first..=last);
+        }
+    }
+    named
+}
+
+#[test]
+fn security_page_names_every_object_of_the_service_level_and_no_open_one() {
+    let page = include_str!("../../../../docs/src/explanation/bus-security.md");
+    let table = page.split("| objects of the service level |").nth(1).expect("its table");
+    let table = &table[..table.find("\n\n").expect("the end of the table")];
+    let named = indices_named_in(table);
+    for (at_index, ..) in SERVICE {
+        assert!(named.contains(at_index), "{at_index:04X}h is not named");
+    }
+    for at_index in named {
+        let object = OBJECTS.iter().find(|object| object.index == at_index);
+        // 2027h:6 is a record of service objects; ranges name some numbers without an object.
+        let is_open = object.is_some() && !SERVICE.iter().any(|(of, ..)| *of == at_index);
+        assert!(!is_open, "{at_index:04X}h is open");
+    }
+}
+
 /// Excluded: write an object of the service level.
 #[test]
 fn locked_joint_refuses_every_service_object_and_no_other() {

@@ -4,7 +4,8 @@
 //! that the page is wrong: the joint is better, or worse, than it says.
 
 use super::bench::{Bench, Flash, LOCKED, NODE, frame};
-use compensator_core::can::{CommandFrame, Frame, Message, SealFrame, TelemetryFrame};
+use compensator_core::can::{CommandFrame, Frame, Message, SealFrame};
+use compensator_core::{Flags, LawKind, ParameterId};
 use firmware::access::Key;
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::{Access, DataType, OBJECTS, SAVE_SIGNATURE, index};
@@ -132,11 +133,18 @@ fn attacker_repeats_recorded_commands() {
 /// Attack: send telemetry and states in the name of the joint. Bound: nothing: do not base a safety function on them.
 #[test]
 fn attacker_sends_telemetry_in_the_name_of_the_joint() {
-    let forged = TelemetryFrame { current_a: 0.0, residual_torque_nm: 0.0 };
-    let forged = Message::Telemetry(NODE, forged).emit();
-    // A receiver has the identifier only.
-    assert_eq!(forged.identifier(), 0x381);
-    assert!(matches!(Message::parse(&forged), Ok(Message::Telemetry(NODE, _))));
+    let mut bench = Bench::hil();
+    bench.start();
+    let messages = super::sample(&mut bench, 0);
+    let mut sent = messages.iter().map(Message::emit);
+    let own = sent.find(|sent| sent.identifier() == 0x381).expect("telemetry");
+    // Another content in the same frame is as good: nothing in it depends on the sender.
+    for bit in 0..8 * own.data().len() {
+        let mut data = own.data().to_vec();
+        data[bit / 8] ^= 1 << (bit % 8);
+        let forged = frame(own.identifier(), &data);
+        assert!(matches!(Message::parse(&forged), Ok(Message::Telemetry(NODE, _))), "{bit}");
+    }
 }
 
 /// Attack: send a false side load, pressure or temperature. Bound: the envelope, the current limits and the over-compensation watch.
@@ -147,6 +155,33 @@ fn attacker_sends_a_false_side_load() {
     bench.give(Message::Seal(NODE, seal));
     let covariates = bench.driver.loop_commands(bench.now_us).covariates;
     assert_eq!(covariates.radial_force_n.value, 900.0);
+    // The compensator uses no pressure outside its envelope: friction and flags are those of a joint without one.
+    let answers = |pressure_diff_pa: Option<f32>| {
+        let mut bench = Bench::hil();
+        let place = ParameterId::PressureCoulomb as u8 + 1;
+        bench.write(index::MODEL, 1, &[LawKind::ImprovedLugre as u8]).unwrap();
+        bench.write(index::PARAMETERS, place, &2e-6f32.to_le_bytes()).unwrap();
+        let staged = bench.number(index::COMMIT, 2);
+        bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+        bench.start();
+        bench.write(index::STATE, 1, &[1]).unwrap();
+        if let Some(pressure_diff_pa) = pressure_diff_pa {
+            let seal = SealFrame { radial_force_n: f32::NAN, pressure_diff_pa };
+            bench.give(Message::Seal(NODE, seal));
+        }
+        let mut answers = Vec::new();
+        for sequence in 0..100 {
+            answers = super::sample(&mut bench, sequence);
+        }
+        let [Message::Answer(_, answer), Message::Status(_, status), ..] = answers[..] else {
+            panic!("{answers:?}")
+        };
+        (answer.friction_torque_nm, status.flags.contains(Flags::PRESSURE_INVALID))
+    };
+    let (without, _) = answers(None);
+    let (within, is_invalid) = answers(Some(1e5));
+    assert!(within != without && !is_invalid, "{within} {without}");
+    assert_eq!(answers(Some(1e12)), (without, true));
 }
 
 /// Attack: set the position or the home of a disarmed joint. Bound: nothing: the position limits move with it, use end stops.
