@@ -47,12 +47,23 @@ fn copy(from: &Path, to: &Path) {
     copied.unwrap_or_else(|error| panic!("{}: {error}", from.display()));
 }
 
-/// Writes the public key whose updates the image accepts: the file in `JOINT_UPDATE_KEY`, or the published test key.
+/// Writes the public key whose updates the boot program accepts: the file in `JOINT_UPDATE_KEY`, or with `test` the
+/// published test key. Without it the boot program does not compile; an image needs no key.
 fn write_update_key(out: &Path) {
     println!("cargo::rerun-if-env-changed=JOINT_UPDATE_KEY");
-    let path = env::var("JOINT_UPDATE_KEY").unwrap_or_else(|_| "keys/test.pub".to_owned());
+    let written = match env::var("JOINT_UPDATE_KEY") {
+        Ok(key) => read_update_key(if key == "test" { "keys/test.pub" } else { &key }),
+        Err(_) => "compile_error!(\"JOINT_UPDATE_KEY: expected a public key of host-sim sign --new-key, or \\
+            test for a board on a bench, whose updates anyone can sign\")"
+            .to_owned(),
+    };
+    fs::write(out.join("update_key.rs"), written).expect("OUT_DIR can be written");
+}
+
+/// Reads a public key as the expression of its bytes.
+fn read_update_key(path: &str) -> String {
     println!("cargo::rerun-if-changed={path}");
-    let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let text = fs::read_to_string(path).unwrap_or_else(|error| panic!("{path}: {error}"));
     let digits = text.trim().strip_prefix("ed25519-public ").unwrap_or_default();
     let key: Vec<u8> = (0..digits.len() / 2)
         .filter_map(|at| u8::from_str_radix(digits.get(2 * at..2 * at + 2)?, 16).ok())
@@ -61,5 +72,5 @@ fn write_update_key(out: &Path) {
         key.len() == 32 && digits.len() == 64,
         "{path}: no public key of host-sim sign --new-key"
     );
-    fs::write(out.join("update_key.rs"), format!("{key:?}")).expect("OUT_DIR can be written");
+    format!("{key:?}")
 }

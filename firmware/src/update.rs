@@ -26,6 +26,7 @@ pub mod signature;
 pub mod trial;
 
 use core::ops::Range;
+use embedded_storage::nor_flash::NorFlash;
 
 /// Length of the unit of programming, bytes.
 pub const UNIT_BYTES: u32 = 8;
@@ -51,13 +52,32 @@ impl Slot {
     }
 }
 
+/// First four bytes of the published test key (`keys/test.pub`), as object 2040h:12 reports those of the key in use.
+pub const PUBLISHED_KEY: u32 = 0xEA4A_6C63;
+
+/// Board of an image. Images of another board or another wiring are refused: an output would drive something else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Board {
+    /// Number of the board type, four letters.
+    pub number: u32,
+    /// Identity of its wiring: it differs if a pin or a scale does.
+    pub wiring: u32,
+}
+
+impl Board {
+    /// Returns true if the image of a header is made for this board.
+    pub const fn fits(&self, header: &package::Header) -> bool {
+        self.number == header.board && self.wiring == header.wiring
+    }
+}
+
 /// Description of a board for the update.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
-    /// Number of the board type; a package for another board is refused.
-    pub board: u32,
-    /// Ed25519 public key whose signatures are accepted.
-    pub public_key: [u8; 32],
+    /// Board for which images must be made.
+    pub board: Board,
+    /// Offset of the public key of the boot program in the flash.
+    pub key_at: u32,
     /// Address of the flash in the processor's memory.
     pub base: u32,
     /// Slot of the running image.
@@ -72,6 +92,14 @@ pub struct Program {
 }
 
 impl Program {
+    /// Returns the first four bytes of the boot program's public key, which tell the published test key from others; 0 if
+    /// there is no boot program.
+    pub fn update_key<F: NorFlash>(&self, flash: &mut F) -> u32 {
+        let mut bytes = [0; 4];
+        let is_read = flash.read(self.key_at, &mut bytes).is_ok();
+        if is_read && bytes != [0xFF; 4] { u32::from_be_bytes(bytes) } else { 0 }
+    }
+
     /// Returns the address of the image in a slot, which is that of its vector table.
     pub const fn image_address(&self, slot: &Slot) -> u32 {
         self.base + slot.start + package::HEADER_BYTES as u32

@@ -38,7 +38,8 @@ def selection(features):
 def cargo(*arguments, root=ROOT):
     """Runs a build of cargo; returns the paths of its programs by their names, and ends this program if it fails."""
     # The image does not contain log lines below this level.
-    environment = {"DEFMT_LOG": "info", **os.environ}
+    # The boot program of the tests accepts packages of the published test key.
+    environment = {"DEFMT_LOG": "info", "JOINT_UPDATE_KEY": "test", **os.environ}
     command, *rest = arguments
     result = subprocess.run(["cargo", command, "-q", "--message-format=json-render-diagnostics", *rest], cwd=root,
                             env=environment, stdout=subprocess.PIPE, text=True)

@@ -39,6 +39,12 @@ defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
 
 pub use power_stage::open_bridge;
 
+/// The board and its wiring, which `host-sim sign` reads from the file of the image.
+// SAFETY: the linker script keeps this section out of the flash.
+#[unsafe(link_section = ".board_identity")]
+#[used]
+static BOARD_IDENTITY: [u32; 2] = [banks::BOARD.number, banks::BOARD.wiring];
+
 /// Handles memory errors of flash or RAM and a failure of the crystal. The timer has already opened the
 /// bridge.
 ///

@@ -3,13 +3,14 @@
 //! Images are ordered by the number of their update, the newest first. The first one starts that is bare, or signed,
 //! intact, not rejected, and confirmed or with a start left. An unconfirmed image that was reset by the watchdog or by
 //! software is rejected: it hung, or panicked. A loss of power, and a restart that the bus ordered, only use one of its
-//! starts.
+//! starts. An image for another board or another wiring does not start, and before its first start an image must not be
+//! older than a confirmed one: the receiver checks both, but it may be the part that was replaced.
 
-use super::Slot;
 use super::flash::read_chunks;
 use super::marks::{self, ImageState, SlotState, TRIALS, is_newer};
 use super::package::HEADER_BYTES;
 use super::signature;
+use super::{Board, Slot};
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -30,18 +31,29 @@ pub enum Selection {
 /// The CRC of images, fast: it is computed at every start.
 static CRC_WITH_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
+/// What an image must have to be started.
+#[derive(Clone, Copy, Debug)]
+pub struct Requirement {
+    /// The board for which it must be made.
+    pub board: Board,
+    /// Ed25519 public key with which it must be signed ([`signature`]), needed before the first start.
+    pub public_key: [u8; 32],
+}
+
 /// Selects the image to start, and writes the marks of a trial or a rejection.
 ///
-/// `has_failed`: the last run ended by the watchdog or by software. `public_key` is that of [`signature`]; it is needed
-/// before the first start of an image. `is_plausible` checks the start of an image in a slot, such as its stack pointer.
+/// `has_failed`: the last run ended by the watchdog or by software. `is_plausible` checks the start of an image in a slot, such as its stack pointer.
 pub fn select<F: NorFlash>(
     flash: &mut F,
     slots: &[Slot; 2],
-    public_key: &[u8; 32],
+    requirement: &Requirement,
     has_failed: bool,
     mut is_plausible: impl FnMut(&mut F, usize) -> bool,
 ) -> Selection {
-    for number in newest_first(slots.each_ref().map(|slot| marks::state(flash, slot))) {
+    let states = slots.each_ref().map(|slot| marks::state(flash, slot));
+    // The counter of the image that received the other one.
+    let least = states.iter().filter_map(confirmed_counter).max().unwrap_or(0);
+    for number in newest_first(states) {
         let Some(slot) = slots.get(number) else { continue };
         let image = match marks::state(flash, slot) {
             SlotState::Empty => continue,
@@ -54,11 +66,16 @@ pub fn select<F: NorFlash>(
         if image.is_rejected || !is_intact(flash, slot, &image) || !is_plausible(flash, number) {
             continue;
         }
+        let fits = requirement.board.fits(&image.header);
         if image.is_confirmed {
-            return Selection::Start { slot: number, is_trial: false };
+            if fits {
+                return Selection::Start { slot: number, is_trial: false };
+            }
+            continue;
         }
         let is_refused = match image.trials {
-            0 => !signature::is_authentic(flash, slot, &image, public_key),
+            _ if !fits || image.header.counter < least => true,
+            0 => !signature::is_authentic(flash, slot, &image, &requirement.public_key),
             used => has_failed && !image.is_restart_ordered || used >= TRIALS,
         };
         if is_refused {
@@ -79,6 +96,13 @@ pub fn is_intact<F: NorFlash>(flash: &mut F, slot: &Slot, image: &ImageState) ->
     let start = slot.start + HEADER_BYTES as u32;
     read_chunks(flash, start..start + image.header.length, |chunk| digest.update(chunk))
         && digest.finalize() == image.header.crc
+}
+
+fn confirmed_counter(state: &SlotState) -> Option<u32> {
+    match state {
+        SlotState::Image(image) if image.is_confirmed => Some(image.header.counter),
+        _ => None,
+    }
 }
 
 fn newest_first(states: [SlotState; 2]) -> [usize; 2] {

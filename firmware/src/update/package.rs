@@ -9,13 +9,14 @@
 //! | 6 | 2 | length of the header, 512 |
 //! | 8 | 4 | number of the board type |
 //! | 12 | 4 | version of the image: major (8 bits), minor (8 bits), patch (16 bits), major in the highest bits |
-//! | 16 | 4 | anti-rollback counter |
+//! | 16 | 4 | anti-rollback counter: `host-sim sign` takes it from the version |
 //! | 20 | 4 | length of the image, bytes; a multiple of 8 |
 //! | 24 | 4 | CRC-32 (ISO-HDLC) of the image, checked after the transfer and at every start |
 //! | 28 | 4 | load address of the image, which is linked for one slot |
-//! | 32 | 64 | SHA-512 of the image, checked with the signature |
-//! | 96 | 64 | Ed25519 signature of the bytes 0 to 95 |
-//! | 160 | 352 | 0 |
+//! | 32 | 4 | identity of the board's wiring |
+//! | 36 | 64 | SHA-512 of the image, checked with the signature |
+//! | 100 | 64 | Ed25519 signature of the bytes 0 to 99 |
+//! | 164 | 348 | 0 |
 //!
 //! The signature covers the hash, so the signature of the header is a signature of the image.
 
@@ -25,14 +26,14 @@ use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 /// Length of the header, bytes.
 pub const HEADER_BYTES: usize = 512;
 /// Bytes of the header that carry information.
-pub const USED_BYTES: usize = 160;
+pub const USED_BYTES: usize = SIGNED_BYTES + 64;
 /// Bytes that the signature covers.
-pub const SIGNED_BYTES: usize = 96;
+pub const SIGNED_BYTES: usize = HASH_AT + 64;
 /// Version of the layout.
-pub const LAYOUT: u16 = 1;
+pub const LAYOUT: u16 = 2;
 
 /// Offset of the hash in a header, and of the signature behind it.
-pub const HASH_AT: usize = 32;
+pub const HASH_AT: usize = 36;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"JIMG");
 /// Version of the layout, and length of the header.
@@ -86,6 +87,8 @@ pub struct Header {
     pub crc: u32,
     /// Load address of the image.
     pub address: u32,
+    /// Identity of the wiring of the board.
+    pub wiring: u32,
     /// Number that identifies this package: the CRC-32 of its header. [`Header::signed`] does not use it.
     pub identity: u32,
 }
@@ -109,7 +112,7 @@ impl Header {
         for (word, part) in words.iter_mut().zip(bytes.as_chunks().0) {
             *word = u32::from_le_bytes(*part);
         }
-        let [magic, layout, board, version, counter, length, crc, address] = words;
+        let [magic, layout, board, version, counter, length, crc, address, wiring] = words;
         if magic != MAGIC || layout != LAYOUT_WORD {
             return Err(HeaderError::Unknown);
         }
@@ -117,7 +120,7 @@ impl Header {
             return Err(HeaderError::Length);
         }
         let (version, identity) = (Version(version), CRC.checksum(bytes));
-        Ok(Self { board, version, counter, length, crc, address, identity })
+        Ok(Self { board, version, counter, length, crc, address, wiring, identity })
     }
 
     /// Returns the bytes that the signature covers, with the SHA-512 of the image.
@@ -131,6 +134,7 @@ impl Header {
             self.length,
             self.crc,
             self.address,
+            self.wiring,
         ];
         let mut bytes = [0; SIGNED_BYTES];
         let content = words.into_iter().flat_map(u32::to_le_bytes).chain(*hash);
@@ -163,6 +167,7 @@ mod tests {
         length: 800,
         crc: 5,
         address: 0x0800_0200,
+        wiring: 8,
         identity: 0,
     };
 
@@ -176,6 +181,7 @@ mod tests {
         let expected = Header { identity: CRC.checksum(&bytes), ..HEADER };
         assert_eq!(Header::parse(&bytes), Ok(expected));
         assert_eq!(HEADER.package_bytes(), 1312);
+        assert_eq!((SIGNED_BYTES, USED_BYTES), (100, 164));
     }
 
     #[test]

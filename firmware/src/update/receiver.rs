@@ -29,6 +29,8 @@ pub enum Refusal {
     NoPackage,
     /// The package is for this board type.
     Board(u32),
+    /// The package is for the board with this wiring.
+    Wiring(u32),
     /// Its image is linked for this address, which is not that of the slot.
     Address(u32),
     /// Its counter, and the smallest one that is accepted.
@@ -53,10 +55,9 @@ impl Refusal {
         match self {
             Self::NoPackage => text!("no package of this firmware"),
             Self::Board(_) => text!("a package for another board"),
+            Self::Wiring(_) => text!("a package for a board with another wiring"),
             Self::Address(_) => text!("an image for the slot that runs"),
-            Self::Counter(..) => {
-                text!("anti-rollback counter: smaller than that of the program that runs")
-            }
+            Self::Counter(..) => text!("older than the program that runs"),
             Self::TooLong(_) => text!("an image longer than the slot"),
             Self::Excess => text!("more bytes than the package has"),
             Self::NotCleared => text!("clear the program first (1F51h:1 = 3)"),
@@ -282,8 +283,11 @@ impl Receiver {
     }
 
     fn check<F: NorFlash>(&self, flash: &mut F, header: &Header) -> Result<(), Refusal> {
-        if header.board != self.program.board {
+        if header.board != self.program.board.number {
             return Err(Refusal::Board(header.board));
+        }
+        if !self.program.board.fits(header) {
+            return Err(Refusal::Wiring(header.wiring));
         }
         if header.address != self.program.image_address(&self.program.other) {
             return Err(Refusal::Address(header.address));

@@ -122,7 +122,7 @@ impl<F: NorFlash> RecoveryObjects<F> {
     fn program(&self) -> ProgramObject {
         let (received_bytes, receiving) = self.session.received();
         ProgramObject {
-            board: self.session.program().board,
+            board: self.session.program().board.number,
             version: Version(0).0,
             rollback_counter: 0,
             state: RECOVERY_STATE,
@@ -132,6 +132,8 @@ impl<F: NorFlash> RecoveryObjects<F> {
             received_bytes,
             identity: 0,
             accepted_address: self.session.accepted_address(),
+            wiring: self.session.program().board.wiring,
+            update_key: self.session.update_key(),
         }
     }
 }

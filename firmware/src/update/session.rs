@@ -88,6 +88,7 @@ pub struct Session {
     accessed_us: u64,
     now_us: u64,
     restart_us: Option<u64>,
+    update_key: u32,
 }
 
 impl Session {
@@ -100,6 +101,7 @@ impl Session {
             accessed_us: 0,
             now_us,
             restart_us: None,
+            update_key: program.update_key(flash),
         };
         session.read_other(flash);
         session
@@ -115,6 +117,11 @@ impl Session {
     /// Returns the board's description.
     pub const fn program(&self) -> &Program {
         self.receiver.program()
+    }
+
+    /// Returns [`Program::update_key`].
+    pub const fn update_key(&self) -> u32 {
+        self.update_key
     }
 
     /// Returns the load address that the image of a package must have.
@@ -241,6 +248,7 @@ impl Session {
             Refusal::Counter(..) => (63, 9),
             Refusal::Address(_) => (63, 10),
             Refusal::Hash => (3, 11),
+            Refusal::Wiring(_) => (63, 12),
         };
         error << 1 | number << 16
     }

@@ -4,13 +4,14 @@ mod bench;
 mod trial;
 
 use bench::{
-    BOARD, End, Flash, IMAGE_BYTES, OTHER, Package, assert_starts_one_of, confirm, erase_marks,
-    finish, flash_with, image, key, package, program, receive, signed, start,
+    BOARD, End, Flash, IMAGE_BYTES, OTHER, OWN, Package, assert_starts_one_of, confirm,
+    erase_marks, finish, flash_with, image, key, package, program, receive, signed, start,
 };
 use ed25519_dalek::SigningKey;
 use embedded_storage::nor_flash::NorFlash;
 use firmware::store::memory::TornStep;
-use firmware::update::boot::Selection;
+use firmware::update::Board;
+use firmware::update::boot::{Requirement, Selection, select};
 use firmware::update::marks::{self, SlotState};
 use firmware::update::package::{CRC, HASH_AT, HEADER_BYTES};
 use firmware::update::receiver::{Receiver, Refusal};
@@ -136,12 +137,15 @@ fn select_without_intact_image_recovers() {
     assert_eq!(start(&mut flash, false), started(0, true));
 }
 
-/// Excluded: install a program with a smaller anti-rollback counter.
+/// Excluded: install a program for another board or another wiring, or an older one.
 #[test]
 fn receiver_with_foreign_package_names_the_reason() {
     let mut flash = flash_with(&package(1, 5));
-    let cases: [(Package, Refusal); 3] = [
-        (signed(&key(), BOARD + 1, 2, 5, 800), Refusal::Board(BOARD + 1)),
+    let board = Board { number: BOARD.number + 1, ..BOARD };
+    let rewired = Board { wiring: BOARD.wiring + 1, ..BOARD };
+    let cases: [(Package, Refusal); 4] = [
+        (signed(&key(), board, 2, 5, 800), Refusal::Board(board.number)),
+        (signed(&key(), rewired, 2, 5, 800), Refusal::Wiring(rewired.wiring)),
         (signed(&key(), BOARD, 2, 4, 800), Refusal::Counter(4, 5)),
         (signed(&key(), BOARD, 2, 5, 5640), Refusal::TooLong(5640)),
     ];
@@ -206,15 +210,42 @@ fn receiver_with_changed_image_or_hash_refuses_it_before_the_restart() {
     assert_eq!(start(&mut flash, false), started(0, false));
 }
 
+/// Writes a package as a receiver that checks nothing leaves it.
+fn write_unchecked(flash: &mut Flash, package: &Package) {
+    flash.erase(OTHER.start, OTHER.marks).unwrap();
+    flash.write(OTHER.start, &package.bytes).unwrap();
+    let header = marks::header(flash, &OTHER).unwrap();
+    marks::receive(flash, &OTHER, &header, 7).unwrap();
+}
+
+/// Excluded: start a signed image for another board or another wiring, or an older one, by a replaced receiver.
+#[test]
+fn select_with_image_of_another_board_or_wiring_or_an_older_one_rejects_it() {
+    let board = Board { number: BOARD.number + 1, ..BOARD };
+    let rewired = Board { wiring: BOARD.wiring + 1, ..BOARD };
+    for (board, counter, starts) in [(BOARD, 5, 1), (board, 6, 0), (rewired, 6, 0), (BOARD, 4, 0)] {
+        let mut flash = flash_with(&package(1, 5));
+        write_unchecked(&mut flash, &signed(&key(), board, 2, counter, 800));
+        assert_eq!(start(&mut flash, false), started(starts, starts == 1), "{board:?} {counter}");
+        let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
+        assert_eq!((image.is_rejected, image.trials), (starts == 0, starts as u32));
+    }
+}
+
+#[test]
+fn select_on_a_rewired_board_starts_no_confirmed_image_of_the_former_wiring() {
+    let mut flash = flash_with(&package(1, 5));
+    let board = Board { wiring: BOARD.wiring + 1, ..BOARD };
+    let requirement = Requirement { board, public_key: key().verifying_key().to_bytes() };
+    let selected = select(&mut flash, &[OWN, OTHER], &requirement, false, |_, _| true);
+    assert_eq!(selected, Selection::Recover);
+}
+
 /// Excluded: start an image that was changed together with its CRC.
 #[test]
 fn select_with_changed_image_and_its_crc_rejects_it() {
     let mut flash = flash_with(&package(1, 5));
-    // As a receiver that does not check the hash leaves it.
-    flash.erase(OTHER.start, OTHER.marks).unwrap();
-    flash.write(OTHER.start, &forged().bytes).unwrap();
-    let header = marks::header(&mut flash, &OTHER).unwrap();
-    marks::receive(&mut flash, &OTHER, &header, 7).unwrap();
+    write_unchecked(&mut flash, &forged());
     assert_eq!(start(&mut flash, false), started(0, false));
     let SlotState::Image(image) = marks::state(&mut flash, &OTHER) else { panic!("no image") };
     assert!(image.is_rejected && image.trials == 0);

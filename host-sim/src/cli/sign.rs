@@ -1,9 +1,9 @@
 //! `sign`: makes a key pair, or a file of signed packages for `update` from the images of a release.
 
 use super::output::print_text;
-use firmware::update::package::Version;
+use firmware::update::package::{Header, Version};
 use joint_bus::program::key;
-use joint_bus::program::package::{Package, Release, Statement, read_image};
+use joint_bus::program::package::{Package, Release, read_image};
 use joint_bus::program::update::board_name;
 use serde_json::json;
 use std::path::PathBuf;
@@ -15,23 +15,17 @@ pub struct SignArguments {
     #[arg(value_name = "IMAGE", required_unless_present = "new_key", num_args = 1..=2)]
     images: Vec<PathBuf>,
     /// Make a key pair: the private key in FILE, the public one in FILE.pub
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["images", "key", "version", "counter", "board", "out"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["images", "key", "version", "out"])]
     new_key: Option<PathBuf>,
     /// File of the private key
     #[arg(long, value_name = "FILE", required_unless_present = "new_key")]
     key: Option<PathBuf>,
-    /// Version of the images, MAJOR.MINOR.PATCH
+    /// Version of the images, MAJOR.MINOR.PATCH. Joints that confirmed this package refuse all older ones
     #[arg(long, value_name = "X.Y.Z", default_value = env!("CARGO_PKG_VERSION"), value_parser = version)]
     version: Version,
-    /// Anti-rollback counter: joints that confirmed this package refuse all with a smaller one
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    counter: u32,
-    /// Board of the images, four letters
-    #[arg(long, value_name = "BOARD", default_value = "G474", value_parser = board)]
-    board: u32,
-    /// File of the packages
-    #[arg(long, value_name = "FILE", default_value = "joint.package")]
-    out: PathBuf,
+    /// File of the packages [default: joint.package, or joint-test-key.package with the published test key]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -39,11 +33,6 @@ pub struct SignArguments {
 
 fn version(text: &str) -> Result<Version, String> {
     Version::parse(text).ok_or_else(|| "expected MAJOR.MINOR.PATCH, such as 1.2.0".to_owned())
-}
-
-fn board(text: &str) -> Result<u32, String> {
-    let bytes = text.as_bytes().try_into().map(u32::from_be_bytes);
-    bytes.map_err(|_| "expected four letters, such as G474".to_owned())
 }
 
 /// Runs the command.
@@ -62,24 +51,30 @@ pub fn run(arguments: &SignArguments) -> Result<(), String> {
     }
     let Some(key) = &arguments.key else { return Err("sign needs --key".to_owned()) };
     let key = key::read(key).map_err(|error| error.to_string())?;
-    let SignArguments { board, version, counter, .. } = *arguments;
     let mut packages = Vec::new();
     for image in &arguments.images {
         let code = read_image(image).map_err(|error| error.to_string())?;
-        packages.push(Package::sign(&code, Statement { board, version, counter }, &key));
+        packages.push(Package::sign(&code, arguments.version, &key));
     }
     let release = Release::new(packages)
-        .ok_or("the images are linked for the same slot; expected one of `cargo firmware` and one of `cargo firmware-b`")?;
-    let out = &arguments.out;
-    let bytes = release.to_bytes();
-    std::fs::write(out, &bytes).map_err(|error| format!("{}: {error}", out.display()))?;
+        .ok_or("the images are linked for the same slot or for other boards; expected one of `cargo firmware` and one of `cargo firmware-b`")?;
     let is_published = key::is_published(&key);
-    print_text(&(described(arguments, &release, is_published) + "\n"))
+    let default = if is_published { "joint-test-key.package" } else { "joint.package" };
+    let out = arguments.out.clone().unwrap_or_else(|| default.into());
+    let bytes = release.to_bytes();
+    std::fs::write(&out, &bytes).map_err(|error| format!("{}: {error}", out.display()))?;
+    let out = out.display().to_string();
+    print_text(&(described(arguments, &out, &release, is_published) + "\n"))
 }
 
-fn described(arguments: &SignArguments, release: &Release, is_published: bool) -> String {
-    let SignArguments { board, version, counter, .. } = *arguments;
-    let (out, board) = (arguments.out.display().to_string(), board_name(board));
+fn described(
+    arguments: &SignArguments,
+    out: &str,
+    release: &Release,
+    is_published: bool,
+) -> String {
+    let Header { board, version, wiring, .. } = *release.header();
+    let (board, wiring) = (board_name(board), format!("{wiring:08x}"));
     let parts = release.packages().iter();
     if arguments.json {
         let packages: Vec<_> = parts
@@ -95,7 +90,7 @@ fn described(arguments: &SignArguments, release: &Release, is_published: bool) -
             "file": out,
             "board": board,
             "version": version.to_string(),
-            "counter": counter,
+            "wiring": wiring,
             "is_test_key": is_published,
             "packages": packages,
         })
@@ -105,7 +100,7 @@ fn described(arguments: &SignArguments, release: &Release, is_published: bool) -
         .map(|part| format!("{} bytes for {:#010x}", part.bytes.len(), part.header.address))
         .collect();
     let mut text = format!(
-        "written: {out}: board {board}, version {version}, counter {counter}, {}",
+        "written: {out}: board {board}, wiring {wiring}, version {version}, {}",
         listed.join(", ")
     );
     if release.packages().len() == 1 {

@@ -15,9 +15,6 @@ pub struct UpdateArguments {
     /// File of packages that `host-sim sign` made
     #[arg(value_name = "FILE")]
     package: PathBuf,
-    /// Install a version that is older than the running one. The anti-rollback counter still applies
-    #[arg(long)]
-    allow_older: bool,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -38,8 +35,7 @@ pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
     let mut client = bus.client(bus.open(&Hub::new())?)?;
     let bytes = release.packages().iter().map(|part| part.bytes.len()).max().unwrap_or_default();
     let bar = counted_progress("transfer", "bytes", bytes as u64);
-    let mut update = Update::new(&mut client, node.number(), &release);
-    update.allow_older = arguments.allow_older;
+    let update = Update::new(&mut client, node.number(), &release);
     let outcome = update.run(&mut |stage, done| {
         bar.set_position(done.into());
         match stage {
@@ -66,12 +62,20 @@ fn described(arguments: &UpdateArguments, outcome: &Outcome) -> String {
             "bytes": bytes,
             "resumed_at": outcome.resumed_at,
             "duration_s": outcome.duration_ms as f64 * 1e-3,
+            "accepts_test_key": outcome.accepts_test_key,
         })
         .to_string();
     }
-    if outcome.was_present {
-        return format!("node {node} on {bus}: runs version {version} already");
+    let mut text = if outcome.was_present {
+        format!("node {node} on {bus}: runs version {version} already")
+    } else {
+        let seconds = outcome.duration_ms as f64 * 1e-3;
+        format!(
+            "node {node} on {bus}: version {version} is confirmed, {bytes} bytes in {seconds:.1} s"
+        )
+    };
+    if outcome.accepts_test_key {
+        text += "\nnote: this joint accepts the published test key, so anyone can install a program on it";
     }
-    let seconds = outcome.duration_ms as f64 * 1e-3;
-    format!("node {node} on {bus}: version {version} is confirmed, {bytes} bytes in {seconds:.1} s")
+    text
 }

@@ -3,8 +3,9 @@
 use ed25519_dalek::{Signer, SigningKey};
 use embedded_storage::nor_flash::ReadNorFlash;
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
+use firmware::update::boot::Requirement;
 use firmware::update::package::{CRC, HEADER_BYTES, Header, USED_BYTES, Version, emit};
-use firmware::update::{Program, Slot};
+use firmware::update::{Board, Program, Slot};
 use sha2::{Digest, Sha512};
 use std::sync::LazyLock;
 
@@ -14,7 +15,7 @@ const STORE_PAGES: u32 = 4;
 /// A bank: a slot, its marks, and a parameter store.
 const BANK: u32 = (SLOT_PAGES + 1 + STORE_PAGES) * PAGE;
 const BASE: u32 = 0x0800_0000;
-const BOARD: u32 = u32::from_be_bytes(*b"FUZZ");
+const BOARD: Board = Board { number: u32::from_be_bytes(*b"FUZZ"), wiring: 0x77 };
 
 pub type Flash = MemoryFlash<{ 2 * (SLOT_PAGES + 1 + STORE_PAGES) as usize }>;
 
@@ -30,18 +31,24 @@ fn key() -> SigningKey {
 
 /// Returns the board's description for a program that runs from this slot.
 pub fn program(own: usize) -> Program {
-    static PUBLIC_KEY: LazyLock<[u8; 32]> = LazyLock::new(|| key().verifying_key().to_bytes());
     let store = |bank: u32| bank * BANK + (SLOT_PAGES + 1) * PAGE;
     let other = 1 - own;
     Program {
         board: BOARD,
-        public_key: *PUBLIC_KEY,
+        key_at: u32::MAX,
         base: BASE,
         own: SLOTS[own],
         other: SLOTS[other],
         stores: [store(own as u32), store(other as u32)],
         store_bytes: STORE_PAGES * PAGE,
     }
+}
+
+/// Returns what the boot program requires of an image.
+#[allow(dead_code)] // One target starts none.
+pub fn requirement() -> Requirement {
+    static PUBLIC_KEY: LazyLock<[u8; 32]> = LazyLock::new(|| key().verifying_key().to_bytes());
+    Requirement { board: BOARD, public_key: *PUBLIC_KEY }
 }
 
 /// A package for one slot.
@@ -52,7 +59,7 @@ pub struct Package {
     pub bytes: Vec<u8>,
     /// It is complete, and signed with the board's key. The boot program may start it.
     pub is_signed: bool,
-    /// It is for another board, which only the receiver checks.
+    /// It is for another board or another wiring.
     pub is_foreign: bool,
 }
 
@@ -62,6 +69,7 @@ enum Fault {
     None,
     Key,
     Board,
+    Wiring,
     /// The image was changed, with its CRC.
     Image,
 }
@@ -74,7 +82,8 @@ fn package(slot: usize, version: u32, counter: u32, length: usize, fault: Fault)
         image[length / 2] ^= 1;
     }
     let header = Header {
-        board: if fault == Fault::Board { BOARD + 1 } else { BOARD },
+        board: BOARD.number + u32::from(fault == Fault::Board),
+        wiring: BOARD.wiring + u32::from(fault == Fault::Wiring),
         version: Version(version),
         counter,
         length: length as u32,
@@ -91,7 +100,7 @@ fn package(slot: usize, version: u32, counter: u32, length: usize, fault: Fault)
         header,
         bytes: [&emitted[..], &image].concat(),
         is_signed: !matches!(fault, Fault::Key | Fault::Image),
-        is_foreign: fault == Fault::Board,
+        is_foreign: matches!(fault, Fault::Board | Fault::Wiring),
     }
 }
 
@@ -109,6 +118,7 @@ pub fn packages() -> &'static [Package] {
                 package(slot, 4, COUNTER, 1200, Fault::Key),
                 package(slot, 5, COUNTER, 1200, Fault::Board),
                 package(slot, 6, COUNTER, 1200, Fault::Image),
+                package(slot, 8, COUNTER, 1200, Fault::Wiring),
                 package(slot, 7, COUNTER - 1, 1200, Fault::None),
                 package(slot, 9, COUNTER + 4, 1704, Fault::None),
             ]

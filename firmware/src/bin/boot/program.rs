@@ -29,12 +29,18 @@ mod scales {
     pub use super::clocks::CORE_HZ as CAN_HZ;
 }
 
-use banks::{FLASH_BASE, PROGRAM, SLOTS};
+use banks::{BOARD, FLASH_BASE, PROGRAM, SLOTS};
 use embassy_stm32::{pac, peripherals};
 use embedded_storage::nor_flash::ReadNorFlash;
-use firmware::update::boot::{Selection, select};
+use firmware::update::boot::{Requirement, Selection, select};
 use firmware::update::package::HEADER_BYTES;
 use flash::ChipFlash;
+
+/// Public key whose updates are accepted, at the place of `boot.x`.
+// SAFETY: the linker script has a region of this length for this section alone.
+#[unsafe(link_section = ".update_key")]
+#[used]
+static UPDATE_KEY: [u8; 32] = include!(concat!(env!("OUT_DIR"), "/update_key.rs"));
 
 /// RAM in which a stack can begin.
 const RAM: core::ops::RangeInclusive<u32> = 0x2000_0000..=0x2002_0000;
@@ -47,7 +53,8 @@ fn main() -> ! {
     let has_failed = flags.iwdgrstf() || flags.wwdgrstf() || flags.sftrstf();
     // SAFETY: nothing else uses the flash controller yet; recovery does not use it through embassy's peripherals.
     let mut flash = ChipFlash::new(unsafe { peripherals::FLASH::steal() });
-    match select(&mut flash, &SLOTS, &PROGRAM.public_key, has_failed, is_plausible) {
+    let requirement = Requirement { board: BOARD, public_key: UPDATE_KEY };
+    match select(&mut flash, &SLOTS, &requirement, has_failed, is_plausible) {
         Selection::Start { slot, .. } => match SLOTS.get(slot) {
             Some(slot) => start::image(PROGRAM.image_address(slot)),
             None => recovery::run(flash),

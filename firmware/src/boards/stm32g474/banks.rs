@@ -3,17 +3,20 @@
 //! An image is linked for one slot, [`crate::SLOT`]. The boot program counts as the first, so in recovery it receives into
 //! the second.
 
+use super::pins::WIRING;
 use crate::SLOT;
-use firmware::update::{Program, Slot};
+use firmware::update::{Board, Program, Slot};
 
-/// Number of this board type in packages: "G474".
-pub const BOARD: u32 = u32::from_be_bytes(*b"G474");
+/// This board in packages: its type, and its wiring.
+pub const BOARD: Board = Board { number: u32::from_be_bytes(*b"G474"), wiring: WIRING };
 /// Address of the flash.
 pub const FLASH_BASE: u32 = 0x0800_0000;
 /// Length of a bank, bytes.
 pub const BANK_BYTES: u32 = 256 * 1024;
 /// Offset of a package in its bank: behind a part of the boot program.
 pub const PACKAGE_OFFSET: u32 = 0x5000;
+/// Offset of the public key in the boot program: see `boot.x`.
+const KEY_OFFSET: u32 = PACKAGE_OFFSET - 32;
 const MARKS_OFFSET: u32 = 0x3_D800;
 const STORE_OFFSET: u32 = 0x3_E000;
 const STORE_BYTES: u32 = BANK_BYTES - STORE_OFFSET;
@@ -35,7 +38,7 @@ pub const SLOTS: [Slot; 2] = [slot(0), slot(1)];
 /// What the update knows of this board.
 pub const PROGRAM: Program = Program {
     board: BOARD,
-    public_key: include!(concat!(env!("OUT_DIR"), "/update_key.rs")),
+    key_at: KEY_OFFSET,
     base: FLASH_BASE,
     own: SLOTS[SLOT],
     other: SLOTS[OTHER],

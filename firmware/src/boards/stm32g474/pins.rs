@@ -1,10 +1,12 @@
-//! The wiring of the board: the one table to change for another board with this chip.
+//! The wiring of the board and the parts of its bridge: what to change for another board with this chip.
 //!
+//! Its content is the board's identity in packages ([`WIRING`]), so that an image for another wiring is refused.
 //! The compiler checks it: embassy knows the functions of every pin, and a peripheral named twice would be
 //! moved twice. Two entries are set by number instead: the break input (in `power_stage`) and the gate
 //! driver's enable for a panic.
 
 use embassy_stm32::{Peri, Peripherals, pac, peripherals};
+use firmware::update::package::CRC;
 
 /// Enable pin of the gate driver by port and number, because a panic handler does not own the pins.
 pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 6);
@@ -12,6 +14,34 @@ pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 6);
 pub const PRESSURE_CLOCK: (pac::gpio::Gpio, usize) = (pac::GPIOA, 15);
 /// Data pin of the pressure sensor's bus.
 pub const PRESSURE_DATA: (pac::gpio::Gpio, usize) = (pac::GPIOB, 7);
+
+/// Shunt of a phase, ohm, and gain of its amplifier.
+pub const SHUNT: [f32; 2] = [0.001, 20.0];
+/// Divider of the bus voltage, kohm: above and below its tap.
+pub const BUS_DIVIDER: [f32; 2] = [68.0, 3.3];
+/// Dead time of a half bridge, in timer counts (500 ns). At most 127.
+pub const DEAD_TIME: u8 = 85;
+/// Highest phase current at which the comparators open the bridge, A: the rating of its switches.
+///
+/// The levels of a joint follow its parameter `overcurrent_a`. Levels, amplifiers and comparators are off by
+/// 2 A at most (9 mV, 10 counts, 0.3 A, 1 %). Half of the ceiling is below the current limit, twice of it
+/// above the range of an amplifier (82 A).
+pub const BREAK_CEILING_A: f32 = 44.0;
+
+/// Identity of the wiring: the table as text, and the parts of the bridge.
+pub const WIRING: u32 = {
+    let parts =
+        [SHUNT[0], SHUNT[1], BUS_DIVIDER[0], BUS_DIVIDER[1], DEAD_TIME as f32, BREAK_CEILING_A];
+    let mut identity = CRC.checksum(TABLE.as_bytes());
+    let mut at = 0;
+    while at < parts.len() {
+        let [e, f, g, h] = identity.to_le_bytes();
+        let [i, j, k, l] = parts[at].to_bits().to_le_bytes();
+        identity = CRC.checksum(&[e, f, g, h, i, j, k, l]);
+        at += 1;
+    }
+    identity
+};
 
 macro_rules! wiring {
     ($(
@@ -26,6 +56,11 @@ macro_rules! wiring {
                 $(#[doc = $text] pub $name: Peri<'static, peripherals::$what>,)*
             }
         )*
+
+        /// Names and pins of the table.
+        const TABLE: &str = concat!(
+            $($(stringify!($field), ".", stringify!($name), "=", stringify!($what), ";",)*)*
+        );
 
         /// The whole table.
         pub struct Wiring {

@@ -1,6 +1,8 @@
 //! Frequencies, scales and levels of this board: the values to change with its parts.
 
 pub use super::clocks::CORE_HZ;
+pub use super::pins::{BREAK_CEILING_A, DEAD_TIME};
+use super::pins::{BUS_DIVIDER, SHUNT};
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::deadline::DeadlineLimits;
@@ -17,8 +19,6 @@ const _: () =
     assert!((LOOP_HZ as f32 * PERIOD_S - 1.0).abs() < 1e-6, "the loop rate must match PERIOD_S");
 /// Counts of the PWM timer from bottom to top; it counts up and down in a period.
 pub const PWM_TOP: u16 = (CORE_HZ / LOOP_HZ / 2) as u16;
-/// Dead time of a half bridge, in timer counts (500 ns). At most 127.
-pub const DEAD_TIME: u8 = 85;
 
 /// Periods for which the compensation stays off after a late one: 0.1 s.
 const HOLD_PERIODS: u32 = LOOP_HZ / 10;
@@ -27,15 +27,10 @@ pub const LIMITS: DeadlineLimits = DeadlineLimits::for_period(CORE_HZ / LOOP_HZ,
 
 /// Reference of the converters, V.
 const REFERENCE_V: f32 = 3.3;
-/// Scale of the shunts: 1 mohm, gain 20. A current into the motor lowers the voltage of a low-side shunt, unless the
+/// Scale of the shunts. A current into the motor lowers the voltage of a low-side shunt, unless the
 /// parameter `shunt_sign` states otherwise.
-pub const AMPERES_PER_COUNT: f32 = -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * 0.001 * 20.0);
-/// Highest phase current at which the comparators open the bridge, A: the rating of its switches.
-///
-/// The levels of a joint follow its parameter `overcurrent_a`. Levels, amplifiers and comparators are off by
-/// 2 A at most (9 mV, 10 counts, 0.3 A, 1 %). Half of the ceiling is below the current limit, twice of it
-/// above the range of an amplifier (82 A).
-pub const BREAK_CEILING_A: f32 = 44.0;
+pub const AMPERES_PER_COUNT: f32 =
+    -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * SHUNT[0] * SHUNT[1]);
 /// Levels of the ceiling, which hold until the parameters are read.
 pub const CEILING_LEVELS: ComparatorLevels =
     ComparatorLevels::for_current(BREAK_CEILING_A, AMPERES_PER_COUNT);
@@ -44,8 +39,10 @@ const _: () = assert!(
     "the level is at the amplifier's rail"
 );
 
-/// Scale of the bus voltage: divider of 68 k over 3.3 k.
-pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / CONVERTER_RANGE_COUNTS as f32 * (68.0 + 3.3) / 3.3;
+/// Scale of the bus voltage.
+pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / CONVERTER_RANGE_COUNTS as f32
+    * (BUS_DIVIDER[0] + BUS_DIVIDER[1])
+    / BUS_DIVIDER[1];
 
 /// Pressure inside the housing, Pa: it is closed at the surface.
 pub const INSIDE_PA: f32 = 101_325.0;

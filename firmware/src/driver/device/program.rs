@@ -99,7 +99,7 @@ impl ProgramState {
         let header = self.image.map(|image| image.header);
         let (received_bytes, receiving) = session.map_or((0, 0), Session::received);
         ProgramObject {
-            board: session.map_or(0, |session| session.program().board),
+            board: session.map_or(0, |session| session.program().board.number),
             version: header.map_or(0, |header| header.version.0),
             rollback_counter: header.map_or(0, |header| header.counter),
             state: self.running as u32,
@@ -109,6 +109,8 @@ impl ProgramState {
             received_bytes,
             identity: header.map_or(0, |header| header.identity),
             accepted_address: session.map_or(0, Session::accepted_address),
+            wiring: session.map_or(0, |session| session.program().board.wiring),
+            update_key: session.map_or(0, Session::update_key),
         }
     }
 }

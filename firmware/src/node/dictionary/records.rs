@@ -240,6 +240,8 @@ record! {
         received_bytes: Unsigned32, ReadOnly, RECEIVED;
         identity: Unsigned32, ReadOnly, IDENTITY;
         accepted_address: Unsigned32, ReadOnly, ACCEPTED_ADDRESS;
+        wiring: Unsigned32, ReadOnly, WIRING;
+        update_key: Unsigned32, ReadOnly, UPDATE_KEY;
     }
 }
 

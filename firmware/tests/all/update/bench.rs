@@ -3,17 +3,17 @@
 use ed25519_dalek::{Signer, SigningKey};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
-use firmware::update::boot::{Selection, select};
+use firmware::update::boot::{Requirement, Selection, select};
 use firmware::update::marks::{self, SlotState};
 use firmware::update::package::{CRC, HEADER_BYTES, Header, USED_BYTES, Version, emit};
 use firmware::update::receiver::{Receiver, Refusal};
-use firmware::update::{Program, Slot};
+use firmware::update::{Board, Program, Slot};
 use sha2::{Digest, Sha512};
 
 pub type Flash = MemoryFlash<8>;
 
 const PAGE: u32 = PAGE_BYTES as u32;
-pub const BOARD: u32 = 0x4734_3734;
+pub const BOARD: Board = Board { number: 0x4734_3734, wiring: 0x77 };
 const BASE: u32 = 0x0800_0000;
 pub const OWN: Slot = Slot { start: 0, marks: 3 * PAGE };
 pub const OTHER: Slot = Slot { start: 4 * PAGE, marks: 7 * PAGE };
@@ -27,9 +27,9 @@ pub fn key() -> SigningKey {
 /// The device's view: it runs from slot `own`, 0 or 1.
 pub fn program(own: usize) -> Program {
     let (own, other) = if own == 0 { (OWN, OTHER) } else { (OTHER, OWN) };
-    let public_key = key().verifying_key().to_bytes();
-    // The parameter store is not used here.
-    Program { board: BOARD, public_key, base: BASE, own, other, stores: [0; 2], store_bytes: 0 }
+    // There is no boot program, and the parameter store is not used here.
+    let key_at = u32::MAX;
+    Program { board: BOARD, key_at, base: BASE, own, other, stores: [0; 2], store_bytes: 0 }
 }
 
 /// A package whose image is linked for slot 1, unless [`Package::linked_for`] changes it.
@@ -63,12 +63,19 @@ pub fn package(version: u32, counter: u32) -> Package {
     signed(&key(), BOARD, version, counter, IMAGE_BYTES)
 }
 
-pub fn signed(key: &SigningKey, board: u32, version: u32, counter: u32, length: usize) -> Package {
+pub fn signed(
+    key: &SigningKey,
+    board: Board,
+    version: u32,
+    counter: u32,
+    length: usize,
+) -> Package {
     let seed = version as u8;
     let image: Vec<u8> =
         (0..length).map(|at| (at as u8).wrapping_mul(37).wrapping_add(seed)).collect();
     let header = Header {
-        board,
+        board: board.number,
+        wiring: board.wiring,
         version: Version(version),
         counter,
         length: length as u32,
@@ -138,7 +145,8 @@ fn ended(flash: &Flash, refusal: Refusal) -> End {
 
 /// Starts the device.
 pub fn start(flash: &mut Flash, has_failed: bool) -> Selection {
-    select(flash, &[OWN, OTHER], &program(0).public_key, has_failed, |_, _| true)
+    let public_key = key().verifying_key().to_bytes();
+    select(flash, &[OWN, OTHER], &Requirement { board: BOARD, public_key }, has_failed, |_, _| true)
 }
 
 /// Confirms the image of a slot.

@@ -22,8 +22,9 @@ use compensator_core::can::{
 };
 use compensator_core::compensator::Flags;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::NetworkObject;
+use firmware::node::dictionary::records::{NetworkObject, ProgramObject};
 use firmware::supervisor::Code;
+use firmware::update::PUBLISHED_KEY;
 use joint_trace::CanFrame;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -314,6 +315,12 @@ impl JointView {
                 let kind = if value == 2 { EventKind::Fault } else { EventKind::Note };
                 self.log(now_ns, kind, format!("state {}", state_name(value)));
             }
+            (index::PROGRAM, ProgramObject::UPDATE_KEY)
+                if value == PUBLISHED_KEY && before.is_none() =>
+            {
+                let text = "the joint accepts the published test key: anyone can install a program";
+                self.log(now_ns, EventKind::Warning, text);
+            }
             (index::STATE, 3) => self.replace_codes(1, value),
             (index::STATE, 4) => self.replace_codes(33, value),
             _ => {}
@@ -407,6 +414,8 @@ impl JointView {
                 1 => "the bus",
                 _ => "unknown",
             }),
+            accepts_test_key: object(index::PROGRAM, ProgramObject::UPDATE_KEY)
+                .map(|key| key == PUBLISHED_KEY),
             objects_age_s: state_age_s,
             objects_stale: state_age_s.is_some_and(|age_s| age_s > stale_s),
             codes: Codes {

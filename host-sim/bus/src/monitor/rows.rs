@@ -243,6 +243,9 @@ fn state(rows: &mut Labelled, view: &View, listen: bool, setting: &Setting) {
     } else if let Some(source) = view.source {
         state.push(part(format!(", inputs: {source}"), Mark::Dim));
     }
+    if view.accepts_test_key == Some(true) {
+        state.push(part(", test key", Mark::Warning));
+    }
     rows.put("state", state);
     let known = view.codes.read || view.emergencies > 0;
     let old = view.objects_stale || view.silent;

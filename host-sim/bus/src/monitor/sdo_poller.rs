@@ -16,7 +16,7 @@ use canopen_rs::sdo::{
 };
 use compensator_core::can::{Frame, Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::NetworkObject;
+use firmware::node::dictionary::records::{NetworkObject, ProgramObject};
 use std::collections::VecDeque;
 
 /// Time between two polling rounds, ns.
@@ -33,7 +33,7 @@ const TRACE_PAUSE_NS: u64 = 20_000_000;
 const FULL_BUS_PAUSE_NS: u64 = 10_000_000_000;
 
 /// Objects read in a polling round.
-pub const POLLED_OBJECTS: [Address; 12] = [
+pub const POLLED_OBJECTS: [Address; 13] = [
     Address::new(index::STATE, 2),
     Address::new(index::STATE, 3),
     Address::new(index::STATE, 4),
@@ -46,6 +46,7 @@ pub const POLLED_OBJECTS: [Address; 12] = [
     Address::new(index::NETWORK, NetworkObject::OUTSIDE),
     Address::new(index::NETWORK, NetworkObject::OUTSIDE_COUNT),
     Address::new(index::NETWORK, NetworkObject::SHARE),
+    Address::new(index::PROGRAM, ProgramObject::UPDATE_KEY),
 ];
 
 /// A request to a joint's state machine, with the number it has on the bus.

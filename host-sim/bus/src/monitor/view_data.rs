@@ -145,6 +145,8 @@ pub struct View {
     pub state: Option<&'static str>,
     /// Source of the inputs.
     pub source: Option<&'static str>,
+    /// The joint accepts programs of the published test key; `None` before it was read.
+    pub accepts_test_key: Option<bool>,
     /// Age of the read objects, s.
     pub objects_age_s: Option<f64>,
     /// True if the read objects are stale.
@@ -228,6 +230,7 @@ impl View {
             "heartbeat_late": self.heartbeat.late,
             "state": self.state.map(str::to_lowercase),
             "input_source": self.source,
+            "accepts_test_key": self.accepts_test_key,
             "objects_age_s": self.objects_age_s,
             "objects_stale": self.objects_stale,
             "faults": self.codes.faults,

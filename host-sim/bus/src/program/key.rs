@@ -1,6 +1,7 @@
 //! Files of Ed25519 keys: one line of text each, `ed25519-private HEX` or `ed25519-public HEX`.
 //!
-//! The private key signs packages. The public one is built into the boot program (`JOINT_UPDATE_KEY`).
+//! The private key signs packages. The public one is built into the boot program (`JOINT_UPDATE_KEY`), and a joint reports
+//! its first four bytes (2040h:12).
 
 use ed25519_dalek::SigningKey;
 use std::fs::OpenOptions;
@@ -29,7 +30,7 @@ pub enum KeyError {
     Format(PathBuf),
 }
 
-/// Public key of `firmware/keys/test.key`, which is published. A boot program that was built without `JOINT_UPDATE_KEY`
+/// Public key of `firmware/keys/test.key`, which is published. A boot program that was built with `JOINT_UPDATE_KEY=test`
 /// accepts it.
 const PUBLISHED: &str = "ea4a6c63e29c520abef5507b132ec5f9954776aebebe7b92421eea691446d22c";
 
@@ -140,7 +141,10 @@ mod tests {
     #[test]
     fn key_of_the_tests_is_the_published_one_and_a_new_key_is_not() {
         let keys = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/keys");
-        assert!(is_published(&read(&keys.join("test.key")).unwrap()));
+        let published = read(&keys.join("test.key")).unwrap();
+        assert!(is_published(&published));
+        let start = firmware::update::PUBLISHED_KEY.to_be_bytes();
+        assert_eq!(published.verifying_key().to_bytes()[..4], start);
         let folder = tempfile::tempdir().unwrap();
         create(&folder.path().join("joint.key")).unwrap();
         assert!(!is_published(&read(&folder.path().join("joint.key")).unwrap()));

@@ -1,13 +1,15 @@
 //! Packages on the PC: an image and its signed header, and the file that holds those of a release.
 //!
 //! An image is linked for one slot of a joint. A file begins with [`FILE_MAGIC`], followed by one package per slot. Their
-//! headers state the load addresses. The version, the board and the anti-rollback counter are the same in all.
+//! headers state the load addresses. The version and the board are the same in all. An image states its board and the
+//! wiring in a section of its ELF file. The anti-rollback counter is the version.
 
 use ed25519_dalek::{Signer, SigningKey};
+use firmware::update::Board;
 use firmware::update::package::{CRC, HASH_AT, HEADER_BYTES, Header, USED_BYTES, Version, emit};
-use object::Endianness;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
+use object::{Endianness, Object, ObjectSection};
 use sha2::{Digest, Sha512};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -16,6 +18,8 @@ use std::path::{Path, PathBuf};
 pub const FILE_MAGIC: [u8; 8] = *b"JPACKS01";
 /// First bytes of an ELF file.
 const ELF_MAGIC: [u8; 4] = [0x7F, b'E', b'L', b'F'];
+/// Section of an ELF file that states the board: its number and its wiring.
+const BOARD_SECTION: &str = ".board_identity";
 /// Longest gap between two parts of the code, bytes. What lies beyond a longer one is for a debugger.
 const MAX_GAP_BYTES: usize = 64;
 /// Alignment of the image's length, bytes: a double word.
@@ -36,7 +40,7 @@ pub enum PackageError {
     #[error("{0}: no packages; host-sim sign makes a file of them from images")]
     NoPackage(PathBuf),
     /// The packages are not of one release.
-    #[error("{0}: the packages differ in board, version or counter, or are for the same slot")]
+    #[error("{0}: the packages differ in board, wiring or version, or are for the same slot")]
     Mixed(PathBuf),
     /// The package is damaged.
     #[error("{0}: a package differs from its hash or CRC; the file is damaged")]
@@ -58,6 +62,8 @@ pub struct Code {
     pub address: u32,
     /// Content.
     pub bytes: Vec<u8>,
+    /// Board for which it was built.
+    pub board: Board,
 }
 
 /// A package.
@@ -69,27 +75,16 @@ pub struct Package {
     pub bytes: Vec<u8>,
 }
 
-/// What the maker of a package states about its image.
-#[derive(Clone, Copy, Debug)]
-pub struct Statement {
-    /// Number of the board type.
-    pub board: u32,
-    /// Version of the image.
-    pub version: Version,
-    /// Anti-rollback counter.
-    pub counter: u32,
-}
-
 impl Package {
-    /// Signs an image.
-    pub fn sign(image: &Code, statement: Statement, key: &SigningKey) -> Self {
-        let Code { address, bytes: mut image } = image.clone();
+    /// Signs an image of this version.
+    pub fn sign(image: &Code, version: Version, key: &SigningKey) -> Self {
+        let Code { address, bytes: mut image, board } = image.clone();
         image.resize(image.len().next_multiple_of(ALIGNMENT).max(ALIGNMENT), 0);
-        let Statement { board, version, counter } = statement;
         let header = Header {
-            board,
+            board: board.number,
+            wiring: board.wiring,
             version,
-            counter,
+            counter: version.0,
             length: image.len() as u32,
             crc: CRC.checksum(&image),
             address,
@@ -124,11 +119,12 @@ pub struct Release {
 }
 
 impl Release {
-    /// Returns a release of these packages; `None` if there are none, they differ in board, version or counter, or two are
+    /// Returns a release of these packages; `None` if there are none, they differ in board, wiring or version, or two are
     /// for the same slot.
     pub fn new(packages: Vec<Package>) -> Option<Self> {
         let first = packages.first()?.header;
-        let stated = |header: &Header| (header.board, header.version, header.counter);
+        let stated =
+            |header: &Header| (header.board, header.wiring, header.version, header.counter);
         let mut addresses: Vec<u32> = packages.iter().map(|part| part.header.address).collect();
         addresses.sort_unstable();
         addresses.dedup();
@@ -141,7 +137,7 @@ impl Release {
         &self.packages
     }
 
-    /// Returns the header of the first package, whose board, version and counter are those of all.
+    /// Returns the header of the first package, whose board, wiring and version are those of all.
     pub fn header(&self) -> &Header {
         &self.packages[0].header
     }
@@ -214,9 +210,19 @@ fn read(path: &Path) -> Result<Vec<u8>, PackageError> {
     std::fs::read(path).map_err(|source| PackageError::Io { path: path.to_owned(), source })
 }
 
+/// Returns the board that an ELF file states.
+fn board_of(file: &ElfFile32<Endianness>) -> Option<Board> {
+    let section = file.section_by_name(BOARD_SECTION)?.data().ok()?;
+    let ([number, wiring], []) = section.as_chunks::<4>() else { return None };
+    let [number, wiring] = [*number, *wiring].map(u32::from_le_bytes);
+    Some(Board { number, wiring })
+}
+
 /// Returns the code of an ELF file: the longest run of its loaded parts.
 fn code_of(data: &[u8]) -> Result<Code, String> {
     let file = ElfFile32::<Endianness>::parse(data).map_err(|error| error.to_string())?;
+    let board =
+        board_of(&file).ok_or("it does not state its board; expected an image of this firmware")?;
     let endian = file.endian();
     let mut parts = Vec::new();
     for segment in file.elf_program_headers() {
@@ -234,7 +240,7 @@ fn code_of(data: &[u8]) -> Result<Code, String> {
                 run.bytes.resize((address - run.address) as usize, 0);
                 run.bytes.extend(bytes);
             }
-            _ => runs.push(Code { address, bytes: bytes.to_vec() }),
+            _ => runs.push(Code { address, bytes: bytes.to_vec(), board }),
         }
     }
     runs.into_iter().max_by_key(|run| run.bytes.len()).ok_or_else(|| "no code".into())
@@ -243,8 +249,11 @@ fn code_of(data: &[u8]) -> Result<Code, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use object::elf::{SHT_PROGBITS, SHT_STRTAB};
 
-    /// An ELF file of one part of 16 bytes, of which it states this length.
+    const BOARD: Board = Board { number: 1, wiring: 2 };
+
+    /// An ELF file of one part of 16 bytes, of which it states this length, and of the section of a board.
     fn elf(stated: u32) -> Vec<u8> {
         let mut file = b"\x7FELF\x01\x01\x01".to_vec();
         file.resize(16, 0);
@@ -255,17 +264,25 @@ mod tests {
             words.iter().for_each(|word| file.extend(word.to_le_bytes()));
         };
         halves(&mut file, &[2, 40]);
-        words(&mut file, &[1, 0x0800_0200, 52, 0, 0]);
-        halves(&mut file, &[52, 32, 1, 40, 0, 0]);
-        words(&mut file, &[PT_LOAD.0, 84, 0x0800_0400, 0x0800_0400, stated, stated, 5, 4]);
+        let (board_at, sections_at, names_at, image_at) = (84, 92, 212, 240);
+        let names = b"\0.board_identity\0.shstrtab\0\0";
+        words(&mut file, &[1, 0x0800_0200, 52, sections_at, 0]);
+        halves(&mut file, &[52, 32, 1, 40, 3, 2]);
+        let place = [image_at, 0x0800_0400, 0x0800_0400];
+        words(&mut file, &[PT_LOAD.0, place[0], place[1], place[2], stated, stated, 5, 4]);
+        words(&mut file, &[BOARD.number, BOARD.wiring]);
+        words(&mut file, &[0; 10]);
+        words(&mut file, &[1, SHT_PROGBITS.0, 0, 0, board_at, 8, 0, 0, 4, 0]);
+        words(&mut file, &[17, SHT_STRTAB.0, 0, 0, names_at, names.len() as u32, 0, 0, 1, 0]);
+        file.extend(names);
+        assert_eq!(file.len(), image_at as usize);
         file.extend(0..16);
         file
     }
 
     fn file() -> Vec<u8> {
         let code = parse_image(Path::new("firmware"), &elf(16)).unwrap();
-        let statement = Statement { board: 1, version: Version(2), counter: 3 };
-        let package = Package::sign(&code, statement, &SigningKey::from_bytes(&[7; 32]));
+        let package = Package::sign(&code, Version(2), &SigningKey::from_bytes(&[7; 32]));
         Release::new(vec![package]).unwrap().to_bytes()
     }
 
@@ -273,8 +290,25 @@ mod tests {
     fn image_whose_part_ends_beyond_the_file_is_refused() {
         let code = parse_image(Path::new("firmware"), &elf(16)).unwrap();
         assert_eq!((code.address, code.bytes), (0x0800_0400, (0..16).collect()));
+        assert_eq!(code.board, BOARD);
         let error = parse_image(Path::new("firmware"), &elf(17)).unwrap_err().to_string();
         assert_eq!(error, "firmware: a part of it is missing");
+    }
+
+    #[test]
+    fn image_that_does_not_state_its_board_is_refused() {
+        let mut unnamed = elf(16);
+        let place = unnamed.windows(6).position(|part| part == b".board").expect("a name");
+        unnamed[place] = b'_';
+        let error = parse_image(Path::new("firmware"), &unnamed).unwrap_err().to_string();
+        assert!(error.starts_with("firmware: it does not state its board"), "{error}");
+    }
+
+    #[test]
+    fn package_takes_board_and_counter_from_image_and_version() {
+        let header = *Release::parse(Path::new("joint.package"), &file()).unwrap().header();
+        assert_eq!((header.board, header.wiring), (BOARD.number, BOARD.wiring));
+        assert_eq!((header.version, header.counter), (Version(2), 2));
     }
 
     #[test]

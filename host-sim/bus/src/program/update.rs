@@ -10,6 +10,7 @@ use crate::canopen::{Client, SdoError};
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::ProgramObject;
+use firmware::update::PUBLISHED_KEY;
 use firmware::update::package::Version;
 use firmware::update::recovery::RECOVERY_STATE;
 use firmware::update::session::OtherState;
@@ -49,7 +50,7 @@ const UNKNOWN_COMMAND: u32 = 0x0504_0001;
 const NO_OBJECT: u32 = 0x0602_0000;
 
 /// Reasons of a refusal, by their number in object 1F57h.
-const REFUSALS: [&str; 11] = [
+const REFUSALS: [&str; 12] = [
     "no package",
     "the image differs from its CRC",
     "the signature is not of this board's key",
@@ -58,9 +59,10 @@ const REFUSALS: [&str; 11] = [
     "the image is longer than the slot",
     "more bytes than the package has",
     "a package for another board",
-    "its anti-rollback counter is smaller than that of the running program",
+    "it is older than the running program",
     "its image is linked for the slot of the running program",
     "the image differs from its SHA-512",
+    "a package for a board with another wiring",
 ];
 const CRC_REFUSAL: u32 = 2;
 
@@ -86,8 +88,22 @@ pub enum UpdateError {
         /// Board of the node.
         found: u32,
     },
-    /// The package is older than the running program.
-    #[error("version {package} is older than {running} on node {node}; --allow-older installs it")]
+    /// The board of the node is wired otherwise.
+    #[error(
+        "the package is for a board with wiring {package:08x}, but that of node {node} is {found:08x}; expected images that were built for it"
+    )]
+    Wiring {
+        /// Wiring of the package.
+        package: u32,
+        /// Number of the node.
+        node: u8,
+        /// Wiring of the node.
+        found: u32,
+    },
+    /// The package is older than the running program; the node would refuse it.
+    #[error(
+        "version {package} is older than {running} on node {node}; sign the older program with a new version"
+    )]
     Older {
         /// Version of the package.
         package: Version,
@@ -105,16 +121,6 @@ pub enum UpdateError {
         node: u8,
         /// Load address that the node accepts.
         address: u32,
-    },
-    /// The counter is too small; the node would refuse it.
-    #[error("anti-rollback counter {package}: node {node} requires at least {least}")]
-    Counter {
-        /// Counter of the package.
-        package: u32,
-        /// Number of the node.
-        node: u8,
-        /// Smallest counter that the node accepts.
-        least: u32,
     },
     /// The joint is armed.
     #[error("node {0} is armed; disarm it first (host-sim params disarm)")]
@@ -194,6 +200,8 @@ pub struct Outcome {
     pub was_present: bool,
     /// Duration on the bus, ms.
     pub duration_ms: u64,
+    /// The node accepts the published test key: anyone can sign a program for it.
+    pub accepts_test_key: bool,
 }
 
 /// An update of one node.
@@ -203,15 +211,13 @@ pub struct Update<'a, B> {
     release: &'a Release,
     /// The package for the slot that the node does not run from.
     package: &'a Package,
-    /// Installs an older version.
-    pub allow_older: bool,
 }
 
 impl<'a, B: Bus> Update<'a, B> {
     /// Returns an update of this node with this package.
     pub fn new(client: &'a mut Client<B>, node: u8, release: &'a Release) -> Self {
         let package = &release.packages()[0];
-        Self { client, node, release, package, allow_older: false }
+        Self { client, node, release, package }
     }
 
     /// Runs the update. `progress` receives the stage and the bytes that the node has confirmed.
@@ -231,6 +237,7 @@ impl<'a, B: Bus> Update<'a, B> {
             resumed_at: 0,
             was_present: false,
             duration_ms: 0,
+            accepts_test_key: self.entry(ProgramObject::UPDATE_KEY)? == PUBLISHED_KEY,
         };
         if self.release.contains(self.entry(ProgramObject::IDENTITY)?) {
             outcome.was_present = true;
@@ -274,6 +281,10 @@ impl<'a, B: Bus> Update<'a, B> {
         if found != header.board {
             return Err(UpdateError::Board { package: header.board, node, found });
         }
+        let found = self.entry(ProgramObject::WIRING)?;
+        if found != header.wiring {
+            return Err(UpdateError::Wiring { package: header.wiring, node, found });
+        }
         let state = self.entry(ProgramObject::STATE)?;
         if state == TRIAL {
             return Err(UpdateError::OnTrial(node));
@@ -282,12 +293,8 @@ impl<'a, B: Bus> Update<'a, B> {
             return Err(UpdateError::Armed(node));
         }
         let running = Version(self.entry(ProgramObject::VERSION)?);
-        if header.version < running && !self.allow_older {
+        if header.counter < self.entry(ProgramObject::COUNTER)? {
             return Err(UpdateError::Older { package: header.version, node, running });
-        }
-        let least = self.entry(ProgramObject::COUNTER)?;
-        if header.counter < least {
-            return Err(UpdateError::Counter { package: header.counter, node, least });
         }
         Ok((running.0 != 0).then_some(running))
     }

@@ -13,15 +13,15 @@ use firmware::node::dictionary::records::{
 use firmware::node_settings::NodeSettings;
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
 use firmware::supervisor::ResetCause;
-use firmware::update::boot::{Selection, select};
+use firmware::update::boot::{Requirement, Selection, select};
 use firmware::update::marks::TRIALS;
 use firmware::update::package::Version;
 use firmware::update::recovery::{RECOVERY_STATE, Recovery, identity};
 use firmware::update::session::OtherState;
-use firmware::update::{Program, Slot};
+use firmware::update::{Board, Program, Slot};
 use joint_bus::bus::{BitRates, Bus, Hub, Participant, Port};
 use joint_bus::canopen::Client;
-use joint_bus::program::package::{Code, Package, Release, Statement};
+use joint_bus::program::package::{Code, Package, Release};
 use joint_bus::program::update::{Outcome, Update, UpdateError};
 use joint_trace::CanFrame;
 use std::cell::RefCell;
@@ -33,7 +33,7 @@ const SLOT_PAGES: u32 = 12;
 const STORE_PAGES: u32 = 4;
 const BANK: u32 = (SLOT_PAGES + 1 + STORE_PAGES) * PAGE;
 const BASE: u32 = 0x0800_0000;
-const BOARD: u32 = u32::from_be_bytes(*b"TEST");
+const BOARD: Board = Board { number: u32::from_be_bytes(*b"TEST"), wiring: 0x77 };
 const IMAGE_BYTES: usize = 20_000;
 const KEY: [u8; 32] = [7; 32];
 const NODE: NodeId = NodeId::FIRST;
@@ -48,7 +48,7 @@ fn program(own: u32) -> Program {
     let store = (SLOT_PAGES + 1) * PAGE;
     Program {
         board: BOARD,
-        public_key: SigningKey::from_bytes(&KEY).verifying_key().to_bytes(),
+        key_at: u32::MAX,
         base: BASE,
         own: slot(own),
         other: slot(1 - own),
@@ -57,22 +57,22 @@ fn program(own: u32) -> Program {
     }
 }
 
-fn package_of(board: u32, version: &str, counter: u32, key: &[u8; 32]) -> Release {
+fn package_of(board: Board, version: &str, key: &[u8; 32]) -> Release {
     let version = Version::parse(version).unwrap();
-    let statement = Statement { board, version, counter };
     let packages = [0, 1].map(|number| {
         let seed = version.0 as u8 ^ number as u8;
         let code = Code {
             address: program(0).image_address(&slot(number)),
             bytes: (0..IMAGE_BYTES).map(|at| (at * 31) as u8 ^ seed).collect(),
+            board,
         };
-        Package::sign(&code, statement, &SigningKey::from_bytes(key))
+        Package::sign(&code, version, &SigningKey::from_bytes(key))
     });
     Release::new(packages.to_vec()).unwrap()
 }
 
 fn package(version: &str) -> Release {
-    package_of(BOARD, version, 3, &KEY)
+    package_of(BOARD, version, &KEY)
 }
 
 type Flash = MemoryFlash<34>;
@@ -97,9 +97,10 @@ impl Joint {
 
     fn start(mut flash: Flash, cause: ResetCause, fails: bool, now_ns: u64) -> Running {
         let has_failed = matches!(cause, ResetCause::Watchdog | ResetCause::Software);
-        let key = program(0).public_key;
+        let public_key = SigningKey::from_bytes(&KEY).verifying_key().to_bytes();
+        let requirement = Requirement { board: BOARD, public_key };
         let now_us = now_ns / 1000;
-        match select(&mut flash, &[slot(0), slot(1)], &key, has_failed, |_, _| true) {
+        match select(&mut flash, &[slot(0), slot(1)], &requirement, has_failed, |_, _| true) {
             Selection::Start { slot, .. } => {
                 let self_test_passed = !(fails && slot == 1);
                 let program = Some(program(slot as u32));
@@ -254,18 +255,15 @@ fn parameters_saved_before_each_update_are_in_use_after_it() {
 #[test]
 fn update_with_unsuitable_package_is_refused_before_the_transfer() {
     let mut bench = Bench::running();
-    let foreign = package_of(BOARD + 1, "2.0.0", 3, &KEY);
+    let foreign = package_of(Board { number: BOARD.number + 1, ..BOARD }, "2.0.0", &KEY);
     let error = bench.update(&foreign).unwrap_err().to_string();
     assert_eq!(error, "the package is for board TESU, but node 1 is board TEST");
+    let rewired = package_of(Board { wiring: 0x78, ..BOARD }, "2.0.0", &KEY);
+    let error = bench.update(&rewired).unwrap_err().to_string();
+    assert!(error.contains("with wiring 00000078, but that of node 1 is 00000077"), "{error}");
     let error = bench.update(&package("0.9.0")).unwrap_err().to_string();
-    assert!(error.contains("0.9.0 is older than 1.0.0 on node 1; --allow-older"), "{error}");
-    let error = bench.update(&package_of(BOARD, "2.0.0", 2, &KEY)).unwrap_err().to_string();
-    assert_eq!(error, "anti-rollback counter 2: node 1 requires at least 3");
-    let old = package("0.9.0");
-    let mut update = Update::new(&mut bench.client, 1, &old);
-    update.allow_older = true;
-    update.run(&mut |_, _| ()).unwrap();
-    assert_eq!(bench.version(), "0.9.0");
+    assert!(error.contains("0.9.0 is older than 1.0.0 on node 1; sign the older"), "{error}");
+    assert_eq!(bench.version(), "1.0.0");
 }
 
 #[test]
@@ -289,7 +287,7 @@ fn update_of_armed_joint_is_refused_and_joint_is_not_armed_meanwhile() {
 #[test]
 fn image_of_another_key_is_not_started() {
     let mut bench = Bench::running();
-    let error = bench.update(&package_of(BOARD, "2.0.0", 3, &[8; 32])).unwrap_err().to_string();
+    let error = bench.update(&package_of(BOARD, "2.0.0", &[8; 32])).unwrap_err().to_string();
     assert!(error.contains("the signature of the package is not of its key"), "{error}");
     assert_eq!(bench.version(), "1.0.0");
 }

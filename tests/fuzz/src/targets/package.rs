@@ -5,12 +5,11 @@
 
 use crate::bytes::Bytes;
 use ed25519_dalek::SigningKey;
+use firmware::update::Board;
 use firmware::update::package::{
     CRC, HASH_AT, HEADER_BYTES, Header, SIGNED_BYTES, USED_BYTES, Version, emit,
 };
-use joint_bus::program::package::{
-    Code, FILE_MAGIC, Package, PackageError, Release, Statement, parse_image,
-};
+use joint_bus::program::package::{Code, FILE_MAGIC, Package, PackageError, Release, parse_image};
 use sha2::{Digest, Sha512};
 use std::path::Path;
 
@@ -52,9 +51,9 @@ fn check_file(file: &[u8]) {
 
 /// Signs these images and checks that the file is read as the same.
 fn check_signed(codes: &[Code]) {
-    let statement = Statement { board: 7, version: Version(0x0102_0003), counter: 4 };
+    let version = Version(0x0102_0003);
     let key = SigningKey::from_bytes(&[7; 32]);
-    let packages = codes.iter().map(|code| Package::sign(code, statement, &key)).collect();
+    let packages = codes.iter().map(|code| Package::sign(code, version, &key)).collect();
     let Some(release) = Release::new(packages) else {
         return assert!(codes.iter().skip(1).any(|code| code.address == codes[0].address));
     };
@@ -66,6 +65,7 @@ fn check_signed(codes: &[Code]) {
         let image = &package.bytes[HEADER_BYTES..];
         assert!(image.starts_with(&code.bytes));
         assert_eq!(package.header.address, code.address);
+        assert!(code.board.fits(&package.header));
     }
 }
 
@@ -106,7 +106,7 @@ pub fn run(data: &[u8]) {
                 let length = usize::from(bytes.byte()) * usize::from(bytes.byte() % 4);
                 let seed = bytes.byte();
                 let content = (0..length.min(LONGEST_IMAGE)).map(|at| at as u8 ^ seed);
-                Code { address, bytes: content.collect() }
+                Code { address, bytes: content.collect(), board: Board { number: 7, wiring: 8 } }
             };
             check_signed(&[code(), code()]);
         }

@@ -7,7 +7,9 @@
 //! complete and signed. A joint that has had a confirmed image always starts one. After any input, an update succeeds.
 
 use crate::bytes::Bytes;
-use crate::programs::{Flash, PAGE, Package, SLOTS, found_in, packages, program, torn_step};
+use crate::programs::{
+    Flash, PAGE, Package, SLOTS, found_in, packages, program, requirement, torn_step,
+};
 use crate::transfer::Ending;
 use compensator_core::can::{Frame, NodeId};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
@@ -124,10 +126,9 @@ impl Joint {
         let mut flash = self.flash().clone();
         flash.flash.power_on();
         let has_failed = matches!(cause, ResetCause::Watchdog | ResetCause::Software);
-        let (key, before) =
-            (program(0).public_key, SLOTS.map(|slot| marks::state(&mut flash, &slot)));
+        let before = SLOTS.map(|slot| marks::state(&mut flash, &slot));
         flash.allowed = SLOTS.each_ref().map(|slot| slot.marks_page(PAGE)).to_vec();
-        let selection = select(&mut flash, &SLOTS, &key, has_failed, |_, _| true);
+        let selection = select(&mut flash, &SLOTS, &requirement(), has_failed, |_, _| true);
         let Selection::Start { slot, is_trial } = selection else {
             assert!(!self.has_image, "nothing starts");
             let second_slot = SLOTS[1].start..SLOTS[1].marks + PAGE;

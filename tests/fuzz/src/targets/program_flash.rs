@@ -6,7 +6,7 @@
 //! are trials.
 
 use crate::bytes::Bytes;
-use crate::programs::{Flash, PAGE, SLOTS, found_in, packages, program};
+use crate::programs::{Flash, PAGE, SLOTS, found_in, packages, program, requirement};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use firmware::update::boot::{Selection, is_intact, select};
 use firmware::update::marks::{self, BARE_MARK, SlotState, TRIALS};
@@ -59,8 +59,7 @@ fn change(flash: &mut Flash, bytes: &mut Bytes) {
 /// Starts the board once; returns the selection.
 fn check_start(flash: &mut Flash, has_failed: bool) -> Selection {
     let before = SLOTS.each_ref().map(|slot| marks::state(flash, slot));
-    let key = program(0).public_key;
-    let selection = select(flash, &SLOTS, &key, has_failed, |_, _| true);
+    let selection = select(flash, &SLOTS, &requirement(), has_failed, |_, _| true);
     let Selection::Start { slot, is_trial } = selection else { return selection };
     let is_bare = before[slot] == SlotState::Bare;
     let SlotState::Image(image) = before[slot] else {
@@ -69,6 +68,11 @@ fn check_start(flash: &mut Flash, has_failed: bool) -> Selection {
     };
     assert!(!image.is_rejected, "a rejected image starts");
     assert!(is_intact(flash, &SLOTS[slot], &image), "a damaged image starts");
+    assert!(requirement().board.fits(&image.header), "an image for another board starts");
+    if let SlotState::Image(other) = before[1 - slot] {
+        let is_older = other.is_confirmed && image.header.counter < other.header.counter;
+        assert!(!(is_trial && is_older), "an older image is tried");
+    }
     assert_eq!(is_trial, !image.is_confirmed);
     if is_trial && image.trials == 0 {
         let found = found_in(flash, slot).expect("an image that nobody signed is tried");

@@ -140,6 +140,22 @@ fn view_with_emergencies_and_objects_updates_faults() {
 }
 
 #[test]
+fn view_of_a_joint_with_the_published_test_key_warns_once() {
+    let mut model = model();
+    assert_eq!(view(&model, 1).accepts_test_key, None);
+    let mut read = |value| {
+        let at = canopen_rs::Address::new(index::PROGRAM, ProgramObject::UPDATE_KEY);
+        model.on_reply(SdoReply::Value(at, value), START);
+        let warnings =
+            texts(&view(&model, 1)).iter().filter(|text| text.contains("test key")).count();
+        (view(&model, 1).accepts_test_key, warnings)
+    };
+    assert_eq!(read(PUBLISHED_KEY), (Some(true), 1));
+    assert_eq!(read(PUBLISHED_KEY), (Some(true), 1));
+    assert_eq!(read(PUBLISHED_KEY + 1), (Some(false), 1));
+}
+
+#[test]
 fn view_with_network_objects_has_network() {
     let mut model = model();
     let set_object = |model: &mut JointView, place, value| {

@@ -71,7 +71,9 @@ fn thermistors_are_those_of_bridge_and_motor() {
 /// Returns the store of a joint with these settings and the default set.
 fn store(settings: &NodeSettings) -> StoreContent {
     let mut store = Store::open(MemoryFlash::<4>::new());
-    store.save(&emit_block(settings, &ParameterSet::default())).expect("saved");
+    store
+        .save(&emit_block(settings, &ParameterSet::default()), &settings.identity())
+        .expect("saved");
     let mut bytes = vec![0; STORE_BYTES];
     store.into_flash().read(0, &mut bytes).expect("read");
     StoreContent { bytes, torn: Vec::new() }

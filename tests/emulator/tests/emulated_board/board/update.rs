@@ -8,19 +8,21 @@ use compensator_core::can::Frame;
 use ed25519_dalek::SigningKey;
 use emulated_board::chip::CORE_HZ;
 use emulated_board::chip::flash::{Content, Operation};
+use firmware::access::Key;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::ProgramObject;
+use firmware::supervisor::Code;
+use firmware::update::PUBLISHED_KEY;
 use firmware::update::package::{HEADER_BYTES, Version};
 use firmware::update::recovery::RECOVERY_STATE;
 use firmware::update::session::OtherState;
 use joint_bus::bus::Bus;
-use joint_bus::canopen::Client;
-use joint_bus::program::package::{Code, Package, Release, Statement, read_image};
+use joint_bus::canopen::{Client, SdoError};
+use joint_bus::program::package::{Code, Package, Release, read_image};
 use joint_bus::program::update::{Outcome, Update, UpdateError};
 use joint_trace::CanFrame;
 use std::sync::LazyLock;
 
-const BOARD: u32 = u32::from_be_bytes(*b"G474");
 /// The published test key, firmware/keys/test.key.
 const KEY: [u8; 32] = [7; 32];
 /// Running states in object 2040h.
@@ -42,8 +44,7 @@ fn codes() -> &'static [Code; 2] {
 
 fn signed(code: &Code, version: &str, key: &[u8; 32]) -> Package {
     let version = Version::parse(version).expect("a version");
-    let statement = Statement { board: BOARD, version, counter: 0 };
-    Package::sign(code, statement, &SigningKey::from_bytes(key))
+    Package::sign(code, version, &SigningKey::from_bytes(key))
 }
 
 /// Returns the shipped images as a release.
@@ -225,6 +226,30 @@ fn trial_that_resets_itself_returns_to_the_old_image() {
     assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::Failed as u32);
 }
 
+#[test]
+fn board_reports_its_wiring_and_the_key_of_its_boot_program() {
+    let mut client = started(confirmed(&[(0, "1.0.0")]));
+    let board = codes()[0].board;
+    assert_eq!(entry(&mut client, ProgramObject::BOARD), board.number);
+    assert_eq!(entry(&mut client, ProgramObject::WIRING), board.wiring);
+    assert_eq!(entry(&mut client, ProgramObject::UPDATE_KEY), PUBLISHED_KEY);
+    assert_eq!(codes()[1].board, board);
+}
+
+/// Excluded: start a signed program for another wiring, or an older one, by a replaced receiver.
+#[test]
+fn image_of_another_wiring_and_an_older_image_are_not_started() {
+    let mut rewired = codes()[1].clone();
+    rewired.board.wiring ^= 1;
+    for (code, version) in [(&rewired, "1.0.1"), (&codes()[1], "0.9.0")] {
+        let mut content = confirmed(&[(0, "1.0.0")]);
+        install(&mut content, 1, &signed(code, version, &KEY), 8);
+        let mut client = started(content);
+        assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.0"));
+        assert_eq!(entry(&mut client, ProgramObject::OTHER_STATE), OtherState::NotSigned as u32);
+    }
+}
+
 /// Excluded: start a program that the holder of the signing key did not sign.
 #[test]
 fn image_of_another_key_is_not_started() {
@@ -307,4 +332,24 @@ fn update_from_slot_b_to_slot_a_is_confirmed() {
     let outcome = update(&mut client, &release("1.0.1")).expect("an update");
     assert_eq!(outcome.previous, Version::parse("1.0.0"));
     assert_eq!(entry(&mut client, ProgramObject::VERSION), number("1.0.1"));
+}
+
+/// Places of the two sets of a board that runs from slot A: the store is in the other bank.
+const SETS: [usize; 2] = [0x7_E000, 0x7_F000];
+
+#[test]
+fn board_with_damaged_sets_keeps_its_key() {
+    let own_key = Key::new(*b"sixteen bytes !!");
+    let following_time = Address::new(index::FOLLOWING_TIME, 0);
+    let mut client = started(confirmed(&[(0, "1.0.0")]));
+    client.set_key(own_key).expect("the default key");
+    client.write(Address::new(index::STORE, 1), b"save").expect("a save");
+    let mut content = client.bus().flash().content.clone();
+    SETS.iter().for_each(|set| content.bytes[set + 100] ^= 1);
+    let refused = started(content.clone()).write(following_time, &[5, 0]);
+    assert!(matches!(refused, Err(SdoError::WrongKey { .. })), "{refused:?}");
+    let mut client = started(content).with_key(own_key);
+    client.write(following_time, &[5, 0]).expect("its key");
+    let codes = client.read_number(Address::new(index::STATE, 4)).expect("an answer");
+    assert_ne!(codes & 1 << (Code::ParametersDefault.number() - 33), 0, "no set was loaded");
 }
