@@ -275,11 +275,13 @@ impl LawKind {
     }
 
     /// Returns true if the law has a bristle state.
+    #[inline(never)]
     pub fn has_bristles(self) -> bool {
         self.parameters().contains(&Id::BristleStiffness)
     }
 
     /// Returns true if the level of the law follows a Stribeck curve.
+    #[inline(never)]
     pub fn has_stribeck_curve(self) -> bool {
         self.parameters().contains(&Id::StribeckVelocity)
     }

@@ -109,6 +109,7 @@ impl Network {
     }
 
     /// Sends the boot-up message and enters pre-operational.
+    #[inline(never)]
     pub fn boot(node: NodeId, now_us: u64, outbox: &mut Outbox) -> Self {
         let mut network = Self::new(node, now_us);
         outbox.push(heartbeat(node, NmtState::Initialising));

@@ -104,6 +104,7 @@ impl NoteWriter<'_> {
         }
     }
 
+    #[inline(never)]
     fn number(&mut self, number: u32, base: u32) {
         let largest = if base == 10 { 1_000_000_000 } else { 1 << 28 };
         let (mut divisor, mut begun) = (largest, false);

@@ -272,6 +272,7 @@ impl ParameterSet {
 
     /// Returns the CRC-32 that identifies the set. The CRCs of the contained records are left out: a CRC
     /// over data and its own CRC is a constant, so a record would not contribute.
+    #[inline(never)]
     pub fn crc(&self) -> u32 {
         let record = record::emit(&self.friction);
         let mut digest = Crc32::new();

@@ -384,6 +384,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Reads one double word; `None` if the flash cannot read it.
+    #[inline(never)]
     fn unit(&mut self, at: u32) -> Option<[u8; UNIT_BYTES]> {
         let mut unit = [0; UNIT_BYTES];
         self.flash.read(at, &mut unit).ok().map(|()| unit)

@@ -147,6 +147,7 @@ impl Supervisor {
     ///
     /// # Errors
     /// Returns the field that is refused. The previous thresholds then stay in force.
+    #[inline(never)]
     pub fn configure(&mut self, thresholds: &Thresholds) -> Result<(), ParameterError> {
         thresholds.validate()?;
         self.thresholds = *thresholds;
@@ -315,6 +316,7 @@ impl Supervisor {
     }
 
     /// Sets where the parameters in use come from.
+    #[inline(never)]
     pub fn set_parameter_source(&mut self, source: ParameterSource) {
         self.set_present(Code::ParametersDefault, source == ParameterSource::Default);
         self.set_present(Code::ParametersRefused, source == ParameterSource::DefaultRefused);

@@ -20,6 +20,7 @@ pub(crate) struct TemperatureCoulomb<T> {
 }
 
 /// Returns the exponent at both ends of the valid temperature range.
+#[inline(never)]
 fn exponents<S: Real>(values: &ParameterValues<S>) -> [f32; 2] {
     let rate = values.single(Id::TemperatureCoulomb);
     let reference = values.single(Id::TemperatureReference);

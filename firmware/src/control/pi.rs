@@ -30,6 +30,7 @@ pub struct Gains {
 impl Gains {
     /// Returns gains that cancel the pole of the winding. Resistance in ohm, inductance in H, bandwidth in Hz,
     /// period in s. All must be positive, which [`super::MotorParameters`] ensures.
+    #[inline(never)]
     pub fn with_pole_cancellation(
         resistance: f32,
         inductance: f32,

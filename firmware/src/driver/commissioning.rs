@@ -101,6 +101,7 @@ struct BlockSums {
 }
 
 impl BlockSums {
+    #[inline(never)]
     fn add(&mut self, block: &ProbeReport, axis: usize) {
         self.blocks += 1;
         self.voltage_v += block.along_v;

@@ -316,6 +316,7 @@ impl Profile {
     }
 
     /// Returns the command by which the drive stops or holds the joint now.
+    #[inline(never)]
     pub fn stop_cause(&self) -> Option<StopCause> {
         match self.state {
             State::Stopping(cause) => Some(cause),

@@ -292,12 +292,14 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
 
 impl Object {
     /// Returns the object at an index.
+    #[inline(never)]
     pub fn find(index: u16) -> Option<&'static Self> {
         let at = OBJECTS.binary_search_by_key(&index, |object| object.index).ok()?;
         OBJECTS.get(at)
     }
 
     /// Returns the highest sub-index of the object.
+    #[inline(never)]
     pub fn highest_sub_index(&self) -> u8 {
         match self.shape {
             Shape::Variable(_) => 0,

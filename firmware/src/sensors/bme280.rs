@@ -270,6 +270,7 @@ fn is_measured(raw: &[u8; 8]) -> bool {
     [a, b, c] != NOT_MEASURED && [d, e, f] != NOT_MEASURED && [g, h] != HUMIDITY_NOT_MEASURED
 }
 
+#[inline(never)]
 fn send<B: SensorBus>(bus: &mut B, register: u8, word: u8) -> Result<(), AirError<B::Error>> {
     bus.write(ADDRESS, &[register, word]).map_err(AirError::I2c)
 }

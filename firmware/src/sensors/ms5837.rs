@@ -209,6 +209,7 @@ impl<B: SensorBus> Ms5837<B> {
         Ok(None)
     }
 
+    #[inline(never)]
     fn send(&mut self, command: u8) -> Result<(), PressureError<B::Error>> {
         self.bus.write(ADDRESS, &[command]).map_err(PressureError::I2c)
     }

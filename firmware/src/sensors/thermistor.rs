@@ -18,6 +18,7 @@ const RAIL_SHARE: f32 = 0.01;
 
 impl Thermistor {
     /// Returns the temperature, deg C, for a share of the converter's range; NaN at a rail.
+    #[inline(never)]
     pub fn temperature_c(&self, share: f32) -> f32 {
         if !(share > RAIL_SHARE && share < 1.0 - RAIL_SHARE) {
             return f32::NAN;

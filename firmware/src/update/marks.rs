@@ -212,6 +212,7 @@ pub enum MarkError {
     Full,
 }
 
+#[inline(never)]
 fn unit<F: NorFlash>(flash: &mut F, slot: &Slot, place: u32) -> Option<[u8; 8]> {
     let mut bytes = [0; 8];
     flash.read(slot.marks + UNIT_BYTES * place, &mut bytes).ok().map(|()| bytes)

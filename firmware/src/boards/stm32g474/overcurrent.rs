@@ -76,6 +76,7 @@ fn set_levels(levels: ComparatorLevels) {
     set_level(pac::DAC2, 0, mean_below);
 }
 
+#[inline(never)]
 fn set_level(converter: Dac, channel: usize, counts: u16) {
     if !converter.cr().read().en(channel) {
         converter.mcr().modify(|w| {

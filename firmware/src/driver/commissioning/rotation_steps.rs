@@ -98,6 +98,7 @@ impl Commissioning {
     }
 
     /// Returns the faster speed, electrical turns per second, limited by the flux from the slow rotation.
+    #[inline(never)]
     pub(super) fn fast_hz(&self) -> f32 {
         let driving_v = self.found.resistance_ohm * self.bounds.current_a;
         let bound_hz = MAX_EMF_SHARE * driving_v / (TAU * self.found.flux_vs.max(1e-7));

@@ -96,6 +96,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Ends a session that is over.
+    #[inline(never)]
     pub(super) fn watch_session(&mut self) {
         if self.lock.is_expired(self.now_us) {
             self.lock();

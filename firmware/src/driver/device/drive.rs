@@ -47,6 +47,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6064h, 1e-6 rad. While the position is unknown, it counts from an arbitrary zero; a joint in HIL then has 0.
+    #[inline(never)]
     pub(in crate::driver) fn actual_position(&self) -> i32 {
         micro(match (self.is_position_known(), self.settings.source) {
             (true, _) => f32::from_bits(self.measured().position_rad),
@@ -278,6 +279,7 @@ impl<F: NorFlash> Device<F> {
 }
 
 /// Converts to millionths; the cast saturates and converts NaN to 0.
+#[inline(never)]
 pub(super) fn micro(number: f32) -> i32 {
     (f64::from(number) * 1e6) as i32
 }

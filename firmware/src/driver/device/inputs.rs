@@ -57,6 +57,7 @@ impl Samples {
     }
 
     /// Arms or disarms the joint in HIL.
+    #[inline(never)]
     pub(super) fn arm_hil(&mut self, is_armed: bool) {
         self.hil.set_enabled(is_armed);
         self.is_hil_armed = is_armed;

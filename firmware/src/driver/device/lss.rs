@@ -49,6 +49,7 @@ impl<F: NorFlash> Device<F> {
         false
     }
 
+    #[inline(never)]
     fn change_setting(&mut self, change: impl FnOnce(&mut NodeSettings)) -> u8 {
         let mut settings = *self.settings();
         change(&mut settings);

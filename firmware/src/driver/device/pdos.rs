@@ -118,6 +118,7 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
+    #[inline(never)]
     fn default_receive_identifier(&self, slot: usize) -> u32 {
         // A joint on its sensors sends Motion and Torque; a joint in HIL receives them with the same identifier.
         let of_bus = if self.settings.source == InputSource::Bus { 0 } else { PDO_UNUSED };
@@ -133,6 +134,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the identifiers of the receive PDOs in use; 0 for none.
+    #[inline(never)]
     pub(in crate::driver) fn receive_identifiers(&self) -> [u16; PDOS] {
         core::array::from_fn(|slot| {
             let identifier = self.receive_identifier(slot);

@@ -67,6 +67,7 @@ pub(super) struct PositionControl {
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if the position loop commands the velocity loop.
+    #[inline(never)]
     pub(super) fn is_in_position_control(&self) -> bool {
         let is_mode = match self.profile.mode {
             profile::CSP | profile::PP => true,

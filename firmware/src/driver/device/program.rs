@@ -117,6 +117,7 @@ impl ProgramState {
 
 impl<F: NorFlash> Device<F> {
     /// Returns why the joint cannot be armed, if a program update is the reason.
+    #[inline(never)]
     pub(super) fn update_blocks_arming(&self) -> Option<Text> {
         if self.program.session.as_ref().is_some_and(Session::is_active) {
             Some(text!("a program update is in progress: finish it, or wait 10 s"))

@@ -30,6 +30,7 @@ pub enum DataType {
 
 impl DataType {
     /// Returns the length in bytes; `None` if it varies.
+    #[inline(never)]
     pub const fn length(self) -> Option<usize> {
         match self {
             Self::Unsigned8 | Self::Integer8 => Some(1),

@@ -33,6 +33,7 @@ impl Incoming {
     }
 
     /// Appends data. `padding` bytes of it may lie beyond the end of the value.
+    #[inline(never)]
     pub fn append(
         &self,
         data: &[u8],

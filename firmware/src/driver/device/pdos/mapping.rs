@@ -65,6 +65,7 @@ impl Mapping {
     }
 
     /// Returns the default of a receive PDO, counted from 0.
+    #[inline(never)]
     pub const fn of_receive(slot: usize) -> Self {
         use InputsObject as Input;
         match slot {
@@ -82,6 +83,7 @@ impl Mapping {
     }
 
     /// Returns the default of a transmit PDO, counted from 0.
+    #[inline(never)]
     pub const fn of_transmit(slot: usize) -> Self {
         use {MeasuredObject as Measured, OutputsObject as Output};
         match slot {
@@ -151,6 +153,7 @@ impl Mapping {
     }
 
     /// Returns the length of the PDO, bytes.
+    #[inline(never)]
     pub fn length(&self) -> usize {
         self.objects().map(|object| object.length).sum()
     }
