@@ -53,17 +53,27 @@ macro_rules! drive_settings {
                 sub_index: u8,
                 word: u32,
             ) -> Option<Result<(), SettingError>> {
-                match (at_index, sub_index) {
+                let is_legal = match (at_index, sub_index) {
                     $((index::$INDEX, $sub_index) => {
                         let value = word as $kind;
                         let is_legal = matches!(value, $legal);
                         if is_legal {
                             self.$field = value;
                         }
-                        Some(if is_legal { Ok(()) } else { Err(SettingError { name: text!(stringify!($field)), legal: text!($text) }) })
+                        is_legal
                     })*
-                    _ => None,
-                }
+                    _ => return None,
+                };
+                Some(if is_legal { Ok(()) } else { Err(Self::error(at_index, sub_index)) })
+            }
+
+            /// Returns the error of a setting: from a table, because an error in each branch takes more flash.
+            fn error(at_index: u16, sub_index: u8) -> SettingError {
+                static TEXTS: [[Text; 2]; DriveSettings::PLACES.len()] = DriveSettings::TEXTS;
+                let mut texts = Self::PLACES.iter().zip(&TEXTS);
+                let own = |(place, _): &(&(u16, u8), _)| **place == (at_index, sub_index);
+                let [name, legal] = texts.find(own).map_or([text!(""); 2], |(_, texts)| *texts);
+                SettingError { name, legal }
             }
         }
     };
