@@ -32,7 +32,7 @@ enum Action {
     Status,
     /// Lock the joint; staged parameters are discarded
     Lock,
-    /// Give the joint another key and save it. It travels in clear text: no other node may listen
+    /// Give the joint another key and save it; --key is the present one. It travels in clear text: no other node may listen
     SetKey {
         /// File with the new key: 32 hexadecimal digits
         #[arg(value_name = "FILE")]

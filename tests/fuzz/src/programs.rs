@@ -116,9 +116,8 @@ pub fn packages() -> &'static [Package] {
                 package(slot, 2, COUNTER, 1200, Fault::None),
                 package(slot, 3, COUNTER + 1, 5632, Fault::None),
                 package(slot, 4, COUNTER, 1200, Fault::Key),
-                package(slot, 5, COUNTER, 1200, Fault::Board),
+                package(slot, 5, COUNTER, 1200, [Fault::Board, Fault::Wiring][slot]),
                 package(slot, 6, COUNTER, 1200, Fault::Image),
-                package(slot, 8, COUNTER, 1200, Fault::Wiring),
                 package(slot, 7, COUNTER - 1, 1200, Fault::None),
                 package(slot, 9, COUNTER + 4, 1704, Fault::None),
             ]
