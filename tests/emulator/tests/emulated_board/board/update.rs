@@ -11,7 +11,7 @@ use emulated_board::chip::flash::{Content, Operation};
 use firmware::access::Key;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::ProgramObject;
-use firmware::supervisor::Code;
+use firmware::supervisor::Code::ParametersDefault;
 use firmware::update::PUBLISHED_KEY;
 use firmware::update::package::{HEADER_BYTES, Version};
 use firmware::update::recovery::RECOVERY_STATE;
@@ -351,5 +351,5 @@ fn board_with_damaged_sets_keeps_its_key() {
     let mut client = started(content).with_key(own_key);
     client.write(following_time, &[5, 0]).expect("its key");
     let codes = client.read_number(Address::new(index::STATE, 4)).expect("an answer");
-    assert_ne!(codes & 1 << (Code::ParametersDefault.number() - 33), 0, "no set was loaded");
+    assert_ne!(codes & 1 << (ParametersDefault.number() - 33), 0, "no set was loaded");
 }
