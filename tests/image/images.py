@@ -30,9 +30,20 @@ IMAGES = {
 }
 
 
+def remapped_paths(root=ROOT, target_folder=TARGET_FOLDER):
+    """Returns cargo's arguments by which an image does not depend on the folders of its build: its panics and its debug
+    information contain the paths of its sources."""
+    home = pathlib.Path(os.environ.get("CARGO_HOME", pathlib.Path.home() / ".cargo")).resolve()
+    # Cargo names the folder of crates.io by a hash that is equal everywhere. Of several prefixes, rustc uses the last.
+    folders = {home: "/cargo", home / "registry/src/index.crates.io-1949cf8c6b5b557f": "/crates", root: "/source",
+               target_folder: "/target"}
+    flags = [f"--remap-path-prefix={folder}={name}" for folder, name in folders.items()]
+    return ["--config", f"target.{TARGET}.rustflags={json.dumps(flags)}"]
+
+
 def selection(features):
     """Returns cargo's arguments for an image with these features."""
-    return ["--profile", "firmware", "--target", TARGET, "--no-default-features", "--features", features]
+    return ["--profile", "firmware", "--target", TARGET, "--no-default-features", "--features", features, *remapped_paths()]
 
 
 def cargo(*arguments, root=ROOT):
