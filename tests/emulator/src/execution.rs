@@ -17,7 +17,8 @@ pub const CCM: (u32, u32) = (0x1000_0000, 32 << 10);
 /// First of the values of LR that return from an exception.
 pub(crate) const RETURN_BASE: u32 = 0xFFFF_FFE0;
 
-/// Cost of one run of an exception handler, without those that preempted it.
+/// Cost of one run of an exception handler, without those that preempted it. That of thread mode grows until it is taken, and
+/// stays at its largest value after 25 s.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HandlerRun {
     /// Exception number; 0 is thread mode.
@@ -153,8 +154,8 @@ impl<W: World> Context<W> {
     fn charge(&mut self, cost: Cost) {
         self.chip.now += u64::from(cost.upper);
         if let Some(run) = self.runs.last_mut() {
-            run.cost.lower += cost.lower;
-            run.cost.upper += cost.upper;
+            run.cost.lower = run.cost.lower.saturating_add(cost.lower);
+            run.cost.upper = run.cost.upper.saturating_add(cost.upper);
         }
     }
 
@@ -199,9 +200,9 @@ impl<W: World> Context<W> {
         self.chip.now += u64::from(cost.upper);
         let instructions = block.instructions;
         if let Some(run) = self.runs.last_mut() {
-            run.cost.lower += cost.lower;
-            run.cost.upper += cost.upper;
-            run.instructions += instructions;
+            run.cost.lower = run.cost.lower.saturating_add(cost.lower);
+            run.cost.upper = run.cost.upper.saturating_add(cost.upper);
+            run.instructions = run.instructions.saturating_add(instructions);
             if self.profiled == Some(run.exception) {
                 self.blocks_of_run.push((place, cost));
             }

@@ -380,8 +380,8 @@ impl<W: World + 'static> Machine<W> {
         }
         context.chip.now += u64::from(cost.upper);
         if let Some(mut run) = context.runs.pop() {
-            run.cost.lower += cost.lower;
-            run.cost.upper += cost.upper;
+            run.cost.lower = run.cost.lower.saturating_add(cost.lower);
+            run.cost.upper = run.cost.upper.saturating_add(cost.upper);
             run.until = context.chip.now;
             if context.profiled == Some(run.exception) {
                 if run.cost.upper > context.worst {
