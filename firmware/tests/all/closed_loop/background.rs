@@ -147,7 +147,7 @@ fn overspeed_opens_the_bridge_while_the_background_hangs() {
     assert!(joint.has_fault(Code::Overspeed));
 }
 
-/// Attack: any frames at the highest rate. Bound: a tick is delayed by one frame at most.
+/// Attack: flood the joint with frames. Bound: its supervision is late by one frame at most.
 #[test]
 fn flood_of_frames_delays_a_tick_by_one_frame() {
     const FRAME_US: u64 = 700;
