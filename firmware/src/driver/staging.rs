@@ -48,7 +48,7 @@ impl Default for Staging {
             terms: [NO_TERM; MAX_TERMS],
             reason: None,
         };
-        staging.wiring_crc = staging.active.wiring_crc();
+        staging.identify();
         staging
     }
 }
@@ -63,9 +63,15 @@ impl Staging {
         if read.is_err() {
             *self.active = ParameterSet::default();
         }
-        self.wiring_crc = self.active.wiring_crc();
-        self.discard();
+        self.identify();
         read
+    }
+
+    /// Computes the CRCs of the active set, which is then also the staged one: here, and not for a frame that reads them.
+    fn identify(&mut self) {
+        self.wiring_crc = self.active.wiring_crc();
+        self.active.crc();
+        self.discard();
     }
 
     /// Returns the set in use.
