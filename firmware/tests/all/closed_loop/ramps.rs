@@ -199,6 +199,7 @@ fn restart_ms(joint: &mut Joint, frames: &[(u16, &[u8])]) -> usize {
     ms
 }
 
+/// Attack: reset the joint. Bound: it stops as 6007h says before the restart, for at most 10 s.
 #[test]
 fn network_reset_restarts_after_the_reaction_of_6007h_whatever_the_master_sends() {
     for (options, expected_ms) in [

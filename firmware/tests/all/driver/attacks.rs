@@ -90,7 +90,7 @@ fn attacker_arms_a_locked_joint_and_drives_it_within_its_limits() {
     assert_eq!(bench.write(index::MOTOR, 1, &99f32.to_le_bytes()), Err(LOCKED));
 }
 
-/// Attack: stop, disarm and reset the joint. Bound: the configured stop reaction.
+/// Attack: disarm the joint by 2002h:1 or NMT. Bound: NMT stops it as 6007h says; 2002h:1 lets it coast.
 #[test]
 fn attacker_stops_disarms_and_resets_an_armed_joint() {
     for command in [2, 0x80, 0x81, 0x82] {
