@@ -17,6 +17,7 @@
 mod banks;
 mod can;
 mod clocks;
+mod converters;
 mod encoder;
 mod fast_code;
 mod flash;

@@ -18,15 +18,16 @@
 //! locked, and they stay connected until the next reset. The gate driver's enable is a second, independent
 //! way to switch off.
 
+use super::converters::{Converter, Trigger};
 use super::scales::{DEAD_TIME, PWM_TOP};
 use super::{overcurrent, pins};
-use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
+use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Pull, Speed};
+use embassy_stm32::pac::adc::vals::{Exten, SampleTime};
 use embassy_stm32::pac::timer::vals;
 use embassy_stm32::peripherals::{ADC1, ADC2, TIM1};
 use embassy_stm32::timer::complementary_pwm::ComplementaryPwmPin;
 use embassy_stm32::timer::simple_pwm::PwmPin;
-use embassy_stm32::triggers::TIM1_TRGO2;
 use embassy_stm32::{Peri, pac, rcc};
 use firmware::control::BridgeFault;
 
@@ -39,6 +40,9 @@ const TIMER: pac::timer::TimAdv = pac::TIM1;
 /// board requires, so that the driver reports the cause before the reset.
 const SUPPLY_BREAK_LEVEL: u8 = 0b110;
 
+/// Number of the timer's second trigger among those of converters 1 and 2: TIM1_TRGO2, at the top of the PWM.
+const TOP_TRIGGER: u8 = 8;
+
 /// Raw counts of one period.
 #[derive(Clone, Copy)]
 pub struct Counts {
@@ -49,8 +53,6 @@ pub struct Counts {
 
 /// The bridge. Only [`Stage::drive`] closes it.
 pub struct Stage {
-    _adc_a: InjectedAdc<'static, ADC1, 2>,
-    _adc_b: InjectedAdc<'static, ADC2, 2>,
     _timer: Peri<'static, TIM1>,
     break_pin: Flex<'static>,
     enable: Output<'static>,
@@ -81,26 +83,30 @@ impl Stage {
             ComplementaryPwmPin::<TIM1, _>::new(bridge.c_low, kind),
         ));
         // At 42.5 MHz a current is sampled for 0.3 us. The slower bus divider follows it.
-        let adc_a = Adc::new(currents.adc_a, Default::default()).setup_injected_conversions(
+        rcc::enable_and_reset::<ADC1>();
+        rcc::enable_and_reset::<ADC2>();
+        Converter::start(
+            currents.adc_a,
+            pac::ADC1,
+            pac::ADC12_COMMON,
             [
                 (currents.phase_a.degrade_adc(), SampleTime::CYCLES12_5),
                 (currents.bus.degrade_adc(), SampleTime::CYCLES24_5),
             ],
-            TIM1_TRGO2,
-            Exten::RISING_EDGE,
-            true,
+            Trigger { signal: TOP_TRIGGER, edge: Exten::RISING_EDGE, interrupt: true },
         );
-        let adc_b = Adc::new(currents.adc_b, Default::default()).setup_injected_conversions(
+        Converter::start(
+            currents.adc_b,
+            pac::ADC2,
+            pac::ADC12_COMMON,
             // The leak probe is converted beside the bus, so its conversion disturbs no other one.
             [
                 (currents.phase_b.degrade_adc(), SampleTime::CYCLES12_5),
                 (currents.leak.degrade_adc(), SampleTime::CYCLES24_5),
             ],
-            TIM1_TRGO2,
-            Exten::RISING_EDGE,
-            false,
+            Trigger { signal: TOP_TRIGGER, edge: Exten::RISING_EDGE, interrupt: false },
         );
-        Self { _adc_a: adc_a, _adc_b: adc_b, _timer: bridge.timer, break_pin, enable }
+        Self { _timer: bridge.timer, break_pin, enable }
     }
 
     /// Starts the timer and wakes the gate driver. Returns true if duties take effect at the top, as

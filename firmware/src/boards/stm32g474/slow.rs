@@ -6,12 +6,14 @@
 //! waits for nothing. Pressure sensor and the sensor in the housing share a bus of their own. The leak probe is
 //! converted with the phase currents ([`super::power_stage`]).
 
+use super::converters::{Converter, Trigger};
 use super::pressure_bus::{PressureBus, PressureController};
 use super::{pins, power_stage, scales};
-use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
+use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::{Input, Pull};
+use embassy_stm32::pac::adc::vals::{Exten, SampleTime};
 use embassy_stm32::peripherals::{ADC3, ADC4};
-use embassy_stm32::triggers::TIM3_TRGO;
+use embassy_stm32::{pac, rcc};
 use firmware::sensors::bme280::Bme280;
 use firmware::sensors::enclosure::{self, LastAir};
 use firmware::sensors::ms5837::Ms5837;
@@ -21,10 +23,13 @@ use firmware::sensors::{LocalReadings, SensorParameters};
 /// Sampling time, long enough for a divider of 10 k: 6 us.
 const SAMPLING_TIME: SampleTime = SampleTime::CYCLES247_5;
 
+/// Number of the encoder's timer among the triggers of converters 3 to 5: TIM3_TRGO.
+const SLOW_TRIGGER: u8 = 12;
+
 /// The slow sensors.
 pub struct SlowSensors {
-    temperatures: InjectedAdc<'static, ADC3, 2>,
-    force: InjectedAdc<'static, ADC4, 1>,
+    temperatures: Converter<2>,
+    force: Converter<1>,
     pressure: Ms5837<PressureBus>,
     air: Bme280,
     last_air: LastAir,
@@ -38,19 +43,23 @@ pub struct SlowSensors {
 impl SlowSensors {
     /// Sets up the converters and the sensor bus. The first conversions start with the timers.
     pub fn new(slow: pins::Slow, pressure: pins::Pressure, torque_off: pins::TorqueOff) -> Self {
+        rcc::enable_and_reset::<ADC3>();
+        rcc::enable_and_reset::<ADC4>();
         let bridge = slow.bridge_temperature.degrade_adc();
         let motor = slow.motor_temperature.degrade_adc();
-        let temperatures = Adc::new(slow.adc, Default::default()).setup_injected_conversions(
+        let temperatures = Converter::start(
+            slow.adc,
+            pac::ADC3,
+            pac::ADC345_COMMON,
             [(bridge, SAMPLING_TIME), (motor, SAMPLING_TIME)],
-            TIM3_TRGO,
-            Exten::RISING_EDGE,
-            false,
+            Trigger { signal: SLOW_TRIGGER, edge: Exten::RISING_EDGE, interrupt: false },
         );
-        let force = Adc::new(slow.force_adc, Default::default()).setup_injected_conversions(
+        let force = Converter::start(
+            slow.force_adc,
+            pac::ADC4,
+            pac::ADC345_COMMON,
             [(slow.force.degrade_adc(), SAMPLING_TIME)],
-            TIM3_TRGO,
-            Exten::FALLING_EDGE,
-            false,
+            Trigger { signal: SLOW_TRIGGER, edge: Exten::FALLING_EDGE, interrupt: false },
         );
         let pressure = Ms5837::new(PressureController::bus(pressure));
         let torque_allowed =

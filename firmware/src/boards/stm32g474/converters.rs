@@ -1,0 +1,88 @@
+//! The converters: each converts a short sequence of channels at every trigger of a timer (RM0440, 21.4).
+//!
+//! All are set up by one function. That of the HAL is generic over the converter, and four copies of it take 3 kB.
+
+use embassy_stm32::adc::AnyAdcChannel;
+use embassy_stm32::pac::adc::regs::Jsqr;
+use embassy_stm32::pac::adc::vals::{Adcaldif, Difsel, Exten, SampleTime};
+use embassy_stm32::pac::adc::{Adc, regs::Difsel as Differential};
+use embassy_stm32::pac::adccommon::{AdcCommon, vals::Presc};
+use embassy_stm32::{Peri, PeripheralType};
+
+/// Divider of the processor's clock: 42.5 MHz, at most 60 MHz is allowed.
+const PRESCALER: Presc = Presc::DIV4;
+
+/// Time that regulator and calibration need, processor cycles: 20 us.
+const SETTLING_CYCLES: u32 = super::clocks::CORE_HZ / 50_000;
+
+/// Start of a sequence.
+pub struct Trigger {
+    /// Number of the signal (RM0440, tables 166 and 168).
+    pub signal: u8,
+    /// Its edge.
+    pub edge: Exten,
+    /// The end of a sequence is an interrupt.
+    pub interrupt: bool,
+}
+
+/// A converter with a sequence of `N` channels.
+pub struct Converter<const N: usize>(Adc);
+
+impl<const N: usize> Converter<N> {
+    /// Starts the converter `T`, which has the registers `adc` and whose clock is enabled.
+    pub fn start<T: PeripheralType>(
+        _own: Peri<'static, T>,
+        adc: Adc,
+        common: AdcCommon,
+        sequence: [(AnyAdcChannel<'static, T>, SampleTime); N],
+        trigger: Trigger,
+    ) -> Self {
+        start(
+            adc,
+            common,
+            &sequence.map(|(channel, time)| (channel.get_hw_channel(), time)),
+            trigger,
+        );
+        Self(adc)
+    }
+
+    /// Returns the last results.
+    pub fn read_injected_samples(&self) -> [u16; N] {
+        core::array::from_fn(|rank| self.0.jdr(rank).read().jdata())
+    }
+}
+
+#[inline(never)]
+fn start(adc: Adc, common: AdcCommon, sequence: &[(u8, SampleTime)], trigger: Trigger) {
+    common.ccr().modify(|w| w.set_presc(PRESCALER));
+    adc.cr().modify(|w| {
+        w.set_deeppwd(false);
+        w.set_advregen(true);
+    });
+    cortex_m::asm::delay(SETTLING_CYCLES);
+    let mut single_ended = Differential::default();
+    (0..18).for_each(|channel| single_ended.set_difsel(channel, Difsel::SINGLE_ENDED));
+    adc.difsel().write_value(single_ended);
+    adc.cr().modify(|w| w.set_adcaldif(Adcaldif::SINGLE_ENDED));
+    adc.cr().modify(|w| w.set_adcal(true));
+    while adc.cr().read().adcal() {}
+    cortex_m::asm::delay(SETTLING_CYCLES);
+    adc.isr().write(|w| w.set_adrdy(true));
+    adc.cr().modify(|w| w.set_aden(true));
+    while !adc.isr().read().adrdy() {}
+
+    let mut ranks = Jsqr::default();
+    ranks.set_jl(sequence.len() as u8 - 1);
+    ranks.set_jextsel(trigger.signal);
+    ranks.set_jexten(trigger.edge);
+    for (rank, (channel, time)) in sequence.iter().enumerate() {
+        ranks.set_jsq(rank, *channel);
+        match channel {
+            0..=9 => adc.smpr().modify(|w| w.set_smp(usize::from(*channel), *time)),
+            _ => adc.smpr2().modify(|w| w.set_smp(usize::from(*channel) - 10, *time)),
+        }
+    }
+    adc.jsqr().write_value(ranks);
+    adc.ier().modify(|w| w.set_jeosie(trigger.interrupt));
+    adc.cr().modify(|w| w.set_jadstart(true));
+}
