@@ -28,6 +28,11 @@ pub const DRIVE_VALUE_COUNT: usize = MotorParameters::FIELDS
     + Thresholds::FIELDS
     + WatchParameters::FIELDS
     + SensorParameters::FIELDS;
+/// Places of the parts among these values.
+const THRESHOLDS_AT: usize = MotorParameters::FIELDS;
+const WATCH_AT: usize = THRESHOLDS_AT + Thresholds::FIELDS;
+const SENSORS_AT: usize = WATCH_AT + WatchParameters::FIELDS;
+
 /// Length of these values, bytes.
 pub const DRIVE_RECORD_BYTES: usize = 4 * DRIVE_VALUE_COUNT;
 /// Length of a set without a network, bytes.
@@ -202,11 +207,10 @@ impl ParameterSet {
     /// Returns the encoded values of motor, thresholds, watch and sensors.
     pub fn emit_drive(&self) -> [u8; DRIVE_RECORD_BYTES] {
         let mut bytes = [0; DRIVE_RECORD_BYTES];
-        let numbers = self.motor.to_array().into_iter().chain(self.thresholds.to_array());
-        let numbers = numbers.chain(self.watch.to_array()).chain(self.sensors.to_array());
-        for (place, number) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(numbers) {
-            *place = number.to_le_bytes();
-        }
+        put_numbers(&mut bytes, 0, &self.motor.to_array());
+        put_numbers(&mut bytes, THRESHOLDS_AT, &self.thresholds.to_array());
+        put_numbers(&mut bytes, WATCH_AT, &self.watch.to_array());
+        put_numbers(&mut bytes, SENSORS_AT, &self.sensors.to_array());
         bytes
     }
 
@@ -259,11 +263,10 @@ impl ParameterSet {
         let mut thresholds = [0.0; Thresholds::FIELDS];
         let mut watch = [0.0; WatchParameters::FIELDS];
         let mut sensors = [0.0; SensorParameters::FIELDS];
-        let words = drive.as_chunks::<4>().0.iter();
-        let places = motor.iter_mut().chain(&mut thresholds).chain(&mut watch).chain(&mut sensors);
-        for (place, word) in places.zip(words) {
-            *place = f32::from_le_bytes(*word);
-        }
+        read_numbers(drive, 0, &mut motor);
+        read_numbers(drive, THRESHOLDS_AT, &mut thresholds);
+        read_numbers(drive, WATCH_AT, &mut watch);
+        read_numbers(drive, SENSORS_AT, &mut sensors);
         self.motor = MotorParameters::from_array(motor);
         self.thresholds = Thresholds::from_array(thresholds);
         self.watch = WatchParameters::from_array(watch);
@@ -321,6 +324,22 @@ impl DerefMut for IdentifiedSet {
     fn deref_mut(&mut self) -> &mut ParameterSet {
         self.crc.set(None);
         &mut self.set
+    }
+}
+
+/// Writes numbers as little-endian words, from this place on.
+#[inline(never)]
+fn put_numbers(bytes: &mut [u8; DRIVE_RECORD_BYTES], at: usize, numbers: &[f32]) {
+    for (place, number) in bytes.as_chunks_mut::<4>().0.iter_mut().skip(at).zip(numbers) {
+        *place = number.to_le_bytes();
+    }
+}
+
+/// Reads numbers that [`put_numbers`] wrote.
+#[inline(never)]
+fn read_numbers(bytes: &[u8; DRIVE_RECORD_BYTES], at: usize, numbers: &mut [f32]) {
+    for (number, word) in numbers.iter_mut().zip(bytes.as_chunks::<4>().0.iter().skip(at)) {
+        *number = f32::from_le_bytes(*word);
     }
 }
 

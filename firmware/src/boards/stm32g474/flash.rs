@@ -101,7 +101,6 @@ impl ErrorType for ChipFlash {
 impl ReadNorFlash for ChipFlash {
     const READ_SIZE: usize = 1;
 
-    #[inline(never)]
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         check_read(self, offset, bytes.len())?;
         let flash = self.inner()?;
