@@ -140,7 +140,7 @@ mod app {
         let wired = pins::wiring(embassy_stm32::init(clocks::clocks()));
         fast_code::enable_flash_prefetch();
         fast_code::protect();
-        // The rest of the start takes 30 ms; then the background refreshes the watchdog regularly.
+        // Refreshed after each part of the start, of which the longest, the load, takes 30 ms; then by the background.
         watchdog::start(wired.inside.watchdog);
         // embassy leaves this interrupt at the highest priority, equal to the loop's.
         embassy_stm32::interrupt::TIM5.set_priority(Priority::P12);
@@ -153,6 +153,7 @@ mod app {
         let slow = SlowSensors::new(wired.slow, wired.pressure, wired.torque_off);
         let are_duties_at_top = stage.start();
         let shunts = measure_offsets(&mut stage);
+        watchdog::refresh_if_loop_runs();
         let self_test_passed = are_duties_at_top
             && encoder::is_set_up_correctly()
             && shunts.iter().all(Option::is_some);
@@ -168,6 +169,7 @@ mod app {
         };
         let store = ChipFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
+        watchdog::refresh_if_loop_runs();
         background.set_scope_memory(context.local.scope);
         background.allow_fd();
         match random::seed() {
