@@ -5,7 +5,7 @@
 
 use super::scales;
 use core::sync::atomic::{AtomicU32, Ordering};
-use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::{Peri, pac, peripherals};
 
 /// Number of loop periods.
@@ -20,10 +20,19 @@ pub fn count_period() {
     LOOP_PERIODS.store(LOOP_PERIODS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
+/// Divider of 16: the watchdog counts every 500 us.
+const DIVIDER: u32 = 2;
+const COUNTS: u16 = (scales::WATCHDOG_US / 500) as u16;
+
 /// Starts the watchdog. It pauses while a debugger halts the core.
-pub fn start(watchdog: Peri<'static, peripherals::IWDG>) {
+pub fn start(_own: Peri<'static, peripherals::IWDG>) {
     pac::DBGMCU.apb1lfzr().modify(|w| w.set_iwdg(true));
-    IndependentWatchdog::new(watchdog, scales::WATCHDOG_US).unleash();
+    pac::IWDG.kr().write(|w| w.set_key(Key::START));
+    pac::IWDG.kr().write(|w| w.set_key(Key::ENABLE));
+    pac::IWDG.pr().write(|w| w.0 = DIVIDER);
+    pac::IWDG.rlr().write(|w| w.set_rl(COUNTS - 1));
+    while pac::IWDG.sr().read().0 != 0 {}
+    pac::IWDG.kr().write(|w| w.set_key(Key::RESET));
 }
 
 /// Refreshes the watchdog if the loop has counted a period since the last call, or has not begun: the start may copy a
