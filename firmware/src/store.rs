@@ -316,7 +316,8 @@ impl<F: NorFlash> Store<F> {
         let current = self.current();
         if let Some((slot, sequence, _)) = current
             && !self.states.contains(&SlotState::Damaged)
-            && self.copy(slot) == Some((sequence, *identity))
+            && self.slots.get(slot).cloned().and_then(|slot| self.copy(&slot))
+                == Some((sequence, *identity))
             && self.holds_exactly(slot, payload)
         {
             return Ok(SaveOutcome::Unchanged);
@@ -375,7 +376,7 @@ impl<F: NorFlash> Store<F> {
             self.program(start + at, &unit)?;
         }
         self.program(start + COMMIT_AT, &commit.emit())?;
-        self.write_copy(slot, sequence, identity)
+        self.write_copy(&(start..end), sequence, identity)
     }
 
     fn program(&mut self, at: u32, unit: &[u8; UNIT_BYTES]) -> Result<(), StoreError> {

@@ -11,8 +11,8 @@
 //! | 8 | 36 | identity |
 //! | 44 | 4 | CRC-32 (ISO-HDLC) of everything else |
 
-use super::image::{UNIT_BYTES, crc};
-use super::{SaveOutcome, SlotState, Store, StoreError, StoreHealth, is_newer};
+use super::image::{COMMIT_AT, ERASED, UNIT_BYTES, crc};
+use super::{SaveOutcome, SlotState, Store, StoreError, is_newer};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -37,32 +37,29 @@ pub enum FoundIdentity {
 }
 
 impl<F: NorFlash> Store<F> {
-    /// Returns the newest copy in this store, and in two slots of another bank.
-    // Not inlined: a start has little stack.
+    /// Returns the newest copy in this store, and in two slots of another bank. It reads no sets: a start has little time.
     #[inline(never)]
     pub fn find_identity(&mut self, other_bank: Option<[Range<u32>; 2]>) -> FoundIdentity {
-        let present = self.slots.clone();
         let mut found = FoundIdentity::None;
-        for slots in [Some(present.clone()), other_bank].into_iter().flatten() {
-            self.move_to(slots);
-            for slot in [0, 1] {
+        for slots in [Some(self.slots.clone()), other_bank].into_iter().flatten() {
+            for slot in &slots {
                 let Some((sequence, identity)) = self.copy(slot) else { continue };
                 if !matches!(found, FoundIdentity::Copy(last, _) if !is_newer(sequence, last)) {
                     found = FoundIdentity::Copy(sequence, identity);
                 }
             }
-            // A first save that was cut may leave a damaged slot beside a blank one.
-            let was_saved = match self.health() {
-                StoreHealth::Damaged => !self.states.contains(&SlotState::Blank),
-                StoreHealth::Foreign | StoreHealth::Sound | StoreHealth::Reduced => true,
-                StoreHealth::Empty => false,
-            };
-            if was_saved && found == FoundIdentity::None {
+            // A first save writes one slot after the other: it was cut if one is blank.
+            if found == FoundIdentity::None && slots.iter().all(|slot| self.is_written(slot)) {
                 found = FoundIdentity::Lost;
             }
         }
-        self.move_to(present);
         found
+    }
+
+    /// Returns true if a slot has a header or a commit, intact or not.
+    fn is_written(&mut self, slot: &Range<u32>) -> bool {
+        let places = [slot.start, slot.start + COMMIT_AT];
+        copy_place(slot).is_some() && places.into_iter().any(|at| self.unit(at) != Some(ERASED))
     }
 
     /// Writes a set into a slot, and into the other one unless it has this identity.
@@ -75,7 +72,8 @@ impl<F: NorFlash> Store<F> {
     ) -> Result<SaveOutcome, StoreError> {
         let written = self.write_checked(slot, sequence, payload, identity)?;
         let other = 1 - slot;
-        let has_identity = self.copy(other).is_some_and(|(_, present)| present == *identity);
+        let place = self.slots.get(other).cloned().unwrap_or_default();
+        let has_identity = self.copy(&place).is_some_and(|(_, present)| present == *identity);
         if !has_identity && !matches!(self.states.get(other), Some(SlotState::Foreign { .. })) {
             self.write_checked(other, sequence, payload, identity)?;
         }
@@ -83,8 +81,8 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Returns the copy in a slot; `None` if it is not intact.
-    pub(super) fn copy(&mut self, slot: usize) -> Option<(u32, Identity)> {
-        let at = self.copy_place(slot)?;
+    pub(super) fn copy(&mut self, slot: &Range<u32>) -> Option<(u32, Identity)> {
+        let at = copy_place(slot)?;
         let mut bytes = [0; COPY_BYTES];
         self.flash.read(at, &mut bytes).ok()?;
         let (head, rest) = bytes.split_first_chunk::<8>()?;
@@ -98,22 +96,21 @@ impl<F: NorFlash> Store<F> {
     /// Writes the copy in a slot, whose place must be erased.
     pub(super) fn write_copy(
         &mut self,
-        slot: usize,
+        slot: &Range<u32>,
         sequence: u32,
         identity: &Identity,
     ) -> Result<(), StoreError> {
-        let place = self.copy_place(slot).ok_or(StoreError::Slots)?;
+        let place = copy_place(slot).ok_or(StoreError::Slots)?;
         let bytes = emit(sequence, identity);
         for (at, unit) in (place..).step_by(UNIT_BYTES).zip(bytes.as_chunks().0) {
             self.program(at, unit)?;
         }
         Ok(())
     }
+}
 
-    fn copy_place(&self, slot: usize) -> Option<u32> {
-        let Range { start, end } = self.slots.get(slot)?;
-        end.checked_sub(COPY_BYTES as u32).filter(|at| at >= start)
-    }
+fn copy_place(slot: &Range<u32>) -> Option<u32> {
+    slot.end.checked_sub(COPY_BYTES as u32).filter(|at| *at >= slot.start)
 }
 
 fn emit(sequence: u32, identity: &Identity) -> [u8; COPY_BYTES] {

@@ -43,7 +43,7 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    pub(super) fn move_to(&mut self, slots: [Range<u32>; 2]) {
+    fn move_to(&mut self, slots: [Range<u32>; 2]) {
         self.slots = slots;
         self.inspect();
     }
