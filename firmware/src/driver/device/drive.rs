@@ -217,12 +217,6 @@ impl<F: NorFlash> Device<F> {
         self.confirm_target(self.now_us);
     }
 
-    /// 60FFh.
-    pub(in crate::driver) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
-        self.profile.target_micro_rad_s = target_micro_rad_s;
-        self.confirm_target(self.now_us);
-    }
-
     /// Receive PDO 1: controlword, target torque and target velocity. A master without velocity mode omits the
     /// velocity.
     pub(in crate::driver) fn take_drive_frame(&mut self, frame: &Frame, now_us: u64) {
@@ -232,12 +226,9 @@ impl<F: NorFlash> Device<F> {
             _ => return self.counters.count_wrong_length(),
         };
         self.now_us = now_us;
-        self.profile.target_permille = i16::from_le_bytes([c, d]);
+        self.set_target(i16::from_le_bytes([c, d]));
         if let Some(velocity) = velocity {
-            self.profile.target_micro_rad_s = velocity;
-        }
-        if self.profile.is_active() {
-            self.confirm_target(now_us);
+            self.set_target_velocity(velocity);
         }
         // A refusal is reported as for an object (2028h), and in the statusword.
         let _ = self.set_controlword(u16::from_le_bytes([a, b]));

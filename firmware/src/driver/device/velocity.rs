@@ -9,6 +9,7 @@ use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop
 use crate::control::{LoopFlags, Setpoint};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::CSV;
+use crate::driver::trajectory::VelocityInterpolation;
 use core::f32::consts::TAU;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -30,6 +31,8 @@ pub(super) struct VelocityControl {
     control: VelocityLoop,
     gains: VelocityGains,
     command: VelocityCommand,
+    /// Targets of the master in CSV.
+    course: VelocityInterpolation,
 }
 
 impl VelocityControl {
@@ -97,6 +100,7 @@ impl<F: NorFlash> Device<F> {
         let constant = joint.compensator.torque_constant_nm_per_a;
         let gains = VelocityGains::build(&motor, constant, REPORT_PERIOD_S);
         self.velocity.begin(gains, self.current_loop.report().velocity_rad_s);
+        self.begin_velocity_course();
     }
 
     /// Runs a step with a report.
@@ -136,16 +140,37 @@ impl<F: NorFlash> Device<F> {
     fn velocity_target(&mut self, holds: bool) -> VelocityTarget {
         if holds {
             self.interrupt_position();
+            self.begin_velocity_course();
             let gains = self.stopping.gains(self.velocity.gains());
             return VelocityTarget::Slew(gains, self.holding_velocity());
         }
         if self.is_in_csv() {
             self.position.is_limited = false;
-            let (target_rad_s, _) = self.profile.target_rad_s(self.max_speed_rad_s());
+            let most_rad_s = self.max_speed_rad_s();
+            let (last_rad_s, _) = self.profile.target_rad_s(most_rad_s);
+            let target_rad_s = self.velocity.course.step().unwrap_or(last_rad_s);
+            let target_rad_s = target_rad_s.max(-most_rad_s).min(most_rad_s);
             let target_rad_s = self.bounded_velocity(target_rad_s);
             return VelocityTarget::Slew(*self.velocity.gains(), target_rad_s);
         }
         self.position_target()
+    }
+
+    /// Forgets the targets of the master: its course begins at the present reference.
+    fn begin_velocity_course(&mut self) {
+        let reference_rad_s = self.velocity.command.reference_rad_s;
+        self.velocity.course = VelocityInterpolation::begin(reference_rad_s);
+    }
+
+    /// 60FFh: takes a target of the master.
+    pub(in crate::driver) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
+        self.profile.target_micro_rad_s = target_micro_rad_s;
+        self.confirm_target(self.now_us);
+        if self.is_in_csv() && self.supervisor.is_armed() {
+            let (target_rad_s, _) = self.profile.target_rad_s(self.max_speed_rad_s());
+            let steps = self.settings.drive.interpolation_ms();
+            self.velocity.course.set_target(target_rad_s, steps);
+        }
     }
 
     /// Returns the current that the current loop applied less the last command, A; 0 if none of its limits acted.

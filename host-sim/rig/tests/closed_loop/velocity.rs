@@ -14,6 +14,7 @@ pub fn rows() -> &'static [ScenarioRow] {
         let mut rows = Vec::new();
         rows.extend(follows());
         rows.extend(gains());
+        rows.extend(late_targets());
         rows.extend(stops());
         rows.extend(friction_run());
         rows
@@ -27,11 +28,15 @@ fn flag(yes: bool) -> f64 {
 
 /// Sends one velocity command with a SYNC, and runs 1 ms.
 pub fn drive(master: &mut Master, controlword: u16, velocity_rad_s: f64) {
+    send(master, controlword, velocity_rad_s);
+    master.rig.step_idle();
+}
+
+fn send(master: &mut Master, controlword: u16, velocity_rad_s: f64) {
     let mut data = [0; 8];
     data[..2].copy_from_slice(&controlword.to_le_bytes());
     data[4..].copy_from_slice(&((1e6 * velocity_rad_s).round() as i32).to_le_bytes());
     master.rig.send_immediately(0x201, &data);
-    master.rig.step_idle();
 }
 
 /// Selects mode 9 and enables the drive, by frames alone.
@@ -108,6 +113,53 @@ fn gains() -> Vec<ScenarioRow> {
         let name = format!("CSV, ±2 rad/s at 1 Hz, with compensation (0.9), {what}");
         rows.push(row(16, &name, "RMS velocity error, rad/s", result.error_rad_s, 0.0..=0.2));
         rows.push(row(16, &name, "largest phase current, A", result.current_a, 1.0..=26.5));
+    }
+    rows
+}
+
+/// Targets of a bus and a background that are late: target `k`, sent every `period_ms`, arrives up to 3 ms later.
+fn late_targets() -> Vec<ScenarioRow> {
+    let late_ms = |k: u32| k * 7 % 13 % 4;
+    let wanted = sine(2.0, 1.0);
+    let mut rows = Vec::new();
+    for period_ms in [1u32, 10] {
+        let name = format!(
+            "CSV, ±2 rad/s at 1 Hz, targets every {period_ms} ms, up to 3 ms late, with compensation (0.9)"
+        );
+        rows.extend(Joint::with(set(0.9)).run(|master| {
+            master.rig.write_object_byte(index::INTERPOLATION_TIME, 1, period_ms as u8);
+            enable(master);
+            let (mut next, mut squares, mut count) = (0, 0.0, 0.0);
+            master.rig.stage_mut().take_extremes();
+            for ms in 0..3000 {
+                // A late target delays those after it.
+                while next * period_ms + late_ms(next) <= ms {
+                    send(master, 0x0F, wanted(1e-3 * f64::from(next * period_ms)));
+                    next += 1;
+                }
+                master.rig.step_idle();
+                if ms >= 1000 {
+                    let course = wanted(1e-3 * f64::from(ms + 1 - period_ms));
+                    squares += (master.rig.plant().velocity_rad_s() - course).powi(2);
+                    count += 1.0;
+                }
+            }
+            let error = f64::sqrt(squares / count);
+            let current_a = master.rig.stage_mut().take_extremes().current_a;
+            vec![
+                // Targets of 3 ms ago are behind by 0.04 rad/s.
+                row(
+                    16,
+                    &name,
+                    "RMS error from the course a period before, rad/s",
+                    error,
+                    0.0..=0.1,
+                ),
+                // Friction and inertia need 4 A.
+                row(16, &name, "largest phase current, A", current_a, 1.0..=6.0),
+                row(16, &name, "stays armed", flag(master.rig.is_armed()), 1.0..=1.0),
+            ]
+        }));
     }
     rows
 }
