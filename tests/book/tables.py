@@ -261,14 +261,19 @@ def fd_frame_seconds(data_bit_rate):
     return (stuffed(17) + 9 + 3) / BIT_RATE + (stuffed(5 + 8 * 64) + 25 + 7 + 1) / data_bit_rate
 
 
-# Bytes of the frames in a cycle: of the SYNC, from the master to a joint, from a joint.
+# SYNCs between two frames of the other transmit PDOs than Motion: SLOW_TYPE of the driver.
+SLOW_SYNCS = 10
+# Bytes of the frames in a cycle: of the SYNC, from the master to a joint, from a joint, and from a joint at every
+# SLOW_SYNCS-th SYNC.
 CYCLES = {
-    # SYNC with counter, receive PDO 1, transmit PDOs 1 to 5.
-    "bus-load-default": (1, [8], [8] * 5),
+    # SYNC with counter, receive PDO 1, transmit PDO 4 (Motion), transmit PDOs 1, 2, 3 and 5.
+    "bus-load-default": (1, [8], [8], [8] * 4),
+    # The same with all of them at each SYNC.
+    "bus-load-whole": (1, [8], [8] * 5, []),
     # Plain SYNC, the PDOs of tests/eds/bus/drive.yml that are sent at each SYNC.
-    "bus-load-drive": (0, [3, 6], [3, 8]),
+    "bus-load-drive": (0, [3, 6], [3, 8], []),
     # Plain SYNC; controlword and target torque, statusword, torque and position.
-    "bus-load-least": (0, [4], [8]),
+    "bus-load-least": (0, [4], [8], []),
 }
 # Data bit rates of the cycle with one CAN FD frame from a joint, bit/s.
 FD_CYCLES = {"bus-load-fd-2": 2_000_000, "bus-load-fd-5": 5_000_000}
@@ -281,11 +286,11 @@ def bus_load(name):
     """Share of the time at 1 Mbit/s that the frames of a cycle and the heartbeats take, for 1 to 8 joints."""
 
     def made(_):
-        sync, received, sent = CYCLES["bus-load-default" if name in FD_CYCLES else name]
+        sync, received, sent, slow = CYCLES["bus-load-default" if name in FD_CYCLES else name]
         if name in FD_CYCLES:
             of_joint = sum(map(frame_bits, received)) / BIT_RATE + fd_frame_seconds(FD_CYCLES[name])
         else:
-            of_joint = sum(map(frame_bits, received + sent)) / BIT_RATE
+            of_joint = (sum(map(frame_bits, received + sent)) + sum(map(frame_bits, slow)) / SLOW_SYNCS) / BIT_RATE
         lines = []
         for joints in range(1, 9):
             cycle = frame_bits(sync) / BIT_RATE + joints * of_joint

@@ -203,11 +203,9 @@ impl JointRig<'_> {
     /// # Errors
     /// Returns one line with the driver's reason if it does not arm.
     pub fn arm(&mut self, position_rad: f64) -> Result<(), String> {
-        // The rig's master uses neither the status nor the torque frames. With them, a bus of 1 Mbit/s has no room left
-        // at 1 kHz.
-        for (index, base) in [(index::TRANSMIT_STATUS, 0x280), (index::TRANSMIT_TORQUE, 0x680)] {
-            let unused = 1u32 << 31 | base | u32::from(NODE.number());
-            self.write_object(index, 1, unused.to_le_bytes());
+        // The rig's master uses Answer and Telemetry of every sample.
+        for at_index in [index::TRANSMIT_ANSWER, index::TRANSMIT_TELEMETRY] {
+            self.write_object_byte(at_index, 2, 1);
             self.step_idle();
         }
         self.send_immediately(0, &[1, NODE.number()]);

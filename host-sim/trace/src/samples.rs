@@ -1,7 +1,8 @@
 //! Assembly of frames into samples.
 //!
 //! * A SYNC ends a sample. Its time stamp is the time of the sample.
-//! * The fast PDOs (motion, torque) must arrive between two SYNCs. The slow PDOs (seal, surroundings) keep their last
+//! * The fast PDOs (motion, torque) must arrive between two SYNCs. A joint that sends its torque at every n-th SYNC gives a
+//!   sample at every n-th one. The slow PDOs (seal, surroundings) keep their last
 //!   values, as in the driver.
 //! * The driver's answers follow the SYNC, so a sample is complete when the next one begins.
 //! * The assembler follows one joint on one interface: the first joint whose inputs it receives. The [`Summary`] lists
@@ -51,6 +52,9 @@ pub struct Assembler {
     open: TraceSample,
     has_motion: bool,
     has_torque: bool,
+    /// Sequence number of the last sample with a torque, and the least distance of two of them.
+    last_torque: Option<u32>,
+    torque_every: Option<u32>,
     /// The completed sample, whose answers may follow.
     closed: Option<TraceSample>,
     /// Sequence number and counter of the last SYNC in this run.
@@ -67,6 +71,8 @@ impl Default for Assembler {
             open: TraceSample::EMPTY,
             has_motion: false,
             has_torque: false,
+            last_torque: None,
+            torque_every: None,
             closed: None,
             last: None,
             announced: None,
@@ -246,6 +252,7 @@ impl Assembler {
                 self.open = TraceSample { run: Some(run), ..TraceSample::EMPTY };
                 (self.has_motion, self.has_torque) = (false, false);
                 (self.last, self.announced) = (None, Some(0));
+                self.last_torque = None;
             }
             TraceEntry::Sequence(number) => self.announced = Some(number),
             TraceEntry::JointKind(kind) => self.summary.kind = kind,
@@ -256,18 +263,37 @@ impl Assembler {
     fn close(&mut self, number: u64, time_ns: u64, sync: SyncFrame) {
         let sequence = self.count(sync);
         // A SYNC without values of this joint ends no sample of it.
-        if self.has_motion || self.has_torque || self.open.fault.is_some() {
+        let has_values = self.has_motion || self.has_torque || self.open.fault.is_some();
+        if has_values && self.is_torque_due(sequence) {
             let mut sample = TraceSample { line: number, time_ns, sequence, ..self.open };
             if sample.fault.is_some() {
                 // Invalidates the sample whichever frame is damaged: a slow PDO would otherwise keep its old value.
                 sample.motion = NO_MOTION;
             }
             self.closed = Some(sample);
+        }
+        if has_values {
             self.open.motion = NO_MOTION;
             self.open.torque = NO_TORQUE;
             self.open.fault = None;
             (self.has_motion, self.has_torque) = (false, false);
         }
+    }
+
+    /// Returns false for a sample between two with a torque, of a joint that does not send it at every SYNC.
+    fn is_torque_due(&mut self, sequence: u32) -> bool {
+        let Some(last) = self.last_torque.replace(sequence) else {
+            self.last_torque = self.has_torque.then_some(sequence);
+            return true;
+        };
+        let distance = sequence.wrapping_sub(last).max(1);
+        if self.has_torque {
+            let least = self.torque_every.map_or(distance, |every| every.min(distance));
+            self.torque_every = Some(least);
+            return true;
+        }
+        self.last_torque = Some(last);
+        self.torque_every.is_none_or(|every| distance.is_multiple_of(every))
     }
 
     /// Returns the sequence number of the sample that this SYNC ends. Without an announced number, the loss of a
@@ -358,6 +384,31 @@ mod tests {
         assert!(second.surroundings.temperature_c.is_nan());
         assert_eq!((summary.samples, summary.answers, summary.lost), (2, 1, 0));
         assert_eq!(summary.joint, Some(("can0".to_owned(), 1)));
+    }
+
+    #[test]
+    fn assembler_of_a_joint_that_sends_torque_at_every_third_sync_completes_these_samples() {
+        let cycles: String = (1..=240)
+            .map(|counter| {
+                // One of its torques is lost.
+                let has_torque = counter % 3 == 1 && counter != 151;
+                let torque = format!("(1.0) can0 681#{ONE_TWO}\n");
+                let torque = if has_torque { &*torque } else { "" };
+                format!("(1.0) can0 481#{ONE_TWO}\n{torque}(1.0) can0 080#{counter:02X}\n")
+            })
+            .collect();
+        let (samples, summary) = assemble(&cycles);
+        // The distance of the torques is known from the second one on.
+        let sequences: Vec<u32> = samples.iter().map(|sample| sample.sequence).collect();
+        let expected: Vec<u32> = [0, 1, 2].into_iter().chain((3..240).step_by(3)).collect();
+        assert_eq!(sequences, expected);
+        let without: Vec<u32> = samples
+            .iter()
+            .filter(|sample| sample.torque.torque_nm.is_nan())
+            .map(|sample| sample.sequence)
+            .collect();
+        assert_eq!(without, [1, 2, 150]);
+        assert_eq!((summary.samples, summary.lost), (82, 0));
     }
 
     #[test]

@@ -34,6 +34,13 @@ const LAST_EVENT_DRIVEN: usize = 1;
 /// Transmit PDO with every n-th sample (2001h:5).
 const TELEMETRY: usize = 2;
 
+/// Transmit PDO with velocity and position, which a master needs at every SYNC.
+const MOTION: usize = 3;
+
+/// A joint on its sensors sends its other PDOs at every n-th SYNC, so that its frames take 39 % of a bus of 1 Mbit/s at
+/// 1 kHz. At every SYNC, they would take 88 %.
+const SLOW_TYPE: u8 = 10;
+
 /// Transmit PDO of the CiA 402 drive, which has no identifier by default.
 const DRIVE: usize = 5;
 
@@ -110,6 +117,18 @@ impl<F: NorFlash> Device<F> {
         (u32::from(base) + u32::from(self.pdos.node.number())) | unused
     }
 
+    /// Returns the transmission type of a transmit PDO that no master has set. In HIL each sample has its answers, and one
+    /// frame of CAN FD has room for all PDOs.
+    fn default_transmit_type(&self, slot: usize) -> u8 {
+        let settings = &self.settings;
+        let is_at_every_sync = [MOTION, DRIVE].contains(&slot)
+            || settings.source == InputSource::Bus
+            || self.sends_fd_telemetry()
+            // 2001h:5 states the rate of Telemetry.
+            || slot == TELEMETRY && settings.telemetry_every > 1;
+        if is_at_every_sync { 1 } else { SLOW_TYPE }
+    }
+
     /// Returns the identifier of a receive PDO as in its object; bit 31 is set if the PDO is unused.
     fn receive_identifier(&self, slot: usize) -> u32 {
         match self.pdos.receive.get(slot).map(|pdo| pdo.identifier) {
@@ -173,7 +192,7 @@ impl<F: NorFlash> Device<F> {
                 Ok(match place {
                     _ if is_mapping => return pdo.mapping.number(place),
                     1 => self.transmit_identifier(slot),
-                    2 => pdo.kind.into(),
+                    2 => pdo.kind.unwrap_or(self.default_transmit_type(slot)).into(),
                     3 => pdo.inhibit_time.into(),
                     5 => pdo.event_timer_ms.into(),
                     6 => pdo.sync_start.into(),
@@ -227,7 +246,7 @@ impl<F: NorFlash> Device<F> {
                 pdo.restart();
                 match at.subindex {
                     1 => pdo.identifier = Some(number),
-                    2 => pdo.kind = number as u8,
+                    2 => pdo.kind = Some(number as u8),
                     3 => pdo.inhibit_time = number as u16,
                     5 => pdo.event_timer_ms = number as u16,
                     _ => pdo.sync_start = number as u8,
@@ -443,7 +462,7 @@ impl<F: NorFlash> Device<F> {
     /// Sends the event-driven PDOs that are due: once per tick while the network is operational.
     pub(in crate::driver) fn transmit_events(&mut self, now_us: u64) {
         for slot in 0..PDOS {
-            if self.pdos.transmit.get(slot).is_some_and(|pdo| pdo.kind > LAST_SYNCHRONOUS)
+            if self.pdos.transmit.get(slot).is_some_and(TransmitPdo::is_event_driven)
                 && let Some((_, frame)) = self.due_frame(slot, None, now_us)
             {
                 self.outbox.push(frame);
@@ -467,9 +486,10 @@ impl<F: NorFlash> Device<F> {
             return None;
         }
         let data = self.mapped_data(&mapping);
+        let default = self.default_transmit_type(slot);
         let pdo = self.pdos.transmit.get_mut(slot)?;
         let is_due = match sync {
-            Some(counter) => pdo.is_due_at_sync(counter, data, now_us),
+            Some(counter) => pdo.is_due_at_sync(default, counter, data, now_us),
             None => pdo.is_due_by_event(data, now_us),
         };
         if !is_due {

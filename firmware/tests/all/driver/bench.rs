@@ -5,7 +5,7 @@ use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_download_response, encode_data_segment,
     encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
 };
-use compensator_core::can::{Frame, Message, NodeId};
+use compensator_core::can::{Frame, Message, NodeId, SyncFrame};
 use firmware::access::Key;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_parts::StageTraits;
@@ -81,6 +81,14 @@ impl Bench {
 
     pub fn give(&mut self, message: Message) {
         self.driver.receive(&message.emit(), self.now_us);
+    }
+
+    /// Gives ten SYNCs. The joint sends all its frames at the last one.
+    pub fn give_ten_syncs(&mut self) {
+        for counter in 1..=10 {
+            self.sent();
+            self.give(Message::Sync(SyncFrame { counter }));
+        }
     }
 
     /// Advances the time with a tick per millisecond.

@@ -71,6 +71,11 @@ fn fd_telemetry_of_a_joint_in_hil_contains_its_classic_frames() {
 fn fd_telemetry_of_a_joint_on_sensors_contains_five_frames_and_the_drive() {
     let run = |is_on: bool| {
         let mut bench = started(InputSource::Sensors, is_on);
+        // As in a frame of CAN FD.
+        for at_index in index::TRANSMIT_ANSWER..=index::TRANSMIT_TORQUE {
+            assert_eq!(bench.number(at_index, 2) == 1, is_on || at_index == index::TRANSMIT_MOTION);
+            bench.write(at_index, 2, &[1]).unwrap();
+        }
         bench.now_us = 1_234_000;
         let report = LoopReport { current_a: 1.5, velocity_rad_s: 2.5, ..LoopReport::default() };
         bench.driver.report(&report);
@@ -106,6 +111,8 @@ fn pdo_that_a_master_has_changed_is_sent_as_a_classic_frame() {
     }
     // The frame has the identifier of Telemetry. Where a master moves that, all frames are classic.
     bench.write(index::TRANSMIT_TELEMETRY, 1, &0x1C6u32.to_le_bytes()).unwrap();
+    bench.write(index::TRANSMIT_TELEMETRY, 2, &[1]).unwrap();
+    bench.write(index::TRANSMIT_ANSWER, 2, &[1]).unwrap();
     let (classic, fd) = answers(&mut bench, 2);
     assert_eq!(fd, None);
     let identifiers: Vec<u16> = classic.iter().map(Frame::identifier).collect();

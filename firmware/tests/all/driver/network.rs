@@ -276,7 +276,7 @@ fn network_on_sensors_is_evaluated_at_the_training_rate_while_compensating() {
     assert!(factors.to_array().iter().all(|factor| (factor - 1.0).abs() < 1e-5), "{factors:?}");
     // The status of the next sample reports it.
     bench.sent();
-    bench.give(Message::Sync(SyncFrame::of(0)));
+    bench.give_ten_syncs();
     let is_reported = |message: &Message| matches!(message, Message::Status(_, status) if status.flags.contains(Flags::NETWORK_OUTSIDE));
     assert!(bench.messages().iter().any(is_reported));
     // A stop of the network disarms the joint, and the network of the law rests.

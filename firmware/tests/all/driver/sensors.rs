@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, NODE, frame};
 use compensator_core::TermKind;
-use compensator_core::can::{CommandFrame, JointKind, Message, MotionFrame, SealFrame, SyncFrame};
+use compensator_core::can::{CommandFrame, JointKind, Message, MotionFrame, SealFrame};
 use firmware::control::{Covariates, MotorParameters};
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::index;
@@ -207,7 +207,7 @@ fn position_can_be_set_only_while_disarmed() {
 #[test]
 fn measurements_are_sent_as_a_trace() {
     let mut bench = armed();
-    bench.give(Message::Sync(SyncFrame { counter: 1 }));
+    bench.give_ten_syncs();
     let messages = bench.messages();
     let [Message::Motion(_, motion), Message::Torque(_, torque), Message::Answer(..), ..] =
         messages[..]
@@ -246,7 +246,7 @@ fn sent_and_received_identifiers_are_disjoint() {
         }
     }
     let mut bench = armed();
-    bench.give(Message::Sync(SyncFrame { counter: 1 }));
+    bench.give_ten_syncs();
     let sent: Vec<u16> = bench.sent().iter().map(|frame| frame.identifier()).collect();
     assert_eq!(sent, [0x481, 0x681, 0x181, 0x281, 0x381]);
     // A frame that the joint itself sends is not accepted from others.
@@ -276,7 +276,7 @@ fn input_written_as_an_object_acts_like_its_frame() {
     fresh(&mut bench);
     assert!(bench.driver.counters().command_duplicate > repeated);
     // It is also sent in the joint's own frame.
-    bench.give(Message::Sync(SyncFrame { counter: 1 }));
+    bench.give_ten_syncs();
     let messages = bench.messages();
     let said =
         |message: &Message| matches!(message, Message::Torque(_, of) if of.load_torque_nm == 2.5);

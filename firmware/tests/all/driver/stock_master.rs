@@ -100,9 +100,9 @@ fn master_of_a_plain_bus_file_brings_the_joint_up() {
     for (word, expected) in [(0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)] {
         let data = drive(word, 250);
         let pdos = [(0x201, &data[..]), (0x301, &zeros[..]), (0x401, &zeros), (0x501, &zeros)];
-        let frames = cycles(&mut bench, 3, &pdos);
+        let frames = cycles(&mut bench, 10, &pdos);
         assert_eq!(bench.number(index::STATUSWORD, 0) & 0x6F, expected);
-        // Answer, Status, Telemetry, Motion and Torque at every SYNC.
+        // Motion at every SYNC, Answer, Status, Telemetry and Torque at every tenth.
         for identifier in [0x181, 0x281, 0x381, 0x481, 0x681] {
             assert_eq!(data_of(&frames, identifier).len(), 8);
         }

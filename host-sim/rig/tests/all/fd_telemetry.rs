@@ -45,6 +45,10 @@ fn log_of_run(fd_telemetry: bool) -> String {
     client
         .write(Address::new(index::OPERATION, FD_TELEMETRY), &[fd_telemetry.into()])
         .expect("a setting");
+    // Classic telemetry of every sample, as in frames of CAN FD.
+    for at_index in index::TRANSMIT_ANSWER..=index::TRANSMIT_TORQUE {
+        client.write(Address::new(at_index, 2), &[1]).expect("a type");
+    }
     let mut bus = LoggedBus { bus: client.into_bus(), log: Vec::new() };
     let start_ns = bus.bus.now_ns();
     let frame = |identifier, data: &[u8]| Frame::new(identifier, data).expect("legal");

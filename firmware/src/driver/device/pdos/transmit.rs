@@ -22,7 +22,8 @@ pub const fn is_legal_type(kind: u32) -> bool {
 pub struct TransmitPdo {
     /// Identifier that a master has set, with bit 31 for unused.
     pub identifier: Option<u32>,
-    pub kind: u8,
+    /// Transmission type that a master has set.
+    pub kind: Option<u8>,
     /// Minimum time between two frames, 100 us; for the event-driven types.
     pub inhibit_time: u16,
     /// Maximum time between two frames, ms; 0 for none; for the event-driven types.
@@ -42,7 +43,7 @@ impl TransmitPdo {
     pub const fn new(slot: usize) -> Self {
         Self {
             identifier: None,
-            kind: 1,
+            kind: None,
             inhibit_time: 0,
             event_timer_ms: 0,
             sync_start: 0,
@@ -61,9 +62,17 @@ impl TransmitPdo {
         self.sent_us = None;
     }
 
-    /// Returns true if the PDO has these data to send at a SYNC; `counter` is that of the SYNC, if it has one.
-    pub fn is_due_at_sync(&mut self, counter: Option<u8>, data: [u8; 8], now_us: u64) -> bool {
-        if self.kind > LAST_SYNCHRONOUS {
+    /// Returns true if the PDO has these data to send at a SYNC; `default` is its type without that of a master, and
+    /// `counter` that of the SYNC, if it has one.
+    pub fn is_due_at_sync(
+        &mut self,
+        default: u8,
+        counter: Option<u8>,
+        data: [u8; 8],
+        now_us: u64,
+    ) -> bool {
+        let kind = self.kind.unwrap_or(default);
+        if kind > LAST_SYNCHRONOUS {
             return false;
         }
         let is_start = self.sync_start == 0 || counter.is_none_or(|at| at == self.sync_start);
@@ -74,7 +83,7 @@ impl TransmitPdo {
             return false;
         }
         self.syncs = self.syncs.saturating_add(1);
-        let is_due = match self.kind {
+        let is_due = match kind {
             0 => self.sent_us.is_none() || self.sent != data,
             every => is_first && self.sync_start != 0 || self.syncs >= every,
         };
@@ -84,9 +93,14 @@ impl TransmitPdo {
         is_due
     }
 
+    /// Returns true if the PDO is sent between two SYNCs.
+    pub fn is_event_driven(&self) -> bool {
+        self.kind.is_some_and(|kind| kind >= FIRST_EVENT_DRIVEN)
+    }
+
     /// Returns true if the PDO has these data to send between two SYNCs.
     pub fn is_due_by_event(&mut self, data: [u8; 8], now_us: u64) -> bool {
-        if self.kind < FIRST_EVENT_DRIVEN {
+        if !self.is_event_driven() {
             return false;
         }
         let is_due = match self.sent_us {
@@ -118,7 +132,7 @@ mod tests {
     fn sent_at_syncs(pdo: &mut TransmitPdo, counters: &[Option<u8>], data: &[u8]) -> Vec<usize> {
         let is_due = |(place, counter): (usize, &Option<u8>)| {
             let changed = [data.get(place).copied().unwrap_or_default(); 8];
-            pdo.is_due_at_sync(*counter, changed, 0).then_some(place)
+            pdo.is_due_at_sync(1, *counter, changed, 0).then_some(place)
         };
         counters.iter().enumerate().filter_map(is_due).collect()
     }
@@ -129,20 +143,20 @@ mod tests {
         let counted: Vec<Option<u8>> = (1..=7).map(Some).collect();
         let mut pdo = TransmitPdo::new(0);
         assert_eq!(sent_at_syncs(&mut pdo, &plain, &[]), [0, 1, 2, 3, 4, 5, 6]);
-        pdo = TransmitPdo { kind: 3, ..TransmitPdo::new(0) };
+        pdo = TransmitPdo { kind: Some(3), ..TransmitPdo::new(0) };
         assert_eq!(sent_at_syncs(&mut pdo, &plain, &[]), [2, 5]);
-        pdo = TransmitPdo { kind: 2, sync_start: 4, ..TransmitPdo::new(0) };
+        pdo = TransmitPdo { kind: Some(2), sync_start: 4, ..TransmitPdo::new(0) };
         assert_eq!(sent_at_syncs(&mut pdo, &counted, &[]), [3, 5]);
         // A SYNC without a counter starts it at once.
         pdo.restart();
         assert_eq!(sent_at_syncs(&mut pdo, &plain, &[])[0], 0);
-        pdo = TransmitPdo { kind: 0, ..TransmitPdo::new(0) };
+        pdo = TransmitPdo { kind: Some(0), ..TransmitPdo::new(0) };
         assert_eq!(sent_at_syncs(&mut pdo, &plain, &[5, 5, 6, 6, 6, 7, 7]), [0, 2, 5]);
     }
 
     #[test]
     fn event_driven_pdo_follows_changes_timer_and_inhibit_time() {
-        let mut pdo = TransmitPdo { kind: 255, event_timer_ms: 10, ..TransmitPdo::new(0) };
+        let mut pdo = TransmitPdo { kind: Some(255), event_timer_ms: 10, ..TransmitPdo::new(0) };
         let sent = |pdo: &mut TransmitPdo, data: &dyn Fn(u64) -> u8| -> Vec<u64> {
             pdo.restart();
             let is_due = |ms: &u64| pdo.is_due_by_event([data(*ms); 8], 1000 * ms);
@@ -153,8 +167,8 @@ mod tests {
         pdo.event_timer_ms = 0;
         pdo.inhibit_time = 70;
         assert_eq!(sent(&mut pdo, &|ms| ms as u8), [0, 7, 14, 21]);
-        assert!(!pdo.is_due_at_sync(None, [9; 8], 0));
-        pdo.kind = 1;
+        assert!(!pdo.is_due_at_sync(1, None, [9; 8], 0));
+        pdo.kind = Some(1);
         assert!(!pdo.is_due_by_event([1; 8], 0));
     }
 }
