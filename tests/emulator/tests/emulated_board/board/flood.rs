@@ -24,7 +24,7 @@ const REQUEST: u16 = 0x601;
 /// Speed of the joint during a flood, rad/s.
 const SPEED_RAD_S: f64 = 2.2;
 /// Longest time between two ticks: one, and the longest work on a frame, ms.
-const LONGEST_PAUSE_MS: f64 = 1.5;
+const LONGEST_PAUSE_MS: f64 = 1.25;
 /// Latest end of the interrupt, as a share of its period.
 const LATEST_END: f64 = 0.65;
 
