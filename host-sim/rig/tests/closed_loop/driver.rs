@@ -5,8 +5,5 @@ pub use joint_rig::run_from_power_up as power_up;
 /// Number of random motors in scenario 4.
 pub const MOTORS: usize = 20;
 
-/// Scenario 14 runs.
-pub const RUNS_MODEL_ERRORS: bool = true;
-
 /// Number of sensors that are reported as stuck if side load and pressure on the bus are.
 pub const STUCK_SENSORS: f64 = 2.0;

@@ -1,7 +1,7 @@
 //! Scenarios 13 and 14: compensation with changing or failing inputs, and on joints it was not designed for.
 
-use super::driver::{RUNS_MODEL_ERRORS, STUCK_SENSORS};
-use super::rig::{Joint, set};
+use super::driver::STUCK_SENSORS;
+use super::rig::{Joint, compute_in_parallel, set};
 use super::table::{ScenarioRow, check, outside_row, row};
 use compensator_core::ParameterId as Id;
 use firmware::supervisor::Code;
@@ -25,9 +25,7 @@ pub fn rows() -> &'static [ScenarioRow] {
             rows.extend(steps(what, seal));
         }
         rows.push(one_frame());
-        if RUNS_MODEL_ERRORS {
-            rows.extend(map(&[0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0]));
-        }
+        rows.extend(map(&[0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0]));
         rows
     });
     &ROWS
@@ -97,16 +95,25 @@ fn map(inertias: &[f64]) -> Vec<ScenarioRow> {
         (2000.0, 0.0, "2000 Nm/rad"),
         (2000.0, 0.003, "2000 Nm/rad and 3 mrad of play"),
     ];
+    let levels = [0.8f32, 1.0, 1.2];
+    let joints: Vec<_> = couplings
+        .iter()
+        .flat_map(|(stiffness, play, _)| levels.map(|level| (*stiffness, *play, level)))
+        .flat_map(|(stiffness, play, level)| {
+            inertias.iter().map(move |inertia| (*inertia, stiffness, play, level))
+        })
+        .collect();
+    let corners = compute_in_parallel(&joints, |at| (corner(*at, 0.9), corner(*at, 0.0)));
+    let mut of_rows = corners.chunks(inertias.len());
     let mut rows = Vec::new();
     for (stiffness, play, what) in couplings {
-        for level in [0.8f32, 1.0, 1.2] {
+        for level in levels {
             let (mut swings, mut cycles, mut most, mut armed) = (0.0f64, 0, 0.0f64, true);
             let mut reported = 0.0;
-            for inertia in inertias {
-                let at = (*inertia, *stiffness, *play, level);
-                let (swing, current, stays, is_reported) = corner(at, 0.9);
+            for &((swing, current, stays, is_reported), (without, ..)) in
+                of_rows.next().expect("a row")
+            {
                 reported += is_reported;
-                let (without, ..) = corner(at, 0.0);
                 // A joint that also hunts without compensation is not counted.
                 swings = swings.max(swing - without);
                 cycles += u8::from(swing - without > MAX_SWING_RAD);

@@ -14,7 +14,9 @@ use joint_rig::{JointRig, PowerUp, RigFaults};
 use simulated_machines::joint_plant::bench::Amount;
 use simulated_machines::joint_plant::{Bench, JointPlant, Load, Parameters};
 use std::f64::consts::TAU;
-use std::sync::LazyLock;
+use std::num::NonZero;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{LazyLock, Mutex};
 
 /// Angles of the seal's eccentricity and out-of-roundness, rad, of the identified machine.
 const PHASE_RAD: [f64; 2] = [0.7, 2.1];
@@ -121,6 +123,31 @@ impl Joint {
     }
 }
 
+/// Returns the result of each input, in order, computed on all processors: a row of a long scenario takes minutes.
+pub fn compute_in_parallel<I: Sync, R: Send>(
+    inputs: &[I],
+    compute: impl Fn(&I) -> R + Sync,
+) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let results = Mutex::new(Vec::new());
+    let processors = std::thread::available_parallelism().map_or(1, NonZero::get);
+    std::thread::scope(|scope| {
+        for _ in 0..processors.min(inputs.len()) {
+            scope.spawn(|| {
+                loop {
+                    let at = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(input) = inputs.get(at) else { break };
+                    let result = compute(input);
+                    results.lock().expect("no thread has panicked").push((at, result));
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().expect("no thread has panicked");
+    results.sort_by_key(|(at, _)| *at);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
 /// The bus master, which commands at 1 kHz.
 pub struct Master<'a, 'q> {
     pub rig: &'a mut JointRig<'q>,
@@ -147,11 +174,6 @@ impl Master<'_, '_> {
         for _ in 0..milliseconds {
             self.rig.step_with_command(current_a as f32, 0.0);
         }
-    }
-
-    /// Returns the share of the current limit that the supervisor leaves; 1 if this cannot be read from the driver.
-    pub fn current_share(&self) -> f32 {
-        self.rig.library().map_or(1.0, |driver| driver.supervisor().current_share())
     }
 
     /// Runs the velocity loop for 1 ms, with reference velocity (rad/s) and acceleration (rad/s^2).

@@ -1,8 +1,6 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
-//! The short form runs six families, `LONG_TESTS=1` all but the temperature of a stalled winding, which takes ten
-//! minutes of simulated time, and the errors of the friction model, which take eighteen. Of the motors to commission it
-//! runs the first ([`driver`]).
+//! The short form runs six families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
 mod bus;
@@ -13,6 +11,8 @@ mod driver;
 mod encoder;
 #[path = "../../../../host-sim/rig/tests/closed_loop/friction.rs"]
 mod friction;
+#[path = "../../../../host-sim/rig/tests/closed_loop/heat.rs"]
+mod heat;
 #[path = "../../../../host-sim/rig/tests/closed_loop/holding_brake.rs"]
 mod holding_brake;
 #[path = "../../../../host-sim/rig/tests/closed_loop/position.rs"]
@@ -42,7 +42,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
     families.extend([stalls::rows(), stops::rows(), holding_brake::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
-        families.extend([friction::rows(), position::rows()]);
+        families.extend([friction::rows(), heat::rows(), position::rows()]);
     }
     families
 }

@@ -8,9 +8,6 @@ use simulated_machines::joint_plant::JointPlant;
 /// Number of random motors in scenario 4: the first ones of the library's.
 pub const MOTORS: usize = 3;
 
-/// The image does not run scenario 14: it takes 18 minutes of simulated time.
-pub const RUNS_MODEL_ERRORS: bool = false;
-
 /// Number of sensors that are reported as stuck if side load and pressure on the bus are: the board's own strain gauge
 /// replaces the side load.
 pub const STUCK_SENSORS: f64 = 1.0;
