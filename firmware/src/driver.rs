@@ -12,6 +12,7 @@
 //! tick  -> heartbeat, timeouts, supervisor -> emergencies
 //! ```
 
+pub mod angle;
 pub mod commissioning;
 mod counters;
 mod device;

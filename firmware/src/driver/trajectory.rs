@@ -17,12 +17,13 @@
 //! *Speed.* A target that is late leaves less than a period for its way. The reference is at most 1.5 times as fast as the
 //! course, and within 6080h, so that it comes later instead.
 
-/// Position and velocity of a reference. The position has double precision: at 6 rad and a slow motion, a step of a
-/// millisecond is below the resolution of `f32`.
+use super::angle::Angle;
+
+/// Position and velocity of a reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reference {
-    /// Position, rad.
-    pub position_rad: f64,
+    /// Position.
+    pub position: Angle,
     /// Velocity, rad/s.
     pub velocity_rad_s: f32,
 }
@@ -43,16 +44,16 @@ const REACHED_RAD: f32 = 1e-6;
 
 impl Reference {
     /// Creates a reference at rest.
-    pub const fn at(position_rad: f64) -> Self {
-        Self { position_rad, velocity_rad_s: 0.0 }
+    pub const fn at(position: Angle) -> Self {
+        Self { position, velocity_rad_s: 0.0 }
     }
 
     /// Moves the reference towards a target for a step of `dt` s. Returns true if it is there, at rest.
-    pub fn move_towards(&mut self, target_rad: f64, limits: &MoveLimits, dt: f32) -> bool {
-        let left_rad = (target_rad - self.position_rad) as f32;
+    pub fn move_towards(&mut self, target: Angle, limits: &MoveLimits, dt: f32) -> bool {
+        let left_rad = target - self.position;
         let slowing = limits.deceleration_rad_s2 * dt;
         if left_rad.abs() < REACHED_RAD && self.velocity_rad_s.abs() <= 2.0 * slowing {
-            *self = Self::at(target_rad);
+            *self = Self::at(target);
             return true;
         }
         // The largest speed from which steps of `slowing` end at the target.
@@ -68,7 +69,7 @@ impl Reference {
         };
         // The last steps before the target are shorter than a step of the deceleration.
         self.velocity_rad_s += change.clamp(-1.01 * most, 1.01 * most);
-        self.position_rad += f64::from(self.velocity_rad_s * dt);
+        self.position = self.position.plus(self.velocity_rad_s * dt);
         false
     }
 }
@@ -135,8 +136,8 @@ impl CourseClock {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Interpolation {
     reference: Reference,
-    /// The last target, rad, and where the reference goes: there, if it is not too far, with the velocity there.
-    target_rad: f64,
+    /// The last target, and where the reference goes: there, if it is not too far, with the velocity there.
+    target: Angle,
     to: Reference,
     /// Change of position from the target before to the last one, rad per period.
     last_rad: f32,
@@ -159,17 +160,17 @@ impl Interpolation {
 
     /// Starts at a reference, as if it were the last target.
     pub fn begin(reference: Reference) -> Self {
-        let target_rad = reference.position_rad;
-        Self { reference, target_rad, to: Reference::at(target_rad), ..Self::default() }
+        let target = reference.position;
+        Self { reference, target, to: Reference::at(target), ..Self::default() }
     }
 
     /// Sets a target, one interpolation period of `steps` of `dt` s after the last one. Returns false if it is too far for
     /// the speed: the reference then stops before it.
-    pub fn set_target(&mut self, target_rad: f64, steps: u32, speed_rad_s: f32, dt: f32) -> bool {
+    pub fn set_target(&mut self, target: Angle, steps: u32, speed_rad_s: f32, dt: f32) -> bool {
         let period = steps as f32;
-        let from_last_rad = (target_rad - self.target_rad) as f32;
+        let from_last_rad = target - self.target;
         let periods = self.clock.advance(period, from_last_rad / self.last_rad);
-        let wanted_rad = (target_rad - self.reference.position_rad) as f32;
+        let wanted_rad = target - self.reference.position;
         let most_rad = speed_rad_s * self.clock.left.max(1.0) * dt;
         let way_rad = wanted_rad.clamp(-most_rad, most_rad);
         let target_step_rad = from_last_rad / periods;
@@ -186,11 +187,8 @@ impl Interpolation {
         let most_rad = (Self::OVERTAKING * self.course_rad).max(catch_up_rad);
         self.speed_rad_s = (most_rad / dt).min(speed_rad_s);
         self.last_rad = target_step_rad;
-        self.target_rad = target_rad;
-        self.to = Reference {
-            position_rad: self.reference.position_rad + f64::from(way_rad),
-            velocity_rad_s,
-        };
+        self.target = target;
+        self.to = Reference { position: self.reference.position.plus(way_rad), velocity_rad_s };
         way_rad == wanted_rad
     }
 
@@ -200,14 +198,15 @@ impl Interpolation {
         self.clock.left -= 1.0;
         if left <= -self.clock.late_steps {
             self.last_rad = 0.0;
-            self.reference.move_towards(self.to.position_rad, late, dt);
+            self.reference.move_towards(self.to.position, late, dt);
             return self.reference;
         }
         let next = if left >= 1.5 { self.curve(left, dt) } else { self.line(left, dt) };
         // A late target leaves less time than its way needs. The reference then comes later.
         let (most, most_rad) = (self.speed_rad_s, self.speed_rad_s * dt);
-        let way_rad = (next.position_rad - self.reference.position_rad) as f32;
-        self.reference.position_rad += f64::from(way_rad.max(-most_rad).min(most_rad));
+        let way_rad = next.position - self.reference.position;
+        self.reference.position =
+            self.reference.position.plus(way_rad.max(-most_rad).min(most_rad));
         self.reference.velocity_rad_s = next.velocity_rad_s.max(-most).min(most);
         self.reference
     }
@@ -215,12 +214,12 @@ impl Interpolation {
     /// Returns the reference a step ahead on the cubic Hermite curve to the last target, due in `left` steps.
     fn curve(&self, left: f32, dt: f32) -> Reference {
         let (left_s, s) = (left * dt, 1.0 / left);
-        let way = (self.to.position_rad - self.reference.position_rad) as f32;
+        let way = self.to.position - self.reference.position;
         let (v0, v1) = (self.reference.velocity_rad_s * left_s, self.to.velocity_rad_s * left_s);
         // As a polynomial in s.
         let (c2, c3) = (3.0 * way - 2.0 * v0 - v1, v0 + v1 - 2.0 * way);
         Reference {
-            position_rad: self.reference.position_rad + f64::from(s * (v0 + s * (c2 + s * c3))),
+            position: self.reference.position.plus(s * (v0 + s * (c2 + s * c3))),
             velocity_rad_s: (v0 + s * (2.0 * c2 + s * 3.0 * c3)) / left_s,
         }
     }
@@ -232,7 +231,7 @@ impl Interpolation {
         let past_rad = velocity_rad_s * (1.0 - left) * dt;
         let change = (velocity_rad_s - self.reference.velocity_rad_s) / left.max(1.0);
         Reference {
-            position_rad: self.to.position_rad + f64::from(past_rad),
+            position: self.to.position.plus(past_rad),
             velocity_rad_s: self.reference.velocity_rad_s + change,
         }
     }

@@ -1,6 +1,7 @@
 //! The objects of a CiA 402 drive. [`profile`] has the state machine.
 
 use super::{CommandFrame, Device, FaultState, InputSource, JointState, Message};
+use crate::driver::angle::Angle;
 use crate::driver::profile::{self, DriveRequest, Homing, SetPoint, status};
 use crate::node::dictionary::HOMING_METHODS;
 use crate::node::sdo::Abort;
@@ -186,7 +187,7 @@ impl<F: NorFlash> Device<F> {
     /// Sets the present position as home. If the joint moves, the statusword reports that homing failed, and
     /// 2028h the reason.
     fn home_here(&mut self) {
-        let home_rad = -(f64::from(self.profile.home_offset_micro_rad) * 1e-6) as f32;
+        let home_rad = -Angle::from_micro_rad(self.profile.home_offset_micro_rad).rad();
         let homed = self.is_standing() && self.set_position(home_rad).is_ok();
         self.profile.homing = if homed { Homing::Attained } else { Homing::Failed };
         if !homed {
@@ -269,8 +270,8 @@ impl<F: NorFlash> Device<F> {
     }
 }
 
-/// Converts to millionths; the cast saturates and converts NaN to 0.
+/// Converts to millionths, whatever the unit; it saturates and converts NaN to 0.
 #[inline(never)]
 pub(super) fn micro(number: f32) -> i32 {
-    (f64::from(number) * 1e6) as i32
+    Angle::from_rad(number).micro_rad()
 }

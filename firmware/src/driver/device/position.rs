@@ -15,6 +15,7 @@
 use super::velocity::VelocityTarget;
 use super::{Device, InputSource};
 use crate::control::Setpoint;
+use crate::driver::angle::Angle;
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{self, Homing, SetPoint};
 use crate::driver::trajectory::{Interpolation, MoveLimits, Reference};
@@ -114,7 +115,7 @@ impl<F: NorFlash> Device<F> {
         let actual_rad = self.position_rad();
         if !self.position.has_begun {
             let velocity_rad_s = self.velocity.command().reference_rad_s;
-            let reference = Reference { position_rad: actual_rad.into(), velocity_rad_s };
+            let reference = Reference { position: Angle::from_rad(actual_rad), velocity_rad_s };
             self.position.reference = reference;
             self.position.interpolation = Interpolation::begin(reference);
             self.position.has_begun = true;
@@ -133,7 +134,7 @@ impl<F: NorFlash> Device<F> {
         }
         let reference = self.position.reference;
         // The report shows the joint at the end of the step before, where that step's reference was due.
-        let error_rad = (before.position_rad - f64::from(actual_rad)) as f32;
+        let error_rad = before.position - Angle::from_rad(actual_rad);
         self.watch_following(error_rad);
         let gain = self.settings.drive.position_gain as f32 * 1e-3;
         let most = self.max_speed_rad_s();
@@ -154,8 +155,8 @@ impl<F: NorFlash> Device<F> {
 
     /// Brings the reference to rest.
     fn slow_down(&mut self, limits: &MoveLimits) {
-        let at_rad = self.position.reference.position_rad;
-        self.position.reference.move_towards(at_rad, limits, REPORT_PERIOD_S);
+        let at = self.position.reference.position;
+        self.position.reference.move_towards(at, limits, REPORT_PERIOD_S);
     }
 
     fn step_pp(&mut self) {
@@ -167,14 +168,14 @@ impl<F: NorFlash> Device<F> {
         };
         let (window_rad, window_ms) =
             (drive.position_window as f32 * 1e-6, u32::from(drive.position_time_ms));
-        let at_rad = self.position.reference.position_rad;
-        let (target_rad, is_limited) = match self.profile.set_points.active_micro_rad {
+        let at = self.position.reference.position;
+        let (target, is_limited) = match self.profile.set_points.active_micro_rad {
             Some(target) => self.bounded_target(target),
-            None => (at_rad, false),
+            None => (at, false),
         };
         self.position.is_limited = is_limited;
-        let has_ended = self.position.reference.move_towards(target_rad, &limits, REPORT_PERIOD_S);
-        let error_rad = (target_rad - f64::from(self.position_rad())) as f32;
+        let has_ended = self.position.reference.move_towards(target, &limits, REPORT_PERIOD_S);
+        let error_rad = target - Angle::from_rad(self.position_rad());
         let is_near = has_ended && error_rad.abs() <= window_rad;
         let position = &mut self.position;
         position.reached_ms = if is_near { position.reached_ms.saturating_add(1) } else { 0 };
@@ -216,7 +217,7 @@ impl<F: NorFlash> Device<F> {
                 }
                 // The torque ends; the position at the stop is minus the offset.
                 self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
-                let home_rad = -(f64::from(self.profile.home_offset_micro_rad) * 1e-6) as f32;
+                let home_rad = -Angle::from_micro_rad(self.profile.home_offset_micro_rad).rad();
                 if self.set_position(home_rad).is_err() {
                     self.end_homing(Homing::Failed);
                 } else {
@@ -232,7 +233,8 @@ impl<F: NorFlash> Device<F> {
             HomingStep::Returns => {
                 let speed_rad_s = drive.homing_return_speed as f32 * 1e-6;
                 let limits = self.move_limits(drive.homing_acceleration, speed_rad_s);
-                if self.position.reference.move_towards(0.0, &limits, REPORT_PERIOD_S) {
+                if self.position.reference.move_towards(Angle::default(), &limits, REPORT_PERIOD_S)
+                {
                     self.end_homing(Homing::Attained);
                 }
                 None
@@ -290,29 +292,29 @@ impl<F: NorFlash> Device<F> {
         (ms > 0, ms > u32::from(self.settings.drive.following_time_ms))
     }
 
-    /// Returns the limits of 607Dh, rad, if they act.
-    fn position_limits(&self) -> Option<[f64; 2]> {
+    /// Returns the limits of 607Dh, if they act.
+    fn position_limits(&self) -> Option<[Angle; 2]> {
         let drive = &self.settings.drive;
         let is_known = self.settings.source == InputSource::Sensors
             && !self.current_loop.report().position_rad.is_nan()
             && self.profile.mode != profile::HOMING;
         (is_known && drive.position_min < drive.position_max)
-            .then(|| [drive.position_min, drive.position_max].map(from_micro))
+            .then(|| [drive.position_min, drive.position_max].map(Angle::from_micro_rad))
     }
 
-    /// Returns a target within the limits, rad, and whether they changed it.
-    fn bounded_target(&self, target_micro_rad: i32) -> (f64, bool) {
-        let wanted_rad = from_micro(target_micro_rad);
-        let Some([least, most]) = self.position_limits() else { return (wanted_rad, false) };
-        let bounded = wanted_rad.clamp(least, most);
-        (bounded, bounded != wanted_rad)
+    /// Returns a target within the limits, and whether they changed it.
+    fn bounded_target(&self, target_micro_rad: i32) -> (Angle, bool) {
+        let wanted = Angle::from_micro_rad(target_micro_rad);
+        let Some([least, most]) = self.position_limits() else { return (wanted, false) };
+        let bounded = wanted.max(least).min(most);
+        (bounded, bounded != wanted)
     }
 
     /// Returns the velocities, rad/s, between which the joint stops at its limits.
     fn velocity_bounds(&self) -> Option<[f32; 2]> {
         let [least, most] = self.position_limits()?;
-        let (at_rad, drive) =
-            (f64::from(self.current_loop.report().position_rad), &self.settings.drive);
+        let at = Angle::from_rad(self.current_loop.report().position_rad);
+        let drive = &self.settings.drive;
         let deceleration = drive.deceleration as f32 * 1e-6;
         let gain = drive.position_gain as f32 * 1e-3;
         let speed = |left_rad: f32| {
@@ -323,7 +325,7 @@ impl<F: NorFlash> Device<F> {
                 (gain * left_rad).max(-RETURN_RAD_S)
             }
         };
-        Some([-speed((at_rad - least) as f32), speed((most - at_rad) as f32)])
+        Some([-speed(at - least), speed(most - at)])
     }
 
     /// Returns a velocity within the limits, rad/s.
@@ -380,18 +382,17 @@ impl<F: NorFlash> Device<F> {
         {
             return;
         }
-        let (target_rad, is_limited) = self.bounded_target(target_micro_rad);
+        let (target, is_limited) = self.bounded_target(target_micro_rad);
         let steps = self.settings.drive.interpolation_ms();
         let speed = self.max_speed_rad_s();
-        let is_slow =
-            self.position.interpolation.set_target(target_rad, steps, speed, REPORT_PERIOD_S);
+        let is_slow = self.position.interpolation.set_target(target, steps, speed, REPORT_PERIOD_S);
         self.position.has_target = true;
         self.position.is_target_limited = is_limited || !is_slow;
     }
 
     /// Takes a set-point of mode 1.
     pub(super) fn take_set_point(&mut self) {
-        let at = (self.position.reference.position_rad * 1e6) as i32;
+        let at = self.position.reference.position.micro_rad();
         let target = self.profile.target_position_micro_rad;
         let (is_relative, at_once) = self.profile.set_point_kind();
         self.profile.set_points.take(target, is_relative, at_once, at);
@@ -401,20 +402,11 @@ impl<F: NorFlash> Device<F> {
     /// 6062h, 1e-6 rad.
     pub(in crate::driver) fn position_demand(&self) -> i32 {
         let begun = self.is_in_position_control() && self.position.has_begun;
-        if begun {
-            (self.position.reference.position_rad * 1e6) as i32
-        } else {
-            self.actual_position()
-        }
+        if begun { self.position.reference.position.micro_rad() } else { self.actual_position() }
     }
 
     /// 60F4h, 1e-6 rad.
     pub(in crate::driver) fn following_error(&self) -> i32 {
         super::drive::micro(self.position.error_rad)
     }
-}
-
-/// Converts from millionths.
-fn from_micro(number: i32) -> f64 {
-    f64::from(number) * 1e-6
 }

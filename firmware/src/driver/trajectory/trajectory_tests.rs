@@ -2,22 +2,30 @@
 
 use super::*;
 
+fn at(rad: f64) -> Angle {
+    Angle::from_micro_rad((1e6 * rad).round() as i32)
+}
+
+fn rad(reference: Reference) -> f64 {
+    1e-6 * f64::from(reference.position.micro_rad())
+}
+
 const DT: f32 = 1e-3;
 const LIMITS: MoveLimits =
     MoveLimits { speed_rad_s: 2.0, acceleration_rad_s2: 10.0, deceleration_rad_s2: 20.0 };
 
 /// Moves to a target; returns the time, s, and checks the limits in every step.
 fn travel(mut reference: Reference, target_rad: f64, may_overshoot: bool) -> f32 {
-    let way = target_rad - reference.position_rad;
+    let way = target_rad - rad(reference);
     for step in 0..20_000 {
         let before = reference;
-        if reference.move_towards(target_rad, &LIMITS, DT) {
+        if reference.move_towards(at(target_rad), &LIMITS, DT) {
             return step as f32 * DT;
         }
         let change = reference.velocity_rad_s - before.velocity_rad_s;
         assert!(change.abs() <= 1.02 * LIMITS.deceleration_rad_s2 * DT, "{before:?} {reference:?}");
         assert!(reference.velocity_rad_s.abs() <= LIMITS.speed_rad_s * 1.001);
-        let left = (target_rad - reference.position_rad) * way.signum();
+        let left = (target_rad - rad(reference)) * way.signum();
         assert!(may_overshoot || left > -1e-4, "{reference:?} beyond {target_rad}");
     }
     panic!("it does not arrive: {reference:?}");
@@ -27,28 +35,28 @@ fn travel(mut reference: Reference, target_rad: f64, may_overshoot: bool) -> f32
 fn move_takes_the_time_of_its_trapezoid() {
     // 0.2 s to 2 rad/s, 0.1 s from it: 0.3 rad; the rest at 2 rad/s.
     for (target_rad, expected_s) in [(2.0, 1.15), (-2.0, 1.15), (0.3, 0.3), (0.075, 0.15)] {
-        let found_s = travel(Reference::at(0.0), target_rad, false);
+        let found_s = travel(Reference::at(at(0.0)), target_rad, false);
         assert!((found_s - expected_s).abs() < 0.02, "{target_rad} rad: {found_s} s");
     }
-    assert_eq!(travel(Reference::at(0.5), 0.5, false), 0.0);
+    assert_eq!(travel(Reference::at(at(0.5)), 0.5, false), 0.0);
     // From a velocity that overshoots the target, it comes back.
-    travel(Reference { position_rad: 0.0, velocity_rad_s: 2.0 }, 0.05, true);
+    travel(Reference { position: at(0.0), velocity_rad_s: 2.0 }, 0.05, true);
 }
 
 #[test]
 fn interpolation_of_constant_acceleration_is_exact_one_period_later() {
     for steps in [1u32, 2, 10] {
         let course = |ms: u32| 2e-6 * f64::from(ms) * f64::from(ms);
-        let mut curve = Interpolation::begin(Reference::at(0.0));
+        let mut curve = Interpolation::begin(Reference::at(at(0.0)));
         let mut most = 0.0f64;
         for ms in 0..1000 {
             if ms % steps == 0 {
-                assert!(curve.set_target(course(ms), steps, 12.0, DT));
+                assert!(curve.set_target(at(course(ms)), steps, 12.0, DT));
             }
             let found = curve.step(&LIMITS, DT);
             if ms > 5 * steps {
                 let at = ms + 1 - steps;
-                most = most.max((found.position_rad - course(at)).abs());
+                most = most.max((rad(found) - course(at)).abs());
                 let velocity = 4.0 * at as f32 * DT;
                 assert!((found.velocity_rad_s - velocity).abs() < 0.02, "{found:?} {velocity}");
             }
@@ -59,9 +67,9 @@ fn interpolation_of_constant_acceleration_is_exact_one_period_later() {
 
 #[test]
 fn interpolation_without_new_targets_stops_at_the_last_one() {
-    let mut curve = Interpolation::begin(Reference::at(0.0));
+    let mut curve = Interpolation::begin(Reference::at(at(0.0)));
     for k in 1..=20 {
-        curve.set_target(0.02 * f64::from(k), 10, 12.0, DT);
+        curve.set_target(at(0.02 * f64::from(k)), 10, 12.0, DT);
         for _ in 0..10 {
             let _ = curve.step(&LIMITS, DT);
         }
@@ -72,18 +80,18 @@ fn interpolation_without_new_targets_stops_at_the_last_one() {
         assert!((now.velocity_rad_s - before.velocity_rad_s).abs() < 0.021);
         before = now;
     }
-    assert!((before.position_rad - 0.4).abs() < 1e-5 && before.velocity_rad_s == 0.0, "{before:?}");
+    assert!((rad(before) - 0.4).abs() < 1e-5 && before.velocity_rad_s == 0.0, "{before:?}");
 }
 
 #[test]
 fn interpolation_of_a_jump_is_limited_in_speed() {
-    let mut curve = Interpolation::begin(Reference::at(0.0));
-    assert!(!curve.set_target(1.0, 10, 2.0, DT));
+    let mut curve = Interpolation::begin(Reference::at(at(0.0)));
+    assert!(!curve.set_target(at(1.0), 10, 2.0, DT));
     let mut most = 0.0f32;
     for _ in 0..10 {
         most = most.max(curve.step(&LIMITS, DT).velocity_rad_s);
     }
-    let end_rad = curve.reference.position_rad;
+    let end_rad = rad(curve.reference);
     assert!((0.012..=0.02).contains(&end_rad) && most <= 2.0, "{end_rad} rad, {most} rad/s");
 }
 
@@ -92,17 +100,17 @@ fn interpolation_of_a_jump_is_limited_in_speed() {
 /// the course one period before, rad.
 fn follow(period: u32, steps: u32, mut arrivals: impl FnMut(u32) -> Vec<u32>) -> (f32, f64) {
     let course = |ms: f64| 0.5 * (1.0 - (core::f64::consts::PI * 1e-3 * ms).cos());
-    let mut curve = Interpolation::begin(Reference::at(0.0));
+    let mut curve = Interpolation::begin(Reference::at(at(0.0)));
     let (mut jump, mut far, mut before) = (0.0f32, 0.0f64, Reference::default());
     for step in 0..steps {
         for target in arrivals(step) {
-            curve.set_target(course(f64::from(target * period)), period, 12.0, DT);
+            curve.set_target(at(course(f64::from(target * period))), period, 12.0, DT);
         }
         let now = curve.step(&LIMITS, DT);
         if step > 100 {
             jump = jump.max((now.velocity_rad_s - before.velocity_rad_s).abs());
             let expected = course(f64::from(step + 1) - f64::from(period));
-            far = far.max((now.position_rad - expected).abs());
+            far = far.max((rad(now) - expected).abs());
         }
         before = now;
     }
@@ -232,24 +240,24 @@ fn interpolation_is_at_most_half_faster_than_its_course_and_arrives_at_its_end()
                 let fastest = slopes.fold(0.0, |most: f64, slope| most.max(slope.abs()));
                 let what = format!("period {period}, {name}, course {seed}");
                 let mut targets = arrivals(period, delivery).into_iter().peekable();
-                let mut curve = Interpolation::begin(Reference::at(0.0));
+                let mut curve = Interpolation::begin(Reference::at(at(0.0)));
                 let (mut most, mut end) = (0.0f64, 0.0);
                 for step in 0..6000 {
                     while let Some((k, _)) = targets.next_if(|(_, at)| *at <= step) {
                         end = on_line(&corners, 1e-3 * f64::from(k * period));
-                        curve.set_target(end, period, 12.0, DT);
+                        curve.set_target(at(end), period, 12.0, DT);
                     }
-                    let before = curve.reference.position_rad;
+                    let before = rad(curve.reference);
                     let now = curve.step(&LIMITS, DT);
                     if targets.peek().is_some() {
                         most = most.max(f64::from(now.velocity_rad_s.abs()));
-                        most = most.max((now.position_rad - before).abs() * 1e3);
+                        most = most.max((rad(now) - before).abs() * 1e3);
                     }
                 }
                 // The way past a lost target at a corner may count as that of one period.
                 let limit = if name.ends_with("lost") { 4.0 } else { 1.501 };
                 assert!(most <= limit * fastest, "{what}: {most} rad/s, course {fastest} rad/s");
-                let left_rad = (curve.reference.position_rad - end).abs();
+                let left_rad = (rad(curve.reference) - end).abs();
                 assert!(left_rad < 1e-5, "{what}: {left_rad} rad from its end");
             }
         }
