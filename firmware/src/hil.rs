@@ -78,6 +78,7 @@ struct NetworkSchedule<T: Real> {
 }
 
 impl<T: Real<Setting = f32>> SuppliedCompensator<T> {
+    #[inline(never)]
     fn build(
         configuration: &Configuration,
         network: Option<&JointNetwork>,

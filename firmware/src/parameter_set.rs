@@ -305,6 +305,7 @@ impl IdentifiedSet {
     }
 
     /// Copies another set, with its CRC if that is known.
+    #[inline(never)]
     pub fn copy_from(&mut self, from: &Self) {
         self.set.clone_from(&from.set);
         self.crc.clone_from(&from.crc);

@@ -235,6 +235,7 @@ impl Supervisor {
         }
     }
 
+    #[inline(never)]
     fn count(&mut self, code: Code) {
         if let Some(count) = self.counts.get_mut(code.index()) {
             *count = count.saturating_add(1);

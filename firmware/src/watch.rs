@@ -285,6 +285,7 @@ impl ResidualWatch {
 
     /// Returns whether the residual is in the band; `None` until the joint has slid for `memory_s`, unless the
     /// residual leaves the band earlier. The limit to return into the band is lower than the limit to leave it.
+    #[inline(never)]
     pub fn in_band(&self) -> Option<bool> {
         (self.windows >= self.settling || !self.in_band).then_some(self.in_band)
     }

@@ -56,6 +56,7 @@ pub struct Bristles<T> {
 
 impl<T: Real> Bristles<T> {
     /// Computes the coefficients for a sample period in s.
+    #[inline(never)]
     pub(super) fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self {
         let constant = T::Setting::from_f64;
         let setting = |id| written.values.get(id);

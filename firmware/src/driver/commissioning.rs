@@ -110,6 +110,7 @@ impl BlockSums {
         self.response_a += block.response_a.get(axis).copied().unwrap_or(0.0);
     }
 
+    #[inline(never)]
     fn mean(&self) -> Self {
         let share = 1.0 / self.blocks.max(1) as f32;
         Self {
@@ -150,6 +151,7 @@ pub struct Commissioning {
 }
 
 impl Default for Commissioning {
+    #[inline(never)]
     fn default() -> Self {
         Self {
             step: CommissioningStep::Idle,

@@ -177,6 +177,7 @@ const fn is_staged(at_index: u16) -> bool {
 }
 
 /// Appends a text; an empty one reads as a blank, because SDO cannot transfer an empty value.
+#[inline(never)]
 fn text(text: &str, value: &mut ValueBuffer) -> Result<(), Abort> {
     let text = if text.is_empty() { " " } else { text };
     value.extend_from_slice(text.as_bytes()).map_err(|_| Abort::Memory)

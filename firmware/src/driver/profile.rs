@@ -235,6 +235,7 @@ impl Profile {
     }
 
     /// Returns 60FFh limited to `+-most_rad_s`, and whether the limit is active.
+    #[inline(never)]
     pub fn target_rad_s(&self, most_rad_s: f32) -> (f32, bool) {
         let target_rad_s = self.target_micro_rad_s as f32 * 1e-6;
         let held = target_rad_s.max(-most_rad_s).min(most_rad_s);
@@ -242,6 +243,7 @@ impl Profile {
     }
 
     /// Returns the target torque limited by 6072h, as a share of the rated torque.
+    #[inline(never)]
     pub fn target_share(&self) -> f32 {
         let most = i32::from(self.max_permille.min(TORQUE_MAX_PERMILLE));
         i32::from(self.target_permille).clamp(-most, most) as f32 * 1e-3
@@ -336,6 +338,7 @@ impl Profile {
     }
 
     /// The stop has ended, and the bridge opens: the drive takes the state of the command.
+    #[inline(never)]
     pub fn end_stop(&mut self) {
         self.state = match self.state {
             State::Stopping(StopCause::Shutdown) => State::ReadyToSwitchOn,

@@ -322,6 +322,7 @@ impl Staging {
 }
 
 /// Returns the place of a value of motor, thresholds, watch or sensors in their common encoding, and its name.
+#[inline(never)]
 fn drive_value(at_index: u16, place: usize) -> Option<(usize, Text)> {
     const THRESHOLDS: usize = MotorParameters::FIELDS;
     const WATCH: usize = THRESHOLDS + Thresholds::FIELDS;

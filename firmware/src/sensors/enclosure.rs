@@ -78,6 +78,7 @@ pub fn assess(readings: &Readings, parameters: &SensorParameters) -> Findings {
 /// Returns the pressure in the housing, Pa, from which the pressure difference at the seal counts: the measured one, or
 /// `closed_pa` if none is measured or it is outside the range of the parameters. A sensor that is wrong must not move the
 /// compensation.
+#[inline(never)]
 pub fn inside_pa(air: &Air, parameters: &SensorParameters, closed_pa: f32) -> f32 {
     let range = parameters.housing_pressure_min_pa..=parameters.housing_pressure_max_pa;
     let is_sound = parameters.air_connected != 0.0 && range.contains(&air.pressure_pa);

@@ -109,6 +109,7 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
+#[inline(never)]
 fn copy_place(slot: &Range<u32>) -> Option<u32> {
     slot.end.checked_sub(COPY_BYTES as u32).filter(|at| *at >= slot.start)
 }

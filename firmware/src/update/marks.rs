@@ -107,6 +107,7 @@ pub fn state<F: NorFlash>(flash: &mut F, slot: &Slot) -> SlotState {
 }
 
 /// Returns the sequence number of the next update.
+#[inline(never)]
 pub fn next_sequence(states: [SlotState; 2]) -> u16 {
     let number = |state: &SlotState| match state {
         SlotState::Image(image) => image.sequence,
@@ -232,6 +233,7 @@ fn write<F: NorFlash>(
 }
 
 /// Returns a mark: kind, its inverse, sequence number, and the CRC-32 of these and the header's identity.
+#[inline(never)]
 fn emit(kind: Kind, sequence: u16, identity: u32) -> [u8; 8] {
     let [s0, s1] = sequence.to_le_bytes();
     let [i0, i1, i2, i3] = identity.to_le_bytes();

@@ -40,6 +40,7 @@ pub enum RequestError {
 
 impl RequestError {
     /// Returns its abort code.
+    #[inline(never)]
     pub const fn abort(self) -> Abort {
         match self {
             Self::NotReady | Self::Package(Refusal::NotCleared) => Abort::State,
@@ -142,6 +143,7 @@ impl Session {
 
     /// Returns true while a package is received or verified, or a restart is due soon. A transfer without access for
     /// [`SESSION_US`] counts as left.
+    #[inline(never)]
     pub const fn is_active(&self) -> bool {
         let is_left = self.now_us.saturating_sub(self.accessed_us) >= SESSION_US;
         self.restart_us.is_some() || self.receiver.is_busy() && !is_left
@@ -220,6 +222,7 @@ impl Session {
     }
 
     /// Returns CRC, version and [`OtherState`] of the image in the other slot; 0 if there is none.
+    #[inline(never)]
     pub fn other(&self) -> (u32, u32, OtherState) {
         let Some(image) = &self.other else { return (0, 0, OtherState::Empty) };
         let state = match image {

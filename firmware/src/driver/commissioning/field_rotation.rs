@@ -50,6 +50,7 @@ impl RotationWindow {
     }
 
     /// Returns the mean angle of the field less `signed` times the encoder.
+    #[inline(never)]
     pub fn apart(&self, signed: i64) -> u32 {
         let count = i64::from(self.blocks.max(1));
         let field = i64::from(self.begin.0) + self.sum.0 / count;
@@ -58,6 +59,7 @@ impl RotationWindow {
     }
 
     /// Returns the mean cosine and sine of the rotor's lag behind the field.
+    #[inline(never)]
     pub fn behind(&self) -> (f32, f32) {
         let share = 1.0 / self.blocks.max(1) as f32;
         (self.cosine * share, self.sine * share)

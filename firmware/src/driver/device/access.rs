@@ -39,6 +39,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns a new challenge.
+    #[inline(never)]
     pub(in crate::driver) fn challenge(&mut self) -> [u8; Key::RESPONSE_LENGTH] {
         self.lock.challenge(&self.settings.access, self.now_us)
     }

@@ -70,6 +70,7 @@ impl Default for Run {
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if commissioning controls the bridge.
+    #[inline(never)]
     pub(super) fn is_commissioning(&self) -> bool {
         self.is_measuring_motor() || self.is_friction_run()
     }
@@ -228,6 +229,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Ends a run for a reason; the caller disarms the joint.
+    #[inline(never)]
     pub(super) fn end_commissioning(&mut self, reason: AbortReason) {
         self.commissioning.run.end(reason);
         self.commissioning.friction.end(reason);

@@ -20,6 +20,7 @@ pub(super) struct Targets {
 
 impl<F: NorFlash> Device<F> {
     /// Returns the rated current, A, and torque, Nm, from the current limits.
+    #[inline(never)]
     pub(super) fn rated(&self) -> (f32, f32) {
         let (motor, joint) = (&self.set().motor, &self.set().friction.compensator);
         let current_a = motor.current_limit_a.min(joint.current_limit_a);

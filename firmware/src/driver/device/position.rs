@@ -101,6 +101,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the current limit of a step as a share of that of 6072h.
+    #[inline(never)]
     pub(super) fn torque_share(&self) -> f32 {
         match self.position.homing {
             HomingStep::Seeks { .. } if self.is_in_position_control() => {

@@ -83,6 +83,7 @@ impl ProgramState {
     }
 
     /// Returns object 1F56h: CRC-32 of the running image and of the one in the other slot; 0 if unknown.
+    #[inline(never)]
     pub(in crate::driver) fn crcs(&self) -> [u32; 2] {
         let other = self.session.as_ref().map_or(0, |session| session.other().0);
         [self.image.map_or(0, |image| image.header.crc), other]

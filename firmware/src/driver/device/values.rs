@@ -31,6 +31,7 @@ impl<F: NorFlash> Device<F> {
         Counters { sent: self.outbox.sent(), not_sent: self.outbox.lost(), ..self.counters }
     }
 
+    #[inline(never)]
     pub(in crate::driver) fn measured(&self) -> MeasuredObject {
         let received = self.samples.inputs();
         match self.settings.source {

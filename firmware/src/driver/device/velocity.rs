@@ -45,6 +45,7 @@ impl VelocityControl {
 
     /// Restarts the loop from the present velocity, rad/s, with the current that holds a load, A. The last command is
     /// kept until the next step.
+    #[inline(never)]
     pub(super) fn begin_loaded(&mut self, velocity_rad_s: f32, load_a: f32) {
         self.control = VelocityLoop::begin_loaded(velocity_rad_s, load_a);
     }
@@ -208,6 +209,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6080h: the value that a master wrote, or the motor speed at the joint's maximum speed.
+    #[inline(never)]
     pub(in crate::driver) fn max_motor_rpm(&self) -> u32 {
         let motor = &self.set().motor;
         let own = motor.velocity_max_rad_s * motor.gear_ratio * RPM;

@@ -101,6 +101,7 @@ impl DriveSettings {
     }
 
     /// Returns true if a stop may short the low sides.
+    #[inline(never)]
     pub fn has_short(&self) -> bool {
         [self.quick_stop_option, self.shutdown_option, self.disable_option, self.fault_option]
             .contains(&-1)

@@ -103,6 +103,7 @@ impl Mapping {
     }
 
     /// Returns the value at a sub-index of the mapping object: the count at 0, then the entries.
+    #[inline(never)]
     pub fn number(&self, sub_index: u8) -> Result<u32, Abort> {
         match sub_index.checked_sub(1) {
             None => Ok(self.count.into()),
