@@ -90,12 +90,27 @@ macro_rules! define_quantities {
                         outside_scale: $outside,
                         invalid: Flags::empty()$(.union(Flags::$invalid))?,
                         stale: Flags::empty()$(.union(Flags::$stale))?,
-                        column: {
-                            let column: [Option<u8>; 1] = [None];
-                            $(let column = [Some($column), column[0]];)?
-                            column[0]
-                        },
+                        column: Self::$quantity.column(),
                     } }),*
+                }
+            }
+
+            /// Returns the number of the column in records; `None` if no driver reads the quantity. As in
+            /// [`Quantity::info`], but without its texts in an image.
+            pub const fn column(self) -> Option<u8> {
+                match self {
+                    $(Self::$quantity => {
+                        let column: [Option<u8>; 1] = [None];
+                        $(let column = [Some($column), column[0]];)?
+                        column[0]
+                    })*
+                }
+            }
+
+            /// Returns the internal unit per unit, a constant of the number type.
+            pub fn inside_scale<T: Real>(self) -> T {
+                match self {
+                    $(Self::$quantity => T::from_f64($inside)),*
                 }
             }
 
@@ -267,7 +282,7 @@ impl Quantity {
     pub const MAX_COLUMN_NUMBER: u8 = {
         let (mut last, mut index) = (0, 0);
         while index < Self::ALL.len() {
-            if let Some(column) = Self::ALL[index].info().column
+            if let Some(column) = Self::ALL[index].column()
                 && column > last
             {
                 last = column;
@@ -279,7 +294,7 @@ impl Quantity {
 
     /// Returns the quantity with this column number of the lookup-table term.
     pub fn from_column_number(number: u8) -> Option<Self> {
-        Self::ALL.iter().copied().find(|quantity| quantity.info().column == Some(number))
+        Self::ALL.iter().copied().find(|quantity| quantity.column() == Some(number))
     }
 }
 

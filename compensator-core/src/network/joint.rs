@@ -34,7 +34,7 @@ impl InputSource {
             Self::Held => Some(Self::HELD),
             // A driver counts the hours itself, and no network is trained on them.
             Self::Of(Quantity::CampaignTime) => None,
-            Self::Of(quantity) => quantity.info().column,
+            Self::Of(quantity) => quantity.column(),
         }
     }
 

@@ -162,7 +162,7 @@ impl<T: Real> Term<T> for LookupTable<T> {
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let column = column_of(values.single(Id::LookupColumn));
-        let scale = T::Setting::from_f64(column.info().inside_scale);
+        let scale = column.inside_scale::<T::Setting>();
         let lower = values.get(Id::LookupLower) * scale;
         let span = values.get(Id::LookupUpper) * scale - lower;
         let number = |id| T::from_setting(values.get(id));

@@ -403,7 +403,7 @@ fn invalid_thresholds_are_refused_by_name() {
         (|t| t.bus_overvoltage_clear_v = 40.0, "bus_overvoltage_clear_v", Bound::MoreThan(40.0)),
         (|t| t.bridge_trip_c = 85.0, "bridge_trip_c", Bound::MoreThan(85.0)),
         (|t| t.motor_trip_c = 300.0, "motor_trip_c", Bound::AtMost(250.0)),
-        (|t| t.phase_check_a = 0.6, "phase_check_a", Bound::MoreThan(0.6_f32.into())),
+        (|t| t.phase_check_a = 0.6, "phase_check_a", Bound::MoreThan(0.6)),
         (|t| t.temperature_hysteresis_c = 0.0, "temperature_hysteresis_c", Bound::AtLeast(0.5)),
     ];
     let mut bench = Bench::armed();

@@ -252,14 +252,14 @@ fn parameters_out_of_range_are_refused_by_name() {
     assert_eq!(default.validate(), Ok(()));
     type Spoil = fn(&mut WatchParameters);
     let rows: [(Spoil, &str, Bound); 9] = [
-        (|p| p.band_nm = 0.0, "band_nm", Bound::AtLeast(1e-6_f32.into())),
+        (|p| p.band_nm = 0.0, "band_nm", Bound::AtLeast(1e-6)),
         (|p| p.band_nm = f32::NAN, "band_nm", Bound::Finite),
         (|p| p.tolerance = -0.1, "tolerance", Bound::AtLeast(0.0)),
         (|p| p.independent_s = 2.0, "independent_s", Bound::AtMost(1.0)),
         (|p| p.memory_s = f32::INFINITY, "memory_s", Bound::Finite),
-        (|p| p.memory_s = 0.1, "memory_s", Bound::AtLeast((20.0 * 0.01_f32).into())),
-        (|p| p.memory_s = 101.0, "memory_s", Bound::AtMost((1e4 * 0.01_f32).into())),
-        (|p| p.false_alarm_h = 0.05, "false_alarm_h", Bound::AtLeast((200.0_f32 / 3600.0).into())),
+        (|p| p.memory_s = 0.1, "memory_s", Bound::AtLeast(20.0 * 0.01)),
+        (|p| p.memory_s = 101.0, "memory_s", Bound::AtMost(1e4 * 0.01)),
+        (|p| p.false_alarm_h = 0.05, "false_alarm_h", Bound::AtLeast(200.0 / 3600.0)),
         (|p| p.least_velocity_rad_s = -1.0, "least_velocity_rad_s", Bound::AtLeast(0.0)),
     ];
     for (spoil, field, bound) in rows {
