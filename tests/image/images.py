@@ -35,7 +35,7 @@ def remapped_paths(root=ROOT, target_folder=TARGET_FOLDER):
     information contain the paths of its sources."""
     home = pathlib.Path(os.environ.get("CARGO_HOME", pathlib.Path.home() / ".cargo")).resolve()
     # Cargo names the folder of crates.io by a hash that is equal everywhere. Of several prefixes, rustc uses the last.
-    folders = {home: "/cargo", home / "registry/src/index.crates.io-1949cf8c6b5b557f": "/crates", root: "/source",
+    folders = {home: "/cargo", home / "registry/src/index.crates.io-1949cf8c6b5b557f": "", root: "/source",
                target_folder: "/target"}
     flags = [f"--remap-path-prefix={folder}={name}" for folder, name in folders.items()]
     return ["--config", f"target.{TARGET}.rustflags={json.dumps(flags)}"]
