@@ -94,7 +94,9 @@ impl NoteWriter<'_> {
         match part {
             Part::Text(text) => {
                 let end = text.floor_char_boundary(self.into.len() - self.length);
-                text.bytes().take(end).for_each(|letter| self.letter(letter));
+                let places = self.into.iter_mut().skip(self.length);
+                places.zip(text.as_bytes()).take(end).for_each(|(to, from)| *to = *from);
+                self.length += end;
             }
             Part::Decimal(number) => self.number(number, 10),
             Part::Hexadecimal(number) => {

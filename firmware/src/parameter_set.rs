@@ -15,6 +15,7 @@ use compensator_core::configuration::Configuration;
 use compensator_core::crc32::Crc32;
 use compensator_core::network::record as network_record;
 use compensator_core::network::{FactorSupplier, JointNetwork};
+use compensator_core::parameters::Text;
 use compensator_core::parameters::reason::Reason;
 use compensator_core::record::{self, RecordError};
 use compensator_core::refusal;
@@ -182,9 +183,10 @@ impl ParameterSet {
     /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`] and of the sign of the shunts, never 0. A joint stays commissioned if
     /// other parameters change.
     pub fn wiring_crc(&self) -> u32 {
+        const WIRING: [Text; 10] = Text::all(ParameterSet::WIRING_PARAMETERS);
         let mut digest = Crc32::new();
-        for (name, number) in MotorParameters::NAMES.iter().zip(self.motor.to_array()) {
-            if Self::WIRING_PARAMETERS.contains(name) {
+        for (name, number) in MotorParameters::TEXTS.iter().zip(self.motor.to_array()) {
+            if WIRING.contains(name) {
                 digest.update(&number.to_le_bytes());
             }
         }

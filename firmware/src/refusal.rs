@@ -9,7 +9,7 @@
 
 use crate::parameter_set::SetError;
 use crate::store::StoreError;
-use crate::supervisor::{ArmRefusal, Code};
+use crate::supervisor::ArmRefusal;
 use compensator_core::parameters::Text;
 use compensator_core::parameters::reason::{self, Names, Reason, WORDS};
 use compensator_core::refusal;
@@ -111,6 +111,17 @@ macro_rules! explained {
 
 explained!(ArmRefusal, SetError, StoreError);
 
+#[cfg(not(target_os = "none"))]
+fn name_of_code(number: u8) -> Option<&'static str> {
+    crate::supervisor::Code::from_number(number).map(|code| code.info().name)
+}
+
+/// A board prints no reasons.
+#[cfg(target_os = "none")]
+fn name_of_code(_: u8) -> Option<&'static str> {
+    None
+}
+
 /// The texts of this version.
 struct Table;
 
@@ -127,7 +138,7 @@ impl Names for Table {
             let name = if place == "conditions" {
                 CONDITIONS.get(bit as usize).copied()
             } else {
-                Code::from_number((first + bit) as u8).map(|code| code.info().name)
+                name_of_code((first + bit) as u8)
             };
             match name {
                 Some(name) => write!(f, " {name}")?,

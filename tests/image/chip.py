@@ -17,7 +17,7 @@ CONSTANTS = {0x4000_6400: 0x3214_1218, 0x4000_6404: 0x8765_4321}
 
 # Consecutive reads of one register after which it counts as polled.
 POLL_READS = 20
-MAX_INSTRUCTIONS = 5_000_000
+MAX_INSTRUCTIONS = 20_000_000
 
 
 class Chip:

@@ -14,7 +14,7 @@ macro_rules! signals {
 
             /// Returns the signal with this number.
             pub fn from_number(number: u8) -> Option<Self> {
-                Self::ALL.iter().any(|(known, _)| *known == number).then_some(Self(number))
+                [$($number),*].contains(&number).then_some(Self(number))
             }
 
             /// Returns the signal with this name.

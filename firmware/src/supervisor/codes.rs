@@ -55,7 +55,8 @@ pub enum Watched {
 pub struct CodeInfo {
     /// Number of the code: 1..=32 for faults, 33..=64 for limits.
     pub number: u8,
-    /// Name of the code.
+    /// Name of the code. A board has none: it sends the number.
+    #[cfg(not(target_os = "none"))]
     pub name: &'static str,
     /// Emergency error code.
     pub emergency: u16,
@@ -199,6 +200,7 @@ macro_rules! codes {
                 match self {
                     $(Code::$code => const { &CodeInfo {
                         number: $number,
+                        #[cfg(not(target_os = "none"))]
                         name: $name,
                         emergency: $emergency,
                         register: register::GENERIC $(| register::$bit)?,
