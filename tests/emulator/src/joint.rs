@@ -206,6 +206,8 @@ impl Drop for BoardDriver {
 pub struct BoardDriver {
     machine: Machine<JointWorld>,
     is_reset: bool,
+    /// It did not answer the last request of its state.
+    is_silent: bool,
     /// Time by which the machine is ahead of the rig, cycles: reading the state takes some.
     ahead: u64,
     frames: VecDeque<Frame>,
@@ -267,6 +269,7 @@ impl BoardDriver {
         let mut driver = Self {
             machine,
             is_reset: false,
+            is_silent: false,
             ahead: 0,
             frames: VecDeque::new(),
             last_state: [0; 3],
@@ -337,7 +340,10 @@ impl BoardDriver {
         if let Some(request) = request {
             self.receive(&request);
         }
-        for _ in 0..100 {
+        // A node that is stopped or bus off does not answer. Each wait for it would run the image ahead of the joint.
+        let slices = if self.is_silent { 1 } else { 100 };
+        let mut is_answered = false;
+        for _ in 0..slices {
             self.run(SLICE_CYCLES);
             self.ahead += SLICE_CYCLES;
             let answer = self.frames.iter().skip(before).position(|frame| {
@@ -347,12 +353,14 @@ impl BoardDriver {
                 let [.., a, b, c, d] = *frame.data() else { break };
                 let unused = 8 * u32::from(frame.data()[0] >> 2 & 3);
                 self.last_state[place] = u32::from_le_bytes([a, b, c, d]) & u32::MAX >> unused;
+                is_answered = true;
                 break;
             }
             if self.is_reset {
                 break;
             }
         }
+        self.is_silent = !is_answered;
         self.last_state[place]
     }
 }
@@ -423,7 +431,9 @@ impl RigDriver for BoardDriver {
     }
 
     fn is_armed(&mut self) -> bool {
-        self.read_state(STATE_ENTRY) == ARMED && !self.is_reset
+        let is_armed = self.read_state(STATE_ENTRY) == ARMED && !self.is_reset;
+        // What a silent node does is seen at its bridge.
+        is_armed && (!self.is_silent || self.machine.chip().timer1.is_main_output_enabled())
     }
 
     fn faults(&mut self) -> CodeSet {

@@ -175,8 +175,10 @@ def a_joint_is_fed_and_understood_with_the_database():
         equal(str(answers()["Status"]["VelocityInvalid"]), "yes")
 
 
-# What is another for a joint on its sensors, which is the EDS's, and for one in HIL: the source, and who says Motion and Torque.
-OF_SOURCE = {(0x2001, 1), (0x1404, 1), (0x1405, 1), (0x1803, 1), (0x1804, 1)}
+# What is another for a joint on its sensors, which is the EDS's, and for one in HIL: the source, who says Motion and
+# Torque, and at which SYNC a frame goes.
+OF_SOURCE = {(0x2001, 1), (0x1404, 1), (0x1405, 1), (0x1803, 1), (0x1804, 1),
+             *((0x1800 + number, 2) for number in range(6))}
 
 
 @test
