@@ -403,7 +403,7 @@ impl RigDriver for BoardDriver {
         let can = state.can;
         use firmware::supervisor::CanState;
         if can != CanState::Active {
-            chip.can.set_errors(can == CanState::Off, can == CanState::Passive);
+            chip.can.count_errors(can == CanState::Off);
         }
         if let Some(sync) = sync {
             self.receive(&sync);

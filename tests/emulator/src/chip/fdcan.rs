@@ -211,6 +211,14 @@ impl Fdcan {
         self.arriving.len()
     }
 
+    /// Makes the controller leave the bus, or become passive, by its count of errors: frames of others do not end it.
+    pub fn count_errors(&mut self, is_off: bool) {
+        /// More than the frames of a millisecond take off.
+        const MORE: u32 = 100;
+        self.errors[0] = if is_off { OFF_ABOVE } else { PASSIVE_ABOVE } + MORE;
+        self.show_errors();
+    }
+
     /// Sets the error state: bus-off, or passive.
     pub fn set_errors(&mut self, is_off: bool, is_passive: bool) {
         let place = PSR as usize / 4;
