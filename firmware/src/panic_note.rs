@@ -26,7 +26,7 @@ pub struct PanicNote {
 
 /// Part of the text of a note.
 ///
-/// The parts are written without the formatter of the standard library, which would add 3 kB to an image.
+/// The parts are written without the formatter of the standard library, which the image has for nothing else.
 #[derive(Clone, Copy, Debug)]
 pub enum Part<'a> {
     /// A text.

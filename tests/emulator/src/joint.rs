@@ -419,6 +419,9 @@ impl RigDriver for BoardDriver {
         if self.is_reset {
             self.stage_mut().run_driven(cycles as f64 / CORE_HZ as f64, None);
         }
+        // A late answer ends the silence.
+        let answer = 0x580 + u16::from(NODE.number());
+        self.is_silent &= self.frames.iter().all(|frame| frame.identifier() != answer);
         self.frames.drain(..).map(CanFrame::from).for_each(sent);
     }
 

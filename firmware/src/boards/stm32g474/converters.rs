@@ -1,6 +1,6 @@
 //! The converters: each converts a short sequence of channels at every trigger of a timer (RM0440, 21.4).
 //!
-//! All are set up by one function. That of the HAL is generic over the converter, and four copies of it take 3 kB.
+//! All are set up by one function. That of the HAL is generic over the converter, and four copies of it take 2.5 kB.
 
 use embassy_stm32::adc::AnyAdcChannel;
 use embassy_stm32::pac::adc::regs::Jsqr;
