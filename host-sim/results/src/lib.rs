@@ -6,7 +6,7 @@
 //! - [`provenance`]: the header comments of `params.toml`.
 //! - [`ranking`]: the candidates of a diagnosis and why they were rejected.
 //! - `page` and `diagnosis_page`: the HTML pages, built from the blocks of `report`.
-//! - `scope`: captures of a joint's current loop.
+//! - `scope`: captures of a joint's current loop. [`tune`]: the session that tunes a joint.
 //! - `rows`: every row of a log with the prediction of a model, as Parquet or CSV.
 //! - [`write_atomically`]: writes a file completely or not at all.
 
@@ -36,6 +36,7 @@ pub mod rows;
 pub mod scope;
 #[cfg(feature = "rows")]
 pub mod table_file;
+pub mod tune;
 mod write;
 
 pub use files::Files;

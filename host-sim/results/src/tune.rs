@@ -1,0 +1,254 @@
+//! Result files of `tune`: what was tried on a joint, what it gained, and what was not learnt.
+//!
+//! [`TuneReport`] has the plain values of a session. [`TuneReport::document`] is `tune.json`; the page `tune.html` and the table
+//! of the recorded rows have the same values.
+//!
+//! A *block* is one performance of the same motion with one of two parameter sets: A as the joint was, B as tried. Blocks
+//! are performed in the order A B B A, so that a drift of the joint does not favour either set.
+
+use serde::Serialize;
+
+/// What the session did with the joint.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TuneOutcome {
+    /// A gain was proven, and the new set is saved.
+    Saved,
+    /// The former set is back; the reason, as a sentence.
+    Returned(String),
+}
+
+/// A quantity of a block: smaller is better for all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TuneQuantity {
+    /// Largest position error after a reversal, mean over the reversals, rad.
+    ReversalError,
+    /// Root mean square of the position error, rad.
+    TrackingRms,
+    /// Root mean square of the current, A.
+    CurrentRms,
+    /// Time at rest where motion was demanded, s.
+    StuckTime,
+}
+
+impl TuneQuantity {
+    /// All quantities.
+    pub const ALL: [Self; 4] =
+        [Self::ReversalError, Self::TrackingRms, Self::CurrentRms, Self::StuckTime];
+
+    /// Returns the unit.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::ReversalError | Self::TrackingRms => "rad",
+            Self::CurrentRms => "A",
+            Self::StuckTime => "s",
+        }
+    }
+
+    /// Returns the name in words.
+    pub const fn in_words(self) -> &'static str {
+        match self {
+            Self::ReversalError => "error at reversals",
+            Self::TrackingRms => "tracking error",
+            Self::CurrentRms => "current",
+            Self::StuckTime => "time stuck",
+        }
+    }
+}
+
+/// The gain of a quantity: `1 - after / before`, paired over the blocks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TuneGain {
+    /// The quantity.
+    pub quantity: TuneQuantity,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Mean of the blocks with the former set.
+    pub before: f64,
+    /// Mean of the blocks with the new set.
+    pub after: f64,
+    /// The gain; negative if it is worse.
+    pub gain: f64,
+    /// 95 % confidence interval of the gain.
+    pub ci95: [f64; 2],
+}
+
+/// A motion that was performed to learn from it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TuneRound {
+    /// Name of the motion.
+    pub motion: String,
+    /// Duration, s.
+    pub seconds: f64,
+    /// Why it was chosen, as a sentence.
+    pub why: String,
+}
+
+/// A block of the trial.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TuneBlock {
+    /// True for the new set (B), false for the former one (A).
+    pub is_new: bool,
+    /// Values in the order of [`TuneQuantity::ALL`].
+    pub values: [f64; 4],
+}
+
+/// The comparison of both sets.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TuneTrial {
+    /// The blocks in the order of performance.
+    pub blocks: Vec<TuneBlock>,
+}
+
+impl TuneTrial {
+    /// Returns the order of the blocks, such as `ABBA`.
+    pub fn order(&self) -> String {
+        self.blocks.iter().map(|block| if block.is_new { 'B' } else { 'A' }).collect()
+    }
+}
+
+/// Demand and position over time of one performance of the motion of the trial.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TuneCourse {
+    /// Time from the start of the motion, s.
+    pub time_s: Vec<f64>,
+    /// Demanded position, rad.
+    pub demand_rad: Vec<f64>,
+    /// Measured position, rad.
+    pub position_rad: Vec<f64>,
+    /// Measured current, A.
+    pub current_a: Vec<f64>,
+}
+
+/// The loop gains and the margins for which they were chosen.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TuneLoop {
+    /// Inertia at the joint, kg m^2.
+    pub inertia_kg_m2: f64,
+    /// Delay from a measured velocity to the torque that answers it, observer included, s.
+    pub delay_s: f64,
+    /// First resonance of the mechanics, Hz; `None` if there is none below the measured frequencies.
+    pub resonance_hz: Option<f64>,
+    /// Standard deviation of the measured velocity at rest, rad/s.
+    pub velocity_noise_rad_s: f64,
+    /// Crossover of the velocity loop, Hz.
+    pub crossover_hz: f64,
+    /// Phase margin of the velocity loop, degrees.
+    pub phase_margin_deg: f64,
+    /// Gain margin of the velocity loop, dB.
+    pub gain_margin_db: f64,
+    /// Measured frequency response from current to velocity: frequency Hz, magnitude rad/s per A, phase degrees.
+    pub response: Vec<[f64; 3]>,
+}
+
+/// A parameter that the session changed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TuneParameter {
+    /// Name, as `params get` prints it.
+    pub name: String,
+    /// Former value, as text.
+    pub before: String,
+    /// New value, as text.
+    pub after: String,
+}
+
+/// The values of a session.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TuneReport {
+    /// The joint: bus and node.
+    pub joint: String,
+    /// True for a simulated joint.
+    pub is_simulated: bool,
+    /// Facts of the joint before the session: name and value.
+    pub identity: Vec<(String, String)>,
+    /// What happened to the parameters.
+    pub outcome: TuneOutcome,
+    /// Name of the first cause; `none` without one.
+    pub cause: String,
+    /// Its probability.
+    pub probability: f64,
+    /// The gains, in the order of [`TuneQuantity::ALL`]; empty if nothing was tried.
+    pub gains: Vec<TuneGain>,
+    /// The motions that were learnt from, in order.
+    pub rounds: Vec<TuneRound>,
+    /// What this joint and this session could not show, a sentence each.
+    pub not_learnt: Vec<String>,
+    /// The comparison of both sets.
+    pub trial: TuneTrial,
+    /// A performance with the former set, and one with the new set.
+    pub courses: [TuneCourse; 2],
+    /// The loop gains; `None` if they were not measured.
+    pub control: Option<TuneLoop>,
+    /// Changed parameters.
+    pub parameters: Vec<TuneParameter>,
+    /// Bound of the compensation torque, Nm, and of the bristle torque, Nm, of the tried set.
+    pub bounds_nm: [f64; 2],
+    /// Warnings, a sentence each.
+    pub warnings: Vec<String>,
+    /// Duration of the session on the bus, s.
+    pub seconds: f64,
+}
+
+/// `tune.json`, version 1.
+#[derive(Debug, Serialize)]
+pub struct TuneDocument<'a> {
+    schema: u8,
+    joint: &'a str,
+    simulated: bool,
+    saved: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    why_not: Option<&'a str>,
+    cause: &'a str,
+    probability: f64,
+    gains: &'a [TuneGain],
+    rounds: &'a [TuneRound],
+    not_learnt: &'a [String],
+    trial: TrialDocument,
+    control: Option<&'a TuneLoop>,
+    parameters: &'a [TuneParameter],
+    torque_bound_nm: f64,
+    state_bound_nm: f64,
+    warnings: &'a [String],
+    seconds: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct TrialDocument {
+    blocks: usize,
+    order: String,
+    values: Vec<TuneBlock>,
+}
+
+impl TuneReport {
+    /// Returns the session as the document `tune.json`.
+    pub fn document(&self) -> TuneDocument<'_> {
+        let why_not = match &self.outcome {
+            TuneOutcome::Saved => None,
+            TuneOutcome::Returned(why) => Some(why.as_str()),
+        };
+        let [torque_bound_nm, state_bound_nm] = self.bounds_nm;
+        TuneDocument {
+            schema: 1,
+            joint: &self.joint,
+            simulated: self.is_simulated,
+            saved: self.outcome == TuneOutcome::Saved,
+            why_not,
+            cause: &self.cause,
+            probability: self.probability,
+            gains: &self.gains,
+            rounds: &self.rounds,
+            not_learnt: &self.not_learnt,
+            trial: TrialDocument {
+                blocks: self.trial.blocks.len(),
+                order: self.trial.order(),
+                values: self.trial.blocks.clone(),
+            },
+            control: self.control.as_ref(),
+            parameters: &self.parameters,
+            torque_bound_nm,
+            state_bound_nm,
+            warnings: &self.warnings,
+            seconds: self.seconds,
+        }
+    }
+}
