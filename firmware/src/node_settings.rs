@@ -71,9 +71,17 @@ pub struct NodeSettings {
     pub proven: u32,
     /// Settings of the CiA 402 drive.
     pub drive: DriveSettings,
+    /// Record of the last tuning.
+    pub tuning: TuningRecord,
     /// Key and policy of the service level.
     pub access: AccessSettings,
 }
+
+/// Record of the last tuning: the words of 2043h:1 to 2043h:6. The driver uses [`SET_BEFORE`] alone, the rest is for tools.
+pub type TuningRecord = [u32; 6];
+
+/// Place of the CRC of the set before the tuning in a [`TuningRecord`].
+pub const SET_BEFORE: usize = 2;
 
 impl Default for NodeSettings {
     fn default() -> Self {
@@ -93,6 +101,7 @@ impl Default for NodeSettings {
             commissioned: 0,
             proven: 0,
             drive: DriveSettings::default(),
+            tuning: TuningRecord::default(),
             access: AccessSettings::default(),
         }
     }
@@ -146,11 +155,14 @@ impl Default for BusSettings {
 impl NodeSettings {
     /// Length of the encoded settings without those of drive and access, bytes.
     const HEAD: usize = 32;
-    /// Length of the encoded settings without those of the access, bytes.
+    /// Length of the encoded settings without those of tuning and access, bytes.
     const WITHOUT_ACCESS: usize = Self::HEAD + DriveSettings::LENGTH;
+    /// Length of the encoded settings without those of the tuning, bytes.
+    const WITHOUT_TUNING: usize = Self::WITHOUT_ACCESS + AccessSettings::LENGTH;
     /// Length of the encoded settings, bytes.
-    pub const LENGTH: usize = Self::WITHOUT_ACCESS + AccessSettings::LENGTH;
-    const VERSION: u8 = 5;
+    pub const LENGTH: usize = Self::WITHOUT_TUNING + size_of::<TuningRecord>();
+    const VERSION: u8 = 6;
+    const VERSION_WITHOUT_TUNING: u8 = 5;
     const VERSION_WITHOUT_ACCESS: u8 = 4;
     const VERSION_WITHOUT_DRIVE: u8 = 3;
 
@@ -159,7 +171,7 @@ impl NodeSettings {
         HilSetup { number: self.number, period_s: self.period_s, campaign_h: self.campaign_h }
     }
 
-    /// Returns the settings as bytes, little-endian: a version, the fields in order, then those of drive and
+    /// Returns the settings as bytes, little-endian: a version, the fields in order, then those of drive, tuning and
     /// access.
     pub fn emit(&self) -> [u8; Self::LENGTH] {
         let mut bytes = [0; Self::LENGTH];
@@ -200,14 +212,24 @@ impl NodeSettings {
         if let Some(place) = bytes.get_mut(Self::HEAD..Self::WITHOUT_ACCESS) {
             place.copy_from_slice(&self.drive.emit());
         }
+        let words = bytes.as_chunks_mut::<4>().0.iter_mut().skip(Self::WITHOUT_ACCESS / 4);
+        for (place, word) in words.zip(self.tuning) {
+            *place = word.to_le_bytes();
+        }
         bytes
     }
 
-    /// Returns what the joint keeps if its store is damaged: the begin of the encoded settings, with node number and bit
-    /// rates, and key and policy. Other versions read it, so that the places must stay.
+    /// Returns what the joint keeps if its store is damaged: node number and bit rates as at the begin of encoded
+    /// settings, and key and policy. Other versions read it, so that the places must stay. It contains nothing else,
+    /// because a save with another identity writes both slots, and the former set is lost.
     pub fn identity(&self) -> Identity {
         let mut identity = [0; IDENTITY_BYTES];
-        let bytes = self.emit().into_iter().take(BusSettings::BYTES).chain(self.access.emit());
+        let mut bus = [0; BusSettings::BYTES];
+        [bus[6], bus[7]] = self.bit_rate_kbit.to_le_bytes();
+        bus[0] = Self::VERSION_WITHOUT_DRIVE;
+        bus[1] = self.node.number();
+        bus[13] = (self.data_bit_rate_kbit / 1000) as u8;
+        let bytes = bus.into_iter().chain(self.access.emit());
         identity.iter_mut().zip(bytes).for_each(|(to, from)| *to = from);
         identity
     }
@@ -223,8 +245,13 @@ impl NodeSettings {
     /// Parses settings; `None` for another version or a value out of range.
     pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
         let access = AccessSettings::parse(bytes.last_chunk()?)?;
-        let settings = Self::parse_with_drive(bytes.first_chunk()?, Self::VERSION)?;
-        Some(Self { access, ..settings })
+        let mut settings = Self::parse_with_drive(bytes.first_chunk()?, Self::VERSION)?;
+        let words = bytes.as_chunks::<4>().0.iter().skip(Self::WITHOUT_ACCESS / 4);
+        for (place, word) in settings.tuning.iter_mut().zip(words) {
+            *place = u32::from_le_bytes(*word);
+        }
+        settings.access = access;
+        Some(settings)
     }
 
     /// Parses settings up to those of the drive.
@@ -236,6 +263,13 @@ impl NodeSettings {
     /// Parses settings of a version before some of today's were stored, which have their defaults. Returns the
     /// rest of the block, too.
     fn parse_older(block: &[u8]) -> Option<(Self, &[u8])> {
+        if let Some((bytes, set)) = block.split_first_chunk::<{ Self::WITHOUT_TUNING }>()
+            && let Some(access) = AccessSettings::parse(bytes.last_chunk()?)
+            && let Some(settings) =
+                Self::parse_with_drive(bytes.first_chunk()?, Self::VERSION_WITHOUT_TUNING)
+        {
+            return Some((Self { access, ..settings }, set));
+        }
         if let Some((bytes, set)) = block.split_first_chunk()
             && let Some(settings) = Self::parse_with_drive(bytes, Self::VERSION_WITHOUT_ACCESS)
         {
@@ -274,6 +308,7 @@ impl NodeSettings {
             commissioned: word(24)?,
             proven: word(28)?,
             drive,
+            tuning: TuningRecord::default(),
             access: AccessSettings::default(),
         };
         (version == expected_version && settings.validate().is_ok()).then_some(settings)
@@ -396,6 +431,7 @@ mod tests {
             commissioned: 0x1234_5678,
             proven: 0x8765_4321,
             drive: DriveSettings { quick_stop_option: -1, ..DriveSettings::default() },
+            tuning: [1, 2, 3, 4, 0xFFFF_FF9C, 6],
             access: AccessSettings { key: Key::new([7; 16]), is_locked: false },
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
@@ -414,6 +450,18 @@ mod tests {
         assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));
         block[2] = 2;
         assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
+    }
+
+    #[test]
+    fn parse_of_a_block_without_tuning_record_returns_an_empty_one() {
+        let access = AccessSettings { key: Key::new([7; 16]), is_locked: false };
+        let settings = NodeSettings { heartbeat_ms: 250, access, ..NodeSettings::default() };
+        let mut block = settings.emit()[..NodeSettings::WITHOUT_ACCESS].to_vec();
+        block[0] = NodeSettings::VERSION_WITHOUT_TUNING;
+        block.extend_from_slice(&access.emit());
+        block.extend_from_slice(&ParameterSet::default().emit());
+        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        assert_eq!(settings.tuning, [0; 6]);
     }
 
     #[test]

@@ -270,6 +270,23 @@ impl<F: NorFlash> Store<F> {
         if damaged { StoreHealth::Damaged } else { StoreHealth::Empty }
     }
 
+    /// Inspects both slots and copies the set before the newest into `into`. The two were saved one after the other.
+    ///
+    /// # Errors
+    /// [`LoadError::Empty`] if the other slot holds another set, or none that this firmware can read. `into` may then
+    /// hold undefined bytes.
+    pub fn load_former(&mut self, into: &mut [u8]) -> Result<LoadedSet, LoadError> {
+        self.inspect();
+        let (newest, last, _) = self.current().ok_or(LoadError::Empty)?;
+        let slot = 1 - newest;
+        match self.scan(slot, Payload::Copied(into)) {
+            SlotState::Whole { sequence, length } if last == sequence.wrapping_add(1) => {
+                Ok(LoadedSet { length, slot, sequence })
+            }
+            _ => Err(LoadError::Empty),
+        }
+    }
+
     /// Inspects both slots and copies the newest intact set into `into`. If reading fails during the copy,
     /// the other set is used.
     ///
@@ -330,6 +347,25 @@ impl<F: NorFlash> Store<F> {
             None => (usize::from(self.states[0] == SlotState::Damaged), 1),
         };
         self.write_both(slot, sequence, payload, identity)
+    }
+
+    /// Saves a set in the place of the newest one, so that the set before stays: after a power cut, a start finds one of
+    /// the three.
+    ///
+    /// # Errors
+    /// As [`Self::save`]. The newest set may be lost.
+    pub fn replace(
+        &mut self,
+        payload: &[u8],
+        identity: &Identity,
+    ) -> Result<SaveOutcome, StoreError> {
+        self.inspect();
+        match self.current() {
+            Some((slot, sequence, _)) if payload.len() <= self.max_payload_bytes() => {
+                self.write_both(slot, sequence.wrapping_add(1), payload, identity)
+            }
+            _ => self.save(payload, identity),
+        }
     }
 
     fn write_checked(

@@ -12,6 +12,7 @@ mod lss;
 mod memory;
 mod motor;
 mod network;
+mod parameter_trial;
 mod pdos;
 mod position;
 mod program;
@@ -53,7 +54,7 @@ use inputs::Samples;
 use memory::Memory;
 use motor::MotorObservation;
 use network::LiveNetwork;
-
+use parameter_trial::ParameterTrial;
 use pdos::Pdos;
 use seal_sensors::SealSensors;
 use stopping::Stopping;
@@ -124,6 +125,7 @@ pub struct Device<F> {
     pub(super) identity: Identity,
     pub(super) history: History,
     memory: Memory<F>,
+    trial: ParameterTrial,
     settings: NodeSettings,
     supervisor: Supervisor,
     outbox: Outbox,
@@ -255,6 +257,7 @@ impl<F: NorFlash> Device<F> {
         self.watch_stop();
         self.step_brake();
         self.watch_commissioning();
+        self.watch_trial(heartbeat_lost);
         self.watch_session();
         self.tick_program(now_us);
         self.current_loop.mark_report_seen();

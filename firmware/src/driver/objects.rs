@@ -35,8 +35,7 @@ impl<F: NorFlash> Objects for Device<F> {
         }
         self.check_level(entry.level)?;
         if !entry.is_written_armed && self.is_bridge_in_use() {
-            let why = text!("the joint is armed, and nothing is written then: disarm first");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.refuse_armed());
         }
         Ok(())
     }
@@ -224,6 +223,8 @@ impl<F: NorFlash> Device<F> {
             }
             index::SCOPE | index::SCOPE_SIGNALS => self.write_scope(at.index, at.subindex, number),
             index::ACCESS => self.write_access(at.subindex, value),
+            index::TRIAL => self.write_trial(at.subindex, number),
+            index::TUNING => self.write_tuning(at.subindex, number),
             index::COMMISSIONING => self.commission(number),
             index::COMMISSIONING_RUN => self.write_commissioning(at.subindex, number),
             index::STATE => match at.subindex {
@@ -306,6 +307,12 @@ impl<F: NorFlash> Device<F> {
         }
         changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.set_settings(changed)
+    }
+
+    /// Refuses a write because the bridge is in use.
+    pub(super) fn refuse_armed(&mut self) -> Abort {
+        let why = text!("the joint is armed, and nothing is written then: disarm first");
+        self.staging.refuse(Abort::State, why)
     }
 
     fn refuse_setting(&mut self, name: Text, legal: Text) -> Abort {

@@ -13,7 +13,8 @@
 //! parameters. The friction model is open, too, because the watches and limits of the service level bound it.
 //!
 //! *Armed* objects can be written while the joint is armed: a request to disarm, entries of a trace, inputs that also come
-//! in frames, a move between two set-points, limits within those of the parameters, and what controls nothing.
+//! in frames, a move between two set-points, limits within those of the parameters, the deadline and the end of a trial,
+//! and what controls nothing.
 
 mod entry;
 pub mod records;
@@ -38,7 +39,8 @@ use records::{
     EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject,
     InputsObject, InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject,
     OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject, ProgramObject, ScopeObject,
-    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject,
+    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, TrialObject, TuningObject,
+    WatchObject,
 };
 
 /// Structure of an object.
@@ -244,6 +246,8 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);
     0x2040 PROGRAM record("program", ProgramObject::ENTRIES);
     0x2041 ACCESS record("access", AccessObject::ENTRIES);
+    0x2042 TRIAL service(record("parameter_trial", TrialObject::ENTRIES));
+    0x2043 TUNING service(record("tuning_record", TuningObject::ENTRIES));
     0x6007 ABORT_CONNECTION service(variable("abort_connection_option_code", Integer16, ReadWrite));
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD armed(variable("controlword", Unsigned16, Input));

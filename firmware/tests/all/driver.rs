@@ -12,6 +12,7 @@ mod hostile;
 mod life;
 mod lss;
 mod network;
+mod parameter_trial;
 mod parameters;
 mod pdos;
 mod sensors;

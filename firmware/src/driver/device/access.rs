@@ -55,6 +55,9 @@ impl<F: NorFlash> Device<F> {
             _ => 1,
         };
         let (change, proof) = value.split_at_checked(length).ok_or(Abort::TooShort)?;
+        if length > 0 {
+            self.refuse_in_trial()?;
+        }
         self.check_proof(change, proof)?;
         match *change {
             [] => self.lock.unlock(self.now_us),

@@ -42,6 +42,7 @@ impl<F: NorFlash> Device<F> {
             identity,
             history: Default::default(),
             memory: Memory::new(flash, defaults),
+            trial: Default::default(),
             settings: defaults,
             supervisor: Supervisor::default(),
             outbox: Outbox::default(),
@@ -165,7 +166,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Builds the joint in HIL. Returns false if the set cannot be built for its period; there is no model then.
     #[inline(never)]
-    fn build_hil(&mut self) -> bool {
+    pub(super) fn build_hil(&mut self) -> bool {
         let (node, setup) = (self.settings.node, self.settings.hil_setup());
         let set = self.staging.active();
         let built = HilJoint::build(node, &set.friction, set.network.as_ref(), setup);

@@ -177,6 +177,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Checks the conditions of both runs.
     fn may_begin(&mut self) -> Result<(), Abort> {
+        self.finish_trial();
         if self.settings.source == InputSource::Bus {
             let why = text!("a joint in HIL drives no motor that could be measured (2001h:1)");
             return Err(self.staging.refuse(Abort::State, why));

@@ -28,8 +28,8 @@ impl<F: NorFlash> Device<F> {
                 self.send_lss(answer);
                 return false;
             }
-            // An armed joint has a master that relies on its number.
-            _ if self.is_armed() => REFUSED,
+            // An armed joint has a master that relies on its number, and so has a trial.
+            _ if self.is_armed() || self.trial.is_open() => REFUSED,
             // Without a number, nobody relies on it, and a tool cannot reach the objects of one joint.
             _ if !self.memory.is_blank() && !self.is_service() => REFUSED,
             LssAction::SetNode(number) => match NodeId::new(number) {

@@ -1,8 +1,18 @@
 //! The stored block of settings and parameters, and the defaults.
 
-use crate::node_settings::NodeSettings;
-use crate::store::{Identity, SaveOutcome, Store, StoreError};
+use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
+use crate::parameter_set::ParameterSet;
+use crate::store::{Identity, LoadError, SaveOutcome, Store, StoreError};
 use embedded_storage::nor_flash::NorFlash;
+
+/// A stored block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum StoredBlock {
+    /// The one that a start loads.
+    Newest,
+    /// The one that was saved before it.
+    Former,
+}
 
 /// The store, with what is known of its content.
 #[derive(Debug)]
@@ -14,11 +24,19 @@ pub(super) struct Memory<F> {
     is_blank: bool,
     /// Settings were stored since the start.
     is_stored: bool,
+    /// The former block is in use: the next save replaces the newest.
+    is_undone: bool,
 }
 
 impl<F: NorFlash> Memory<F> {
     pub(super) fn new(flash: F, defaults: NodeSettings) -> Self {
-        Self { store: Store::open(flash), defaults, is_blank: false, is_stored: false }
+        Self {
+            store: Store::open(flash),
+            defaults,
+            is_blank: false,
+            is_stored: false,
+            is_undone: false,
+        }
     }
 
     pub(super) const fn store(&self) -> &Store<F> {
@@ -61,6 +79,39 @@ impl<F: NorFlash> Memory<F> {
         self.is_stored = true;
     }
 
+    /// Reads the set of a stored block, and returns the settings beside it. If nothing is stored, the newest are the
+    /// defaults. `None` if the block is not intact or refused; the set is then undefined.
+    // Not inlined: the stack of the block is free again when the set is built.
+    #[inline(never)]
+    pub(super) fn recall(
+        &mut self,
+        from: StoredBlock,
+        set: &mut ParameterSet,
+    ) -> Option<NodeSettings> {
+        let mut block = [0; MAX_BLOCK_BYTES];
+        let loaded = match from {
+            StoredBlock::Newest => self.store.load(&mut block),
+            StoredBlock::Former => self.store.load_former(&mut block),
+        };
+        match loaded {
+            Ok(loaded) => {
+                let (settings, parameters) = split_block(block.get(..loaded.length)?).ok()?;
+                set.read(parameters).ok()?;
+                Some(settings)
+            }
+            Err(LoadError::Empty) if from == StoredBlock::Newest => {
+                *set = ParameterSet::default();
+                Some(self.defaults)
+            }
+            Err(_) => None,
+        }
+    }
+
+    /// Notes that the former block is in use.
+    pub(super) fn mark_undone(&mut self) {
+        self.is_undone = true;
+    }
+
     /// Stores a block, and the identity of its settings.
     ///
     /// # Errors
@@ -70,6 +121,12 @@ impl<F: NorFlash> Memory<F> {
         block: &[u8],
         identity: &Identity,
     ) -> Result<SaveOutcome, StoreError> {
-        self.store.save(block, identity)
+        let saved = if self.is_undone {
+            self.store.replace(block, identity)
+        } else {
+            self.store.save(block, identity)
+        };
+        self.is_undone &= saved.is_err();
+        saved
     }
 }

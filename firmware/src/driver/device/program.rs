@@ -131,6 +131,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Writes the next part of a package.
     pub(in crate::driver) fn write_program(&mut self, bytes: &[u8]) -> Result<(), Abort> {
+        self.refuse_in_trial()?;
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
         let written = session.write(self.memory.flash_mut(), bytes, self.now_us);
         written.map_err(|error| self.staging.refuse(error.abort(), error.text()))
@@ -138,6 +139,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Executes a command of object 1F51h.
     pub(in crate::driver) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
+        self.refuse_in_trial()?;
         if command == CLEAR && self.program.running == RunningState::Trial {
             // The other slot holds the only program that is known to work.
             let why = text!("this program is on trial: clear the other one after its confirmation");

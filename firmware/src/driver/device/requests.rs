@@ -68,6 +68,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn arm(&mut self) -> Result<(), Abort> {
+        self.finish_trial();
         if self.is_commissioning() {
             let why = text!(
                 "commissioning is running: wait until it has ended, or stop it (200Ch:1 = 0)"
@@ -129,14 +130,19 @@ impl<F: NorFlash> Device<F> {
         accepted.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.samples.set_hil(hil);
         self.staging.activate();
+        self.supervisor.set_parameter_source(ParameterSource::Set);
+        self.follow_set();
+        Ok(())
+    }
+
+    /// Makes all but the supervisor's thresholds and the joint in HIL follow the set that became active.
+    pub(super) fn follow_set(&mut self) {
         let set = self.staging.active();
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(set, &self.settings);
         self.compensation.reset();
-        self.supervisor.set_parameter_source(ParameterSource::Set);
         self.update_commissioned();
         self.current_loop.take_set();
-        Ok(())
     }
 
     /// Confirms that the joint is wired as its parameters say; `seen` is the CRC of these wiring parameters.
@@ -216,6 +222,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Stores a block that has these settings.
     fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
+        self.refuse_in_trial()?;
         let saved = self.memory.save(block, &settings.identity());
         self.supervisor.set_store_health(self.memory.store().health());
         match saved {
@@ -226,6 +233,6 @@ impl<F: NorFlash> Device<F> {
 }
 
 /// Returns the reason of faults that are still present.
-fn remaining(codes: CodeSet) -> Reason {
+pub(super) fn remaining(codes: CodeSet) -> Reason {
     refusal!("still present:{faults}{limits}", codes.fault_bits(), codes.limit_bits())
 }

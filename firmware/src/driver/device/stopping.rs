@@ -148,6 +148,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.
     pub(in crate::driver) fn stop_connection(&mut self) {
+        self.trial.lose_connection();
         if self.supervisor.is_stopping() {
             return;
         }

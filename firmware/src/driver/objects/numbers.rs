@@ -143,6 +143,8 @@ impl<F: NorFlash> Device<F> {
                 settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex)
             }
             index::PROGRAM => entry(&self.program.object().words(), place),
+            index::TRIAL => entry(&self.trial_object().words(), place),
+            index::TUNING => entry(&settings.tuning, place),
             index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {

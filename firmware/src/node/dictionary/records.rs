@@ -319,6 +319,29 @@ record! {
 }
 
 record! {
+    /// Trial of a parameter set: time to its deadline, order, state, and the CRC of the set that comes back.
+    TrialObject {
+        deadline_ms: Unsigned16, ReadWrite, DEADLINE [armed];
+        order: Unsigned8, WriteOnly, ORDER [armed];
+        state: Unsigned8, ReadOnly, STATE;
+        returning_crc: Unsigned32, ReadOnly, RETURNING_CRC;
+    }
+}
+
+record! {
+    /// Record of the last tuning, and the order to undo it.
+    TuningObject {
+        unix_time_s: Unsigned32, ReadWrite;
+        run: Unsigned32, ReadWrite;
+        set_before_crc: Unsigned32, ReadWrite;
+        tuned_set_crc: Unsigned32, ReadWrite;
+        gain_permille: Integer16, ReadWrite;
+        cause: Unsigned8, ReadWrite;
+        undo: Unsigned8, WriteOnly, UNDO;
+    }
+}
+
+record! {
     /// Output, delays and state of the holding brake.
     HoldingBrakeObject {
         output: Unsigned8, ReadWrite;

@@ -1,0 +1,268 @@
+//! The trial of a parameter set (2042h), and the record of the tuning (2043h).
+//!
+//! While a trial is open, the active set and the settings of the drive are those of the master, and nothing is saved. The
+//! master renews the deadline. Without it, after a fault or if the connection is lost, the joint stops and returns
+//! to what its flash holds. There is no other copy, so a trial begins only with the stored values in use, and a reset ends
+//! it by itself.
+
+use super::Device;
+use super::memory::StoredBlock;
+use super::requests::remaining;
+use crate::drive_settings::DriveSettings;
+use crate::driver::profile::stop::{StopCause, fault_cause};
+use crate::node::dictionary::records::{TrialObject, TuningObject};
+use crate::node::sdo::Abort;
+use crate::node_settings::{NodeSettings, SET_BEFORE, TuningRecord};
+use crate::parameter_set::ParameterSet;
+use crate::refusal::SettingError;
+use crate::store::StoreHealth;
+use crate::supervisor::{CanState, ParameterSource};
+use compensator_core::refusal;
+use compensator_core::text;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Orders of 2042h:2.
+const KEEP: u8 = 1;
+const RETURN: u8 = 2;
+/// Order of 2043h:7.
+const UNDO: u8 = 1;
+
+/// State of a trial, as 2042h:3 reports it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+enum TrialState {
+    /// None since the start.
+    #[default]
+    None = 0,
+    Open = 1,
+    Kept = 2,
+    /// Returned by request.
+    Requested = 3,
+    /// Returned because the deadline passed.
+    Expired = 4,
+    /// Returned after a fault.
+    Fault = 5,
+    /// Returned because the connection was lost or the network stopped.
+    ConnectionLost = 6,
+    /// The joint stops, then the stored values return.
+    Returning = 7,
+}
+
+/// The trial of a parameter set.
+#[derive(Debug, Default)]
+pub(super) struct ParameterTrial {
+    state: TrialState,
+    /// State after the return.
+    cause: TrialState,
+    deadline_us: u64,
+    /// CRC of the stored set.
+    stored_crc: u32,
+}
+
+impl ParameterTrial {
+    /// Returns true while what is in use may be that of a trial.
+    pub(super) const fn is_open(&self) -> bool {
+        matches!(self.state, TrialState::Open | TrialState::Returning)
+    }
+
+    fn end(&mut self, cause: TrialState) {
+        if self.state == TrialState::Open {
+            self.state = TrialState::Returning;
+            self.cause = cause;
+        }
+    }
+
+    /// Ends the trial because the network stops. The return follows when the bridge is not in use.
+    pub(super) fn lose_connection(&mut self) {
+        self.end(TrialState::ConnectionLost);
+    }
+}
+
+impl<F: NorFlash> Device<F> {
+    /// Returns the present values.
+    pub(in crate::driver) fn trial_object(&self) -> TrialObject {
+        let left_us = match self.trial.state {
+            TrialState::Open => self.trial.deadline_us.saturating_sub(self.now_us),
+            _ => 0,
+        };
+        TrialObject {
+            deadline_ms: (left_us as u32).div_ceil(1000),
+            order: 0,
+            state: self.trial.state as u32,
+            returning_crc: self.trial.stored_crc,
+        }
+    }
+
+    pub(in crate::driver) fn write_trial(&mut self, place: u8, number: u32) -> Result<(), Abort> {
+        if place == TrialObject::DEADLINE {
+            return self.open_trial(number as u16);
+        }
+        match (number as u8, self.trial.state) {
+            (KEEP, TrialState::Open) => self.trial.state = TrialState::Kept,
+            (RETURN, TrialState::Open) => self.end_trial(TrialState::Requested),
+            (RETURN, TrialState::Returning) => {}
+            (KEEP | RETURN, _) => {
+                let why = text!("no parameter set is on trial");
+                return Err(self.staging.refuse(Abort::State, why));
+            }
+            (order, _) => {
+                let why = refusal!("order = {u32}: must be 1 (keep) or 2 (return)", order);
+                return Err(self.staging.refuse(Abort::Value, why));
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens the trial, or renews it.
+    fn open_trial(&mut self, deadline_ms: u16) -> Result<(), Abort> {
+        if !(100..=60_000).contains(&deadline_ms) {
+            let error = SettingError { name: text!("deadline_ms"), legal: text!("100 to 60000") };
+            return Err(self.staging.refuse(Abort::Value, error));
+        }
+        if self.trial.state != TrialState::Open {
+            self.begin_trial()?;
+        }
+        self.trial.deadline_us = self.now_us.saturating_add(u64::from(deadline_ms) * 1000);
+        Ok(())
+    }
+
+    fn begin_trial(&mut self) -> Result<(), Abort> {
+        if self.is_bridge_in_use() {
+            return Err(self.refuse_armed());
+        }
+        self.finish_trial();
+        if let Some(why) = self.update_blocks_arming() {
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        let faults = self.supervisor.faults();
+        if !faults.is_empty() {
+            self.blocking = faults.fault_bits();
+            return Err(self.staging.refuse(Abort::State, remaining(faults)));
+        }
+        let (active_crc, _) = self.staging.crcs();
+        if self.stored() != Some((active_crc, self.settings.drive)) {
+            let why = text!(
+                "parameters or drive settings are not those in the flash: save them first (1010h:1)"
+            );
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        self.trial.state = TrialState::Open;
+        self.trial.stored_crc = active_crc;
+        Ok(())
+    }
+
+    /// Returns the CRC of the stored set, and the stored settings of the drive.
+    #[inline(never)]
+    fn stored(&mut self) -> Option<(u32, DriveSettings)> {
+        let mut set = ParameterSet::default();
+        let settings = self.memory.recall(StoredBlock::Newest, &mut set)?;
+        Some((set.crc(), settings.drive))
+    }
+
+    /// Refuses what would bring a trial into the flash, or interrupt it.
+    pub(super) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
+        if self.trial.is_open() {
+            let why = text!("a parameter set is on trial: keep it or return first (2042h:2)");
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        Ok(())
+    }
+
+    /// Ends the trial by its deadline, a fault or a lost connection. Called once per tick.
+    #[inline(never)]
+    pub(super) fn watch_trial(&mut self, heartbeat_lost: bool) {
+        let faults = self.supervisor.faults();
+        let has_fault = !faults.is_empty();
+        if heartbeat_lost
+            || self.can == CanState::Off
+            || has_fault && fault_cause(faults) == StopCause::ConnectionLost
+        {
+            self.end_trial(TrialState::ConnectionLost);
+        } else if has_fault {
+            self.end_trial(TrialState::Fault);
+        } else if self.now_us >= self.trial.deadline_us {
+            self.end_trial(TrialState::Expired);
+        }
+        self.finish_trial();
+    }
+
+    /// Stops the joint, as if its connection were lost, and returns to the stored values.
+    fn end_trial(&mut self, cause: TrialState) {
+        if self.trial.state != TrialState::Open {
+            return;
+        }
+        self.trial.end(cause);
+        if self.is_bridge_in_use() {
+            self.stop_connection();
+        }
+        self.finish_trial();
+    }
+
+    /// Returns to the stored values if a return is due and the bridge is not in use.
+    pub(super) fn finish_trial(&mut self) {
+        if self.trial.state != TrialState::Returning || self.is_bridge_in_use() {
+            return;
+        }
+        self.trial.state = self.trial.cause;
+        if self.adopt(StoredBlock::Newest, self.trial.stored_crc).is_some() {
+            if self.memory.store().health() == StoreHealth::Empty {
+                self.supervisor.set_parameter_source(ParameterSource::Default);
+            }
+            return;
+        }
+        // The flash has lost the set since the trial began: the defaults, as at a start.
+        let _ = self.staging.load(&[]);
+        self.settings.drive = self.memory.defaults().drive;
+        self.build_hil();
+        let _ = self.supervisor.configure(&self.staging.active().thresholds);
+        self.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
+        self.follow_set();
+    }
+
+    /// Makes a stored set active, with the settings of the drive beside it, if it has this CRC. Otherwise nothing changes
+    /// but the staged set. Returns the stored settings.
+    #[inline(never)]
+    fn adopt(&mut self, from: StoredBlock, crc: u32) -> Option<NodeSettings> {
+        let before = self.settings;
+        let found = self.memory.recall(from, self.staging.staged_mut());
+        let adopted = found.filter(|stored| {
+            let wiring = self.staging.staged().wiring_crc();
+            self.settings.drive = stored.drive;
+            // A confirmation of this wiring since the save stays.
+            if before.commissioned != wiring {
+                self.settings.commissioned = stored.commissioned;
+            }
+            if before.proven != wiring {
+                self.settings.proven = stored.proven;
+            }
+            self.commit(crc).is_ok()
+        });
+        self.supervisor.set_store_health(self.memory.store().health());
+        if adopted.is_none() {
+            self.settings = before;
+            self.staging.discard();
+        }
+        adopted
+    }
+
+    /// Writes the record of the tuning, or undoes it.
+    pub(in crate::driver) fn write_tuning(&mut self, place: u8, number: u32) -> Result<(), Abort> {
+        if place != TuningObject::UNDO {
+            let word = self.settings.tuning.get_mut(usize::from(place).wrapping_sub(1));
+            *word.ok_or(Abort::NoSubIndex)? = number;
+            return Ok(());
+        }
+        if number as u8 != UNDO {
+            let why = refusal!("undo = {u32}: must be 1", number as u8);
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.refuse_in_trial()?;
+        if self.adopt(StoredBlock::Former, self.settings.tuning[SET_BEFORE]).is_none() {
+            let why = text!("the flash does not hold the set from before the tuning (2043h:3)");
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        self.settings.tuning = TuningRecord::default();
+        self.memory.mark_undone();
+        Ok(())
+    }
+}
