@@ -20,6 +20,8 @@ mod identify_network;
 mod input;
 #[cfg(feature = "papers")]
 mod inside;
+mod interrupt;
+mod joint_on_bus;
 mod missing_feature;
 mod monitor;
 mod node;
@@ -36,6 +38,7 @@ mod sign;
 mod simulate;
 mod table;
 mod terminal;
+mod tune;
 #[cfg(feature = "update")]
 mod update;
 mod words;
@@ -81,6 +84,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Run a joint driver on this PC, connected to a CAN bus
     Node(node::NodeArguments),
+    /// Tune a joint over the bus: measure, diagnose, try new parameters, and save them only if the joint moves better
+    Tune(tune::TuneArguments),
     /// Read and write a joint driver's parameters
     Params(parameters::ParamsArguments),
     /// Show live data of a joint: velocity, friction, current, flags, model-in-band
@@ -150,6 +155,7 @@ pub fn run() -> ExitCode {
         #[cfg(not(feature = "update"))]
         Command::Sign(_) => Err(missing_feature::refusal("sign", "update")),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
+        Command::Tune(arguments) => tune::run(&arguments),
         #[cfg(feature = "update")]
         Command::Update(arguments) => done(update::run(&arguments)),
         #[cfg(not(feature = "update"))]

@@ -13,8 +13,8 @@
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod demo_joint;
-pub mod driver_file;
 #[cfg(feature = "cli")]
 mod moving_joint;
 
 pub use joint_rig::simulated;
+pub use joint_tuning::driver_file;

@@ -48,6 +48,24 @@ impl<S: Real<Setting = S>> Parameters<S> {
         }
     }
 
+    /// Returns the largest bristle torque and the largest friction torque, Nm, that a model with these parameters can have
+    /// within its envelope, for every input and every sample period up to this one, s. The parameters must be valid.
+    ///
+    /// The bristle torque of a step never exceeds the largest level, whatever the stiffness ([`crate::law`]).
+    ///
+    /// # Errors
+    /// Returns an error if the law refuses the period.
+    pub fn largest_torques_nm(&self, period_s: f32) -> Result<[f32; 2], ParameterError> {
+        let bounds = self.bounds();
+        let speed = self.envelope.velocity_max_rad_s;
+        let level = self.largest_level(&bounds);
+        let smallest_level = self.smallest_level(&bounds);
+        let range =
+            LawRange { period_s, speed, smallest_level, largest_level: level, bounds: &bounds };
+        let law_torque = self.law.check::<f32, S>(&self.law_parameters(), &range)?;
+        Ok([level, level + self.largest_viscous(&bounds) * speed + bounds.torque + law_torque])
+    }
+
     fn law_parameters(&self) -> LawParameters<'_, S> {
         LawParameters { values: &self.values, choices: self.choices, envelope: &self.envelope }
     }

@@ -9,7 +9,7 @@
 mod commission;
 mod friction_run;
 mod measure;
-mod names;
+
 mod network;
 mod status;
 
@@ -33,7 +33,7 @@ use joint_bus::joint::JointNode;
 use joint_bus::parameters::{read_set, read_staged, write_set};
 use joint_log::JointKind;
 use joint_rig::MotorNode;
-use names::{choices, differences, numbers, put, unknown};
+use joint_tuning::names::{choices, differences, numbers, put, unknown};
 use network::write_network;
 use serde_json::json;
 use std::path::{Path, PathBuf};

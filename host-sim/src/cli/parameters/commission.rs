@@ -5,7 +5,6 @@
 //! after they were shown and confirmed.
 
 use super::measure::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
-use super::names::{differences, numbers};
 use super::{Driver, sdo_message};
 use crate::cli::output::{pretty, print_text};
 use canopen_rs::Address;
@@ -13,6 +12,7 @@ use firmware::driver::commissioning::CommissioningStep;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject};
 use firmware::parameter_set::ParameterSet;
+use joint_tuning::names::{differences, numbers};
 use serde_json::json;
 
 /// Order that starts a measurement.

@@ -5,7 +5,7 @@
 
 // The module alone is included, because its crate takes minutes to build.
 #[allow(dead_code)]
-#[path = "../../../../host-sim/src/driver_file.rs"]
+#[path = "../../../../host-sim/tune/src/driver_file.rs"]
 mod driver_file;
 
 use compensator_core::record;

@@ -12,19 +12,19 @@ use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 
 /// Returns every choice of a set with its name.
-pub(super) fn choices(set: &ParameterSet) -> Vec<(String, bool)> {
+pub fn choices(set: &ParameterSet) -> Vec<(String, bool)> {
     let choices = set.friction.model.choices.to_array();
     Choices::NAMES.iter().zip(choices).map(|(name, on)| (format!("choices.{name}"), on)).collect()
 }
 
 /// Returns the name of the model: the law and its terms.
-pub(super) fn model_name(model: &Parameters<f32>) -> String {
+pub fn model_name(model: &Parameters<f32>) -> String {
     let terms = model.terms.iter().map(|term| term.name());
     terms.fold(model.law.name().to_owned(), |name, term| name + "+" + term)
 }
 
 /// Returns the CRC of the network as its name. Its weights cannot be set one by one.
-pub(super) fn network_name(set: &ParameterSet) -> String {
+pub fn network_name(set: &ParameterSet) -> String {
     let record = network_record::emit(set.network.as_ref());
     let crc = record.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc));
     set.network.as_ref().map_or("none".to_owned(), |_| format!("crc {crc:08x}"))
@@ -44,10 +44,7 @@ fn entries(set: &ParameterSet, used: &[ParameterId]) -> Vec<(String, String)> {
 
 /// Returns the name, first value and second value of each difference between two sets. Parameters that neither model uses
 /// are ignored.
-pub(super) fn differences(
-    first: &ParameterSet,
-    second: &ParameterSet,
-) -> Vec<(String, String, String)> {
+pub fn differences(first: &ParameterSet, second: &ParameterSet) -> Vec<(String, String, String)> {
     let models = [&first.friction.model, &second.friction.model];
     let used: Vec<ParameterId> = models.iter().flat_map(|model| model.active()).collect();
     let both = entries(first, &used).into_iter().zip(entries(second, &used));
@@ -56,7 +53,7 @@ pub(super) fn differences(
 }
 
 /// Returns every number of a set with its name.
-pub(super) fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
+pub fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
     let model = &set.friction.model;
     let own = ParameterId::ALL.iter().map(|id| (id.name().to_owned(), model.get(*id)));
     let mut all: Vec<(String, f32)> = own.collect();
@@ -76,7 +73,7 @@ pub(super) fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
 }
 
 /// Returns the error message for an unknown parameter, with up to five similar names.
-pub(super) fn unknown(name: &str, all: &[String]) -> String {
+pub fn unknown(name: &str, all: &[String]) -> String {
     let last = name.rsplit('.').next().unwrap_or(name);
     let near: Vec<&str> = all
         .iter()
@@ -92,7 +89,7 @@ pub(super) fn unknown(name: &str, all: &[String]) -> String {
 }
 
 /// Sets the model, a choice or a number of a set from text.
-pub(super) fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
+pub fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
     if name == "model" {
         let spec = friction_fit::spec::Spec::parse(value).map_err(|error| error.to_string())?;
         let mut model = spec.parameters().map_err(|error| error.to_string())?.convert::<f32>();

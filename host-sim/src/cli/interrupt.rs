@@ -1,0 +1,15 @@
+//! Ctrl-C and SIGTERM as a flag that a command asks for: it then ends what it does in order.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Returns a function that is true once the user has interrupted.
+///
+/// # Errors
+/// Returns one line if the signals cannot be caught.
+pub fn flag() -> Result<Box<dyn Fn() -> bool>, String> {
+    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
+        .map_err(|error| format!("Ctrl-C: {error}"))?;
+    Ok(Box::new(|| INTERRUPTED.load(Ordering::Relaxed)))
+}

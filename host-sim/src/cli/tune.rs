@@ -1,0 +1,175 @@
+//! `tune`: tunes a joint over the bus, and keeps new parameters only if they are proven to gain.
+
+use super::bus::BusArguments;
+use super::joint_on_bus::{JointArguments, Motion, start_hub};
+use super::output::{OutputArguments, print_message, print_text};
+use clap::Args;
+use friction_results::tune::TuneOutcome;
+use joint_bus::bus::BusName;
+use joint_log::JointKind;
+use joint_tuning::{
+    MotionLimits, Session, TuneOptions, TuneUser, driver_file, motion, trial_set, tune,
+};
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Arguments of `tune`.
+#[derive(Args)]
+pub struct TuneArguments {
+    /// Motion of the trial: a CSV file with time_s and position_rad [default: sines and a slow triangle through reversals]
+    #[arg(long, value_name = "FILE")]
+    motion: Option<PathBuf>,
+    /// Time on the bus, minutes
+    #[arg(long, value_name = "MIN", default_value = "5", value_parser = minutes)]
+    minutes: f64,
+    /// Do not ask before the joint moves
+    #[arg(long)]
+    yes: bool,
+    /// Bring back the parameters from before the last tuning, and save them
+    #[arg(long, conflicts_with_all = ["motion", "yes"])]
+    undo: bool,
+    #[command(flatten)]
+    joint: JointArguments,
+    #[command(flatten)]
+    limits: Motion,
+    #[command(flatten)]
+    bus: BusArguments,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| (1.0..=60.0).contains(number));
+    number.ok_or_else(|| "expected 1 to 60".to_owned())
+}
+
+/// The user at a terminal.
+struct Terminal {
+    yes: bool,
+    quiet: bool,
+}
+
+impl TuneUser for Terminal {
+    fn confirms(&mut self, what: &str) -> bool {
+        if self.yes {
+            if !self.quiet {
+                print_message(what);
+            }
+            return true;
+        }
+        if !std::io::stdin().is_terminal() {
+            print_message(&format!(
+                "{what} Standard input is not a terminal: use --yes to confirm"
+            ));
+            return false;
+        }
+        eprint!("{what} [y/N] ");
+        let _ = std::io::stderr().flush();
+        let mut answer = String::new();
+        let read = std::io::stdin().lock().read_line(&mut answer);
+        read.is_ok() && matches!(answer.trim(), "y" | "Y" | "yes")
+    }
+
+    fn progress(&mut self, line: &str) {
+        if !self.quiet {
+            print_message(line);
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &TuneArguments) -> Result<ExitCode, String> {
+    let limits = arguments.limits.limits();
+    let motion = arguments.motion.as_ref().map(|path| read_motion(path, &limits)).transpose()?;
+    let hub = start_hub(&arguments.bus, &arguments.joint)?;
+    let client = arguments.bus.client(arguments.bus.open(&hub)?)?;
+    let name = format!("node {} on {}", arguments.bus.node_id.number(), arguments.bus.bus);
+    if arguments.undo {
+        return undo(client, &name, arguments.output.json);
+    }
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let options = TuneOptions {
+        node: arguments.bus.node_id,
+        limits,
+        seconds: 60.0 * arguments.minutes,
+        motion,
+        seed: arguments.joint.seed(),
+        joint: name,
+        is_simulated: arguments.bus.bus == BusName::Loop,
+        now_s: now.as_secs(),
+    };
+    let interrupted = super::interrupt::flag()?;
+    let mut user =
+        Terminal { yes: arguments.yes || options.is_simulated, quiet: arguments.output.json };
+    let session =
+        tune(client, &options, interrupted, &mut user).map_err(|error| error.to_string())?;
+    write(&session, &arguments.output.of_command("tune"))?;
+    Ok(if session.is_saved() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Reads the motion of a file.
+pub(super) fn read_motion(path: &PathBuf, limits: &MotionLimits) -> Result<motion::Motion, String> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
+    motion::parse(&name, &text, limits)
+}
+
+fn undo(
+    mut client: joint_bus::canopen::Client<Box<dyn joint_bus::bus::Bus>>,
+    name: &str,
+    json: bool,
+) -> Result<ExitCode, String> {
+    let record = trial_set::record(&mut client).map_err(|error| error.to_string())?;
+    let Some(record) = record else {
+        return Err(format!("{name}: nothing to undo: its parameters are not those of a tuning"));
+    };
+    trial_set::undo(&mut client).map_err(|error| error.to_string())?;
+    let crc = format!("{:08x}", record.before_crc);
+    let text = if json {
+        serde_json::json!({"joint": name, "undone": true, "crc": crc}).to_string()
+    } else {
+        format!("{name}: the parameters from before the tuning are back and saved (crc {crc})")
+    };
+    print_text(&(text + "\n")).map(|()| ExitCode::SUCCESS)
+}
+
+/// Writes the files of a session, and prints its summary.
+fn write(session: &Session, output: &OutputArguments) -> Result<(), String> {
+    let before = driver_file::emit(&session.before.set, JointKind::Revolute);
+    let tried = session.tried.as_ref().map(|set| driver_file::emit(set, JointKind::Revolute));
+    let files = joint_tuning::results::files(session, &before, tried.as_deref())?;
+    let all: Vec<(&str, &[u8])> = files.all().collect();
+    output.finish(&all, &files.document.1, &summary(session))
+}
+
+/// Returns the result in words.
+fn summary(session: &Session) -> String {
+    let report = &session.report;
+    let mut text = match &report.outcome {
+        TuneOutcome::Saved => {
+            "The joint moves better, and the new parameters are saved.\n".to_owned()
+        }
+        TuneOutcome::Returned(why) => format!("The former parameters are active: {why}.\n"),
+    };
+    for gain in &report.gains {
+        let [low, high] = gain.ci95.map(|share| 100.0 * share);
+        text += &format!(
+            "  {}: {:.4} {} -> {:.4} {} ({:+.0} %, 95 % interval {:+.0} to {:+.0} %)\n",
+            gain.quantity.in_words(),
+            gain.before,
+            gain.unit,
+            gain.after,
+            gain.unit,
+            -100.0 * gain.gain,
+            -high,
+            -low
+        );
+    }
+    text += &format!("  cause: {}, probability {:.2}\n", report.cause, report.probability);
+    for line in report.not_learnt.iter().chain(&report.warnings) {
+        text += &format!("  not learnt: {line}\n");
+    }
+    text
+}

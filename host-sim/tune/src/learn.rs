@@ -1,0 +1,120 @@
+//! From recordings to a model: the diagnosis, the two hypotheses that are still open, and the set for the drive.
+
+use crate::recording::{Recording, table};
+use compensator_core::{ParameterId, Parameters, TermKind};
+use firmware::parameter_set::ParameterSet;
+use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, prepare};
+use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Outcome, Rows, identify_robustly};
+use joint_log::SplitRule;
+
+/// What the recordings show.
+#[derive(Debug)]
+pub struct Learnt {
+    /// The log as it was checked and split.
+    pub input: Prepared,
+    /// The diagnosis.
+    pub found: Diagnosis,
+}
+
+/// Diagnoses recordings. The torque is that of the motor, so inertia is a part of the base model.
+///
+/// # Errors
+/// One line, if the recordings cannot be read as a log or fitted.
+pub fn learn(recordings: &[Recording], seed: u64) -> Result<Learnt, Error> {
+    let options = PrepareOptions {
+        rigid_body: vec![TermKind::UnmodelledInertia],
+        split: SplitRule::LeaveOneRunOut,
+        seed,
+        ..PrepareOptions::default()
+    };
+    let input = prepare(&Source::Tables(vec![table(recordings)]), &options)?;
+    let question = DiagnosisOptions { seed, ..input.question() };
+    let found = diagnose(&input.data, &input.split, &question, &|_| {})?;
+    Ok(Learnt { input, found })
+}
+
+/// Probability above which a hypothesis counts as settled.
+const SETTLED: f64 = 0.9;
+
+impl Learnt {
+    /// Returns the name of the first cause, and its probability. Without a cause: `none`, and the probability that none of the
+    /// candidates is real.
+    pub fn cause(&self) -> (String, f64) {
+        match self.found.findings.first() {
+            Some(finding) => (finding.cause.name().to_owned(), finding.probability),
+            None => {
+                let most = self.found.candidates.iter().map(|own| own.probability);
+                ("none".to_owned(), 1.0 - most.fold(0.0, f64::max))
+            }
+        }
+    }
+
+    /// Returns the number of the first cause for the record in a drive: 0 for none, otherwise that of its term plus one.
+    pub fn cause_number(&self) -> u8 {
+        let term = self.found.findings.first().and_then(|own| own.cause.remedy().term());
+        term.map_or(0, |term| term as u8 + 1)
+    }
+
+    /// Returns true if the doubt about the first cause is below 10 %.
+    pub fn is_settled(&self) -> bool {
+        self.cause().1 >= SETTLED
+    }
+
+    /// Fits the two hypotheses that are still open: the extended model, and the base model with the most probable other
+    /// candidate, or without any. `None` if they do not differ.
+    pub fn open_hypotheses(&self) -> Option<[Outcome; 2]> {
+        let first = &self.found.extended;
+        let named: Vec<&str> = self.found.findings.iter().map(|own| own.cause.name()).collect();
+        let other = self.found.candidates.iter().filter(|own| !named.contains(&own.cause.name()));
+        let other = other.max_by(|a, b| a.probability.total_cmp(&b.probability));
+        let mut spec = Spec { terms: Vec::new(), ..self.found.baseline.spec.clone() };
+        if let Some(term) = other.and_then(|own| own.cause.remedy().term())
+            && !spec.law.includes(term)
+            && !spec.rigid_body.contains(&term)
+        {
+            spec.terms.push(term);
+        }
+        if spec.terms == first.spec.terms {
+            spec.terms.clear();
+        }
+        if spec.terms == first.spec.terms {
+            return None;
+        }
+        let second = self.fit(&spec)?;
+        Some([first.clone(), second])
+    }
+
+    fn fit(&self, spec: &Spec) -> Option<Outcome> {
+        let rows = Rows { tracks: &self.input.train, decimate: self.input.decimate };
+        let base = spec.parameters().ok()?;
+        let (test, loss) = (self.input.test_rows(), self.input.loss);
+        identify_robustly(loss, spec, &base, rows, test, &FitOptions::default()).ok()
+    }
+
+    /// Returns the inertia at the joint, kg m^2, if the recordings determine it.
+    pub fn inertia_kg_m2(&self) -> Option<f64> {
+        let model = &self.found.extended;
+        let estimate = model.estimates.iter().find(|own| own.id == ParameterId::Inertia)?;
+        let error = estimate.std_error?;
+        (estimate.value > 0.0 && error < 0.2 * estimate.value).then_some(estimate.value)
+    }
+
+    /// Returns a copy of the set with the learnt model. Inertia goes to the feed-forward of the velocity loop, and the other
+    /// parts to the compensator, at this scale.
+    pub fn set(&self, former: &ParameterSet, scale: f32) -> ParameterSet {
+        let driver = self.found.transferable_model().for_driver();
+        let mut set = former.clone();
+        set.network = None;
+        let mut model: Parameters<f32> = driver.parameters.convert();
+        model.terms.retain(|term| *term != TermKind::UnmodelledInertia);
+        set.friction.model = model;
+        set.friction.compensator.scale = scale;
+        if let Some(inertia) = self.inertia_kg_m2() {
+            set.motor.inertia_kg_m2 = inertia as f32;
+        }
+        set.watch.band_nm = (2.0 * self.found.after.metrics.rmse) as f32;
+        set
+    }
+}

@@ -1,0 +1,31 @@
+//! Tunes a joint over the bus, and proves that it moves better.
+//!
+//! ```text
+//! before     identity, limits, stop reactions, parameters         preflight
+//! baseline   the motion of the trial with the former set           motion, master, recording, score
+//! learn      motions that show what friction depends on            experiment, learn
+//!            the response from current to velocity                 frequency
+//! try        blocks A B B A with the former and the new set        trial_set, session
+//! save       on a proven gain; else the former set is back
+//! ```
+//! [`tune`] runs a session on any bus. The bus defines the time, so that a session in virtual time takes seconds. All moves go
+//! through [`Master`], which the command `move` uses too.
+
+pub mod driver_file;
+pub mod experiment;
+pub mod frequency;
+pub mod learn;
+pub mod master;
+pub mod motion;
+pub mod names;
+pub mod preflight;
+mod proof;
+pub mod recording;
+pub mod results;
+pub mod score;
+pub mod session;
+pub mod trial_set;
+
+pub use master::{Master, MasterError};
+pub use motion::{Motion, MotionLimits};
+pub use session::{Session, TuneError, TuneOptions, TuneUser, tune};

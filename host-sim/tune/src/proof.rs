@@ -1,0 +1,141 @@
+//! The decision about a new set: a gain is proven, or the former set returns.
+
+use crate::score::{Scored, gains};
+use friction_results::tune::{TuneGain, TuneQuantity};
+
+/// Least gain, at the lower end of its interval, for which parameters are changed. A smaller one may be the luck of a refit.
+const MIN_GAIN: f64 = 0.05;
+/// Loss, at the upper end of the interval, that counts as worse.
+const WORSE: f64 = -0.02;
+/// Largest proven increase of the current.
+const MAX_CURRENT_INCREASE: f64 = 0.1;
+/// Ratio of the swing at rest to that of the former set, and swing that is never too much, rad.
+const SWING_RATIO: f64 = 2.0;
+const SMALL_SWING_RAD: f64 = 5e-4;
+/// Ratio of the fast part of the current to that of the former set, and size that is never too much, A.
+const CURRENT_STEP_RATIO: f64 = 2.5;
+const SMALL_CURRENT_STEP_A: f64 = 0.15;
+
+/// The decision.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// The new set is proven to be better, and worse in nothing.
+    pub is_proven: bool,
+    /// Why not, as a sentence; empty if it is.
+    pub why: String,
+    /// The gains; empty if the trial was not completed.
+    pub gains: Vec<TuneGain>,
+}
+
+impl Verdict {
+    /// Returns the decision for the former set, without a completed trial.
+    pub fn returned(why: &str) -> Self {
+        Self { is_proven: false, why: why.to_owned(), gains: Vec::new() }
+    }
+
+    /// Returns the gain of the tracking error; 0 without a completed trial.
+    pub fn tracking_gain(&self) -> f64 {
+        let found = self.gains.iter().find(|own| own.quantity == TuneQuantity::TrackingRms);
+        found.map_or(0.0, |own| own.gain)
+    }
+}
+
+/// Returns the mean logarithm of both errors relative to those of the former set: negative is better.
+pub fn cost(former: &Scored, new: &Scored) -> f64 {
+    let ratio = |place: usize| (new.scores[place] / former.scores[place].max(1e-9)).max(1e-6).ln();
+    0.5 * (ratio(0) + ratio(1))
+}
+
+/// Returns why a block oscillates, compared with one of the former set.
+pub fn oscillates(former: &Scored, new: &Scored) -> Option<String> {
+    let (old, own) = (&former.health, &new.health);
+    let swing = (SWING_RATIO * old.swing_rad).max(SMALL_SWING_RAD);
+    if own.swing_rad > swing {
+        return Some(format!(
+            "the joint swings by {:.4} rad at rest with the new set, and by {:.4} rad with the former one",
+            own.swing_rad, old.swing_rad
+        ));
+    }
+    let step = (CURRENT_STEP_RATIO * old.current_step_a).max(SMALL_CURRENT_STEP_A);
+    (own.current_step_a > step).then(|| {
+        format!(
+            "the current is rough with the new set: {:.3} A from millisecond to millisecond, {:.3} A with the former one",
+            own.current_step_a, old.current_step_a
+        )
+    })
+}
+
+/// Decides from pairs of blocks: former set, new set.
+pub fn verdict(pairs: &[[Scored; 2]], seed: u64) -> Verdict {
+    let gains = gains(pairs, seed);
+    let of = |quantity: TuneQuantity| gains.iter().find(|own| own.quantity == quantity);
+    let errors = [TuneQuantity::ReversalError, TuneQuantity::TrackingRms];
+    let worse = errors.iter().filter_map(|own| of(*own)).find(|own| own.ci95[1] < WORSE);
+    let current = of(TuneQuantity::CurrentRms).filter(|own| own.ci95[1] < -MAX_CURRENT_INCREASE);
+    let stuck = of(TuneQuantity::StuckTime).filter(|own| own.ci95[1] < WORSE && own.after > 0.05);
+    let why = if let Some(own) = worse.or(current).or(stuck) {
+        format!(
+            "the {} is worse by {:.0} % (95 % interval {:.0} to {:.0} %)",
+            own.quantity.in_words(),
+            -100.0 * own.gain,
+            -100.0 * own.ci95[1],
+            -100.0 * own.ci95[0]
+        )
+    } else if errors.iter().filter_map(|own| of(*own)).any(|own| own.ci95[0] > MIN_GAIN) {
+        String::new()
+    } else {
+        let best = errors
+            .iter()
+            .filter_map(|own| of(*own))
+            .fold(f64::NEG_INFINITY, |a, b| a.max(b.ci95[0]));
+        format!(
+            "no gain is proven: of the two errors, the larger lower bound of the gain is {:.0} %, and {:.0} % is required",
+            100.0 * best,
+            100.0 * MIN_GAIN
+        )
+    };
+    Verdict { is_proven: why.is_empty(), why, gains }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::Health;
+
+    fn pairs(former: [f64; 4], new: [f64; 4]) -> Vec<[Scored; 2]> {
+        let scored = |scores: [f64; 4], share: f64| Scored {
+            scores: scores.map(|value| value * share),
+            health: Health::default(),
+        };
+        [1.0, 1.02, 0.99, 1.01]
+            .iter()
+            .map(|share| [scored(former, *share), scored(new, 2.0 - share)])
+            .collect()
+    }
+
+    #[test]
+    fn verdict_needs_a_gain_and_nothing_worse() {
+        let former = [1.0, 1.0, 1.0, 0.0];
+        assert!(verdict(&pairs(former, [0.5, 0.6, 1.0, 0.0]), 1).is_proven);
+        for (new, expected) in [
+            ([0.97, 0.98, 1.0, 0.0], "no gain is proven"),
+            ([0.5, 1.2, 1.0, 0.0], "the tracking error is worse by 20 %"),
+            ([0.5, 0.6, 1.4, 0.0], "the current is worse by 40 %"),
+        ] {
+            let refused = verdict(&pairs(former, new), 1);
+            assert!(!refused.is_proven && refused.why.starts_with(expected), "{}", refused.why);
+        }
+    }
+
+    #[test]
+    fn oscillation_is_measured_against_the_former_set() {
+        let scored = |swing_rad: f64, current_step_a: f64| Scored {
+            scores: [1.0; 4],
+            health: Health { swing_rad, current_step_a, worst_error_rad: 0.0 },
+        };
+        let calm = scored(0.001, 0.1);
+        assert_eq!(oscillates(&calm, &scored(0.0018, 0.2)), None);
+        assert!(oscillates(&calm, &scored(0.003, 0.1)).is_some_and(|why| why.contains("swings")));
+        assert!(oscillates(&calm, &scored(0.001, 0.4)).is_some_and(|why| why.contains("rough")));
+    }
+}

@@ -1,0 +1,198 @@
+//! A parameter set on trial: the drive itself returns to its stored set if the host does not renew the trial in time.
+//!
+//! The set is committed as any other, but it is in RAM only. A fault, a lost connection, a reset and a passed deadline end the
+//! trial on the drive, without the host.
+
+use crate::master::{Master, MasterError, TRIAL_DEADLINE_MS};
+use canopen_rs::Address;
+use firmware::node::dictionary::SAVE_SIGNATURE;
+use firmware::parameter_set::ParameterSet;
+use joint_bus::bus::Bus;
+use joint_bus::canopen::{Client, SdoError};
+use joint_bus::parameters::{ParametersError, write_set};
+
+/// Object of the trial.
+pub const TRIAL: u16 = 0x2042;
+/// Entry with the time to the deadline, ms; a write opens or renews the trial.
+pub const DEADLINE: u8 = 1;
+/// Entry that ends the trial: 1 keeps what is active, 2 returns to the stored set.
+const END: u8 = 2;
+/// Entry with the state.
+const STATE: u8 = 3;
+
+/// State of a trial that is open.
+const OPEN: u32 = 1;
+/// State of a joint that still stops before the stored set returns.
+const RETURNING: u32 = 7;
+/// Longest time until the stored set is back, ns.
+const RETURN_NS: u64 = 12_000_000_000;
+
+/// Reason why a set is not on trial; one line.
+#[derive(Debug, thiserror::Error)]
+pub enum TrialError {
+    /// The set or its drive was refused.
+    #[error(transparent)]
+    Parameters(#[from] ParametersError),
+    /// Error of the master.
+    #[error(transparent)]
+    Master(#[from] MasterError),
+    /// The drive has ended the trial.
+    #[error("the drive has returned to its stored parameters: {0}")]
+    Returned(&'static str),
+}
+
+impl From<SdoError> for TrialError {
+    fn from(error: SdoError) -> Self {
+        Self::Parameters(error.into())
+    }
+}
+
+/// A set with the gain of the position loop that belongs to it.
+#[derive(Clone, Debug)]
+pub struct TunedSet {
+    /// The parameters.
+    pub set: ParameterSet,
+    /// Gain of the position loop (60FBh:1), 1e-3 1/s.
+    pub position_gain: u32,
+}
+
+/// Opens a trial. The joint must be disarmed, and its active set the stored one.
+///
+/// # Errors
+/// The drive refuses it, with its reason.
+pub fn open<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
+    let at = Address::new(TRIAL, DEADLINE);
+    // Longer than a change of the set takes on a slow bus; the next renewal shortens it.
+    master.client().write(at, &(5 * TRIAL_DEADLINE_MS).to_le_bytes())?;
+    master.renew_trial(true);
+    Ok(())
+}
+
+/// Makes a set the active one while the trial is open. The joint must be disarmed.
+///
+/// # Errors
+/// The drive refuses the set or has ended the trial.
+pub fn apply<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), TrialError> {
+    let at = Address::new(TRIAL, DEADLINE);
+    master.client().write(at, &(5 * TRIAL_DEADLINE_MS).to_le_bytes())?;
+    write_set(master.client(), &tuned.set)?;
+    let gain = tuned.position_gain.to_le_bytes();
+    let place = Address::new(firmware::node::dictionary::index::POSITION_LOOP, 1);
+    master.client().write(place, &gain)?;
+    match master.client().read_number(Address::new(TRIAL, STATE))? {
+        OPEN => Ok(()),
+        state => Err(TrialError::Returned(reason(state))),
+    }
+}
+
+/// Ends the trial and keeps the active set, which is then still in RAM only.
+///
+/// # Errors
+/// The drive has ended the trial before, or does not answer.
+pub fn keep<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
+    master.renew_trial(false);
+    Ok(master.client().write(Address::new(TRIAL, END), &[1])?)
+}
+
+/// Ends the trial, and waits until the stored set is active again. Does nothing if no trial is open.
+///
+/// # Errors
+/// The drive does not answer, or still has another set after some seconds.
+pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
+    master.renew_trial(false);
+    let state = Address::new(TRIAL, STATE);
+    if master.client().read_number(state)? == OPEN {
+        master.client().write(Address::new(TRIAL, END), &[2])?;
+    }
+    let until_ns = master.client().bus().now_ns() + RETURN_NS;
+    loop {
+        match master.client().read_number(state)? {
+            OPEN | RETURNING if master.client().bus().now_ns() < until_ns => {
+                let next_ns = master.client().bus().now_ns() + 20_000_000;
+                while master.client().bus().receive(next_ns).map_err(MasterError::from)?.is_some() {
+                }
+            }
+            OPEN | RETURNING => return Err(TrialError::Returned("not yet: the joint still moves")),
+            _ => return Ok(()),
+        }
+    }
+}
+
+/// Returns why a trial has ended.
+const fn reason(state: u32) -> &'static str {
+    match state {
+        0 => "no trial is open",
+        2 => "it was kept",
+        3 => "as requested",
+        4 => "the host was late",
+        5 => "a fault",
+        6 => "the connection was lost",
+        RETURNING => "the joint still stops",
+        _ => "for a reason of another firmware",
+    }
+}
+
+/// Object of the record of the last tuning.
+const RECORD: u16 = 0x2043;
+
+/// The record of a tuning, in the flash of the joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Unix time, s.
+    pub time_s: u32,
+    /// Identity of the recorded runs: the first bytes of their hash.
+    pub runs: u32,
+    /// CRC of the former set.
+    pub before_crc: u32,
+    /// CRC of the tuned set.
+    pub tuned_crc: u32,
+    /// Gain of the tracking error, thousandths.
+    pub gain_permille: i16,
+    /// Number of the cause: 0 for none, otherwise that of its term plus one.
+    pub cause: u8,
+}
+
+/// Writes the record and stores it with the active set.
+///
+/// # Errors
+/// The joint refuses or does not answer.
+pub fn save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<(), TrialError> {
+    let client = master.client();
+    let words = [record.time_s, record.runs, record.before_crc, record.tuned_crc];
+    for (place, word) in (1u8..).zip(words) {
+        client.write(Address::new(RECORD, place), &word.to_le_bytes())?;
+    }
+    client.write(Address::new(RECORD, 5), &record.gain_permille.to_le_bytes())?;
+    client.write(Address::new(RECORD, 6), &[record.cause])?;
+    let store = Address::new(firmware::node::dictionary::index::STORE, 1);
+    Ok(client.write(store, &SAVE_SIGNATURE.to_le_bytes())?)
+}
+
+/// Reads the record; `None` if the active set was not tuned.
+///
+/// # Errors
+/// The joint does not answer.
+pub fn record<B: Bus>(client: &mut Client<B>) -> Result<Option<Record>, SdoError> {
+    let mut word = |place: u8| client.read_number(Address::new(RECORD, place));
+    let record = Record {
+        time_s: word(1)?,
+        runs: word(2)?,
+        before_crc: word(3)?,
+        tuned_crc: word(4)?,
+        gain_permille: word(5)? as u16 as i16,
+        cause: word(6)? as u8,
+    };
+    Ok((record.tuned_crc != 0).then_some(record))
+}
+
+/// Brings the former set of the last tuning back, and stores it. The joint must be disarmed.
+///
+/// # Errors
+/// The joint does not hold the former set any more, with its reason, or does not answer.
+pub fn undo<B: Bus>(client: &mut Client<B>) -> Result<(), SdoError> {
+    client.write(Address::new(RECORD, 7), &[1])?;
+    client.write(
+        Address::new(firmware::node::dictionary::index::STORE, 1),
+        &SAVE_SIGNATURE.to_le_bytes(),
+    )
+}
