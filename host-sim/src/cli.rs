@@ -24,6 +24,7 @@ mod interrupt;
 mod joint_on_bus;
 mod missing_feature;
 mod monitor;
+mod move_joint;
 mod node;
 mod output;
 #[cfg(feature = "papers")]
@@ -84,6 +85,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Run a joint driver on this PC, connected to a CAN bus
     Node(node::NodeArguments),
+    /// Move a joint: to a position, along a sine or a file; and report how well it followed
+    Move(move_joint::MoveArguments),
     /// Tune a joint over the bus: measure, diagnose, try new parameters, and save them only if the joint moves better
     Tune(tune::TuneArguments),
     /// Read and write a joint driver's parameters
@@ -155,6 +158,7 @@ pub fn run() -> ExitCode {
         #[cfg(not(feature = "update"))]
         Command::Sign(_) => Err(missing_feature::refusal("sign", "update")),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
+        Command::Move(arguments) => done(move_joint::run(&arguments)),
         Command::Tune(arguments) => tune::run(&arguments),
         #[cfg(feature = "update")]
         Command::Update(arguments) => done(update::run(&arguments)),

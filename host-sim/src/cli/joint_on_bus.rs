@@ -32,7 +32,7 @@ impl JointArguments {
 /// Bounds of motions.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Motion")]
-pub struct Motion {
+pub struct MotionArguments {
     /// Largest distance from the present position: a number with rad or deg, such as ±0.4rad
     #[arg(long, value_name = "RANGE", default_value = "0.4rad", value_parser = range)]
     range: f64,
@@ -41,7 +41,7 @@ pub struct Motion {
     speed: f64,
 }
 
-impl Motion {
+impl MotionArguments {
     /// Returns the bounds. Strokes reach the speed within a quarter of the range.
     pub fn limits(&self) -> MotionLimits {
         let acceleration = 2.0 * self.speed * self.speed / self.range;
@@ -89,7 +89,10 @@ pub fn start_hub(bus: &BusArguments, joint: &JointArguments) -> Result<Hub, Stri
         (BusName::Loop, true) if bus.node_id != NodeId::FIRST => {
             return Err("--motor: the simulated joint is node 1".into());
         }
-        (BusName::Loop, true) => hub.attach(MotorNode::commissioned()?),
+        (BusName::Loop, true) => {
+            hub.attach(MotorNode::commissioned()?);
+            into_service(&hub, bus)?;
+        }
         (BusName::Loop, false) => {
             return Err(
                 "--bus loop: needs --motor, a simulated joint; for a real one give --bus can0, or slcan:PATH".into(),
@@ -99,6 +102,24 @@ pub fn start_hub(bus: &BusArguments, joint: &JointArguments) -> Result<Hub, Stri
         _ => {}
     }
     Ok(hub)
+}
+
+/// Homes the simulated joint and gives it a position window.
+fn into_service(hub: &Hub, bus: &BusArguments) -> Result<(), String> {
+    use canopen_rs::Address;
+    use joint_bus::bus::Bus;
+    let mut client = bus.client(hub.port())?;
+    for (index, sub, bytes) in [
+        (0x2002u16, 6u8, 0.0f32.to_le_bytes().to_vec()),
+        (0x607D, 1, (-1_000_000i32).to_le_bytes().to_vec()),
+        (0x607D, 2, 1_000_000i32.to_le_bytes().to_vec()),
+        (0x1010, 1, 0x6576_6173u32.to_le_bytes().to_vec()),
+    ] {
+        client.write(Address::new(index, sub), &bytes).map_err(|error| error.to_string())?;
+    }
+    let until = client.bus().now_ns() + 500_000_000;
+    while client.bus().receive(until).map_err(|e| e.to_string())?.is_some() {}
+    Ok(())
 }
 
 #[cfg(test)]

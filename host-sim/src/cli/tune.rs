@@ -1,7 +1,7 @@
 //! `tune`: tunes a joint over the bus, and keeps new parameters only if they are proven to gain.
 
 use super::bus::BusArguments;
-use super::joint_on_bus::{JointArguments, Motion, start_hub};
+use super::joint_on_bus::{JointArguments, MotionArguments, start_hub};
 use super::output::{OutputArguments, print_message, print_text};
 use clap::Args;
 use friction_results::tune::TuneOutcome;
@@ -33,7 +33,7 @@ pub struct TuneArguments {
     #[command(flatten)]
     joint: JointArguments,
     #[command(flatten)]
-    limits: Motion,
+    limits: MotionArguments,
     #[command(flatten)]
     bus: BusArguments,
     #[command(flatten)]
@@ -46,9 +46,9 @@ fn minutes(text: &str) -> Result<f64, String> {
 }
 
 /// The user at a terminal.
-struct Terminal {
-    yes: bool,
-    quiet: bool,
+pub(super) struct Terminal {
+    pub(super) yes: bool,
+    pub(super) quiet: bool,
 }
 
 impl TuneUser for Terminal {

@@ -39,8 +39,8 @@ type Complex = nalgebra::Complex<f64>;
 /// range is too small for a window at a useful speed.
 pub fn motion(limits: &MotionLimits) -> Option<Motion> {
     let range = 0.95 * limits.range_rad;
-    // A slide has a window of the multisine, and its ramps.
-    let speed = (0.35 * limits.speed_rad_s).min(1.6 * range / (WINDOW_S + 0.3));
+    // A slide has its ramps, a window in which the joint settles, and two that are evaluated.
+    let speed = (0.35 * limits.speed_rad_s).min(2.0 * range / (3.0 * WINDOW_S + 0.4));
     if speed < 0.05 {
         return None;
     }
@@ -62,7 +62,7 @@ pub fn motion(limits: &MotionLimits) -> Option<Motion> {
 }
 
 /// Number of slides.
-const SLIDES: usize = 6;
+const SLIDES: usize = 4;
 
 /// Returns the positions of a window of the multisine with this largest speed, rad/s; 0 at its ends. All lines have the same
 /// velocity, with Schroeder's phases.
@@ -98,27 +98,22 @@ fn response(recording: &Recording, nm_per_a: f64) -> Vec<Line> {
     let demand: Vec<f64> = rows.iter().map(|row| row.demand_rad()).collect();
     let windows = steady_windows(&demand, count);
     let line = |hz: f64| {
+        // A window has whole periods of every line, so that no line leaks into another without a taper.
         let of = |from: usize, value: &dyn Fn(usize) -> f64| {
-            let mut sum = Complex::default();
-            // Half a cosine at the ends keeps the slide out of the lines.
-            for step in 0..count {
-                let taper = 1.0 - (TAU * step as f64 / count as f64).cos();
+            let mean = (from..from + count).map(value).sum::<f64>() / count as f64;
+            let wave = |step: usize| {
                 let angle = -TAU * hz * step as f64 * period_s;
-                sum = sum + Complex::from_polar(taper * value(from + step), angle);
-            }
-            sum
+                Complex::from_polar(1.0, angle) * (value(from + step) - mean)
+            };
+            (0..count).map(wave).sum::<Complex>()
         };
         let cross: Vec<[Complex; 2]> = windows
             .iter()
             .map(|from| {
-                let mean = (demand[from + count - 1] - demand[*from]) / (count - 1) as f64;
-                let instrument =
-                    of(*from, &|at| demand[at] - demand[*from] - mean * (at - from) as f64);
-                let level = rows[*from..from + count].iter().map(|row| row.torque_nm).sum::<f64>();
-                let level = level / count as f64;
-                let slide = mean / period_s;
-                let velocity = of(*from, &|at| rows[at].velocity_rad_s - slide);
-                let current = of(*from, &|at| (rows[at].torque_nm - level) / nm_per_a);
+                let slope = (demand[from + count] - demand[*from]) / count as f64;
+                let instrument = of(*from, &|at| demand[at] - slope * (at - from) as f64);
+                let velocity = of(*from, &|at| rows[at].velocity_rad_s);
+                let current = of(*from, &|at| rows[at].torque_nm / nm_per_a);
                 [velocity * instrument.conj(), current * instrument.conj()]
             })
             .collect();
@@ -142,21 +137,24 @@ fn response(recording: &Recording, nm_per_a: f64) -> Vec<Line> {
     LINES_HZ.iter().filter_map(|hz| line(*hz)).collect()
 }
 
-/// Returns the starts of windows in which the demand slides with a steady mean speed, without overlap.
+/// Returns the starts of windows, without overlap, in which the demand repeats the window before up to the slide: the joint
+/// has settled to the multisine there.
 fn steady_windows(demand: &[f64], count: usize) -> Vec<usize> {
+    /// Rounding of the demand, and the least deviation of a multisine from a straight line, rad.
+    const ROUNDING_RAD: f64 = 2e-5;
+    const WAVE_RAD: f64 = 1e-4;
     let mut windows = Vec::new();
-    let mut at = 0;
-    while at + count <= demand.len() {
-        let way = |from: usize, to: usize| demand[to.min(demand.len() - 1)] - demand[from];
-        let (first, second) = (way(at, at + count / 2), way(at + count / 2, at + count - 1));
-        let same = first * second > 0.0 && (first - second).abs() < 0.1 * (first + second).abs();
-        let reverses =
-            demand[at..at + count].windows(2).any(|pair| (pair[1] - pair[0]) * first < -1e-6);
-        if same && !reverses && first.abs() > 1e-3 {
+    let mut at = count;
+    while at + count < demand.len() {
+        let way = demand[at + count] - demand[at];
+        let repeats = (0..count)
+            .all(|step| (demand[at + step] - demand[at + step - count] - way).abs() < ROUNDING_RAD);
+        let wave = |step: usize| demand[at + step] - demand[at] - way * step as f64 / count as f64;
+        if repeats && way.abs() > 1e-3 && (0..count).any(|step| wave(step).abs() > WAVE_RAD) {
             windows.push(at);
             at += count;
         } else {
-            at += 1 + count / 50;
+            at += 1;
         }
     }
     windows
@@ -212,10 +210,9 @@ pub fn design(
         }
     }
     let (gains, margins) = best?;
-    let delay = fine.iter().find(|line| line.hz >= 10.0)?;
     let control = TuneLoop {
         inertia_kg_m2,
-        delay_s: (-delay.value.arg() - PI / 2.0) / (TAU * delay.hz) + LOOP_DELAY_S,
+        delay_s: delay_s(&lines) + LOOP_DELAY_S,
         resonance_hz: resonance_hz(&lines),
         velocity_noise_rad_s: noise_rad_s(recording),
         crossover_hz: margins.crossover_hz,
@@ -273,7 +270,7 @@ fn margins(fine: &[Line], gain: f64, integral_s: f64) -> Option<Margins> {
     // Beyond the last line, nothing is known: the margin there counts too.
     let beyond = open[crosses..].iter().filter(|line| {
         let angle = wrapped_deg(line.value.arg().to_degrees());
-        angle < -150.0 || angle > 0.0
+        !(-150.0..=0.0).contains(&angle)
     });
     let largest = beyond.chain(open.last()).map(|line| line.value.norm()).fold(0.0, f64::max);
     let one = Complex::new(1.0, 0.0);
@@ -301,6 +298,17 @@ fn resonance_hz(lines: &[Line]) -> Option<f64> {
     rises.map(|at| lines[at].hz)
 }
 
+/// Returns the delay of the velocity behind that of an inertia, s: a fit of the phase beyond -90 degrees, proportional to the
+/// frequency.
+fn delay_s(lines: &[Line]) -> f64 {
+    let beyond =
+        |line: &Line| -(wrapped_deg(line.value.arg().to_degrees()).to_radians() + PI / 2.0);
+    let rates =
+        || lines.iter().filter(|line| line.hz >= 10.0).map(|line| (TAU * line.hz, beyond(line)));
+    let square: f64 = rates().map(|(rate, _)| rate * rate).sum();
+    rates().map(|(rate, phase)| rate * phase).sum::<f64>() / square.max(f64::MIN_POSITIVE)
+}
+
 /// Returns the noise of the velocity: its second differences, which the motion does not have.
 fn noise_rad_s(recording: &Recording) -> f64 {
     let rows = &recording.rows;
@@ -325,7 +333,7 @@ mod tests {
         motion.validate(&LIMITS).unwrap();
         let demand: Vec<f64> = motion.positions_rad.clone();
         let windows = steady_windows(&demand, 100);
-        assert!(windows.len() >= SLIDES, "{}", windows.len());
+        assert!(windows.len() >= 2 * SLIDES, "{}", windows.len());
     }
 
     /// A joint of inertia 0.1 kg m^2 whose velocity is measured through a low-pass of 30 Hz, in closed loop, with noise.
@@ -370,7 +378,9 @@ mod tests {
         assert!(lines.len() >= 8, "{lines:?}");
         for line in &lines {
             let pole = Complex::new(1.0, line.hz / 30.0);
-            let truth = Complex::new(0.0, -1.0 / (TAU * line.hz * 0.1)) / pole;
+            // The current is held for a millisecond.
+            let hold = Complex::from_polar(1.0, -TAU * line.hz * 0.5e-3);
+            let truth = Complex::new(0.0, -1.0 / (TAU * line.hz * 0.1)) / pole * hold;
             let ratio = line.value / truth;
             assert!(
                 (ratio.norm() - 1.0).abs() < 0.15 && ratio.arg().abs() < 0.2,

@@ -1,6 +1,7 @@
 //! From recordings to a model: the diagnosis, the two hypotheses that are still open, and the set for the drive.
 
 use crate::recording::{Recording, table};
+use compensator_core::parameters::Envelope;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use firmware::parameter_set::ParameterSet;
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, prepare};
@@ -109,6 +110,7 @@ impl Learnt {
         set.network = None;
         let mut model: Parameters<f32> = driver.parameters.convert();
         model.terms.retain(|term| *term != TermKind::UnmodelledInertia);
+        widen(&mut model, &former.friction.model.envelope);
         set.friction.model = model;
         set.friction.compensator.scale = scale;
         if let Some(inertia) = self.inertia_kg_m2() {
@@ -116,5 +118,19 @@ impl Learnt {
         }
         set.watch.band_nm = (2.0 * self.found.after.metrics.rmse) as f32;
         set
+    }
+}
+
+/// Gives a model the former range of inputs where it was wider than that of the recordings, if the model is valid there: the
+/// joint keeps moving outside of what was recorded.
+fn widen(model: &mut Parameters<f32>, former: &Envelope) {
+    let own = model.envelope;
+    let mut fields = own.to_array();
+    for (field, former) in fields.iter_mut().zip(former.to_array()) {
+        *field = field.max(former);
+    }
+    model.envelope = Envelope::from_array(fields);
+    if model.validate().is_err() {
+        model.envelope = own;
     }
 }

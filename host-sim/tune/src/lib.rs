@@ -18,6 +18,7 @@ pub mod learn;
 pub mod master;
 pub mod motion;
 pub mod names;
+mod perform;
 pub mod preflight;
 mod proof;
 pub mod recording;
@@ -28,4 +29,5 @@ pub mod trial_set;
 
 pub use master::{Master, MasterError};
 pub use motion::{Motion, MotionLimits};
+pub use perform::{MoveOptions, Moved, perform};
 pub use session::{Session, TuneError, TuneOptions, TuneUser, tune};

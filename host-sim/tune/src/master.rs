@@ -84,6 +84,8 @@ pub struct Master<B> {
     /// Target of the last cycle, rad.
     target_rad: f64,
     syncs: u64,
+    /// SYNCs since the first target of a motion.
+    phase: u64,
     due_ns: u64,
     last: Row,
     reported_ns: u64,
@@ -114,6 +116,7 @@ impl<B: Bus> Master<B> {
             controlword: 0,
             target_rad: 0.0,
             syncs: 0,
+            phase: 0,
             due_ns: 0,
             last,
             reported_ns: 0,
@@ -190,7 +193,7 @@ impl<B: Bus> Master<B> {
         self.controlword = 0;
         self.resynchronise();
         for _ in 0..20 {
-            self.cycle(None)?;
+            self.cycle()?;
         }
         self.check_report()
     }
@@ -242,8 +245,7 @@ impl<B: Bus> Master<B> {
                 _ => SHUTDOWN,
             };
             self.target_rad = self.last.position_rad;
-            let target = (self.last.status & STATE_MASK == ENABLED).then_some(self.target_rad);
-            self.cycle(target)?;
+            self.cycle()?;
             steady = if self.is_enabled() { steady + 1 } else { 0 };
             if (self.is_interrupted)() {
                 self.disable()?;
@@ -265,7 +267,7 @@ impl<B: Bus> Master<B> {
         let until_ns = self.due_ns + ENABLING_NS;
         self.controlword = SWITCH_ON;
         for cycle in 0.. {
-            self.cycle(None)?;
+            self.cycle()?;
             if cycle > 40 {
                 self.controlword = SHUTDOWN;
             }
@@ -274,7 +276,7 @@ impl<B: Bus> Master<B> {
             }
         }
         self.controlword = 0;
-        (0..10).try_for_each(|_| self.cycle(None).map(drop))
+        (0..10).try_for_each(|_| self.cycle().map(drop))
     }
 
     /// Moves from the present demand to a position, rad.
@@ -303,10 +305,11 @@ impl<B: Bus> Master<B> {
     }
 
     fn follow(&mut self, positions: &[f64], mut take: impl FnMut(&Row)) -> Result<(), MasterError> {
+        self.phase = 0;
         for (step, position) in positions.iter().enumerate() {
             self.target_rad = *position;
-            for sync in 0..SYNCS_PER_TARGET {
-                if let Some(row) = self.cycle((sync == 0).then_some(*position))? {
+            for _ in 0..SYNCS_PER_TARGET {
+                if let Some(row) = self.cycle()? {
                     take(&row);
                 }
                 self.check_report()?;
@@ -335,8 +338,8 @@ impl<B: Bus> Master<B> {
         while velocity_rad_s != 0.0 {
             velocity_rad_s -= velocity_rad_s.clamp(-step, step);
             self.target_rad += velocity_rad_s * TARGET_PERIOD_S;
-            for sync in 0..SYNCS_PER_TARGET {
-                self.cycle((sync == 0).then_some(self.target_rad))?;
+            for _ in 0..SYNCS_PER_TARGET {
+                self.cycle()?;
             }
         }
         Ok(())
@@ -371,16 +374,16 @@ impl<B: Bus> Master<B> {
     }
 
     /// Runs one cycle of a millisecond. Returns the report of the joint in it.
-    fn cycle(&mut self, target_rad: Option<f64>) -> Result<Option<Row>, MasterError> {
-        self.syncs += 1;
-        let is_due = self.syncs.is_multiple_of(SYNCS_PER_TARGET);
-        if target_rad.is_some() || (is_due && self.controlword != ENABLE) {
-            let micro_rad = (1e6 * target_rad.unwrap_or(self.target_rad)).round() as i32;
+    fn cycle(&mut self) -> Result<Option<Row>, MasterError> {
+        if self.phase.is_multiple_of(SYNCS_PER_TARGET) {
+            let micro_rad = (1e6 * self.target_rad).round() as i32;
             let mut data = [0; 6];
             data[..2].copy_from_slice(&self.controlword.to_le_bytes());
             data[2..].copy_from_slice(&micro_rad.to_le_bytes());
             self.send(cob_id::RPDO_1 + u16::from(self.node.number()), &data)?;
         }
+        self.syncs += 1;
+        self.phase += 1;
         if self.has_trial && self.syncs.is_multiple_of(SYNCS_PER_RENEWAL) {
             let [low, high] = TRIAL.to_le_bytes();
             let [ms_low, ms_high] = TRIAL_DEADLINE_MS.to_le_bytes();

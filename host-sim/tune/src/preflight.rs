@@ -59,6 +59,24 @@ fn refuse<T>(why: impl Into<String>) -> Result<T, Refusal> {
     Err(Refusal::Joint(why.into()))
 }
 
+/// What a joint is to move for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Purpose {
+    /// Motions around the present position, and a trial of parameters.
+    Tune,
+    /// Motions around the present position.
+    Move,
+    /// A move to this position, rad.
+    MoveTo(f64),
+}
+
+impl Purpose {
+    /// Returns the purpose of a move by hand.
+    pub fn of_move(options: &crate::MoveOptions) -> Self {
+        options.to_rad.map_or(Self::Move, Self::MoveTo)
+    }
+}
+
 /// Examines a joint and decides whether motions within these limits are permitted. Nothing is changed, except that the key
 /// opens the service level.
 ///
@@ -68,6 +86,7 @@ pub fn examine<B: Bus>(
     client: &mut Client<B>,
     node: NodeId,
     limits: &MotionLimits,
+    purpose: Purpose,
 ) -> Result<Found, Refusal> {
     let at = Address::new;
     other_master(client, node)?;
@@ -101,14 +120,16 @@ pub fn examine<B: Bus>(
     let window = [1, 2].map(|side| client.read_number(at(index::POSITION_LIMITS, side)));
     let [least, most] = window;
     let window = [micro(least?), micro(most?)];
-    check_window(window, position_rad, limits.range_rad)?;
+    check_window(window, position_rad, limits.range_rad, purpose)?;
     let set = read_set(client)?;
     let warnings = check_set(client, &set, limits)?;
     let position_gain = client.read_number(at(index::POSITION_LOOP, 1))?;
     let interpolation =
         [1, 2].map(|place| client.read_number(at(index::INTERPOLATION_TIME, place)));
     let [period, exponent] = interpolation;
-    check_trial(client)?;
+    if purpose == Purpose::Tune {
+        check_trial(client)?;
+    }
     let [low, high] = window;
     facts.push(("position".into(), format!("{position_rad:.4} rad, window {low} to {high} rad")));
     facts.push(("parameters".into(), format!("crc {:08x}", set.crc())));
@@ -154,12 +175,25 @@ fn identity<B: Bus>(client: &mut Client<B>) -> Result<Vec<(String, String)>, Ref
     Ok(vec![("joint".into(), format!("{name}, {hardware}, {software}, serial {serial:08x}"))])
 }
 
-fn check_window(window: [f64; 2], position_rad: f64, range_rad: f64) -> Result<(), Refusal> {
+fn check_window(
+    window: [f64; 2],
+    position_rad: f64,
+    range_rad: f64,
+    purpose: Purpose,
+) -> Result<(), Refusal> {
     let [least, most] = window;
     if least >= most {
         return refuse(
             "the joint has no position window: set 607Dh:1 and :2 (`params set drive.position_min=.. drive.position_max=.. --save`, 1e-6 rad)",
         );
+    }
+    if let Purpose::MoveTo(to_rad) = purpose {
+        if !(least..=most).contains(&to_rad) {
+            return refuse(format!(
+                "--to {to_rad}: expected a position in the window of {least} to {most} rad (607Dh)"
+            ));
+        }
+        return Ok(());
     }
     let room = (position_rad - least).min(most - position_rad) - WINDOW_MARGIN_RAD;
     if room < range_rad {
@@ -246,10 +280,12 @@ mod tests {
 
     #[test]
     fn window_without_room_is_refused_with_what_is_possible() {
-        assert!(check_window([-1.0, 1.0], 0.0, 0.4).is_ok());
-        let missing = check_window([0.0, 0.0], 0.0, 0.4).unwrap_err().to_string();
+        assert!(check_window([-1.0, 1.0], 0.0, 0.4, Purpose::Tune).is_ok());
+        let missing = check_window([0.0, 0.0], 0.0, 0.4, Purpose::Move).unwrap_err().to_string();
         assert!(missing.starts_with("the joint has no position window"), "{missing}");
-        let narrow = check_window([-1.0, 1.0], 0.8, 0.4).unwrap_err().to_string();
+        let narrow = check_window([-1.0, 1.0], 0.8, 0.4, Purpose::Move).unwrap_err().to_string();
         assert!(narrow.contains("leaves 0.180 rad"), "{narrow}");
+        assert!(check_window([-1.0, 1.0], 0.8, 0.4, Purpose::MoveTo(-0.9)).is_ok());
+        assert!(check_window([-1.0, 1.0], 0.8, 0.4, Purpose::MoveTo(1.1)).is_err());
     }
 }

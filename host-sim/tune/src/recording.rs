@@ -94,6 +94,33 @@ pub fn table(recordings: &[Recording]) -> Table {
     Table { name: "session".into(), columns }
 }
 
+/// Returns a recording as a log: CSV with the columns that were measured.
+pub fn emit_csv(recording: &Recording) -> String {
+    /// A column of the log, and how it is read.
+    type Column = (&'static str, fn(&Row) -> f64);
+    let columns: [Column; 8] = [
+        ("time_s", |row| row.time_s),
+        ("velocity_rad_s", |row| row.velocity_rad_s),
+        ("torque_nm", |row| row.torque_nm),
+        ("position_rad", |row| row.position_rad),
+        ("demand_rad", Row::demand_rad),
+        ("radial_force_n", |row| row.radial_force_n),
+        ("pressure_diff_pa", |row| row.pressure_diff_pa),
+        ("temperature_c", |row| row.temperature_c),
+    ];
+    let rows = &recording.rows;
+    let measured: Vec<_> =
+        columns.iter().filter(|(_, value)| rows.iter().all(|row| value(row).is_finite())).collect();
+    let names: Vec<&str> = measured.iter().map(|(name, _)| *name).collect();
+    let mut text = names.join(",") + "\n";
+    for row in rows {
+        let cells: Vec<String> =
+            measured.iter().map(|(_, value)| format!("{:.7}", value(row))).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    text
+}
+
 /// Returns the first four bytes of the SHA-256 of all rows: the identity of a session's runs.
 pub fn identity(recordings: &[(Recording, String)]) -> u32 {
     let mut digest = Sha256::new();

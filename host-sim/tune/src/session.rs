@@ -8,7 +8,7 @@ use crate::frequency::{self, LoopGains};
 use crate::learn::{Learnt, learn};
 use crate::master::{Master, MasterError};
 use crate::motion::{Motion, MotionLimits, standard};
-use crate::preflight::{Found, Refusal, examine};
+use crate::preflight::{Found, Purpose, Refusal, examine};
 use crate::proof::{self, Verdict};
 use crate::recording::{Recording, constant_covariates};
 use crate::score::{Scored, score};
@@ -68,6 +68,9 @@ pub enum TuneError {
     /// The motion of the trial is outside its bounds.
     #[error("{0}")]
     Motion(String),
+    /// A move by hand ended early.
+    #[error(transparent)]
+    Master(#[from] MasterError),
     /// The user declined.
     #[error("cancelled; nothing was changed")]
     Declined,
@@ -128,7 +131,7 @@ pub fn tune<B: Bus>(
     let limits = options.limits;
     let motion = options.motion.clone().unwrap_or_else(|| standard(&limits));
     motion.validate(&limits).map_err(TuneError::Motion)?;
-    let before = examine(&mut client, options.node, &limits)?;
+    let before = examine(&mut client, options.node, &limits, Purpose::Tune)?;
     if !user.confirms(&question(options, &before)) {
         return Err(TuneError::Declined);
     }

@@ -5,20 +5,20 @@
 
 use crate::master::{Master, MasterError, TRIAL_DEADLINE_MS};
 use canopen_rs::Address;
-use firmware::node::dictionary::SAVE_SIGNATURE;
+use firmware::node::dictionary::records::TrialObject;
+use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
 use joint_bus::bus::Bus;
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::parameters::{ParametersError, write_set};
 
-/// Object of the trial.
-pub const TRIAL: u16 = 0x2042;
+pub use firmware::node::dictionary::index::TRIAL;
 /// Entry with the time to the deadline, ms; a write opens or renews the trial.
-pub const DEADLINE: u8 = 1;
+pub const DEADLINE: u8 = TrialObject::DEADLINE;
 /// Entry that ends the trial: 1 keeps what is active, 2 returns to the stored set.
-const END: u8 = 2;
+const ORDER: u8 = TrialObject::ORDER;
 /// Entry with the state.
-const STATE: u8 = 3;
+const STATE: u8 = TrialObject::STATE;
 
 /// State of a trial that is open.
 const OPEN: u32 = 1;
@@ -77,7 +77,7 @@ pub fn apply<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), Tri
     master.client().write(at, &(5 * TRIAL_DEADLINE_MS).to_le_bytes())?;
     write_set(master.client(), &tuned.set)?;
     let gain = tuned.position_gain.to_le_bytes();
-    let place = Address::new(firmware::node::dictionary::index::POSITION_LOOP, 1);
+    let place = Address::new(index::POSITION_LOOP, 1);
     master.client().write(place, &gain)?;
     match master.client().read_number(Address::new(TRIAL, STATE))? {
         OPEN => Ok(()),
@@ -91,7 +91,7 @@ pub fn apply<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), Tri
 /// The drive has ended the trial before, or does not answer.
 pub fn keep<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
     master.renew_trial(false);
-    Ok(master.client().write(Address::new(TRIAL, END), &[1])?)
+    Ok(master.client().write(Address::new(TRIAL, ORDER), &[1])?)
 }
 
 /// Ends the trial, and waits until the stored set is active again. Does nothing if no trial is open.
@@ -102,7 +102,7 @@ pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
     master.renew_trial(false);
     let state = Address::new(TRIAL, STATE);
     if master.client().read_number(state)? == OPEN {
-        master.client().write(Address::new(TRIAL, END), &[2])?;
+        master.client().write(Address::new(TRIAL, ORDER), &[2])?;
     }
     let until_ns = master.client().bus().now_ns() + RETURN_NS;
     loop {
@@ -132,9 +132,6 @@ const fn reason(state: u32) -> &'static str {
     }
 }
 
-/// Object of the record of the last tuning.
-const RECORD: u16 = 0x2043;
-
 /// The record of a tuning, in the flash of the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record {
@@ -160,11 +157,11 @@ pub fn save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<(), Trial
     let client = master.client();
     let words = [record.time_s, record.runs, record.before_crc, record.tuned_crc];
     for (place, word) in (1u8..).zip(words) {
-        client.write(Address::new(RECORD, place), &word.to_le_bytes())?;
+        client.write(Address::new(index::TUNING, place), &word.to_le_bytes())?;
     }
-    client.write(Address::new(RECORD, 5), &record.gain_permille.to_le_bytes())?;
-    client.write(Address::new(RECORD, 6), &[record.cause])?;
-    let store = Address::new(firmware::node::dictionary::index::STORE, 1);
+    client.write(Address::new(index::TUNING, 5), &record.gain_permille.to_le_bytes())?;
+    client.write(Address::new(index::TUNING, 6), &[record.cause])?;
+    let store = Address::new(index::STORE, 1);
     Ok(client.write(store, &SAVE_SIGNATURE.to_le_bytes())?)
 }
 
@@ -173,7 +170,7 @@ pub fn save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<(), Trial
 /// # Errors
 /// The joint does not answer.
 pub fn record<B: Bus>(client: &mut Client<B>) -> Result<Option<Record>, SdoError> {
-    let mut word = |place: u8| client.read_number(Address::new(RECORD, place));
+    let mut word = |place: u8| client.read_number(Address::new(index::TUNING, place));
     let record = Record {
         time_s: word(1)?,
         runs: word(2)?,
@@ -190,9 +187,6 @@ pub fn record<B: Bus>(client: &mut Client<B>) -> Result<Option<Record>, SdoError
 /// # Errors
 /// The joint does not hold the former set any more, with its reason, or does not answer.
 pub fn undo<B: Bus>(client: &mut Client<B>) -> Result<(), SdoError> {
-    client.write(Address::new(RECORD, 7), &[1])?;
-    client.write(
-        Address::new(firmware::node::dictionary::index::STORE, 1),
-        &SAVE_SIGNATURE.to_le_bytes(),
-    )
+    client.write(Address::new(index::TUNING, 7), &[1])?;
+    client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes())
 }

@@ -1,0 +1,152 @@
+//! `move`: moves a joint by hand of the command line, and reports how well it followed.
+
+use super::bus::BusArguments;
+use super::joint_on_bus::{JointArguments, MotionArguments, start_hub};
+use super::output::{OutputArguments, print_text};
+use super::tune::{Terminal, read_motion};
+use clap::Args;
+use friction_results::tune::TuneQuantity;
+use joint_bus::bus::BusName;
+use joint_tuning::motion::{Motion, MotionBuilder, TARGET_PERIOD_S, standard};
+use joint_tuning::recording::emit_csv;
+use joint_tuning::{MotionLimits, MoveOptions, perform};
+use std::path::PathBuf;
+
+/// Arguments of `move`.
+#[derive(Args)]
+pub struct MoveArguments {
+    #[command(flatten)]
+    what: What,
+    /// Write the motion without moving anything: motion.csv with time_s and position_rad
+    #[arg(long)]
+    dry_run: bool,
+    /// Do not ask before the joint moves
+    #[arg(long)]
+    yes: bool,
+    #[command(flatten)]
+    joint: JointArguments,
+    #[command(flatten)]
+    limits: MotionArguments,
+    #[command(flatten)]
+    bus: BusArguments,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+/// What the joint does.
+#[derive(Args)]
+#[group(required = true, multiple = false)]
+struct What {
+    /// Move to this position, rad, and hold it until the end of the command
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    to: Option<f64>,
+    /// Sine around the present position: amplitude, rad, and frequency, Hz, such as 0.2,0.5; ten periods, or a third number
+    #[arg(long, value_name = "RAD,HZ[,PERIODS]", value_parser = sine)]
+    sine: Option<Sine>,
+    /// Motion of a CSV file with time_s and position_rad, from the present position on
+    #[arg(long, value_name = "FILE")]
+    file: Option<PathBuf>,
+    /// The standard motion of `tune`: sines and a slow triangle through reversals, rests
+    #[arg(long)]
+    standard: bool,
+}
+
+/// A sine.
+#[derive(Clone, Copy, Debug)]
+struct Sine {
+    amplitude_rad: f64,
+    hz: f64,
+    periods: usize,
+}
+
+fn sine(text: &str) -> Result<Sine, String> {
+    let expected = || {
+        "expected an amplitude in rad and a frequency in Hz, such as 0.2,0.5, and at most 1000 periods".to_owned()
+    };
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let numbers = numbers.filter(|numbers| numbers.iter().all(|number| *number > 0.0));
+    match numbers.ok_or_else(expected)?[..] {
+        [amplitude_rad, hz] => Ok(Sine { amplitude_rad, hz, periods: 10 }),
+        [amplitude_rad, hz, periods] if periods <= 1000.0 && periods.fract() == 0.0 => {
+            Ok(Sine { amplitude_rad, hz, periods: periods as usize })
+        }
+        _ => Err(expected()),
+    }
+}
+
+impl MoveArguments {
+    /// Returns the motion relative to the present position.
+    fn motion(&self, limits: &MotionLimits) -> Result<Motion, String> {
+        if let Some(path) = &self.what.file {
+            return read_motion(path, limits);
+        }
+        let Some(sine) = self.what.sine else { return Ok(standard(limits)) };
+        let Sine { amplitude_rad, hz, periods } = sine;
+        let peak_rad_s = std::f64::consts::TAU * hz * amplitude_rad;
+        if peak_rad_s > limits.speed_rad_s {
+            return Err(format!(
+                "--sine: found a speed of {peak_rad_s:.3} rad/s, expected at most {} rad/s (--speed)",
+                limits.speed_rad_s
+            ));
+        }
+        let builder = MotionBuilder::new(*limits).rest(0.2);
+        let motion = builder
+            .stroke(-amplitude_rad, 0.5 * limits.speed_rad_s)
+            .sine(amplitude_rad, peak_rad_s, periods)
+            .finish("sine");
+        motion.validate(limits).map(|()| motion)
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &MoveArguments) -> Result<(), String> {
+    let limits = arguments.limits.limits();
+    if arguments.dry_run {
+        if arguments.what.to.is_some() {
+            return Err(
+                "--dry-run: not with --to, whose way depends on where the joint stands".into()
+            );
+        }
+        let motion = arguments.motion(&limits)?;
+        let mut text = "time_s,position_rad\n".to_owned();
+        for (step, position) in motion.positions_rad.iter().enumerate() {
+            text += &format!("{:.3},{position:.6}\n", step as f64 * TARGET_PERIOD_S);
+        }
+        return arguments.output.finish(&[("motion.csv", text.as_bytes())], &text, "");
+    }
+    let motion = match arguments.what.to {
+        Some(_) => None,
+        None => Some(arguments.motion(&limits)?),
+    };
+    let hub = start_hub(&arguments.bus, &arguments.joint)?;
+    let client = arguments.bus.client(arguments.bus.open(&hub)?)?;
+    let options = MoveOptions {
+        node: arguments.bus.node_id,
+        limits,
+        motion,
+        to_rad: arguments.what.to,
+        joint: format!("node {} on {}", arguments.bus.node_id.number(), arguments.bus.bus),
+    };
+    let is_simulated = arguments.bus.bus == BusName::Loop;
+    let mut user = Terminal { yes: arguments.yes || is_simulated, quiet: arguments.output.json };
+    let moved = perform(client, &options, super::interrupt::flag()?, &mut user);
+    let moved = moved.map_err(|error| error.to_string())?;
+    if moved.recording.rows.is_empty() {
+        let at = moved.position_rad;
+        return if arguments.output.json {
+            print_text(&format!("{}\n", serde_json::json!({"position_rad": at})))
+        } else {
+            print_text(&format!("{}: at {at:.4} rad\n", options.joint))
+        };
+    }
+    let mut document = serde_json::Map::new();
+    let mut text = String::new();
+    for (quantity, value) in TuneQuantity::ALL.into_iter().zip(moved.scores) {
+        text += &format!("{}: {value:.5} {}\n", quantity.in_words(), quantity.unit());
+        let name = serde_json::to_value(quantity).map_err(|error| error.to_string())?;
+        document.insert(name.as_str().unwrap_or_default().to_owned(), value.into());
+    }
+    let document = serde_json::Value::Object(document).to_string() + "\n";
+    let rows = emit_csv(&moved.recording);
+    arguments.output.finish(&[("move.csv", rows.as_bytes())], &document, &text)
+}
