@@ -18,16 +18,20 @@
 pub mod bench;
 pub mod brake;
 pub mod comparators;
+pub mod drawn;
+pub mod effects;
 pub mod load;
 pub mod machine;
 pub mod parameters;
 pub mod seal;
 pub mod shaft;
 pub mod supply;
+pub mod surroundings;
 pub mod winding;
 
 pub use bench::Bench;
 pub use brake::HoldingBrake;
+pub use drawn::{DrawnJoint, FrictionFamily, HiddenEffect};
 pub use load::Load;
 pub use machine::{JointPlant, Measured, Shown};
 pub use parameters::{Entry, Parameters};

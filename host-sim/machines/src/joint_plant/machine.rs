@@ -10,10 +10,12 @@ mod adjust;
 
 use super::brake::HoldingBrake;
 use super::comparators::{Comparators, STEPS_PER_PERIOD};
+use super::effects::OutputTorque;
 use super::load::{Acting, Load};
 use super::parameters::Parameters;
 use super::seal::{Around, Seal};
 use super::supply::Supply;
+use super::surroundings::Surroundings;
 use super::winding::Winding;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -80,6 +82,12 @@ pub struct JointPlant {
     held: bool,
     /// External side load besides that of the load, N.
     pushed_n: f64,
+    /// Torques at the output besides friction and load.
+    hidden: Option<OutputTorque>,
+    surroundings: Option<Surroundings>,
+    /// Time since the surroundings were set, and until they are evaluated again, s.
+    elapsed_s: f64,
+    surroundings_due_s: f64,
     /// Motor and gear, if the coupling to the output is compliant.
     rotor: Option<Rotor>,
     supply: Option<Supply>,
@@ -105,6 +113,9 @@ struct Rotor {
     position: f64,
     velocity: f64,
 }
+
+/// Time between two evaluations of the surroundings, s.
+const SURROUNDINGS_STEP_S: f64 = 1e-3;
 
 /// Time step of the thermal model, s.
 const HEAT_STEP_S: f64 = 1e-2;
@@ -136,6 +147,10 @@ impl JointPlant {
         let rigid = p.output_stiffness_nm_per_rad <= 0.0;
         Self {
             inertia: geared + p.output_inertia_kg_m2 + load.inertia_kg_m2(p),
+            hidden: None,
+            surroundings: None,
+            elapsed_s: 0.0,
+            surroundings_due_s: 0.0,
             rotor: (!rigid).then_some(Rotor { position, velocity: 0.0 }),
             supply: None,
             brake: None,
@@ -219,6 +234,7 @@ impl JointPlant {
 
     /// Simulates one period (s) with these duties, or with an open bridge (`None`).
     pub fn period(&mut self, period_s: f64, duty: Option<[f64; 3]>) {
+        self.follow_surroundings(period_s);
         let mut duty = duty.filter(|_| !self.is_tripped);
         let currents = self.phase_currents_a();
         let mut near = self.comparators.filter(|watch| duty.is_some() && watch.is_near(currents));
@@ -297,10 +313,27 @@ impl JointPlant {
         (self.lost_j, self.lost_s) = (0.0, 0.0);
     }
 
+    /// Sets side load, pressure and water temperature to those of the time after this period.
+    fn follow_surroundings(&mut self, period_s: f64) {
+        let Some(surroundings) = &self.surroundings else { return };
+        self.elapsed_s += period_s;
+        self.surroundings_due_s -= period_s;
+        if self.surroundings_due_s > 0.0 {
+            return;
+        }
+        self.surroundings_due_s += SURROUNDINGS_STEP_S;
+        self.pushed_n = surroundings.side_load_n.at(self.elapsed_s).max(0.0);
+        self.around.pressure_diff_pa = surroundings.pressure_pa.at(self.elapsed_s);
+        let water_c = surroundings.water_c.at(self.elapsed_s);
+        self.p.water_temperature_c = water_c;
+        self.seal.set_water(water_c);
+    }
+
     /// Simulates one period (s) with an ideal current loop at `current_a`.
     ///
     /// Gear and torque constant have their true values.
     pub fn period_at_current(&mut self, period_s: f64, current_a: f64) {
+        self.follow_surroundings(period_s);
         let dt = period_s / self.substeps as f64;
         let constant = self.p.motor_torque_constant_nm_per_a * (1.0 + self.p.torque_constant_error);
         for _ in 0..self.substeps {
@@ -354,7 +387,9 @@ impl JointPlant {
             .min((self.max_torque_nm - motor_nm).max(0.0));
         let friction = self.seal.step(self.velocity, self.position, &self.around, dt);
         let driving = self.transmitted(motor_nm - self.cogging_nm(), dt);
-        let torque = driving + compensated - friction - self.acting.torque_nm;
+        let hidden =
+            self.hidden.as_ref().map_or(0.0, |torque| torque.at(self.position, self.velocity));
+        let torque = driving + compensated - friction - self.acting.torque_nm - hidden;
         let own = self.rotor.map_or(0.0, |_| self.rotor_inertia());
         self.velocity += dt * torque / (self.inertia - own);
         if let Some(brake) = &mut self.brake {

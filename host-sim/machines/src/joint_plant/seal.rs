@@ -12,6 +12,7 @@
 //!
 //! The integration is semi-implicit Euler.
 
+use super::effects::{LevelChange, LevelEffects};
 use super::parameters::Parameters;
 use super::shaft::Shaft;
 
@@ -69,6 +70,9 @@ pub struct Seal {
     /// Angle of the eccentricity, rad; sine and cosine of that of the out-of-roundness.
     eccentric_rad: f64,
     round: (f64, f64),
+    /// Exponent of the Stribeck curve.
+    stribeck_exponent: f64,
+    effects: Option<Box<LevelEffects>>,
     torque_nm: f64,
 }
 
@@ -95,6 +99,8 @@ impl Seal {
             wear: 1.0,
             eccentric_rad: phase_rad[0],
             round: phase_rad[1].sin_cos(),
+            stribeck_exponent: 1.0,
+            effects: None,
             torque_nm: 0.0,
         };
         seal.update_temperature_factors();
@@ -115,6 +121,21 @@ impl Seal {
     /// Sets the wear: the level relative to that of a new seal.
     pub fn set_wear(&mut self, wear: f64) {
         self.wear = wear;
+    }
+
+    /// Sets the exponent of the Stribeck curve; 1 by default.
+    pub fn set_stribeck_exponent(&mut self, exponent: f64) {
+        self.stribeck_exponent = exponent;
+    }
+
+    /// Adds effects to the friction, or replaces those added before.
+    pub fn hide(&mut self, effects: LevelEffects) {
+        self.effects = Some(Box::new(effects));
+    }
+
+    /// Sets the temperature of the water, deg C.
+    pub fn set_water(&mut self, celsius: f64) {
+        self.p.water_temperature_c = celsius;
     }
 
     /// Returns the reading of the thermometer near the seal, deg C.
@@ -152,15 +173,23 @@ impl Seal {
         let round =
             1.0 + p.eccentricity * sine + p.out_of_round * (twice_sine * c2 + twice_cosine * s2);
         let new = unloaded * p.shaft_radius_m * self.gain * self.wear * self.softness * round;
-        let stribeck = (-speed / p.stribeck_velocity_rad_s).exp();
-        let level =
-            new * (p.friction_kinetic + (p.friction_static - p.friction_kinetic) * stribeck);
+        let change = match &mut self.effects {
+            Some(effects) => effects.step(velocity, position, around, rate, dt),
+            None => LevelChange::NONE,
+        };
+        let stribeck = stribeck(speed / p.stribeck_velocity_rad_s, self.stribeck_exponent);
+        let level = new
+            * (p.friction_kinetic + (p.friction_static - p.friction_kinetic) * stribeck)
+            * change.factor
+            + change.raised_nm;
         // Radial motion also shears the contact.
         let sheared = velocity
-            + p.radial_coupling_rad_per_m * self.shaft.displacement_per_load_m_per_n() * rate;
+            + p.radial_coupling_rad_per_m * self.shaft.displacement_per_load_m_per_n() * rate
+            + change.sheared_rad_s;
         let held = advance_elements(&mut self.elements, p, sheared, level, dt);
         let viscous = p.film_viscous_nm_s_per_rad * self.viscosity * velocity
-            / (1.0 + speed / p.film_thinning_rad_s);
+            / (1.0 + speed / p.film_thinning_rad_s)
+            * change.viscous_factor;
         let damping = p.presliding_damping_nm_s_per_rad * stribeck * velocity;
         let seal = held + damping + viscous;
         let transmitted = (seal + around.load_torque_nm).abs();
@@ -179,6 +208,9 @@ impl Seal {
     fn heat(&mut self, dt: f64) {
         let p = &self.p;
         let power = self.lost_j / dt;
+        if let Some(effects) = &mut self.effects {
+            effects.advance(power, dt);
+        }
         let lost = (self.film_c - p.water_temperature_c) / p.film_resistance_k_per_w;
         self.film_c += dt * (power - lost) / p.film_heat_capacity_j_per_k;
         self.shown_c += dt / p.thermometer_lag_s * (self.film_c - self.shown_c);
@@ -192,6 +224,11 @@ impl Seal {
         self.viscosity = (-self.p.film_per_kelvin * above).exp();
         self.softness = (-self.p.level_per_kelvin * above).exp();
     }
+}
+
+/// Returns the Stribeck curve at a speed relative to its scale: 1 at rest, 0 at high speed.
+fn stribeck(speed: f64, exponent: f64) -> f64 {
+    if exponent == 1.0 { (-speed).exp() } else { (-speed.powf(exponent)).exp() }
 }
 
 /// Advances the elements by `dt` (s). Returns their total torque, Nm.

@@ -6,9 +6,11 @@
 use super::{JointPlant, Rotor, phases};
 use crate::joint_plant::brake::HoldingBrake;
 use crate::joint_plant::comparators::Comparators;
+use crate::joint_plant::effects::OutputTorque;
 use crate::joint_plant::load::Load;
 use crate::joint_plant::seal::{Around, Seal};
 use crate::joint_plant::supply::Supply;
+use crate::joint_plant::surroundings::Surroundings;
 use crate::joint_plant::winding::Winding;
 use std::f64::consts::TAU;
 
@@ -128,6 +130,26 @@ impl JointPlant {
         self.current[1] * cosine - self.current[0] * sine
     }
 
+    /// Adds torques at the output, or replaces those added before.
+    pub fn hide(&mut self, torque: OutputTorque) {
+        self.hidden = Some(torque);
+    }
+
+    /// Lets side load, pressure and water temperature follow these courses from now on. Film and thermometer of the seal
+    /// start at the water temperature.
+    pub fn surround(&mut self, surroundings: Surroundings) {
+        let water_c = surroundings.water_c.at(0.0);
+        self.p.water_temperature_c = water_c;
+        self.seal.set_water(water_c);
+        self.seal.set_temperature(water_c);
+        self.pushed_n = surroundings.side_load_n.at(0.0).max(0.0);
+        self.around.pressure_diff_pa = surroundings.pressure_pa.at(0.0);
+        self.around.radial_force_n = self.acting.radial_force_n + self.pushed_n;
+        self.seal.settle(&self.around);
+        self.surroundings = Some(surroundings);
+        (self.elapsed_s, self.surroundings_due_s) = (0.0, 0.0);
+    }
+
     /// Sets the pressure difference, Pa.
     pub fn set_pressure(&mut self, pressure_diff_pa: f64) {
         self.around.pressure_diff_pa = pressure_diff_pa;
@@ -161,6 +183,11 @@ impl JointPlant {
     /// Returns the operating conditions of the seal.
     pub fn around(&self) -> Around {
         self.around
+    }
+
+    /// Returns the true friction of seal and gear, Nm, positive against positive motion.
+    pub fn friction_nm(&self) -> f64 {
+        self.seal.torque_nm()
     }
 
     /// Returns the inertia at the joint, kg m^2.

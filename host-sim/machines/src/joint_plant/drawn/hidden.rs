@@ -1,0 +1,245 @@
+//! The effects that a drawn joint can hide: which, how large, and the surroundings that show them.
+
+use super::DrawnJoint;
+use crate::joint_plant::effects::{Ageing, Drift, LevelEffects, OutputTorque, Warming, Wave};
+use crate::joint_plant::surroundings::Course;
+use crate::scenarios::sampler::Sampler;
+use crate::scenarios::{HiddenCause, Hide};
+use std::f64::consts::TAU;
+
+/// Effect of a drawn size, per friction level.
+const VISIBLE_SHARE: (f64, f64) = (0.15, 0.6);
+
+/// Speed at which an effect of the speed has its drawn size, rad/s, and acceleration of one of the acceleration.
+const USUAL_SPEED_RAD_S: f64 = 1.5;
+const USUAL_ACCELERATION_RAD_S2: f64 = 5.0;
+
+/// Ranges of the varying surroundings: side load, N, pressure difference, Pa, water temperature, deg C, each with the
+/// smallest swing of a course.
+const SIDE_LOAD_N: [f64; 3] = [5.0, 90.0, 40.0];
+const PRESSURE_PA: [f64; 3] = [1e4, 2.7e5, 1.2e5];
+const WATER_C: [f64; 3] = [4.0, 26.0, 10.0];
+
+/// Swing of the side load for an effect of its rate, N, and its frequency, Hz: waves at a leg.
+const WAVE_N: f64 = 15.0;
+const WAVE_HZ: (f64, f64) = (0.5, 1.5);
+
+/// Period of a tide, s, and time of a step, s: both within a session.
+const TIDE_S: (f64, f64) = (100.0, 300.0);
+const STEP_AT_S: (f64, f64) = (40.0, 150.0);
+
+/// Duration of a drift, s: about that of a session.
+const DRIFT_S: f64 = 480.0;
+
+/// Orders of a ripple, periods per turn: several within the usual range of motion, and not faster than presliding.
+const RIPPLE_ORDERS: (f64, f64) = (6.0, 60.0);
+
+/// Rest at which an ageing contact has its drawn size, s.
+const USUAL_REST_S: f64 = 5.0;
+
+/// A hidden effect with all drawn properties.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HiddenEffect {
+    /// Cause of the effect.
+    pub cause: HiddenCause,
+    /// Size, in the unit of the cause.
+    pub size: f64,
+    /// Order of a ripple, periods per turn.
+    pub order: f64,
+    /// Phase of a ripple or an imbalance at angle 0, rad.
+    pub phase_rad: f64,
+    /// Share of the second harmonic of a torque ripple, relative to the first order.
+    pub harmonic_share: f64,
+    /// Onset, s, and forgetting travel, rad, of the ageing contact.
+    pub ageing: [f64; 2],
+    /// Heat scale, J, and cooling time, s, of the warm-up.
+    pub warming: [f64; 2],
+}
+
+/// Returns the requested causes with their sizes.
+pub(super) fn requested(hide: &[Hide]) -> Result<Vec<(HiddenCause, Option<f64>)>, String> {
+    let effects: Vec<_> = hide.iter().filter_map(|hide| Some((hide.effect?, hide.size))).collect();
+    if effects.len() < hide.len() && hide.len() > 1 {
+        return Err("none: expected only by itself".to_owned());
+    }
+    for (at, (cause, _)) in effects.iter().enumerate() {
+        if effects[..at].iter().any(|(earlier, _)| earlier == cause) {
+            return Err(format!("{}: given twice", cause.name()));
+        }
+        let reason = match cause {
+            HiddenCause::ChannelDelay => "a simulated joint has no delay between its own channels",
+            HiddenCause::LoadTorqueCoulomb => "a simulated joint carries no load",
+            HiddenCause::OutsideCatalogue => "a simulated joint has only effects of the catalogue",
+            _ => continue,
+        };
+        return Err(format!("{}: {reason}", cause.name()));
+    }
+    Ok(effects)
+}
+
+impl HiddenEffect {
+    /// Draws an effect for a joint. Without a size, it is drawn so that it is visible.
+    pub(super) fn draw(
+        sampler: &mut Sampler,
+        cause: HiddenCause,
+        size: Option<f64>,
+        joint: &DrawnJoint,
+    ) -> Result<Self, String> {
+        let order = sampler.log_between(RIPPLE_ORDERS.0, RIPPLE_ORDERS.1).round();
+        let mut effect = Self {
+            cause,
+            size: 0.0,
+            order,
+            phase_rad: sampler.between(0.0, TAU),
+            harmonic_share: sampler.between(0.2, 0.6),
+            ageing: [sampler.log_between(0.02, 0.5), sampler.log_between(5e-3, 2e-2)],
+            warming: [sampler.log_between(10.0, 60.0), sampler.log_between(120.0, 900.0)],
+        };
+        let (least, most) = cause.bounds();
+        let drawn = effect.visible_size(sampler, joint).clamp(least, most);
+        effect.size = size.unwrap_or(drawn);
+        if cause == HiddenCause::UnmodelledInertia && effect.size < 0.0 {
+            return Err(
+                "unmodelled-inertia: expected at least 0 kg m^2 at a simulated joint".into()
+            );
+        }
+        Ok(effect)
+    }
+
+    /// Draws a size whose effect is a share of the friction level.
+    fn visible_size(&self, sampler: &mut Sampler, joint: &DrawnJoint) -> f64 {
+        let share = sampler.between(VISIBLE_SHARE.0, VISIBLE_SHARE.1);
+        let sign = sampler.sign();
+        let torque_nm = share * joint.friction_nm;
+        match self.cause {
+            HiddenCause::RadialForceCoulomb => torque_nm / SIDE_LOAD_N[2],
+            HiddenCause::RadialForceRate => {
+                let travel = joint.friction_nm / joint.constants.presliding_stiffness_nm_per_rad;
+                // A wave shears the contact beyond presliding, or the motion of the joint would not show it.
+                3.0 * share * travel / WAVE_N
+            }
+            HiddenCause::PressureCoulomb => torque_nm / PRESSURE_PA[2],
+            // The viscous torque at the usual speed changes by this share of the level over the swing.
+            HiddenCause::TemperatureViscous => {
+                2.0 * (share / (2.0 * VISCOUS_SHARE)).asinh() / WATER_C[2]
+            }
+            HiddenCause::TemperatureCoulomb => 2.0 * (0.5 * share).asinh() / WATER_C[2],
+            HiddenCause::DirectionAsymmetry => 0.7 * share * sign,
+            HiddenCause::TorqueOffset => torque_nm * sign,
+            HiddenCause::QuadraticDrag => torque_nm / (USUAL_SPEED_RAD_S * USUAL_SPEED_RAD_S),
+            HiddenCause::DwellTimeStatic => torque_nm / (USUAL_REST_S / self.ageing[0]).ln_1p(),
+            HiddenCause::TimeDrift => share * sign,
+            HiddenCause::UnmodelledInertia => {
+                // At least half of the known inertia: below, the velocity loop corrects it.
+                let known = joint.known.inertia_kg_m2;
+                (torque_nm / USUAL_ACCELERATION_RAD_S2).max((0.4 + share) * known)
+            }
+            HiddenCause::Backlash => 0.02 * share,
+            HiddenCause::StribeckShape if sign > 0.0 => 0.5 + 0.5 * share,
+            HiddenCause::StribeckShape => 3.0 + 4.0 * share,
+            HiddenCause::TorqueRipple => 0.7 * torque_nm,
+            HiddenCause::GravityImbalance => torque_nm,
+            // Relative to the level.
+            _ => share,
+        }
+    }
+
+    /// Returns the viscous friction of a joint whose viscosity falls with the temperature, Nm s/rad.
+    pub(super) fn viscous_nm_s_per_rad(&self, friction_nm: f64) -> f64 {
+        VISCOUS_SHARE * friction_nm / USUAL_SPEED_RAD_S
+    }
+
+    /// Adds the effect to those of the seal or to the torques at the output.
+    pub(super) fn apply(&self, level: &mut LevelEffects, torque: &mut OutputTorque) {
+        let size = self.size;
+        let wave = |size, order| Wave { size, order, phase_rad: self.phase_rad };
+        match self.cause {
+            HiddenCause::RadialForceCoulomb => level.per_force = size,
+            HiddenCause::RadialForceRate => level.shear_per_force = size,
+            HiddenCause::PressureCoulomb => level.per_pressure = size,
+            HiddenCause::PositionRipple => level.ripple = Some(wave(size, self.order)),
+            HiddenCause::DirectionAsymmetry => level.asymmetry = size,
+            HiddenCause::DwellTimeStatic => {
+                let [onset_s, forgetting_rad] = self.ageing;
+                level.ageing = Some(Ageing { size_nm: size, onset_s, forgetting_rad });
+            }
+            HiddenCause::TimeDrift => level.drift = Some(Drift { size, duration_s: DRIFT_S }),
+            HiddenCause::WarmUp => {
+                let [scale_j, cooling_s] = self.warming;
+                level.warming = Some(Warming { fall: size, scale_j, cooling_s });
+            }
+            HiddenCause::TorqueOffset => torque.offset_nm += size,
+            HiddenCause::QuadraticDrag => torque.drag_nm_s2_per_rad2 += size,
+            HiddenCause::GravityImbalance => torque.waves.push(wave(size, 1.0)),
+            HiddenCause::TorqueRipple => {
+                torque.waves.push(wave(size, self.order));
+                torque.waves.push(wave(self.harmonic_share * size, 2.0 * self.order));
+            }
+            // They are constants of the plant.
+            _ => {}
+        }
+    }
+
+    /// Returns a description of the effect.
+    pub fn words(&self) -> String {
+        let name = self.cause.name();
+        match self.cause.unit() {
+            "1" => format!("{name} of {:.4}", self.size),
+            unit => format!("{name} of {:.3e} {unit}", self.size),
+        }
+    }
+}
+
+/// Viscous torque at the usual speed per friction level, of a joint whose viscosity falls with the temperature.
+const VISCOUS_SHARE: f64 = 0.6;
+
+/// Draws a course within a range that swings by at least a given amount: a tide, a step, or both.
+fn vary(sampler: &mut Sampler, [least, most, swing]: [f64; 3]) -> Course {
+    let full = sampler.between(swing, most - least);
+    let base = sampler.between(least, most - full);
+    let period_s = sampler.log_between(TIDE_S.0, TIDE_S.1);
+    let (phase_rad, step_s) =
+        (sampler.between(0.0, TAU), sampler.between(STEP_AT_S.0, STEP_AT_S.1));
+    let sign = sampler.sign();
+    match sampler.below(3) {
+        0 => Course {
+            base: base + 0.5 * full,
+            tide: [0.5 * full, period_s],
+            phase_rad,
+            ..Course::default()
+        },
+        1 => {
+            let from = if sign > 0.0 { base } else { base + full };
+            Course { base: from, step: [sign * full, step_s], ..Course::default() }
+        }
+        _ => {
+            let from = if sign > 0.0 { base } else { base + full };
+            Course {
+                base: from + 0.2 * sign * full,
+                tide: [0.2 * full, period_s],
+                step: [0.6 * sign * full, step_s],
+                phase_rad,
+                ..Course::default()
+            }
+        }
+    }
+}
+
+/// Draws the side load of an effect of it, N.
+pub(super) fn side_load(sampler: &mut Sampler, cause: HiddenCause) -> Course {
+    if cause == HiddenCause::RadialForceRate {
+        let hz = sampler.between(WAVE_HZ.0, WAVE_HZ.1);
+        return Course { base: 2.0 * WAVE_N, wave: [WAVE_N, hz], ..Course::default() };
+    }
+    vary(sampler, SIDE_LOAD_N)
+}
+
+/// Draws the pressure difference of an effect of it, Pa.
+pub(super) fn pressure(sampler: &mut Sampler) -> Course {
+    vary(sampler, PRESSURE_PA)
+}
+
+/// Draws the water temperature of an effect of it, deg C.
+pub(super) fn water(sampler: &mut Sampler) -> Course {
+    vary(sampler, WATER_C)
+}
