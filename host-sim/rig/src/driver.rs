@@ -8,14 +8,14 @@ use firmware::access::AccessSettings;
 use firmware::background::{Background, BoardState, TICK_US};
 use firmware::control::{PERIOD_S, PowerStage};
 use firmware::deadline::DeadlineLimits;
-use firmware::driver::{Driver, Identity};
+use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::node_settings::{NodeSettings, emit_block};
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
-use firmware::supervisor::{Code, CodeSet};
+use firmware::supervisor::{Code, CodeSet, ResetCause};
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
 
@@ -44,6 +44,17 @@ pub trait RigDriver {
 
     /// Returns true after a reset, by the watchdog or as the network requested. The driver then stays inactive.
     fn is_reset(&self) -> bool;
+
+    /// Resets the processor from outside, as its reset pin does. The driver then stays inactive.
+    fn reset(&mut self) {}
+
+    /// Runs 1 ms, in which a driver that was reset starts again from its flash. The joint is as the reset left it.
+    ///
+    /// # Errors
+    /// Returns one line if the driver cannot be restarted.
+    fn restart(&mut self) -> Result<(), String> {
+        Err("this driver cannot be restarted".to_owned())
+    }
 
     /// Returns true if the joint is armed.
     fn is_armed(&mut self) -> bool;
@@ -83,7 +94,8 @@ pub fn stored_flash(start: &PowerUp, traits: StageTraits) -> Result<MemoryFlash<
         let commissioned = if start.commissioned { set.wiring_crc() } else { 0 };
         // The scenarios test the control, not the access: a frame in between would shift them in time.
         let access = AccessSettings { is_locked: false, ..AccessSettings::default() };
-        let settings = NodeSettings { commissioned, access, ..NodeSettings::default() };
+        let settings =
+            NodeSettings { commissioned, access, drive: start.drive, ..NodeSettings::default() };
         let block = emit_block(&settings, set);
         store.save(&block, &settings.identity()).map_err(|error| format!("flash: {error:?}"))?;
     }
@@ -97,6 +109,7 @@ pub struct LibraryDriver<'q> {
     port: LoopPort<'q>,
     link: LoopLink<'q>,
     stage: Stage,
+    identity: Identity,
     now_us: u64,
     /// Remaining time of a stall of the background loop, ms, and the frames received during it.
     stalled_ms: u32,
@@ -104,10 +117,29 @@ pub struct LibraryDriver<'q> {
     /// Time since the watchdog was serviced, ms, and whether the processor was reset.
     watchdog_unserviced_ms: u32,
     is_reset: bool,
+    /// Cause of the last reset.
+    reset_cause: ResetCause,
 }
 
 /// Values that the scope holds, as on the STM32G474 board.
 const SCOPE_VALUES: usize = 6144;
+
+/// Returns the task of the current loop for the set of this driver.
+fn loop_task(driver: &Driver<MemoryFlash<4>>, traits: StageTraits) -> LoopTask {
+    LoopTask::new(
+        LoopParts::build_or_measure_only(driver.set(), traits),
+        DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000),
+    )
+}
+
+/// Returns the background loop of a driver that starts now.
+fn background(driver: Driver<MemoryFlash<4>>, now_us: u64) -> Background<MemoryFlash<4>> {
+    let mut background = Background::new(driver, now_us);
+    background.allow_fd();
+    // The driver keeps this memory as long as a board would: for ever.
+    background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
+    background
+}
 
 impl<'q> LibraryDriver<'q> {
     /// Starts a driver on this stage.
@@ -126,26 +158,22 @@ impl<'q> LibraryDriver<'q> {
         let flash = stored_flash(start, traits)?;
         let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
         let driver = Driver::boot(settings, flash, identity, &start.boot, 0);
-        let task = LoopTask::new(
-            LoopParts::build_or_measure_only(driver.set(), traits),
-            DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000),
-        );
         let (port, link) = queues.split(traits, 0);
-        let mut background = Background::new(driver, 0);
-        background.allow_fd();
-        // The driver keeps this memory as long as a board would: for ever.
-        background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
+        let task = loop_task(&driver, traits);
+        let background = background(driver, 0);
         let mut driver = Self {
             background,
             task,
             port,
             link,
             stage,
+            identity,
             now_us: 0,
             stalled_ms: 0,
             deferred_frames: VecDeque::new(),
             watchdog_unserviced_ms: 0,
             is_reset: false,
+            reset_cause: ResetCause::PowerOn,
         };
         // The interrupt must run first: the background needs a completed conversion.
         driver.run_current_loop();
@@ -195,7 +223,9 @@ impl RigDriver for LibraryDriver<'_> {
             if self.background.tick(state, Some(&mut self.link), self.now_us) {
                 self.watchdog_unserviced_ms = 0;
             }
-            self.is_reset = self.background.driver().is_reset_requested();
+            if self.background.driver().is_reset_requested() {
+                (self.is_reset, self.reset_cause) = (true, ResetCause::Software);
+            }
         }
         // Without its firmware, the processor does not drive the output.
         let output = self.background.driver().brake_output().filter(|_| !self.is_reset);
@@ -211,8 +241,8 @@ impl RigDriver for LibraryDriver<'_> {
         }
         self.stalled_ms = self.stalled_ms.saturating_sub(1);
         self.watchdog_unserviced_ms += 1;
-        if self.watchdog_unserviced_ms > WATCHDOG_TIMEOUT_MS {
-            self.is_reset = true;
+        if self.watchdog_unserviced_ms > WATCHDOG_TIMEOUT_MS && !self.is_reset {
+            (self.is_reset, self.reset_cause) = (true, ResetCause::Watchdog);
         }
         self.run_current_loop();
     }
@@ -223,6 +253,32 @@ impl RigDriver for LibraryDriver<'_> {
 
     fn is_reset(&self) -> bool {
         self.is_reset
+    }
+
+    fn reset(&mut self) {
+        (self.is_reset, self.reset_cause) = (true, ResetCause::Pin);
+    }
+
+    fn restart(&mut self) -> Result<(), String> {
+        self.now_us += TICK_US;
+        let previous = self.background.driver();
+        let boot = Boot {
+            cause: self.reset_cause,
+            winding_rise_k: previous.winding_rise_k(),
+            ..Boot::default()
+        };
+        let flash = previous.flash().clone();
+        let driver =
+            Driver::boot(NodeSettings::default(), flash, self.identity, &boot, self.now_us);
+        // As the scope's memory, the queues of a start are kept for ever.
+        let queues: &'static mut LoopQueues = Box::leak(Box::new(LoopQueues::new()));
+        (self.port, self.link) = queues.split(self.identity.stage, self.now_us);
+        self.task = loop_task(&driver, self.identity.stage);
+        self.background = background(driver, self.now_us);
+        self.deferred_frames.clear();
+        (self.is_reset, self.stalled_ms, self.watchdog_unserviced_ms) = (false, 0, 0);
+        self.run_current_loop();
+        Ok(())
     }
 
     fn is_armed(&mut self) -> bool {

@@ -18,6 +18,7 @@ mod bus;
 mod driver;
 mod faults;
 mod node;
+pub mod service;
 pub mod simulated;
 mod stage;
 
@@ -25,7 +26,7 @@ pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault, current_a};
 pub use bus::RigBus;
 pub use driver::{LibraryDriver, RigDriver, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash};
 pub use faults::{RigFaults, SealSensorFault};
-pub use node::MotorNode;
+pub use node::{JointEvent, MotorNode};
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
 
 use compensator_core::can::{
@@ -34,6 +35,7 @@ use compensator_core::can::{
 use faults::DelayLine;
 use firmware::background::{BoardState, TICK_US};
 use firmware::control::PERIOD_S;
+use firmware::drive_settings::DriveSettings;
 use firmware::driver::Boot;
 use firmware::loop_link::LoopQueues;
 use firmware::loop_parts::StageTraits;
@@ -115,6 +117,8 @@ pub struct PowerUp<'a> {
     pub commissioned: bool,
     /// Simulates the sensors and traits of the driver's board instead of ideal ones.
     pub board: bool,
+    /// Settings of the drive in flash, with the set.
+    pub drive: DriveSettings,
     /// How the previous run of the processor ended.
     pub boot: Boot<'a>,
 }
@@ -122,7 +126,13 @@ pub struct PowerUp<'a> {
 impl Default for PowerUp<'_> {
     /// A blank flash, on the board.
     fn default() -> Self {
-        Self { set: None, commissioned: false, board: true, boot: Boot::default() }
+        Self {
+            set: None,
+            commissioned: false,
+            board: true,
+            drive: DriveSettings::default(),
+            boot: Boot::default(),
+        }
     }
 }
 
@@ -136,7 +146,7 @@ pub fn run_armed<R>(
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, String> {
-    let start = PowerUp { set: Some(set), commissioned: true, board: false, boot: Boot::default() };
+    let start = PowerUp { set: Some(set), commissioned: true, board: false, ..PowerUp::default() };
     let position_rad = plant.position_rad();
     run_from_power_up(&start, plant, faults, |rig| rig.arm(position_rad).map(|()| work(rig)))?
 }
@@ -295,10 +305,26 @@ impl JointRig<'_> {
         self.sends_sync = false;
     }
 
-    /// Returns true after a reset, by the watchdog or as the network requested. The rig then stays inactive; simulate the
-    /// restart with a new rig.
+    /// Returns true after a reset, by the watchdog or as the network requested. The rig then stays inactive until
+    /// [`JointRig::restart`].
     pub fn is_reset(&self) -> bool {
         self.driver.is_reset()
+    }
+
+    /// Resets the processor from outside.
+    pub fn reset(&mut self) {
+        self.driver.reset();
+    }
+
+    /// Runs 1 ms, in which a driver that was reset starts again from its flash, on the joint as it is.
+    ///
+    /// # Errors
+    /// Returns one line if the driver cannot be restarted.
+    pub fn restart(&mut self) -> Result<(), String> {
+        self.now_us += TICK_US;
+        self.line.tick();
+        self.milliseconds += 1;
+        self.driver.restart()
     }
 
     /// Measurements of the board about itself: temperatures, stack, bus.

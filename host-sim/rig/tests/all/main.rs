@@ -5,4 +5,5 @@
 mod armed_joint;
 #[path = "../closed_loop/main.rs"]
 mod closed_loop;
+mod drawn_joint;
 mod fd_telemetry;

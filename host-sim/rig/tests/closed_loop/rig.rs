@@ -113,8 +113,8 @@ impl Joint {
         let start = PowerUp {
             set: self.set.as_ref(),
             commissioned: self.commissioned,
-            board: true,
             boot: self.boot,
+            ..PowerUp::default()
         };
         power_up(&start, plant, self.faults, |rig| {
             work(&mut Master { rig, gain: inertia * TAU * VELOCITY_HZ, inertia, integral_a: 0.0 })
