@@ -12,6 +12,10 @@ pub const RUN: &str = "run";
 /// The column of time.
 pub const TIME: &str = "time_s";
 
+/// The column of the demanded position, which is no covariate: its difference from the position is the error that the friction
+/// causes.
+pub const DEMAND: &str = "demand_rad";
+
 /// Columns of the target, each with its joint kind.
 pub(super) const TARGETS: [(&str, JointKind); 2] = both_kinds(Quantity::Torque);
 

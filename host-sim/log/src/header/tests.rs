@@ -35,6 +35,17 @@ fn layout_with_name_outside_contract_adds_extra_covariate() {
 }
 
 #[test]
+fn layout_with_demand_leaves_it_out() {
+    let found = read_header("time_s,velocity_rad_s,torque_nm,demand_rad,flow", "").unwrap();
+    let extras: Vec<&str> = found.optional.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!((extras, found.left_out[0].name.as_str()), (vec!["flow"], "demand_rad"));
+    let mapped = "time_s,velocity_rad_s,torque_nm,demand_rad";
+    let found = read_header(mapped, "position_rad=demand_rad").unwrap();
+    assert_eq!(found.optional[0].quantity, Some(Quantity::Position));
+    assert!(found.left_out.is_empty());
+}
+
+#[test]
 fn layout_with_missing_columns_lists_them_with_a_hint() {
     assert_eq!(
         read_header("time_s,dq,tau", "").unwrap_err(),
