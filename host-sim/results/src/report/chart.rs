@@ -19,6 +19,9 @@ pub struct Axis {
     /// Initial lower and upper end, in the axis's unit; `None` if they follow from the data. Charts for comparison should
     /// have the same range.
     pub range: Option<(f64, f64)>,
+    /// Height of the drawing with its horizontal axis, px, if this is the vertical axis; `None` for the usual height. With
+    /// names, the height follows from their number.
+    pub height_px: Option<usize>,
 }
 
 impl Axis {

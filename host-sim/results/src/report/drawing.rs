@@ -101,10 +101,9 @@ impl Chart {
     }
 
     fn height(&self, small: bool) -> usize {
-        match (self.y.categories.len(), small) {
-            (0, false) => 400,
-            (0, true) => 320,
-            (names, _) => 80 + 34 * names,
+        match self.y.categories.len() {
+            0 => self.y.height_px.unwrap_or(if small { 320 } else { 400 }),
+            names => 80 + 34 * names,
         }
     }
 

@@ -20,9 +20,11 @@ mod palette;
 mod scale;
 mod table;
 mod thin;
+mod tile;
 
 pub use chart::{Axis, Chart, Series, Style};
 pub use finder::Finder;
 pub use page::{Block, Page};
 pub use table::{Best, Cell, Table};
 pub use thin::{rounded, thin_scatter, thin_series};
+pub use tile::{Tile, Tone};

@@ -12,6 +12,7 @@ use super::chart::Chart;
 use super::drawing::Drawing;
 use super::finder::Finder;
 use super::table::Table;
+use super::tile::Tile;
 use crate::write::write_atomically;
 
 /// Forbids all loading.
@@ -19,6 +20,7 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
                       base-uri 'none'; form-action 'none'";
 
 const STYLE: &str = include_str!("report.css");
+const TILE_STYLE: &str = include_str!("tile.css");
 const CHART_SCRIPT: &str = include_str!("chart.js");
 const FINDER_SCRIPT: &str = include_str!("finder.js");
 
@@ -39,7 +41,7 @@ pub enum Block {
     Find(Finder),
     /// A chart over the whole width.
     Chart(Chart),
-    /// The main result: named facts with charts beside them. On narrow screens, the first chart follows the first fact, and
+    /// The main result: named facts with charts beside them. A fact without a name continues the one above it. On narrow screens, the first chart follows the first fact, and
     /// the other charts follow the last one.
     Lead {
         /// Name and text of each fact. A part of a text between two backticks is shown as code.
@@ -47,6 +49,8 @@ pub enum Block {
         /// The charts, most important first.
         charts: Vec<Chart>,
     },
+    /// Main figures side by side.
+    Tiles(Vec<Tile>),
     /// Links to the headings of the page.
     Contents,
     /// Charts side by side, or below each other on narrow screens.
@@ -102,6 +106,9 @@ impl Page {
                     link rel="icon" href="data:,";
                     title { (self.title) }
                     style { (PreEscaped(STYLE)) }
+                    @if self.blocks.iter().any(|block| matches!(block, Block::Tiles(_))) {
+                        style { (PreEscaped(TILE_STYLE)) }
+                    }
                 }
                 body {
                     main {
@@ -200,6 +207,7 @@ impl Block {
                 Block::Find(finder) => (finder.render()),
                 Block::Chart(chart) => (chart.render(drawing, 1)),
                 Block::Lead { facts, charts } => (lead(facts, charts, drawing)),
+                Block::Tiles(tiles) => div.tiles { @for tile in tiles { (tile.render()) } },
                 // The page renders this block, because it has the headings.
                 Block::Contents => "",
                 Block::Row(charts) => div.row {
@@ -222,7 +230,10 @@ fn lead(facts: &[(String, String)], charts: &[Chart], drawing: &mut Drawing) -> 
     let (first, rest) = facts.split_at(facts.len().min(1));
     let (main, below) = charts.split_at(charts.len().min(1));
     let listed = |facts: &[(String, String)]| {
-        html! { @for (name, text) in facts { dt { (name) } dd { (with_code(text)) } } }
+        html! { @for (name, text) in facts {
+            @if !name.is_empty() { dt { (name) } }
+            dd { (with_code(text)) }
+        } }
     };
     html! {
         div.lead {
@@ -273,6 +284,7 @@ fn has_chart(block: &Block) -> bool {
         | Block::Table(_)
         | Block::Records(_)
         | Block::Find(_)
+        | Block::Tiles(_)
         | Block::Contents => false,
     }
 }
