@@ -6,6 +6,18 @@
 //! A *block* is one performance of the same motion with one of two parameter sets: A as the joint was, B as tried. Blocks
 //! are performed in the order A B B A, so that a drift of the joint does not favour either set.
 
+#[cfg(feature = "pages")]
+mod charts;
+#[cfg(all(feature = "pages", feature = "rows"))]
+mod files;
+#[cfg(feature = "pages")]
+mod page;
+#[cfg(feature = "pages")]
+mod words;
+
+#[cfg(all(feature = "pages", feature = "rows"))]
+pub use files::TuneRun;
+
 use serde::Serialize;
 
 /// What the session did with the joint.

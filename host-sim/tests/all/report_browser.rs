@@ -228,7 +228,7 @@ fn browser_prints_page_to_pdf() {
 
 /// The page in a frame of a width, and what stands out of it once its charts are drawn. A frame, as a window may not be as
 /// narrow as a telephone.
-fn framed(page: &Path, width_px: u32) -> PathBuf {
+pub fn framed(page: &Path, width_px: u32) -> PathBuf {
     let text = fs::read_to_string(page).expect("written");
     let text = text.replace('&', "&amp;").replace('"', "&quot;");
     // What scrolls in itself may be as wide as it likes.
@@ -247,6 +247,8 @@ fn framed(page: &Path, width_px: u32) -> PathBuf {
             const parts = ["first", "main", "rest", "below"].filter(box);
             parts.sort((a, b) => box(a).top - box(b).top || box(a).left - box(b).left);
             document.body.dataset.order = parts.join(" ");
+            const shown = [...(page.querySelector(".lead")?.querySelectorAll("dd, .plot") ?? [])];
+            document.body.dataset.bottom = Math.max(...shown.map(each => each.getBoundingClientRect().bottom));
             document.body.dataset.beside = parts.length && box("main").left > box("first").right;
         }}, 3000));"#
     );
@@ -300,7 +302,7 @@ fn fleet_page_of_400_px_width_shows_rows_without_scrolling() {
 }
 
 /// Opens a framed page and returns what its script recorded, by name.
-fn read_frame(chromium: &Path, frame: &Path) -> impl Fn(&str) -> Option<String> + use<> {
+pub fn read_frame(chromium: &Path, frame: &Path) -> impl Fn(&str) -> Option<String> + use<> {
     let output = open(chromium, frame, "--dump-dom");
     let dom = String::from_utf8_lossy(&output.stdout).into_owned();
     move |name: &str| {

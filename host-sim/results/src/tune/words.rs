@@ -1,0 +1,263 @@
+//! Sentences and figures of the page of a tuning session.
+//!
+//! A *change* is `after / before - 1` in percent: negative if the new set is better. It is the gain with the other sign.
+
+use crate::page::words::{capitalised, counted, quantity};
+use crate::tune::{TuneGain, TuneOutcome, TuneQuantity, TuneReport};
+use friction_diagnose::cause;
+use friction_diagnose::finding::probability_in_words;
+use joint_log::number::{fixed, significant};
+
+/// Text for a value that was not measured.
+pub(super) const NOT_MEASURED: &str = "not measured";
+
+/// Length from which an angle is shown in rad, rad.
+const LARGE_ANGLE_RAD: f64 = 0.1;
+
+/// What a gain shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// The whole interval is an improvement.
+    Better,
+    /// The whole interval is a deterioration.
+    Worse,
+    /// The interval includes zero.
+    Open,
+    /// There is no gain: a value or its interval is missing.
+    NotMeasured,
+}
+
+impl Verdict {
+    pub fn of(gain: &TuneGain) -> Self {
+        let [low, high] = gain.ci95;
+        if ![gain.gain, low, high].iter().all(|value| value.is_finite()) {
+            Self::NotMeasured
+        } else if low > 0.0 {
+            Self::Better
+        } else if high < 0.0 {
+            Self::Worse
+        } else {
+            Self::Open
+        }
+    }
+
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Better => "smaller",
+            Self::Worse => "larger",
+            Self::Open => "no difference shown",
+            Self::NotMeasured => NOT_MEASURED,
+        }
+    }
+}
+
+/// Formats a gain as the change in percent, without the sign of percent.
+fn percent(gain: f64) -> String {
+    let change = -100.0 * gain;
+    let text = fixed(change, if change.abs() < 9.95 { 1 } else { 0 });
+    if change > 0.0 && text.contains(|letter: char| ('1'..='9').contains(&letter)) {
+        format!("+{text}")
+    } else {
+        text
+    }
+}
+
+/// Returns the change: `−67 %`.
+pub(super) fn change(gain: &TuneGain) -> String {
+    match Verdict::of(gain) {
+        Verdict::NotMeasured => NOT_MEASURED.to_owned(),
+        _ => format!("{}\u{a0}%", percent(gain.gain)),
+    }
+}
+
+/// Returns the 95 % interval of the change: `−72 to −60 %`.
+pub(super) fn interval(gain: &TuneGain) -> String {
+    let [low, high] = gain.ci95;
+    match Verdict::of(gain) {
+        Verdict::NotMeasured => NOT_MEASURED.to_owned(),
+        _ => format!("{} to {}\u{a0}%", percent(high), percent(low)),
+    }
+}
+
+/// Returns the unit in which values of a quantity are shown, and the factor to it. Small angles are shown in mrad.
+pub(super) fn shown_unit(unit: &'static str, values: &[f64]) -> (&'static str, f64) {
+    let largest = values
+        .iter()
+        .filter(|value| value.is_finite())
+        .fold(0.0, |most: f64, value| most.max(value.abs()));
+    if unit == "rad" && largest < LARGE_ANGLE_RAD { ("mrad", 1e3) } else { (unit, 1.0) }
+}
+
+/// Returns both means of a gain: `12.0 → 4.00 mrad`.
+pub(super) fn means(gain: &TuneGain) -> String {
+    let (unit, factor) = shown_unit(gain.unit, &[gain.before, gain.after]);
+    let [before, after] = [factor * gain.before, factor * gain.after];
+    if before.is_finite() && after.is_finite() {
+        format!("{} → {}", significant(before, 3), quantity(after, unit))
+    } else {
+        format!("{} → {}", finite(before, unit), finite(after, unit))
+    }
+}
+
+/// Formats a value with its unit, or says that it was not measured.
+pub(super) fn finite(value: f64, unit: &str) -> String {
+    if value.is_finite() { quantity(value, unit) } else { NOT_MEASURED.to_owned() }
+}
+
+/// Returns a duration: `4 min 52 s`.
+pub(super) fn duration(seconds: f64) -> String {
+    if !seconds.is_finite() {
+        return NOT_MEASURED.to_owned();
+    }
+    let whole = seconds.round() as u64;
+    match (whole / 60, whole % 60) {
+        (0, _) if seconds < 10.0 => quantity(seconds, "s"),
+        (0, rest) => format!("{rest}\u{a0}s"),
+        (minutes, 0) => format!("{minutes}\u{a0}min"),
+        (minutes, rest) => format!("{minutes}\u{a0}min {rest}\u{a0}s"),
+    }
+}
+
+/// Returns the title of the page.
+pub(super) fn title(report: &TuneReport) -> String {
+    let result = match report.outcome {
+        TuneOutcome::Saved => "it moves better",
+        TuneOutcome::Returned(_) => "nothing changed",
+    };
+    format!("{}: {result}", report.joint)
+}
+
+/// Returns the sentences below the title: what changed or why nothing did, and on what joint.
+pub(super) fn headline(report: &TuneReport) -> String {
+    let result = match &report.outcome {
+        TuneOutcome::Returned(why) => {
+            let tried = match (report.parameters.len(), report.trial.blocks.len()) {
+                (0, _) | (_, 0) => String::new(),
+                (values, blocks) => format!(
+                    " after a trial of {} in {}",
+                    counted(values, "new value"),
+                    counted(blocks, "block")
+                ),
+            };
+            format!("The former parameters are back{tried}. {}", sentence(why))
+        }
+        TuneOutcome::Saved => match differences(report) {
+            Some(differences) => format!("{differences}. The new parameters are saved."),
+            None => "The new parameters are saved.".to_owned(),
+        },
+    };
+    let joint = if report.is_simulated { " The joint is simulated." } else { "" };
+    format!("{result} The session took {}.{joint}", duration(report.seconds))
+}
+
+/// Returns what is smaller and what is larger with the new set: "Error at reversals and current are smaller". `None` if the
+/// trial shows no difference.
+fn differences(report: &TuneReport) -> Option<String> {
+    let named = |wanted: Verdict| {
+        let gains = report.gains.iter().filter(|gain| Verdict::of(gain) == wanted);
+        let names: Vec<&str> = gains.map(|gain| gain.quantity.in_words()).collect();
+        let (last, first) = names.split_last()?;
+        let is_or_are = if first.is_empty() { "is" } else { "are" };
+        let names = match first {
+            [] => (*last).to_owned(),
+            first => format!("{} and {last}", first.join(", ")),
+        };
+        Some(format!("{names} {is_or_are} {}", wanted.in_words()))
+    };
+    let parts: Vec<String> =
+        [Verdict::Better, Verdict::Worse].into_iter().filter_map(named).collect();
+    (!parts.is_empty()).then(|| capitalised(&parts.join(", ")))
+}
+
+/// Returns a text as a sentence: with a capital letter and a full stop.
+fn sentence(text: &str) -> String {
+    let text = text.trim();
+    let mut letters = text.chars();
+    let Some(first) = letters.next() else { return "No reason is recorded.".to_owned() };
+    let stop = if text.ends_with(['.', '!', '?']) { "" } else { "." };
+    format!("{}{}{stop}", first.to_uppercase(), letters.as_str())
+}
+
+/// Returns the cause with its meaning and probability.
+pub(super) fn cause(report: &TuneReport) -> String {
+    let name = report.cause.as_str();
+    let probability = match report.probability {
+        known if known.is_finite() => format!("probability {}", probability_in_words(known)),
+        _ => "probability not known".to_owned(),
+    };
+    match cause::named(name) {
+        _ if name == "none" => "None: the model explains what was recorded.".to_owned(),
+        Some(known) => format!("{} ({name}), {probability}", capitalised(known.meaning())),
+        None => format!("{name}, {probability}"),
+    }
+}
+
+/// Explains the trial above its table.
+pub(super) fn trial(report: &TuneReport) -> String {
+    let blocks = report.trial.blocks.len();
+    format!(
+        "The same motion was performed {blocks} times in the order {}. A is the former set, B the new one. In this order, a \
+         steady drift of the joint favours neither set. The interval of a change is a paired bootstrap over the blocks. It \
+         shows a difference only if it does not include zero.",
+        spaced(&report.trial.order())
+    )
+}
+
+/// Returns the order with blanks between the letters, so that a line can break in it.
+fn spaced(order: &str) -> String {
+    let letters: Vec<String> = order.chars().map(String::from).collect();
+    letters.join(" ")
+}
+
+/// Returns the name of a quantity with a capital letter.
+pub(super) fn name(quantity: TuneQuantity) -> String {
+    capitalised(quantity.in_words())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gain(gain: f64, ci95: [f64; 2]) -> TuneGain {
+        let quantity = TuneQuantity::TrackingRms;
+        TuneGain { quantity, unit: quantity.unit(), before: 0.02, after: 0.01, gain, ci95 }
+    }
+
+    #[test]
+    fn change_has_sign_of_the_new_value_against_the_former() {
+        assert_eq!(change(&gain(0.673, [0.6, 0.72])), "−67\u{a0}%");
+        assert_eq!(interval(&gain(0.673, [0.6, 0.72])), "−72 to −60\u{a0}%");
+        assert_eq!(change(&gain(-0.031, [-0.05, -0.012])), "+3.1\u{a0}%");
+        assert_eq!(interval(&gain(0.01, [-0.02, 0.04])), "−4.0 to +2.0\u{a0}%");
+        assert_eq!(change(&gain(-0.0, [0.0, 0.0])), "0.0\u{a0}%");
+    }
+
+    #[test]
+    fn verdict_follows_the_interval() {
+        let of = |ci95| Verdict::of(&gain(0.1, ci95));
+        assert_eq!(of([0.05, 0.2]), Verdict::Better);
+        assert_eq!(of([-0.2, -0.05]), Verdict::Worse);
+        assert_eq!(of([0.0, 0.2]), Verdict::Open);
+        assert_eq!(of([f64::NAN, 0.2]), Verdict::NotMeasured);
+        assert_eq!(Verdict::of(&gain(f64::INFINITY, [0.1, 0.2])), Verdict::NotMeasured);
+    }
+
+    #[test]
+    fn small_angles_are_in_mrad() {
+        assert_eq!(means(&gain(0.5, [0.4, 0.6])), "20.0 → 10.0\u{a0}mrad");
+        assert_eq!(shown_unit("rad", &[0.2, f64::NAN]), ("rad", 1.0));
+        assert_eq!(shown_unit("A", &[0.01]), ("A", 1.0));
+    }
+
+    #[test]
+    fn durations_are_in_minutes_and_seconds() {
+        let texts = [3.25, 59.6, 292.0, f64::NAN].map(duration);
+        assert_eq!(texts, ["3.25\u{a0}s", "1\u{a0}min", "4\u{a0}min 52\u{a0}s", NOT_MEASURED]);
+    }
+
+    #[test]
+    fn reason_becomes_a_sentence() {
+        assert_eq!(sentence("the energy grew "), "The energy grew.");
+        assert_eq!(sentence(""), "No reason is recorded.");
+    }
+}
