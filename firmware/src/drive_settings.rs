@@ -28,12 +28,23 @@ macro_rules! drive_settings {
 
         impl DriveSettings {
             /// Objects of the settings, in the order of their storage: index and sub-index.
-            const PLACES: [(u16, u8); [$($sub_index as u8),*].len()] =
+            pub const PLACES: [(u16, u8); [$($sub_index as u8),*].len()] =
                 [$((index::$INDEX, $sub_index)),*];
 
             /// Names of the settings and their legal values, as refusals contain them.
             pub const TEXTS: [[Text; 2]; Self::PLACES.len()] =
                 [$([text!(stringify!($field)), text!($text)]),*];
+
+            /// Names of the settings, in the order of [`Self::PLACES`].
+            pub const NAMES: [&str; Self::PLACES.len()] = [$(stringify!($field)),*];
+
+            /// Returns true if an object is a setting with a sign.
+            pub fn is_signed(at_index: u16, sub_index: u8) -> bool {
+                match (at_index, sub_index) {
+                    $((index::$INDEX, $sub_index) => $kind::MIN != 0,)*
+                    _ => false,
+                }
+            }
 
             /// Returns the value of an object as a word; `None` if the object is no setting.
             pub fn get(&self, at_index: u16, sub_index: u8) -> Option<u32> {

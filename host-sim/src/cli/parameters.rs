@@ -7,6 +7,7 @@
 //! keeps the parameters over a reset.
 
 mod commission;
+mod drive;
 mod friction_run;
 mod measure;
 
@@ -80,7 +81,8 @@ struct GlobalBus {
 enum Action {
     /// Print all parameters as a file, or the values of some names
     Get {
-        /// Names such as static_torque, compensator.scale, motor.gear_ratio; all by default
+        /// Names such as static_torque, compensator.scale, motor.gear_ratio, drive.position_min; all by default, in a file
+        /// without those of the drive
         #[arg(value_name = "NAME")]
         names: Vec<String>,
         /// Write the driver's network to this file and refer to it in the printed file
@@ -340,7 +342,11 @@ impl Driver {
             .into_iter()
             .map(|(name, value)| (name, json!(value), format!("{value:?}")));
         let choices = choices(&set).into_iter().map(|(name, on)| (name, json!(on), on.to_string()));
-        let all: Vec<(String, serde_json::Value, String)> = choices.chain(numbers).collect();
+        let mut all: Vec<(String, serde_json::Value, String)> = choices.chain(numbers).collect();
+        for (name, at) in drive::names() {
+            let value = self.drive_setting(at)?;
+            all.push((name, json!(value), value.to_string()));
+        }
         let chosen: Vec<_> = if names.is_empty() {
             all.iter().collect()
         } else {
@@ -391,9 +397,13 @@ impl Driver {
     fn set(&mut self, what: &[String], save: bool) -> Result<String, String> {
         let before = self.read_set()?;
         let mut set = before.clone();
+        let mut settings = Vec::new();
         for item in what {
             match item.split_once('=') {
-                Some((name, value)) => put(&mut set, name.trim(), value.trim())?,
+                Some((name, value)) => match drive::parse(name.trim(), value.trim())? {
+                    Some(change) => settings.push(change),
+                    None => put(&mut set, name.trim(), value.trim())?,
+                },
                 None if !Path::new(item).exists() => {
                     return Err(format!(
                         "{item}: No such file; expected a parameter file or NAME=VALUE"
@@ -417,13 +427,13 @@ impl Driver {
             eprintln!("warning: {late}");
         }
         let active = self.commit(&set)?;
+        let changes = settings.iter().map(|change| self.change_drive(change));
+        let mut changed = changes.collect::<Result<Vec<String>, String>>()?;
         if save {
             self.store(index::STORE, SAVE_SIGNATURE)?;
         }
-        let changed: Vec<String> = differences(&before, &set)
-            .into_iter()
-            .map(|(name, from, to)| format!("{name} {from} -> {to}"))
-            .collect();
+        let of_set = differences(&before, &set);
+        changed.extend(of_set.into_iter().map(|(name, from, to)| format!("{name} {from} -> {to}")));
         let changed = match changed.len() {
             0 => "nothing changed".to_owned(),
             1..=MAX_LISTED_CHANGES => changed.join(", "),

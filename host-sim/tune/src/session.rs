@@ -89,6 +89,8 @@ pub struct Session {
     pub before: Found,
     /// The set that was tried last.
     pub tried: Option<ParameterSet>,
+    /// The position gain that belongs to it (60FBh:1), 1e-3 1/s.
+    pub position_gain: u32,
 }
 
 impl Session {
@@ -490,8 +492,11 @@ impl<'a, B: Bus> Work<'a, B> {
             TuneOutcome::Returned(_) => "the former parameters are active",
         });
         let report = self.report(outcome, &verdict, warnings);
+        let position_gain =
+            self.tried.as_ref().map_or(self.before.position_gain, |tuned| tuned.position_gain);
         Session {
             report,
+            position_gain,
             recordings: self.recordings,
             learnt: self.learnt,
             before: self.before,
@@ -603,6 +608,31 @@ impl<'a, B: Bus> Work<'a, B> {
         }
         all
     }
+}
+
+/// Performs a motion around a position, rad, with a set in RAM, and records it. The joint is disarmed before and after.
+///
+/// # Errors
+/// Returns one line if the set is refused or the joint stops.
+pub fn performed<B: Bus>(
+    client: Client<B>,
+    options: &TuneOptions,
+    origin_rad: f64,
+    tuned: &TunedSet,
+    motion: &Motion,
+) -> Result<Recording, String> {
+    let mut master = Master::new(client, options.node, options.limits, Box::new(|| false));
+    let mut perform = || -> Result<Recording, Ended> {
+        master.configure()?;
+        trial_set::write(&mut master, tuned)?;
+        master.enable()?;
+        master.approach(origin_rad, 0.3 * options.limits.speed_rad_s)?;
+        let recording = master.play(motion, origin_rad)?;
+        master.disable()?;
+        master.leave()?;
+        Ok(recording)
+    };
+    perform().map_err(|error| error.to_string())
 }
 
 /// Returns the bounds of the compensation torque and of the bristle torque of a set, Nm, for every input.

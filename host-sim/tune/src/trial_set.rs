@@ -75,14 +75,21 @@ pub fn open<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
 pub fn apply<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), TrialError> {
     let at = Address::new(TRIAL, DEADLINE);
     master.client().write(at, &(5 * TRIAL_DEADLINE_MS).to_le_bytes())?;
-    write_set(master.client(), &tuned.set)?;
-    let gain = tuned.position_gain.to_le_bytes();
-    let place = Address::new(index::POSITION_LOOP, 1);
-    master.client().write(place, &gain)?;
+    write(master, tuned)?;
     match master.client().read_number(Address::new(TRIAL, STATE))? {
         OPEN => Ok(()),
         state => Err(TrialError::Returned(reason(state))),
     }
+}
+
+/// Makes a set the active one, in RAM, without a trial. The joint must be disarmed.
+///
+/// # Errors
+/// The drive refuses the set.
+pub fn write<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), TrialError> {
+    write_set(master.client(), &tuned.set)?;
+    let gain = tuned.position_gain.to_le_bytes();
+    Ok(master.client().write(Address::new(index::POSITION_LOOP, 1), &gain)?)
 }
 
 /// Ends the trial and keeps the active set, which is then still in RAM only.

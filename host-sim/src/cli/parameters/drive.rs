@@ -1,0 +1,111 @@
+//! The settings of the CiA 402 drive by name: `drive.position_min`, in the unit of their objects.
+//!
+//! They are objects of their own and no part of the parameter set: a change is active at once, and `save` keeps it.
+
+use super::{Driver, sdo_message};
+use canopen_rs::Address;
+use firmware::drive_settings::DriveSettings;
+
+/// Prefix of the names.
+const PREFIX: &str = "drive.";
+
+/// Returns every name with its object: index and sub-index.
+pub(super) fn names() -> impl Iterator<Item = (String, Address)> {
+    DriveSettings::NAMES.iter().zip(DriveSettings::PLACES).map(|(name, (index, sub_index))| {
+        (format!("{PREFIX}{name}"), Address::new(index, sub_index))
+    })
+}
+
+/// A change of a setting, checked against the names but not yet written.
+pub(super) struct Change {
+    name: String,
+    at: Address,
+    value: i64,
+}
+
+/// Parses `drive.NAME` and a whole number; `None` for a name of another section.
+///
+/// # Errors
+/// Returns one line if there is no such setting or the value is no whole number.
+pub(super) fn parse(name: &str, value: &str) -> Result<Option<Change>, String> {
+    if !name.starts_with(PREFIX) {
+        return Ok(None);
+    }
+    let all: Vec<(String, Address)> = names().collect();
+    let Some((_, at)) = all.iter().find(|(known, _)| known == name) else {
+        let known: Vec<String> = all.into_iter().map(|(known, _)| known).collect();
+        return Err(joint_tuning::names::unknown(name, &known));
+    };
+    let whole =
+        value.parse::<f64>().ok().filter(|value| value.fract() == 0.0 && value.abs() < 1e10);
+    let value = whole.ok_or_else(|| {
+        format!("{name}: found {value:?}, expected a whole number in the unit of its object")
+    })?;
+    Ok(Some(Change { name: name.to_owned(), at: *at, value: value as i64 }))
+}
+
+impl Driver {
+    /// Reads a setting as a signed number if its object is signed.
+    pub(super) fn drive_setting(&mut self, at: Address) -> Result<i64, String> {
+        let bytes = self.client.read(at).map_err(sdo_message)?;
+        let is_signed = DriveSettings::is_signed(at.index, at.subindex);
+        let number = bytes.iter().rev().fold(0u64, |number, byte| number << 8 | u64::from(*byte));
+        let unused = 64 - 8 * bytes.len().clamp(1, 8) as u32;
+        Ok(if is_signed {
+            (number << unused).cast_signed() >> unused
+        } else {
+            number.cast_signed()
+        })
+    }
+
+    /// Writes a setting. Returns the change in words.
+    pub(super) fn change_drive(&mut self, change: &Change) -> Result<String, String> {
+        let before = self.drive_setting(change.at)?;
+        let length = self.client.read(change.at).map_err(sdo_message)?.len();
+        let bytes = change.value.to_le_bytes();
+        let bits = 8 * length as u32;
+        let fits = change.value >= -(1i64 << (bits - 1)) && change.value < 1i64 << bits;
+        if !fits {
+            return Err(format!(
+                "{}: found {}, expected a number of {bits} bits",
+                change.name, change.value
+            ));
+        }
+        self.client.write(change.at, &bytes[..length]).map_err(sdo_message)?;
+        Ok(format!("{} {before} -> {}", change.name, change.value))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::can::NodeId;
+    use joint_bus::bus::{Bus, Hub};
+    use joint_bus::canopen::Client;
+    use joint_bus::joint::JointNode;
+
+    #[test]
+    fn every_setting_is_read_and_written_by_its_name() {
+        let hub = Hub::new();
+        hub.attach(JointNode::start(NodeId::FIRST, None).expect("a driver"));
+        let bus: Box<dyn Bus> = Box::new(hub.port());
+        let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
+        for (name, at) in names() {
+            let before = driver.drive_setting(at).expect("it is read");
+            let change = parse(&name, &before.to_string()).expect("a number").expect("a setting");
+            driver.change_drive(&change).unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+        let change = parse("drive.position_min", "-1000000").expect("a number").expect("a setting");
+        assert_eq!(driver.change_drive(&change).as_deref(), Ok("drive.position_min 0 -> -1000000"));
+        assert_eq!(driver.drive_setting(change.at), Ok(-1_000_000));
+    }
+
+    #[test]
+    fn wrong_names_and_values_are_refused_in_one_line() {
+        assert!(parse("motor.gear_ratio", "1").is_ok_and(|change| change.is_none()));
+        let unknown = parse("drive.gain", "1").err().unwrap();
+        assert!(unknown.contains("did you mean drive.position_gain"), "{unknown}");
+        let fraction = parse("drive.position_min", "0.5").err().unwrap();
+        assert!(fraction.contains("expected a whole number"), "{fraction}");
+    }
+}

@@ -1,0 +1,186 @@
+//! Grades `tune` on drawn joints: what it gains by the true position of the joint, whether it leaves a well tuned joint alone,
+//! and whether a fault in the middle leaves the former set.
+//!
+//! The joints are those of [`simulated_machines::joint_plant`], which is not built from the friction law of the core. The
+//! session sees their bus only. The grader also sees the plant: a gain counts by the true position of the output.
+//!
+//! The rival is a feed-forward by a table over speed, as open drives have it: a static law, fitted to the same recordings, with
+//! the same loop gains, and scaled by the same choice.
+
+mod fault;
+mod rival;
+mod stand;
+
+pub use fault::{Fault, FaultGrade, grade_fault};
+pub use stand::{Stand, Truth};
+
+use firmware::parameter_set::ParameterSet;
+use friction_results::tune::TuneQuantity;
+use joint_rig::service;
+use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser};
+use rival::Rival;
+use simulated_machines::joint_plant::DrawnJoint;
+use simulated_machines::scenarios::Hide;
+
+/// Bounds of the motions: the defaults of the command.
+pub const LIMITS: MotionLimits =
+    MotionLimits { range_rad: 0.4, speed_rad_s: 1.5, acceleration_rad_s2: 11.25 };
+
+/// Time of a session, s: the default of the command.
+pub const SECONDS: f64 = 300.0;
+
+/// The effects that a joint's own motion can show.
+pub const SHOWN_BY_MOTION: [&str; 11] = [
+    "position-ripple",
+    "gravity-imbalance",
+    "direction-asymmetry",
+    "torque-offset",
+    "quadratic-drag",
+    "dwell-time-static",
+    "unmodelled-inertia",
+    "backlash",
+    "stribeck-shape",
+    "torque-ripple",
+    "warm-up",
+];
+
+/// How a joint was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// As commissioned: loops set by hand, friction not compensated.
+    Commissioned,
+    /// Tuned by a session before its hidden effect appeared, on other motions.
+    TunedBefore,
+}
+
+/// A joint to grade.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Seed of the joint.
+    pub seed: u64,
+    /// Name of its hidden effect; `None` for a clean joint.
+    pub hidden: Option<&'static str>,
+    /// How it was found.
+    pub start: Start,
+}
+
+/// The grade of a session.
+#[derive(Clone, Debug)]
+pub struct Grade {
+    /// The joint.
+    pub case: Case,
+    /// Family of its friction.
+    pub family: &'static str,
+    /// A new set was saved.
+    pub is_saved: bool,
+    /// Why not; empty if it was.
+    pub why_not: String,
+    /// Named cause and its probability.
+    pub cause: String,
+    /// Probability of the cause.
+    pub probability: f64,
+    /// Claimed gain and interval of the error at reversals and of the tracking error: gain, low, high.
+    pub claimed: [[f64; 3]; 2],
+    /// The same gains by the true position of the output: of the saved set over the former one; 0 if nothing was saved.
+    pub true_gains: [f64; 2],
+    /// True errors of the rival over those of the saved set, at reversals and RMS; NaN if nothing was saved.
+    pub rival_ratio: [f64; 2],
+    /// Time on the bus, s.
+    pub seconds: f64,
+}
+
+/// A user who agrees and watches nothing.
+struct Silent;
+
+impl TuneUser for Silent {
+    fn confirms(&mut self, _: &str) -> bool {
+        true
+    }
+
+    fn progress(&mut self, line: &str) {
+        if std::env::var_os("TUNE_PROGRESS").is_some() {
+            eprintln!("{line}");
+        }
+    }
+}
+
+/// Returns the options of a session.
+pub fn options(seed: u64, limits: MotionLimits) -> TuneOptions {
+    TuneOptions {
+        node: compensator_core::can::NodeId::FIRST,
+        limits,
+        seconds: SECONDS,
+        motion: None,
+        seed,
+        joint: format!("joint {seed}"),
+        is_simulated: true,
+        now_s: 0,
+    }
+}
+
+/// Returns the joint of a case.
+///
+/// # Errors
+/// Returns one line if the plant does not have the effect.
+pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, String> {
+    let hide: Vec<Hide> =
+        hidden.map(|name| name.parse::<Hide>()).transpose()?.into_iter().collect();
+    DrawnJoint::draw(seed, &hide, None)
+}
+
+/// Returns the set with which a joint of a case starts.
+fn starting_set(case: &Case) -> Result<ParameterSet, String> {
+    let clean = joint(case.seed, None)?;
+    let set = service::starting_set(&clean);
+    match case.start {
+        Start::Commissioned => Ok(set),
+        Start::TunedBefore => {
+            let other = MotionLimits { range_rad: 0.3, speed_rad_s: 1.1, acceleration_rad_s2: 8.0 };
+            let stand = Stand::new(&clean, &set)?;
+            let session = stand.tune(&options(case.seed ^ 0x5eed, other))?;
+            Ok(if session.is_saved() { session.tried.unwrap_or(set) } else { set })
+        }
+    }
+}
+
+/// Tunes the joint of a case, and grades the result by its true position.
+///
+/// # Errors
+/// Returns one line if the joint does not start or the session is refused.
+pub fn grade(case: &Case) -> Result<Grade, String> {
+    let joint = joint(case.seed, case.hidden)?;
+    let stand = Stand::new(&joint, &starting_set(case)?)?;
+    let session = stand.tune(&options(case.seed, LIMITS))?;
+    let claim = |quantity: TuneQuantity| {
+        let found = session.report.gains.iter().find(|own| own.quantity == quantity);
+        found.map_or([0.0; 3], |own| [own.gain, own.ci95[0], own.ci95[1]])
+    };
+    let true_gains =
+        if session.is_saved() { stand.truth().gains(&trial_blocks(&session)) } else { [0.0; 2] };
+    let rival_ratio = match (&session.learnt, session.is_saved()) {
+        (Some(_), true) => Rival::new(&session)?.ratio(&stand, &session)?,
+        _ => [f64::NAN; 2],
+    };
+    Ok(Grade {
+        case: case.clone(),
+        family: joint.family.name(),
+        is_saved: session.is_saved(),
+        why_not: match &session.report.outcome {
+            friction_results::tune::TuneOutcome::Saved => String::new(),
+            friction_results::tune::TuneOutcome::Returned(why) => why.clone(),
+        },
+        cause: session.report.cause.clone(),
+        probability: session.report.probability,
+        claimed: [claim(TuneQuantity::ReversalError), claim(TuneQuantity::TrackingRms)],
+        true_gains,
+        rival_ratio,
+        seconds: session.report.seconds,
+    })
+}
+
+/// Returns the recordings of the trial, each with whether the new set was active.
+fn trial_blocks(session: &Session) -> Vec<(bool, &joint_tuning::recording::Recording)> {
+    let performed = session.recordings.iter().filter(|(_, why)| why == "trial");
+    let blocks = session.report.trial.blocks.iter().map(|block| block.is_new);
+    blocks.zip(performed.map(|(recording, _)| recording)).collect()
+}

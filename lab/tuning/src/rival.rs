@@ -1,0 +1,97 @@
+//! The rival: a feed-forward by a table over speed, fitted to the same recordings.
+
+use super::Stand;
+use compensator_core::TermKind;
+use firmware::parameter_set::ParameterSet;
+use friction_fit::spec::Spec;
+use friction_fit::{FitOptions, Rows, identify_robustly};
+use joint_tuning::Session;
+use joint_tuning::motion::{Motion, standard};
+use joint_tuning::recording::Recording;
+use joint_tuning::session::performed;
+use joint_tuning::trial_set::TunedSet;
+
+/// Static laws over speed, as a table has them: the better one on held-out runs is used.
+const LAWS: [&str; 2] = ["stribeck", "linear"];
+/// Shares of the table's torque that are tried.
+const SCALES: [f32; 3] = [1.0, 0.9, 0.7];
+/// Pairs of blocks: rival and saved set.
+const PAIRS: usize = 4;
+
+/// Sets of the rival, with the saved set's loop gains.
+pub struct Rival {
+    candidates: Vec<TunedSet>,
+    saved: TunedSet,
+    motion: Motion,
+}
+
+impl Rival {
+    /// Fits the table of a session that saved a set.
+    ///
+    /// # Errors
+    /// Returns one line if no static law can be fitted.
+    pub fn new(session: &Session) -> Result<Self, String> {
+        let (Some(learnt), Some(set)) = (&session.learnt, &session.tried) else {
+            return Err("the session learnt nothing".to_owned());
+        };
+        let saved = TunedSet { set: set.clone(), position_gain: session.position_gain };
+        let rows = Rows { tracks: &learnt.input.train, decimate: learnt.input.decimate };
+        let fits = LAWS.iter().filter_map(|law| {
+            let spec = Spec::parse(law).ok()?.on(&[TermKind::UnmodelledInertia]);
+            let base = spec.parameters().ok()?;
+            let (test, loss) = (learnt.input.test_rows(), learnt.input.loss);
+            identify_robustly(loss, &spec, &base, rows, test, &FitOptions::default()).ok()
+        });
+        let best = fits.min_by(|a, b| a.test.rmse.total_cmp(&b.test.rmse));
+        let table = best.ok_or("no static law fits")?.for_driver();
+        let candidates = SCALES.iter().filter_map(|scale| {
+            let mut set: ParameterSet = set.clone();
+            let mut model = table.parameters.convert::<f32>();
+            model.terms.retain(|term| *term != TermKind::UnmodelledInertia);
+            model.envelope = set.friction.model.envelope;
+            set.friction.model = model;
+            set.friction.compensator.scale = *scale;
+            set.validate().is_ok().then_some(TunedSet { set, position_gain: saved.position_gain })
+        });
+        Ok(Self { candidates: candidates.collect(), saved, motion: standard(&super::LIMITS) })
+    }
+
+    /// Returns the true errors of the rival over those of the saved set, in blocks that alternate.
+    ///
+    /// # Errors
+    /// Returns one line if the joint stops.
+    pub fn ratio(&self, stand: &Stand, session: &Session) -> Result<[f64; 2], String> {
+        let perform = |tuned: &TunedSet| -> Result<Recording, String> {
+            performed(
+                stand.client(),
+                &super::options(0, super::LIMITS),
+                session.before.position_rad,
+                tuned,
+                &self.motion,
+            )
+        };
+        let errors = |recording: &Recording| {
+            let scores = stand.truth().scores(recording);
+            [scores[0], scores[1]]
+        };
+        let product = |[a, b]: [f64; 2]| a * b;
+        let mut screened = Vec::new();
+        for tuned in &self.candidates {
+            screened.push((product(errors(&perform(tuned)?)), tuned));
+        }
+        let best = screened.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, best)) = best else { return Ok([f64::NAN; 2]) };
+        let mut sums = [[0.0; 2]; 2];
+        for pair in 0..PAIRS {
+            let order = if pair % 2 == 0 { [0, 1] } else { [1, 0] };
+            for own in order {
+                let tuned = if own == 0 { best } else { &&self.saved };
+                let found = errors(&perform(tuned)?);
+                for (sum, error) in sums[own].iter_mut().zip(found) {
+                    *sum += error;
+                }
+            }
+        }
+        Ok([0, 1].map(|place| sums[0][place] / sums[1][place]))
+    }
+}

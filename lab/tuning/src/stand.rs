@@ -1,0 +1,170 @@
+//! A drawn joint on a bus, with the true position of its output beside it.
+
+use super::Silent;
+use firmware::parameter_set::ParameterSet;
+use joint_bus::bus::{Bus, BusError, Counters, Hub, Participant, Received};
+use joint_bus::canopen::Client;
+use joint_rig::MotorNode;
+use joint_trace::CanFrame;
+use joint_tuning::recording::Recording;
+use joint_tuning::score::{Scores, score};
+use joint_tuning::{Session, TuneOptions, tune};
+use simulated_machines::joint_plant::DrawnJoint;
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+
+/// The true position of the output, one value per millisecond of the bus.
+#[derive(Clone, Debug, Default)]
+pub struct Truth {
+    positions_rad: Vec<f64>,
+}
+
+impl Truth {
+    /// Returns a recording with the true position in place of the measured one.
+    pub fn corrected(&self, recording: &Recording) -> Recording {
+        let mut corrected = recording.clone();
+        for row in &mut corrected.rows {
+            let demand = row.demand_rad();
+            // The drive sampled its report a millisecond before the frame with it.
+            let at = (1e3 * row.time_s).round() as usize;
+            if let Some(position) = self.positions_rad.get(at.saturating_sub(1)) {
+                row.position_rad = *position;
+                row.error_rad = demand - position;
+            }
+        }
+        corrected
+    }
+
+    /// Returns the scores of a recording by the true position.
+    pub fn scores(&self, recording: &Recording) -> Scores {
+        score(&self.corrected(recording), 1.0).scores
+    }
+
+    /// Returns the true gains of the error at reversals and of the tracking error over blocks of the former and the new set.
+    pub fn gains(&self, blocks: &[(bool, &Recording)]) -> [f64; 2] {
+        let mean = |is_new: bool, place: usize| {
+            let own = blocks.iter().filter(|(new, _)| *new == is_new);
+            let scores: Vec<f64> =
+                own.map(|(_, recording)| self.scores(recording)[place]).collect();
+            scores.iter().sum::<f64>() / scores.len().max(1) as f64
+        };
+        [0, 1].map(|place| 1.0 - mean(true, place) / mean(false, place))
+    }
+}
+
+/// The joint as a participant of the bus, which the grader shares.
+struct SharedJoint {
+    node: Rc<RefCell<MotorNode>>,
+    truth: Rc<RefCell<Truth>>,
+}
+
+impl Participant for SharedJoint {
+    fn receive(&mut self, frame: &CanFrame, now_ns: u64) {
+        self.node.borrow_mut().receive(frame, now_ns);
+    }
+
+    fn tick(&mut self, now_ns: u64) -> Option<u64> {
+        let mut node = self.node.borrow_mut();
+        let next = node.tick(now_ns);
+        let at = (now_ns as f64 * 1e-6).round() as usize;
+        self.truth.borrow_mut().positions_rad.resize(at + 1, node.plant().position_rad());
+        next
+    }
+
+    fn transmit(&mut self) -> Option<CanFrame> {
+        self.node.borrow_mut().transmit()
+    }
+}
+
+/// A test stand with one joint.
+pub struct Stand {
+    hub: Hub,
+    node: Rc<RefCell<MotorNode>>,
+    truth: Rc<RefCell<Truth>>,
+    /// Bus time at which the host is killed, ns.
+    killed_ns: Rc<Cell<u64>>,
+}
+
+impl Stand {
+    /// Starts a joint with this set in its flash.
+    ///
+    /// # Errors
+    /// Returns one line if the set is rejected.
+    pub fn new(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, String> {
+        let hub = Hub::new();
+        let node = Rc::new(RefCell::new(MotorNode::drawn(joint, set)?));
+        let truth = Rc::new(RefCell::new(Truth::default()));
+        hub.attach(SharedJoint { node: node.clone(), truth: truth.clone() });
+        Ok(Self { hub, node, truth, killed_ns: Rc::new(Cell::new(u64::MAX)) })
+    }
+
+    /// Returns the bus.
+    pub fn hub(&self) -> &Hub {
+        &self.hub
+    }
+
+    /// Returns the joint.
+    pub fn node(&self) -> &Rc<RefCell<MotorNode>> {
+        &self.node
+    }
+
+    /// Returns the true positions so far.
+    pub fn truth(&self) -> Truth {
+        self.truth.borrow().clone()
+    }
+
+    /// Kills the host at a bus time, ns: it sends and receives nothing from then on.
+    pub fn kill_host_at(&self, time_ns: u64) {
+        self.killed_ns.set(time_ns);
+    }
+
+    /// Returns a client of the joint.
+    pub fn client(&self) -> Client<HostPort> {
+        let bus = HostPort { port: Box::new(self.hub.port()), killed_ns: self.killed_ns.clone() };
+        Client::new(bus, compensator_core::can::NodeId::FIRST)
+    }
+
+    /// Runs a session.
+    ///
+    /// # Errors
+    /// Returns one line if the session is refused.
+    pub fn tune(&self, options: &TuneOptions) -> Result<Session, String> {
+        tune(self.client(), options, Box::new(|| false), &mut Silent)
+            .map_err(|error| error.to_string())
+    }
+}
+
+/// The host's access to the bus, until it is killed.
+pub struct HostPort {
+    port: Box<dyn Bus>,
+    killed_ns: Rc<Cell<u64>>,
+}
+
+impl HostPort {
+    fn check(&self) -> Result<(), BusError> {
+        if self.port.now_ns() < self.killed_ns.get() {
+            return Ok(());
+        }
+        Err(BusError::Closed { name: "loop".into(), why: "the host was killed".into() })
+    }
+}
+
+impl Bus for HostPort {
+    fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
+        self.check()?;
+        self.port.send(frame)
+    }
+
+    fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
+        self.check()?;
+        self.port.receive(until_ns.min(self.killed_ns.get()))
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.port.now_ns()
+    }
+
+    fn counters(&self) -> Counters {
+        self.port.counters()
+    }
+}
