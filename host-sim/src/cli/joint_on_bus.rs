@@ -4,19 +4,21 @@ use super::bus::BusArguments;
 use clap::Args;
 use compensator_core::can::NodeId;
 use joint_bus::bus::{BusName, Hub};
-use joint_rig::MotorNode;
+use joint_rig::{MotorNode, service};
 use joint_tuning::MotionLimits;
+use simulated_machines::joint_plant::DrawnJoint;
+use simulated_machines::scenarios::Hide;
 
 /// The simulated joint.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Simulated joint")]
 pub struct JointArguments {
-    /// With --bus loop: simulate a motor and a joint
+    /// With --bus loop: simulate a motor and a joint, in service and without compensation
     #[arg(long)]
     motor: bool,
     /// Hide this effect in the simulated joint; may be repeated
-    #[arg(long, value_name = "CAUSE[:SIZE]", requires = "motor")]
-    hide: Vec<String>,
+    #[arg(long, value_name = "CAUSE[:SIZE]", requires = "motor", value_parser = Hide::parse)]
+    hide: Vec<Hide>,
     /// Seed of the simulated joint and of what is drawn at random [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -90,8 +92,8 @@ pub fn start_hub(bus: &BusArguments, joint: &JointArguments) -> Result<Hub, Stri
             return Err("--motor: the simulated joint is node 1".into());
         }
         (BusName::Loop, true) => {
-            hub.attach(MotorNode::commissioned()?);
-            into_service(&hub, bus)?;
+            let drawn = DrawnJoint::draw(joint.seed(), &joint.hide, None)?;
+            hub.attach(MotorNode::drawn(&drawn, &service::starting_set(&drawn))?);
         }
         (BusName::Loop, false) => {
             return Err(
@@ -102,24 +104,6 @@ pub fn start_hub(bus: &BusArguments, joint: &JointArguments) -> Result<Hub, Stri
         _ => {}
     }
     Ok(hub)
-}
-
-/// Homes the simulated joint and gives it a position window.
-fn into_service(hub: &Hub, bus: &BusArguments) -> Result<(), String> {
-    use canopen_rs::Address;
-    use joint_bus::bus::Bus;
-    let mut client = bus.client(hub.port())?;
-    for (index, sub, bytes) in [
-        (0x2002u16, 6u8, 0.0f32.to_le_bytes().to_vec()),
-        (0x607D, 1, (-1_000_000i32).to_le_bytes().to_vec()),
-        (0x607D, 2, 1_000_000i32.to_le_bytes().to_vec()),
-        (0x1010, 1, 0x6576_6173u32.to_le_bytes().to_vec()),
-    ] {
-        client.write(Address::new(index, sub), &bytes).map_err(|error| error.to_string())?;
-    }
-    let until = client.bus().now_ns() + 500_000_000;
-    while client.bus().receive(until).map_err(|e| e.to_string())?.is_some() {}
-    Ok(())
 }
 
 #[cfg(test)]

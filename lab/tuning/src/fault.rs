@@ -68,7 +68,7 @@ pub fn grade_fault(seed: u64, fault: Fault, share: f64) -> Result<FaultGrade, St
         Fault::Cable => stand.node().borrow_mut().schedule(at_ns, JointEvent::CableCut),
         Fault::Reset => stand.node().borrow_mut().schedule(at_ns, JointEvent::ProcessorReset),
         Fault::Sensor => {
-            stand.node().borrow_mut().schedule(at_ns, JointEvent::Encoder(EncoderFault::Lost));
+            stand.node().borrow_mut().schedule(at_ns, JointEvent::Encoder(EncoderFault::High));
         }
         Fault::Kill => stand.kill_host_at(at_ns),
     }

@@ -123,8 +123,7 @@ pub fn options(seed: u64, limits: MotionLimits) -> TuneOptions {
 /// # Errors
 /// Returns one line if the plant does not have the effect.
 pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, String> {
-    let hide: Vec<Hide> =
-        hidden.map(|name| name.parse::<Hide>()).transpose()?.into_iter().collect();
+    let hide: Vec<Hide> = hidden.map(Hide::parse).transpose()?.into_iter().collect();
     DrawnJoint::draw(seed, &hide, None)
 }
 
