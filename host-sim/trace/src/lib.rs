@@ -9,11 +9,12 @@
 //!
 //! A line passes through [`text`] (format detection; [`candump`] and the other parsers) and [`samples`] (frames to
 //! samples). [`writer`] is the reverse direction. [`census`] counts the frames of a log. Frames of other devices are
-//! counted and skipped.
+//! counted and skipped; [`drive`] reads those of known makers.
 
 mod asc;
 pub mod candump;
 pub mod census;
+pub mod drive;
 mod fields;
 mod frame;
 pub mod samples;
@@ -22,6 +23,7 @@ mod trc;
 pub mod writer;
 
 pub use census::Census;
+pub use drive::{DriveProtocol, DriveReading};
 pub use fields::Frames;
 pub use frame::{CanFrame, Direction, Fraction, Line, LineError, TextFormat};
 pub use samples::{Assembler, Summary, TraceSample};

@@ -1,9 +1,14 @@
 //! CAN logs as a source of rows.
 //!
+//! A log of another maker's drive is read by [`drive_trace`]: if a preset asks for it, or if the log has no samples of a
+//! joint.
+//!
 //! [`joint_trace`] assembles frames into samples, and the samples go through the same validation (`clean`) as the rows
 //! of a CSV file, under the names of the contract. The row number of a sample is the line of its SYNC. Only the data
 //! show which columns a joint measures, so the log is read twice: first for the columns, then for the rows. The
 //! driver's answers are left out: they are computed, and a model must not be evaluated on another model's output.
+
+mod drive_trace;
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -15,10 +20,12 @@ use crate::clean::{Cleaner, FileData};
 use crate::dataset::LeftOutColumn;
 use crate::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, is_too_bad, listed, quoted};
 use crate::header::layout;
+use crate::preset::Preset;
 use crate::row::LogRow;
 use compensator_core::quantity::Quantity;
+use drive_trace::DriveTrace;
 use joint_trace::{
-    Assembler, Census, Frames, LineError, Summary, TextFormat, TextReader, TraceSample,
+    Assembler, Census, Frames, Line, LineError, Summary, TextFormat, TextReader, TraceSample,
 };
 
 /// Lines between two calls of the progress function.
@@ -92,7 +99,28 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let lines = TextReader::of(head);
     let max_share = options.max_bad_share;
     let first_half = |bytes| progress(bytes / 2);
-    let overview = scan(path, &mut file, (format, lines), max_share, &first_half)?;
+    let of_drive = |file: &mut File, preset| {
+        DriveTrace::find(path, file, (format, lines), (preset, max_share), &first_half)
+    };
+    let asked = options.preset.filter(|preset| drive_trace::protocol(*preset).is_some());
+    if let Some(preset) = asked {
+        return match of_drive(&mut file, preset)? {
+            Some(trace) => trace.read(path, options),
+            None => Err(no_drive(path, &mut file, preset)?),
+        };
+    }
+    let overview = match scan(path, &mut file, (format, lines), max_share, &first_half) {
+        Err(error @ (DataError::TooManyBad { .. } | DataError::Io { .. })) => return Err(error),
+        Err(error) => {
+            for preset in [Preset::ODrive, Preset::Moteus] {
+                if let Some(trace) = of_drive(&mut file, preset)? {
+                    return trace.read(path, options);
+                }
+            }
+            return Err(error);
+        }
+        overview => overview?,
+    };
     let kind = overview.summary.kind;
     let name = |column: &TraceColumn| match column {
         TraceColumn::Run => "run",
@@ -166,14 +194,7 @@ fn scan(
     let (mut has_runs, mut origin_ns) = (false, None);
     let count_line = |line: NonFrameLine| match line {
         NonFrameLine::Other => other_lines += 1,
-        NonFrameLine::Malformed { row, line, error } => {
-            bad.count += 1;
-            if bad.first.len() < NAMED_BAD_ROWS {
-                let (column, found) = ("(all)".into(), quoted(line));
-                let expected = error.expected(format).into();
-                bad.first.push(BadCell { file: path.into(), row, column, found, expected });
-            }
-        }
+        NonFrameLine::Malformed(malformed) => malformed.add_to(path, format, &mut bad),
     };
     let summary = for_each_sample(path, file, (format, lines), progress, count_line, |sample| {
         for (is_measured, quantity) in is_measured.iter_mut().zip(Quantity::ALL) {
@@ -183,11 +204,7 @@ fn scan(
         origin_ns.get_or_insert(sample.time_ns);
         Ok(())
     })?;
-    let rows = summary.frames as usize + bad.count;
-    if is_too_bad(bad.count, rows, max_share) {
-        let (first, bad) = (bad.first[0].clone(), bad.count);
-        return Err(DataError::TooManyBad { first: Box::new(first), bad, rows, max_share });
-    }
+    refuse_bad_lines(&bad, summary.frames as usize, max_share)?;
     let wrong = |found: String, expected: &str| {
         Err(DataError::File { file: path.into(), found, expected: expected.into() })
     };
@@ -214,27 +231,91 @@ fn scan(
     Ok(TraceOverview { summary, columns, origin_ns, bad, other_lines, adds_up_stamps })
 }
 
+/// Returns the error of a log without the frames of the drive that a preset asks for.
+fn no_drive(path: &Path, file: &mut File, preset: Preset) -> Result<DataError, DataError> {
+    let io = |source| DataError::Io { file: path.into(), source };
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    let census = Census::of(BufReader::new(&*file)).map_err(io)?;
+    let expected = match preset {
+        Preset::ODrive => {
+            "Get_Encoder_Estimates (009 + 20h node) and Get_Torques (01C) or Get_Iq (014) of CAN Simple"
+        }
+        _ => "replies with the registers 002 (velocity) and 003 (torque)",
+    };
+    let found = format!("{census} and no velocity and torque of {}", preset.name());
+    Ok(DataError::File { file: path.into(), found, expected: expected.into() })
+}
+
 /// A line that holds no frame.
 enum NonFrameLine<'a> {
     /// It begins like a frame but is malformed.
-    Malformed { row: u64, line: &'a [u8], error: LineError },
+    Malformed(MalformedLine<'a>),
     /// Any other line.
     Other,
+}
+
+/// A line that begins like a frame but is malformed.
+struct MalformedLine<'a> {
+    row: u64,
+    line: &'a [u8],
+    error: LineError,
+}
+
+impl MalformedLine<'_> {
+    fn add_to(&self, path: &Path, format: TextFormat, bad: &mut BadRows) {
+        bad.count += 1;
+        if bad.first.len() < NAMED_BAD_ROWS {
+            let (column, found) = ("(all)".into(), quoted(self.line));
+            let expected = self.error.expected(format).into();
+            bad.first.push(BadCell { file: path.into(), row: self.row, column, found, expected });
+        }
+    }
+}
+
+/// Refuses a log with too many malformed lines.
+fn refuse_bad_lines(bad: &BadRows, frames: usize, max_share: f64) -> Result<(), DataError> {
+    let rows = frames + bad.count;
+    match bad.first.first().filter(|_| is_too_bad(bad.count, rows, max_share)) {
+        Some(first) => {
+            let (first, bad) = (Box::new(first.clone()), bad.count);
+            Err(DataError::TooManyBad { first, bad, rows, max_share })
+        }
+        None => Ok(()),
+    }
 }
 
 /// Reads the file from its start. Calls `sink` for each sample and `on_other` for each line without a frame.
 fn for_each_sample(
     path: &Path,
     file: &mut File,
+    format: (TextFormat, TextReader),
+    progress: &dyn Fn(u64),
+    on_other: impl FnMut(NonFrameLine),
+    mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
+) -> Result<Summary, DataError> {
+    let mut assembler = Assembler::default();
+    for_each_frame(path, file, format, progress, on_other, |row, frame| {
+        assembler.push(row, frame).map_or(Ok(()), |sample| sink(&sample))
+    })?;
+    let (last, summary) = assembler.finish();
+    if let Some(sample) = last {
+        sink(&sample)?;
+    }
+    Ok(summary)
+}
+
+/// Reads the file from its start. Calls `sink` for each line with a frame and `on_other` for each without one.
+fn for_each_frame(
+    path: &Path,
+    file: &mut File,
     (format, mut lines): (TextFormat, TextReader),
     progress: &dyn Fn(u64),
     mut on_other: impl FnMut(NonFrameLine),
-    mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
-) -> Result<Summary, DataError> {
+    mut sink: impl FnMut(u64, &Line) -> Result<(), DataError>,
+) -> Result<(), DataError> {
     let io = |source| DataError::Io { file: path.into(), source };
     file.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut reader = BufReader::with_capacity(1 << 20, file);
-    let mut assembler = Assembler::default();
     let mut line = Vec::with_capacity(256);
     let (mut row, mut bytes) = (0u64, 0u64);
     loop {
@@ -243,7 +324,7 @@ fn for_each_sample(
         // A line of any length must not be held in memory: the rest of a longer line is skipped.
         let read = reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(io)?;
         if read == 0 {
-            break;
+            return Ok(());
         }
         bytes += read as u64;
         if is_rest {
@@ -254,13 +335,10 @@ fn for_each_sample(
             progress(bytes);
         }
         match lines.read(&line) {
-            Frames::Line(frame) => {
-                if let Some(sample) = assembler.push(row, &frame) {
-                    sink(&sample)?;
-                }
-            }
+            Frames::Line(frame) => sink(row, &frame)?,
             Frames::Bad(error) => {
-                on_other(NonFrameLine::Malformed { row, line: line.trim_ascii(), error });
+                let line = line.trim_ascii();
+                on_other(NonFrameLine::Malformed(MalformedLine { row, line, error }));
             }
             // The tools of Vector and PEAK write a header and many lines without frames.
             Frames::None if format == TextFormat::Candump && !line.trim_ascii().is_empty() => {
@@ -269,11 +347,6 @@ fn for_each_sample(
             Frames::None => {}
         }
     }
-    let (last, summary) = assembler.finish();
-    if let Some(sample) = last {
-        sink(&sample)?;
-    }
-    Ok(summary)
 }
 
 #[cfg(test)]
