@@ -31,6 +31,11 @@ fn report<'a>(input: &'a Prepared, fits: &'a [Outcome]) -> FitReport<'a> {
     }
 }
 
+/// Returns the index of the recommended fit: the best on held-out rows, or the smallest one that is not significantly worse.
+pub(crate) fn recommended(fits: &[Outcome], input: &Prepared) -> usize {
+    compare_fits(&report(input, fits)).chosen
+}
+
 /// Returns `fit.json` of a fit.
 ///
 /// # Errors

@@ -1,6 +1,7 @@
 //! Result files of `identify`, `compare` and `diagnose`: JSON documents, `params.toml`, HTML pages; models in other forms.
 //!
 //! - `fits` and [`diagnosis`]: all files of a command for one joint, as [`Files`].
+//! - `feed_forward`: a model as a table for drives of other makers.
 //! - [`json`]: `fit.json` and `compare.json`.
 //! - [`export`]: a model in other forms; [`loop_cost`]: its computing time in the driver's current loop.
 //! - [`provenance`]: the header comments of `params.toml`.
@@ -14,6 +15,8 @@ pub mod diagnosis;
 #[cfg(feature = "pages")]
 pub mod diagnosis_page;
 pub mod export;
+#[cfg(feature = "pages")]
+pub mod feed_forward;
 mod files;
 #[cfg(feature = "pages")]
 pub mod fits;
