@@ -7,7 +7,7 @@
 //!           machine            seal, shaft            load
 //! ```
 //!
-//! The seal is not a LuGre model ([`seal`]). All constants are in one table with their sources ([`parameters`]).
+//! The seal is not a LuGre model: its friction is of one of three families ([`contact`]). All constants are in one table with their sources ([`parameters`]).
 //! [`mod@bench`] imposes the motion of the seal, as a test stand does. [`machine`] is the plant of a current loop, with
 //! noise and quantisation in its measurements.
 //!
@@ -18,6 +18,7 @@
 pub mod bench;
 pub mod brake;
 pub mod comparators;
+pub mod contact;
 pub mod drawn;
 pub mod effects;
 pub mod load;
@@ -31,7 +32,8 @@ pub mod winding;
 
 pub use bench::Bench;
 pub use brake::HoldingBrake;
-pub use drawn::{DrawnJoint, FrictionFamily, HiddenEffect};
+pub use contact::FrictionFamily;
+pub use drawn::{DrawnJoint, HiddenEffect};
 pub use load::Load;
 pub use machine::{JointPlant, Measured, Shown};
 pub use parameters::{Entry, Parameters};

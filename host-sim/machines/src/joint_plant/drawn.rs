@@ -8,38 +8,16 @@ mod hidden;
 
 pub use hidden::HiddenEffect;
 
+use super::contact::FrictionFamily;
 use super::effects::{LevelEffects, OutputTorque};
 use super::load::Load;
 use super::machine::JointPlant;
 use super::parameters::Parameters;
+use super::seal::Seal;
 use super::surroundings::{Course, Surroundings};
 use crate::scenarios::sampler::Sampler;
 use crate::scenarios::{HiddenCause, Hide};
 use std::f64::consts::{PI, TAU};
-
-/// Family of the friction between motor and output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FrictionFamily {
-    /// Parallel spring-slip elements with a frictional lag ([`super::seal`]).
-    MaxwellSlip,
-}
-
-impl FrictionFamily {
-    /// All families.
-    pub const ALL: [Self; 1] = [Self::MaxwellSlip];
-
-    /// Returns the name of the family.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::MaxwellSlip => "maxwell-slip",
-        }
-    }
-
-    /// Returns the family with this name.
-    pub fn parse(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|family| family.name() == name)
-    }
-}
 
 /// What the builder of a joint knows about it, from data sheets and commissioning.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +56,7 @@ pub struct DrawnJoint {
     pub constants: Parameters,
     /// Angles of the eccentricity and the out-of-roundness, rad.
     pub phase_rad: [f64; 2],
-    /// Exponent of the Stribeck curve.
+    /// Exponent of the Stribeck curve of [`FrictionFamily::MaxwellSlip`].
     pub stribeck_exponent: f64,
     /// Level of the sliding friction at low speed, gear included, Nm.
     pub friction_nm: f64,
@@ -112,9 +90,8 @@ impl DrawnJoint {
     pub fn draw(seed: u64, hide: &[Hide], family: Option<FrictionFamily>) -> Result<Self, String> {
         let effects = hidden::requested(hide)?;
         let mut sampler = Sampler::new(seed, JOINT_PURPOSE);
-        let drawn_family =
-            sampler.pick(&FrictionFamily::ALL).unwrap_or(FrictionFamily::MaxwellSlip);
-        let family = family.unwrap_or(drawn_family);
+        let drawn = sampler.pick(&FrictionFamily::ALL).unwrap_or_default();
+        let family = hidden::family(&effects, family, drawn)?;
         let mut joint = Self::draw_clean(seed, &mut sampler, family);
         for (at, (cause, size)) in effects.into_iter().enumerate() {
             let mut sampler = Sampler::new(seed, EFFECT_PURPOSE + at as u64);
@@ -253,16 +230,16 @@ impl DrawnJoint {
 
     /// Returns the plant at its start: at rest at [`Self::start_rad`], with its effects and surroundings.
     pub fn plant(&self) -> JointPlant {
-        let mut plant =
-            JointPlant::with_phase(&self.constants, Load::Free, self.phase_rad, self.seed);
+        let mut seal = Seal::of_family(self.family, &self.constants, self.phase_rad);
         let (mut level, mut torque) = (LevelEffects::default(), OutputTorque::default());
         for effect in &self.hidden {
             effect.apply(&mut level, &mut torque);
         }
-        plant.seal_mut().set_stribeck_exponent(self.stribeck_exponent);
+        seal.set_stribeck_exponent(self.stribeck_exponent);
         if level != LevelEffects::default() {
-            plant.seal_mut().hide(level);
+            seal.hide(level);
         }
+        let mut plant = JointPlant::with_seal(&self.constants, Load::Free, seal, self.seed);
         if torque != OutputTorque::default() {
             plant.hide(torque);
         }

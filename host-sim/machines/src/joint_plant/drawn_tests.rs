@@ -16,7 +16,10 @@ fn draw(seed: u64, hidden: &[&str]) -> DrawnJoint {
 
 /// Returns the torque of an ideal drive that follows a motion with reversals, dwells and two speeds, Nm, a value per 10 ms.
 fn drive(joint: &DrawnJoint, seconds: f64) -> Vec<f64> {
-    let mut plant = joint.plant();
+    drive_with(joint, joint.plant(), seconds)
+}
+
+fn drive_with(joint: &DrawnJoint, mut plant: JointPlant, seconds: f64) -> Vec<f64> {
     let constants = &joint.constants;
     let per_ampere = constants.motor_torque_constant_nm_per_a
         * constants.gear_ratio
@@ -92,12 +95,14 @@ fn every_hidden_effect_changes_the_torque_of_a_motion() {
         let squares: f64 = a.iter().zip(b).skip(100).map(|(a, b)| (a - b) * (a - b)).sum();
         (squares / (a.len() - 100) as f64).sqrt()
     };
-    for cause in HiddenCause::ALL {
+    for (at, cause) in HiddenCause::ALL.into_iter().enumerate() {
+        let has_shape = cause == HiddenCause::StribeckShape;
+        let family = (!has_shape).then_some(FrictionFamily::ALL[at % 3]);
         let hide = [Hide { effect: Some(cause), size: None }];
-        let Ok(joint) = DrawnJoint::draw(5, &hide, None) else { continue };
+        let Ok(joint) = DrawnJoint::draw(5, &hide, family) else { continue };
         // The same joint in the same surroundings, but with the neutral size.
         let hide = [Hide { effect: Some(cause), size: Some(cause.neutral()) }];
-        let neutral = DrawnJoint::draw(5, &hide, None).expect("a neutral size");
+        let neutral = DrawnJoint::draw(5, &hide, family).expect("a neutral size");
         let share = deviation(&drive(&joint, 24.0), &drive(&neutral, 24.0)) / joint.friction_nm;
         let least = match cause {
             // Presliding alone, and a twentieth of the drift's time.
@@ -128,5 +133,36 @@ fn friction_of_drawn_joints_has_the_size_of_a_sealed_joint() {
         assert!((1e-6..3e-3).contains(&strained), "seed {seed}: {strained} rad");
         let slid = push(&mut plant, 2.5 * joint.friction_nm);
         assert!(slid > 0.02, "seed {seed}: {slid} rad");
+    }
+}
+
+#[test]
+fn stribeck_shape_belongs_to_one_family() {
+    let hide = [hide("stribeck-shape")];
+    for family in FrictionFamily::ALL {
+        let joint = DrawnJoint::draw(1, &hide, Some(family));
+        assert_eq!(joint.is_ok(), family == FrictionFamily::MaxwellSlip, "{family:?}");
+    }
+    for seed in 0..6 {
+        let joint = DrawnJoint::draw(seed, &hide, None).expect("a joint");
+        assert_eq!(joint.family, FrictionFamily::MaxwellSlip);
+    }
+}
+
+#[test]
+fn drawn_plant_with_the_usual_substeps_agrees_with_fine_ones() {
+    for family in FrictionFamily::ALL {
+        for seed in [2, 3] {
+            let joint = DrawnJoint::draw(seed, &[], Some(family)).expect("a joint");
+            let with = |substeps: usize| {
+                let mut plant = joint.plant();
+                plant.set_substeps(substeps);
+                drive_with(&joint, plant, 6.0)
+            };
+            let (usual, fine) = (with(4), with(20));
+            let squares: f64 = usual.iter().zip(&fine).map(|(a, b)| (a - b) * (a - b)).sum();
+            let share = (squares / usual.len() as f64).sqrt() / joint.friction_nm;
+            assert!(share < 0.02, "{family:?} seed {seed}: {share}");
+        }
     }
 }

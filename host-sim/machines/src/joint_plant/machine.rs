@@ -132,8 +132,12 @@ impl JointPlant {
 
     /// Creates a machine as [`JointPlant::new`] with given angles of the eccentricity and the out-of-roundness, rad.
     pub fn with_phase(p: &Parameters, load: Load, phase_rad: [f64; 2], seed: u64) -> Self {
+        Self::with_seal(p, load, Seal::new(p, phase_rad), seed)
+    }
+
+    /// Creates a machine as [`JointPlant::new`] with a seal of the same parameters.
+    pub fn with_seal(p: &Parameters, load: Load, mut seal: Seal, seed: u64) -> Self {
         let around = Around { pressure_diff_pa: p.pool_pressure_pa, ..Around::default() };
-        let mut seal = Seal::new(p, phase_rad);
         let mut load = load;
         let position = load.start_rad();
         let acting = load.act(p, position, 0.0, 0.0);

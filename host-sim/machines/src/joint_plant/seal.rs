@@ -2,8 +2,7 @@
 //!
 //! The model is not LuGre. It contains:
 //!
-//! - parallel spring-slip elements (generalised Maxwell slip, Al-Bender, Lampaert and Swevers 2005). Their common level
-//!   has a frictional lag and a Stribeck curve that is sharper than a Gaussian.
+//! - a contact with presliding and memory, of one of three families ([`super::contact`]).
 //! - a viscous film that thins with speed and is heated by its losses.
 //! - a level that grows less than proportionally with the normal force.
 //! - a side load that reaches the ring through the bent shaft ([`super::shaft`]), with creep.
@@ -12,16 +11,10 @@
 //!
 //! The integration is semi-implicit Euler.
 
+use super::contact::{Contact, FrictionFamily, Pressing};
 use super::effects::{LevelChange, LevelEffects};
 use super::parameters::Parameters;
 use super::shaft::Shaft;
-
-/// Spring-slip elements of the seal.
-const ELEMENTS: usize = 6;
-/// Share of each element in the level, assumed. Weak elements slip first.
-const LEVEL_SHARE: [f64; ELEMENTS] = [0.10, 0.13, 0.16, 0.18, 0.20, 0.23];
-/// Share of each element in the stiffness, assumed. Stiff elements slip first.
-const STIFFNESS_SHARE: [f64; ELEMENTS] = [0.30, 0.25, 0.18, 0.13, 0.09, 0.05];
 
 /// Number of steps per update of the thermal states.
 const THERMAL_DIVIDER: u32 = 20;
@@ -37,19 +30,12 @@ pub struct Around {
     pub load_torque_nm: f64,
 }
 
-/// State of a spring-slip element.
-#[derive(Clone, Copy, Debug, Default)]
-struct Element {
-    torque: f64,
-    slips: bool,
-}
-
 /// State of seal and gear.
 #[derive(Clone, Debug)]
 pub struct Seal {
     p: Parameters,
     shaft: Shaft,
-    elements: [Element; ELEMENTS],
+    contact: Contact,
     gear: f64,
     /// Temperature of the film and reading of the thermometer, deg C.
     film_c: f64,
@@ -70,8 +56,6 @@ pub struct Seal {
     /// Angle of the eccentricity, rad; sine and cosine of that of the out-of-roundness.
     eccentric_rad: f64,
     round: (f64, f64),
-    /// Exponent of the Stribeck curve.
-    stribeck_exponent: f64,
     effects: Option<Box<LevelEffects>>,
     torque_nm: f64,
 }
@@ -81,10 +65,17 @@ impl Seal {
     ///
     /// `phase_rad` holds the angles of the eccentricity and the out-of-roundness, rad.
     pub fn new(p: &Parameters, phase_rad: [f64; 2]) -> Self {
+        Self::of_family(FrictionFamily::default(), p, phase_rad)
+    }
+
+    /// Creates a seal as [`Seal::new`] with friction of this family.
+    pub fn of_family(family: FrictionFamily, p: &Parameters, phase_rad: [f64; 2]) -> Self {
+        let shaft = Shaft::of(p);
+        let unit_nm = p.seal_preload_pa * shaft.contact_area_m2() * p.shaft_radius_m;
         let mut seal = Self {
             p: *p,
-            shaft: Shaft::of(p),
-            elements: [Element::default(); ELEMENTS],
+            shaft,
+            contact: Contact::new(family, p, unit_nm),
             gear: 0.0,
             film_c: p.water_temperature_c,
             shown_c: p.water_temperature_c,
@@ -99,7 +90,6 @@ impl Seal {
             wear: 1.0,
             eccentric_rad: phase_rad[0],
             round: phase_rad[1].sin_cos(),
-            stribeck_exponent: 1.0,
             effects: None,
             torque_nm: 0.0,
         };
@@ -123,9 +113,9 @@ impl Seal {
         self.wear = wear;
     }
 
-    /// Sets the exponent of the Stribeck curve; 1 by default.
+    /// Sets the exponent of the Stribeck curve; 1 by default. Only [`FrictionFamily::MaxwellSlip`] has one.
     pub fn set_stribeck_exponent(&mut self, exponent: f64) {
-        self.stribeck_exponent = exponent;
+        self.contact.set_stribeck_exponent(exponent);
     }
 
     /// Adds effects to the friction, or replaces those added before.
@@ -177,21 +167,21 @@ impl Seal {
             Some(effects) => effects.step(velocity, position, around, rate, dt),
             None => LevelChange::NONE,
         };
-        let stribeck = stribeck(speed / p.stribeck_velocity_rad_s, self.stribeck_exponent);
-        let level = new
-            * (p.friction_kinetic + (p.friction_static - p.friction_kinetic) * stribeck)
-            * change.factor
-            + change.raised_nm;
+        let pressing = Pressing {
+            unit_nm: new,
+            factor: change.factor,
+            raised_nm: change.raised_nm,
+            viscosity: self.viscosity,
+        };
         // Radial motion also shears the contact.
         let sheared = velocity
             + p.radial_coupling_rad_per_m * self.shaft.displacement_per_load_m_per_n() * rate
             + change.sheared_rad_s;
-        let held = advance_elements(&mut self.elements, p, sheared, level, dt);
+        let held = self.contact.step(p, &pressing, velocity, sheared, dt);
         let viscous = p.film_viscous_nm_s_per_rad * self.viscosity * velocity
             / (1.0 + speed / p.film_thinning_rad_s)
             * change.viscous_factor;
-        let damping = p.presliding_damping_nm_s_per_rad * stribeck * velocity;
-        let seal = held + damping + viscous;
+        let seal = held + viscous;
         let transmitted = (seal + around.load_torque_nm).abs();
         let most = p.gear_no_load_nm + (1.0 - p.gear_efficiency) * transmitted;
         self.gear = (self.gear + p.gear_stiffness_nm_per_rad * velocity * dt).max(-most).min(most);
@@ -224,43 +214,6 @@ impl Seal {
         self.viscosity = (-self.p.film_per_kelvin * above).exp();
         self.softness = (-self.p.level_per_kelvin * above).exp();
     }
-}
-
-/// Returns the Stribeck curve at a speed relative to its scale: 1 at rest, 0 at high speed.
-fn stribeck(speed: f64, exponent: f64) -> f64 {
-    if exponent == 1.0 { (-speed).exp() } else { (-speed.powf(exponent)).exp() }
-}
-
-/// Advances the elements by `dt` (s). Returns their total torque, Nm.
-fn advance_elements(
-    elements: &mut [Element; ELEMENTS],
-    p: &Parameters,
-    velocity: f64,
-    level: f64,
-    dt: f64,
-) -> f64 {
-    let direction = if velocity < 0.0 { -1.0 } else { 1.0 };
-    let mut held = 0.0;
-    for (index, element) in elements.iter_mut().enumerate() {
-        let own = LEVEL_SHARE[index] * level;
-        if element.slips && element.torque * direction < 0.0 {
-            element.slips = false;
-        }
-        if element.slips {
-            let pull = LEVEL_SHARE[index] - element.torque * direction / level;
-            element.torque += dt * direction * p.attraction_nm_per_s * pull;
-        } else {
-            let stiffness = STIFFNESS_SHARE[index] * p.presliding_stiffness_nm_per_rad;
-            element.torque += dt * stiffness * velocity;
-            element.slips = element.torque * direction >= own;
-            if element.slips {
-                // An element that exceeds its level within the step is limited to it.
-                element.torque = direction * own;
-            }
-        }
-        held += element.torque;
-    }
-    held
 }
 
 #[cfg(test)]

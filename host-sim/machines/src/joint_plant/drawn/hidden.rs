@@ -1,6 +1,7 @@
 //! The effects that a drawn joint can hide: which, how large, and the surroundings that show them.
 
 use super::DrawnJoint;
+use crate::joint_plant::contact::FrictionFamily;
 use crate::joint_plant::effects::{Ageing, Drift, LevelEffects, OutputTorque, Warming, Wave};
 use crate::joint_plant::surroundings::Course;
 use crate::scenarios::sampler::Sampler;
@@ -75,6 +76,25 @@ pub(super) fn requested(hide: &[Hide]) -> Result<Vec<(HiddenCause, Option<f64>)>
         return Err(format!("{}: {reason}", cause.name()));
     }
     Ok(effects)
+}
+
+/// Returns the family of a joint with these effects: the requested one, or else the drawn one if it has them.
+pub(super) fn family(
+    effects: &[(HiddenCause, Option<f64>)],
+    requested: Option<FrictionFamily>,
+    drawn: FrictionFamily,
+) -> Result<FrictionFamily, String> {
+    let has_shape = effects.iter().any(|(cause, _)| *cause == HiddenCause::StribeckShape);
+    match requested {
+        Some(family) if has_shape && family != FrictionFamily::MaxwellSlip => Err(format!(
+            "{}: friction of the family {} has no Stribeck exponent",
+            HiddenCause::StribeckShape.name(),
+            family.name()
+        )),
+        Some(family) => Ok(family),
+        None if has_shape => Ok(FrictionFamily::MaxwellSlip),
+        None => Ok(drawn),
+    }
 }
 
 impl HiddenEffect {
