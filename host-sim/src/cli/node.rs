@@ -5,7 +5,9 @@ use super::output::print_text;
 use compensator_core::can::NodeId;
 use joint_bus::bus::{BusError, BusName, Hub};
 use joint_bus::joint::{JointNode, run_participant};
-use joint_rig::MotorNode;
+use joint_rig::{MotorNode, service};
+use simulated_machines::joint_plant::DrawnJoint;
+use simulated_machines::scenarios::Hide;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -19,9 +21,18 @@ pub struct NodeArguments {
     /// Simulate a motor and a joint in real time
     ///
     /// The driver is commissioned, uses its own sensors, and can move the joint. It starts with open access. Node 1 only;
-    /// saved parameters are lost when the process ends, and a restart over the bus is not simulated.
+    /// saved parameters are lost when the process ends. With --seed or --hide, the joint is a drawn one in service: its
+    /// position is known, and limited to 1 rad around the start.
     #[arg(long, conflicts_with = "flash")]
     motor: bool,
+    /// With --motor: hide a cause in the joint, of a given size or of one that is visible; repeat for several
+    ///
+    /// none hides nothing.
+    #[arg(long, value_name = "CAUSE[:SIZE]", requires = "motor", value_parser = Hide::parse)]
+    hide: Vec<Hide>,
+    /// With --motor: seed of the drawn joint [default with --hide: 1]
+    #[arg(long, value_name = "N", requires = "motor")]
+    seed: Option<u64>,
     /// Stop after this time, s; by default at Ctrl-C
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
@@ -75,12 +86,12 @@ fn run_motor(arguments: &NodeArguments) -> Result<(), String> {
     if arguments.bus.node_id != NodeId::FIRST {
         return Err("--motor: the simulated joint is node 1".into());
     }
-    let mut joint = MotorNode::commissioned()?;
+    let (mut joint, what) = motor_joint(arguments)?;
     let mut bus = arguments.bus.open(&Hub::new())?;
     ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed))
         .map_err(|error| format!("Ctrl-C: {error}"))?;
     print_text(&format!(
-        "node 1 on {}: pre-operational, with a simulated motor, commissioned; stop with Ctrl-C\n",
+        "node 1 on {}: pre-operational, with a simulated motor, {what}; stop with Ctrl-C\n",
         arguments.bus.bus
     ))?;
     let start = Instant::now();
@@ -89,6 +100,18 @@ fn run_motor(arguments: &NodeArguments) -> Result<(), String> {
         let is_over = longest.is_some_and(|longest| start.elapsed() >= longest);
         Ok(is_over || STOPPED.load(Ordering::Relaxed))
     }))
+}
+
+/// Starts the joint of `--motor`, and returns it with its description.
+fn motor_joint(arguments: &NodeArguments) -> Result<(MotorNode, String), String> {
+    if arguments.hide.is_empty() && arguments.seed.is_none() {
+        return Ok((MotorNode::commissioned()?, "commissioned".to_owned()));
+    }
+    let seed = arguments.seed.unwrap_or(1);
+    let joint =
+        DrawnJoint::draw(seed, &arguments.hide, None).map_err(|why| format!("--hide: {why}"))?;
+    let node = MotorNode::drawn(&joint, &service::starting_set(&joint))?;
+    Ok((node, format!("drawn with seed {seed}, in service")))
 }
 
 fn node_result(outcome: Result<(), BusError>) -> Result<(), String> {
