@@ -83,7 +83,11 @@ impl TuneReport {
             row
         };
         let header = "quantity|mean, before → after|change|95 % interval|verdict";
-        Table::new("Changes with the new set", header, self.gains.iter().map(row))
+        Table::new(
+            "Changes with the new set",
+            header,
+            self.gains.iter().filter(|gain| is_shown(gain)).map(row),
+        )
     }
 
     fn block_table(&self) -> Table {
@@ -181,7 +185,11 @@ fn tile(gain: &TuneGain) -> Tile {
     }
     Tile {
         name: words::name(gain.quantity),
-        figure: words::change(gain),
+        // The note says that it was not measured; the words are too long for large type on a narrow screen.
+        figure: match verdict {
+            Verdict::NotMeasured => "–".to_owned(),
+            _ => words::change(gain),
+        },
         notes,
         tone: match verdict {
             Verdict::Better => Tone::Good,
