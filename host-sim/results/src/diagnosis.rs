@@ -191,10 +191,16 @@ pub fn transferable_model(found: &Diagnosis) -> Outcome {
     outcome
 }
 
+/// Returns the page of a diagnosis, for another page that contains it.
+#[cfg(feature = "pages")]
+pub fn page(found: &Diagnosis, input: &Prepared) -> crate::report::Page {
+    diagnosis_page::page(&report(found, input))
+}
+
 /// Returns `report.html`.
 #[cfg(feature = "pages")]
 pub fn page_text(found: &Diagnosis, input: &Prepared) -> String {
-    diagnosis_page::page(&report(found, input)).render()
+    page(found, input).render()
 }
 
 /// Returns the first screen of `report.html` as an HTML fragment, for a notebook.

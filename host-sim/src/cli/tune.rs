@@ -6,10 +6,7 @@ use super::output::{OutputArguments, print_message, print_text};
 use clap::Args;
 use friction_results::tune::TuneOutcome;
 use joint_bus::bus::BusName;
-use joint_log::JointKind;
-use joint_tuning::{
-    MotionLimits, Session, TuneOptions, TuneUser, driver_file, motion, trial_set, tune,
-};
+use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser, motion, trial_set, tune};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -137,9 +134,7 @@ fn undo(
 
 /// Writes the files of a session, and prints its summary.
 fn write(session: &Session, output: &OutputArguments) -> Result<(), String> {
-    let before = driver_file::emit(&session.before.set, JointKind::Revolute);
-    let tried = session.tried.as_ref().map(|set| driver_file::emit(set, JointKind::Revolute));
-    let files = joint_tuning::results::files(session, &before, tried.as_deref())?;
+    let files = joint_tuning::results::files(session)?;
     let all: Vec<(&str, &[u8])> = files.all().collect();
     output.finish(&all, &files.document.1, &summary(session))
 }

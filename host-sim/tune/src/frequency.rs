@@ -8,8 +8,9 @@
 //! spectra with the demand, has no bias by noise in the loop (Ljung, System Identification, 13.5). On a slide the friction keeps
 //! its sign, so that the response is that of the mechanics.
 //!
-//! [`design`] chooses the largest gain with a phase margin of 50 degrees, a gain margin of 8 dB and a peak of the sensitivity of
-//! 1.8, and a position gain of a quarter of the crossover.
+//! [`design`] chooses the largest gain with a phase margin of 50 degrees at every crossover, a gain margin of 8 dB and a peak of
+//! the sensitivity of 1.8. A resonance may cross over again; what the joint follows ends at the first crossover. The gain of the
+//! position loop is the largest one up to 0.35 of it whose own loop has a sensitivity of at most 1.6.
 
 use crate::motion::{Motion, MotionBuilder, MotionLimits, TARGET_PERIOD_S};
 use crate::recording::Recording;
@@ -26,14 +27,21 @@ const LOOP_DELAY_S: f64 = 1.5e-3;
 const PHASE_MARGIN_DEG: f64 = 50.0;
 const GAIN_MARGIN_DB: f64 = 8.0;
 const SENSITIVITY_PEAK: f64 = 1.8;
+/// Peak of the sensitivity of the position loop.
+const POSITION_SENSITIVITY_PEAK: f64 = 1.6;
 /// Largest change of the velocity gain in one session, as a ratio.
-const MAX_CHANGE: f64 = 4.0;
-/// Share of the crossover, rad/s, that the position gain may have.
-const POSITION_SHARE: f64 = 0.25;
+const MAX_CHANGE: f64 = 10.0;
+/// Steps of the gain within this change.
+const GAIN_STEPS: i32 = 40;
+/// Largest share of the first crossover, rad/s, that the position gain has.
+const POSITION_SHARE: f64 = 0.35;
 /// Largest relative standard error of a line that is used.
 const MAX_LINE_ERROR: f64 = 0.3;
 
 type Complex = nalgebra::Complex<f64>;
+
+/// Name of the motion of the measurement.
+pub const NAME: &str = "slides with a multisine";
 
 /// Returns the motion of the measurement: slides both ways with a superposed multisine that never reverses them. `None` if the
 /// range is too small for a window at a useful speed.
@@ -58,7 +66,7 @@ pub fn motion(limits: &MotionLimits) -> Option<Motion> {
             builder = builder.superpose(start + window * multisine.len(), &multisine);
         }
     }
-    Some(builder.finish("slides with a multisine"))
+    Some(builder.finish(NAME))
 }
 
 /// Number of slides.
@@ -184,7 +192,6 @@ struct Margins {
 pub fn design(
     recording: &Recording,
     nm_per_a: f64,
-    inertia_kg_m2: f64,
     former: &LoopGains,
 ) -> Option<(LoopGains, TuneLoop)> {
     let lines = response(recording, nm_per_a);
@@ -198,20 +205,21 @@ pub fn design(
             && margins.sensitivity <= SENSITIVITY_PEAK
     };
     let mut best: Option<(LoopGains, Margins)> = None;
-    for step in -20..=20 {
-        let velocity_gain = former.velocity_gain * MAX_CHANGE.powf(f64::from(step) / 20.0);
+    for step in -GAIN_STEPS..=GAIN_STEPS {
+        let velocity_gain =
+            former.velocity_gain * MAX_CHANGE.powf(f64::from(step) / f64::from(GAIN_STEPS));
         let Some(rough) = margins(&fine, velocity_gain, f64::INFINITY) else { continue };
         // The corner of the integral is at a sixth of the crossover, where it costs 10 degrees.
         let integral_s = (6.0 / (TAU * rough.crossover_hz)).clamp(0.02, 1.0);
         let Some(found) = margins(&fine, velocity_gain, integral_s) else { continue };
         if meets(&found) {
-            let position_gain = POSITION_SHARE * TAU * found.crossover_hz;
+            let position_gain = position_gain(&fine, velocity_gain, integral_s, found.crossover_hz);
             best = Some((LoopGains { velocity_gain, integral_s, position_gain }, found));
         }
     }
     let (gains, margins) = best?;
     let control = TuneLoop {
-        inertia_kg_m2,
+        inertia_kg_m2: inertia_kg_m2(&lines, nm_per_a),
         delay_s: delay_s(&lines) + LOOP_DELAY_S,
         resonance_hz: resonance_hz(&lines),
         velocity_noise_rad_s: noise_rad_s(recording),
@@ -251,33 +259,61 @@ fn interpolated(lines: &[Line]) -> Vec<Line> {
     fine
 }
 
+/// Returns the open velocity loop.
+fn open_loop(fine: &[Line], gain: f64, integral_s: f64) -> Vec<Line> {
+    let open = fine.iter().map(|line| {
+        let rate = TAU * line.hz;
+        let controller = Complex::new(gain, -gain / (rate * integral_s));
+        let delayed = Complex::from_polar(1.0, -rate * LOOP_DELAY_S);
+        Line { hz: line.hz, value: controller * line.value * delayed }
+    });
+    open.collect()
+}
+
+/// Returns the largest position gain, 1/s, whose loop is well damped.
+fn position_gain(fine: &[Line], gain: f64, integral_s: f64, crossover_hz: f64) -> f64 {
+    let one = Complex::new(1.0, 0.0);
+    let most = POSITION_SHARE * TAU * crossover_hz;
+    let open = open_loop(fine, gain, integral_s);
+    let sensitivity = |position_gain: f64| {
+        let peaks = open.iter().map(|line| {
+            let closed = line.value / (one + line.value);
+            let outer = closed * position_gain / Complex::new(0.0, TAU * line.hz);
+            1.0 / (one + outer).norm()
+        });
+        peaks.fold(0.0, f64::max)
+    };
+    let shares = (0..20).map(|step| most * 0.9f64.powi(step));
+    let mut last = most;
+    for gain in shares {
+        last = gain;
+        if sensitivity(gain) <= POSITION_SENSITIVITY_PEAK {
+            break;
+        }
+    }
+    last
+}
+
 /// Returns the margins of a velocity loop; `None` if it does not cross over within the response.
 fn margins(fine: &[Line], gain: f64, integral_s: f64) -> Option<Margins> {
-    let open: Vec<Line> = fine
-        .iter()
-        .map(|line| {
-            let rate = TAU * line.hz;
-            let controller = Complex::new(gain, -gain / (rate * integral_s));
-            let delayed = Complex::from_polar(1.0, -rate * LOOP_DELAY_S);
-            Line { hz: line.hz, value: controller * line.value * delayed }
-        })
-        .collect();
-    let crosses = open
-        .windows(2)
-        .rposition(|pair| pair[0].value.norm() >= 1.0 && pair[1].value.norm() < 1.0)?;
-    let crossover = open[crosses];
-    let phase_deg = 180.0 + wrapped_deg(crossover.value.arg().to_degrees());
+    let open = open_loop(fine, gain, integral_s);
+    let falls = |pair: &[Line]| pair[0].value.norm() >= 1.0 && pair[1].value.norm() < 1.0;
+    let crossings: Vec<&Line> =
+        open.windows(2).filter(|pair| falls(pair)).map(|pair| &pair[0]).collect();
+    let first = crossings.first()?;
+    let phases = crossings.iter().map(|line| 180.0 + wrapped_deg(line.value.arg().to_degrees()));
+    let above = open.iter().filter(|line| line.hz > first.hz);
     // Beyond the last line, nothing is known: the margin there counts too.
-    let beyond = open[crosses..].iter().filter(|line| {
+    let late = above.filter(|line| {
         let angle = wrapped_deg(line.value.arg().to_degrees());
         !(-150.0..=0.0).contains(&angle)
     });
-    let largest = beyond.chain(open.last()).map(|line| line.value.norm()).fold(0.0, f64::max);
+    let largest = late.chain(open.last()).map(|line| line.value.norm()).fold(0.0, f64::max);
     let one = Complex::new(1.0, 0.0);
     let sensitivity = open.iter().map(|line| 1.0 / (one + line.value).norm()).fold(0.0, f64::max);
     Some(Margins {
-        crossover_hz: crossover.hz,
-        phase_deg,
+        crossover_hz: first.hz,
+        phase_deg: phases.fold(f64::INFINITY, f64::min),
         gain_db: -20.0 * largest.log10(),
         sensitivity,
     })
@@ -296,6 +332,13 @@ fn resonance_hz(lines: &[Line]) -> Option<f64> {
     let rises = (1..scaled.len())
         .find(|at| scaled[*at] > 1.5 * scaled[at - 1] && scaled[*at] > 1.5 * least);
     rises.map(|at| lines[at].hz)
+}
+
+/// Returns the inertia of the slowest lines, where coupled parts move as one, kg m^2.
+fn inertia_kg_m2(lines: &[Line], nm_per_a: f64) -> f64 {
+    let slow: Vec<f64> =
+        lines.iter().take(4).map(|line| nm_per_a / (TAU * line.hz * line.value.norm())).collect();
+    slow.iter().sum::<f64>() / slow.len().max(1) as f64
 }
 
 /// Returns the delay of the velocity behind that of an inertia, s: a fit of the phase beyond -90 degrees, proportional to the
@@ -393,8 +436,9 @@ mod tests {
     #[test]
     fn design_has_its_margins_on_the_true_plant() {
         let former = LoopGains { velocity_gain: 2.0, integral_s: 0.1, position_gain: 10.0 };
-        let (gains, control) = design(&measured(), 1.0, 0.1, &former).unwrap();
+        let (gains, control) = design(&measured(), 1.0, &former).unwrap();
         assert!(control.phase_margin_deg >= PHASE_MARGIN_DEG);
+        assert!((control.inertia_kg_m2 / 0.1 - 1.0).abs() < 0.1, "{}", control.inertia_kg_m2);
         // The true loop at the crossover.
         let rate = TAU * control.crossover_hz;
         let plant =

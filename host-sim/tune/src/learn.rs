@@ -9,6 +9,7 @@ use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Outcome, Rows, identify_robustly};
 use joint_log::SplitRule;
+use joint_log::log_check::LogFindingKind;
 
 /// What the recordings show.
 #[derive(Debug)]
@@ -31,23 +32,31 @@ pub fn learn(recordings: &[Recording], seed: u64) -> Result<Learnt, Error> {
         ..PrepareOptions::default()
     };
     let input = prepare(&Source::Tables(vec![table(recordings)]), &options)?;
-    let question = DiagnosisOptions { seed, ..input.question() };
+    // The drive samples torque and motion together, and filters neither: a lag would be one of the mechanics.
+    let as_logged = vec![LogFindingKind::TorqueLag, LogFindingKind::ChannelLag];
+    let question = DiagnosisOptions { seed, as_logged, ..input.question() };
     let found = diagnose(&input.data, &input.split, &question, &|_| {})?;
     Ok(Learnt { input, found })
 }
+
+/// Name of the finding that is none of the causes.
+const UNKNOWN: &str = "unknown";
 
 /// Probability above which a hypothesis counts as settled.
 const SETTLED: f64 = 0.9;
 
 impl Learnt {
-    /// Returns the name of the first cause, and its probability. Without a cause: `none`, and the probability that none of the
-    /// candidates is real.
+    /// Returns the name of the first cause, and its probability. Without a known cause: `none` or `unknown`, and the
+    /// probability that none of the candidates is real.
     pub fn cause(&self) -> (String, f64) {
         match self.found.findings.first() {
-            Some(finding) => (finding.cause.name().to_owned(), finding.probability),
-            None => {
-                let most = self.found.candidates.iter().map(|own| own.probability);
-                ("none".to_owned(), 1.0 - most.fold(0.0, f64::max))
+            Some(finding) if finding.cause.name() != UNKNOWN => {
+                (finding.cause.name().to_owned(), finding.probability)
+            }
+            other => {
+                let known = self.found.candidates.iter().filter(|own| own.cause.name() != UNKNOWN);
+                let most = known.map(|own| own.probability).fold(0.0, f64::max);
+                (other.map_or("none", |_| UNKNOWN).to_owned(), 1.0 - most)
             }
         }
     }

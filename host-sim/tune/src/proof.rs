@@ -7,8 +7,13 @@ use friction_results::tune::{TuneGain, TuneQuantity};
 const MIN_GAIN: f64 = 0.05;
 /// Loss, at the upper end of the interval, that counts as worse.
 const WORSE: f64 = -0.02;
-/// Largest proven increase of the current.
+/// Largest proven increase of the current, if it exceeds [`CONTINUOUS_SHARE`] of the rated one.
 const MAX_CURRENT_INCREASE: f64 = 0.1;
+/// Share of the rated current that a joint bears continuously whatever its motor.
+const CONTINUOUS_SHARE: f64 = 0.4;
+/// Error of an encoder, rad of the motor: the largest of the magnetic encoders that the driver reads (data sheet of the
+/// AS5047: 1.2 degrees).
+const ENCODER_ERROR_RAD: f64 = 0.02;
 /// Ratio of the swing at rest to that of the former set, and swing that is never too much, rad.
 const SWING_RATIO: f64 = 2.0;
 const SMALL_SWING_RAD: f64 = 5e-4;
@@ -65,13 +70,34 @@ pub fn oscillates(former: &Scored, new: &Scored) -> Option<String> {
     })
 }
 
+/// What the joint can show.
+#[derive(Clone, Copy, Debug)]
+pub struct Means {
+    /// Motor turns per joint turn.
+    pub gear_ratio: f64,
+    /// Rated current, A.
+    pub rated_a: f64,
+}
+
+impl Means {
+    /// Returns the position error below which the encoder cannot show a gain, rad.
+    pub fn resolution_rad(&self) -> f64 {
+        ENCODER_ERROR_RAD / self.gear_ratio
+    }
+}
+
 /// Decides from pairs of blocks: former set, new set.
-pub fn verdict(pairs: &[[Scored; 2]], seed: u64) -> Verdict {
+pub fn verdict(pairs: &[[Scored; 2]], means: &Means, seed: u64) -> Verdict {
     let gains = gains(pairs, seed);
     let of = |quantity: TuneQuantity| gains.iter().find(|own| own.quantity == quantity);
     let errors = [TuneQuantity::ReversalError, TuneQuantity::TrackingRms];
-    let worse = errors.iter().filter_map(|own| of(*own)).find(|own| own.ci95[1] < WORSE);
-    let current = of(TuneQuantity::CurrentRms).filter(|own| own.ci95[1] < -MAX_CURRENT_INCREASE);
+    let resolution_rad = means.resolution_rad();
+    let is_visible = |own: &&TuneGain| own.before.max(own.after) > resolution_rad;
+    let worse =
+        errors.iter().filter_map(|own| of(*own)).filter(is_visible).find(|own| own.ci95[1] < WORSE);
+    let current = of(TuneQuantity::CurrentRms).filter(|own| {
+        own.ci95[1] < -MAX_CURRENT_INCREASE && own.after > CONTINUOUS_SHARE * means.rated_a
+    });
     let stuck = of(TuneQuantity::StuckTime).filter(|own| own.ci95[1] < WORSE && own.after > 0.05);
     let why = if let Some(own) = worse.or(current).or(stuck) {
         format!(
@@ -81,8 +107,18 @@ pub fn verdict(pairs: &[[Scored; 2]], seed: u64) -> Verdict {
             -100.0 * own.ci95[1],
             -100.0 * own.ci95[0]
         )
-    } else if errors.iter().filter_map(|own| of(*own)).any(|own| own.ci95[0] > MIN_GAIN) {
+    } else if errors
+        .iter()
+        .filter_map(|own| of(*own))
+        .filter(is_visible)
+        .any(|own| own.ci95[0] > MIN_GAIN)
+    {
         String::new()
+    } else if !errors.iter().filter_map(|own| of(*own)).any(|own| is_visible(&own)) {
+        format!(
+            "both errors are below {:.2} mrad, which the encoder may be wrong by: no gain can be proven",
+            1e3 * resolution_rad
+        )
     } else {
         let best = errors
             .iter()
@@ -116,6 +152,8 @@ mod tests {
     #[test]
     fn verdict_needs_a_gain_and_nothing_worse() {
         let former = [1.0, 1.0, 1.0, 0.0];
+        let means = Means { gear_ratio: 50.0, rated_a: 2.0 };
+        let verdict = |pairs: &[[Scored; 2]], seed| verdict(pairs, &means, seed);
         assert!(verdict(&pairs(former, [0.5, 0.6, 1.0, 0.0]), 1).is_proven);
         for (new, expected) in [
             ([0.97, 0.98, 1.0, 0.0], "no gain is proven"),
@@ -125,6 +163,14 @@ mod tests {
             let refused = verdict(&pairs(former, new), 1);
             assert!(!refused.is_proven && refused.why.starts_with(expected), "{}", refused.why);
         }
+    }
+
+    #[test]
+    fn errors_below_that_of_the_encoder_prove_nothing() {
+        let means = Means { gear_ratio: 50.0, rated_a: 2.0 };
+        let small = [3e-4, 1e-4, 0.5, 0.0];
+        let refused = verdict(&pairs(small, small.map(|value| 0.5 * value)), &means, 1);
+        assert!(!refused.is_proven && refused.why.starts_with("both errors are below 0.40 mrad"));
     }
 
     #[test]

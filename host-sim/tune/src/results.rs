@@ -1,22 +1,53 @@
 //! The files of a session.
 
+use crate::driver_file;
+use crate::recording::{Recording, Row};
 use crate::session::Session;
+use friction_results::tune::TuneRun;
 use friction_results::{Files, diagnosis};
+use joint_log::JointKind;
 
-/// Returns the files of a session: `tune.json`, `diagnosis.json`, `before.toml` and `params.toml`, given as text.
+/// Returns the files of a session: `tune.html`, `tune.json`, `runs.parquet`, `before.toml`; and what was tried and learnt:
+/// `params.toml`, `diagnosis.json`.
 ///
 /// # Errors
-/// One line, if a value cannot be represented in JSON.
-pub fn files(session: &Session, before: &str, tried: Option<&str>) -> Result<Files, String> {
-    let document = serde_json::to_string_pretty(&session.report.document());
-    let mut others = vec![("before.toml", before.as_bytes().to_vec())];
-    if let Some(tried) = tried {
-        others.push(("params.toml", tried.as_bytes().to_vec()));
-    }
+/// One line, if a file cannot be written in its format.
+pub fn files(session: &Session) -> Result<Files, String> {
+    let emit = |set| driver_file::emit(set, JointKind::Revolute);
+    let mut texts = vec![("before.toml", emit(&session.before.set))];
+    texts.extend(session.tried.as_ref().map(|set| ("params.toml", emit(set))));
+    let mut page = None;
     if let Some(learnt) = &session.learnt {
         let text = diagnosis::json_text(&learnt.found, &learnt.input)?;
-        others.push(("diagnosis.json", text.into_bytes()));
+        texts.push(("diagnosis.json", text));
+        page = Some(diagnosis::page(&learnt.found, &learnt.input));
     }
-    let document = document.map_err(|error| error.to_string())? + "\n";
-    Ok(Files { document: ("tune.json", document), others })
+    let nm_per_a = f64::from(session.before.set.friction.compensator.torque_constant_nm_per_a);
+    let runs: Vec<TuneRun> = session
+        .recordings
+        .iter()
+        .enumerate()
+        .map(|(at, (recording, _))| run(at + 1, recording, nm_per_a))
+        .collect();
+    session.report.files(&runs, page, texts)
+}
+
+fn run(number: usize, recording: &Recording, nm_per_a: f64) -> TuneRun {
+    let column = |name: &str, value: &dyn Fn(&Row) -> f64| {
+        (name.to_owned(), recording.rows.iter().map(value).collect())
+    };
+    TuneRun {
+        name: format!("{number} {}", recording.name),
+        columns: vec![
+            column("time_s", &|row| row.time_s),
+            column("velocity_rad_s", &|row| row.velocity_rad_s),
+            column("torque_nm", &|row| row.torque_nm),
+            column("position_rad", &|row| row.position_rad),
+            column("radial_force_n", &|row| row.radial_force_n),
+            column("pressure_diff_pa", &|row| row.pressure_diff_pa),
+            column("temperature_c", &|row| row.temperature_c),
+            column("demand_rad", &Row::demand_rad),
+            column("current_a", &|row| row.torque_nm / nm_per_a),
+        ],
+    }
 }

@@ -1,0 +1,45 @@
+//! The sets that a session tries.
+
+use crate::frequency::LoopGains;
+use crate::learn::Learnt;
+use crate::trial_set::TunedSet;
+use firmware::parameter_set::ParameterSet;
+
+/// Shares of the friction that are tried.
+const SCALES: [f32; 2] = [0.9, 0.7];
+
+/// Returns the loop gains of a set.
+pub(super) fn gains_of(tuned: &TunedSet) -> LoopGains {
+    LoopGains {
+        velocity_gain: f64::from(tuned.set.motor.velocity_gain_a_s_per_rad),
+        integral_s: f64::from(tuned.set.motor.velocity_integral_s),
+        position_gain: 1e-3 * f64::from(tuned.position_gain),
+    }
+}
+
+/// Returns a set with other loop gains.
+pub(super) fn with_gains(former: &TunedSet, gains: &LoopGains) -> TunedSet {
+    let mut tuned = former.clone();
+    tuned.set.motor.velocity_gain_a_s_per_rad = gains.velocity_gain as f32;
+    tuned.set.motor.velocity_integral_s = gains.integral_s as f32;
+    tuned.position_gain = (1e3 * gains.position_gain) as u32;
+    tuned
+}
+
+/// Returns the sets with the learnt model, the most complete first: with the designed gains, then with the former ones.
+pub(super) fn candidates(
+    former: &TunedSet,
+    learnt: &Learnt,
+    designed: Option<&LoopGains>,
+) -> Vec<TunedSet> {
+    let is_legal = |set: &ParameterSet| set.validate().is_ok() && set.check_buildable().is_ok();
+    let sets = SCALES.map(|scale| learnt.set(&former.set, scale));
+    let models: Vec<TunedSet> = sets
+        .into_iter()
+        .filter(is_legal)
+        .map(|set| TunedSet { set, position_gain: former.position_gain })
+        .collect();
+    let stiffer =
+        designed.into_iter().flat_map(|gains| models.iter().map(|own| with_gains(own, gains)));
+    stiffer.chain(models.iter().cloned()).collect()
+}
