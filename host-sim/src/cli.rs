@@ -96,11 +96,6 @@ enum Command {
     Monitor(monitor::MonitorArguments),
     /// Record signals of a joint's current loop at up to 20 kHz, around a trigger
     Scope(scope::ScopeArguments),
-    #[command(
-        hide = true,
-        about = "Make a friction feed-forward for a drive of another maker, from a log of its own tool"
-    )]
-    TuneFrom(TuneFromArguments),
     /// Show or change the lock of a joint: its state, its key
     Access(access::AccessArguments),
     #[cfg(feature = "update")]
@@ -117,15 +112,6 @@ enum Command {
     /// Install a signed package on a joint over its bus (needs a build with the feature `update`)
     #[command(disable_help_flag = true)]
     Update(missing_feature::AnyArguments),
-}
-
-/// Arguments of `tune-from`.
-#[derive(clap::Args)]
-struct TuneFromArguments {
-    #[command(flatten)]
-    foreign: tune_from::ForeignArguments,
-    #[command(flatten)]
-    output: output::OutputArguments,
 }
 
 /// Returns the command line with all its commands and their help.
@@ -175,9 +161,6 @@ pub fn run() -> ExitCode {
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
         Command::Move(arguments) => done(move_joint::run(&arguments)),
         Command::Tune(arguments) => tune::run(&arguments),
-        Command::TuneFrom(arguments) => {
-            tune_from::run_foreign(&arguments.foreign, &arguments.output)
-        }
         #[cfg(feature = "update")]
         Command::Update(arguments) => done(update::run(&arguments)),
         #[cfg(not(feature = "update"))]

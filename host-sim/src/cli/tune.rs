@@ -3,6 +3,7 @@
 use super::bus::BusArguments;
 use super::joint_on_bus::{JointArguments, MotionArguments, start_hub};
 use super::output::{OutputArguments, print_message, print_text};
+use super::tune_from::{ForeignArguments, run_foreign};
 use clap::Args;
 use friction_results::tune::TuneOutcome;
 use joint_bus::bus::BusName;
@@ -31,6 +32,8 @@ pub struct TuneArguments {
     joint: JointArguments,
     #[command(flatten)]
     limits: MotionArguments,
+    #[command(flatten)]
+    foreign: ForeignArguments,
     #[command(flatten)]
     bus: BusArguments,
     #[command(flatten)]
@@ -78,6 +81,9 @@ impl TuneUser for Terminal {
 
 /// Runs the command.
 pub fn run(arguments: &TuneArguments) -> Result<ExitCode, String> {
+    if arguments.foreign.from.is_some() {
+        return run_foreign(&arguments.foreign, &arguments.output);
+    }
     let limits = arguments.limits.limits();
     let motion = arguments.motion.as_ref().map(|path| read_motion(path, &limits)).transpose()?;
     let hub = start_hub(&arguments.bus, &arguments.joint)?;

@@ -179,7 +179,7 @@ impl Folder {
     /// Runs the command. Returns exit code, standard output, and errors without the lines on the log.
     fn tune(&self, arguments: &str) -> (Option<i32>, String, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
-        command.arg("tune-from").args(arguments.split_whitespace()).current_dir(self.0.path());
+        command.arg("tune").args(arguments.split_whitespace()).current_dir(self.0.path());
         let output = command.output().expect("host-sim starts");
         let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
         let stderr = text(output.stderr);
