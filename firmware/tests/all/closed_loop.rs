@@ -4,7 +4,7 @@
 //! - `rig` connects the loop to the model, with quantised sensors and the delay of the PWM.
 //! - `current`, `current_vector`, `braking`, `frozen_encoder`, `joint`, `swap` and `faults` test the loop on this rig.
 //! - `driver` is the whole driver on this rig, from CAN frames to switches; `background`, `lost_master`,
-//!   `held_load`, `enclosure` and `stop_reaction` test it.
+//!   `held_load`, `enclosure`, `stop_reaction` and `trial_in_motion` test it.
 //!
 //! Measured figures have a lower and an upper limit. A figure that improves without reason usually means that a
 //! part of the loop is inactive.
@@ -25,3 +25,4 @@ mod ramps;
 mod rig;
 mod stop_reaction;
 mod swap;
+mod trial_in_motion;

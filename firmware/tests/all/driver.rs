@@ -19,6 +19,8 @@ mod sensors;
 mod stock_master;
 mod target_deadline;
 mod transfers;
+mod trial_isolation;
+mod tuning_record;
 
 use bench::{Bench, NODE, frame};
 use compensator_core::can::{Message, MotionFrame, SealFrame, SyncFrame};

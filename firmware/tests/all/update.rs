@@ -1,6 +1,6 @@
 //! Tests of the program update: power cuts, bit flips, foreign packages, failed trials.
 
-mod bench;
+pub mod bench;
 mod trial;
 
 use bench::{

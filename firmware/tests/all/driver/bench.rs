@@ -6,6 +6,7 @@ use canopen_rs::sdo::{
     encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
 };
 use compensator_core::can::{Frame, Message, NodeId, SyncFrame};
+use embedded_storage::nor_flash::NorFlash;
 use firmware::access::Key;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_parts::StageTraits;
@@ -21,8 +22,8 @@ pub const LOCKED: u32 = 0x0601_0000;
 
 pub const NODE: NodeId = NodeId::FIRST;
 
-pub struct Bench {
-    pub driver: Driver<Flash>,
+pub struct Bench<F: NorFlash = Flash> {
+    pub driver: Driver<F>,
     pub now_us: u64,
     /// Node number of the joint.
     pub node: NodeId,
@@ -61,8 +62,11 @@ impl Bench {
         let driver = Driver::boot(settings, Flash::new(), identity, &Boot::default(), 0);
         Self { driver, now_us: 0, node: NODE, key: Some(Key::DEFAULT) }
     }
+}
 
-    fn boot_on(stage: StageTraits, source: InputSource, flash: Flash, boot: &Boot) -> Self {
+impl<F: NorFlash> Bench<F> {
+    /// Starts a driver with this power stage and flash.
+    pub fn boot_on(stage: StageTraits, source: InputSource, flash: F, boot: &Boot) -> Self {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7, stage };
         let driver = Driver::boot(settings, flash, identity, boot, 0);

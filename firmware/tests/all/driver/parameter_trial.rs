@@ -1,8 +1,9 @@
 //! Trial of a parameter set (2042h): what opens it, what ends it, and what comes back.
 
 use super::STATE_REFUSED;
-use super::bench::{Bench, Flash, frame};
+use super::bench::{Bench, frame};
 use super::drive::{in_cst, pass};
+use embedded_storage::nor_flash::NorFlash;
 use firmware::driver::Boot;
 use firmware::node::dictionary::{LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
@@ -20,26 +21,26 @@ pub const RETURN: u8 = 2;
 const STORED_GAIN: u32 = 10_000;
 const TRIAL_GAIN: u32 = 4_000;
 
-pub fn open(bench: &mut Bench, deadline_ms: u16) -> Result<(), u32> {
+pub fn open<F: NorFlash>(bench: &mut Bench<F>, deadline_ms: u16) -> Result<(), u32> {
     bench.write(index::TRIAL, DEADLINE, &deadline_ms.to_le_bytes())
 }
 
-pub fn order(bench: &mut Bench, order: u8) -> Result<(), u32> {
+pub fn order<F: NorFlash>(bench: &mut Bench<F>, order: u8) -> Result<(), u32> {
     bench.write(index::TRIAL, ORDER, &[order])
 }
 
-pub fn trial_state(bench: &mut Bench) -> u32 {
+pub fn trial_state<F: NorFlash>(bench: &mut Bench<F>) -> u32 {
     bench.number(index::TRIAL, STATE)
 }
 
 /// Commits the set in use with this scale of the compensation.
-pub fn commit_scale(bench: &mut Bench, scale: f32) -> Result<(), u32> {
+pub fn commit_scale<F: NorFlash>(bench: &mut Bench<F>, scale: f32) -> Result<(), u32> {
     bench.write(index::COMPENSATOR, 1, &scale.to_le_bytes())?;
     let crc = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &crc.to_le_bytes())
 }
 
-pub fn save(bench: &mut Bench) -> Result<(), u32> {
+pub fn save<F: NorFlash>(bench: &mut Bench<F>) -> Result<(), u32> {
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes())
 }
 
@@ -271,6 +272,38 @@ fn what_is_staged_before_a_trial_can_be_committed_in_it() {
 }
 
 #[test]
+fn wiring_that_is_confirmed_in_a_trial_is_replaced_by_the_stored_confirmation() {
+    let mut bench = in_cst();
+    save(&mut bench).unwrap();
+    open(&mut bench, 500).unwrap();
+    bench.write(index::MOTOR, 1, &9f32.to_le_bytes()).unwrap();
+    commit_scale(&mut bench, 0.25).unwrap();
+    assert_eq!(bench.number(index::COMMISSIONING, 1), 0);
+    bench.commission();
+    pass(&mut bench, 500);
+    assert_returned(&mut bench, 4, "other wiring");
+    assert_eq!(bench.number(index::COMMISSIONING, 1), 1);
+    enable(&mut bench);
+}
+
+/// A joint that stops may be disarmed and armed again before its next tick.
+#[test]
+fn arming_before_the_return_uses_the_stored_values() {
+    let mut bench = in_cst();
+    bench.write(index::FAULT_OPTION, 0, &[1, 0]).unwrap();
+    save(&mut bench).unwrap();
+    on_trial(&mut bench, 500);
+    enable(&mut bench);
+    order(&mut bench, RETURN).unwrap();
+    assert_eq!(trial_state(&mut bench), 7);
+    assert!(open(&mut bench, 500).is_err() && order(&mut bench, KEEP).is_err());
+    assert_on_trial(&mut bench, "the joint stops");
+    super::drive::control(&mut bench, 0, 0);
+    enable(&mut bench);
+    assert_returned(&mut bench, 3, "armed again");
+}
+
+#[test]
 fn flash_that_is_damaged_in_a_trial_returns_the_defaults_with_their_code() {
     let mut bench = in_cst();
     commit_scale(&mut bench, 0.5).unwrap();
@@ -298,5 +331,4 @@ fn nothing_is_saved_while_a_trial_is_open() {
     assert_eq!(bench.driver.flash().steps(), before);
     order(&mut bench, KEEP).unwrap();
     save(&mut bench).expect("the trial is over");
-    let _: Flash = bench.driver.into_flash();
 }
