@@ -457,7 +457,7 @@ mod tests {
         let access = AccessSettings { key: Key::new([7; 16]), is_locked: false };
         let settings = NodeSettings { heartbeat_ms: 250, access, ..NodeSettings::default() };
         let mut block = settings.emit()[..NodeSettings::WITHOUT_ACCESS].to_vec();
-        block[0] = NodeSettings::VERSION_WITHOUT_TUNING;
+        block[0] = 5;
         block.extend_from_slice(&access.emit());
         block.extend_from_slice(&ParameterSet::default().emit());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));

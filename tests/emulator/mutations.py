@@ -1,4 +1,4 @@
-"""Mutations of the image and of the boot program: each is a fault in the board's code that a test on the emulator must find.
+"""Mutations of the image and of the boot program: each is a fault, most in the board's code, that a test on the emulator must find.
 
 One image and one boot program contain them all, built from a copy of the sources: a word in both selects the mutation that
 acts. What a constant fixes at compile time is mutated where it is used. Each mutation runs the tests that must fail; without a
@@ -73,6 +73,9 @@ MUTATIONS = [
      "board::update::image_linked_for_the_other_slot_is_not_started"),
     ("reset by software is no failure for the boot program", BOOT + "program.rs", "flags.sftrstf()", "false",
      "board::update::trial_that_resets_itself_returns_to_the_old_image"),
+    ("deadline of a trial forgotten", "firmware/src/driver/device/parameter_trial.rs",
+     "self.now_us >= self.trial.deadline_us", "false",
+     "scenarios::trials::trials_end_with_the_stored_set_unless_they_are_kept"),
 ]
 
 # The word that selects a mutation follows this one in a program.
@@ -82,11 +85,14 @@ SELECTOR = f"""
 static MUTATION: [core::sync::atomic::AtomicU32; 2] =
     [core::sync::atomic::AtomicU32::new({MARK:#x}), core::sync::atomic::AtomicU32::new(u32::MAX)];
 
-pub(crate) fn is_mutated(number: u32) -> bool {{
+/// Returns true if the mutation of this number acts.
+pub fn is_mutated(number: u32) -> bool {{
     let [_, selected] = core::hint::black_box(&MUTATION);
     selected.load(core::sync::atomic::Ordering::Relaxed) == number
 }}
 """
+# The selector in a program: that of its library.
+SHARED_SELECTOR = "pub(crate) use firmware::boards::is_mutated;"
 FOLDER = images.IMAGES_FOLDER / "mutations"
 PROGRAMS = ["firmware", "boot"]
 
@@ -106,10 +112,11 @@ def write_sources(workspace):
     manifest = manifest.replace("[workspace]\n", '[workspace]\nmembers = ["mutated/compensator-core", "mutated/firmware"]\n', 1)
     (workspace / "Cargo.toml").write_text(manifest.replace('path = "', 'path = "mutated/'))
     boards = folder / "firmware/src/boards.rs"
-    boards.write_text(boards.read_text() + SELECTOR)
-    # The boot program includes files of the board, which find the selector by the same path.
-    boot = folder / BOOT / "main.rs"
-    boot.write_text(f"{boot.read_text()}\nmod boards {{{SELECTOR}}}\n")
+    boards.write_text(f"{boards.read_text()}\n{SHARED_SELECTOR}\n")
+    # The library, and the boot program with files of the board, find the selector by the same path.
+    library, boot = folder / "firmware/src/lib.rs", folder / BOOT / "main.rs"
+    library.write_text(f"{library.read_text()}\n/// Mutations.\npub mod boards {{{SELECTOR}}}\n")
+    boot.write_text(f"{boot.read_text()}\nmod boards {{ {SHARED_SELECTOR} }}\n")
     for number, (_, path, text, replacement, _) in enumerate(MUTATIONS):
         source = (folder / path).read_text()
         assert source.count(text) == 1, f"{path} does not have this text once: {text}"

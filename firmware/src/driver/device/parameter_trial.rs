@@ -16,7 +16,7 @@ use crate::node_settings::{NodeSettings, SET_BEFORE, TuningRecord};
 use crate::parameter_set::ParameterSet;
 use crate::refusal::SettingError;
 use crate::store::StoreHealth;
-use crate::supervisor::{CanState, ParameterSource};
+use crate::supervisor::ParameterSource;
 use compensator_core::refusal;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
@@ -173,10 +173,8 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn watch_trial(&mut self, heartbeat_lost: bool) {
         let faults = self.supervisor.faults();
         let has_fault = !faults.is_empty();
-        if heartbeat_lost
-            || self.can == CanState::Off
-            || has_fault && fault_cause(faults) == StopCause::ConnectionLost
-        {
+        // A lost heartbeat is no fault of a joint that is not armed.
+        if heartbeat_lost || has_fault && fault_cause(faults) == StopCause::ConnectionLost {
             self.end_trial(TrialState::ConnectionLost);
         } else if has_fault {
             self.end_trial(TrialState::Fault);

@@ -103,8 +103,11 @@ fn deadline_that_passes_returns_the_stored_values_disarmed_and_armed() {
     pass(&mut bench, 499);
     assert_eq!(bench.number(index::TRIAL, DEADLINE), 1);
     assert_on_trial(&mut bench, "before the deadline");
+    let in_loop = bench.driver.loop_commands(bench.now_us).set_number;
     pass(&mut bench, 1);
     assert_returned(&mut bench, 4, "disarmed");
+    let set_number = bench.driver.loop_commands(bench.now_us).set_number;
+    assert_eq!(set_number, in_loop + 1, "the loop takes the set that came back");
 
     let mut bench = armed(500);
     drive(&mut bench, 499);

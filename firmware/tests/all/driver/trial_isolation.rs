@@ -86,6 +86,11 @@ fn write_of_every_object_while_a_trial_is_open_leaves_the_flash() {
 fn program_update_key_policy_and_lss_are_refused_while_a_trial_is_open() {
     let mut bench = with_banks(BankFlash::new(), 0);
     bench.start();
+    // A package that is left does not block a trial, and could be continued.
+    bench.write(index::PROGRAM_CONTROL, 1, &[3]).unwrap();
+    assert_eq!(open(&mut bench, 60_000), Err(STATE_REFUSED), "an update is in progress");
+    bench.pass_ms(10_000);
+    bench.sent();
     open(&mut bench, 60_000).unwrap();
     for command in 0..4 {
         assert_eq!(bench.write(index::PROGRAM_CONTROL, 1, &[command]), Err(STATE_REFUSED));
@@ -93,6 +98,8 @@ fn program_update_key_policy_and_lss_are_refused_while_a_trial_is_open() {
         assert!(why.contains("is on trial"), "{why}");
     }
     assert_eq!(bench.write(index::PROGRAM_DATA, 1, &[0; 24]), Err(STATE_REFUSED));
+    let why = bench.text(index::REFUSAL);
+    assert!(why.contains("is on trial"), "{why}");
     for (sub_index, change) in [(5, &[7; 16][..]), (8, &[0])] {
         assert_eq!(bench.write_proven(sub_index, change, &Key::DEFAULT), Err(STATE_REFUSED));
     }
@@ -107,7 +114,6 @@ fn program_update_key_policy_and_lss_are_refused_while_a_trial_is_open() {
     }
     order(&mut bench, KEEP).unwrap();
     bench.write(index::PROGRAM_CONTROL, 1, &[3]).expect("the trial is over");
-    assert_eq!(open(&mut bench, 500), Err(STATE_REFUSED), "an update is in progress");
 }
 
 /// After an update the joint runs from the other bank, whose store is the one that it copied.
@@ -140,6 +146,30 @@ fn undo_after_a_change_of_the_bank_needs_the_former_set_in_the_other_store() {
     let mut bench = with_banks(bench.driver.into_flash(), 1);
     undo(&mut bench).expect("its own former set");
     assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
+}
+
+/// The other bank may have an older block with the same set and other settings of the drive.
+#[test]
+fn undo_of_a_block_that_is_not_the_one_before_is_refused() {
+    let gain = |bench: &mut Bench<BankFlash>, gain: u32| {
+        bench.write(index::POSITION_LOOP, 1, &gain.to_le_bytes()).unwrap();
+        save(bench).unwrap();
+    };
+    let mut bench = with_banks(BankFlash::new(), 0);
+    gain(&mut bench, 3_000);
+    let bench = with_banks(bench.driver.into_flash(), 1);
+    let mut bench = with_banks(bench.driver.into_flash(), 0);
+    gain(&mut bench, 5_000);
+    let before = bench.number(index::COMMIT, 1);
+    commit_scale(&mut bench, 0.25).unwrap();
+    bench.write(index::TUNING, 3, &before.to_le_bytes()).unwrap();
+    save(&mut bench).unwrap();
+    let mut bench = with_banks(bench.driver.into_flash(), 1);
+    assert_eq!(bench.write(index::TUNING, 7, &[1]), Err(STATE_REFUSED));
+    assert_eq!(bench.driver.set().friction.compensator.scale, 0.25);
+    let mut bench = with_banks(bench.driver.into_flash(), 0);
+    bench.write(index::TUNING, 7, &[1]).expect("the block before");
+    assert_eq!(bench.number(index::POSITION_LOOP, 1), 5_000);
 }
 
 /// Random numbers of a seed (xorshift).

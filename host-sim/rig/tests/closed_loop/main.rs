@@ -24,13 +24,14 @@ mod rig;
 mod stalls;
 mod stops;
 mod table;
+mod trials;
 mod velocity;
 mod wiring;
 
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 12] {
+fn families() -> [&'static [ScenarioRow]; 13] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -44,6 +45,7 @@ fn families() -> [&'static [ScenarioRow]; 12] {
         stops::rows(),
         holding_brake::rows(),
         position::rows(),
+        trials::rows(),
     ]
 }
 

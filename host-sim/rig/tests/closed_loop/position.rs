@@ -25,11 +25,11 @@ pub fn rows() -> &'static [ScenarioRow] {
     &ROWS
 }
 
-const CSP: u8 = 8;
+pub const CSP: u8 = 8;
 const PP: u8 = 1;
 const HOMING: u8 = 6;
 
-fn micro(number: f64) -> [u8; 4] {
+pub fn micro(number: f64) -> [u8; 4] {
     ((1e6 * number).round() as i32).to_le_bytes()
 }
 
@@ -53,7 +53,7 @@ fn run(master: &mut Master, milliseconds: u32, controlword: u16) {
 }
 
 /// Makes the position known, selects a mode and enables the drive.
-fn enable(master: &mut Master, mode: u8) {
+pub fn enable(master: &mut Master, mode: u8) {
     let at = master.rig.plant().position_rad();
     master.rig.write_object(index::STATE, 6, (at as f32).to_le_bytes());
     // Targets are written as objects, whose answers need room on a bus of 1 Mbit/s.

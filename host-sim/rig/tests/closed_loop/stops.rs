@@ -12,10 +12,10 @@ use std::sync::LazyLock;
 /// Speed before a stop, rad/s.
 const SPEED_RAD_S: f64 = 3.0;
 /// Decelerations of 6084h and 6085h, rad/s^2.
-const SLOW: f64 = 10.0;
+pub const SLOW: f64 = 10.0;
 const QUICK: f64 = 50.0;
 /// Speed at which the joint counts as standing, rad/s.
-const REST_RAD_S: f64 = 0.05;
+pub const REST_RAD_S: f64 = 0.05;
 
 pub fn rows() -> &'static [ScenarioRow] {
     static ROWS: LazyLock<Vec<ScenarioRow>> = LazyLock::new(|| {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// A result with its limits.
 #[derive(Clone, Debug)]
 pub struct ScenarioRow {
-    /// Number of the scenario in the list of fifteen.
+    /// Number of the scenario in [`TITLES`].
     pub scenario: u8,
     /// Procedure.
     pub did: String,
@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 20] = [
+const TITLES: [&str; 21] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -108,6 +108,7 @@ const TITLES: [&str; 20] = [
     "Holding brake",
     "Position limits and following error",
     "Position modes: CSP, PP, homing",
+    "Trial of a parameter set, and undo of a tuning",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

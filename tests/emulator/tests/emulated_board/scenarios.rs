@@ -1,6 +1,6 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
-//! The short form runs six families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
+//! The short form runs seven families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
 mod bus;
@@ -29,6 +29,8 @@ mod stops;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
 #[path = "../../../../host-sim/rig/tests/closed_loop/table.rs"]
 mod table;
+#[path = "../../../../host-sim/rig/tests/closed_loop/trials.rs"]
+mod trials;
 #[path = "../../../../host-sim/rig/tests/closed_loop/velocity.rs"]
 mod velocity;
 #[path = "../../../../host-sim/rig/tests/closed_loop/wiring.rs"]
@@ -39,7 +41,7 @@ use table::{Driver, ScenarioRow};
 /// Results of the families of this form.
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
-    families.extend([stalls::rows(), stops::rows(), holding_brake::rows()]);
+    families.extend([stalls::rows(), stops::rows(), holding_brake::rows(), trials::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows()]);
