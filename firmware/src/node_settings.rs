@@ -242,51 +242,34 @@ impl NodeSettings {
         Some(Self { node, bit_rate_kbit, data_bit_rate_kbit, access, ..self })
     }
 
-    /// Parses settings; `None` for another version or a value out of range.
-    pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
-        let access = AccessSettings::parse(bytes.last_chunk()?)?;
-        let mut settings = Self::parse_with_drive(bytes.first_chunk()?, Self::VERSION)?;
-        let words = bytes.as_chunks::<4>().0.iter().skip(Self::WITHOUT_ACCESS / 4);
-        for (place, word) in settings.tuning.iter_mut().zip(words) {
-            *place = u32::from_le_bytes(*word);
+    /// Parses the settings at the begin of a block, of this version or an earlier one, and returns the rest, too. What that
+    /// version did not store has its default. `None` for another version or a value out of range.
+    fn split(block: &[u8]) -> Option<(Self, &[u8])> {
+        let length = match *block.first()? {
+            Self::VERSION => Self::LENGTH,
+            Self::VERSION_WITHOUT_TUNING => Self::WITHOUT_TUNING,
+            Self::VERSION_WITHOUT_ACCESS => Self::WITHOUT_ACCESS,
+            Self::VERSION_WITHOUT_DRIVE => Self::HEAD,
+            _ => return None,
+        };
+        let (bytes, set) = block.split_at_checked(length)?;
+        let (head, rest) = bytes.split_first_chunk()?;
+        let mut settings = Self::parse_head(head)?;
+        if let Some((drive, rest)) = rest.split_first_chunk() {
+            settings.drive = DriveSettings::parse(drive)?;
+            if let Some((tuning, access)) = rest.split_last_chunk() {
+                settings.access = AccessSettings::parse(access)?;
+                for (place, word) in settings.tuning.iter_mut().zip(tuning.as_chunks().0) {
+                    *place = u32::from_le_bytes(*word);
+                }
+            }
         }
-        settings.access = access;
-        Some(settings)
+        Some((settings, set))
     }
 
-    /// Parses settings up to those of the drive.
-    fn parse_with_drive(bytes: &[u8; Self::WITHOUT_ACCESS], version: u8) -> Option<Self> {
-        let drive = DriveSettings::parse(bytes.last_chunk()?)?;
-        Self::parse_head(bytes.first_chunk()?, version, drive)
-    }
-
-    /// Parses settings of a version before some of today's were stored, which have their defaults. Returns the
-    /// rest of the block, too.
-    fn parse_older(block: &[u8]) -> Option<(Self, &[u8])> {
-        if let Some((bytes, set)) = block.split_first_chunk::<{ Self::WITHOUT_TUNING }>()
-            && let Some(access) = AccessSettings::parse(bytes.last_chunk()?)
-            && let Some(settings) =
-                Self::parse_with_drive(bytes.first_chunk()?, Self::VERSION_WITHOUT_TUNING)
-        {
-            return Some((Self { access, ..settings }, set));
-        }
-        if let Some((bytes, set)) = block.split_first_chunk()
-            && let Some(settings) = Self::parse_with_drive(bytes, Self::VERSION_WITHOUT_ACCESS)
-        {
-            return Some((settings, set));
-        }
-        let (head, set) = block.split_first_chunk()?;
-        let drive = DriveSettings::default();
-        Some((Self::parse_head(head, Self::VERSION_WITHOUT_DRIVE, drive)?, set))
-    }
-
-    fn parse_head(
-        bytes: &[u8; Self::HEAD],
-        expected_version: u8,
-        drive: DriveSettings,
-    ) -> Option<Self> {
+    fn parse_head(bytes: &[u8; Self::HEAD]) -> Option<Self> {
         let word = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
-        let [version, _, source, number] = word(0)?.to_le_bytes();
+        let [_, _, source, number] = word(0)?.to_le_bytes();
         let bus = BusSettings::parse(bytes.first_chunk()?)?;
         let settings = Self {
             node: bus.node,
@@ -307,11 +290,9 @@ impl NodeSettings {
             campaign_h: f32::from_bits(word(20)?),
             commissioned: word(24)?,
             proven: word(28)?,
-            drive,
-            tuning: TuningRecord::default(),
-            access: AccessSettings::default(),
+            ..Self::default()
         };
-        (version == expected_version && settings.validate().is_ok()).then_some(settings)
+        settings.validate().is_ok().then_some(settings)
     }
 
     /// Checks every setting.
@@ -389,13 +370,9 @@ pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BL
 ///
 /// # Errors
 /// Returns [`BlockError::NodeSettings`] if the settings are refused.
+#[inline(never)]
 pub fn split_block(block: &[u8]) -> Result<(NodeSettings, &[u8]), BlockError> {
-    if let Some(older) = NodeSettings::parse_older(block) {
-        return Ok(older);
-    }
-    let (head, set) =
-        block.split_first_chunk::<{ NodeSettings::LENGTH }>().ok_or(BlockError::NodeSettings)?;
-    Ok((NodeSettings::parse(head).ok_or(BlockError::NodeSettings)?, set))
+    NodeSettings::split(block).ok_or(BlockError::NodeSettings)
 }
 
 /// Parses a stored block.

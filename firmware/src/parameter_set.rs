@@ -229,6 +229,7 @@ impl ParameterSet {
     ///
     /// # Errors
     /// As [`Self::parse`]. Some parts may have been replaced then.
+    #[inline(never)]
     pub fn read(&mut self, bytes: &[u8]) -> Result<(), SetError> {
         let wrong_length = SetError::Length(bytes.len());
         let split = bytes.split_last_chunk::<{ network_record::LENGTH }>();

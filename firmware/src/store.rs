@@ -84,6 +84,15 @@ pub struct LoadedSet {
     pub sequence: u32,
 }
 
+/// Set that a save replaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SavePlace {
+    /// The one that is not current.
+    Former,
+    /// The current one.
+    Newest,
+}
+
 /// Result of a successful save.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SaveOutcome {
@@ -325,6 +334,20 @@ impl<F: NorFlash> Store<F> {
     /// Returns what failed. The set that was current stays current, unless only the copies of the identity
     /// failed, which are written after the commit.
     pub fn save(&mut self, payload: &[u8], identity: &Identity) -> Result<SaveOutcome, StoreError> {
+        self.save_at(SavePlace::Former, payload, identity)
+    }
+
+    /// Saves a set as [`Self::save`] does, in this place. In that of the newest set, a power cut may lose the newest, and the
+    /// former is intact throughout.
+    ///
+    /// # Errors
+    /// As [`Self::save`].
+    pub fn save_at(
+        &mut self,
+        place: SavePlace,
+        payload: &[u8],
+        identity: &Identity,
+    ) -> Result<SaveOutcome, StoreError> {
         let max = self.max_payload_bytes();
         if payload.len() > max || max == 0 {
             return Err(StoreError::TooLong { length: payload.len(), max });
@@ -342,30 +365,14 @@ impl<F: NorFlash> Store<F> {
         // The set to keep: the current one, or else the newest with an unknown layout.
         let kept = current.map(|(slot, sequence, _)| (slot, sequence)).or_else(|| self.newest());
         let (slot, sequence) = match kept {
-            Some((slot, sequence)) => (1 - slot, sequence.wrapping_add(1)),
+            Some((slot, sequence)) => {
+                let slot = if place == SavePlace::Newest { slot } else { 1 - slot };
+                (slot, sequence.wrapping_add(1))
+            }
             // No set to keep: an undamaged slot is preferred.
             None => (usize::from(self.states[0] == SlotState::Damaged), 1),
         };
         self.write_both(slot, sequence, payload, identity)
-    }
-
-    /// Saves a set in the place of the newest one, so that the set before stays: after a power cut, a start finds one of
-    /// the three.
-    ///
-    /// # Errors
-    /// As [`Self::save`]. The newest set may be lost.
-    pub fn replace(
-        &mut self,
-        payload: &[u8],
-        identity: &Identity,
-    ) -> Result<SaveOutcome, StoreError> {
-        self.inspect();
-        match self.current() {
-            Some((slot, sequence, _)) if payload.len() <= self.max_payload_bytes() => {
-                self.write_both(slot, sequence.wrapping_add(1), payload, identity)
-            }
-            _ => self.save(payload, identity),
-        }
     }
 
     fn write_checked(

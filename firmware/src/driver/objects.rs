@@ -315,7 +315,9 @@ impl<F: NorFlash> Device<F> {
         self.staging.refuse(Abort::State, why)
     }
 
-    fn refuse_setting(&mut self, name: Text, legal: Text) -> Abort {
+    /// Refuses a setting that is out of range.
+    #[inline(never)]
+    pub(super) fn refuse_setting(&mut self, name: Text, legal: Text) -> Abort {
         self.staging.refuse(Abort::Value, SettingError { name, legal })
     }
 

@@ -2,7 +2,7 @@
 
 use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::parameter_set::ParameterSet;
-use crate::store::{Identity, LoadError, SaveOutcome, Store, StoreError};
+use crate::store::{Identity, LoadError, SaveOutcome, SavePlace, Store, StoreError};
 use embedded_storage::nor_flash::NorFlash;
 
 /// A stored block.
@@ -121,11 +121,8 @@ impl<F: NorFlash> Memory<F> {
         block: &[u8],
         identity: &Identity,
     ) -> Result<SaveOutcome, StoreError> {
-        let saved = if self.is_undone {
-            self.store.replace(block, identity)
-        } else {
-            self.store.save(block, identity)
-        };
+        let place = if self.is_undone { SavePlace::Newest } else { SavePlace::Former };
+        let saved = self.store.save_at(place, block, identity);
         self.is_undone &= saved.is_err();
         saved
     }

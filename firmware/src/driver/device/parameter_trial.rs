@@ -12,9 +12,8 @@ use crate::drive_settings::DriveSettings;
 use crate::driver::profile::stop::{StopCause, fault_cause};
 use crate::node::dictionary::records::{TrialObject, TuningObject};
 use crate::node::sdo::Abort;
-use crate::node_settings::{NodeSettings, SET_BEFORE, TuningRecord};
+use crate::node_settings::{SET_BEFORE, TuningRecord};
 use crate::parameter_set::ParameterSet;
-use crate::refusal::SettingError;
 use crate::store::StoreHealth;
 use crate::supervisor::ParameterSource;
 use compensator_core::refusal;
@@ -116,8 +115,7 @@ impl<F: NorFlash> Device<F> {
     /// Opens the trial, or renews it.
     fn open_trial(&mut self, deadline_ms: u16) -> Result<(), Abort> {
         if !(100..=60_000).contains(&deadline_ms) {
-            let error = SettingError { name: text!("deadline_ms"), legal: text!("100 to 60000") };
-            return Err(self.staging.refuse(Abort::Value, error));
+            return Err(self.refuse_setting(text!("deadline_ms"), text!("100 to 60000")));
         }
         if self.trial.state != TrialState::Open {
             self.begin_trial()?;
@@ -174,23 +172,24 @@ impl<F: NorFlash> Device<F> {
         let faults = self.supervisor.faults();
         let has_fault = !faults.is_empty();
         // A lost heartbeat is no fault of a joint that is not armed.
-        if heartbeat_lost || has_fault && fault_cause(faults) == StopCause::ConnectionLost {
-            self.end_trial(TrialState::ConnectionLost);
-        } else if has_fault {
-            self.end_trial(TrialState::Fault);
-        } else if self.now_us >= self.trial.deadline_us {
-            self.end_trial(TrialState::Expired);
-        }
-        self.finish_trial();
+        let cause =
+            if heartbeat_lost || has_fault && fault_cause(faults) == StopCause::ConnectionLost {
+                TrialState::ConnectionLost
+            } else if has_fault {
+                TrialState::Fault
+            } else if self.now_us >= self.trial.deadline_us {
+                TrialState::Expired
+            } else {
+                return self.finish_trial();
+            };
+        self.end_trial(cause);
     }
 
     /// Stops the joint, as if its connection were lost, and returns to the stored values.
     fn end_trial(&mut self, cause: TrialState) {
-        if self.trial.state != TrialState::Open {
-            return;
-        }
+        let is_open = self.trial.state == TrialState::Open;
         self.trial.end(cause);
-        if self.is_bridge_in_use() {
+        if is_open && self.is_bridge_in_use() {
             self.stop_connection();
         }
         self.finish_trial();
@@ -202,7 +201,7 @@ impl<F: NorFlash> Device<F> {
             return;
         }
         self.trial.state = self.trial.cause;
-        if self.adopt(StoredBlock::Newest, self.trial.stored_crc).is_some() {
+        if self.adopt(StoredBlock::Newest, self.trial.stored_crc) {
             if self.memory.store().health() == StoreHealth::Empty {
                 self.supervisor.set_parameter_source(ParameterSource::Default);
             }
@@ -218,29 +217,31 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Makes a stored set active, with the settings of the drive beside it, if it has this CRC. Otherwise nothing changes
-    /// but the staged set. Returns the stored settings.
+    /// but the staged set. Returns true if it is active.
     #[inline(never)]
-    fn adopt(&mut self, from: StoredBlock, crc: u32) -> Option<NodeSettings> {
+    fn adopt(&mut self, from: StoredBlock, crc: u32) -> bool {
         let before = self.settings;
-        let found = self.memory.recall(from, self.staging.staged_mut());
-        let adopted = found.filter(|stored| {
-            let wiring = self.staging.staged().wiring_crc();
-            self.settings.drive = stored.drive;
-            // A confirmation of this wiring since the save stays.
-            if before.commissioned != wiring {
-                self.settings.commissioned = stored.commissioned;
+        let is_adopted = match self.memory.recall(from, self.staging.staged_mut()) {
+            Some(stored) => {
+                let wiring = self.staging.staged().wiring_crc();
+                self.settings.drive = stored.drive;
+                // A confirmation of this wiring since the save stays.
+                if before.commissioned != wiring {
+                    self.settings.commissioned = stored.commissioned;
+                }
+                if before.proven != wiring {
+                    self.settings.proven = stored.proven;
+                }
+                self.commit(crc).is_ok()
             }
-            if before.proven != wiring {
-                self.settings.proven = stored.proven;
-            }
-            self.commit(crc).is_ok()
-        });
+            None => false,
+        };
         self.supervisor.set_store_health(self.memory.store().health());
-        if adopted.is_none() {
+        if !is_adopted {
             self.settings = before;
             self.staging.discard();
         }
-        adopted
+        is_adopted
     }
 
     /// Writes the record of the tuning, or undoes it.
@@ -251,11 +252,10 @@ impl<F: NorFlash> Device<F> {
             return Ok(());
         }
         if number as u8 != UNDO {
-            let why = refusal!("undo = {u32}: must be 1", number as u8);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(Abort::Value);
         }
         self.refuse_in_trial()?;
-        if self.adopt(StoredBlock::Former, self.settings.tuning[SET_BEFORE]).is_none() {
+        if !self.adopt(StoredBlock::Former, self.settings.tuning[SET_BEFORE]) {
             let why = text!("the flash does not hold the set from before the tuning (2043h:3)");
             return Err(self.staging.refuse(Abort::State, why));
         }

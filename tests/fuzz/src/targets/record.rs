@@ -7,7 +7,7 @@ use compensator_core::can::{Message, MotionFrame, NodeId, SealFrame, SyncFrame};
 use compensator_core::configuration::Configuration;
 use compensator_core::record;
 use firmware::hil::{HilJoint, HilSetup, HilStep, NumberType};
-use firmware::node_settings::{NodeSettings, emit_block, parse_block};
+use firmware::node_settings::{NodeSettings, emit_block, parse_block, split_block};
 use firmware::parameter_set::ParameterSet;
 
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
@@ -61,11 +61,9 @@ pub fn run(data: &[u8]) {
         set.validate().expect("a parsed set is valid");
         assert_eq!(ParameterSet::parse(&set.emit()).map(|again| again.emit()), Ok(set.emit()));
     }
-    if let Some(bytes) = data.first_chunk::<{ NodeSettings::LENGTH }>()
-        && let Some(settings) = NodeSettings::parse(bytes)
-    {
+    if let Ok((settings, _)) = split_block(data) {
         settings.validate().expect("parsed settings are valid");
-        assert_eq!(NodeSettings::parse(&settings.emit()), Some(settings));
+        assert_eq!(split_block(&settings.emit()), Ok((settings, &[][..])));
     }
     // A block of settings and parameters, with the correct CRC of its record.
     let mut block = data.to_vec();
