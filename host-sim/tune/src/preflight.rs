@@ -7,6 +7,7 @@ use canopen_rs::Address;
 use compensator_core::can::{Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
+use firmware::supervisor::Code;
 use joint_bus::bus::Bus;
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::parameters::read_set;
@@ -18,6 +19,8 @@ const LISTEN: Duration = Duration::from_millis(300);
 const WINDOW_MARGIN_RAD: f64 = 0.02;
 /// Share of the joint's largest speed that motions may have: the loop needs some to catch up.
 const SPEED_SHARE: f64 = 0.9;
+/// Number of the first limit among the codes.
+const FIRST_LIMIT: u8 = 33;
 /// Bit of the statusword: the position is known.
 const POSITION_KNOWN: u32 = 1 << 8;
 
@@ -104,14 +107,7 @@ pub fn examine<B: Bus>(
     if client.read_number(at(index::COMMISSIONING, 1))? == 0 {
         return refuse("the joint is not commissioned: run `params commission --measure` first");
     }
-    let active = client.read_number(at(index::STATE, 4))?;
-    let derated: Vec<&str> = code_names(active, 33)
-        .into_iter()
-        .filter(|name| name.contains("derat") || name.contains("hot"))
-        .collect();
-    if !derated.is_empty() {
-        return refuse(format!("the joint limits itself ({}): let it cool", derated.join(", ")));
-    }
+    check_heat(client)?;
     let status = client.read_number(at(index::STATUSWORD, 0))?;
     if status & POSITION_KNOWN == 0 {
         return refuse("the position is unknown: home the joint first (`params home`, or mode 6)");
@@ -142,6 +138,18 @@ pub fn examine<B: Bus>(
         facts,
         warnings,
     })
+}
+
+/// Refuses a joint that reduces its current because it is hot. Also asked between the motions of a session.
+///
+/// # Errors
+/// The joint is derated or does not answer.
+pub fn check_heat<B: Bus>(client: &mut Client<B>) -> Result<(), Refusal> {
+    let active = client.read_number(Address::new(index::STATE, 4))?;
+    if code_names(active, FIRST_LIMIT).contains(&Code::Derated.info().name) {
+        return refuse("the joint reduces its current because it is hot (derated): let it cool");
+    }
+    Ok(())
 }
 
 fn micro(word: u32) -> f64 {

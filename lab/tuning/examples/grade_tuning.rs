@@ -3,7 +3,10 @@
 use clap::Parser;
 use rayon::prelude::*;
 use std::fmt::Write;
-use tuned_joints::{Case, Fault, Grade, SHOWN_BY_MOTION, Start, grade, grade_fault};
+use std::path::{Path, PathBuf};
+use tuned_joints::{
+    Case, Fault, FaultGrade, Grade, SHOWN_BY_MOTION, Start, grade, grade_fault, summary,
+};
 
 /// Arguments.
 #[derive(Parser)]
@@ -23,9 +26,9 @@ struct Arguments {
     /// Joints with a fault in the middle
     #[arg(long, default_value_t = 20)]
     faults: u64,
-    /// File of the sessions
-    #[arg(long)]
-    out: std::path::PathBuf,
+    /// Folder of sessions.tsv and tuning.tsv
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/graded"))]
+    out: PathBuf,
 }
 
 fn cases(arguments: &Arguments) -> Vec<Case> {
@@ -61,20 +64,14 @@ fn row(graded: &Grade) -> String {
         graded.cause,
         graded.probability
     );
-    for number in reversal.iter().chain(rms).chain(true_gains).chain(rival_ratio) {
+    for number in reversal.iter().chain(rms).chain(true_gains.as_flattened()).chain(rival_ratio) {
         let _ = write!(line, "\t{number:.3}");
     }
     let _ = write!(line, "\t{:.0}\t{}", graded.seconds, graded.why_not);
     line
 }
 
-const HEADER: &str = "seed\thidden\tstart\tfamily\tsaved\tcause\tprobability\treversal_gain\treversal_low\treversal_high\trms_gain\trms_low\trms_high\ttrue_reversal_gain\ttrue_rms_gain\trival_reversal_ratio\trival_rms_ratio\tseconds\twhy_not";
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.retain(|value| value.is_finite());
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
+const HEADER: &str = "seed\thidden\tstart\tfamily\tsaved\tcause\tprobability\treversal_gain\treversal_low\treversal_high\trms_gain\trms_low\trms_high\ttrue_reversal_gain\ttrue_reversal_low\ttrue_reversal_high\ttrue_rms_gain\ttrue_rms_low\ttrue_rms_high\trival_reversal_ratio\trival_rms_ratio\tseconds\twhy_not";
 
 fn main() {
     let arguments = Arguments::parse();
@@ -92,65 +89,40 @@ fn main() {
     for one in &graded {
         text += &(row(one) + "\n");
     }
-    let faults: Vec<(u64, Fault, f64)> = (0..arguments.faults)
+    let requests: Vec<(u64, Fault, f64)> = (0..arguments.faults)
         .map(|at| {
-            let seed = arguments.seed + 3000 + at;
-            (
-                seed,
-                Fault::ALL[(at % 4) as usize],
-                0.1 + 0.6 * (at as f64 + 0.5) / arguments.faults as f64,
-            )
+            let share = 0.05 + 0.65 * (at as f64 + 0.5) / arguments.faults as f64;
+            (arguments.seed + 3000 + at, Fault::ALL[(at % 4) as usize], share)
+        })
+        .collect();
+    let faults: Vec<FaultGrade> = requests
+        .par_iter()
+        .filter_map(|(seed, fault, share)| match grade_fault(*seed, *fault, *share) {
+            Ok(graded) => Some(graded),
+            Err(why) => {
+                eprintln!("seed {seed} {}: {why}", fault.name());
+                None
+            }
         })
         .collect();
     text += "\nseed\tfault\tat_s\tnoticed\tsafe\tformer_set\twhy\n";
-    for one in faults
-        .par_iter()
-        .map(|(seed, fault, share)| grade_fault(*seed, *fault, *share))
-        .collect::<Vec<_>>()
-    {
-        match one {
-            Ok(own) => {
-                let _ = writeln!(
-                    text,
-                    "{}\t{}\t{:.0}\t{}\t{}\t{}\t{}",
-                    own.seed,
-                    own.fault.name(),
-                    own.at_s,
-                    own.is_noticed,
-                    own.is_safe,
-                    own.is_former,
-                    own.why
-                );
-            }
-            Err(why) => eprintln!("fault: {why}"),
-        }
-    }
-    std::fs::write(&arguments.out, &text).expect("the table can be written");
-    let part = |hidden: bool, start: Start| -> Vec<&Grade> {
-        graded
-            .iter()
-            .filter(|own| own.case.hidden.is_some() == hidden && own.case.start == start)
-            .collect()
-    };
-    for (name, own) in [
-        ("hidden, commissioned", part(true, Start::Commissioned)),
-        ("hidden, tuned before", part(true, Start::TunedBefore)),
-        ("clean, tuned before", part(false, Start::TunedBefore)),
-    ] {
-        let saved = own.iter().filter(|own| own.is_saved).count();
-        let gains =
-            [0, 1].map(|place| median(own.iter().map(|own| own.true_gains[place]).collect()));
-        let worst = own.iter().flat_map(|own| own.true_gains).fold(f64::INFINITY, f64::min);
-        let rival =
-            [0, 1].map(|place| median(own.iter().map(|own| own.rival_ratio[place]).collect()));
-        let right = own.iter().filter(|own| Some(own.cause.as_str()) == own.case.hidden).count();
-        println!(
-            "{name}: {} joints, saved {saved}, true gain {:.2} reversals {:.2} rms (median), worst {worst:.2}, rival {:.2} {:.2}, right cause {right}",
-            own.len(),
-            gains[0],
-            gains[1],
-            rival[0],
-            rival[1]
+    for own in &faults {
+        let FaultGrade { seed, fault, at_s, is_noticed, is_safe, is_former, why } = own;
+        let fault = fault.name();
+        let _ = writeln!(
+            text,
+            "{seed}\t{fault}\t{at_s:.0}\t{is_noticed}\t{is_safe}\t{is_former}\t{why}"
         );
     }
+    write(&arguments.out, "sessions.tsv", &text);
+    let mut table = "what\tjoints\tfigure\tgoal\n".to_owned();
+    for row in summary::rows(&graded, &faults) {
+        table += &(row.join("\t") + "\n");
+    }
+    write(&arguments.out, "tuning.tsv", &table);
+    print!("{table}");
+}
+
+fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).unwrap_or_else(|error| panic!("{name}: {error}"));
 }

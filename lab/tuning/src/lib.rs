@@ -10,6 +10,7 @@
 mod fault;
 mod rival;
 mod stand;
+pub mod summary;
 
 pub use fault::{Fault, FaultGrade, grade_fault};
 pub use stand::{Stand, Truth};
@@ -81,12 +82,24 @@ pub struct Grade {
     pub probability: f64,
     /// Claimed gain and interval of the error at reversals and of the tracking error: gain, low, high.
     pub claimed: [[f64; 3]; 2],
-    /// The same gains by the true position of the output: of the saved set over the former one; 0 if nothing was saved.
-    pub true_gains: [f64; 2],
+    /// The same gains by the true position of the output, of the saved set over the former one; 0 if nothing was saved.
+    pub true_gains: [[f64; 3]; 2],
     /// True errors of the rival over those of the saved set, at reversals and RMS; NaN if nothing was saved.
     pub rival_ratio: [f64; 2],
     /// Time on the bus, s.
     pub seconds: f64,
+}
+
+impl Grade {
+    /// Returns true if the saved set is worse than the former one, by the true position and beyond its interval.
+    pub fn is_worse(&self) -> bool {
+        self.is_saved && self.true_gains.iter().any(|[_, _, high]| *high < 0.0)
+    }
+
+    /// Returns true if the hidden effect is named first.
+    pub fn is_named(&self) -> bool {
+        self.case.hidden == Some(self.cause.as_str())
+    }
 }
 
 /// A user who agrees and watches nothing.
@@ -154,8 +167,11 @@ pub fn grade(case: &Case) -> Result<Grade, String> {
         let found = session.report.gains.iter().find(|own| own.quantity == quantity);
         found.map_or([0.0; 3], |own| [own.gain, own.ci95[0], own.ci95[1]])
     };
-    let true_gains =
-        if session.is_saved() { stand.truth().gains(&trial_blocks(&session)) } else { [0.0; 2] };
+    let true_gains = if session.is_saved() {
+        stand.truth().gains(&trial_blocks(&session))
+    } else {
+        [[0.0; 3]; 2]
+    };
     let rival_ratio = match (&session.learnt, session.is_saved()) {
         (Some(_), true) => Rival::new(&session)?.ratio(&stand, &session)?,
         _ => [f64::NAN; 2],

@@ -71,7 +71,7 @@ impl Rival {
             )
         };
         let errors = |recording: &Recording| {
-            let scores = stand.truth().scores(recording);
+            let scores = stand.truth().scored(recording).scores;
             [scores[0], scores[1]]
         };
         let product = |[a, b]: [f64; 2]| a * b;

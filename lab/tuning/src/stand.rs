@@ -7,7 +7,7 @@ use joint_bus::canopen::Client;
 use joint_rig::MotorNode;
 use joint_trace::CanFrame;
 use joint_tuning::recording::Recording;
-use joint_tuning::score::{Scores, score};
+use joint_tuning::score::{Scored, gains, score};
 use joint_tuning::{Session, TuneOptions, tune};
 use simulated_machines::joint_plant::DrawnJoint;
 use std::cell::{Cell, RefCell};
@@ -35,20 +35,22 @@ impl Truth {
         corrected
     }
 
-    /// Returns the scores of a recording by the true position.
-    pub fn scores(&self, recording: &Recording) -> Scores {
-        score(&self.corrected(recording), 1.0).scores
+    /// Returns how well a recording follows its demand by the true position.
+    pub fn scored(&self, recording: &Recording) -> Scored {
+        score(&self.corrected(recording), 1.0)
     }
 
-    /// Returns the true gains of the error at reversals and of the tracking error over blocks of the former and the new set.
-    pub fn gains(&self, blocks: &[(bool, &Recording)]) -> [f64; 2] {
-        let mean = |is_new: bool, place: usize| {
-            let own = blocks.iter().filter(|(new, _)| *new == is_new);
-            let scores: Vec<f64> =
-                own.map(|(_, recording)| self.scores(recording)[place]).collect();
-            scores.iter().sum::<f64>() / scores.len().max(1) as f64
+    /// Returns the true gains of the error at reversals and of the tracking error over pairs of blocks, with their intervals.
+    pub fn gains(&self, blocks: &[(bool, &Recording)]) -> [[f64; 3]; 2] {
+        let pair = |pair: &[(bool, &Recording)]| {
+            let of = |is_new: bool| pair.iter().find(|(new, _)| *new == is_new);
+            Some([self.scored(of(false)?.1), self.scored(of(true)?.1)])
         };
-        [0, 1].map(|place| 1.0 - mean(true, place) / mean(false, place))
+        let pairs: Vec<[Scored; 2]> = blocks.chunks_exact(2).filter_map(pair).collect();
+        let found = gains(&pairs, 1);
+        [0, 1].map(|place| {
+            found.get(place).map_or([0.0; 3], |own| [own.gain, own.ci95[0], own.ci95[1]])
+        })
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::frequency::LoopGains;
 use crate::learn::Learnt;
 use crate::trial_set::TunedSet;
+use firmware::control::PERIOD_S;
 use firmware::parameter_set::ParameterSet;
 
 /// Shares of the friction that are tried.
@@ -32,7 +33,16 @@ pub(super) fn candidates(
     learnt: &Learnt,
     designed: Option<&LoopGains>,
 ) -> Vec<TunedSet> {
-    let is_legal = |set: &ParameterSet| set.validate().is_ok() && set.check_buildable().is_ok();
+    // The bound of state and torque must be proven before the drive has the set.
+    let is_legal = |set: &ParameterSet| {
+        set.validate().is_ok()
+            && set.check_buildable().is_ok()
+            && set
+                .friction
+                .model
+                .largest_torques_nm(PERIOD_S)
+                .is_ok_and(|bounds| bounds.iter().all(|own| own.is_finite()))
+    };
     let sets = SCALES.map(|scale| learnt.set(&former.set, scale));
     let models: Vec<TunedSet> = sets
         .into_iter()

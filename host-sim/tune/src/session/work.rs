@@ -7,7 +7,7 @@ use crate::frequency::{self, LoopGains};
 use crate::learn::{Learnt, learn};
 use crate::master::{Master, MasterError};
 use crate::motion::Motion;
-use crate::preflight::Found;
+use crate::preflight::{Found, Refusal, check_heat};
 use crate::proof::{self, Means, Verdict};
 use crate::recording::Recording;
 use crate::score::{Scored, score};
@@ -39,6 +39,8 @@ pub(super) enum Ended {
     Master(#[from] MasterError),
     #[error(transparent)]
     Trial(#[from] TrialError),
+    #[error(transparent)]
+    Refused(#[from] Refusal),
     #[error("{0}")]
     Why(String),
 }
@@ -239,6 +241,8 @@ impl<'a, B: Bus> Work<'a, B> {
 
     /// Activates the set with which the joint is studied.
     fn begin_study(&mut self) -> Result<(), Ended> {
+        self.disable()?;
+        check_heat(self.master.client())?;
         if let Some(tuned) = self.study_set.clone() {
             self.begin_trial()?;
             trial_set::apply(&mut self.master, &tuned)?;
@@ -338,6 +342,7 @@ impl<'a, B: Bus> Work<'a, B> {
     /// Performs a block with a set.
     fn block(&mut self, tuned: &TunedSet, why: &str) -> Result<(Recording, Scored), Ended> {
         self.disable()?;
+        check_heat(self.master.client())?;
         trial_set::apply(&mut self.master, tuned)?;
         self.tried = Some(tuned.clone());
         self.scored_block(why)

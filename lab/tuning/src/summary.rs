@@ -1,0 +1,85 @@
+//! The figures of a grading, beside their goals.
+
+use super::{FaultGrade, Grade, Start};
+
+/// A row of the summary: what, number of joints, figure, goal.
+pub type Row = [String; 4];
+
+/// Returns the median of finite values; NaN without any.
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match values.len() {
+        0 => f64::NAN,
+        even if even % 2 == 0 => 0.5 * (values[middle - 1] + values[middle]),
+        _ => values[middle],
+    }
+}
+
+fn percent(share: f64) -> String {
+    if share.is_finite() { format!("{:.0} %", 100.0 * share) } else { "\u{2013}".to_owned() }
+}
+
+/// Returns the rows of the summary.
+pub fn rows(grades: &[Grade], faults: &[FaultGrade]) -> Vec<Row> {
+    let part = |hidden: bool, start: Start| -> Vec<&Grade> {
+        let is = |own: &&Grade| own.case.hidden.is_some() == hidden && own.case.start == start;
+        grades.iter().filter(is).collect()
+    };
+    let mut all = Vec::new();
+    for (name, own, goals) in [
+        (
+            "hidden effect, as commissioned",
+            part(true, Start::Commissioned),
+            ["60 %", "40 %", "20 %"],
+        ),
+        ("hidden effect that appeared after tuning", part(true, Start::TunedBefore), ["", "", ""]),
+    ] {
+        all.extend(part_rows(name, &own, goals));
+    }
+    let clean = part(false, Start::TunedBefore);
+    let count = clean.len();
+    let unchanged = clean.iter().filter(|own| !own.is_saved).count();
+    let worse = clean.iter().filter(|own| own.is_worse()).count();
+    let mut push = |what: &str, joints: usize, figure: String, goal: &str| {
+        all.push([what.to_owned(), joints.to_string(), figure, goal.to_owned()]);
+    };
+    push("clean and tuned: nothing changed", count, unchanged.to_string(), "90 %");
+    push("clean and tuned: worse afterwards", count, worse.to_string(), "0");
+    let safe = faults.iter().filter(|own| own.is_noticed && own.is_safe && own.is_former).count();
+    push("fault in the middle: safe, former set", faults.len(), safe.to_string(), "all");
+    all
+}
+
+fn part_rows(name: &str, own: &[&Grade], [reversal, rms, ahead]: [&str; 3]) -> Vec<Row> {
+    let saved = own.iter().filter(|own| own.is_saved);
+    let worse = own.iter().filter(|own| own.is_worse()).count();
+    let gain = |place: usize| median(own.iter().map(|own| own.true_gains[place][0]));
+    let lead = |place: usize| 1.0 - 1.0 / median(own.iter().map(|own| own.rival_ratio[place]));
+    let named = own.iter().filter(|own| own.is_named()).count();
+    let figures = [
+        ("new set saved", saved.count().to_string(), ""),
+        ("error at reversals less, median", percent(gain(0)), reversal),
+        ("tracking error less, median", percent(gain(1)), rms),
+        ("worse than before", worse.to_string(), "0"),
+        ("error at reversals less than with a table over speed, median", percent(lead(0)), ahead),
+        ("tracking error less than with a table over speed, median", percent(lead(1)), ""),
+        ("hidden effect named first", named.to_string(), ""),
+    ];
+    let row = |(what, figure, goal): (&str, String, &str)| {
+        [format!("{name}: {what}"), own.len().to_string(), figure, goal.to_owned()]
+    };
+    figures.into_iter().map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn median_ignores_what_is_not_finite() {
+        assert_eq!(median([3.0, f64::NAN, 1.0]), 2.0);
+        assert!(median([f64::NAN]).is_nan());
+    }
+}
