@@ -2,7 +2,7 @@
 
 use crate::recording::{Recording, table};
 use compensator_core::parameters::Envelope;
-use compensator_core::{ParameterId, Parameters, TermKind};
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use firmware::parameter_set::ParameterSet;
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, prepare};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
@@ -38,6 +38,10 @@ pub fn learn(recordings: &[Recording], seed: u64) -> Result<Learnt, Error> {
     let found = diagnose(&input.data, &input.split, &question, &|_| {})?;
     Ok(Learnt { input, found })
 }
+
+/// Terms that act on the bristles.
+const NEED_BRISTLES: [TermKind; 3] =
+    [TermKind::Backlash, TermKind::RadialForceRate, TermKind::DwellTimeStatic];
 
 /// Name of the finding that is none of the causes.
 const UNKNOWN: &str = "unknown";
@@ -114,7 +118,28 @@ impl Learnt {
     /// Returns a copy of the set with the learnt model. Inertia goes to the feed-forward of the velocity loop, and the other
     /// parts to the compensator, at this scale.
     pub fn set(&self, former: &ParameterSet, scale: f32) -> ParameterSet {
-        let driver = self.found.transferable_model().for_driver();
+        self.set_with(&self.found.transferable_model(), former, scale)
+    }
+
+    /// Fits the static form of the extended model: the same terms on a law without bristles. `None` if the law is static
+    /// already or a term needs bristles. Where the law of the bristles describes a joint badly, a static one may follow it
+    /// better.
+    pub fn static_model(&self) -> Option<Outcome> {
+        let extended = &self.found.extended.spec;
+        let is_static = |law: LawKind| !law.parameters().contains(&ParameterId::BristleStiffness);
+        if is_static(extended.law) {
+            return None;
+        }
+        let of_law = LawKind::Stribeck;
+        let terms = extended.terms.iter().copied();
+        let bare = |term: &TermKind| !of_law.includes(*term) && !NEED_BRISTLES.contains(term);
+        let spec = Spec { law: of_law, terms: terms.filter(bare).collect(), ..extended.clone() };
+        self.fit(&spec)
+    }
+
+    /// As [`Learnt::set`], with another model that was fitted to the same recordings.
+    pub fn set_with(&self, model: &Outcome, former: &ParameterSet, scale: f32) -> ParameterSet {
+        let driver = model.for_driver();
         let mut set = former.clone();
         set.network = None;
         let mut model: Parameters<f32> = driver.parameters.convert();

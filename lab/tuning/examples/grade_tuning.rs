@@ -26,7 +26,7 @@ struct Arguments {
     /// Joints with a fault in the middle
     #[arg(long, default_value_t = 20)]
     faults: u64,
-    /// Folder of sessions.tsv and tuning.tsv
+    /// Folder of sessions.tsv and tuning-benchmark.tsv
     #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/graded"))]
     out: PathBuf,
 }
@@ -119,7 +119,7 @@ fn main() {
     for row in summary::rows(&graded, &faults) {
         table += &(row.join("\t") + "\n");
     }
-    write(&arguments.out, "tuning.tsv", &table);
+    write(&arguments.out, "tuning-benchmark.tsv", &table);
     print!("{table}");
 }
 

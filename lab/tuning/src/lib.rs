@@ -15,7 +15,6 @@ pub mod summary;
 pub use fault::{Fault, FaultGrade, grade_fault};
 pub use stand::{Stand, Truth};
 
-use firmware::parameter_set::ParameterSet;
 use friction_results::tune::TuneQuantity;
 use joint_rig::service;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser};
@@ -140,19 +139,21 @@ pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, String> {
     DrawnJoint::draw(seed, &hide, None)
 }
 
-/// Returns the set with which a joint of a case starts.
-fn starting_set(case: &Case) -> Result<ParameterSet, String> {
-    let clean = joint(case.seed, None)?;
+/// Returns the stand with the joint of a case as it is found.
+fn stand_of(case: &Case, joint: &DrawnJoint) -> Result<Stand, String> {
+    let clean = self::joint(case.seed, None)?;
     let set = service::starting_set(&clean);
-    match case.start {
-        Start::Commissioned => Ok(set),
-        Start::TunedBefore => {
-            let other = MotionLimits { range_rad: 0.3, speed_rad_s: 1.1, acceleration_rad_s2: 8.0 };
-            let stand = Stand::new(&clean, &set)?;
-            let session = stand.tune(&options(case.seed ^ 0x5eed, other))?;
-            Ok(if session.is_saved() { session.tried.unwrap_or(set) } else { set })
-        }
+    if case.start == Start::Commissioned {
+        return Stand::new(joint, &set);
     }
+    let other = MotionLimits { range_rad: 0.3, speed_rad_s: 1.1, acceleration_rad_s2: 8.0 };
+    let session = Stand::new(&clean, &set)?.tune(&options(case.seed ^ 0x5eed, other))?;
+    let Some(tuned) = session.tried.as_ref().filter(|_| session.is_saved()) else {
+        return Err("its first session saved nothing".to_owned());
+    };
+    let stand = Stand::new(joint, tuned)?;
+    stand.set_position_gain(session.position_gain)?;
+    Ok(stand)
 }
 
 /// Tunes the joint of a case, and grades the result by its true position.
@@ -161,7 +162,7 @@ fn starting_set(case: &Case) -> Result<ParameterSet, String> {
 /// Returns one line if the joint does not start or the session is refused.
 pub fn grade(case: &Case) -> Result<Grade, String> {
     let joint = joint(case.seed, case.hidden)?;
-    let stand = Stand::new(&joint, &starting_set(case)?)?;
+    let stand = stand_of(case, &joint)?;
     let session = stand.tune(&options(case.seed, LIMITS))?;
     let claim = |quantity: TuneQuantity| {
         let found = session.report.gains.iter().find(|own| own.quantity == quantity);

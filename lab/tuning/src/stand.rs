@@ -1,6 +1,8 @@
 //! A drawn joint on a bus, with the true position of its output beside it.
 
 use super::Silent;
+use canopen_rs::Address;
+use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
 use joint_bus::bus::{Bus, BusError, Counters, Hub, Participant, Received};
 use joint_bus::canopen::Client;
@@ -98,6 +100,19 @@ impl Stand {
         let truth = Rc::new(RefCell::new(Truth::default()));
         hub.attach(SharedJoint { node: node.clone(), truth: truth.clone() });
         Ok(Self { hub, node, truth, killed_ns: Rc::new(Cell::new(u64::MAX)) })
+    }
+
+    /// Gives the joint another gain of its position loop (60FBh:1), and stores it.
+    ///
+    /// # Errors
+    /// Returns one line if the joint refuses.
+    pub fn set_position_gain(&self, gain: u32) -> Result<(), String> {
+        let mut client = self.client();
+        let mut write = |index: u16, bytes: [u8; 4]| {
+            client.write(Address::new(index, 1), &bytes).map_err(|error| error.to_string())
+        };
+        write(index::POSITION_LOOP, gain.to_le_bytes())?;
+        write(index::STORE, SAVE_SIGNATURE.to_le_bytes())
     }
 
     /// Returns the bus.

@@ -7,7 +7,7 @@ use firmware::control::PERIOD_S;
 use firmware::parameter_set::ParameterSet;
 
 /// Shares of the friction that are tried.
-const SCALES: [f32; 2] = [0.9, 0.7];
+const SCALES: [f32; 3] = [0.9, 1.0, 0.7];
 
 /// Returns the loop gains of a set.
 pub(super) fn gains_of(tuned: &TunedSet) -> LoopGains {
@@ -27,29 +27,18 @@ pub(super) fn with_gains(former: &TunedSet, gains: &LoopGains) -> TunedSet {
     tuned
 }
 
-/// Returns the sets with the learnt model, the most complete first: with the designed gains, then with the former ones.
-pub(super) fn candidates(
-    former: &TunedSet,
-    learnt: &Learnt,
-    designed: Option<&LoopGains>,
-) -> Vec<TunedSet> {
+/// Returns the sets with a learnt model, with these loop gains: the extended model at each scale, then its static form.
+pub(super) fn candidates(former: &TunedSet, learnt: &Learnt, gains: &LoopGains) -> Vec<TunedSet> {
     // The bound of state and torque must be proven before the drive has the set.
     let is_legal = |set: &ParameterSet| {
+        let bounds = set.friction.model.largest_torques_nm(PERIOD_S);
         set.validate().is_ok()
             && set.check_buildable().is_ok()
-            && set
-                .friction
-                .model
-                .largest_torques_nm(PERIOD_S)
-                .is_ok_and(|bounds| bounds.iter().all(|own| own.is_finite()))
+            && bounds.is_ok_and(|bounds| bounds.iter().all(|own| own.is_finite()))
     };
-    let sets = SCALES.map(|scale| learnt.set(&former.set, scale));
-    let models: Vec<TunedSet> = sets
-        .into_iter()
-        .filter(is_legal)
-        .map(|set| TunedSet { set, position_gain: former.position_gain })
-        .collect();
-    let stiffer =
-        designed.into_iter().flat_map(|gains| models.iter().map(|own| with_gains(own, gains)));
-    stiffer.chain(models.iter().cloned()).collect()
+    let extended = SCALES.iter().map(|scale| learnt.set(&former.set, *scale));
+    let is_static = learnt.static_model().map(|model| learnt.set_with(&model, &former.set, 1.0));
+    let legal = extended.chain(is_static).filter(is_legal);
+    let with = |set| with_gains(&TunedSet { set, position_gain: former.position_gain }, gains);
+    legal.map(with).collect()
 }

@@ -23,7 +23,7 @@ const PAUSE_S: f64 = 1.5;
 /// Expected log likelihood ratio from which a further motion is worth its time.
 const WORTHWHILE_NATS: f64 = 3.0;
 /// Most motions that are chosen after the survey.
-const MAX_CHOSEN: usize = 4;
+const MAX_CHOSEN: usize = 3;
 /// Ratio of the position error to the worst one of the baseline at which a motion is ended.
 const ERROR_GUARD: f64 = 2.5;
 /// Least guard, rad.
@@ -137,10 +137,19 @@ impl<'a, B: Bus> Work<'a, B> {
         let Some(learnt) = &self.learnt else {
             return Ok(Verdict::returned("nothing was learnt"));
         };
-        let candidates = candidates(&self.former(), learnt, designed.as_ref());
+        let gains_of_former = gains_of(&self.former());
+        let stiffer = designed.as_ref().map(|gains| candidates(&self.former(), learnt, gains));
+        let others = candidates(&self.former(), learnt, &gains_of_former);
         self.begin_trial()?;
-        for tuned in candidates {
+        for tuned in stiffer.into_iter().flatten() {
             if best.is_some() && !self.has_time_for(1.0 + 2.0 * MIN_PAIRS as f64) {
+                break;
+            }
+            self.screen(&tuned, &former, &mut best, user)?;
+        }
+        // The former gains are a fallback.
+        for tuned in others {
+            if best.is_some() || !self.has_time_for(1.0 + 2.0 * MIN_PAIRS as f64) {
                 break;
             }
             self.screen(&tuned, &former, &mut best, user)?;
