@@ -64,14 +64,19 @@ fn row(graded: &Grade) -> String {
         graded.cause,
         graded.probability
     );
-    for number in reversal.iter().chain(rms).chain(true_gains.as_flattened()).chain(rival_ratio) {
+    for number in reversal
+        .iter()
+        .chain(rms)
+        .chain(true_gains.as_flattened())
+        .chain(rival_ratio.as_flattened())
+    {
         let _ = write!(line, "\t{number:.3}");
     }
     let _ = write!(line, "\t{:.0}\t{}", graded.seconds, graded.why_not);
     line
 }
 
-const HEADER: &str = "seed\thidden\tstart\tfamily\tsaved\tcause\tprobability\treversal_gain\treversal_low\treversal_high\trms_gain\trms_low\trms_high\ttrue_reversal_gain\ttrue_reversal_low\ttrue_reversal_high\ttrue_rms_gain\ttrue_rms_low\ttrue_rms_high\trival_reversal_ratio\trival_rms_ratio\tseconds\twhy_not";
+const HEADER: &str = "seed\thidden\tstart\tfamily\tsaved\tcause\tprobability\treversal_gain\treversal_low\treversal_high\trms_gain\trms_low\trms_high\ttrue_reversal_gain\ttrue_reversal_low\ttrue_reversal_high\ttrue_rms_gain\ttrue_rms_low\ttrue_rms_high\trival_reversal_ratio\trival_rms_ratio\trival_reversal_encoder\trival_rms_encoder\tseconds\twhy_not";
 
 fn main() {
     let arguments = Arguments::parse();

@@ -83,16 +83,18 @@ pub struct Grade {
     pub claimed: [[f64; 3]; 2],
     /// The same gains by the true position of the output, of the saved set over the former one; 0 if nothing was saved.
     pub true_gains: [[f64; 3]; 2],
-    /// True errors of the rival over those of the saved set, at reversals and RMS; NaN if nothing was saved.
-    pub rival_ratio: [f64; 2],
+    /// Errors of the rival over those of the saved set, at reversals and RMS, by the true position and by the encoder's; NaN
+    /// if nothing was saved.
+    pub rival_ratio: [[f64; 2]; 2],
     /// Time on the bus, s.
     pub seconds: f64,
 }
 
 impl Grade {
-    /// Returns true if the saved set is worse than the former one, by the true position and beyond its interval.
+    /// Returns true if the saved set is worse than the former one by more than 1 %, by the true position and beyond its
+    /// interval.
     pub fn is_worse(&self) -> bool {
-        self.is_saved && self.true_gains.iter().any(|[_, _, high]| *high < 0.0)
+        self.is_saved && self.true_gains.iter().any(|[_, _, high]| *high < -0.01)
     }
 
     /// Returns true if the hidden effect is named first.
@@ -175,7 +177,7 @@ pub fn grade(case: &Case) -> Result<Grade, String> {
     };
     let rival_ratio = match (&session.learnt, session.is_saved()) {
         (Some(_), true) => Rival::new(&session)?.ratio(&stand, &session)?,
-        _ => [f64::NAN; 2],
+        _ => [[f64::NAN; 2]; 2],
     };
     Ok(Grade {
         case: case.clone(),

@@ -7,7 +7,7 @@ use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, identify_robustly};
 use joint_tuning::Session;
 use joint_tuning::motion::{Motion, standard};
-use joint_tuning::recording::Recording;
+use joint_tuning::score::score;
 use joint_tuning::session::performed;
 use joint_tuning::trial_set::TunedSet;
 
@@ -56,42 +56,38 @@ impl Rival {
         Ok(Self { candidates: candidates.collect(), saved, motion: standard(&super::LIMITS) })
     }
 
-    /// Returns the true errors of the rival over those of the saved set, in blocks that alternate.
+    /// Returns the errors of the rival over those of the saved set, in blocks that alternate: at reversals and RMS, by the
+    /// true position and by that of the encoder.
     ///
     /// # Errors
     /// Returns one line if the joint stops.
-    pub fn ratio(&self, stand: &Stand, session: &Session) -> Result<[f64; 2], String> {
-        let perform = |tuned: &TunedSet| -> Result<Recording, String> {
-            performed(
-                stand.client(),
-                &super::options(0, super::LIMITS),
-                session.before.position_rad,
-                tuned,
-                &self.motion,
-            )
+    pub fn ratio(&self, stand: &Stand, session: &Session) -> Result<[[f64; 2]; 2], String> {
+        let options = super::options(0, super::LIMITS);
+        let perform = |tuned: &TunedSet| -> Result<[f64; 4], String> {
+            let origin_rad = session.before.position_rad;
+            let recording = performed(stand.client(), &options, origin_rad, tuned, &self.motion)?;
+            let truth = stand.truth().scored(&recording).scores;
+            let shown = score(&recording, 1.0).scores;
+            Ok([truth[0], truth[1], shown[0], shown[1]])
         };
-        let errors = |recording: &Recording| {
-            let scores = stand.truth().scored(recording).scores;
-            [scores[0], scores[1]]
-        };
-        let product = |[a, b]: [f64; 2]| a * b;
         let mut screened = Vec::new();
         for tuned in &self.candidates {
-            screened.push((product(errors(&perform(tuned)?)), tuned));
+            let [reversal, rms, ..] = perform(tuned)?;
+            screened.push((reversal * rms, tuned));
         }
         let best = screened.iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((_, best)) = best else { return Ok([f64::NAN; 2]) };
-        let mut sums = [[0.0; 2]; 2];
+        let Some((_, best)) = best else { return Ok([[f64::NAN; 2]; 2]) };
+        let mut sums = [[0.0; 4]; 2];
         for pair in 0..PAIRS {
             let order = if pair % 2 == 0 { [0, 1] } else { [1, 0] };
             for own in order {
                 let tuned = if own == 0 { best } else { &&self.saved };
-                let found = errors(&perform(tuned)?);
-                for (sum, error) in sums[own].iter_mut().zip(found) {
+                for (sum, error) in sums[own].iter_mut().zip(perform(tuned)?) {
                     *sum += error;
                 }
             }
         }
-        Ok([0, 1].map(|place| sums[0][place] / sums[1][place]))
+        let ratio = |place: usize| sums[0][place] / sums[1][place];
+        Ok([[ratio(0), ratio(1)], [ratio(2), ratio(3)]])
     }
 }
