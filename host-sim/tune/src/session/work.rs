@@ -12,6 +12,9 @@ use crate::proof::{self, Means, Verdict};
 use crate::recording::Recording;
 use crate::score::{Scored, score};
 use crate::trial_set::{self, TrialError, TunedSet};
+use canopen_rs::Address;
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::AccessObject;
 use friction_results::tune::{TuneCourse, TuneLoop, TuneRound};
 use joint_bus::bus::Bus;
 
@@ -29,6 +32,9 @@ const ERROR_GUARD: f64 = 2.5;
 /// Least guard, rad.
 const MIN_GUARD_RAD: f64 = 0.02;
 
+/// Time after which the service level of a locked joint is opened again, ns: it ends ten minutes after an unlock, and the
+/// renewals of a trial need it.
+const UNLOCK_NS: u64 = 300_000_000_000;
 /// Reason of a block that is performed with a candidate.
 const CANDIDATE: &str = "a candidate";
 
@@ -61,6 +67,8 @@ pub(super) struct Work<'a, B> {
     pub(super) tried: Option<TunedSet>,
     pub(super) trial: Vec<(bool, Scored)>,
     pub(super) courses: [TuneCourse; 2],
+    /// Bus time of the last unlock, ns.
+    unlocked_ns: u64,
     pub(super) is_enabled: bool,
     pub(super) is_on_trial: bool,
 }
@@ -87,6 +95,7 @@ impl<'a, B: Bus> Work<'a, B> {
             tried: None,
             trial: Vec::new(),
             courses: Default::default(),
+            unlocked_ns: began_ns,
             is_enabled: false,
             is_on_trial: false,
         }
@@ -189,6 +198,20 @@ impl<'a, B: Bus> Work<'a, B> {
         Ok(Some(gains))
     }
 
+    /// Opens the service level of a locked joint again before it ends. The joint must be disarmed.
+    fn stay_unlocked(&mut self) -> Result<(), Ended> {
+        let client = self.master.client();
+        let now_ns = client.bus().now_ns();
+        if now_ns > self.unlocked_ns + UNLOCK_NS {
+            self.unlocked_ns = now_ns;
+            let policy = Address::new(index::ACCESS, AccessObject::LOCKED_BY_DEFAULT);
+            if client.read_number(policy).map_err(MasterError::from)? != 0 {
+                client.unlock().map_err(MasterError::from)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Disarms the joint and opens a trial.
     fn begin_trial(&mut self) -> Result<(), Ended> {
         self.disable()?;
@@ -253,6 +276,7 @@ impl<'a, B: Bus> Work<'a, B> {
         self.disable()?;
         check_heat(self.master.client())?;
         if let Some(tuned) = self.study_set.clone() {
+            self.stay_unlocked()?;
             self.begin_trial()?;
             trial_set::apply(&mut self.master, &tuned)?;
         }
@@ -352,6 +376,7 @@ impl<'a, B: Bus> Work<'a, B> {
     fn block(&mut self, tuned: &TunedSet, why: &str) -> Result<(Recording, Scored), Ended> {
         self.disable()?;
         check_heat(self.master.client())?;
+        self.stay_unlocked()?;
         trial_set::apply(&mut self.master, tuned)?;
         self.tried = Some(tuned.clone());
         self.scored_block(why)
