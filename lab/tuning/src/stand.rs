@@ -87,6 +87,8 @@ pub struct Stand {
     truth: Rc<RefCell<Truth>>,
     /// Bus time at which the host is killed, ns.
     killed_ns: Rc<Cell<u64>>,
+    /// Object whose writes do not reach the joint; 0 for none.
+    refused_index: Rc<Cell<u16>>,
 }
 
 impl Stand {
@@ -99,7 +101,8 @@ impl Stand {
         let node = Rc::new(RefCell::new(MotorNode::drawn(joint, set)?));
         let truth = Rc::new(RefCell::new(Truth::default()));
         hub.attach(SharedJoint { node: node.clone(), truth: truth.clone() });
-        Ok(Self { hub, node, truth, killed_ns: Rc::new(Cell::new(u64::MAX)) })
+        let (killed_ns, refused_index) = (Rc::new(Cell::new(u64::MAX)), Rc::default());
+        Ok(Self { hub, node, truth, killed_ns, refused_index })
     }
 
     /// Gives the joint another gain of its position loop (60FBh:1), and stores it.
@@ -135,9 +138,27 @@ impl Stand {
         self.killed_ns.set(time_ns);
     }
 
+    /// Lets no write of an object reach the joint, as if its flash were worn out; 0 for none.
+    pub fn refuse_writes_of(&self, index: u16) {
+        self.refused_index.set(index);
+    }
+
+    /// Returns the CRC of the active set.
+    ///
+    /// # Errors
+    /// Returns one line if the joint does not answer.
+    pub fn active_crc(&self) -> Result<u32, String> {
+        let at = Address::new(index::COMMIT, 1);
+        self.client().read_number(at).map_err(|error| error.to_string())
+    }
+
     /// Returns a client of the joint.
     pub fn client(&self) -> Client<HostPort> {
-        let bus = HostPort { port: Box::new(self.hub.port()), killed_ns: self.killed_ns.clone() };
+        let bus = HostPort {
+            port: Box::new(self.hub.port()),
+            killed_ns: self.killed_ns.clone(),
+            refused_index: self.refused_index.clone(),
+        };
         Client::new(bus, compensator_core::can::NodeId::FIRST)
     }
 
@@ -155,9 +176,24 @@ impl Stand {
 pub struct HostPort {
     port: Box<dyn Bus>,
     killed_ns: Rc<Cell<u64>>,
+    refused_index: Rc<Cell<u16>>,
 }
 
 impl HostPort {
+    /// Returns true for the request of a write that does not reach the joint.
+    fn is_refused(&self, frame: &CanFrame) -> bool {
+        let refused = self.refused_index.get();
+        frame.to_joint().is_some_and(|frame| match *frame.data() {
+            [head, low, high, ..] => {
+                refused != 0
+                    && frame.identifier() & 0x780 == 0x600
+                    && head & 0xE0 == 0x20
+                    && u16::from_le_bytes([low, high]) == refused
+            }
+            _ => false,
+        })
+    }
+
     fn check(&self) -> Result<(), BusError> {
         if self.port.now_ns() < self.killed_ns.get() {
             return Ok(());
@@ -169,6 +205,9 @@ impl HostPort {
 impl Bus for HostPort {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         self.check()?;
+        if self.is_refused(frame) {
+            return Ok(());
+        }
         self.port.send(frame)
     }
 
