@@ -15,6 +15,7 @@
 //! and backlash, cogging, and an eccentric encoder magnet. The simulation uses its own equations in double precision.
 //! It is independent of the friction law under test.
 
+mod around;
 pub mod bench;
 pub mod brake;
 pub mod comparators;

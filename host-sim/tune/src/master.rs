@@ -11,11 +11,11 @@
 
 use crate::motion::{Motion, MotionBuilder, MotionLimits, TARGET_PERIOD_S};
 use crate::recording::{Recording, Row};
-use crate::trial_set::{DEADLINE, TRIAL};
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::can::{Frame, Message, NodeId, SyncFrame, cob_id};
 use firmware::driver::profile::CSP;
-use firmware::node::dictionary::index;
+use firmware::node::dictionary::index::{self, TRIAL};
+use firmware::node::dictionary::records::TrialObject;
 use joint_bus::bus::{Bus, BusError};
 use joint_bus::canopen::{Client, SdoError};
 use joint_trace::CanFrame;
@@ -387,7 +387,7 @@ impl<B: Bus> Master<B> {
         if self.has_trial && self.syncs.is_multiple_of(SYNCS_PER_RENEWAL) {
             let [low, high] = TRIAL.to_le_bytes();
             let [ms_low, ms_high] = TRIAL_DEADLINE_MS.to_le_bytes();
-            let request = [0x2B, low, high, DEADLINE, ms_low, ms_high, 0, 0];
+            let request = [0x2B, low, high, TrialObject::DEADLINE, ms_low, ms_high, 0, 0];
             self.send(0x600 + u16::from(self.node.number()), &request)?;
         }
         let sync = Message::Sync(SyncFrame::of(self.syncs as u32)).emit();

@@ -46,7 +46,8 @@ pub fn perform<B: Bus>(
     is_interrupted: Box<dyn Fn() -> bool>,
     user: &mut dyn TuneUser,
 ) -> Result<Moved, TuneError> {
-    let found = examine(&mut client, options.node, &options.limits, Purpose::of_move(options))?;
+    let purpose = options.to_rad.map_or(Purpose::Move, Purpose::MoveTo);
+    let found = examine(&mut client, options.node, &options.limits, purpose)?;
     let (range, at) = (options.limits.range_rad, found.position_rad);
     let way = match options.to_rad {
         Some(to) => format!("from {at:.3} to {to} rad"),

@@ -73,13 +73,6 @@ pub enum Purpose {
     MoveTo(f64),
 }
 
-impl Purpose {
-    /// Returns the purpose of a move by hand.
-    pub fn of_move(options: &crate::MoveOptions) -> Self {
-        options.to_rad.map_or(Self::Move, Self::MoveTo)
-    }
-}
-
 /// Examines a joint and decides whether motions within these limits are permitted. Nothing is changed, except that the key
 /// opens the service level.
 ///

@@ -3,7 +3,7 @@
 //! [`LevelEffects`] belong to the seal, [`OutputTorque`] to the output shaft. The names and units are those of
 //! [`crate::scenarios::HiddenCause`]; the equations are this package's own.
 
-use super::seal::Around;
+use super::around::Around;
 
 /// A periodic function of the joint angle: `size * sin(order * angle + phase)`.
 #[derive(Clone, Copy, Debug, PartialEq)]

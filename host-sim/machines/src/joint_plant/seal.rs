@@ -11,6 +11,7 @@
 //!
 //! The integration is semi-implicit Euler.
 
+pub use super::around::Around;
 use super::contact::{Contact, FrictionFamily, Pressing};
 use super::effects::{LevelChange, LevelEffects};
 use super::parameters::Parameters;
@@ -18,17 +19,6 @@ use super::shaft::Shaft;
 
 /// Number of steps per update of the thermal states.
 const THERMAL_DIVIDER: u32 = 20;
-
-/// Operating conditions of the seal in a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Around {
-    /// Side load at the end of the shaft, N.
-    pub radial_force_n: f64,
-    /// Outside minus inside pressure, Pa.
-    pub pressure_diff_pa: f64,
-    /// Torque transmitted to the load, Nm, positive against positive motion.
-    pub load_torque_nm: f64,
-}
 
 /// State of seal and gear.
 #[derive(Clone, Debug)]

@@ -71,8 +71,6 @@ pub(super) struct Work<'a, B> {
     unlocked_ns: u64,
     pub(super) is_enabled: bool,
     pub(super) is_on_trial: bool,
-    /// The new set was kept: it is active in RAM, without a trial.
-    pub(super) is_kept: bool,
 }
 
 impl<'a, B: Bus> Work<'a, B> {
@@ -100,7 +98,6 @@ impl<'a, B: Bus> Work<'a, B> {
             unlocked_ns: began_ns,
             is_enabled: false,
             is_on_trial: false,
-            is_kept: false,
         }
     }
 
@@ -121,7 +118,7 @@ impl<'a, B: Bus> Work<'a, B> {
         }
     }
 
-    pub(super) fn former(&self) -> TunedSet {
+    fn former(&self) -> TunedSet {
         TunedSet { set: self.before.set.clone(), position_gain: self.before.position_gain }
     }
 
