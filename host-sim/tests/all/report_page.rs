@@ -73,6 +73,21 @@ fn chart_has_round_ticks_labels_and_values() {
 }
 
 #[test]
+fn low_chart_has_few_vertical_ticks() {
+    // Without regard to the height, this range has a tick at each tenth.
+    let line = Series::line("demand", vec![0.0, 1.0], vec![-0.36, 0.36]);
+    let ticks = |height_px| {
+        let mut chart = chart_of(vec![line.clone()]);
+        chart.y.height_px = height_px;
+        let html = page_of(Block::Chart(chart));
+        let axis = between(&html, "class=\"y-ticks\"", "</div>").expect("an axis");
+        axis.matches("<span").count()
+    };
+    assert_eq!(ticks(None), 7);
+    assert_eq!(ticks(Some(80)), 3);
+}
+
+#[test]
 fn chart_with_logarithmic_axis_has_decades_and_leaves_out_zero() {
     let mut chart =
         chart_of(vec![Series::points("rmse", vec![0.0, 1e-6, 1.0], vec![1.0, 2.0, 3.0])]);

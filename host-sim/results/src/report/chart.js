@@ -92,7 +92,8 @@
         if (!holder) return;
         const [begin, size] = [view[which], view[which + 2]];
         const ends = [axes[name].at(begin), axes[name].at(begin + size)].sort((a, b) => a - b);
-        const count = name === "y" ? 6 : Math.min(9, Math.max(3, Math.floor(area.clientWidth / 80)));
+        const room = name === "y" ? Math.min(6, area.clientHeight / 26) : Math.min(9, area.clientWidth / 80);
+        const count = Math.max(3, Math.floor(room));
         const ticks = (axes[name].log ? logTicks : linearTicks)(...ends, count);
         holder.replaceChildren(...ticks.map(([value, label]) => {
           const place = axes[name].place(axes[name].log ? Math.log10(value) : value);

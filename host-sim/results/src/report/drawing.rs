@@ -27,8 +27,9 @@ impl Default for Drawing {
 
 /// Number of ticks that a horizontal axis over the whole width has about, and one over half of it.
 const X_TICKS: [usize; 2] = [9, 5];
-/// Number of ticks that a vertical axis has about.
-const Y_TICKS: usize = 6;
+/// Least and largest number of ticks that a vertical axis has about, and pixels for each.
+const Y_TICKS: [usize; 2] = [3, 6];
+const Y_TICK_PX: usize = 26;
 
 impl Chart {
     /// Renders the chart. `beside` is the number of charts on the same line, including this one.
@@ -69,7 +70,10 @@ impl Chart {
             false => Vec::new(),
         };
         let x = ticks(&self.x, &|| scales.x.ticks(X_TICKS[usize::from(small)]));
-        let y = ticks(&self.y, &|| scales.y.ticks(Y_TICKS));
+        let y = ticks(&self.y, &|| {
+            let [least, most] = Y_TICKS;
+            scales.y.ticks((self.height(small) / Y_TICK_PX).clamp(least, most))
+        });
         let grid = marks::grid(x.iter().map(|tick| tick.place), y.iter().map(|tick| tick.place));
         let zero = |axis: &Axis, of: &dyn Fn() -> i64| {
             let at = of();
