@@ -16,7 +16,7 @@ use std::path::PathBuf;
 #[derive(Args)]
 pub struct MoveArguments {
     #[command(flatten)]
-    what: What,
+    what: RequestedMotion,
     /// Write the motion without moving anything: motion.csv with time_s and position_rad
     #[arg(long)]
     dry_run: bool,
@@ -36,8 +36,8 @@ pub struct MoveArguments {
 /// What the joint does.
 #[derive(Args)]
 #[group(required = true, multiple = false)]
-struct What {
-    /// Move to this position, rad, and hold it until the end of the command
+pub struct RequestedMotion {
+    /// Move to this position, rad
     #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
     to: Option<f64>,
     /// Sine around the present position: amplitude, rad, and frequency, Hz, such as 0.2,0.5; ten periods, or a third number
