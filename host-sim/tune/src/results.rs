@@ -7,15 +7,16 @@ use friction_results::tune::TuneRun;
 use friction_results::{Files, diagnosis};
 use joint_log::JointKind;
 
-/// Returns the files of a session: `tune.html`, `tune.json`, `runs.parquet`, `before.toml`; and what was tried and learnt:
-/// `params.toml`, `diagnosis.json`.
+/// Returns the files of a session: `tune.html`, `tune.json`, `runs.parquet`, `diagnosis.json`, the set as the joint was in
+/// `before.toml` and as it is now in `params.toml`. A set that was not proven is in no file.
 ///
 /// # Errors
 /// One line, if a file cannot be written in its format.
 pub fn files(session: &Session) -> Result<Files, String> {
     let emit = |set| driver_file::emit(set, JointKind::Revolute);
     let mut texts = vec![("before.toml", emit(&session.before.set))];
-    texts.extend(session.tried.as_ref().map(|set| ("params.toml", emit(set))));
+    let saved = session.tried.as_ref().filter(|_| session.is_saved());
+    texts.push(("params.toml", emit(saved.unwrap_or(&session.before.set))));
     let mut page = None;
     if let Some(learnt) = &session.learnt {
         let text = diagnosis::json_text(&learnt.found, &learnt.input)?;

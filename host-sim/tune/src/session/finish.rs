@@ -54,9 +54,14 @@ impl<B: Bus> Work<'_, B> {
         if let Err(error) = self.disable() {
             warnings.push(format!("disarming: {error}"));
         }
-        if self.is_on_trial
-            && let Err(error) = trial_set::give_back(&mut self.master)
-        {
+        // A set that was kept and could not be stored is in RAM.
+        let former = self.former();
+        let returned = match (self.is_on_trial, self.is_kept) {
+            (true, _) => trial_set::give_back(&mut self.master),
+            (false, true) => trial_set::write(&mut self.master, &former),
+            (false, false) => Ok(()),
+        };
+        if let Err(error) = returned {
             warnings.push(format!(
                 "the return of the former set was not confirmed ({error}); the drive returns by itself {} s after the last \
                  renewal, and at every reset",
@@ -76,7 +81,7 @@ impl<B: Bus> Work<'_, B> {
         trial_set::apply(&mut self.master, &tuned)?;
         self.master.restore_interpolation(self.before.interpolation)?;
         trial_set::keep(&mut self.master)?;
-        self.is_on_trial = false;
+        (self.is_on_trial, self.is_kept) = (false, true);
         let record = trial_set::Record {
             time_s: self.options.now_s as u32,
             runs: crate::recording::identity(&self.recordings),

@@ -71,6 +71,8 @@ pub(super) struct Work<'a, B> {
     unlocked_ns: u64,
     pub(super) is_enabled: bool,
     pub(super) is_on_trial: bool,
+    /// The new set was kept: it is active in RAM, without a trial.
+    pub(super) is_kept: bool,
 }
 
 impl<'a, B: Bus> Work<'a, B> {
@@ -98,6 +100,7 @@ impl<'a, B: Bus> Work<'a, B> {
             unlocked_ns: began_ns,
             is_enabled: false,
             is_on_trial: false,
+            is_kept: false,
         }
     }
 
@@ -118,7 +121,7 @@ impl<'a, B: Bus> Work<'a, B> {
         }
     }
 
-    fn former(&self) -> TunedSet {
+    pub(super) fn former(&self) -> TunedSet {
         TunedSet { set: self.before.set.clone(), position_gain: self.before.position_gain }
     }
 
