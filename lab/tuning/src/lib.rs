@@ -15,6 +15,7 @@ pub mod summary;
 pub use fault::{Fault, FaultGrade, grade_fault};
 pub use stand::{Stand, Truth};
 
+use firmware::parameter_set::ParameterSet;
 use friction_results::tune::TuneQuantity;
 use joint_rig::service;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser};
@@ -142,29 +143,49 @@ pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, String> {
 }
 
 /// Returns the stand with the joint of a case as it is found.
-fn stand_of(case: &Case, joint: &DrawnJoint) -> Result<Stand, String> {
+fn stand_of(case: &Case, joint: &DrawnJoint, start: StartStand) -> Result<Stand, String> {
     let clean = self::joint(case.seed, None)?;
     let set = service::starting_set(&clean);
     if case.start == Start::Commissioned {
-        return Stand::new(joint, &set);
+        return start(joint, &set);
     }
     let other = MotionLimits { range_rad: 0.3, speed_rad_s: 1.1, acceleration_rad_s2: 8.0 };
     let session = Stand::new(&clean, &set)?.tune(&options(case.seed ^ 0x5eed, other))?;
     let Some(tuned) = session.tried.as_ref().filter(|_| session.is_saved()) else {
         return Err("its first session saved nothing".to_owned());
     };
-    let stand = Stand::new(joint, tuned)?;
+    let stand = start(joint, tuned)?;
     stand.set_position_gain(session.position_gain)?;
     Ok(stand)
 }
 
-/// Tunes the joint of a case, and grades the result by its true position.
+/// Tunes the joint of a case, and grades the result by its true position, beside the rival.
 ///
 /// # Errors
 /// Returns one line if the joint does not start or the session is refused.
 pub fn grade(case: &Case) -> Result<Grade, String> {
+    let (mut grade, stand, session) = graded(case, Stand::new)?;
+    if session.learnt.is_some() && session.is_saved() {
+        grade.rival_ratio = Rival::new(&session)?.ratio(&stand, &session)?;
+    }
+    Ok(grade)
+}
+
+/// Tunes the joint of a case on the stand that `start` makes for a joint with its set, and grades the result by its true
+/// position, without the rival.
+///
+/// # Errors
+/// As [`grade`].
+pub fn grade_on(case: &Case, start: StartStand) -> Result<Grade, String> {
+    graded(case, start).map(|(grade, ..)| grade)
+}
+
+/// Starts a stand for a joint with this set.
+pub type StartStand = fn(&DrawnJoint, &ParameterSet) -> Result<Stand, String>;
+
+fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), String> {
     let joint = joint(case.seed, case.hidden)?;
-    let stand = stand_of(case, &joint)?;
+    let stand = stand_of(case, &joint, start)?;
     let session = stand.tune(&options(case.seed, LIMITS))?;
     let claim = |quantity: TuneQuantity| {
         let found = session.report.gains.iter().find(|own| own.quantity == quantity);
@@ -175,11 +196,7 @@ pub fn grade(case: &Case) -> Result<Grade, String> {
     } else {
         [[0.0; 3]; 2]
     };
-    let rival_ratio = match (&session.learnt, session.is_saved()) {
-        (Some(_), true) => Rival::new(&session)?.ratio(&stand, &session)?,
-        _ => [[f64::NAN; 2]; 2],
-    };
-    Ok(Grade {
+    let grade = Grade {
         case: case.clone(),
         family: joint.family.name(),
         is_saved: session.is_saved(),
@@ -191,9 +208,10 @@ pub fn grade(case: &Case) -> Result<Grade, String> {
         probability: session.report.probability,
         claimed: [claim(TuneQuantity::ReversalError), claim(TuneQuantity::TrackingRms)],
         true_gains,
-        rival_ratio,
+        rival_ratio: [[f64::NAN; 2]; 2],
         seconds: session.report.seconds,
-    })
+    };
+    Ok((grade, stand, session))
 }
 
 /// Returns the recordings of the trial, each with whether the new set was active.

@@ -97,12 +97,17 @@ impl Stand {
     /// # Errors
     /// Returns one line if the set is rejected.
     pub fn new(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, String> {
+        Ok(Self::with_node(MotorNode::drawn(joint, set)?))
+    }
+
+    /// Starts with a joint on another driver, such as an emulated board ([`MotorNode::drawn_on`]).
+    pub fn with_node(node: MotorNode) -> Self {
         let hub = Hub::new();
-        let node = Rc::new(RefCell::new(MotorNode::drawn(joint, set)?));
+        let node = Rc::new(RefCell::new(node));
         let truth = Rc::new(RefCell::new(Truth::default()));
         hub.attach(SharedJoint { node: node.clone(), truth: truth.clone() });
         let (killed_ns, refused_index) = (Rc::new(Cell::new(u64::MAX)), Rc::default());
-        Ok(Self { hub, node, truth, killed_ns, refused_index })
+        Self { hub, node, truth, killed_ns, refused_index }
     }
 
     /// Gives the joint another gain of its position loop (60FBh:1), and stores it.
