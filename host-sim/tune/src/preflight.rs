@@ -146,7 +146,7 @@ pub fn check_heat<B: Bus>(client: &mut Client<B>) -> Result<(), Refusal> {
 }
 
 fn micro(word: u32) -> f64 {
-    1e-6 * f64::from(word.cast_signed())
+    f64::from(word.cast_signed()) / 1e6
 }
 
 /// Refuses a bus on which another master moves the joint or sends SYNCs.

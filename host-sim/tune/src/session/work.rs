@@ -31,6 +31,8 @@ const MAX_CHOSEN: usize = 3;
 const ERROR_GUARD: f64 = 2.5;
 /// Least guard, rad.
 const MIN_GUARD_RAD: f64 = 0.02;
+/// Least guard of a motion of the study, as a share of the range.
+const STUDY_GUARD: f64 = 0.5;
 
 /// Time after which the service level of a locked joint is opened again, ns: it ends ten minutes after an unlock, and the
 /// renewals of a trial need it.
@@ -69,6 +71,8 @@ pub(super) struct Work<'a, B> {
     pub(super) courses: [TuneCourse; 2],
     /// Bus time of the last unlock, ns.
     unlocked_ns: u64,
+    /// Position error at which a block of the trial is ended, rad.
+    guard_rad: f64,
     pub(super) is_enabled: bool,
     pub(super) is_on_trial: bool,
     /// The new set was kept: it is active in RAM, without a trial.
@@ -98,6 +102,7 @@ impl<'a, B: Bus> Work<'a, B> {
             trial: Vec::new(),
             courses: Default::default(),
             unlocked_ns: began_ns,
+            guard_rad: f64::INFINITY,
             is_enabled: false,
             is_on_trial: false,
             is_kept: false,
@@ -133,8 +138,8 @@ impl<'a, B: Bus> Work<'a, B> {
         let baseline = self.perform(&motion, "the present parameters")?;
         let former = score(&baseline, self.nm_per_a());
         self.courses[0] = course(&baseline, self.nm_per_a());
-        let guard_rad = ERROR_GUARD * former.health.worst_error_rad;
-        self.master.set_error_guard(guard_rad.max(MIN_GUARD_RAD));
+        self.guard_rad = (ERROR_GUARD * former.health.worst_error_rad).max(MIN_GUARD_RAD);
+        self.master.set_error_guard(self.guard_rad);
         let designed = self.design_loop(user)?;
         let mut best = None;
         if let Some(gains) = &designed {
@@ -289,7 +294,12 @@ impl<'a, B: Bus> Work<'a, B> {
     fn round(&mut self, experiment: &Experiment, user: &mut dyn TuneUser) -> Result<(), Ended> {
         let Experiment { motion, why } = experiment;
         user.progress(&format!("{}, {:.0} s: {why}", motion.name, motion.seconds()));
-        self.perform(motion, why)?;
+        // A motion of the study may be faster than that of the trial, and its errors larger.
+        let guard_rad = self.guard_rad.max(STUDY_GUARD * self.options.limits.range_rad);
+        self.master.set_error_guard(guard_rad);
+        let performed = self.perform(motion, why);
+        self.master.set_error_guard(self.guard_rad);
+        performed?;
         let round = TuneRound {
             motion: motion.name.clone(),
             seconds: motion.seconds(),
