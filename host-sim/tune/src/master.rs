@@ -236,7 +236,9 @@ impl<B: Bus> Master<B> {
         while steady < 20 {
             if self.due_ns > until_ns {
                 self.controlword = 0;
-                let why = self.client.read_refusal()?;
+                let refusal = self.client.read_refusal()?;
+                // A drive that arms and stops at once has no refusal.
+                let why = if refusal.is_empty() { self.stop_in_words() } else { refusal };
                 return Err(MasterError::NotEnabled(why));
             }
             self.controlword = match self.last.status & STATE_MASK {
@@ -346,8 +348,13 @@ impl<B: Bus> Master<B> {
     }
 
     fn stopped(&mut self) -> MasterError {
-        let status = self.last.status;
         self.controlword = 0;
+        MasterError::Stopped(self.stop_in_words())
+    }
+
+    /// Returns the names of the faults, or else the state of the drive.
+    fn stop_in_words(&mut self) -> String {
+        let status = self.last.status;
         let faults = self.client.read_number(Address::new(index::STATE, 3));
         let names = faults.map(|bits| code_names(bits, 1)).unwrap_or_default();
         let state = match status {
@@ -355,8 +362,7 @@ impl<B: Bus> Master<B> {
             status if status & FAULT_MASK == FAULT_REACTION => "fault reaction",
             _ => "disabled by another master, a limit or a reset",
         };
-        let list = if names.is_empty() { state.to_owned() } else { names.join(", ") };
-        MasterError::Stopped(list)
+        if names.is_empty() { state.to_owned() } else { names.join(", ") }
     }
 
     fn check_report(&self) -> Result<(), MasterError> {
