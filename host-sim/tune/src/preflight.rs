@@ -6,6 +6,7 @@ use crate::trial_set::{DEADLINE, TRIAL};
 use canopen_rs::Address;
 use compensator_core::can::{Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::{AccessObject, InputsObject};
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;
 use joint_bus::bus::Bus;
@@ -120,8 +121,13 @@ pub fn examine<B: Bus>(
         check_trial(client)?;
     }
     let [low, high] = window;
-    facts.push(("position".into(), format!("{position_rad:.4} rad, window {low} to {high} rad")));
+    facts.push((
+        "position".into(),
+        format!("{position_rad:.4} rad, window {low:.3} to {high:.3} rad"),
+    ));
     facts.push(("parameters".into(), format!("crc {:08x}", set.crc())));
+    facts.push(("lock".into(), lock(client)?.into()));
+    facts.push(("temperature".into(), temperature(client)?));
     facts.extend(stops(client)?);
     Ok(Found {
         set,
@@ -250,6 +256,21 @@ fn check_trial<B: Bus>(client: &mut Client<B>) -> Result<(), Refusal> {
         }
         Err(error) => Err(error.into()),
     }
+}
+
+/// Returns the lock in words.
+fn lock<B: Bus>(client: &mut Client<B>) -> Result<&'static str, Refusal> {
+    let policy = Address::new(index::ACCESS, AccessObject::LOCKED_BY_DEFAULT);
+    Ok(match client.read_number(policy)? {
+        0 => "open: every node may change it (2041h:6 = 0)",
+        _ => "starts locked; opened with the key",
+    })
+}
+
+/// Returns the last temperature that the joint received, in words.
+fn temperature<B: Bus>(client: &mut Client<B>) -> Result<String, Refusal> {
+    let received = client.read_float(Address::new(index::INPUTS, InputsObject::TEMPERATURE))?;
+    Ok(if received.is_finite() { format!("{received:.1} degC") } else { "not measured".into() })
 }
 
 /// Returns brake and stop reactions in words.
