@@ -30,6 +30,7 @@ mod scenarios;
 mod scope;
 mod several_joints;
 mod stochastic;
+mod tune;
 mod tune_from;
 mod tune_page;
 

@@ -1,0 +1,211 @@
+//! `tune` and `move` as a user runs them, on a simulated joint in virtual time.
+//!
+//! A session takes some seconds, so there is one.
+#![cfg(feature = "cli")]
+
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+const FILES: [&str; 6] =
+    ["tune.html", "tune.json", "runs.parquet", "before.toml", "params.toml", "diagnosis.json"];
+
+fn run(folder: &TempDir, arguments: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    command.args(arguments.split_whitespace()).current_dir(folder.path());
+    command.output().expect("host-sim starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+/// Runs a command that succeeds, and returns its standard output.
+fn succeed(folder: &TempDir, arguments: &str) -> String {
+    let output = run(folder, arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// Runs a command that is refused: exit code 2, nothing on standard output, one line on standard error.
+fn refused(folder: &TempDir, arguments: &str) -> String {
+    let output = run(folder, arguments);
+    let line = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments}: {line}");
+    assert_eq!(text(&output.stdout), "", "{arguments}");
+    assert!(line.starts_with("error: ") && line.trim_end().lines().count() == 1, "{line}");
+    line
+}
+
+/// Asserts that a document has all keys that its schema requires, at every level that the schema describes in place.
+fn assert_required(schema: &Value, root: &Value, document: &Value, at: &str) {
+    if let Some(name) = schema["$ref"].as_str() {
+        let pointer = name.trim_start_matches('#');
+        return assert_required(root.pointer(pointer).expect(name), root, document, at);
+    }
+    for key in schema["required"].as_array().into_iter().flatten() {
+        let key = key.as_str().expect("a name");
+        assert!(document.get(key).is_some(), "{at}: no {key}");
+    }
+    for (key, below) in schema["properties"].as_object().into_iter().flatten() {
+        if let Some(value) = document.get(key) {
+            assert_required(below, root, value, &format!("{at}.{key}"));
+        }
+    }
+    for item in document.as_array().into_iter().flatten() {
+        assert_required(&schema["items"], root, item, &format!("{at}[]"));
+    }
+}
+
+fn assert_of_schema(document: &Value) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas/tune.schema.json");
+    let schema: Value =
+        serde_json::from_str(&fs::read_to_string(path).expect("a schema")).expect("JSON");
+    assert_required(&schema, &schema, document, "tune.json");
+}
+
+#[test]
+fn tune_of_joint_with_ripple_saves_a_gain_and_writes_all_files() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let shown = succeed(&folder, "tune --bus loop --motor --hide position-ripple --seed 7");
+    assert!(shown.contains("the new parameters are saved"), "{shown}");
+    let out = folder.path().join("out/tune");
+    for file in FILES {
+        assert!(out.join(file).is_file(), "{file}");
+        assert!(shown.contains(file), "{file}: {shown}");
+    }
+    let document: Value =
+        serde_json::from_str(&fs::read_to_string(out.join("tune.json")).expect("a file"))
+            .expect("JSON");
+    assert_of_schema(&document);
+    assert_eq!(document["saved"], true);
+    let gains = document["gains"].as_array().expect("gains");
+    assert!(
+        gains.iter().any(|gain| gain["ci95"][0].as_f64().is_some_and(|low| low > 0.05)),
+        "{gains:?}"
+    );
+    let diagnosed = succeed(&folder, "diagnose out/tune/runs.parquet --json");
+    let diagnosis: Value = serde_json::from_str(&diagnosed).expect("JSON alone");
+    assert!(diagnosis["cause"].is_string() || diagnosis["causes"].is_array(), "{diagnosed:.300}");
+}
+
+#[test]
+fn tune_that_must_not_move_the_joint_exits_2_with_one_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, rows: &str| {
+        fs::write(folder.path().join(name), rows).expect("written");
+    };
+    write("text.csv", "time_s,position_rad\n0,0\n1,x\n");
+    write("wide.csv", "time_s,position_rad\n0,0\n9,0.9\n");
+    write("fast.csv", "time_s,position_rad\n0,0\n0.1,0.3\n");
+    let on_loop = "--bus loop --motor --seed 3";
+    for (arguments, expected) in [
+        ("tune --bus loop", "--bus loop: needs --motor"),
+        ("tune --bus vcan0 --motor", "--motor: requires --bus loop"),
+        ("tune --bus loop --hide position-ripple", "--motor"),
+        ("tune --bus loop --motor --node-id 2", "the simulated joint is node 1"),
+        ("tune --bus loop --motor --hide nonsense", "nonsense"),
+        ("tune --bus loop --motor --minutes 0", "expected 1 to 60"),
+        ("tune --bus loop --motor --range 0", "expected a number above 0"),
+        ("tune --bus loop --motor --range 1.2rad", "leaves 0.980 rad to either side"),
+        ("tune --bus loop --motor --speed 90rad/s", "--speed 90 rad/s: expected at most"),
+        ("tune --bus loop --motor --motion missing.csv", "missing.csv"),
+        ("tune --bus loop --motor --motion text.csv", "row 3, column position_rad: found \"x\""),
+        ("tune --bus loop --motor --motion wide.csv", "at most 0.4 rad (--range)"),
+        ("tune --bus loop --motor --motion fast.csv", "at most 1.5 rad/s (--speed)"),
+        ("tune --bus loop --motor --undo", "nothing to undo"),
+        ("tune --bus loop --motor --undo --yes", "cannot be used with"),
+        ("move --bus loop --motor", "required"),
+        ("move --bus loop --motor --to 0 --standard", "cannot be used with"),
+        ("move --bus loop --motor --to 99", "--to 99: expected a position in the window"),
+        ("move --bus loop --motor --sine 0.2", "expected an amplitude in rad"),
+        ("move --bus loop --motor --sine 0.2,-1", "expected an amplitude in rad"),
+        ("move --bus loop --motor --sine 0.3,2", "expected at most 1.5 rad/s (--speed)"),
+        ("move --bus loop --motor --sine 0.5,0.3", "at most 0.4 rad (--range)"),
+        ("move --bus loop --motor --file text.csv", "row 3, column position_rad"),
+        ("move --bus loop --standard", "--bus loop: needs --motor"),
+        ("move --to 0.1 --dry-run", "--dry-run: not with --to"),
+    ] {
+        let line = refused(&folder, &arguments.replace("--bus loop --motor", on_loop));
+        assert!(line.contains(expected), "{arguments}: {line}");
+    }
+    assert!(!folder.path().join("out").exists(), "nothing is written");
+}
+
+/// Reads a column of a CSV file.
+fn column(csv: &str, name: &str) -> Vec<f64> {
+    let mut lines = csv.lines();
+    let names = lines.next().expect("a header");
+    let at = names.split(',').position(|own| own == name).expect(name);
+    let cell = |line: &str| line.split(',').nth(at).expect("a cell").parse().expect("a number");
+    lines.map(cell).collect()
+}
+
+fn span(values: &[f64]) -> f64 {
+    let [low, high] = [f64::min, f64::max].map(|pick| values.iter().copied().reduce(pick));
+    high.unwrap_or(f64::NAN) - low.unwrap_or(f64::NAN)
+}
+
+#[test]
+fn move_along_a_sine_records_the_demand_and_how_well_it_was_followed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let joint = "--bus loop --motor --seed 3";
+    let document = succeed(&folder, &format!("move --sine 0.2,0.5,2 {joint} --json"));
+    let document: Value = serde_json::from_str(&document).expect("JSON alone");
+    let tracking = document["tracking-rms"].as_f64().expect("an error");
+    assert!(tracking > 0.0 && tracking < 0.1, "{document}");
+    let csv = fs::read_to_string(folder.path().join("out/move.csv")).expect("a file");
+    let (demand, position) = (column(&csv, "demand_rad"), column(&csv, "position_rad"));
+    assert!((span(&demand) - 0.4).abs() < 0.005, "{}", span(&demand));
+    assert!((span(&position) - 0.4).abs() < 0.1, "{}", span(&position));
+    let seconds = span(&column(&csv, "time_s"));
+    assert!(
+        (4.5..7.0).contains(&seconds),
+        "{seconds} s for two periods of 2 s, the way there and back"
+    );
+    let square: f64 = demand.iter().zip(&position).map(|(a, b)| (a - b).powi(2)).sum();
+    let own = (square / demand.len() as f64).sqrt();
+    assert!((own / tracking - 1.0).abs() < 0.01, "{own}, {tracking}");
+}
+
+#[test]
+fn move_to_a_position_ends_there() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // The position is in the window of a drawn joint: within 1 rad of its start, which a first move finds.
+    let joint = "--bus loop --motor --seed 3";
+    let line = refused(&folder, &format!("move --to 99 {joint}"));
+    let window = line.split("window of ").nth(1).expect(&line);
+    let least: f64 = window.split(' ').next().expect("a number").parse().expect("a number");
+    let to = least + 1.3;
+    let document = succeed(&folder, &format!("move --to {to} {joint} --json"));
+    let document: Value = serde_json::from_str(&document).expect("JSON alone");
+    let at = document["position_rad"].as_f64().expect("a position");
+    assert!((at - to).abs() < 0.05, "{at}, {to}");
+    let shown = succeed(&folder, &format!("move --to {to} {joint}"));
+    assert!(shown.starts_with("node 1 on loop: at "), "{shown}");
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn move_writes_the_standard_motion_which_a_file_brings_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    succeed(&folder, "move --standard --range 0.2rad --speed 30deg/s --dry-run");
+    let motion = fs::read_to_string(folder.path().join("out/motion.csv")).expect("a file");
+    let positions = column(&motion, "position_rad");
+    assert!((span(&positions) - 0.38).abs() < 0.002, "{}", span(&positions));
+    assert_eq!((positions.first(), positions.last()), (Some(&0.0), Some(&0.0)));
+    assert_eq!(fs::read_dir(folder.path().join("out")).expect("a folder").count(), 1);
+    let joint = "--range 0.2rad --speed 30deg/s --bus loop --motor --seed 3";
+    let demand = |arguments: &str| {
+        succeed(&folder, &format!("move {arguments} {joint} --out {}", &arguments[2..6]));
+        let csv = fs::read_to_string(folder.path().join(&arguments[2..6]).join("move.csv"));
+        column(&csv.expect("a file"), "demand_rad")
+    };
+    let standard = demand("--standard");
+    let file = demand("--file out/motion.csv");
+    assert!((span(&standard) - span(&file)).abs() < 1e-3);
+    // A file is performed with a rest before and after it.
+    assert!(file.len() >= standard.len() && file.len() < standard.len() + 700);
+}
