@@ -1,6 +1,7 @@
 //! `tune` and `move` as a user runs them, on a simulated joint in virtual time.
 //!
-//! A session takes some seconds, so there is one.
+//! A session takes some seconds, so there are two: one that gains, one that does not. The library's tests
+//! (`host-sim/tune/tests`) have the refusals of a joint, interrupts, and the way back.
 #![cfg(feature = "cli")]
 
 use serde_json::Value;
@@ -89,6 +90,28 @@ fn tune_of_joint_with_ripple_saves_a_gain_and_writes_all_files() {
     let diagnosed = succeed(&folder, "diagnose out/tune/runs.parquet --json");
     let diagnosis: Value = serde_json::from_str(&diagnosed).expect("JSON alone");
     assert!(diagnosis["cause"].is_string() || diagnosis["causes"].is_array(), "{diagnosed:.300}");
+}
+
+#[test]
+fn tune_that_gains_nothing_exits_1_and_prints_json_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // A creep of 0.1 mrad is below the error of the encoder: no gain can be proven on it.
+    fs::write(folder.path().join("creep.csv"), "time_s,position_rad\n0,0\n4,0.0001\n8,0\n")
+        .expect("written");
+    let arguments = "tune --bus loop --motor --hide none --seed 5 --motion creep.csv --minutes 2 --json --out here";
+    let output = run(&folder, arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert_eq!(stderr, "", "--json is for scripts");
+    let document: Value = serde_json::from_slice(&output.stdout).expect("JSON alone");
+    assert_of_schema(&document);
+    assert_eq!(document["saved"], false);
+    let why_not = document["why_not"].as_str().expect("a reason");
+    assert!(!why_not.is_empty() && !why_not.contains("position error reached"), "{why_not}");
+    assert!(document["rounds"].as_array().is_some_and(|all| all.len() > 3), "{document:#}");
+    for file in ["tune.html", "tune.json", "runs.parquet", "before.toml"] {
+        assert!(folder.path().join("here").join(file).is_file(), "{file}");
+    }
 }
 
 #[test]

@@ -1,0 +1,153 @@
+//! What a session refuses, with one line, before it asks or moves.
+
+use super::{Bench, LIMITS, NODE, User, options};
+use canopen_rs::Address;
+use compensator_core::can::{CommandFrame, Frame, Message, SyncFrame, cob_id};
+use firmware::node::dictionary::index;
+use firmware::parameter_set::ParameterSet;
+use joint_bus::bus::{Hub, Participant};
+use joint_bus::canopen::Client;
+use joint_bus::joint::JointNode;
+use joint_bus::parameters::write_set;
+use joint_rig::{EncoderFault, JointEvent, MotorNode};
+use joint_trace::CanFrame;
+use joint_tuning::{MotionLimits, tune};
+
+impl Bench {
+    fn drawn() -> Self {
+        Self::new(3, "none", |_| ())
+    }
+
+    fn write(&self, object: u16, sub_index: u8, value: &[u8]) {
+        self.client().write(Address::new(object, sub_index), value).expect("written");
+    }
+
+    /// Returns the line of a session that is refused. Nothing was asked, and the joint did not arm.
+    fn refusal(&self, limits: MotionLimits) -> String {
+        let mut user = User::default();
+        let own = joint_tuning::TuneOptions { limits, ..options(300.0, 1) };
+        let at = self.node.borrow().plant().position_rad();
+        let error = tune(self.client(), &own, Box::new(|| false), &mut user).expect_err("refused");
+        let line = error.to_string();
+        assert!(user.questions.is_empty() && user.lines.is_empty(), "{line}");
+        assert!(!line.contains('\n'), "{line}");
+        assert!(!self.is_armed(), "{line}");
+        let moved = (self.node.borrow().plant().position_rad() - at).abs();
+        assert!(moved < 1e-3, "{line}: moved by {moved} rad");
+        line
+    }
+
+    fn assert_refused(&self, expected: &str) {
+        let line = self.refusal(LIMITS);
+        assert!(line.contains(expected), "{line:?}, expected {expected:?}");
+    }
+}
+
+#[test]
+fn joint_without_position_window_is_refused() {
+    let bench = Bench::drawn();
+    for side in [1, 2] {
+        bench.write(index::POSITION_LIMITS, side, &0i32.to_le_bytes());
+    }
+    bench.assert_refused("the joint has no position window: set 607Dh");
+}
+
+#[test]
+fn joint_with_unknown_position_is_refused() {
+    let node = MotorNode::commissioned().expect("a start");
+    let bench = Bench::with_node(node, ParameterSet::default(), 0);
+    bench.assert_refused("the position is unknown: home the joint first");
+}
+
+#[test]
+fn joint_that_is_not_commissioned_is_refused() {
+    let node = MotorNode::start().expect("a start");
+    let bench = Bench::with_node(node, ParameterSet::default(), 0);
+    bench.assert_refused("the joint is not commissioned");
+}
+
+#[test]
+fn joint_with_a_fault_is_refused_with_its_name() {
+    let bench = Bench::drawn();
+    let now_ns = bench.hub.now_ns();
+    bench.node.borrow_mut().schedule(now_ns, JointEvent::Encoder(EncoderFault::High));
+    bench.run_for_ms(200);
+    bench.assert_refused("the joint has faults: encoder");
+}
+
+#[test]
+fn node_without_motor_is_refused() {
+    let hub = Hub::new();
+    hub.attach(JointNode::start(NODE, None).expect("a start"));
+    let client = Client::new(hub.port(), NODE);
+    let mut user = User::default();
+    let error = tune(client, &options(300.0, 1), Box::new(|| false), &mut user).expect_err("HIL");
+    assert!(error.to_string().contains("takes its inputs from the bus"), "{error}");
+    assert!(user.questions.is_empty());
+}
+
+/// Sends a frame every 10 ms.
+struct OtherMaster(Frame, Option<CanFrame>);
+
+impl Participant for OtherMaster {
+    fn receive(&mut self, _: &CanFrame, _: u64) {}
+
+    fn tick(&mut self, now_ns: u64) -> Option<u64> {
+        self.1 = Some(CanFrame::from(self.0));
+        Some(now_ns + 10_000_000)
+    }
+
+    fn transmit(&mut self) -> Option<CanFrame> {
+        self.1.take()
+    }
+}
+
+#[test]
+fn bus_with_another_master_is_refused() {
+    let targets = cob_id::RPDO_1 + u16::from(NODE.number());
+    for (frame, expected) in [
+        (Message::Sync(SyncFrame::of(1)).emit(), "another master sends SYNC frames"),
+        (
+            Message::Command(NODE, CommandFrame::new(0.0, 0.0, 1)).emit(),
+            "another master sends commands to this joint",
+        ),
+        (
+            Frame::new(targets, &[0x06, 0, 0, 0, 0, 0]).expect("a frame"),
+            "another master sends targets to this joint",
+        ),
+    ] {
+        let bench = Bench::drawn();
+        bench.hub.attach(OtherMaster(frame, None));
+        bench.assert_refused(expected);
+    }
+}
+
+#[test]
+fn joint_without_limits_of_torque_is_refused() {
+    let bench = Bench::drawn();
+    bench.write(index::MAX_TORQUE, 0, &0u16.to_le_bytes());
+    bench.assert_refused("the limits of torque permit no motion: 6072h = 0");
+    let bench = Bench::new(3, "none", |set| set.friction.compensator.torque_limit_nm = 500.0);
+    bench.assert_refused("the limit of torque is missing");
+}
+
+#[test]
+fn motion_beyond_window_or_speed_of_the_joint_is_refused() {
+    let bench = Bench::drawn();
+    let line = bench.refusal(MotionLimits { range_rad: 1.2, ..LIMITS });
+    assert!(line.starts_with("--range 1.2 rad: the joint stands at"), "{line}");
+    assert!(line.contains("leaves 0.980 rad to either side"), "{line}");
+    let line = bench.refusal(MotionLimits { speed_rad_s: 90.0, ..LIMITS });
+    assert!(line.starts_with("--speed 90 rad/s: expected at most"), "{line}");
+}
+
+#[test]
+fn joint_whose_parameters_are_not_saved_is_refused() {
+    let bench = Bench::drawn();
+    let mut changed = bench.stored.clone();
+    changed.friction.compensator.scale = 0.25;
+    write_set(&mut bench.client(), &changed).expect("committed");
+    let line = bench.refusal(LIMITS);
+    assert!(line.contains("save"), "{line}");
+    assert_eq!(bench.active().0, changed.crc(), "it keeps them");
+}
