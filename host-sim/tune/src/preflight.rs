@@ -206,7 +206,7 @@ fn check_window(
     if room < range_rad {
         return refuse(format!(
             "--range {range_rad} rad: the joint stands at {position_rad:.3} rad in its window of {least} to {most} rad, which \
-             leaves {:.3} rad to either side; move it to the middle (`move --to`) or use a smaller range",
+             leaves {:.3} rad to either side; move it to the middle or use a smaller range",
             room.max(0.0)
         ));
     }

@@ -9,7 +9,7 @@ use joint_bus::bus::{Hub, Participant};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
 use joint_bus::parameters::write_set;
-use joint_rig::{EncoderFault, JointEvent, MotorNode};
+use joint_rig::{JointEvent, MotorNode};
 use joint_trace::CanFrame;
 use joint_tuning::{MotionLimits, tune};
 
@@ -70,9 +70,9 @@ fn joint_that_is_not_commissioned_is_refused() {
 fn joint_with_a_fault_is_refused_with_its_name() {
     let bench = Bench::drawn();
     let now_ns = bench.hub.now_ns();
-    bench.node.borrow_mut().schedule(now_ns, JointEvent::Encoder(EncoderFault::High));
+    bench.node.borrow_mut().schedule(now_ns, JointEvent::Supply(70.0));
     bench.run_for_ms(200);
-    bench.assert_refused("the joint has faults: encoder");
+    bench.assert_refused("the joint has faults: bus-overvoltage");
 }
 
 #[test]
