@@ -2,14 +2,14 @@
 //!
 //! The other commands unlock a joint by themselves. This one locks it, and gives it another key.
 
-use super::bus::{BusArguments, read_key};
+use super::bus::BusArguments;
 use super::output::print_text;
 use canopen_rs::Address;
 use clap::{Args, Subcommand, ValueEnum};
 use firmware::node::dictionary::records::AccessObject;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use joint_bus::bus::{Bus, BusName, Hub};
-use joint_bus::canopen::{Client, SdoError};
+use joint_bus::canopen::{Client, SdoError, read_key};
 use joint_bus::joint::JointNode;
 use serde_json::json;
 use std::path::PathBuf;

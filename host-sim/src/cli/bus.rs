@@ -3,14 +3,13 @@
 use clap::Args;
 use compensator_core::can::NodeId;
 use compensator_core::can::slcan::BitRate;
-use firmware::access::Key;
-use joint_bus::bus::slcan::{Options, Slcan};
+use joint_bus::bus::slcan::Options;
 use joint_bus::bus::{Bus, BusName, Hub, Recorder};
-use joint_bus::canopen::{Client, KEY_VARIABLE};
+use joint_bus::canopen::{Client, key_of};
 use joint_trace::Fraction;
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The bus and the node on it.
 #[derive(Args, Clone, Debug)]
@@ -36,28 +35,6 @@ pub struct BusArguments {
     /// By default the file that FRICTION_JOINT_KEY names, or the public default key.
     #[arg(long, global = true, value_name = "FILE")]
     pub key: Option<PathBuf>,
-}
-
-/// Reads the key of a joint from a file.
-///
-/// # Errors
-/// Returns one line if the file cannot be read or has other contents.
-pub(super) fn read_key(path: &Path) -> Result<Key, String> {
-    let name = path.display();
-    let bytes = std::fs::read(path).map_err(|error| format!("key {name}: {error}"))?;
-    let text = str::from_utf8(&bytes).unwrap_or_default().trim();
-    let is_key = text.len() == 2 * Key::LENGTH && text.bytes().all(|byte| byte.is_ascii_hexdigit());
-    let number = u128::from_str_radix(text, 16).ok().filter(|_| is_key);
-    let number = number.ok_or_else(|| {
-        if text.starts_with("ed25519-") {
-            return format!("key {name}: a key that signs programs; expected the key of the joint, 32 hexadecimal digits");
-        }
-        let found = bytes.len();
-        format!(
-            "key {name}: {found} bytes that are no key; expected 32 hexadecimal digits, as of `head -c 16 /dev/urandom | xxd -p`"
-        )
-    })?;
-    Ok(Key::new(number.to_be_bytes()))
 }
 
 fn node(text: &str) -> Result<NodeId, String> {
@@ -86,14 +63,8 @@ impl BusArguments {
     /// # Errors
     /// See [`BusArguments::open`].
     pub fn open_with(&self, hub: &Hub, listen: bool) -> Result<Box<dyn Bus>, String> {
-        let opened: Result<Box<dyn Bus>, _> = match &self.bus {
-            BusName::Slcan(address) => {
-                let options = Options { bit_rate: self.bit_rate, listen, ..Options::default() };
-                Slcan::open(address, options).map(|bus| Box::new(bus) as Box<dyn Bus>)
-            }
-            other => other.open(hub),
-        };
-        let bus = opened.map_err(|error| error.to_string())?;
+        let options = Options { bit_rate: self.bit_rate, listen, ..Options::default() };
+        let bus = self.bus.open_with(hub, options).map_err(|error| error.to_string())?;
         self.with_recorder(bus)
     }
 
@@ -102,9 +73,7 @@ impl BusArguments {
     /// # Errors
     /// Returns one line if the key cannot be read.
     pub fn client<B: Bus>(&self, bus: B) -> Result<Client<B>, String> {
-        let named = std::env::var_os(KEY_VARIABLE).filter(|path| !path.is_empty());
-        let path = self.key.clone().or_else(|| named.map(PathBuf::from));
-        let key = path.map_or(Ok(Key::DEFAULT), |path| read_key(&path))?;
+        let key = key_of(self.key.as_deref())?;
         Ok(Client::new(bus, self.node_id).with_key(key))
     }
 

@@ -44,14 +44,9 @@ pub struct MotionArguments {
 }
 
 impl MotionArguments {
-    /// Returns the bounds. Strokes reach the speed within a quarter of the range.
+    /// Returns the bounds.
     pub fn limits(&self) -> MotionLimits {
-        let acceleration = 2.0 * self.speed * self.speed / self.range;
-        MotionLimits {
-            range_rad: self.range,
-            speed_rad_s: self.speed,
-            acceleration_rad_s2: acceleration.clamp(1.0, 30.0),
-        }
+        MotionLimits::new(self.range, self.speed)
     }
 }
 

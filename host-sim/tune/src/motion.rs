@@ -25,6 +25,14 @@ pub struct MotionLimits {
     pub acceleration_rad_s2: f64,
 }
 
+impl MotionLimits {
+    /// Returns limits with an acceleration of strokes that reaches the speed within a quarter of the range.
+    pub fn new(range_rad: f64, speed_rad_s: f64) -> Self {
+        let acceleration = 2.0 * speed_rad_s * speed_rad_s / range_rad;
+        Self { range_rad, speed_rad_s, acceleration_rad_s2: acceleration.clamp(1.0, 30.0) }
+    }
+}
+
 /// Positions at equal times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {

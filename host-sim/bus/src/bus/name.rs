@@ -74,11 +74,17 @@ impl BusName {
     /// # Errors
     /// Returns [`BusError::Open`] with the remedy.
     pub fn open(&self, hub: &Hub) -> Result<Box<dyn Bus>, BusError> {
+        self.open_with(hub, slcan::Options::default())
+    }
+
+    /// Opens the bus as [`BusName::open`] does; an adapter with these options.
+    ///
+    /// # Errors
+    /// See [`BusName::open`].
+    pub fn open_with(&self, hub: &Hub, options: slcan::Options) -> Result<Box<dyn Bus>, BusError> {
         match self {
             Self::Loop => Ok(Box::new(hub.port())),
-            Self::Slcan(address) => {
-                Ok(Box::new(slcan::Slcan::open(address, slcan::Options::default())?))
-            }
+            Self::Slcan(address) => Ok(Box::new(slcan::Slcan::open(address, options)?)),
             #[cfg(target_os = "linux")]
             Self::SocketCan(interface) => Ok(Box::new(super::socket::SocketCan::open(interface)?)),
             #[cfg(not(target_os = "linux"))]
