@@ -21,6 +21,7 @@ from ._joints import each_joint
 from ._model import Export, Model, Parameter
 from ._progress import Progress, shown as _shown
 from ._results import Candidate, Comparison, Diagnosis, Finding, Fit, Simulation, Size
+from ._tuning import Gain, Tuning, tune, undo_tuning
 
 __all__ = [
     "Candidate",
@@ -31,12 +32,14 @@ __all__ = [
     "Finding",
     "Fit",
     "FrictionError",
+    "Gain",
     "Model",
     "ModelError",
     "Parameter",
     "Simulation",
     "Size",
     "Table",
+    "Tuning",
     "__version__",
     "compare",
     "diagnose",
@@ -45,6 +48,8 @@ __all__ = [
     "identify",
     "read_trace",
     "simulate",
+    "tune",
+    "undo_tuning",
 ]
 
 

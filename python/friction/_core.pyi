@@ -6,9 +6,11 @@ from ._progress import Progress
 __all__ = [
     "Diagnosis",
     "Fits",
+    "Joint",
     "Log",
     "Model",
     "Table",
+    "Tuning",
     "__version__",
     "diagnose",
     "fit",
@@ -19,6 +21,8 @@ __all__ = [
     "laws",
     "read",
     "simulate",
+    "tune",
+    "undo_tuning",
     "with_numbers",
     "with_row_numbers",
 ]
@@ -113,6 +117,29 @@ class Model:
     def score_log(self, log: Log, threads: int = 0, progress: Progress | None = None) -> float: ...
     def predict_table(self, table: Table) -> list[float]: ...
 
+@final
+class Joint:
+    def __new__(
+        cls,
+        bus: str,
+        *,
+        node: int,
+        key: str | None = None,
+        hide: Sequence[str] = ...,
+        seed: int | None = None,
+        bit_rate: int,
+    ) -> Joint: ...
+
+@final
+class Tuning:
+    def json(self) -> str: ...
+    def html(self, threads: int = 0) -> str: ...
+    def first_screen(self) -> str: ...
+    def write(self, folder: str, threads: int = 0) -> None: ...
+    def runs(self) -> Table: ...
+    @property
+    def diagnosis(self) -> Diagnosis | None: ...
+
 def diagnose(
     log: Log,
     *,
@@ -167,5 +194,16 @@ def simulate(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> tuple[Table, str, str]: ...
+def tune(
+    joint: Joint,
+    *,
+    range_rad: float,
+    speed_rad_s: float,
+    minutes: float,
+    motion: tuple[str, str] | None = None,
+    confirm: Callable[[str], bool] | None = None,
+    progress: Progress | None = None,
+) -> Tuning: ...
+def undo_tuning(joint: Joint) -> str: ...
 def with_row_numbers(table: Table) -> Table: ...
 def with_numbers(table: Table, name: str, values: Sequence[float]) -> Table: ...

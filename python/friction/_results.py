@@ -108,7 +108,7 @@ class Candidate:
 class _Result:
     """A result with the files of the command line."""
 
-    def __init__(self, own: _core.Diagnosis | _core.Fits, threads: int) -> None:
+    def __init__(self, own: _core.Diagnosis | _core.Fits | _core.Tuning, threads: int) -> None:
         self._result = own
         self._threads = threads
 

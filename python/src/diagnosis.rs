@@ -20,6 +20,14 @@ pub struct Diagnosis {
     input: Prepared,
 }
 
+#[cfg(feature = "tune")]
+impl Diagnosis {
+    /// Creates the result of a diagnosis that a session has made.
+    pub fn new(found: friction_diagnose::Diagnosis, input: Prepared) -> Self {
+        Self { found, input }
+    }
+}
+
 #[pymethods]
 impl Diagnosis {
     /// Returns the text of diagnosis.json.

@@ -8,6 +8,7 @@
 //! - `computation`: progress, Ctrl-C.
 //! - `error`: errors as Python exceptions.
 //! - `diagnosis`, `fits`, `fleet`, `model`, `simulation`: the results.
+//! - `tune`: a joint on a bus, behind the feature of this name.
 
 mod computation;
 mod diagnosis;
@@ -18,6 +19,8 @@ mod log;
 mod model;
 mod simulation;
 mod table;
+#[cfg(feature = "tune")]
+mod tune;
 
 use pyo3::prelude::*;
 
@@ -29,6 +32,13 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<diagnosis::Diagnosis>()?;
     module.add_class::<fits::Fits>()?;
     module.add_class::<model::Model>()?;
+    #[cfg(feature = "tune")]
+    {
+        module.add_class::<tune::Joint>()?;
+        module.add_class::<tune::Tuning>()?;
+        module.add_function(wrap_pyfunction!(tune::tune, module)?)?;
+        module.add_function(wrap_pyfunction!(tune::undo_tuning, module)?)?;
+    }
     module.add_function(wrap_pyfunction!(diagnosis::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(fits::fit, module)?)?;
     module.add_function(wrap_pyfunction!(fits::laws, module)?)?;

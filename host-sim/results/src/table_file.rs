@@ -57,6 +57,11 @@ impl TableFile {
         self.columns.push((name.into(), column));
     }
 
+    /// Returns names and values of the columns.
+    pub fn into_columns(self) -> Vec<(String, TableColumn)> {
+        self.columns
+    }
+
     /// Returns the content of a file.
     ///
     /// # Errors

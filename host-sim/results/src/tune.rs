@@ -11,12 +11,14 @@ mod charts;
 #[cfg(all(feature = "pages", feature = "rows"))]
 mod files;
 #[cfg(feature = "pages")]
+mod fragment;
+#[cfg(feature = "pages")]
 mod page;
 #[cfg(feature = "pages")]
 mod words;
 
 #[cfg(all(feature = "pages", feature = "rows"))]
-pub use files::TuneRun;
+pub use files::{TuneRun, table};
 
 use serde::Serialize;
 

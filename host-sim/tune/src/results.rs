@@ -23,14 +23,14 @@ pub fn files(session: &Session) -> Result<Files, String> {
         texts.push(("diagnosis.json", text));
         page = Some(diagnosis::page(&learnt.found, &learnt.input));
     }
+    session.report.files(&runs(session), page, texts)
+}
+
+/// Returns the recorded rows of a session.
+pub fn runs(session: &Session) -> Vec<TuneRun> {
     let nm_per_a = f64::from(session.before.set.friction.compensator.torque_constant_nm_per_a);
-    let runs: Vec<TuneRun> = session
-        .recordings
-        .iter()
-        .enumerate()
-        .map(|(at, (recording, _))| run(at + 1, recording, nm_per_a))
-        .collect();
-    session.report.files(&runs, page, texts)
+    let recordings = session.recordings.iter().enumerate();
+    recordings.map(|(at, (recording, _))| run(at + 1, recording, nm_per_a)).collect()
 }
 
 fn run(number: usize, recording: &Recording, nm_per_a: f64) -> TuneRun {

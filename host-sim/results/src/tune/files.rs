@@ -52,7 +52,8 @@ impl TuneReport {
     }
 }
 
-fn table(runs: &[TuneRun]) -> TableFile {
+/// Returns the rows of all runs as one table: the content of `runs.parquet`.
+pub fn table(runs: &[TuneRun]) -> TableFile {
     let rows: Vec<usize> = runs.iter().map(TuneRun::rows).collect();
     let mut table = TableFile::new(rows.iter().sum());
     let indices = rows.iter().enumerate();

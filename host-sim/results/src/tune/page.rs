@@ -170,7 +170,7 @@ impl TuneReport {
 }
 
 /// Returns false for the time stuck of a joint that was never stuck.
-fn is_shown(gain: &TuneGain) -> bool {
+pub(super) fn is_shown(gain: &TuneGain) -> bool {
     gain.quantity != super::TuneQuantity::StuckTime || gain.before > 0.0 || gain.after > 0.0
 }
 
@@ -200,7 +200,7 @@ fn tile(gain: &TuneGain) -> Tile {
 }
 
 /// Returns the facts of the first screen.
-fn facts(report: &TuneReport) -> Vec<(String, String)> {
+pub(super) fn facts(report: &TuneReport) -> Vec<(String, String)> {
     let mut facts = vec![("Cause".to_owned(), words::cause(report))];
     let mut list = |name: &str, texts: &[String]| {
         for (place, text) in texts.iter().take(MAX_FIRST_SCREEN).enumerate() {
