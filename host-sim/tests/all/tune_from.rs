@@ -110,8 +110,8 @@ fn measured(rows: &[Row], seed: u64) -> Vec<Row> {
 fn moteus_csv(rows: &[Row]) -> String {
     let mut text = "time,MODE,POSITION,VELOCITY,TORQUE,VOLTAGE,TEMPERATURE,FAULT\n".to_owned();
     for row in rows {
-        let position = (row.position / 6.283185307 * 16384.0).round() / 16384.0;
-        let velocity = (row.velocity / 6.283185307) as f32;
+        let position = (row.position / std::f64::consts::TAU * 16384.0).round() / 16384.0;
+        let velocity = (row.velocity / std::f64::consts::TAU) as f32;
         let (time, torque) = (row.time, row.torque as f32);
         let _ = writeln!(text, "{time:.6},10,{position},{velocity},{torque},24.5,31.0,0");
     }
@@ -126,8 +126,9 @@ fn odrive_csv(rows: &[Row]) -> String {
     let axis = "axis0.encoder.pos_estimate,axis0.encoder.vel_estimate";
     let mut text = format!("time,{axis},axis0.motor.current_control.Iq_measured\n");
     for row in rows {
-        let counts = (row.position * 8192.0 / 6.283185307).round();
-        let (position, velocity) = (counts / 8192.0, row.velocity * 60.0 / 6.283185307 / 60.0);
+        let counts = (row.position * 8192.0 / std::f64::consts::TAU).round();
+        let (position, velocity) =
+            (counts / 8192.0, row.velocity * 60.0 / std::f64::consts::TAU / 60.0);
         let current = (row.torque / TORQUE_CONSTANT * 100.0).round() / 100.0;
         let _ = writeln!(text, "{:.5},{position},{velocity},{current}", row.time);
     }
@@ -144,7 +145,8 @@ fn odrive_candump(rows: &[Row]) -> String {
             bytes.iter().map(|byte| format!("{byte:02X}")).collect()
         };
         // 5 * 32 + 9 = 0x0A9, 5 * 32 + 28 = 0x0BC.
-        let estimates = hex(row.position / 6.283185307, row.velocity / 6.283185307);
+        let estimates =
+            hex(row.position / std::f64::consts::TAU, row.velocity / std::f64::consts::TAU);
         let _ = writeln!(text, "({stamp:.6}) can0 0A9#{estimates}");
         let _ = writeln!(text, "({:.6}) can0 0BC#{}", stamp + 0.00015, hex(0.0, row.torque));
     }
