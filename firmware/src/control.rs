@@ -30,7 +30,7 @@ pub use compensation::{Compensate, JointCompensator, NoCompensation};
 pub use covariates::Covariates;
 pub use current_loop::{CurrentLoop, CycleResult, Setpoint};
 pub use flags::LoopFlags;
-pub use parameters::{Motor, MotorParameters};
+pub use parameters::{ENCODER_ERROR_RAD, Motor, MotorParameters};
 
 /// Period of the current loop, s: 20 kHz.
 pub const PERIOD_S: f32 = 50e-6;

@@ -83,7 +83,7 @@ const PERIOD_RANGE_S: (f32, f32) = (2e-6, 2e-3);
 const TURN_MAX_RAD: f32 = 0.6;
 
 /// Maximum error of an encoder angle, rad of the motor.
-const ENCODER_ERROR_RAD: f32 = 0.02;
+pub const ENCODER_ERROR_RAD: f32 = 0.02;
 
 /// Ratio of the overcurrent to the current limit, minimum: the current overshoots, and sensors are noisy.
 pub const OVERCURRENT_MARGIN: f32 = 1.1;

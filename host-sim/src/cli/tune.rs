@@ -19,7 +19,7 @@ pub struct TuneArguments {
     /// Motion of the trial: a CSV file with time_s and position_rad [default: sines and a slow triangle through reversals]
     #[arg(long, value_name = "FILE")]
     motion: Option<PathBuf>,
-    /// Time on the bus, minutes
+    /// Time on the bus, minutes; what a proof needs at least is performed in any case, which the question states
     #[arg(long, value_name = "MIN", default_value = "5", value_parser = minutes)]
     minutes: f64,
     /// Do not ask before the joint moves

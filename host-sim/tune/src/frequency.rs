@@ -35,6 +35,8 @@ const MAX_CHANGE: f64 = 10.0;
 const GAIN_STEPS: i32 = 40;
 /// Largest share of the first crossover, rad/s, that the position gain has.
 const POSITION_SHARE: f64 = 0.35;
+/// Fewest lines of a response from which gains are designed: half of them.
+const LEAST_LINES: usize = 6;
 /// Largest relative standard error of a line that is used.
 const MAX_LINE_ERROR: f64 = 0.3;
 
@@ -179,6 +181,18 @@ pub struct LoopGains {
     pub position_gain: f64,
 }
 
+impl LoopGains {
+    /// Returns the gains of a loop that is slower by this share, 0 to 1.
+    #[must_use]
+    pub fn softened(self, share: f64) -> Self {
+        Self {
+            velocity_gain: share * self.velocity_gain,
+            integral_s: self.integral_s / share,
+            position_gain: share * self.position_gain,
+        }
+    }
+}
+
 /// Margins of a loop.
 #[derive(Clone, Copy, Debug)]
 struct Margins {
@@ -195,7 +209,7 @@ pub fn design(
     former: &LoopGains,
 ) -> Option<(LoopGains, TuneLoop)> {
     let lines = response(recording, nm_per_a);
-    if lines.len() < 6 {
+    if lines.len() < LEAST_LINES {
         return None;
     }
     let fine = interpolated(&lines);
@@ -218,10 +232,24 @@ pub fn design(
         }
     }
     let (gains, margins) = best?;
-    let control = TuneLoop {
-        inertia_kg_m2: inertia_kg_m2(&lines, nm_per_a),
-        delay_s: delay_s(&lines) + LOOP_DELAY_S,
-        resonance_hz: resonance_hz(&lines),
+    Some((gains, report(recording, nm_per_a, &lines, margins)))
+}
+
+/// Returns what the measured response shows of a loop with these gains; `None` as [`design`], or if it has no crossover.
+pub fn assess(recording: &Recording, nm_per_a: f64, gains: &LoopGains) -> Option<TuneLoop> {
+    let lines = response(recording, nm_per_a);
+    if lines.len() < LEAST_LINES {
+        return None;
+    }
+    let margins = margins(&interpolated(&lines), gains.velocity_gain, gains.integral_s)?;
+    Some(report(recording, nm_per_a, &lines, margins))
+}
+
+fn report(recording: &Recording, nm_per_a: f64, lines: &[Line], margins: Margins) -> TuneLoop {
+    TuneLoop {
+        inertia_kg_m2: inertia_kg_m2(lines, nm_per_a),
+        delay_s: delay_s(lines) + LOOP_DELAY_S,
+        resonance_hz: resonance_hz(lines),
         velocity_noise_rad_s: noise_rad_s(recording),
         crossover_hz: margins.crossover_hz,
         phase_margin_deg: margins.phase_deg,
@@ -230,8 +258,7 @@ pub fn design(
             .iter()
             .map(|line| [line.hz, line.value.norm(), line.value.arg().to_degrees()])
             .collect(),
-    };
-    Some((gains, control))
+    }
 }
 
 /// Returns the response on a fine grid: linear in the logarithm of frequency and magnitude, with a continuous phase. Beyond the

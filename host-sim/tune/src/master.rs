@@ -235,7 +235,8 @@ impl<B: Bus> Master<B> {
         let mut steady = 0;
         while steady < 20 {
             if self.due_ns > until_ns {
-                self.controlword = 0;
+                // It may still be arming, such as with a slow brake.
+                self.disable()?;
                 let refusal = self.client.read_refusal()?;
                 // A drive that arms and stops at once has no refusal.
                 let why = if refusal.is_empty() { self.stop_in_words() } else { refusal };

@@ -1,6 +1,7 @@
 //! The decision about a new set: a gain is proven, or the former set returns.
 
 use crate::score::{Scored, gains};
+use firmware::control::ENCODER_ERROR_RAD;
 use friction_results::tune::{TuneGain, TuneQuantity};
 
 /// Least gain, at the lower end of its interval, for which parameters are changed. A smaller one may be the luck of a refit.
@@ -11,9 +12,6 @@ const WORSE: f64 = -0.02;
 const MAX_CURRENT_INCREASE: f64 = 0.1;
 /// Share of the rated current that a joint bears continuously whatever its motor.
 const CONTINUOUS_SHARE: f64 = 0.4;
-/// Error of an encoder, rad of the motor: the largest of the magnetic encoders that the driver reads (data sheet of the
-/// AS5047: 1.2 degrees).
-const ENCODER_ERROR_RAD: f64 = 0.02;
 /// Ratio of the swing at rest to that of the former set, and swing that is never too much, rad.
 const SWING_RATIO: f64 = 2.0;
 const SMALL_SWING_RAD: f64 = 5e-4;
@@ -80,9 +78,10 @@ pub struct Means {
 }
 
 impl Means {
-    /// Returns the position error below which the encoder cannot show a gain, rad.
+    /// Returns what the encoder of the motor may be wrong by at the joint, rad: a smaller change of an error may be one of the
+    /// motor alone.
     pub fn resolution_rad(&self) -> f64 {
-        ENCODER_ERROR_RAD / self.gear_ratio
+        f64::from(ENCODER_ERROR_RAD) / self.gear_ratio
     }
 }
 
@@ -92,7 +91,7 @@ pub fn verdict(pairs: &[[Scored; 2]], means: &Means, seed: u64) -> Verdict {
     let of = |quantity: TuneQuantity| gains.iter().find(|own| own.quantity == quantity);
     let errors = [TuneQuantity::ReversalError, TuneQuantity::TrackingRms];
     let resolution_rad = means.resolution_rad();
-    let is_visible = |own: &&TuneGain| own.before.max(own.after) > resolution_rad;
+    let is_visible = |own: &&TuneGain| (own.before - own.after).abs() > resolution_rad;
     let worse =
         errors.iter().filter_map(|own| of(*own)).filter(is_visible).find(|own| own.ci95[1] < WORSE);
     let current = of(TuneQuantity::CurrentRms).filter(|own| {
@@ -116,7 +115,7 @@ pub fn verdict(pairs: &[[Scored; 2]], means: &Means, seed: u64) -> Verdict {
         String::new()
     } else if !errors.iter().filter_map(|own| of(*own)).any(|own| is_visible(&own)) {
         format!(
-            "both errors are below {:.2} mrad, which the encoder may be wrong by: no gain can be proven",
+            "both errors change by less than {:.2} mrad, which the encoder may be wrong by: no gain can be proven",
             1e3 * resolution_rad
         )
     } else {
@@ -166,11 +165,14 @@ mod tests {
     }
 
     #[test]
-    fn errors_below_that_of_the_encoder_prove_nothing() {
+    fn changes_below_the_error_of_the_encoder_prove_nothing() {
         let means = Means { gear_ratio: 50.0, rated_a: 2.0 };
         let small = [3e-4, 1e-4, 0.5, 0.0];
         let refused = verdict(&pairs(small, small.map(|value| 0.5 * value)), &means, 1);
-        assert!(!refused.is_proven && refused.why.starts_with("both errors are below 0.40 mrad"));
+        assert!(
+            !refused.is_proven
+                && refused.why.starts_with("both errors change by less than 0.40 mrad")
+        );
     }
 
     #[test]

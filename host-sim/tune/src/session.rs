@@ -21,7 +21,7 @@ use firmware::parameter_set::ParameterSet;
 use friction_results::tune::{TuneOutcome, TuneReport};
 use joint_bus::bus::Bus;
 use joint_bus::canopen::Client;
-use work::{Ended, Work};
+use work::{Ended, Work, least_seconds};
 
 /// What is asked of a session.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ pub struct TuneOptions {
     pub node: NodeId,
     /// Bounds of every motion.
     pub limits: MotionLimits,
-    /// Time on the bus, s.
+    /// Time on the bus, s. Baseline, survey and the fewest blocks are performed even if they take longer.
     pub seconds: f64,
     /// Motion of the trial; `None` for [`standard`].
     pub motion: Option<Motion>,
@@ -108,7 +108,7 @@ pub fn tune<B: Bus>(
     let motion = options.motion.clone().unwrap_or_else(|| standard(&limits));
     motion.validate(&limits).map_err(TuneError::Motion)?;
     let before = examine(&mut client, options.node, &limits, Purpose::Tune)?;
-    if !user.confirms(&question(options, &before)) {
+    if !user.confirms(&question(options, &motion, &before)) {
         return Err(TuneError::Declined);
     }
     let began_ns = client.bus().now_ns();
@@ -118,7 +118,7 @@ pub fn tune<B: Bus>(
     Ok(work.finish(ended, user))
 }
 
-fn question(options: &TuneOptions, found: &Found) -> String {
+fn question(options: &TuneOptions, motion: &Motion, found: &Found) -> String {
     let MotionLimits { range_rad, speed_rad_s, .. } = options.limits;
     let facts: Vec<String> =
         found.facts.iter().map(|(name, value)| format!("  {name}: {value}")).collect();
@@ -129,7 +129,7 @@ fn question(options: &TuneOptions, found: &Found) -> String {
         options.joint,
         facts.join("\n"),
         found.position_rad,
-        options.seconds
+        options.seconds.max(least_seconds(motion, &options.limits))
     )
 }
 

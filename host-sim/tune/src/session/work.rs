@@ -6,7 +6,7 @@ use crate::experiment::{Experiment, library, most_informative, survey};
 use crate::frequency::{self, LoopGains};
 use crate::learn::{Learnt, learn};
 use crate::master::{Master, MasterError};
-use crate::motion::Motion;
+use crate::motion::{Motion, MotionLimits};
 use crate::preflight::{Found, Refusal, check_heat};
 use crate::proof::{self, Means, Verdict};
 use crate::recording::Recording;
@@ -27,6 +27,8 @@ const PAUSE_S: f64 = 1.5;
 const WORTHWHILE_NATS: f64 = 3.0;
 /// Most motions that are chosen after the survey.
 const MAX_CHOSEN: usize = 3;
+/// Shares of the designed loop gains that are tried, until one is usable.
+const GAIN_SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 /// Ratio of the position error to the worst one of the baseline at which a motion is ended.
 const ERROR_GUARD: f64 = 2.5;
 /// Least guard, rad.
@@ -77,6 +79,14 @@ pub(super) struct Work<'a, B> {
     pub(super) is_on_trial: bool,
     /// The new set was kept: it is active in RAM, without a trial.
     pub(super) is_kept: bool,
+}
+
+/// Returns the time that the shortest session takes on the bus, s: baseline, survey, a candidate, and the fewest blocks.
+pub(super) fn least_seconds(motion: &Motion, limits: &MotionLimits) -> f64 {
+    let blocks = 3.0 + 2.0 * MIN_PAIRS as f64;
+    let studied = survey(limits).into_iter().map(|own| own.motion).chain(frequency::motion(limits));
+    let studied: f64 = studied.map(|own| own.seconds() + PAUSE_S).sum();
+    studied + blocks * (motion.seconds() + PAUSE_S)
 }
 
 impl<'a, B: Bus> Work<'a, B> {
@@ -140,16 +150,11 @@ impl<'a, B: Bus> Work<'a, B> {
         self.courses[0] = course(&baseline, self.nm_per_a());
         self.guard_rad = (ERROR_GUARD * former.health.worst_error_rad).max(MIN_GUARD_RAD);
         self.master.set_error_guard(self.guard_rad);
-        let designed = self.design_loop(user)?;
         let mut best = None;
-        if let Some(gains) = &designed {
-            let stiffer = with_gains(&self.former(), gains);
-            self.begin_trial()?;
-            self.screen(&stiffer, &former, &mut best, user)?;
-            // The better loop also gives the better recordings: it sticks less, and it does not ring.
-            self.study_set = best.as_ref().map(|(_, tuned)| tuned.clone());
-            self.end_trial()?;
-        }
+        let designed = match self.design_loop(user)? {
+            Some(gains) => self.usable_gains(gains, &former, &mut best, user)?,
+            None => None,
+        };
         self.study(user)?;
         let Some(learnt) = &self.learnt else {
             return Ok(Verdict::returned("nothing was learnt"));
@@ -180,10 +185,44 @@ impl<'a, B: Bus> Work<'a, B> {
         }
     }
 
+    /// Returns the designed gains, or softer ones, with which the joint is better and does not oscillate; `None` without any.
+    /// The response is that of small motions in a slide, so that a joint may ring with gains that fit it.
+    fn usable_gains(
+        &mut self,
+        designed: LoopGains,
+        former: &Scored,
+        best: &mut Option<(f64, TunedSet)>,
+        user: &mut dyn TuneUser,
+    ) -> Result<Option<LoopGains>, Ended> {
+        let mut usable = None;
+        self.begin_trial()?;
+        for share in GAIN_SHARES {
+            let gains = designed.softened(share);
+            let stiffer = with_gains(&self.former(), &gains);
+            self.screen(&stiffer, former, best, user)?;
+            if best.is_some() {
+                self.control =
+                    self.slides().and_then(|own| frequency::assess(own, self.nm_per_a(), &gains));
+                usable = Some(gains);
+                break;
+            }
+        }
+        // The better loop also gives the better recordings: it sticks less, and it does not ring.
+        self.study_set = best.as_ref().map(|(_, tuned)| tuned.clone());
+        self.end_trial()?;
+        Ok(usable)
+    }
+
     /// Returns true if there is time for this number of blocks.
     fn has_time_for(&mut self, blocks: f64) -> bool {
         let block_s = self.motion.seconds() + PAUSE_S;
         self.options.seconds - self.elapsed_s() > blocks * block_s
+    }
+
+    /// Returns the recording of the measurement of the mechanics.
+    fn slides(&self) -> Option<&Recording> {
+        let found = self.recordings.iter().rfind(|(own, _)| own.name == frequency::NAME);
+        found.map(|(recording, _)| recording)
     }
 
     /// Measures the response of the mechanics and designs the loop gains; `None` if the response is not certain enough.
@@ -192,8 +231,7 @@ impl<'a, B: Bus> Work<'a, B> {
         let Some(motion) = frequency::motion(&limits) else { return Ok(None) };
         let why = "the response from current to velocity";
         self.round(&Experiment { motion, why }, user)?;
-        let slides = self.recordings.iter().rfind(|(own, _)| own.name == frequency::NAME);
-        let Some((recording, _)) = slides else { return Ok(None) };
+        let Some(recording) = self.slides() else { return Ok(None) };
         let former = gains_of(&self.former());
         let Some((gains, control)) = frequency::design(recording, self.nm_per_a(), &former) else {
             return Ok(None);
@@ -202,7 +240,6 @@ impl<'a, B: Bus> Work<'a, B> {
             "loop: crossover {:.1} Hz with margins of {:.0} degrees and {:.0} dB",
             control.crossover_hz, control.phase_margin_deg, control.gain_margin_db
         ));
-        self.control = Some(control);
         Ok(Some(gains))
     }
 
