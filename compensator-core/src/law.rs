@@ -152,6 +152,12 @@ macro_rules! define_laws {
                 }
             }
 
+            /// Sets the levels and viscous coefficients to those of `of`, times these gains.
+            pub(crate) fn set_gains(&mut self, of: &Self, level: T, viscous: T) {
+                *self = *of;
+                match self { $(Self::$kind(law) => law.scale_levels(level, viscous)),* }
+            }
+
             /// Returns the largest speed that the law evaluates, rad/s. A larger velocity is limited to it.
             #[inline(always)]
             pub fn velocity_limit(&self) -> T {
@@ -258,7 +264,33 @@ const fn by_number<const N: usize>(kinds: [LawKind; N]) -> [LawKind; N] {
     sorted
 }
 
+/// Parameters that scale with the levels of a law. `static_level - coulomb` scales with both.
+const LEVELS: [Id; 9] = [
+    Id::CoulombTorque,
+    Id::StaticTorque,
+    Id::CoulombTorqueNegative,
+    Id::StaticTorqueNegative,
+    Id::AtanTorque,
+    Id::RadialForceCoulomb,
+    Id::RadialForceStaticExcess,
+    Id::PressureCoulomb,
+    Id::PressureStaticExcess,
+];
+
+/// Parameters that scale with the viscous friction of a law.
+const VISCOUS: [Id; 3] = [Id::ViscousFriction, Id::QuadraticFriction, Id::CubicFriction];
+
 impl LawKind {
+    /// Returns the parameters of this law that scale with its levels.
+    pub fn levels(self) -> impl Iterator<Item = ParameterId> {
+        LEVELS.into_iter().filter(move |id| self.parameters().contains(id))
+    }
+
+    /// Returns the parameters of this law that scale with its viscous friction.
+    pub fn viscous(self) -> impl Iterator<Item = ParameterId> {
+        VISCOUS.into_iter().filter(move |id| self.parameters().contains(id))
+    }
+
     /// Returns the law with this name.
     pub fn parse(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|kind| kind.name() == name)

@@ -12,6 +12,7 @@
 //! * [`parameters`]: parameters, their validation, and building a model from them.
 //! * [`model`]: a law with its terms. Each sample gives one friction torque.
 //! * [`compensator`]: the model with input guards and output limits for a current loop.
+//! * [`adaptation`]: gains on the sizes of a model that follow the joint.
 //! * [`network`]: factors of a law that a neural network supplies.
 //! * [`record`]: parameters in flash memory.
 //! * [`can`]: samples and results on the CAN bus.
@@ -29,6 +30,7 @@ extern crate std;
 #[macro_use]
 mod fields;
 
+pub mod adaptation;
 pub mod can;
 pub mod compensator;
 pub mod configuration;

@@ -138,6 +138,11 @@ macro_rules! define_kinds {
                 match self { $(TermKind::$kind => <$file::$kind<f32> as Term<f32>>::PARAMETERS),* }
             }
 
+            /// Returns the parameters that scale with a gain on the term; empty if it has no size.
+            pub const fn sizes(self) -> &'static [ParameterId] {
+                match self { $(TermKind::$kind => <$file::$kind<f32> as Term<f32>>::SIZES),* }
+            }
+
             /// Returns the quantity that the term requires.
             ///
             /// `None` if it needs only velocity, acceleration or time, which every log has, or if a

@@ -40,6 +40,11 @@ impl<T: Real> FrictionLaw<T> for Atan<T> {
         }
     }
 
+    fn scale_levels(&mut self, level: T, viscous: T) {
+        self.steady.scale_levels(level, viscous);
+        self.torque = self.torque * level;
+    }
+
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.steady.velocity_limit

@@ -86,6 +86,13 @@ impl<T: Real> Bristles<T> {
         self.stiffness_step = of.stiffness_step * ratio;
     }
 
+    /// Multiplies both levels by `level` and the viscous coefficient by `viscous`.
+    pub(super) fn scale_levels(&mut self, level: T, viscous: T) {
+        self.coulomb = self.coulomb * level;
+        self.static_level = self.static_level * level;
+        self.viscous = self.viscous * viscous;
+    }
+
     /// Advances the bristle torque by one sample and returns the friction torque, Nm.
     ///
     /// A positive result is the torque that must drive the joint in the positive direction.

@@ -35,6 +35,10 @@ impl<T: Real> FrictionLaw<T> for Dahl<T> {
         self.0.rescale_period(&of.0, ratio);
     }
 
+    fn scale_levels(&mut self, level: T, viscous: T) {
+        self.0.scale_levels(level, viscous);
+    }
+
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.0.velocity_limit

@@ -40,6 +40,12 @@ impl<T: Real> FrictionLaw<T> for Extended<T> {
         }
     }
 
+    fn scale_levels(&mut self, level: T, viscous: T) {
+        self.steady.scale_levels(level, viscous);
+        self.quadratic = self.quadratic * viscous;
+        self.cubic = self.cubic * viscous;
+    }
+
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.steady.velocity_limit

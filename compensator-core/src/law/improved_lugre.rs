@@ -118,6 +118,19 @@ impl<T: Real> FrictionLaw<T> for ImprovedLugre<T> {
         self.load.rate_per_newton = of.load.rate_per_newton / ratio;
     }
 
+    fn scale_levels(&mut self, level: T, viscous: T) {
+        self.bristles.scale_levels(level, viscous);
+        let load = &mut self.load;
+        for coefficient in [
+            &mut load.radial_force_coulomb,
+            &mut load.radial_force_static,
+            &mut load.pressure_coulomb,
+            &mut load.pressure_static,
+        ] {
+            *coefficient = *coefficient * level;
+        }
+    }
+
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.bristles.velocity_limit

@@ -59,6 +59,10 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
     /// depend on the period.
     fn rescale_period(&mut self, _: &Self, _: T) {}
 
+    /// Multiplies the levels, those of the law's own load included, by `level`, and the viscous coefficients by
+    /// `viscous`.
+    fn scale_levels(&mut self, level: T, viscous: T);
+
     /// Returns the largest speed that the law evaluates, rad/s. A larger velocity is limited to it.
     fn velocity_limit(&self) -> T;
 

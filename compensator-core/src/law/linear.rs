@@ -23,6 +23,10 @@ impl<T: Real> FrictionLaw<T> for Linear<T> {
         Self { steady: Steady::build(written) }
     }
 
+    fn scale_levels(&mut self, level: T, viscous: T) {
+        self.steady.scale_levels(level, viscous);
+    }
+
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.steady.velocity_limit

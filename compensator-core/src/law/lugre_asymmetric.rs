@@ -58,6 +58,12 @@ impl<T: Real> FrictionLaw<T> for LugreAsymmetric<T> {
         self.positive.rescale_period(&of.positive, ratio);
     }
 
+    fn scale_levels(&mut self, level: T, viscous: T) {
+        self.positive.scale_levels(level, viscous);
+        self.coulomb_negative = self.coulomb_negative * level;
+        self.static_level_negative = self.static_level_negative * level;
+    }
+
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.positive.velocity_limit

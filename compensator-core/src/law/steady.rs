@@ -32,6 +32,12 @@ impl<T: Real> Steady<T> {
         }
     }
 
+    /// Multiplies the level by `level` and the viscous coefficient by `viscous`.
+    pub(super) fn scale_levels(&mut self, level: T, viscous: T) {
+        self.coulomb = self.coulomb * level;
+        self.viscous = self.viscous * viscous;
+    }
+
     /// Limits a velocity (rad/s) of any bit pattern to the velocity limit; NaN becomes 0.
     #[inline(always)]
     pub(super) fn limited(&self, velocity: T) -> T {

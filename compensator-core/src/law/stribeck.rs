@@ -36,6 +36,11 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
         }
     }
 
+    fn scale_levels(&mut self, level: T, viscous: T) {
+        self.steady.scale_levels(level, viscous);
+        self.static_level = self.static_level * level;
+    }
+
     #[inline(always)]
     fn velocity_limit(&self) -> T {
         self.steady.velocity_limit

@@ -20,6 +20,8 @@ pub(crate) struct DirectionAsymmetry<T> {
 impl<T: Real> Term<T> for DirectionAsymmetry<T> {
     const PARAMETERS: &'static [Id] = &[Id::CoulombAsymmetry, Id::ViscousAsymmetry];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
@@ -27,6 +29,10 @@ impl<T: Real> Term<T> for DirectionAsymmetry<T> {
             coulomb: T::from_setting(values.get(Id::CoulombAsymmetry)),
             viscous: T::from_setting(values.get(Id::ViscousAsymmetry)),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { coulomb: self.coulomb * gain, viscous: self.viscous * gain }
     }
 
     #[inline]

@@ -30,6 +30,8 @@ const CONTACT_AGE_MAX_S: f64 = 1000.0;
 impl<T: Real> Term<T> for DwellTimeStatic<T> {
     const PARAMETERS: &'static [Id] = &[Id::DwellGain, Id::DwellTime, Id::DwellTravel];
 
+    const SIZES: &'static [Id] = &[Id::DwellGain];
+
     /// Age of the contact, s.
     type Memory = T;
 
@@ -45,6 +47,10 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
 
     fn rescale_period(&self, ratio: T) -> Self {
         Self { period: self.period * ratio, renewal: self.renewal * ratio, ..*self }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { gain: self.gain * gain, ..*self }
     }
 
     #[inline]

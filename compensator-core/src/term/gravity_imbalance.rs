@@ -21,6 +21,8 @@ pub(crate) struct GravityImbalance<T> {
 impl<T: Real> Term<T> for GravityImbalance<T> {
     const PARAMETERS: &'static [Id] = &[Id::GravitySine, Id::GravityCosine];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     const READS: Option<Quantity> = Some(Quantity::Position);
 
     type Memory = ();
@@ -30,6 +32,10 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
             sine: T::from_setting(values.get(Id::GravitySine)),
             cosine: T::from_setting(values.get(Id::GravityCosine)),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { sine: self.sine * gain, cosine: self.cosine * gain }
     }
 
     #[inline]

@@ -16,6 +16,10 @@ pub(crate) trait Term<T: Real>: Copy + Default {
     /// Parameters of the term.
     const PARAMETERS: &'static [ParameterId];
 
+    /// Parameters that scale with a gain on the term: its effect is proportional to them, or nearly so. Empty if the
+    /// term has no size.
+    const SIZES: &'static [ParameterId] = &[];
+
     /// Quantity that the term requires.
     ///
     /// `None` if it needs only velocity, acceleration or time, which every log has, or if a parameter selects
@@ -33,6 +37,11 @@ pub(crate) trait Term<T: Real>: Copy + Default {
 
     /// Returns the coefficients for a sample period `ratio` times as long. Most do not depend on the period.
     fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    /// Returns the coefficients of the term with [`Term::SIZES`] times `gain`.
+    fn scaled(&self, _gain: T) -> Self {
         *self
     }
 

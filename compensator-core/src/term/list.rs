@@ -65,6 +65,15 @@ macro_rules! define_list {
                 }
             }
 
+            /// Sets the coefficients to those of `of` times the gains, in the order of the list.
+            pub(crate) fn set_gains(&mut self, of: &Self, gains: &[T; MAX_TERMS]) {
+                for (kind, gain) in of.kinds.iter().zip(gains) {
+                    match kind {
+                        $(TermKind::$kind => self.$file = of.$file.scaled(*gain),)*
+                    }
+                }
+            }
+
             /// Evaluates one term for one sample.
             ///
             /// Out of line. Inlined into the loop, the compiler would load and multiply the coefficients

@@ -18,12 +18,18 @@ pub(crate) struct LoadGain<T> {
 impl<T: Real> Term<T> for LoadGain<T> {
     const PARAMETERS: &'static [Id] = &[Id::LoadGain];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     const READS: Option<Quantity> = Some(Quantity::LoadTorque);
 
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { gain: T::from_setting(values.get(Id::LoadGain)) }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { gain: self.gain * gain }
     }
 
     #[inline]

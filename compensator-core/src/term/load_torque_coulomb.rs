@@ -18,12 +18,18 @@ pub(crate) struct LoadTorqueCoulomb<T> {
 impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
     const PARAMETERS: &'static [Id] = &[Id::LoadCoulomb];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     const READS: Option<Quantity> = Some(Quantity::LoadTorque);
 
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { coefficient: T::from_setting(values.get(Id::LoadCoulomb)) }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { coefficient: self.coefficient * gain }
     }
 
     #[inline]

@@ -158,6 +158,22 @@ impl<T: Real> Term<T> for LookupTable<T> {
         Id::LookupScale,
     ];
 
+    const SIZES: &'static [Id] = &[
+        Id::LookupTorque1,
+        Id::LookupTorque2,
+        Id::LookupTorque3,
+        Id::LookupTorque4,
+        Id::LookupTorque5,
+        Id::LookupTorque6,
+        Id::LookupLevel1,
+        Id::LookupLevel2,
+        Id::LookupLevel3,
+        Id::LookupLevel4,
+        Id::LookupLevel5,
+        Id::LookupLevel6,
+        Id::LookupRise,
+    ];
+
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
@@ -174,6 +190,11 @@ impl<T: Real> Term<T> for LookupTable<T> {
             torque: LOOKUP_TORQUES.map(number),
             level: levels(values).map(T::from_setting),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        let scale = |knots: [T; LOOKUP_KNOTS]| knots.map(|knot| knot * gain);
+        Self { torque: scale(self.torque), level: scale(self.level), ..*self }
     }
 
     // Out of line, because inlined into the loop over the terms it would slow down the others.

@@ -39,6 +39,8 @@ impl<T: Real> Terms<T> {
 
     pub(crate) fn rescale_period(&mut self, _: &Self, _: T) {}
 
+    pub(crate) fn set_gains(&mut self, _: &Self, _: &[T; MAX_TERMS]) {}
+
     #[inline(always)]
     pub(crate) fn act(&self, _: &Sample<T>, _: &mut Memory<T>, _: &mut Effects<T>) {}
 

@@ -33,6 +33,8 @@ fn amplitude<S: Real>(values: &ParameterValues<S>) -> f32 {
 impl<T: Real> Term<T> for PositionRipple<T> {
     const PARAMETERS: &'static [Id] = &[Id::RippleSine, Id::RippleCosine, Id::RippleOrder];
 
+    const SIZES: &'static [Id] = &[Id::RippleSine, Id::RippleCosine];
+
     const READS: Option<Quantity> = Some(Quantity::Position);
 
     type Memory = ();
@@ -43,6 +45,10 @@ impl<T: Real> Term<T> for PositionRipple<T> {
             sine: T::from_setting(values.get(Id::RippleSine)),
             cosine: T::from_setting(values.get(Id::RippleCosine)),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { sine: self.sine * gain, cosine: self.cosine * gain, ..*self }
     }
 
     #[inline]

@@ -20,6 +20,8 @@ pub(crate) struct PressureCoulomb<T> {
 impl<T: Real> Term<T> for PressureCoulomb<T> {
     const PARAMETERS: &'static [Id] = &[Id::PressureCoulomb, Id::PressureStaticExcess];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     const READS: Option<Quantity> = Some(Quantity::Pressure);
 
     type Memory = ();
@@ -32,6 +34,10 @@ impl<T: Real> Term<T> for PressureCoulomb<T> {
             coulomb: T::from_setting(coulomb * mega),
             static_level: T::from_setting((coulomb + excess) * mega),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { coulomb: self.coulomb * gain, static_level: self.static_level * gain }
     }
 
     #[inline]

@@ -18,10 +18,16 @@ pub(crate) struct QuadraticDrag<T> {
 impl<T: Real> Term<T> for QuadraticDrag<T> {
     const PARAMETERS: &'static [Id] = &[Id::QuadraticDrag];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { coefficient: T::from_setting(values.get(Id::QuadraticDrag)) }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { coefficient: self.coefficient * gain }
     }
 
     #[inline]

@@ -20,6 +20,8 @@ pub(crate) struct RadialForceCoulomb<T> {
 impl<T: Real> Term<T> for RadialForceCoulomb<T> {
     const PARAMETERS: &'static [Id] = &[Id::RadialForceCoulomb, Id::RadialForceStaticExcess];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     const READS: Option<Quantity> = Some(Quantity::RadialForce);
 
     type Memory = ();
@@ -28,6 +30,10 @@ impl<T: Real> Term<T> for RadialForceCoulomb<T> {
         let (coulomb, excess) =
             (values.get(Id::RadialForceCoulomb), values.get(Id::RadialForceStaticExcess));
         Self { coulomb: T::from_setting(coulomb), static_level: T::from_setting(coulomb + excess) }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { coulomb: self.coulomb * gain, static_level: self.static_level * gain }
     }
 
     #[inline]

@@ -18,6 +18,8 @@ pub(crate) struct RadialForceRate<T> {
 impl<T: Real> Term<T> for RadialForceRate<T> {
     const PARAMETERS: &'static [Id] = &[Id::RadialForceRate];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     const READS: Option<Quantity> = Some(Quantity::RadialForce);
 
     type Memory = ();
@@ -28,6 +30,10 @@ impl<T: Real> Term<T> for RadialForceRate<T> {
 
     fn rescale_period(&self, ratio: T) -> Self {
         Self { per_newton: self.per_newton / ratio }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { per_newton: self.per_newton * gain }
     }
 
     #[inline]

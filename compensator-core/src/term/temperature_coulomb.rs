@@ -30,6 +30,8 @@ fn exponents<S: Real>(values: &ParameterValues<S>) -> [f32; 2] {
 impl<T: Real> Term<T> for TemperatureCoulomb<T> {
     const PARAMETERS: &'static [Id] = &[Id::TemperatureCoulomb, Id::TemperatureReference];
 
+    const SIZES: &'static [Id] = &[Id::TemperatureCoulomb];
+
     const READS: Option<Quantity> = Some(Quantity::Temperature);
 
     type Memory = ();
@@ -39,6 +41,10 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
             rate: T::from_setting(values.get(Id::TemperatureCoulomb)),
             reference: T::from_setting(values.get(Id::TemperatureReference)),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { rate: self.rate * gain, ..*self }
     }
 
     #[inline]

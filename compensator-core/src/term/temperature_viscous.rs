@@ -20,6 +20,8 @@ pub(crate) struct TemperatureViscous<T> {
 impl<T: Real> Term<T> for TemperatureViscous<T> {
     const PARAMETERS: &'static [Id] = &[Id::TemperatureViscosity, Id::TemperatureReference];
 
+    const SIZES: &'static [Id] = &[Id::TemperatureViscosity];
+
     const READS: Option<Quantity> = Some(Quantity::Temperature);
 
     type Memory = ();
@@ -29,6 +31,10 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
             rate: T::from_setting(values.get(Id::TemperatureViscosity)),
             reference: T::from_setting(values.get(Id::TemperatureReference)),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { rate: self.rate * gain, ..*self }
     }
 
     #[inline]

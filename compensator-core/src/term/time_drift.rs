@@ -35,6 +35,8 @@ fn range<S: Real>(values: &ParameterValues<S>, envelope: &Envelope) -> (f32, f32
 impl<T: Real> Term<T> for TimeDrift<T> {
     const PARAMETERS: &'static [Id] = &[Id::DriftAmplitude, Id::DriftTime, Id::DriftRate];
 
+    const SIZES: &'static [Id] = &[Id::DriftAmplitude, Id::DriftRate];
+
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
@@ -44,6 +46,10 @@ impl<T: Real> Term<T> for TimeDrift<T> {
             per_time: T::from_setting(-hour / values.get(Id::DriftTime)),
             rate: T::from_setting(values.get(Id::DriftRate) * hour),
         }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { amplitude: self.amplitude * gain, rate: self.rate * gain, ..*self }
     }
 
     #[inline]

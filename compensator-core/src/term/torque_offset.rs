@@ -18,10 +18,16 @@ pub(crate) struct TorqueOffset<T> {
 impl<T: Real> Term<T> for TorqueOffset<T> {
     const PARAMETERS: &'static [Id] = &[Id::TorqueOffset];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { offset: T::from_setting(values.get(Id::TorqueOffset)) }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { offset: self.offset * gain }
     }
 
     #[inline]

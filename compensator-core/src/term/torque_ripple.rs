@@ -25,6 +25,18 @@ pub const TORQUE_RIPPLE_PARAMETERS: [[Id; 3]; TORQUE_RIPPLE_ORDERS] = [
     [Id::TorqueRippleOrder4, Id::TorqueRippleSine4, Id::TorqueRippleCosine4],
 ];
 
+/// Factors of sine and cosine of every order.
+const SIZES: [Id; 2 * TORQUE_RIPPLE_ORDERS] = [
+    Id::TorqueRippleSine1,
+    Id::TorqueRippleCosine1,
+    Id::TorqueRippleSine2,
+    Id::TorqueRippleCosine2,
+    Id::TorqueRippleSine3,
+    Id::TorqueRippleCosine3,
+    Id::TorqueRippleSine4,
+    Id::TorqueRippleCosine4,
+];
+
 /// One order: `n`, 1/rad; factor of `sin(n q)`, Nm; factor of `cos(n q)`, Nm.
 type Wave<T> = [T; 3];
 
@@ -37,6 +49,8 @@ pub(crate) struct TorqueRipple<T> {
 impl<T: Real> Term<T> for TorqueRipple<T> {
     const PARAMETERS: &'static [Id] = TORQUE_RIPPLE_PARAMETERS.as_flattened();
 
+    const SIZES: &'static [Id] = &SIZES;
+
     const READS: Option<Quantity> = Some(Quantity::Position);
 
     type Memory = ();
@@ -44,6 +58,11 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let waves =
             TORQUE_RIPPLE_PARAMETERS.map(|ids| ids.map(|id| T::from_setting(values.get(id))));
+        Self { waves }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        let waves = self.waves.map(|[order, sine, cosine]| [order, sine * gain, cosine * gain]);
         Self { waves }
     }
 

@@ -18,10 +18,16 @@ pub(crate) struct UnmodelledInertia<T> {
 impl<T: Real> Term<T> for UnmodelledInertia<T> {
     const PARAMETERS: &'static [Id] = &[Id::Inertia];
 
+    const SIZES: &'static [Id] = Self::PARAMETERS;
+
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { inertia: T::from_setting(values.get(Id::Inertia)) }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { inertia: self.inertia * gain }
     }
 
     #[inline]

@@ -49,6 +49,8 @@ pub(crate) struct Heat<T> {
 impl<T: Real> Term<T> for WarmUp<T> {
     const PARAMETERS: &'static [Id] = &[Id::WarmUpFall, Id::WarmUpEnergy, Id::WarmUpCooling];
 
+    const SIZES: &'static [Id] = &[Id::WarmUpFall];
+
     type Memory = Heat<T>;
 
     fn build(values: &ParameterValues<T::Setting>, period_s: T::Setting) -> Self {
@@ -63,6 +65,10 @@ impl<T: Real> Term<T> for WarmUp<T> {
 
     fn rescale_period(&self, ratio: T) -> Self {
         Self { share: self.share * ratio, ..*self }
+    }
+
+    fn scaled(&self, gain: T) -> Self {
+        Self { fall: self.fall * gain, ..*self }
     }
 
     // Out of line, because inlined into the loop over the terms it would slow down the others.
