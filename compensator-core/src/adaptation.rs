@@ -27,12 +27,14 @@
 //! The tests draw paths and check 1 to 3 in `f32` and fixed point.
 
 mod contact;
+mod evidence;
 mod gains;
 mod information;
 mod parameters;
 #[cfg(all(test, feature = "terms"))]
 mod tests;
 
+pub use evidence::{FOLLOWED, FollowedQuantity};
 pub use gains::{Gains, MAX_GAINS};
 pub use parameters::{AdaptationParameters, Frozen};
 
@@ -42,6 +44,7 @@ use crate::parameter::ParameterId;
 use crate::parameters::{ParameterError, Parameters};
 use crate::quantity::Sample;
 use contact::ContactWatch;
+use evidence::Evidence;
 use information::InformationRoot;
 
 /// Unknowns of the regression: the gains and a constant torque.
@@ -84,6 +87,8 @@ pub struct Observation {
     pub sample: Sample<f32>,
     /// Torque that drives the joint, less inertia and known load, Nm.
     pub torque_nm: f32,
+    /// Measured values of [`FOLLOWED`], each in any unit; `None` without a sensor.
+    pub followed: [Option<f32>; FOLLOWED.len()],
     /// Reason of the caller to learn nothing from this sample.
     pub blocked: Option<Frozen>,
 }
@@ -122,6 +127,7 @@ pub struct Adaptation {
     window: Window,
     /// Contacts in negative and in positive direction.
     contacts: [ContactWatch; 2],
+    evidence: Evidence,
     direction: f32,
     /// Time of sliding in the present direction, s.
     sliding_s: f32,
@@ -169,6 +175,7 @@ impl Adaptation {
             scatter_nm2: noise_nm * noise_nm,
             window: Window::default(),
             contacts: Default::default(),
+            evidence: Evidence::default(),
             direction: 0.0,
             sliding_s: 0.0,
             free_s: 0.0,
@@ -183,7 +190,14 @@ impl Adaptation {
         self.information = prior_information(self.count);
         self.estimate = unknowns_of(&Gains::default());
         self.scatter_nm2 = self.parameters.noise_nm * self.parameters.noise_nm;
+        self.evidence = Evidence::default();
         self.learnt_s = 0.0;
+    }
+
+    /// Returns the quantity that the learnt level follows, if the model does not use it: a term of it would explain more
+    /// than a level that is learnt anew.
+    pub fn followed(&self) -> Option<FollowedQuantity> {
+        self.evidence.followed(&self.written)
     }
 
     /// Returns the gains in use.
@@ -241,7 +255,7 @@ impl Adaptation {
             return false;
         }
         self.observe(sample, observation.torque_nm, dynamic_nm);
-        self.window.samples >= self.window_samples && self.close_window()
+        self.window.samples >= self.window_samples && self.close_window(&observation.followed)
     }
 
     fn implausible(&self, observation: &Observation) -> Option<Frozen> {
@@ -316,7 +330,7 @@ impl Adaptation {
     }
 
     /// Learns from a complete window. Returns true if the gains in use have changed.
-    fn close_window(&mut self) -> bool {
+    fn close_window(&mut self, followed: &[Option<f32>; FOLLOWED.len()]) -> bool {
         let window = core::mem::take(&mut self.window);
         let share = 1.0 / f32::from(window.samples.max(1));
         let noise_nm = self.parameters.noise_nm;
@@ -334,6 +348,7 @@ impl Adaptation {
         self.scatter_nm2 = self.scatter_nm2.at_least(noise_nm * noise_nm);
         self.learn(&window.regressors.map(|sum| sum * share / noise_nm), limited_nm / noise_nm);
         self.learnt_s += duration_s;
+        self.evidence.step(self.estimate[0], followed, duration_s);
         self.follow(self.parameters.slew_per_s * duration_s)
     }
 

@@ -21,6 +21,7 @@ pub use crate::configuration::CompensatorParameters;
 pub use crate::flags::Flags;
 pub use crate::quantity::{Inputs, Reading};
 
+use crate::adaptation::Gains;
 use crate::configuration::Configuration;
 use crate::model::{FrictionModel, ModelState, Sample};
 use crate::network::Factors;
@@ -51,6 +52,8 @@ pub struct Compensator<T: Real> {
     /// network factors apply.
     is_fast_path: bool,
     model: FrictionModel<T>,
+    /// The tuned set, from which gains are applied.
+    base: FrictionModel<T>,
     built: BuiltParameters<T>,
     state: ModelState<T>,
     /// Factors that a network last supplied; `None` if the law's constants apply.
@@ -88,6 +91,7 @@ impl<T: Real> Compensator<T> {
             radial_force: Held::unmeasured(&built),
             pressure: Held::unmeasured(&built),
             covariates: Covariates::unmeasured(&built, &configuration.model.envelope, reference),
+            base: model.clone(),
             model,
             built,
         })
@@ -124,6 +128,11 @@ impl<T: Real> Compensator<T> {
     pub fn supply(&mut self, factors: Option<Factors<T>>) {
         self.factors = factors;
         self.select_path();
+    }
+
+    /// Sets the gains on the sizes of the model ([`crate::adaptation`]) from the next sample on. The state stays.
+    pub fn set_gains(&mut self, gains: &Gains<T>) {
+        self.model.set_gains(&self.base, gains);
     }
 
     /// Returns the torque of the bristle deflection, Nm.

@@ -47,7 +47,7 @@ fn run(
             ..Sample::default()
         };
         let torque_nm = model.step(&mut state, &sample);
-        let mut observation = Observation { sample, torque_nm, blocked: None };
+        let mut observation = Observation { sample, torque_nm, followed: [None; 3], blocked: None };
         disturb(time_s, &mut observation);
         adaptation.step(&observation);
     }
