@@ -46,15 +46,13 @@ pub trait RigDriver {
     fn is_reset(&self) -> bool;
 
     /// Resets the processor from outside, as its reset pin does. The driver then stays inactive.
-    fn reset(&mut self) {}
+    fn reset(&mut self);
 
     /// Runs 1 ms, in which a driver that was reset starts again from its flash. The joint is as the reset left it.
     ///
     /// # Errors
     /// Returns one line if the driver cannot be restarted.
-    fn restart(&mut self) -> Result<(), String> {
-        Err("this driver cannot be restarted".to_owned())
-    }
+    fn restart(&mut self) -> Result<(), String>;
 
     /// Returns true if the joint is armed.
     fn is_armed(&mut self) -> bool;

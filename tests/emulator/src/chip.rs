@@ -394,7 +394,8 @@ impl<W: World> Chip<W> {
         }
     }
 
-    fn request_reset(&mut self) {
+    /// Resets the processor, as its pin does: [`Chip::is_reset_requested`].
+    pub fn request_reset(&mut self) {
         // A reset returns the timer's outputs to their idle level.
         self.advance_world(self.now);
         self.timer1.open();

@@ -17,11 +17,11 @@ use firmware::panic_note::{PanicNote, Part};
 use firmware::sensors::thermistor::Thermistor;
 use firmware::supervisor::{CodeSet, ResetCause};
 use joint_rig::{
-    BOARD_TRAITS, InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, Stage, codes_from_bits,
-    current_a, stored_flash,
+    BOARD_TRAITS, InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigFaults, Stage,
+    codes_from_bits, current_a, stored_flash,
 };
 use joint_trace::CanFrame;
-use simulated_machines::joint_plant::Measured;
+use simulated_machines::joint_plant::{JointPlant, Load, Measured, Parameters};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -60,6 +60,18 @@ pub struct JointWorld {
 }
 
 impl JointWorld {
+    fn new(mut stage: Stage) -> Self {
+        let sampled = stage.plant.measure();
+        Self {
+            stage,
+            sampled,
+            is_low_side_on: [true; 2],
+            state: BoardState::default(),
+            thermistors: [(None, 0); 2],
+            has_pressure_sensor: false,
+        }
+    }
+
     fn thermistor(&mut self, place: usize, temperature_c: Option<f32>) -> u16 {
         let (known, counts) = &mut self.thermistors[place];
         if *known != temperature_c || *counts == 0 {
@@ -206,6 +218,8 @@ impl Drop for BoardDriver {
 pub struct BoardDriver {
     machine: Machine<JointWorld>,
     is_reset: bool,
+    /// Flags of the last reset.
+    reset_flags: u32,
     /// It did not answer the last request of its state.
     is_silent: bool,
     /// Time by which the machine is ahead of the rig, cycles: reading the state takes some.
@@ -236,21 +250,12 @@ impl BoardDriver {
         image: &Image,
         start: &PowerUp,
         store: &StoreContent,
-        mut stage: Stage,
+        stage: Stage,
     ) -> Result<Self, String> {
         if stage.board.is_none() {
             return Err("the image needs the sensors of the board".into());
         }
-        let sampled = stage.plant.measure();
-        let world = JointWorld {
-            stage,
-            sampled,
-            is_low_side_on: [true; 2],
-            state: BoardState::default(),
-            thermistors: [(None, 0); 2],
-            has_pressure_sensor: false,
-        };
-        let mut chip = Chip::new(world);
+        let mut chip = Chip::new(JointWorld::new(stage));
         chip.flash.set_store(store);
         chip.clock.set_reset_flags(match start.boot.cause {
             ResetCause::Watchdog => reset::WATCHDOG | reset::PIN,
@@ -269,6 +274,7 @@ impl BoardDriver {
         let mut driver = Self {
             machine,
             is_reset: false,
+            reset_flags: reset::PIN,
             is_silent: false,
             ahead: 0,
             frames: VecDeque::new(),
@@ -318,12 +324,19 @@ impl BoardDriver {
     fn run(&mut self, cycles: u64) {
         match self.machine.run(cycles) {
             StopReason::Time => {}
-            StopReason::Reset => self.is_reset = true,
+            StopReason::Reset if self.machine.chip().is_watchdog_reset() => {
+                self.end_run(reset::WATCHDOG | reset::PIN);
+            }
+            StopReason::Reset => self.end_run(reset::SOFTWARE | reset::PIN),
             // The watchdog or the lockup's own break follow; the rig shows an open bridge.
-            StopReason::Lockup(_) => self.is_reset = true,
+            StopReason::Lockup(_) => self.end_run(reset::WATCHDOG | reset::PIN),
         }
         let sent = &mut self.machine.chip_mut().can.sent;
         self.frames.extend(sent.drain(..).map(|(_, frame)| frame));
+    }
+
+    fn end_run(&mut self, reset_flags: u32) {
+        (self.is_reset, self.reset_flags) = (true, reset_flags);
     }
 
     /// Reads an entry of the state object over the bus; the last value if there is no answer.
@@ -431,6 +444,25 @@ impl RigDriver for BoardDriver {
 
     fn is_reset(&self) -> bool {
         self.is_reset
+    }
+
+    fn reset(&mut self) {
+        self.machine.chip_mut().request_reset();
+        self.end_run(reset::PIN);
+    }
+
+    fn restart(&mut self) -> Result<(), String> {
+        let old = self.machine.chip_mut();
+        // The joint goes on with the new chip, so that the old one needs another.
+        let unused = JointPlant::new(&Parameters::default(), Load::Free, 0);
+        let unused = JointWorld::new(Stage::new(unused, &RigFaults::default()));
+        let mut chip = Chip::new(std::mem::replace(&mut old.world, unused));
+        chip.clock.set_reset_flags(self.reset_flags);
+        self.machine = self.machine.restarted(chip)?;
+        self.frames.clear();
+        (self.is_reset, self.is_silent, self.ahead) = (false, false, 0);
+        self.run(MILLISECOND_CYCLES);
+        Ok(())
     }
 
     fn is_armed(&mut self) -> bool {

@@ -51,6 +51,8 @@ pub struct Machine<W: World + 'static> {
     pc: u32,
     /// Handlers in which the core may not run: thread mode is stopped until then.
     thread_stalled_until: u64,
+    /// Vector table of the start.
+    vectors: u32,
 }
 
 impl<W: World + 'static> Machine<W> {
@@ -70,6 +72,19 @@ impl<W: World + 'static> Machine<W> {
     /// Returns one line if the emulator cannot be set up.
     pub fn power_up(chip: Chip<W>) -> Result<Self, String> {
         Self::start(chip, FLASH.0)
+    }
+
+    /// Starts a chip after a reset, from where this machine did: flash and RAM keep their content.
+    ///
+    /// # Errors
+    /// Returns one line if the emulator cannot be set up.
+    pub fn restarted(&self, mut chip: Chip<W>) -> Result<Self, String> {
+        chip.flash = self.chip().flash.after_reset();
+        let mut next = Self::start(chip, self.vectors)?;
+        for (first, length) in [RAM, CCM] {
+            next.write_memory(first, &self.read_memory(first, length as usize));
+        }
+        Ok(next)
     }
 
     fn start(mut chip: Chip<W>, vectors: u32) -> Result<Self, String> {
@@ -110,6 +125,7 @@ impl<W: World + 'static> Machine<W> {
             records_runs: false,
             pc: 0,
             thread_stalled_until: 0,
+            vectors,
         };
         machine.write_memory(RAM.0, &PAINT.to_le_bytes().repeat(RAM.1 as usize / 4));
         let stack = machine.word(vectors);

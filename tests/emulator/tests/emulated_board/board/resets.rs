@@ -55,9 +55,7 @@ fn recovery_that_hangs_is_reset_by_its_watchdog() {
 fn after_reset(machine: &Machine<Constant>) -> Machine<Constant> {
     let mut chip = Chip::new(Constant::default());
     chip.clock.set_reset_flags(reset::SOFTWARE | reset::PIN);
-    let mut next = Machine::new(image(), chip).expect("a machine");
-    next.write_memory(RAM.0, &machine.read_memory(RAM.0, RAM.1 as usize));
-    next
+    machine.restarted(chip).expect("a machine")
 }
 
 /// Registers of the memory protection: its use, and the address and attributes of its region.
