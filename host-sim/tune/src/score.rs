@@ -133,11 +133,12 @@ const RESAMPLES: usize = 4000;
 /// Returns the gain of each quantity over pairs of blocks, former set first, with its interval: a bootstrap over the pairs.
 /// With few pairs a percentile interval is too short, so the resampled gains are spread by `sqrt(n / (n - 1))`.
 pub fn gains(pairs: &[[Scored; 2]], seed: u64) -> Vec<TuneGain> {
-    let quantities = TuneQuantity::ALL.into_iter().enumerate();
-    quantities.map(|(place, quantity)| gain(pairs, place, quantity, seed)).collect()
+    TuneQuantity::ALL.into_iter().map(|quantity| gain(pairs, quantity, seed)).collect()
 }
 
-fn gain(pairs: &[[Scored; 2]], place: usize, quantity: TuneQuantity, seed: u64) -> TuneGain {
+/// Returns the gain of a quantity, as [`gains`] does.
+pub fn gain(pairs: &[[Scored; 2]], quantity: TuneQuantity, seed: u64) -> TuneGain {
+    let place = TuneQuantity::ALL.iter().position(|own| *own == quantity).unwrap_or(0);
     let mean = |which: usize, choose: &mut dyn FnMut(usize) -> usize| {
         let sum: f64 = (0..pairs.len()).map(|at| pairs[choose(at)][which].scores[place]).sum();
         sum / pairs.len() as f64

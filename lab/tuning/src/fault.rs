@@ -1,6 +1,6 @@
 //! A fault in the middle of a session: afterwards the joint is safe and has its former set.
 
-use super::{LIMITS, SECONDS, Stand, joint, options};
+use super::{LIMITS, SECONDS, Stand, StartStand, joint, options};
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
 use joint_rig::{EncoderFault, JointEvent, service};
@@ -60,9 +60,22 @@ const SETTLING_NS: u64 = 6_000_000_000;
 /// # Errors
 /// Returns one line if the joint does not start or does not answer afterwards.
 pub fn grade_fault(seed: u64, fault: Fault, share: f64) -> Result<FaultGrade, String> {
+    grade_fault_on(seed, fault, share, Stand::new)
+}
+
+/// Runs a session with a fault as [`grade_fault`] does, on the stand that `start` makes for the joint with its set.
+///
+/// # Errors
+/// As [`grade_fault`].
+pub fn grade_fault_on(
+    seed: u64,
+    fault: Fault,
+    share: f64,
+    start: StartStand,
+) -> Result<FaultGrade, String> {
     let joint = joint(seed, None)?;
     let set = service::starting_set(&joint);
-    let stand = Stand::new(&joint, &set)?;
+    let stand = start(&joint, &set)?;
     let at_ns = (share * SECONDS * 1e9) as u64;
     match fault {
         Fault::Cable => stand.node().borrow_mut().schedule(at_ns, JointEvent::CableCut),

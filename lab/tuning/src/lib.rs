@@ -12,7 +12,7 @@ mod rival;
 mod stand;
 pub mod summary;
 
-pub use fault::{Fault, FaultGrade, grade_fault};
+pub use fault::{Fault, FaultGrade, grade_fault, grade_fault_on};
 pub use stand::{Stand, Truth};
 
 use firmware::parameter_set::ParameterSet;
@@ -84,6 +84,9 @@ pub struct Grade {
     pub claimed: [[f64; 3]; 2],
     /// The same gains by the true position of the output, of the saved set over the former one; 0 if nothing was saved.
     pub true_gains: [[f64; 3]; 2],
+    /// Errors by the true position of the output with the former and with the saved set, or twice with the former one: at
+    /// reversals and RMS, rad.
+    pub true_errors_rad: [[f64; 2]; 2],
     /// Errors of the rival over those of the saved set, at reversals and RMS, by the true position and by the encoder's; NaN
     /// if nothing was saved.
     pub rival_ratio: [[f64; 2]; 2],
@@ -191,10 +194,17 @@ fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), Str
         let found = session.report.gains.iter().find(|own| own.quantity == quantity);
         found.map_or([0.0; 3], |own| [own.gain, own.ci95[0], own.ci95[1]])
     };
-    let true_gains = if session.is_saved() {
-        stand.truth().gains(&trial_blocks(&session))
+    let truth = stand.truth();
+    let (true_gains, true_errors_rad) = if session.is_saved() {
+        let gains = truth.gains(&trial_blocks(&session));
+        let errors =
+            [gains.each_ref().map(|own| own.before), gains.each_ref().map(|own| own.after)];
+        (gains.map(|own| [own.gain, own.ci95[0], own.ci95[1]]), errors)
     } else {
-        [[0.0; 3]; 2]
+        let baseline = session.recordings.first();
+        let errors = baseline.map(|(own, _)| truth.scored(own).scores);
+        let errors = errors.map_or([f64::NAN; 2], |scores| [scores[0], scores[1]]);
+        ([[0.0; 3]; 2], [errors; 2])
     };
     let grade = Grade {
         case: case.clone(),
@@ -208,6 +218,7 @@ fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), Str
         probability: session.report.probability,
         claimed: [claim(TuneQuantity::ReversalError), claim(TuneQuantity::TrackingRms)],
         true_gains,
+        true_errors_rad,
         rival_ratio: [[f64::NAN; 2]; 2],
         seconds: session.report.seconds,
     };

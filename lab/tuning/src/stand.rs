@@ -4,12 +4,13 @@ use super::Silent;
 use canopen_rs::Address;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
+use friction_results::tune::{TuneGain, TuneQuantity};
 use joint_bus::bus::{Bus, BusError, Counters, Hub, Participant, Received};
 use joint_bus::canopen::Client;
 use joint_rig::MotorNode;
 use joint_trace::CanFrame;
 use joint_tuning::recording::Recording;
-use joint_tuning::score::{Scored, gains, score};
+use joint_tuning::score::{Scored, gain, score};
 use joint_tuning::{Session, TuneOptions, tune};
 use simulated_machines::joint_plant::DrawnJoint;
 use std::cell::{Cell, RefCell};
@@ -42,17 +43,15 @@ impl Truth {
         score(&self.corrected(recording), 1.0)
     }
 
-    /// Returns the true gains of the error at reversals and of the tracking error over pairs of blocks, with their intervals.
-    pub fn gains(&self, blocks: &[(bool, &Recording)]) -> [[f64; 3]; 2] {
+    /// Returns the true gains of the error at reversals and of the tracking error over pairs of blocks.
+    pub fn gains(&self, blocks: &[(bool, &Recording)]) -> [TuneGain; 2] {
         let pair = |pair: &[(bool, &Recording)]| {
             let of = |is_new: bool| pair.iter().find(|(new, _)| *new == is_new);
             Some([self.scored(of(false)?.1), self.scored(of(true)?.1)])
         };
         let pairs: Vec<[Scored; 2]> = blocks.chunks_exact(2).filter_map(pair).collect();
-        let found = gains(&pairs, 1);
-        [0, 1].map(|place| {
-            found.get(place).map_or([0.0; 3], |own| [own.gain, own.ci95[0], own.ci95[1]])
-        })
+        [TuneQuantity::ReversalError, TuneQuantity::TrackingRms]
+            .map(|quantity| gain(&pairs, quantity, 1))
     }
 }
 
