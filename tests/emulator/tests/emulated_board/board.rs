@@ -17,4 +17,5 @@ mod resets;
 mod scope;
 mod slots;
 mod start;
+mod tuning;
 mod update;

@@ -1,0 +1,188 @@
+//! Sessions of `tune` on drawn joints that the image drives: `tuning.tsv`.
+//!
+//! The short form sets a trial on the image, and sees the stored set return at its deadline and after a reset. `LONG_TESTS=1`
+//! tunes ten joints of three families of friction, and compares their errors by the true position of the output with the
+//! file, which `UPDATE_TABLES=1` writes. One session has a reset in its middle.
+
+use crate::common::image;
+use emulated_board::BoardDriver;
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::TrialObject;
+use firmware::parameter_set::ParameterSet;
+use joint_rig::{JointEvent, MotorNode, RigFaults, service, stage_at_power_up};
+use joint_tuning::Master;
+use joint_tuning::master::TRIAL_DEADLINE_MS;
+use joint_tuning::trial_set::{self, TunedSet};
+use rayon::prelude::*;
+use simulated_machines::joint_plant::DrawnJoint;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use tuned_joints::summary::median;
+use tuned_joints::{
+    Case, Fault, Grade, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade_fault_on, grade_on, joint,
+    options,
+};
+
+/// Seeds of the joints: others than those of the table of graded sessions.
+const FIRST_SEED: u64 = 46_000;
+/// Number of joints, each with another hidden effect.
+const JOINTS: usize = 10;
+/// Median gains of the error at reversals and of the tracking error that the joints reach at least.
+const LEAST_GAINS: [f64; 2] = [0.6, 0.4];
+/// Deviation from the file, as a share, before the session and after it: another image may choose another set.
+const TOLERANCES: [(&str, f64); 2] = [("before", 0.05), ("after", 0.3)];
+/// Time after the deadline of a trial until the stored set must be back, and from a reset until the image answers, ms.
+const RETURN_MS: u64 = 500;
+const MILLISECOND_NS: u64 = 1_000_000;
+/// State of a trial whose host was late (2042h:3).
+const HOST_WAS_LATE: u32 = 4;
+
+const HEAD: &str = "seed\tfamily\thidden\tsaved\treversal before, mrad\treversal after, mrad\tRMS before, mrad\tRMS after, mrad\tworse\n";
+
+/// Starts the image on a drawn joint with this set in its flash.
+fn start(joint: &DrawnJoint, set: &ParameterSet) -> Result<Stand, String> {
+    let start = MotorNode::power_up(joint, set);
+    let stage = stage_at_power_up(&start, joint.plant(), &RigFaults::default());
+    let driver = BoardDriver::start(image(), &start, stage)?;
+    Ok(Stand::with_node(MotorNode::drawn_on(Box::new(driver), joint)))
+}
+
+/// CRC of the active set, and the position gain.
+fn in_use(stand: &Stand) -> (u32, u32) {
+    let at = canopen_rs::Address::new(index::POSITION_LOOP, 1);
+    let gain = stand.client().read_number(at).expect("an answer");
+    (stand.active_crc().expect("an answer"), gain)
+}
+
+/// Sets half of the compensation and another position gain on trial. Returns what was in use before, and is on trial.
+fn begin_trial(stand: &Stand, set: &ParameterSet) -> [(u32, u32); 2] {
+    let before = in_use(stand);
+    let own = options(1, LIMITS);
+    let mut master = Master::new(stand.client(), own.node, own.limits, Box::new(|| false));
+    trial_set::open(&mut master).expect("an open trial");
+    let mut tried = TunedSet { set: set.clone(), position_gain: before.1 / 2 };
+    tried.set.friction.compensator.scale = 0.5;
+    trial_set::apply(&mut master, &tried).expect("a set on trial");
+    let on_trial = in_use(stand);
+    assert_eq!(on_trial, (tried.set.crc(), tried.position_gain));
+    [before, on_trial]
+}
+
+fn run_for(stand: &Stand, milliseconds: u64) {
+    let hub = stand.hub();
+    hub.run_until(hub.now_ns() + milliseconds * MILLISECOND_NS).expect("a bus");
+}
+
+#[test]
+fn trial_without_renewal_returns_image_to_its_stored_set() {
+    let joint = joint(FIRST_SEED, None).expect("a joint");
+    let set = service::starting_set(&joint);
+    let stand = start(&joint, &set).expect("the image starts");
+    let [before, on_trial] = begin_trial(&stand, &set);
+    // A change of the set has five times the usual deadline.
+    let deadline_ms = 5 * u64::from(TRIAL_DEADLINE_MS);
+    run_for(&stand, deadline_ms - RETURN_MS);
+    assert_eq!(in_use(&stand), on_trial);
+    run_for(&stand, 2 * RETURN_MS);
+    assert_eq!(in_use(&stand), before);
+    let state = canopen_rs::Address::new(index::TRIAL, TrialObject::STATE);
+    assert_eq!(stand.client().read_number(state).expect("an answer"), HOST_WAS_LATE);
+}
+
+#[test]
+fn image_that_is_reset_in_a_trial_starts_with_its_stored_set() {
+    let joint = joint(FIRST_SEED, None).expect("a joint");
+    let set = service::starting_set(&joint);
+    let stand = start(&joint, &set).expect("the image starts");
+    let [before, _] = begin_trial(&stand, &set);
+    let now_ns = stand.hub().now_ns();
+    stand.node().borrow_mut().schedule(now_ns, JointEvent::ProcessorReset);
+    run_for(&stand, RETURN_MS);
+    assert_eq!(stand.node().borrow().restarts(), 1);
+    assert_eq!(in_use(&stand), before);
+}
+
+fn cases() -> Vec<Case> {
+    let hidden = SHOWN_BY_MOTION.into_iter().take(JOINTS);
+    let case = |(seed, hidden)| Case { seed, hidden: Some(hidden), start: Start::Commissioned };
+    (FIRST_SEED..).zip(hidden).map(case).collect()
+}
+
+fn emit(grades: &[Grade]) -> String {
+    let mut text = HEAD.to_owned();
+    for own in grades {
+        let [before, after] = own.true_errors_rad.map(|errors| errors.map(|rad| 1e3 * rad));
+        let _ = writeln!(
+            text,
+            "{}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.3}\t{:.3}\t{}",
+            own.case.seed,
+            own.family,
+            own.case.hidden.unwrap_or("none"),
+            own.is_saved,
+            before[0],
+            after[0],
+            before[1],
+            after[1],
+            own.is_worse(),
+        );
+    }
+    text
+}
+
+/// Compares two rows: words exactly, errors within [`TOLERANCES`].
+fn compare(known: &str, now: &str) {
+    let columns = HEAD.trim_end().split('\t');
+    for ((column, known_cell), now_cell) in columns.zip(known.split('\t')).zip(now.split('\t')) {
+        let tolerance = TOLERANCES.iter().find(|(name, _)| column.contains(name));
+        let is_equal = match (tolerance, known_cell.parse::<f64>(), now_cell.parse::<f64>()) {
+            (Some((_, share)), Ok(known), Ok(now)) => (known - now).abs() <= share * known,
+            _ => known_cell == now_cell,
+        };
+        assert!(is_equal, "{column}: {known}\n{now}\nUPDATE_TABLES=1 writes tuning.tsv");
+    }
+}
+
+#[test]
+fn sessions_on_image_move_the_outputs_of_their_joints_better() {
+    if std::env::var_os("LONG_TESTS").is_none() {
+        return;
+    }
+    let grades: Vec<Grade> = cases()
+        .par_iter()
+        .map(|case| {
+            let graded = grade_on(case, start);
+            let graded = graded.unwrap_or_else(|error| panic!("seed {}: {error}", case.seed));
+            println!("{}{}", emit(std::slice::from_ref(&graded)), graded.why_not);
+            graded
+        })
+        .collect();
+    let worse: Vec<u64> =
+        grades.iter().filter(|own| own.is_worse()).map(|own| own.case.seed).collect();
+    assert!(worse.is_empty(), "worse than before: {worse:?}");
+    let families: BTreeSet<&str> = grades.iter().map(|own| own.family).collect();
+    assert_eq!(families.len(), 3, "{families:?}");
+    for (place, least) in LEAST_GAINS.into_iter().enumerate() {
+        let gain = median(grades.iter().map(|own| own.true_gains[place][0]));
+        println!("measured: median gain {gain:.3} on the image, of {} joints", grades.len());
+        assert!((least..1.0).contains(&gain), "quantity {place}: {gain}");
+    }
+    let written = emit(&grades);
+    let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "tuning.tsv"].iter().collect();
+    if std::env::var_os("UPDATE_TABLES").is_some() {
+        return std::fs::write(path, written).expect("the file can be written");
+    }
+    let known = std::fs::read_to_string(path).expect("tuning.tsv");
+    assert_eq!(known.lines().count(), written.lines().count(), "UPDATE_TABLES=1 writes tuning.tsv");
+    known.lines().zip(written.lines()).for_each(|(known, now)| compare(known, now));
+}
+
+#[test]
+fn reset_in_a_session_leaves_image_and_joint_as_before() {
+    if std::env::var_os("LONG_TESTS").is_none() {
+        return;
+    }
+    let seed = FIRST_SEED + JOINTS as u64;
+    let graded = grade_fault_on(seed, Fault::Reset, 0.2, start).expect("the image starts");
+    assert!(graded.is_noticed && graded.is_safe && graded.is_former, "{graded:?}");
+}
