@@ -10,6 +10,7 @@
 //! * **Least squares** in square-root form, which forgets only what new data replaces (see `information`).
 //! * **Frozen** at rest, near a reversal, at a fault or a limit, with missing or implausible inputs, during a contact, and
 //!   after arming ([`Frozen`]).
+//! * **Dead zone**: The structure of every law is wrong by some percent. Changes below this leave the tuned set in use.
 //! * **Bounds**: The estimate is projected into a box around the tuned set. The gains in use follow it with a limited rate.
 //!
 //! # Proof that every path in the box is safe
@@ -63,7 +64,11 @@ const STEADY_RATIO: f32 = 1e6;
 /// Duration of a window, s. Its samples count as one observation.
 const WINDOW_S: f32 = 0.05;
 
-/// Standard deviation of the gains before anything is learnt.
+/// Time for which errors are alike, s: that of a stroke in a range of speed where the structure of the law is wrong. The
+/// windows of this time together count as one observation of the noise.
+const CORRELATED_S: f32 = 1.0;
+
+/// Standard deviation of the gains before anything is learnt, and of the gains in use around the tuned set.
 const PRIOR_DEVIATION: f32 = 0.3;
 
 /// Standard deviation of the constant torque before anything is learnt, as a share of the Coulomb level. It is larger than
@@ -79,6 +84,17 @@ const SCATTER_SHARE: f32 = 0.02;
 /// Difference between the dynamic and the steady torque below which the bristles count as saturated, as a share of the
 /// steady torque.
 const SATURATED_SHARE: f32 = 0.05;
+
+/// Effect of a gain on the torque below which the tuned set applies, as a share of the level: the usual error of a law's
+/// structure.
+const ZONE: f32 = 0.04;
+
+/// Change of the level below which the tuned level applies: downwards and upwards. A level that is too high by the first is
+/// still below the friction, because the compensation has a scale of 0.9. A level that is too low costs more.
+const LEVEL_ZONE: [f32; 2] = [0.05, 0.02];
+
+/// Standard deviation of a gain that is kept.
+const FIXED_DEVIATION: f32 = 1e-3;
 
 /// Result of one sample of the joint.
 #[derive(Clone, Copy, Debug)]
@@ -124,6 +140,8 @@ pub struct Adaptation {
     gains: Gains<f32>,
     /// Mean square of the windows' errors, Nm^2.
     scatter_nm2: f32,
+    /// Mean effect of a change of each unknown by 1, Nm.
+    effects: [f32; DIMENSIONS],
     window: Window,
     /// Contacts in negative and in positive direction.
     contacts: [ContactWatch; 2],
@@ -173,6 +191,7 @@ impl Adaptation {
             offset_nm: written.get(ParameterId::CoulombTorque),
             gains: Gains::default(),
             scatter_nm2: noise_nm * noise_nm,
+            effects: [0.0; DIMENSIONS],
             window: Window::default(),
             contacts: Default::default(),
             evidence: Evidence::default(),
@@ -346,7 +365,11 @@ impl Adaptation {
         let square = error_nm.within(2.0 * MAX_ERROR * scatter_nm);
         self.scatter_nm2 += SCATTER_SHARE * (square * square - self.scatter_nm2);
         self.scatter_nm2 = self.scatter_nm2.at_least(noise_nm * noise_nm);
-        self.learn(&window.regressors.map(|sum| sum * share / noise_nm), limited_nm / noise_nm);
+        for (effect, sum) in self.effects.iter_mut().zip(&window.regressors) {
+            *effect += (1.0 - self.retained) * (Real::abs(*sum) * share - *effect);
+        }
+        let weight = libm::sqrtf(duration_s / CORRELATED_S) / noise_nm;
+        self.learn(&window.regressors.map(|sum| sum * share * weight), limited_nm * weight);
         self.learnt_s += duration_s;
         self.evidence.step(self.estimate[0], followed, duration_s);
         self.follow(self.parameters.slew_per_s * duration_s)
@@ -366,9 +389,37 @@ impl Adaptation {
         }
     }
 
+    /// Returns the estimate, with gains near the tuned set replaced by those of the tuned set.
+    ///
+    /// The structure of a law is wrong by some percent, by other values in other motions. Gains that fit these errors make
+    /// the compensation worse. So every gain has a guess, and a dead zone in units of its effect on the torque. What a dead
+    /// zone removes from one gain, the data give to the level. The information itself does not contain the guesses.
+    fn guarded_estimate(&self) -> [f32; DIMENSIONS] {
+        let mut information = self.information.clone();
+        let mut unknowns = self.estimate;
+        let mut move_to =
+            |unknowns: &mut [f32; DIMENSIONS], index: usize, value, deviation: f32| {
+                let mut row = [0.0; DIMENSIONS];
+                row[index] = 1.0 / deviation;
+                let change = information.update(&row, (value - unknowns[index]) / deviation);
+                unknowns.iter_mut().zip(change).for_each(|(unknown, change)| *unknown += change);
+            };
+        let others = || (1..self.count).filter(|index| *index != OFFSET);
+        others().for_each(|index| move_to(&mut unknowns, index, 1.0, PRIOR_DEVIATION));
+        let mut kept = [1.0; DIMENSIONS];
+        for index in others() {
+            let effect = self.effects[index] / self.effects[0].at_least(f32::MIN_POSITIVE);
+            kept[index] += beyond(unknowns[index] - 1.0, [ZONE / effect.at_least(1e-6); 2]);
+            move_to(&mut unknowns, index, kept[index], FIXED_DEVIATION);
+        }
+        kept[0] += beyond(unknowns[0] - 1.0, LEVEL_ZONE);
+        let [least, most] = [self.parameters.least_gain, self.parameters.largest_gain];
+        kept.map(|gain| gain.at_least(least).at_most(most))
+    }
+
     /// Moves the gains in use towards the estimate, by at most `step`.
     fn follow(&mut self, step: f32) -> bool {
-        let target = gains_of(&self.estimate).to_array();
+        let target = gains_of(&self.guarded_estimate()).to_array();
         let mut next = self.gains.to_array();
         for (gain, target) in next.iter_mut().zip(target) {
             *gain += (target - *gain).within(step);
@@ -387,6 +438,14 @@ impl Adaptation {
 
 /// Largest constant torque, in units of the Coulomb level.
 const MAX_OFFSET: f32 = 10.0;
+
+/// Returns a change without what lies in a dead zone (downwards and upwards). The zone closes: twice as far, the change is
+/// complete.
+fn beyond(change: f32, [down, up]: [f32; 2]) -> f32 {
+    let zone = if change < 0.0 { down } else { up };
+    let rest = 2.0 * (Real::abs(change) - zone);
+    change.within(rest.at_least(0.0))
+}
 
 /// Returns the gains among the unknowns.
 fn gains_of(unknowns: &[f32; DIMENSIONS]) -> Gains<f32> {
