@@ -16,8 +16,8 @@ pub const FOLLOWED: [Quantity; 3] =
 /// Candidates: these quantities and time.
 const CANDIDATES: usize = FOLLOWED.len() + 1;
 
-/// Time from one pair of values to the next, s of sliding. It is the memory of the regression at its default, so that pairs
-/// are nearly independent.
+/// Time from one pair of values to the next, s of sliding. It is twice the memory of the regression at its default, so that
+/// pairs are nearly independent.
 const INTERVAL_S: f32 = 20.0;
 
 /// Share of the sums that a new pair replaces: the memory is about an hour of sliding.

@@ -10,7 +10,7 @@ crate::named_fields! {
         /// Largest gain of the box.
         largest_gain: f32 = 2.5, 1.0..=10.0, "the box contains the tuned set";
         /// Memory of the regression in each direction that is excited, s of sliding.
-        memory_s: f32 = 20.0, 1.0..=1e4, "some windows at least, some hours at most";
+        memory_s: f32 = 10.0, 1.0..=1e4, "some windows at least, some hours at most";
         /// Fastest change of a gain, 1/s of sliding.
         slew_per_s: f32 = 0.02, 1e-5..=0.1, "slow beside the loops around the model";
         /// Time without learning after arming, a fault or missing inputs, s.

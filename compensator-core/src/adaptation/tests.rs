@@ -141,6 +141,21 @@ fn step_with_a_change_beyond_the_dead_zone_learns_all_of_it() {
 }
 
 #[test]
+fn step_with_levels_that_double_in_minutes_lags_by_seconds() {
+    let tuned = joint(&[]);
+    let mut adaptation = build(&tuned);
+    let mut level = 1.0;
+    while level < 2.0 {
+        level += 0.02;
+        let truth = Gains { level, ..Gains::default() };
+        run(&mut adaptation, &tuned.with_gains(&truth), 10.0, unchanged);
+    }
+    // 0.2 % per second, and 10 s of memory.
+    let lag = level - adaptation.gains().level;
+    assert!(Real::abs(lag) < 0.05, "{lag}");
+}
+
+#[test]
 fn step_with_enabled_term_learns_its_gain() {
     let mut tuned = joint(&[TermKind::PressureCoulomb]);
     tuned.set(Id::PressureCoulomb, 5e-7);
