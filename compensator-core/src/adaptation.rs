@@ -255,8 +255,10 @@ impl Adaptation {
         let sample = &observation.sample;
         let reason = observation.blocked.or_else(|| self.implausible(observation));
         if let Some(reason) = reason {
-            self.free_s = 0.0;
-            self.contacts = Default::default();
+            if reason.restarts() {
+                self.free_s = 0.0;
+                self.contacts = Default::default();
+            }
             self.freeze(reason);
             if !matches!(reason, Frozen::Inputs) {
                 self.advance(sample);

@@ -236,6 +236,7 @@ impl<F: NorFlash> Background<F> {
         self.driver.check_seal_sensors(&mut commands.covariates, now_us);
         commands.factors = self.driver.supply(&commands.covariates, now_us);
         link.send_commands(commands, self.driver.set());
+        link.send_gains(self.driver.learnt_gains());
         link.is_alive(now_us)
     }
 

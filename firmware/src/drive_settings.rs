@@ -152,6 +152,14 @@ drive_settings! {
     INTERPOLATION_TIME 2 interpolation_index: i8 = -3, -3..=-2, "-3 (ms) or -2 (10 ms)";
     /// 60FBh:1: gain of the position loop, 1e-3 1/s. It must be below half of the crossover of the velocity loop, rad/s.
     POSITION_LOOP 1 position_gain: u32 = 10_000, 100..=200_000, "100 to 200000 (0.1 to 200 per s)";
+    /// 2044h:1: adaptation of the friction levels: 0 off, 1 on, 2 hold.
+    ADAPTATION 1 adapt: u8 = 0, 0..=2, "0 (off), 1 (on) or 2 (hold)";
+    /// 2044h:2: least learnt gain, thousandths.
+    ADAPTATION 2 adapt_least_permille: u16 = 400, 50..=1000, "50 to 1000";
+    /// 2044h:3: largest learnt gain, thousandths.
+    ADAPTATION 3 adapt_most_permille: u16 = 2500, 1000..=10000, "1000 to 10000";
+    /// 2044h:4: memory of the learning, s of sliding.
+    ADAPTATION 4 adapt_memory_s: u16 = 20, 1..=10000, "1 to 10000";
 }
 
 impl DriveSettings {
@@ -174,8 +182,11 @@ impl DriveSettings {
         bytes
     }
 
-    /// Parses settings; `None` if a value is out of range.
-    pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
+    /// Length of the encoded settings before the adaptation had any, bytes.
+    pub const LENGTH_WITHOUT_ADAPTATION: usize = Self::LENGTH - 4 * 4;
+
+    /// Parses settings; `None` if a value is out of range. Settings that are not in the bytes have their defaults.
+    pub fn parse(bytes: &[u8]) -> Option<Self> {
         let mut settings = Self::default();
         for (word, (index, sub_index)) in bytes.as_chunks::<4>().0.iter().zip(Self::PLACES) {
             settings.set(index, sub_index, u32::from_le_bytes(*word))?.ok()?;

@@ -42,6 +42,7 @@ use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
 use crate::sensors::enclosure;
 use crate::supervisor::{CanState, JointState, Supervisor};
+use compensator_core::adaptation::Gains;
 use compensator_core::can::{FdTelemetry, Frame, FrameError, Message, NodeId, cob_id};
 use compensator_core::network::Factors;
 use device::Device;
@@ -373,6 +374,11 @@ impl<F: NorFlash> Driver<F> {
     /// Returns the commands for the current loop.
     pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
         self.device.loop_commands(now_us)
+    }
+
+    /// Returns the gains that the adaptation has learnt, and their number.
+    pub fn learnt_gains(&self) -> (u32, Gains<f32>) {
+        self.device.learnt()
     }
 
     /// Returns the level of the holding brake's output; `None` if the joint has no brake: the output is not driven.

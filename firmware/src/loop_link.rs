@@ -11,6 +11,7 @@ use crate::driver::{LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, Rep
 use crate::loop_parts::{LoopParts, StageTraits};
 use crate::parameter_set::ParameterSet;
 use crate::scope::{QUEUE_ROWS, ScopeRow};
+use compensator_core::adaptation::Gains;
 use heapless::spsc::{Consumer, Producer, Queue};
 
 /// Time without a report after which the loop counts as stopped, us.
@@ -24,6 +25,7 @@ const REPORT_US: u64 = (REPORT_PERIOD_S * 1e6 + 0.5) as u64;
 pub struct LoopQueues {
     commands: Queue<LoopCommands, 4>,
     parts: Queue<LoopParts, 2>,
+    gains: Queue<Gains<f32>, 2>,
     reports: ReportQueues,
     scope: Queue<ScopeRow, QUEUE_ROWS>,
 }
@@ -34,6 +36,7 @@ impl LoopQueues {
         Self {
             commands: Queue::new(),
             parts: Queue::new(),
+            gains: Queue::new(),
             reports: ReportQueues::new(),
             scope: Queue::new(),
         }
@@ -43,26 +46,31 @@ impl LoopQueues {
     pub fn split(&mut self, stage: StageTraits, now_us: u64) -> (LoopPort<'_>, LoopLink<'_>) {
         let (commands_out, commands_in) = self.commands.split();
         let (parts_out, parts_in) = self.parts.split();
+        let (gains_out, gains_in) = self.gains.split();
         let (reports_out, reports_in) = self.reports.split();
         let (scope_out, scope) = self.scope.split();
         let port = LoopPort {
             commands: commands_in,
             parts: parts_in,
+            gains: gains_in,
             reports: reports_out,
             scope: scope_out,
         };
         let last = LoopReport::default();
         let (commands, parts, reports) = (commands_out, parts_out, reports_in);
+        let gains = gains_out;
         (
             port,
             LoopLink {
                 commands,
                 parts,
+                gains,
                 reports,
                 scope,
                 last,
                 reported_us: now_us,
                 set_number: 0,
+                gains_number: 0,
                 stage,
             },
         )
@@ -73,6 +81,7 @@ impl LoopQueues {
 pub struct LoopPort<'q> {
     pub(crate) commands: Consumer<'q, LoopCommands>,
     pub(crate) parts: Consumer<'q, LoopParts>,
+    pub(crate) gains: Consumer<'q, Gains<f32>>,
     pub(crate) reports: ReportSender<'q>,
     pub(crate) scope: Producer<'q, ScopeRow>,
 }
@@ -128,12 +137,15 @@ impl ReportReceiver<'_> {
 pub struct LoopLink<'q> {
     commands: Producer<'q, LoopCommands>,
     parts: Producer<'q, LoopParts>,
+    gains: Producer<'q, Gains<f32>>,
     reports: ReportReceiver<'q>,
     scope: Consumer<'q, ScopeRow>,
     last: LoopReport,
     reported_us: u64,
     /// Number of the parameter set that was last sent to the loop.
     set_number: u32,
+    /// Number of the gains that were last sent to the loop.
+    gains_number: u32,
     stage: StageTraits,
 }
 
@@ -171,6 +183,14 @@ impl LoopLink<'_> {
     /// Returns true if the loop still reports. The watchdog is refreshed only then.
     pub fn is_alive(&self, now_us: u64) -> bool {
         now_us.saturating_sub(self.reported_us) < LOOP_TIMEOUT_US
+    }
+
+    /// Sends gains on the sizes of the model to the loop, if they are others than the last ones. They are those of the set
+    /// that [`Self::send_commands`] sent before.
+    pub fn send_gains(&mut self, (number, gains): (u32, Gains<f32>)) {
+        if number != self.gains_number && self.parts.ready() && self.gains.enqueue(gains).is_ok() {
+            self.gains_number = number;
+        }
     }
 
     /// Sends commands to the loop. If they belong to another parameter set, its parts are sent first.

@@ -7,6 +7,7 @@ use crate::control::parameters::OVERCURRENT_MARGIN;
 use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
+use compensator_core::adaptation::Gains;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
 use compensator_core::parameters::Bound;
@@ -108,6 +109,10 @@ impl Compensate for LimitedCompensator {
 
     fn supply(&mut self, factors: Option<Factors<f32>>) {
         self.inner.supply(factors);
+    }
+
+    fn set_gains(&mut self, gains: &Gains<f32>) {
+        self.inner.set_gains(gains);
     }
 
     fn bristle_torque_nm(&self) -> f32 {

@@ -211,6 +211,8 @@ impl LoopTask {
         if let Some(parts) = port.parts.peek() {
             self.swap(parts);
             drop(port.parts.dequeue());
+        } else if let Some(gains) = port.gains.dequeue() {
+            self.current_loop.set_gains(&gains);
         } else if let Some(commands) = port.commands.peek() {
             // In two periods, because a period with both halves would be the longest.
             if self.has_taken_measurements {

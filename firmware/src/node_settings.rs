@@ -161,7 +161,8 @@ impl NodeSettings {
     const WITHOUT_TUNING: usize = Self::WITHOUT_ACCESS + AccessSettings::LENGTH;
     /// Length of the encoded settings, bytes.
     pub const LENGTH: usize = Self::WITHOUT_TUNING + size_of::<TuningRecord>();
-    const VERSION: u8 = 6;
+    const VERSION: u8 = 7;
+    const VERSION_WITHOUT_ADAPTATION: u8 = 6;
     const VERSION_WITHOUT_TUNING: u8 = 5;
     const VERSION_WITHOUT_ACCESS: u8 = 4;
     const VERSION_WITHOUT_DRIVE: u8 = 3;
@@ -245,17 +246,26 @@ impl NodeSettings {
     /// Parses the settings at the begin of a block, of this version or an earlier one, and returns the rest, too. What that
     /// version did not store has its default. `None` for another version or a value out of range.
     fn split(block: &[u8]) -> Option<(Self, &[u8])> {
-        let length = match *block.first()? {
-            Self::VERSION => Self::LENGTH,
-            Self::VERSION_WITHOUT_TUNING => Self::WITHOUT_TUNING,
-            Self::VERSION_WITHOUT_ACCESS => Self::WITHOUT_ACCESS,
-            Self::VERSION_WITHOUT_DRIVE => Self::HEAD,
-            _ => return None,
+        let version = *block.first()?;
+        let drive_length = match version {
+            Self::VERSION => DriveSettings::LENGTH,
+            Self::VERSION_WITHOUT_DRIVE => 0,
+            _ => DriveSettings::LENGTH_WITHOUT_ADAPTATION,
         };
+        let length = Self::HEAD
+            + drive_length
+            + match version {
+                Self::VERSION | Self::VERSION_WITHOUT_ADAPTATION => {
+                    size_of::<TuningRecord>() + AccessSettings::LENGTH
+                }
+                Self::VERSION_WITHOUT_TUNING => AccessSettings::LENGTH,
+                Self::VERSION_WITHOUT_ACCESS | Self::VERSION_WITHOUT_DRIVE => 0,
+                _ => return None,
+            };
         let (bytes, set) = block.split_at_checked(length)?;
         let (head, rest) = bytes.split_first_chunk()?;
         let mut settings = Self::parse_head(head)?;
-        if let Some((drive, rest)) = rest.split_first_chunk() {
+        if let Some((drive, rest)) = rest.split_at_checked(drive_length) {
             settings.drive = DriveSettings::parse(drive)?;
             if let Some((tuning, access)) = rest.split_last_chunk() {
                 settings.access = AccessSettings::parse(access)?;

@@ -78,3 +78,10 @@ define_reasons! {
     /// The set with the next gains is not valid.
     Refused = 10, "refused";
 }
+
+impl Frozen {
+    /// Returns true if the joint may have changed meanwhile, so that it has to settle again.
+    pub(super) const fn restarts(self) -> bool {
+        matches!(self, Self::Off | Self::Hold | Self::NotArmed | Self::Inputs)
+    }
+}

@@ -6,6 +6,7 @@
 //! for an enum of these.
 
 use super::space_vector::clamp;
+use compensator_core::adaptation::Gains;
 use compensator_core::compensator::Reading;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
@@ -33,6 +34,8 @@ pub trait Compensate {
     fn torque_constant_nm_per_a(&self) -> f32;
     /// Sets the factors that a network supplies; `None` selects the constants of the law.
     fn supply(&mut self, factors: Option<Factors<f32>>);
+    /// Sets the gains on the sizes of the model; a joint without one has none.
+    fn set_gains(&mut self, _gains: &Gains<f32>) {}
     /// Returns the torque held by the deflected bristles, Nm.
     fn bristle_torque_nm(&self) -> f32;
 }
@@ -108,6 +111,10 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
             static_level: T::from_setting(factors.static_level),
             stiffness: T::from_setting(factors.stiffness),
         }));
+    }
+
+    fn set_gains(&mut self, gains: &Gains<f32>) {
+        self.inner.set_gains(&gains.convert());
     }
 
     fn bristle_torque_nm(&self) -> f32 {

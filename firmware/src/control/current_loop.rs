@@ -26,6 +26,7 @@ use super::space_vector::{clamp, duties, limit};
 use super::transform::{Rotating, Rotation, Stationary, clarke};
 use super::{Bridge, StageSample, ValidChannels};
 use compensator_core::Flags;
+use compensator_core::adaptation::Gains;
 use compensator_core::compensator::Reading;
 use compensator_core::network::Factors;
 
@@ -197,6 +198,11 @@ impl<C: Compensate> CurrentLoop<C> {
     /// Passes the factors of a network to the compensator, from the next cycle on.
     pub fn supply(&mut self, factors: Option<Factors<f32>>) {
         self.compensator.supply(factors);
+    }
+
+    /// Passes gains on the sizes of the model to the compensator, from the next cycle on.
+    pub fn set_gains(&mut self, gains: &Gains<f32>) {
+        self.compensator.set_gains(gains);
     }
 
     /// Runs one cycle.

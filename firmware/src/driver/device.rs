@@ -1,6 +1,7 @@
 //! The device behind the object dictionary: state of a joint driver.
 
 mod access;
+mod adaptation;
 mod boot;
 mod commissioning;
 mod compensation_share;
@@ -44,6 +45,7 @@ use crate::sensors::enclosure;
 use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
 use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
+use adaptation::JointAdaptation;
 use compensation_share::CompensationShare;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use current_loop::LoopExchange;
@@ -145,6 +147,7 @@ pub struct Device<F> {
     pub(super) stopping: Stopping,
     commissioning: commissioning::Run,
     compensation: CompensationShare,
+    adaptation: JointAdaptation,
     seal_sensors: SealSensors,
     position: position::PositionControl,
     velocity: VelocityControl,
@@ -283,6 +286,7 @@ impl<F: NorFlash> Device<F> {
         self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
         self.keep_proof();
         self.step_over_compensation();
+        self.step_adaptation();
         self.step_commissioning();
         self.step_velocity();
         for _ in 0..report.overruns_in_a_row.min(MAX_OVERRUNS) {
@@ -304,6 +308,7 @@ impl<F: NorFlash> Device<F> {
     /// Checks the sensors of side load and pressure: see [`super::Driver::check_seal_sensors`].
     pub(super) fn check_seal_sensors(&mut self, covariates: &mut Covariates, now_us: u64) {
         self.seal_sensors.check(covariates, now_us);
+        self.adaptation.take_covariates(covariates);
     }
 
     pub(super) fn loop_commands(&self, now_us: u64) -> LoopCommands {

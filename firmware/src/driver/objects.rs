@@ -224,6 +224,7 @@ impl<F: NorFlash> Device<F> {
             index::SCOPE | index::SCOPE_SIGNALS => self.write_scope(at.index, at.subindex, number),
             index::ACCESS => self.write_access(at.subindex, value),
             index::TRIAL => self.write_trial(at.subindex, number),
+            index::ADAPTATION => self.write_adaptation(at.index, at.subindex, number),
             index::TUNING => self.write_tuning(at.subindex, number),
             index::COMMISSIONING => self.commission(number),
             index::COMMISSIONING_RUN => self.write_commissioning(at.subindex, number),

@@ -30,17 +30,18 @@ use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::ParameterId;
+use compensator_core::adaptation::MAX_GAINS;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use entry::{Names, entry};
 use records::{
-    AccessObject, CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject,
-    EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject, IdentityObject,
-    InputsObject, InterpolationTimeObject, MeasuredObject, NetworkObject, OperationObject,
-    OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject, ProgramObject, ScopeObject,
-    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, TrialObject, TuningObject,
-    WatchObject,
+    AccessObject, AdaptationObject, CommissioningObject, CommissioningRunObject, CommitObject,
+    DrivePdoObject, EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject,
+    IdentityObject, InputsObject, InterpolationTimeObject, MeasuredObject, NetworkObject,
+    OperationObject, OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject,
+    ProgramObject, ScopeObject, SdoServerObject, StateObject, TraceObject, TransmitPdoObject,
+    TrialObject, TuningObject, WatchObject,
 };
 
 /// Structure of an object.
@@ -248,6 +249,9 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x2041 ACCESS record("access", AccessObject::ENTRIES);
     0x2042 TRIAL service(record("parameter_trial", TrialObject::ENTRIES));
     0x2043 TUNING service(record("tuning_record", TuningObject::ENTRIES));
+    0x2044 ADAPTATION service(record("adaptation", AdaptationObject::ENTRIES));
+    0x2045 LEARNT_GAINS array_of("learnt_gains", entry("learnt_gain", Real32, ReadOnly), MAX_GAINS);
+    0x2046 GAIN_DEVIATIONS array_of("learnt_gain_deviations", entry("deviation", Real32, ReadOnly), MAX_GAINS);
     0x6007 ABORT_CONNECTION service(variable("abort_connection_option_code", Integer16, ReadWrite));
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD armed(variable("controlword", Unsigned16, Input));

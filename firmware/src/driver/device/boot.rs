@@ -58,6 +58,7 @@ impl<F: NorFlash> Device<F> {
             stopping: Default::default(),
             commissioning: commissioning::Run::default(),
             compensation: Default::default(),
+            adaptation: Default::default(),
             seal_sensors: Default::default(),
             position: Default::default(),
             velocity: Default::default(),
@@ -104,6 +105,7 @@ impl<F: NorFlash> Device<F> {
         self.network = LiveNetwork::of(set, &self.settings);
         self.history.set_panic(boot.panic.unwrap_or_default());
         self.pdos.set_node(self.settings.node);
+        self.restart_adaptation();
     }
 
     /// Loads settings and parameters, and returns the sequence number of the set if its settings are known. The defaults stay

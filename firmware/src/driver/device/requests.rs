@@ -141,6 +141,7 @@ impl<F: NorFlash> Device<F> {
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(set, &self.settings);
         self.compensation.reset();
+        self.restart_adaptation();
         self.update_commissioned();
         self.current_loop.take_set();
     }

@@ -144,6 +144,9 @@ impl<F: NorFlash> Device<F> {
             }
             index::PROGRAM => entry(&self.program.object().words(), place),
             index::TRIAL => entry(&self.trial_object().words(), place),
+            index::ADAPTATION => entry(&self.adaptation_object().words(), place),
+            index::LEARNT_GAINS => entry(&self.learnt_gains(), place),
+            index::GAIN_DEVIATIONS => entry(&self.gain_deviations(), place),
             index::TUNING => entry(&settings.tuning, place),
             index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),

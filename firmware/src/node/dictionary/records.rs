@@ -342,6 +342,23 @@ record! {
 }
 
 record! {
+    /// Adaptation of the friction levels: settings, order, and what it knows.
+    AdaptationObject {
+        mode: Unsigned8, ReadWrite, MODE [armed];
+        least_gain_permille: Unsigned16, ReadWrite;
+        largest_gain_permille: Unsigned16, ReadWrite;
+        memory_s: Unsigned16, ReadWrite;
+        order: Unsigned8, WriteOnly, ORDER;
+        frozen: Unsigned8, ReadOnly, FROZEN;
+        learnt_s: Real32, ReadOnly, LEARNT_S;
+        age_s: Real32, ReadOnly, AGE_S;
+        constant_torque_nm: Real32, ReadOnly;
+        follows: Unsigned8, ReadOnly, FOLLOWS;
+        follows_share: Real32, ReadOnly, FOLLOWS_SHARE;
+    }
+}
+
+record! {
     /// Output, delays and state of the holding brake.
     HoldingBrakeObject {
         output: Unsigned8, ReadWrite;

@@ -11,6 +11,7 @@
 //! ```
 //! writes the file; without the variable a test compares results and file.
 
+mod adaptation;
 mod bus;
 mod commissioning;
 mod driver;
@@ -31,7 +32,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 13] {
+fn families() -> [&'static [ScenarioRow]; 14] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -46,6 +47,7 @@ fn families() -> [&'static [ScenarioRow]; 13] {
         holding_brake::rows(),
         position::rows(),
         trials::rows(),
+        adaptation::rows(),
     ]
 }
 

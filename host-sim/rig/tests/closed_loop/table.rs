@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 21] = [
+const TITLES: [&str; 22] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -109,6 +109,7 @@ const TITLES: [&str; 21] = [
     "Position limits and following error",
     "Position modes: CSP, PP, homing",
     "Trial of a parameter set, and undo of a tuning",
+    "Adaptation of the friction levels",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";
