@@ -51,8 +51,11 @@ use information::InformationRoot;
 /// Unknowns of the regression: the gains and a constant torque.
 pub(crate) const DIMENSIONS: usize = MAX_GAINS + 1;
 
-/// Position of the constant torque among the unknowns: after level and viscous friction.
-const OFFSET: usize = 2;
+/// Position of the constant torque among the unknowns, before the gains.
+const OFFSET: usize = 0;
+
+/// Position of the first gain among the unknowns: that of the level.
+const GAINS_AT: usize = 1;
 
 /// Change of a gain for its regressor.
 const STEP: f32 = 0.125;
@@ -156,16 +159,12 @@ pub struct Adaptation {
     learnt_s: f32,
 }
 
-/// Returns the position of a gain among the unknowns.
-fn unknown_of(gain: usize) -> usize {
-    if gain < OFFSET { gain } else { gain + 1 }
-}
-
 impl Adaptation {
     /// Builds an adaptation that starts at the tuned set, for a period of its samples, s.
     ///
     /// # Errors
     /// As [`AdaptationParameters::validate`] and [`Parameters::build`].
+    #[inline(never)]
     pub fn build(
         written: &Parameters<f32>,
         parameters: &AdaptationParameters,
@@ -226,8 +225,7 @@ impl Adaptation {
 
     /// Returns the standard deviations of the gains, in the order of [`Gains::to_array`].
     pub fn deviations(&self) -> [f32; MAX_GAINS] {
-        let all = self.information.deviations();
-        core::array::from_fn(|gain| all.get(unknown_of(gain)).copied().unwrap_or_default())
+        gains_of(&self.information.deviations()).to_array()
     }
 
     /// Returns why nothing is learnt at present.
@@ -279,6 +277,7 @@ impl Adaptation {
         self.window.samples >= self.window_samples && self.close_window(&observation.followed)
     }
 
+    #[inline(never)]
     fn implausible(&self, observation: &Observation) -> Option<Frozen> {
         let envelope = &self.written.envelope;
         let sample = &observation.sample;
@@ -296,6 +295,7 @@ impl Adaptation {
     }
 
     /// Advances the state of the model with the present estimate. Returns its friction torque, Nm.
+    #[inline(never)]
     fn advance(&mut self, sample: &Sample<f32>) -> f32 {
         self.work.set_gains(&self.base, &self.gains);
         self.work.step(&mut self.state, sample)
@@ -322,6 +322,7 @@ impl Adaptation {
     }
 
     /// Adds a sliding sample to the window.
+    #[inline(never)]
     fn observe(&mut self, sample: &Sample<f32>, torque_nm: f32, dynamic_nm: f32) {
         let mut unknowns = self.estimate;
         let steady_nm = self.steady_nm(&unknowns, sample);
@@ -351,6 +352,7 @@ impl Adaptation {
     }
 
     /// Learns from a complete window. Returns true if the gains in use have changed.
+    #[inline(never)]
     fn close_window(&mut self, followed: &[Option<f32>; FOLLOWED.len()]) -> bool {
         let window = core::mem::take(&mut self.window);
         let share = 1.0 / f32::from(window.samples.max(1));
@@ -371,12 +373,15 @@ impl Adaptation {
             *effect += (1.0 - self.retained) * (Real::abs(*sum) * share - *effect);
         }
         let weight = libm::sqrtf(duration_s / CORRELATED_S) / noise_nm;
-        self.learn(&window.regressors.map(|sum| sum * share * weight), limited_nm * weight);
+        let mut row = window.regressors;
+        row.iter_mut().for_each(|sum| *sum *= share * weight);
+        self.learn(&row, limited_nm * weight);
         self.learnt_s += duration_s;
-        self.evidence.step(self.estimate[0], followed, duration_s);
+        self.evidence.step(self.estimate[GAINS_AT], followed, duration_s);
         self.follow(self.parameters.slew_per_s * duration_s)
     }
 
+    #[inline(never)]
     fn learn(&mut self, row: &[f32; DIMENSIONS], error: f32) {
         self.information.forget(row, self.retained);
         let change = self.information.update(row, error);
@@ -406,27 +411,28 @@ impl Adaptation {
                 let change = information.update(&row, (value - unknowns[index]) / deviation);
                 unknowns.iter_mut().zip(change).for_each(|(unknown, change)| *unknown += change);
             };
-        let others = || (1..self.count).filter(|index| *index != OFFSET);
+        let others = || GAINS_AT + 1..self.count;
         others().for_each(|index| move_to(&mut unknowns, index, 1.0, PRIOR_DEVIATION));
         let mut kept = [1.0; DIMENSIONS];
         for index in others() {
-            let effect = self.effects[index] / self.effects[0].at_least(f32::MIN_POSITIVE);
+            let effect = self.effects[index] / self.effects[GAINS_AT].at_least(f32::MIN_POSITIVE);
             kept[index] += beyond(unknowns[index] - 1.0, [ZONE / effect.at_least(1e-6); 2]);
             move_to(&mut unknowns, index, kept[index], FIXED_DEVIATION);
         }
-        kept[0] += beyond(unknowns[0] - 1.0, LEVEL_ZONE);
+        kept[GAINS_AT] += beyond(unknowns[GAINS_AT] - 1.0, LEVEL_ZONE);
         let [least, most] = [self.parameters.least_gain, self.parameters.largest_gain];
         kept.map(|gain| gain.at_least(least).at_most(most))
     }
 
     /// Moves the gains in use towards the estimate, by at most `step`.
+    #[inline(never)]
     fn follow(&mut self, step: f32) -> bool {
         let target = gains_of(&self.guarded_estimate()).to_array();
         let mut next = self.gains.to_array();
         for (gain, target) in next.iter_mut().zip(target) {
             *gain += (target - *gain).within(step);
         }
-        let next = Gains::from_array(next);
+        let next = Gains::from_array(&next);
         if self.written.with_gains(&next).validate().is_err() {
             self.frozen = Frozen::Refused;
             return false;
@@ -450,18 +456,18 @@ fn beyond(change: f32, [down, up]: [f32; 2]) -> f32 {
 }
 
 /// Returns the gains among the unknowns.
+#[inline(never)]
 fn gains_of(unknowns: &[f32; DIMENSIONS]) -> Gains<f32> {
-    Gains::from_array(core::array::from_fn(|gain| {
-        unknowns.get(unknown_of(gain)).copied().unwrap_or(1.0)
-    }))
+    let mut gains = [0.0; MAX_GAINS];
+    gains.copy_from_slice(&unknowns[GAINS_AT..]);
+    Gains::from_array(&gains)
 }
 
 /// Returns the unknowns with these gains and no constant torque.
+#[inline(never)]
 fn unknowns_of(gains: &Gains<f32>) -> [f32; DIMENSIONS] {
     let mut unknowns = [0.0; DIMENSIONS];
-    for (gain, value) in gains.to_array().into_iter().enumerate() {
-        unknowns[unknown_of(gain)] = value;
-    }
+    unknowns[GAINS_AT..].copy_from_slice(&gains.to_array());
     unknowns
 }
 

@@ -32,23 +32,22 @@ impl<T: Real> Default for Gains<T> {
 impl<T: Real> Gains<T> {
     /// Returns the gains in this order: level, viscous, terms.
     pub fn to_array(self) -> [T; MAX_GAINS] {
-        core::array::from_fn(|index| match index {
-            0 => self.level,
-            1 => self.viscous,
-            _ => self.terms.get(index - 2).copied().unwrap_or_default(),
-        })
+        let mut gains = [self.level; MAX_GAINS];
+        gains[1] = self.viscous;
+        gains[2..].copy_from_slice(&self.terms);
+        gains
     }
 
     /// Creates gains from the array of [`Gains::to_array`].
-    pub fn from_array(gains: [T; MAX_GAINS]) -> Self {
-        let [level, viscous, ..] = gains;
-        let terms = core::array::from_fn(|term| gains.get(term + 2).copied().unwrap_or_default());
-        Self { level, viscous, terms }
+    pub fn from_array(gains: &[T; MAX_GAINS]) -> Self {
+        let mut terms = [gains[0]; MAX_TERMS];
+        terms.copy_from_slice(&gains[2..]);
+        Self { level: gains[0], viscous: gains[1], terms }
     }
 
     /// Converts the gains to another number type.
     pub fn convert<R: Real>(&self) -> Gains<R> {
-        Gains::from_array(self.to_array().map(|gain| R::from_f64(gain.value())))
+        Gains::from_array(&self.to_array().map(|gain| R::from_f64(gain.value())))
     }
 }
 

@@ -27,6 +27,7 @@ pub(super) struct InformationRoot {
 }
 
 /// Rotates two rows from this column on, so that `turn` becomes `(length, 0)`.
+#[inline(never)]
 fn rotate(above: &mut [f32], below: &mut [f32], turn: (f32, f32)) {
     let length = sqrtf(turn.0 * turn.0 + turn.1 * turn.1);
     // A pair of zeros, or of numbers whose squares vanish, needs no turn.
@@ -62,6 +63,7 @@ impl InformationRoot {
     }
 
     /// Forgets the share `1 - retained` of the information in the direction of `phi`.
+    #[inline(never)]
     pub fn forget(&mut self, phi: &[f32; DIMENSIONS], retained: f32) {
         let mut along: [f32; DIMENSIONS] = core::array::from_fn(|row| {
             (row..self.count).map(|at| self.at(row, at) * phi[at]).sum()
@@ -81,6 +83,7 @@ impl InformationRoot {
     }
 
     /// Adds a row, in units of its noise, and returns the change of the estimate for the error of its prediction.
+    #[inline(never)]
     pub fn update(&mut self, phi: &[f32; DIMENSIONS], error: f32) -> [f32; DIMENSIONS] {
         let mut row = *phi;
         let mut rest = error;
@@ -97,6 +100,7 @@ impl InformationRoot {
     }
 
     /// Returns `x` with `R x = right`.
+    #[inline(never)]
     fn solve(&self, right: [f32; DIMENSIONS]) -> [f32; DIMENSIONS] {
         let mut x = right;
         for row in (0..self.count).rev() {
@@ -115,7 +119,8 @@ impl InformationRoot {
             let inverse = self.solve(unit);
             squares.iter_mut().zip(inverse).for_each(|(sum, entry)| *sum += entry * entry);
         }
-        squares.map(sqrtf)
+        squares.iter_mut().for_each(|square| *square = sqrtf(*square));
+        squares
     }
 
     /// Returns true if every number is finite and the diagonal is not 0.
