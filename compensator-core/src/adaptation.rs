@@ -178,7 +178,8 @@ impl Adaptation {
         Ok(Self {
             parameters: *parameters,
             written: written.clone(),
-            work: base.clone(),
+            // Built anew: a copy of its fields would take more code.
+            work: written.build_unchecked(period_s),
             base,
             state: ModelState::default(),
             period_s,

@@ -91,7 +91,8 @@ impl<T: Real> Compensator<T> {
             radial_force: Held::unmeasured(&built),
             pressure: Held::unmeasured(&built),
             covariates: Covariates::unmeasured(&built, &configuration.model.envelope, reference),
-            base: model.clone(),
+            // Built anew: a copy of its fields would take more code.
+            base: configuration.model.build_unchecked(period_s),
             model,
             built,
         })

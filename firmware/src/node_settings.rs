@@ -439,11 +439,30 @@ mod tests {
         assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
     }
 
+    /// Returns settings up to those of the drive, as versions before the adaptation stored them.
+    fn old_begin(settings: &NodeSettings) -> std::vec::Vec<u8> {
+        let length = NodeSettings::HEAD + DriveSettings::LENGTH_WITHOUT_ADAPTATION;
+        settings.emit()[..length].to_vec()
+    }
+
+    #[test]
+    fn parse_of_a_block_without_adaptation_keeps_all_other_settings() {
+        let access = AccessSettings { key: Key::new([7; 16]), is_locked: false };
+        let drive = DriveSettings { position_gain: 7_000, ..DriveSettings::default() };
+        let tuning = [1, 2, 3, 4, 5, 6];
+        let settings = NodeSettings { drive, tuning, access, ..NodeSettings::default() };
+        let mut block = old_begin(&settings);
+        block[0] = NodeSettings::VERSION_WITHOUT_ADAPTATION;
+        block.extend_from_slice(&settings.emit()[NodeSettings::WITHOUT_ACCESS..]);
+        block.extend_from_slice(&ParameterSet::default().emit());
+        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+    }
+
     #[test]
     fn parse_of_a_block_without_tuning_record_returns_an_empty_one() {
         let access = AccessSettings { key: Key::new([7; 16]), is_locked: false };
         let settings = NodeSettings { heartbeat_ms: 250, access, ..NodeSettings::default() };
-        let mut block = settings.emit()[..NodeSettings::WITHOUT_ACCESS].to_vec();
+        let mut block = old_begin(&settings);
         block[0] = 5;
         block.extend_from_slice(&access.emit());
         block.extend_from_slice(&ParameterSet::default().emit());
@@ -454,7 +473,7 @@ mod tests {
     #[test]
     fn parse_of_a_block_without_access_settings_returns_a_locked_joint() {
         let settings = NodeSettings { heartbeat_ms: 250, ..NodeSettings::default() };
-        let mut block = settings.emit()[..NodeSettings::WITHOUT_ACCESS].to_vec();
+        let mut block = old_begin(&settings);
         block[0] = NodeSettings::VERSION_WITHOUT_ACCESS;
         block.extend_from_slice(&ParameterSet::default().emit());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));

@@ -6,6 +6,7 @@
 //! A change is atomic: values are staged in the driver and committed together, with the CRC of the intended set. `save`
 //! keeps the parameters over a reset.
 
+mod adaptation;
 mod commission;
 mod drive;
 mod friction_run;
@@ -91,18 +92,24 @@ enum Action {
     },
     /// Set parameters from NAME=VALUE or from a file
     Set {
-        /// NAME=VALUE, or a parameter file
-        #[arg(value_name = "NAME=VALUE|PARAMS.TOML", required = true)]
+        /// NAME=VALUE, a parameter file, or `adapt` and one of on, hold, off, adopt, discard
+        ///
+        /// `adapt on` lets the joint learn its friction levels, `hold` keeps what it learnt, `off` returns to the set.
+        /// `adapt adopt` makes what it learnt its set, `adapt discard` forgets it.
+        #[arg(value_name = "NAME=VALUE|PARAMS.TOML|adapt MODE", required = true)]
         what: Vec<String>,
         /// Also save the parameters, so that the driver keeps them over a reset
         #[arg(long)]
         save: bool,
     },
-    /// Show the differences between the driver and a file; exit code 1 if there are any
+    /// Show the differences between the driver and a file, or what it has learnt; exit code 1 if there are any
     Diff {
         /// Parameter file
-        #[arg(value_name = "PARAMS.TOML")]
-        file: PathBuf,
+        #[arg(value_name = "PARAMS.TOML", required_unless_present = "learnt")]
+        file: Option<PathBuf>,
+        /// Show the friction levels that the joint has learnt, beside its set
+        #[arg(long, conflicts_with = "file")]
+        learnt: bool,
     },
     /// Save parameters and settings, so that the driver keeps them over a reset
     Save,
@@ -216,7 +223,13 @@ fn run_action(
         Action::Get { names, network } => {
             return driver.get(names, network.as_deref(), json).map(printed);
         }
-        Action::Diff { file } => return driver.diff(file, json).map(ActionResult::Printed),
+        Action::Diff { file, .. } => {
+            let code = match file {
+                Some(file) => driver.diff(file, json),
+                None => driver.diff_learnt(json),
+            };
+            return code.map(ActionResult::Printed);
+        }
         Action::Status => return driver.status(json).map(printed),
         Action::Set { what, save } => driver.set(what, *save)?,
         Action::Save => {
@@ -397,8 +410,22 @@ impl Driver {
     fn set(&mut self, what: &[String], save: bool) -> Result<String, String> {
         let before = self.read_set()?;
         let mut set = before.clone();
-        let mut settings = Vec::new();
-        for item in what {
+        let (mut settings, mut orders) = (Vec::new(), Vec::new());
+        let mut items = what.iter();
+        while let Some(item) = items.next() {
+            let adapt = match item.split_once('=') {
+                Some((adaptation::ITEM, word)) => Some(word),
+                None if item == adaptation::ITEM => Some(items.next().map_or("", String::as_str)),
+                _ => None,
+            };
+            match adapt.map(adaptation::parse).transpose()? {
+                Some(adaptation::Request::Mode(change)) => settings.push(change),
+                Some(adaptation::Request::Order(order, name)) => orders.push((order, name)),
+                None => {}
+            }
+            if adapt.is_some() {
+                continue;
+            }
             match item.split_once('=') {
                 Some((name, value)) => match drive::parse(name.trim(), value.trim())? {
                     Some(change) => settings.push(change),
@@ -426,9 +453,15 @@ impl Driver {
         if let Some(late) = late_loop_warning(set.friction.model.terms.as_slice()) {
             eprintln!("warning: {late}");
         }
-        let active = self.commit(&set)?;
+        // A set is committed only if one was given: a commit discards what was learnt.
+        let mut active =
+            if set == before { self.number(index::COMMIT, 1)? } else { self.commit(&set)? };
         let changes = settings.iter().map(|change| self.change_drive(change));
         let mut changed = changes.collect::<Result<Vec<String>, String>>()?;
+        for (order, name) in orders {
+            changed.push(self.order_adaptation(order, name)?);
+            active = self.number(index::COMMIT, 1)?;
+        }
         if save {
             self.store(index::STORE, SAVE_SIGNATURE)?;
         }

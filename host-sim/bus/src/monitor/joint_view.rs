@@ -11,18 +11,20 @@ use super::rates::{PerSecond, Rates};
 use super::sdo_poller::{Request, SdoReply};
 use super::series::Series;
 use super::view_data::{
-    Band, Codes, Event, EventKind, Heartbeat, Lens, Network, Reading, SyncCounts, View,
+    Band, Codes, Event, EventKind, Heartbeat, LearntLevels, Lens, Network, Reading, SyncCounts,
+    View,
 };
 use crate::bus::{BitRates, Received};
 use canopen_rs::NmtState;
 use canopen_rs::emcy::EmergencyMessage;
 use canopen_rs::nmt::decode_heartbeat;
+use compensator_core::adaptation::{FOLLOWED, Frozen};
 use compensator_core::can::{
     Frame, JointKind, Message, NodeId, SampleAssembler, SyncFrame, SyncOutcome, TraceEntry,
 };
 use compensator_core::compensator::Flags;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{NetworkObject, ProgramObject};
+use firmware::node::dictionary::records::{AdaptationObject, NetworkObject, ProgramObject};
 use firmware::supervisor::Code;
 use firmware::update::PUBLISHED_KEY;
 use joint_trace::CanFrame;
@@ -40,6 +42,22 @@ const OBJECTS_STALE_NS: u64 = 2_000_000_000;
 /// Returns the age of a time, s.
 fn age_s(at_ns: u64, now_ns: u64) -> f64 {
     now_ns.saturating_sub(at_ns) as f64 * 1e-9
+}
+
+/// Returns the learnt friction levels; `None` if the joint learns none.
+fn learnt_levels(object: &impl Fn(u16, u8) -> Option<u32>) -> Option<LearntLevels> {
+    object(index::ADAPTATION, AdaptationObject::MODE).filter(|mode| *mode != 0)?;
+    let state = object(index::ADAPTATION, AdaptationObject::FROZEN)?;
+    let follows = object(index::ADAPTATION, AdaptationObject::FOLLOWS).unwrap_or_default();
+    Some(LearntLevels {
+        state: Frozen::ALL.get(state as usize).map(|reason| reason.name()),
+        level: object(index::LEARNT_GAINS, 1).map(f32::from_bits),
+        viscous: object(index::LEARNT_GAINS, 2).map(f32::from_bits),
+        follows: (follows as usize)
+            .checked_sub(1)
+            .and_then(|place| FOLLOWED.get(place))
+            .map(|quantity| quantity.info().label),
+    })
 }
 
 /// The state of a joint.
@@ -434,6 +452,7 @@ impl JointView {
                 windows_out: object(index::WATCH, 3).unwrap_or(0),
                 largest_in_bands: object(index::WATCH, 5).map(f32::from_bits),
             }),
+            learnt: learnt_levels(&object),
             network: object(index::NETWORK, NetworkObject::PRESENT).filter(|has| *has != 0).map(
                 |_| {
                     let number = |place| object(index::NETWORK, place);

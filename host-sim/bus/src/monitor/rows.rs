@@ -223,6 +223,7 @@ pub fn state_and_traffic(view: &View, listen: bool, setting: &Setting, width: us
     let mut rows = Labelled { rows: Vec::new(), width };
     state(&mut rows, view, listen, setting);
     model(&mut rows, view);
+    learnt(&mut rows, view);
     network(&mut rows, view);
     traffic(&mut rows, view);
     rows.rows
@@ -321,6 +322,21 @@ fn model(rows: &mut Labelled, view: &View) {
         if let Some(largest) = band.largest_in_bands {
             rows.put("", vec![part(format!("largest mean {largest:.2} bands"), Mark::Dim)]);
         }
+    }
+}
+
+/// Appends the friction levels that the joint learns, if it learns any.
+fn learnt(rows: &mut Labelled, view: &View) {
+    let Some(learnt) = view.learnt else { return };
+    let gain = |gain: Option<f32>| gain.map_or("?".to_owned(), |gain| format!("{gain:.2}"));
+    let state = learnt.state.unwrap_or("unknown state");
+    let mark = if view.objects_stale { Mark::Dim } else { Mark::Plain };
+    let text = format!("level x{}, viscous x{}", gain(learnt.level), gain(learnt.viscous));
+    rows.put("learnt", vec![part(text, mark)]);
+    rows.put("", vec![part(state, Mark::Dim)]);
+    if let Some(quantity) = learnt.follows {
+        let text = format!("friction follows {quantity}: run tune");
+        rows.put("", vec![part(text, Mark::Warning)]);
     }
 }
 

@@ -16,7 +16,7 @@ use canopen_rs::sdo::{
 };
 use compensator_core::can::{Frame, Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{NetworkObject, ProgramObject};
+use firmware::node::dictionary::records::{AdaptationObject, NetworkObject, ProgramObject};
 use std::collections::VecDeque;
 
 /// Time between two polling rounds, ns.
@@ -33,7 +33,7 @@ const TRACE_PAUSE_NS: u64 = 20_000_000;
 const FULL_BUS_PAUSE_NS: u64 = 10_000_000_000;
 
 /// Objects read in a polling round.
-pub const POLLED_OBJECTS: [Address; 13] = [
+pub const POLLED_OBJECTS: [Address; 18] = [
     Address::new(index::STATE, 2),
     Address::new(index::STATE, 3),
     Address::new(index::STATE, 4),
@@ -47,6 +47,11 @@ pub const POLLED_OBJECTS: [Address; 13] = [
     Address::new(index::NETWORK, NetworkObject::OUTSIDE_COUNT),
     Address::new(index::NETWORK, NetworkObject::SHARE),
     Address::new(index::PROGRAM, ProgramObject::UPDATE_KEY),
+    Address::new(index::ADAPTATION, AdaptationObject::MODE),
+    Address::new(index::ADAPTATION, AdaptationObject::FROZEN),
+    Address::new(index::ADAPTATION, AdaptationObject::FOLLOWS),
+    Address::new(index::LEARNT_GAINS, 1),
+    Address::new(index::LEARNT_GAINS, 2),
 ];
 
 /// A request to a joint's state machine, with the number it has on the bus.

@@ -76,6 +76,19 @@ pub struct Band {
     pub largest_in_bands: Option<f32>,
 }
 
+/// Friction levels that the joint learns.
+#[derive(Clone, Copy, Debug)]
+pub struct LearntLevels {
+    /// Why it learns nothing at present, or `learning`; `None` for a number that this program does not know.
+    pub state: Option<&'static str>,
+    /// Gain on the levels.
+    pub level: Option<f32>,
+    /// Gain on the viscous friction.
+    pub viscous: Option<f32>,
+    /// Quantity that the learnt level follows, and the model does not use.
+    pub follows: Option<&'static str>,
+}
+
 /// State of the network, for a joint that has one.
 #[derive(Clone, Copy, Debug)]
 pub struct Network {
@@ -157,6 +170,8 @@ pub struct View {
     pub flags: Option<(Vec<String>, f64, bool)>,
     /// Residual watch.
     pub band: Option<Band>,
+    /// Friction levels that the joint learns; `None` if it learns none.
+    pub learnt: Option<LearntLevels>,
     /// Network; `None` without one, and before it was read.
     pub network: Option<Network>,
     /// The quantities, in the order of [`Quantity::ALL`].
@@ -217,7 +232,15 @@ impl View {
                 json!({"time_s": event.time_ns as f64 * 1e-9, "kind": kind, "text": event.text})
             })
             .collect();
-        json!({
+        let learnt = self.learnt.map(|learnt| {
+            json!({
+                "state": learnt.state,
+                "level_gain": number(learnt.level),
+                "viscous_gain": number(learnt.viscous),
+                "follows": learnt.follows,
+            })
+        });
+        let mut document = json!({
             "schema": 1,
             "time_s": self.time_ns as f64 * 1e-9,
             "elapsed_s": self.elapsed_s,
@@ -259,6 +282,8 @@ impl View {
             "emergencies": self.emergencies,
             "error_frames": self.error_frames,
             "events": events,
-        })
+        });
+        document["adaptation"] = json!(learnt);
+        document
     }
 }

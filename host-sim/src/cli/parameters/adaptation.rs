@@ -1,0 +1,140 @@
+//! The adaptation of the friction levels: its mode, its orders, and what it learnt beside the set.
+
+use super::drive::{self, Change};
+use super::{Driver, pretty, print_text, sdo_message};
+use canopen_rs::Address;
+use compensator_core::adaptation::{Frozen, Gains, MAX_GAINS};
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::AdaptationObject;
+use joint_tuning::names::differences;
+use serde_json::json;
+use std::process::ExitCode;
+
+/// The item of `params set` that is followed by a mode or an order.
+pub(super) const ITEM: &str = "adapt";
+
+/// Modes, in the order of 2044h:1, and orders, from 1 in that of 2044h:5.
+const MODES: [&str; 3] = ["off", "on", "hold"];
+const ORDERS: [&str; 2] = ["adopt", "discard"];
+
+/// What `params set adapt` changes.
+pub(super) enum Request {
+    /// A mode, which is a setting of the drive.
+    Mode(Change),
+    /// An order: its number and its name.
+    Order(u8, &'static str),
+}
+
+/// Parses the word after `adapt`.
+///
+/// # Errors
+/// Returns one line if it is none of the modes and orders.
+pub(super) fn parse(word: &str) -> Result<Request, String> {
+    let place = |words: &[&str]| words.iter().position(|known| *known == word);
+    if let Some(mode) = place(&MODES) {
+        let change = drive::parse("drive.adapt", &mode.to_string())?;
+        return change.map(Request::Mode).ok_or_else(|| "drive.adapt: no such setting".to_owned());
+    }
+    let order = place(&ORDERS).ok_or_else(|| {
+        format!("{ITEM}: found {word:?}, expected on, hold, off, adopt or discard")
+    })?;
+    Ok(Request::Order(order as u8 + 1, ORDERS[order]))
+}
+
+impl Driver {
+    /// Gives an order. Returns what was done.
+    pub(super) fn order_adaptation(&mut self, order: u8, name: &str) -> Result<String, String> {
+        let at = Address::new(index::ADAPTATION, AdaptationObject::ORDER);
+        self.client.write(at, &[order]).map_err(sdo_message)?;
+        Ok(format!("learnt levels: {name}"))
+    }
+
+    fn reals(&mut self, at_index: u16) -> Result<[f32; MAX_GAINS], String> {
+        let mut values = [0.0; MAX_GAINS];
+        for (place, value) in (1..).zip(&mut values) {
+            *value = f32::from_bits(self.number(at_index, place)?);
+        }
+        Ok(values)
+    }
+
+    /// Shows what the joint learnt beside its set. Exit code 1 if it differs.
+    pub(super) fn diff_learnt(&mut self, json: bool) -> Result<ExitCode, String> {
+        let set = self.read_set()?;
+        let gains = Gains::from_array(&self.reals(index::LEARNT_GAINS)?);
+        let deviations = self.reals(index::GAIN_DEVIATIONS)?;
+        let state = self.number(index::ADAPTATION, AdaptationObject::FROZEN)?;
+        let state = Frozen::ALL.get(state as usize).map_or("unknown", |reason| reason.name());
+        let learnt_s = f32::from_bits(self.number(index::ADAPTATION, AdaptationObject::LEARNT_S)?);
+        let age_s = f32::from_bits(self.number(index::ADAPTATION, AdaptationObject::AGE_S)?);
+        let mut learnt = set.clone();
+        learnt.friction.model = set.friction.model.with_gains(&gains);
+        let lines = differences(&set, &learnt);
+        let terms = set.friction.model.terms.iter().map(|kind| kind.name());
+        let names = ["level", "viscous"].into_iter().chain(terms);
+        let of_gains: Vec<_> = names.zip(gains.to_array()).zip(deviations).collect();
+        let text = if json {
+            let gains: Vec<_> = of_gains
+                .iter()
+                .map(|((name, gain), deviation)| {
+                    json!({"name": name, "gain": gain, "std_deviation": deviation})
+                })
+                .collect();
+            let rows: Vec<_> = lines
+                .iter()
+                .map(|(name, set, learnt)| json!({"name": name, "set": set, "learnt": learnt}))
+                .collect();
+            let document = json!({"state": state, "learnt_s": learnt_s, "age_s": age_s, "gains": gains, "differences": rows});
+            pretty(&document)?
+        } else {
+            let mut text =
+                format!("{state}, learnt from {learnt_s:.0} s of sliding, {age_s:.0} s ago\n");
+            for ((name, gain), deviation) in &of_gains {
+                text += &format!("gain on {name}: {gain:.3} +- {deviation:.3}\n");
+            }
+            for (name, set, learnt) in &lines {
+                text += &format!("{name}: set {set}, learnt {learnt}\n");
+            }
+            text
+        };
+        print_text(&text)?;
+        Ok(if lines.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::can::NodeId;
+    use joint_bus::bus::{Bus, Hub};
+    use joint_bus::canopen::Client;
+    use joint_bus::joint::JointNode;
+
+    #[test]
+    fn parse_of_modes_and_orders_names_what_is_expected() {
+        assert!(matches!(parse("hold"), Ok(Request::Mode(_))));
+        assert!(matches!(parse("discard"), Ok(Request::Order(2, "discard"))));
+        let refused = parse("yes").err().unwrap();
+        assert!(refused.contains("expected on, hold, off, adopt or discard"), "{refused}");
+    }
+
+    #[test]
+    fn set_of_modes_and_orders_reaches_the_driver() {
+        let hub = Hub::new();
+        hub.attach(JointNode::start(NodeId::FIRST, None).expect("a driver"));
+        let bus: Box<dyn Bus> = Box::new(hub.port());
+        let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
+        let items =
+            |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
+        let refused = driver.set(&items(&["adapt", "adopt"]), false).unwrap_err();
+        assert!(refused.contains("the adaptation is off"), "{refused}");
+        let done = driver.set(&items(&["adapt", "on"]), false).expect("a mode");
+        assert!(done.contains("drive.adapt 0 -> 1"), "{done}");
+        let done = driver.set(&items(&["adapt=hold"]), false).expect("a mode");
+        assert!(done.contains("drive.adapt 1 -> 2"), "{done}");
+        let done = driver.set(&items(&["adapt", "adopt"]), false).expect("an order");
+        assert!(done.contains("learnt levels: adopt"), "{done}");
+        assert!(driver.diff_learnt(false).is_ok_and(|code| code == ExitCode::SUCCESS));
+        let refused = driver.set(&items(&["adapt"]), false).unwrap_err();
+        assert!(refused.contains("expected on, hold, off, adopt or discard"), "{refused}");
+    }
+}
