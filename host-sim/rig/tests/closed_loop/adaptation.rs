@@ -106,7 +106,7 @@ fn learn(family_name: &str, family: FrictionFamily, wear: f64) -> Vec<ScenarioRo
             let armed = master.rig.is_armed();
             let is_reported =
                 frozen.is_some_and(|code| Frozen::ALL.iter().any(|reason| *reason as u32 == code));
-            let ratio = if wear > 1.0 { 0.3..=0.8 } else { 0.5..=1.02 };
+            let ratio = if wear > 1.0 { 0.1..=0.8 } else { 0.5..=1.05 };
             // Part of the friction does not wear: the set's viscous friction has a gain of its own.
             let level = if wear == 1.0 { 0.93..=1.07 } else { 0.85 * wear..=1.15 * wear };
             vec![

@@ -2,6 +2,8 @@
 //!
 //! The short form runs seven families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
 
+#[path = "../../../../host-sim/rig/tests/closed_loop/adaptation.rs"]
+mod adaptation;
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
 mod bus;
 #[path = "../../../../host-sim/rig/tests/closed_loop/commissioning.rs"]
@@ -44,7 +46,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
     families.extend([stalls::rows(), stops::rows(), holding_brake::rows(), trials::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
-        families.extend([friction::rows(), heat::rows(), position::rows()]);
+        families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);
     }
     families
 }
