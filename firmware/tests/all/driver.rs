@@ -1,6 +1,7 @@
 //! Tests of the joint driver on its bus: tools, masters and invalid traffic.
 
 mod access;
+mod adaptation;
 mod attacks;
 mod bench;
 mod commissioning;
