@@ -131,6 +131,40 @@ impl<T: Real> Compensator<T> {
         self.select_path();
     }
 
+    /// Becomes a copy of another compensator, without its tuned set. [`Compensator::replace_base`] copies that, so that a
+    /// current loop can do it in another period.
+    pub fn replace(&mut self, from: &Self) {
+        // Whole: a new field does not compile until it is copied here.
+        let Self {
+            enabled,
+            is_fast_path,
+            model,
+            base: _,
+            built,
+            state,
+            factors,
+            compensation_torque_nm,
+            radial_force,
+            pressure,
+            covariates,
+        } = from;
+        self.enabled = *enabled;
+        self.is_fast_path = *is_fast_path;
+        self.model.clone_from(model);
+        self.built.clone_from(built);
+        self.state = *state;
+        self.factors = *factors;
+        self.compensation_torque_nm = *compensation_torque_nm;
+        self.radial_force.clone_from(radial_force);
+        self.pressure.clone_from(pressure);
+        self.covariates.clone_from(covariates);
+    }
+
+    /// Takes the tuned set of another compensator, to which later gains apply.
+    pub fn replace_base(&mut self, from: &Self) {
+        self.base.clone_from(&from.base);
+    }
+
     /// Sets the gains on the sizes of the model ([`crate::adaptation`]) from the next sample on. The state stays.
     pub fn set_gains(&mut self, gains: &Gains<T>) {
         self.model.set_gains(&self.base, gains);

@@ -111,6 +111,17 @@ impl Compensate for LimitedCompensator {
         self.inner.supply(factors);
     }
 
+    fn replace(&mut self, from: &Self) {
+        self.inner.replace(&from.inner);
+        self.max_current_a = from.max_current_a;
+        self.limit_a.clone_from(&from.limit_a);
+        self.compensation.clone_from(&from.compensation);
+    }
+
+    fn replace_base(&mut self, from: &Self) {
+        self.inner.replace_base(&from.inner);
+    }
+
     fn set_gains(&mut self, gains: &Gains<f32>) {
         self.inner.set_gains(gains);
     }

@@ -61,6 +61,8 @@ pub struct LoopTask {
     has_sent_probe: bool,
     /// The first half of the commands in front of the queue is taken.
     has_taken_measurements: bool,
+    /// The first half of the parts in front of the queue is swapped in.
+    has_swapped: bool,
     /// The present period takes parts or commands, so that it leaves reports to the next one.
     takes_input: bool,
     scope: ScopeTap,
@@ -111,6 +113,7 @@ impl LoopTask {
             report_step: ReportStep::Collect,
             has_sent_probe: false,
             has_taken_measurements: false,
+            has_swapped: false,
             takes_input: false,
             scope: ScopeTap::IDLE,
             period_s,
@@ -209,8 +212,14 @@ impl LoopTask {
         // Parts first: the commands that follow were made for them.
         self.takes_input = true;
         if let Some(parts) = port.parts.peek() {
-            self.swap(parts);
-            drop(port.parts.dequeue());
+            // In two periods, because the copy of the tuned set takes as long as that of the rest of the model.
+            if self.has_swapped {
+                self.current_loop.complete_swap(&parts.model);
+                drop(port.parts.dequeue());
+            } else {
+                self.swap(parts);
+            }
+            self.has_swapped = !self.has_swapped;
         } else if let Some(gains) = port.gains.dequeue() {
             self.current_loop.set_gains(&gains);
         } else if let Some(commands) = port.commands.peek() {

@@ -413,19 +413,20 @@ fn interrupt_takes_parts_or_commands_or_gives_a_report_in_one_period() {
     for _ in 0..task.report_every - 1 {
         task.interrupt(&mut StageStub, &mut port, 0, 0);
     }
-    // Another set comes with commands, and a report is due: one after the other, the commands in two steps and the
-    // report in three.
+    // Another set comes with commands, and a report is due: one after the other, the set and the commands in two steps
+    // each and the report in three.
     let set = ParameterSet::default();
     let mut covariates = Covariates::MISSING;
     covariates.load_torque_nm = Reading { value: 7.0, age_s: 0.0 };
     link.send_commands(LoopCommands { set_number: 1, covariates, ..drive(1.0) }, &set);
     let mut taken = Vec::new();
-    for _ in 0..6 {
+    for _ in 0..7 {
         task.interrupt(&mut StageStub, &mut port, 0, 0);
         let has_parts = port.parts.ready();
         taken.push((has_parts, task.commands.set_number, task.report_step));
     }
     let steps = [
+        (true, 0, ReportStep::Collect),
         (false, 0, ReportStep::Collect),
         (false, 0, ReportStep::Collect),
         (false, 1, ReportStep::Collect),

@@ -34,6 +34,15 @@ pub trait Compensate {
     fn torque_constant_nm_per_a(&self) -> f32;
     /// Sets the factors that a network supplies; `None` selects the constants of the law.
     fn supply(&mut self, factors: Option<Factors<f32>>);
+    /// Becomes a copy of another compensator. What [`Compensate::replace_base`] copies may be missing.
+    fn replace(&mut self, from: &Self)
+    where
+        Self: Clone,
+    {
+        self.clone_from(from);
+    }
+    /// Completes [`Compensate::replace`]: only then may gains be set.
+    fn replace_base(&mut self, _from: &Self) {}
     /// Sets the gains on the sizes of the model; a joint without one has none.
     fn set_gains(&mut self, _gains: &Gains<f32>) {}
     /// Returns the torque held by the deflected bristles, Nm.
@@ -111,6 +120,15 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
             static_level: T::from_setting(factors.static_level),
             stiffness: T::from_setting(factors.stiffness),
         }));
+    }
+
+    fn replace(&mut self, from: &Self) {
+        self.inner.replace(&from.inner);
+        self.torque_constant_nm_per_a = from.torque_constant_nm_per_a;
+    }
+
+    fn replace_base(&mut self, from: &Self) {
+        self.inner.replace_base(&from.inner);
     }
 
     fn set_gains(&mut self, gains: &Gains<f32>) {

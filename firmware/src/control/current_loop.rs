@@ -181,8 +181,13 @@ impl<C: Compensate> CurrentLoop<C> {
             self.fade = 1.0;
             self.fade_from_a = self.feed_forward_a;
         }
-        self.compensator.clone_from(compensator);
+        self.compensator.replace(compensator);
         self.compensator.set_enabled(false);
+    }
+
+    /// Completes a swap of the compensator.
+    pub fn complete_swap(&mut self, compensator: &C) {
+        self.compensator.replace_base(compensator);
     }
 
     /// Returns the parameters in use.
