@@ -159,7 +159,7 @@ drive_settings! {
     /// 2044h:3: largest learnt gain, thousandths.
     ADAPTATION 3 adapt_most_permille: u16 = 2500, 1000..=10000, "1000 to 10000";
     /// 2044h:4: memory of the learning, s of sliding.
-    ADAPTATION 4 adapt_memory_s: u16 = 20, 1..=10000, "1 to 10000";
+    ADAPTATION 4 adapt_memory_s: u16 = 10, 1..=10000, "1 to 10000";
 }
 
 impl DriveSettings {
