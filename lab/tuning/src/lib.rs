@@ -13,7 +13,7 @@ mod stand;
 pub mod summary;
 
 pub use fault::{Fault, FaultGrade, grade_fault, grade_fault_on};
-pub use stand::{Stand, Truth};
+pub use stand::{LARGEST_DISTANCE_RAD, Stand, Truth};
 
 use firmware::parameter_set::ParameterSet;
 use friction_results::tune::TuneQuantity;

@@ -1,6 +1,6 @@
 //! A drawn joint on a bus, with the true position of its output beside it.
 
-use super::Silent;
+use super::{LIMITS, Silent, options};
 use canopen_rs::Address;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
@@ -9,33 +9,62 @@ use joint_bus::bus::{Bus, BusError, Counters, Hub, Participant, Received};
 use joint_bus::canopen::Client;
 use joint_rig::MotorNode;
 use joint_trace::CanFrame;
+use joint_tuning::motion::standard;
 use joint_tuning::recording::Recording;
 use joint_tuning::score::{Scored, gain, score};
+use joint_tuning::session::performed;
+use joint_tuning::trial_set::TunedSet;
 use joint_tuning::{Session, TuneOptions, tune};
 use simulated_machines::joint_plant::DrawnJoint;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
+/// Age of what the library reports at the arrival of the frame, ms: the loop collects values each millisecond, the background
+/// takes them a tick later, and the frame leaves at the tick after the SYNC.
+const LIBRARY_REPORT_AGE_MS: f64 = 3.05;
+
+/// Largest distance of the reported positions of a rigid joint from the true ones, rad: its encoder may be wrong by 0.02 rad
+/// at the motor, and a report that is half a millisecond older adds more.
+pub const LARGEST_DISTANCE_RAD: f64 = 2e-4;
+
 /// The true position of the output, one value per millisecond of the bus.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Truth {
     positions_rad: Vec<f64>,
+    /// Age of the joint's reports at their arrival, ms.
+    report_age_ms: f64,
 }
 
 impl Truth {
+    /// Returns the true position at a bus time, ms; `None` beyond what was recorded.
+    fn position_rad(&self, time_ms: f64) -> Option<f64> {
+        let before = time_ms.max(0.0).floor();
+        let [from, to] = [0, 1].map(|next| self.positions_rad.get(before as usize + next));
+        Some(from? + (time_ms.max(0.0) - before) * (to? - from?))
+    }
+
     /// Returns a recording with the true position in place of the measured one.
     pub fn corrected(&self, recording: &Recording) -> Recording {
         let mut corrected = recording.clone();
         for row in &mut corrected.rows {
             let demand = row.demand_rad();
-            // The drive sampled its report a millisecond before the frame with it.
-            let at = (1e3 * row.time_s).round() as usize;
-            if let Some(position) = self.positions_rad.get(at.saturating_sub(1)) {
-                row.position_rad = *position;
+            if let Some(position) = self.position_rad(1e3 * row.time_s - self.report_age_ms) {
+                row.position_rad = position;
                 row.error_rad = demand - position;
             }
         }
         corrected
+    }
+
+    /// Returns the distance of the reported positions from the true ones, RMS without the mean, rad. A wrong age adds the
+    /// joint's way in the time by which it is wrong.
+    pub fn distance_rad(&self, recording: &Recording) -> f64 {
+        let corrected = self.corrected(recording).rows;
+        let pairs = corrected.iter().zip(&recording.rows);
+        let apart: Vec<f64> = pairs.map(|(a, b)| a.position_rad - b.position_rad).collect();
+        let count = apart.len().max(1) as f64;
+        let mean = apart.iter().sum::<f64>() / count;
+        (apart.iter().map(|own| (own - mean).powi(2)).sum::<f64>() / count).sqrt()
     }
 
     /// Returns how well a recording follows its demand by the true position.
@@ -96,14 +125,16 @@ impl Stand {
     /// # Errors
     /// Returns one line if the set is rejected.
     pub fn new(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, String> {
-        Ok(Self::with_node(MotorNode::drawn(joint, set)?))
+        Ok(Self::with_node(MotorNode::drawn(joint, set)?, LIBRARY_REPORT_AGE_MS))
     }
 
-    /// Starts with a joint on another driver, such as an emulated board ([`MotorNode::drawn_on`]).
-    pub fn with_node(node: MotorNode) -> Self {
+    /// Starts with a joint on another driver, such as an emulated board ([`MotorNode::drawn_on`]), whose reports have this age
+    /// at their arrival, ms.
+    pub fn with_node(node: MotorNode, report_age_ms: f64) -> Self {
         let hub = Hub::new();
         let node = Rc::new(RefCell::new(node));
-        let truth = Rc::new(RefCell::new(Truth::default()));
+        let truth = Truth { positions_rad: Vec::new(), report_age_ms };
+        let truth = Rc::new(RefCell::new(truth));
         hub.attach(SharedJoint { node: node.clone(), truth: truth.clone() });
         let (killed_ns, refused_index) = (Rc::new(Cell::new(u64::MAX)), Rc::default());
         Self { hub, node, truth, killed_ns, refused_index }
@@ -164,6 +195,19 @@ impl Stand {
             refused_index: self.refused_index.clone(),
         };
         Client::new(bus, compensator_core::can::NodeId::FIRST)
+    }
+
+    /// Performs the standard motion with a set in RAM, at the stored position gain.
+    ///
+    /// # Errors
+    /// Returns one line if the set is refused or the joint stops.
+    pub fn performed(&self, set: &ParameterSet) -> Result<Recording, String> {
+        let at = Address::new(index::POSITION_LOOP, 1);
+        let gain = self.client().read_number(at).map_err(|error| error.to_string())?;
+        let tuned = TunedSet { set: set.clone(), position_gain: gain };
+        let origin_rad = self.node.borrow().plant().position_rad();
+        let motion = standard(&LIMITS);
+        performed(self.client(), &options(0, LIMITS), origin_rad, &tuned, &motion)
     }
 
     /// Runs a session.

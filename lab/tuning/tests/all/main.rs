@@ -4,7 +4,8 @@ use firmware::node::dictionary::index;
 use friction_results::tune::TuneOutcome;
 use joint_rig::service;
 use tuned_joints::{
-    Case, Fault, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade, grade_fault, joint, options,
+    Case, Fault, LARGEST_DISTANCE_RAD, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade, grade_fault,
+    joint, options,
 };
 
 /// True gains that a session on a commissioned joint reaches at least: half of what most of the table's sessions do.
@@ -28,6 +29,16 @@ fn session_on_a_joint_with_a_hidden_effect_moves_its_output_better() {
     for (seed, hidden) in (42_000..).zip(SHOWN_BY_MOTION).take(count) {
         check(seed, hidden);
     }
+}
+
+#[test]
+fn truth_at_the_age_of_the_reports_agrees_with_the_encoder() {
+    let joint = joint(46_000, None).expect("a joint");
+    let set = service::starting_set(&joint);
+    let stand = Stand::new(&joint, &set).expect("it starts");
+    let recording = stand.performed(&set).expect("a motion");
+    let distance_rad = stand.truth().distance_rad(&recording);
+    assert!(distance_rad < LARGEST_DISTANCE_RAD, "{distance_rad}");
 }
 
 #[test]

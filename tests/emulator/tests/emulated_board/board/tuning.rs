@@ -20,8 +20,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tuned_joints::summary::median;
 use tuned_joints::{
-    Case, Fault, Grade, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade_fault_on, grade_on, joint,
-    options,
+    Case, Fault, Grade, LARGEST_DISTANCE_RAD, LIMITS, SHOWN_BY_MOTION, Stand, Start,
+    grade_fault_on, grade_on, joint, options,
 };
 
 /// Seeds of the joints: others than those of the table of graded sessions.
@@ -35,6 +35,9 @@ const TOLERANCES: [(&str, f64); 2] = [("before", 0.05), ("after", 0.3)];
 /// Time after the deadline of a trial until the stored set must be back, and from a reset until the image answers, ms.
 const RETURN_MS: u64 = 500;
 const MILLISECOND_NS: u64 = 1_000_000;
+/// Age of what the image reports at the arrival of the frame, ms: half a millisecond on average in the loop, and a
+/// millisecond until the bus of the test takes the frame.
+const REPORT_AGE_MS: f64 = 1.57;
 /// State of a trial whose host was late (2042h:3).
 const HOST_WAS_LATE: u32 = 4;
 
@@ -45,7 +48,7 @@ fn start(joint: &DrawnJoint, set: &ParameterSet) -> Result<Stand, String> {
     let start = MotorNode::power_up(joint, set);
     let stage = stage_at_power_up(&start, joint.plant(), &RigFaults::default());
     let driver = BoardDriver::start(image(), &start, stage)?;
-    Ok(Stand::with_node(MotorNode::drawn_on(Box::new(driver), joint)))
+    Ok(Stand::with_node(MotorNode::drawn_on(Box::new(driver), joint), REPORT_AGE_MS))
 }
 
 /// CRC of the active set, and the position gain.
@@ -101,6 +104,16 @@ fn image_that_is_reset_in_a_trial_starts_with_its_stored_set() {
     run_for(&stand, RETURN_MS);
     assert_eq!(stand.node().borrow().restarts(), 1);
     assert_eq!(in_use(&stand), before);
+}
+
+#[test]
+fn truth_at_the_age_of_the_reports_of_image_agrees_with_the_encoder() {
+    let joint = joint(FIRST_SEED, None).expect("a joint");
+    let set = service::starting_set(&joint);
+    let stand = start(&joint, &set).expect("the image starts");
+    let recording = stand.performed(&set).expect("a motion");
+    let distance_rad = stand.truth().distance_rad(&recording);
+    assert!(distance_rad < LARGEST_DISTANCE_RAD, "{distance_rad}");
 }
 
 fn cases() -> Vec<Case> {
