@@ -1,0 +1,150 @@
+//! Grades the adaptation and writes its tables: `cargo run --release -p drifting-joints --example grade_adaptation -- --seed N`.
+
+use clap::Parser;
+use drifting_joints::drift::{Drift, MomentGrade, SteadyGrade, grade_drift, grade_steady};
+use drifting_joints::lies::{LieGrade, PreparedJoint, grade_lie};
+use drifting_joints::summary;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Arguments.
+#[derive(Parser)]
+struct Arguments {
+    /// First seed
+    #[arg(long)]
+    seed: u64,
+    /// A few courses only
+    #[arg(long)]
+    quick: bool,
+    /// Joints per drift; 0 leaves its tables
+    #[arg(long, default_value_t = 16)]
+    drifting: u64,
+    /// Joints that do not change, over two hours; 0 leaves its tables
+    #[arg(long, default_value_t = 10)]
+    steady: u64,
+    /// Courses that lie; 0 leaves its tables
+    #[arg(long, default_value_t = 1000)]
+    lies: u64,
+    /// Folder of the tables
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/graded"))]
+    out: PathBuf,
+}
+
+/// Courses per joint of those that lie.
+const COURSES_PER_JOINT: u64 = 25;
+
+fn found<T>(what: &str, graded: Result<T, String>) -> Option<T> {
+    graded.inspect_err(|why| eprintln!("{what}: {why}")).ok()
+}
+
+fn drifts(arguments: &Arguments) -> Vec<MomentGrade> {
+    let cases: Vec<(u64, Drift)> = (0..arguments.drifting)
+        .flat_map(|at| Drift::ALL.map(|drift| (arguments.seed + at, drift)))
+        .collect();
+    let grade = |(seed, drift): &(u64, Drift)| {
+        found(&format!("seed {seed} {drift:?}"), grade_drift(*seed, *drift))
+    };
+    cases.par_iter().filter_map(grade).flatten().collect()
+}
+
+fn steady(arguments: &Arguments) -> Vec<SteadyGrade> {
+    let parts = if arguments.quick { 3 } else { 12 };
+    let grade =
+        |at: u64| found(&format!("seed {at}"), grade_steady(arguments.seed + 1000 + at, parts));
+    (0..arguments.steady).into_par_iter().filter_map(grade).collect()
+}
+
+fn lies(arguments: &Arguments) -> Vec<LieGrade> {
+    let joints: Vec<PreparedJoint> = (0..arguments.lies.div_ceil(COURSES_PER_JOINT))
+        .into_par_iter()
+        .filter_map(|at| {
+            found(&format!("seed {at}"), PreparedJoint::draw(arguments.seed + 2000 + at))
+        })
+        .collect();
+    let grade = |course: u64| {
+        let joint = joints.get(course as usize % joints.len().max(1))?;
+        Some(grade_lie(joint, arguments.seed.wrapping_mul(1600) + course))
+    };
+    (0..arguments.lies).into_par_iter().filter_map(grade).collect()
+}
+
+fn drift_table(grades: &[MomentGrade]) -> String {
+    let mut text = "seed\tfamily\tdrift\ttime_s\toff_mrad\tfixed_mrad\tadaptive_mrad\ttuned_anew_mrad\tobserver_mrad\tlevel\tviscous\ttrue_level\n".to_owned();
+    for own in grades {
+        let head = format!("{}\t{}\t{}\t{:.0}", own.seed, own.family, own.drift.name(), own.time_s);
+        let rms = own.rms_rad.map(|rms| format!("{:.4}", 1e3 * rms)).join("\t");
+        let [a, b] = own.learnt.map(|gain| format!("{gain:.3}"));
+        text += &format!("{head}\t{rms}\t{a}\t{b}\t{:.3}\n", own.true_level);
+    }
+    text
+}
+
+fn steady_table(grades: &[SteadyGrade]) -> String {
+    let mut text = "seed\tfamily\tlevel_error\tadaptive_per_fixed\tlargest_of_ten_minutes\tlevel\tviscous\ttrue_level\n".to_owned();
+    for own in grades {
+        let numbers = [own.level_error, own.ratio, own.worst_ratio];
+        let gains = own.learnt.into_iter().chain([own.true_level]);
+        let numbers: Vec<String> =
+            numbers.into_iter().chain(gains).map(|number| format!("{number:.3}")).collect();
+        text += &format!("{}\t{}\t{}\n", own.seed, own.family, numbers.join("\t"));
+    }
+    text
+}
+
+fn lie_table(grades: &[LieGrade]) -> String {
+    let mut text = "course\tlies\toff_mrad\tfixed_mrad\tadaptive_mrad\ttorque_per_bound\toff_stopped\tfixed_stopped\tadaptive_stopped\toff_ringing_s\tfixed_ringing_s\tadaptive_ringing_s\tlevel\tviscous\n".to_owned();
+    for own in grades {
+        let lies: Vec<&str> = own.lies.iter().map(|lie| lie.name()).collect();
+        let rms = own.rms_rad.map(|rms| format!("{:.3}", 1e3 * rms)).join("\t");
+        let stopped = own.is_stopped.map(|is_stopped| is_stopped.to_string()).join("\t");
+        let ringing = own.ringing_s.map(|seconds| format!("{seconds:.0}")).join("\t");
+        let [level, viscous] = own.learnt;
+        text += &format!(
+            "{}\t{}\t{rms}\t{:.3}\t{stopped}\t{ringing}\t{level:.2}\t{viscous:.2}\n",
+            own.course,
+            lies.join(" + "),
+            own.torque_share
+        );
+    }
+    text
+}
+
+fn main() {
+    let mut arguments = Arguments::parse();
+    if arguments.quick {
+        arguments.drifting = arguments.drifting.min(6);
+        arguments.steady = arguments.steady.min(6);
+        arguments.lies = arguments.lies.min(100);
+    }
+    // A part without courses leaves its tables as they are.
+    if arguments.drifting > 0 {
+        let grades = drifts(&arguments);
+        let rows = summary::drift_rows(&grades);
+        write_part(&arguments.out, "drifts", &drift_table(&grades), &rows);
+    }
+    if arguments.steady > 0 {
+        let grades = steady(&arguments);
+        let rows = summary::steady_rows(&grades);
+        write_part(&arguments.out, "steady", &steady_table(&grades), &rows);
+    }
+    if arguments.lies > 0 {
+        let grades = lies(&arguments);
+        let rows = summary::lie_rows(&grades);
+        write_part(&arguments.out, "lies", &lie_table(&grades), &rows);
+    }
+}
+
+/// Writes the courses of a part and its summary, and prints the summary.
+fn write_part(folder: &Path, part: &str, courses: &str, rows: &[summary::Row]) {
+    let mut summary = "what\tcourses\tfigure\tgoal\n".to_owned();
+    for row in rows {
+        summary += &(row.join("\t") + "\n");
+    }
+    print!("{summary}");
+    write(folder, &format!("{part}.tsv"), courses);
+    write(folder, &format!("adaptation-{part}.tsv"), &summary);
+}
+
+fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).unwrap_or_else(|error| panic!("{name}: {error}"));
+}

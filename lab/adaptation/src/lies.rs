@@ -1,0 +1,337 @@
+//! Courses in which a sensor or the machine is other than the adaptation assumes.
+
+use crate::drive::{Aid, TORQUE_LIMIT_NM, TunedSet};
+use crate::joint::{Joint, Run};
+use crate::plant::{Measured, PERIOD_S, World};
+use crate::random::Random;
+use compensator_core::{ParameterId, TermKind};
+
+/// Duration of a course, s.
+const COURSE_S: f64 = 60.0;
+
+/// Time after the first arm has stopped in which the others may stop too, s.
+const GRACE_S: f64 = 1.0;
+
+/// What is other than assumed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lie {
+    /// The encoder repeats a reading.
+    EncoderStuck,
+    /// The encoder has 20 times the noise.
+    EncoderNoisy,
+    /// The encoder jumps now and then.
+    EncoderJumps,
+    /// The encoder shows NaN.
+    EncoderNan,
+    /// The current repeats a reading.
+    CurrentStuck,
+    /// The current has 20 times the noise.
+    CurrentNoisy,
+    /// The current has a wrong gain and offset.
+    CurrentWrong,
+    /// The current shows NaN.
+    CurrentNan,
+    /// The pressure repeats a reading.
+    PressureStuck,
+    /// The pressure jumps.
+    PressureJumps,
+    /// The pressure shows NaN.
+    PressureNan,
+    /// A coupling becomes loose.
+    Slack,
+    /// The output meets a spring.
+    Contact,
+    /// A constant load appears or falls.
+    Payload,
+    /// Gravity acts.
+    Gravity,
+    /// The joint turns in one direction only.
+    OneSided,
+}
+
+impl Lie {
+    /// Every lie.
+    pub const ALL: [Self; 16] = [
+        Self::EncoderStuck,
+        Self::EncoderNoisy,
+        Self::EncoderJumps,
+        Self::EncoderNan,
+        Self::CurrentStuck,
+        Self::CurrentNoisy,
+        Self::CurrentWrong,
+        Self::CurrentNan,
+        Self::PressureStuck,
+        Self::PressureJumps,
+        Self::PressureNan,
+        Self::Slack,
+        Self::Contact,
+        Self::Payload,
+        Self::Gravity,
+        Self::OneSided,
+    ];
+
+    /// Returns the name in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::EncoderStuck => "encoder stuck",
+            Self::EncoderNoisy => "encoder noisy",
+            Self::EncoderJumps => "encoder jumps",
+            Self::EncoderNan => "encoder NaN",
+            Self::CurrentStuck => "current stuck",
+            Self::CurrentNoisy => "current noisy",
+            Self::CurrentWrong => "current wrong",
+            Self::CurrentNan => "current NaN",
+            Self::PressureStuck => "pressure stuck",
+            Self::PressureJumps => "pressure jumps",
+            Self::PressureNan => "pressure NaN",
+            Self::Slack => "slack",
+            Self::Contact => "contact",
+            Self::Payload => "payload",
+            Self::Gravity => "gravity",
+            Self::OneSided => "one-sided",
+        }
+    }
+}
+
+/// A joint with its set, for many courses.
+#[derive(Clone, Debug)]
+pub struct PreparedJoint {
+    joint: Joint,
+    set: TunedSet,
+}
+
+impl PreparedJoint {
+    /// Draws and identifies a joint. Its friction depends on the pressure, and its set has a term of it.
+    ///
+    /// # Errors
+    /// Returns one line if the set cannot be identified.
+    pub fn draw(seed: u64) -> Result<Self, String> {
+        let mut joint = Joint::draw(seed).ok_or("no joint")?;
+        let mut random = Random::new(seed, 0x66);
+        joint.constants.pressure_share = random.between(0.2, 0.7);
+        let mut set = joint.identify(&joint.plant(false), &joint.world(), None)?;
+        let seal_nm = joint.level_nm() - joint.constants.gear_no_load_nm;
+        let slope = 0.88 * joint.constants.pressure_share / joint.constants.seal_preload_pa;
+        set.model.add_term(TermKind::PressureCoulomb);
+        set.model.set(ParameterId::PressureCoulomb, (seal_nm * slope) as f32);
+        set.model.validate().map_err(|error| format!("{error:?}"))?;
+        Ok(Self { joint, set })
+    }
+}
+
+/// Grade of a course.
+#[derive(Clone, Debug)]
+pub struct LieGrade {
+    /// Number of the course.
+    pub course: u64,
+    /// What was other than assumed.
+    pub lies: Vec<Lie>,
+    /// RMS errors without compensation, with the tuned set, and with the adaptation, rad.
+    pub rms_rad: [f64; 3],
+    /// Largest torque of the compensation relative to its bound.
+    pub torque_share: f64,
+    /// Times of oscillation at rest of the three arms, s.
+    pub ringing_s: [f64; 3],
+    /// A following error has stopped these arms.
+    pub is_stopped: [bool; 3],
+    /// Learnt gains at the end, level and viscous.
+    pub learnt: [f64; 2],
+}
+
+impl LieGrade {
+    /// Returns true if the joint oscillates at rest with the adaptation, and not without a compensation.
+    pub fn has_limit_cycle(&self) -> bool {
+        self.ringing_s[2] > self.ringing_s[0] + 2.0
+    }
+
+    /// Returns true if the joint stops with the adaptation only.
+    pub fn stops_by_adaptation(&self) -> bool {
+        self.is_stopped[2] && !self.is_stopped[0]
+    }
+
+    /// Returns the RMS error with the adaptation relative to that without a compensation.
+    pub fn ratio(&self) -> f64 {
+        self.rms_rad[2] / self.rms_rad[0]
+    }
+}
+
+/// A lie with its time and size.
+#[derive(Clone, Copy, Debug)]
+struct DrawnLie {
+    lie: Lie,
+    from_s: f64,
+    until_s: f64,
+    /// 0 to 1.
+    size: f64,
+    sign: f64,
+}
+
+impl DrawnLie {
+    fn draw(random: &mut Random, lie: Lie) -> Self {
+        let from_s = random.between(3.0, 40.0);
+        let until_s = from_s + random.log_between(0.5, 40.0);
+        Self { lie, from_s, until_s, size: random.between(0.0, 1.0), sign: random.sign() }
+    }
+
+    fn acts(&self, time_s: f64) -> bool {
+        (self.from_s..self.until_s).contains(&time_s)
+    }
+
+    fn change_world(&self, world: &mut World, friction_nm: f64) {
+        match self.lie {
+            Lie::Slack => world.slack_rad = 1e-3 + 0.02 * self.size,
+            Lie::Contact => world.wall = Some([0.3 * self.size - 0.15, 20.0 + 200.0 * self.size]),
+            Lie::Payload => world.constant_nm += self.sign * friction_nm * (0.3 + 1.7 * self.size),
+            Lie::Gravity => world.gravity_nm += self.sign * friction_nm * (0.3 + 1.7 * self.size),
+            _ => {}
+        }
+    }
+
+    fn change_measured(&self, measured: &mut Measured, held: &Measured, random: &mut Random) {
+        let is_moment = random.chance(0.01);
+        match self.lie {
+            Lie::EncoderStuck => measured.encoder_rad = held.encoder_rad,
+            Lie::EncoderNoisy => measured.encoder_rad += 7.5e-5 * random.normal(),
+            Lie::EncoderJumps if is_moment => {
+                measured.encoder_rad += self.sign * 0.1 * self.size;
+            }
+            Lie::EncoderNan => measured.encoder_rad = f64::NAN,
+            Lie::CurrentStuck => measured.torque_nm = held.torque_nm,
+            Lie::CurrentNoisy => measured.torque_nm += random.normal(),
+            Lie::CurrentWrong => {
+                measured.torque_nm = measured.torque_nm * (0.4 + 1.6 * self.size) + 0.3 * self.sign;
+            }
+            Lie::CurrentNan => measured.torque_nm = f64::NAN,
+            Lie::PressureStuck => measured.pressure_pa = held.pressure_pa,
+            Lie::PressureJumps if is_moment => measured.pressure_pa += 3e6 * self.size,
+            Lie::PressureNan => measured.pressure_pa = f64::NAN,
+            _ => {}
+        }
+    }
+}
+
+/// Watches for an oscillation while the target rests.
+///
+/// It is one if the velocity alternates beyond a least speed at least four times in two seconds.
+#[derive(Clone, Debug, Default)]
+struct RingingWatch {
+    rested_s: f64,
+    window_s: f64,
+    alternations: u32,
+    direction: f64,
+    ringing_s: f64,
+}
+
+/// Least speed of an oscillation, rad/s.
+const RINGING_RAD_S: f64 = 0.02;
+
+impl RingingWatch {
+    fn step(&mut self, is_resting: bool, velocity_rad_s: f64) {
+        self.rested_s = if is_resting { self.rested_s + PERIOD_S } else { 0.0 };
+        if self.rested_s < 1.0 {
+            (self.window_s, self.alternations) = (0.0, 0);
+            return;
+        }
+        if velocity_rad_s.abs() > RINGING_RAD_S && velocity_rad_s.signum() != self.direction {
+            self.direction = velocity_rad_s.signum();
+            self.alternations += 1;
+        }
+        self.window_s += PERIOD_S;
+        if self.window_s >= 2.0 {
+            if self.alternations >= 4 {
+                self.ringing_s += self.window_s;
+            }
+            (self.window_s, self.alternations) = (0.0, 0);
+        }
+    }
+}
+
+/// Grades a course of a joint.
+pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> LieGrade {
+    let PreparedJoint { joint, set } = prepared;
+    let mut random = Random::new(course, 0x77);
+    let mut lies = vec![Lie::ALL[(course % Lie::ALL.len() as u64) as usize]];
+    if random.chance(0.3) {
+        lies.push(Lie::ALL[random.below(Lie::ALL.len())]);
+    }
+    let drawn: Vec<DrawnLie> = lies.iter().map(|lie| DrawnLie::draw(&mut random, *lie)).collect();
+    let aids = [Aid::Off, Aid::fixed(set), Aid::adaptive(set)];
+    let has_coupling = lies.contains(&Lie::Slack);
+    let mut arms = aids.map(|aid| Arm {
+        run: joint.start(aid, course ^ joint.seed, has_coupling),
+        random: Random::new(course, 0x88),
+        held: vec![None; drawn.len()],
+        watch: RingingWatch::default(),
+        rms_rad: 0.0,
+        most_nm: [0.0; 2],
+    });
+    let mut end_s = COURSE_S;
+    let mut is_scored = false;
+    while arms[0].run.time_s < end_s {
+        arms.iter_mut().for_each(|arm| arm.period(joint, &drawn));
+        let is_stopped = arms.iter().any(|arm| arm.run.drive.is_stopped());
+        let is_end = arms[0].run.time_s >= COURSE_S - PERIOD_S;
+        if !is_scored && (is_stopped || is_end) {
+            // The errors of all arms count until the first one stops.
+            arms.iter_mut().for_each(|arm| arm.rms_rad = arm.run.take_rms());
+            is_scored = true;
+            end_s = end_s.min(arms[0].run.time_s + GRACE_S);
+        }
+    }
+    let bound_nm = f64::from(set.torque_limit_nm());
+    let shares = arms[1..]
+        .iter()
+        .map(|arm| (arm.most_nm[0] / bound_nm).max(arm.most_nm[1] / TORQUE_LIMIT_NM));
+    let gains = arms[2].run.drive.gains();
+    LieGrade {
+        course,
+        lies,
+        torque_share: shares.fold(0.0, f64::max),
+        learnt: [f64::from(gains.level), f64::from(gains.viscous)],
+        rms_rad: arms.each_ref().map(|arm| arm.rms_rad),
+        ringing_s: arms.each_ref().map(|arm| arm.watch.ringing_s),
+        is_stopped: arms.each_ref().map(|arm| arm.run.drive.is_stopped()),
+    }
+}
+
+/// A run of a course, and what is recorded of it.
+struct Arm {
+    run: Run,
+    random: Random,
+    /// Measurements at the begin of each lie.
+    held: Vec<Option<Measured>>,
+    watch: RingingWatch,
+    rms_rad: f64,
+    /// Largest torque of the aid and in all, Nm.
+    most_nm: [f64; 2],
+}
+
+impl Arm {
+    fn period(&mut self, joint: &Joint, drawn: &[DrawnLie]) {
+        let time_s = self.run.time_s;
+        let mut world = joint.world();
+        world.pressure_pa = 5e5 * (1.0 - (0.2 * time_s).cos());
+        for own in drawn.iter().filter(|own| own.acts(time_s)) {
+            own.change_world(&mut world, joint.level_nm());
+        }
+        for own in drawn.iter().filter(|own| own.lie == Lie::OneSided) {
+            self.run.motion.set_one_sided(own.acts(time_s));
+        }
+        let (held, random) = (&mut self.held, &mut self.random);
+        self.run.period(&world, |mut measured| {
+            for (own, held) in drawn.iter().zip(held) {
+                if own.acts(time_s) {
+                    let first = *held.get_or_insert(measured);
+                    own.change_measured(&mut measured, &first, random);
+                }
+            }
+            measured
+        });
+        let run = &self.run;
+        self.watch.step(run.motion.is_resting(), run.plant.velocity_rad_s());
+        // What is not finite counts as beyond every bound.
+        for (most, torque_nm) in self.most_nm.iter_mut().zip([run.drive.aid_nm, run.torque_nm()]) {
+            *most = if torque_nm.is_finite() { most.max(torque_nm.abs()) } else { f64::INFINITY };
+        }
+    }
+}
