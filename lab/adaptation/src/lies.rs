@@ -119,6 +119,11 @@ impl PreparedJoint {
     }
 }
 
+/// Arms of a course that compensate: the tuned set, and the adaptation.
+pub const FIXED: usize = 1;
+/// See [`FIXED`].
+pub const ADAPTIVE: usize = 2;
+
 /// Grade of a course.
 #[derive(Clone, Debug)]
 pub struct LieGrade {
@@ -139,19 +144,19 @@ pub struct LieGrade {
 }
 
 impl LieGrade {
-    /// Returns true if the joint oscillates at rest with the adaptation, and not without a compensation.
-    pub fn has_limit_cycle(&self) -> bool {
-        self.ringing_s[2] > self.ringing_s[0] + 2.0
+    /// Returns true if the joint oscillates at rest in this arm for more than one window longer than without a compensation.
+    pub fn has_limit_cycle(&self, arm: usize) -> bool {
+        self.ringing_s[arm] > self.ringing_s[0] + 1.5 * WINDOW_S
     }
 
-    /// Returns true if the joint stops with the adaptation only.
-    pub fn stops_by_adaptation(&self) -> bool {
-        self.is_stopped[2] && !self.is_stopped[0]
+    /// Returns true if the joint stops in this arm, but not without a compensation.
+    pub fn stops_by(&self, arm: usize) -> bool {
+        self.is_stopped[arm] && !self.is_stopped[0]
     }
 
     /// Returns the RMS error with the adaptation relative to that without a compensation.
     pub fn ratio(&self) -> f64 {
-        self.rms_rad[2] / self.rms_rad[0]
+        self.rms_rad[ADAPTIVE] / self.rms_rad[0]
     }
 }
 
@@ -222,6 +227,9 @@ struct RingingWatch {
     ringing_s: f64,
 }
 
+/// Window in which alternations are counted, s.
+const WINDOW_S: f64 = 2.0;
+
 /// Least speed of an oscillation, rad/s.
 const RINGING_RAD_S: f64 = 0.02;
 
@@ -237,7 +245,7 @@ impl RingingWatch {
             self.alternations += 1;
         }
         self.window_s += PERIOD_S;
-        if self.window_s >= 2.0 {
+        if self.window_s >= WINDOW_S {
             if self.alternations >= 4 {
                 self.ringing_s += self.window_s;
             }
@@ -282,7 +290,7 @@ pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> LieGrade {
     let shares = arms[1..]
         .iter()
         .map(|arm| (arm.most_nm[0] / bound_nm).max(arm.most_nm[1] / TORQUE_LIMIT_NM));
-    let gains = arms[2].run.drive.gains();
+    let gains = arms[ADAPTIVE].run.drive.gains();
     LieGrade {
         course,
         lies,

@@ -1,7 +1,7 @@
 //! The figures of a grading, beside their goals.
 
 use crate::drift::{ARMS, Drift, MomentGrade, SteadyGrade};
-use crate::lies::{Lie, LieGrade};
+use crate::lies::{self, Lie, LieGrade};
 
 /// A row of the summary: what, number of courses, figure, goal.
 pub type Row = [String; 4];
@@ -73,10 +73,14 @@ pub fn lie_rows(grades: &[LieGrade]) -> Vec<Row> {
     };
     let beyond = grades.iter().filter(|own| own.torque_share > 1.000_001).count();
     push("torque beyond a bound", beyond.to_string(), "0");
-    let cycles = grades.iter().filter(|own| own.has_limit_cycle()).count();
-    push("limit cycles", cycles.to_string(), "0");
-    let stops = grades.iter().filter(|own| own.stops_by_adaptation()).count();
-    push("stopped by a following error, unlike off", stops.to_string(), "0");
+    for (what, has) in [
+        ("limit cycles", LieGrade::has_limit_cycle as fn(&LieGrade, usize) -> bool),
+        ("stopped by a following error, unlike off", LieGrade::stops_by),
+    ] {
+        let count = |arm: usize| grades.iter().filter(|own| has(own, arm)).count().to_string();
+        push(what, count(lies::ADAPTIVE), "0");
+        push("the same with the tuned set", count(lies::FIXED), "");
+    }
     let both = grades.iter().filter(|own| own.is_stopped == [true; 3]).count();
     push("stopped in every arm", both.to_string(), "");
     // A course with a stop is a runaway or a blocked joint: its error is that of the stop, and no tracking.

@@ -1,7 +1,7 @@
 //! The short form of the grading: a few joints, with seeds other than those of the tables.
 
 use drifting_joints::drift::{Drift, grade_drift, grade_steady};
-use drifting_joints::lies::{Lie, PreparedJoint, grade_lie};
+use drifting_joints::lies::{ADAPTIVE, Lie, PreparedJoint, grade_lie};
 
 /// Largest ratio of a single moment. The tables grade the median and 95 % of many.
 const LARGEST_RATIO: f64 = 1.8;
@@ -28,7 +28,7 @@ fn grade_lie_of_every_kind_stays_within_bounds() {
     for course in 0..Lie::ALL.len() as u64 {
         let grade = grade_lie(&joint, 1600 + course);
         assert!(grade.torque_share <= 1.000_001, "{grade:?}");
-        assert!(!grade.has_limit_cycle() && !grade.stops_by_adaptation(), "{grade:?}");
+        assert!(!grade.has_limit_cycle(ADAPTIVE) && !grade.stops_by(ADAPTIVE), "{grade:?}");
         assert!(grade.ratio() < 1.05 || grade.is_stopped[0], "{grade:?}");
     }
 }
