@@ -67,6 +67,9 @@ const STEADY_RATIO: f32 = 1e6;
 /// Duration of a window, s. Its samples count as one observation.
 const WINDOW_S: f32 = 0.05;
 
+/// Largest share of the information that one window replaces.
+const MAX_FORGOTTEN: f32 = 0.5;
+
 /// Time for which errors are alike, s: that of a stroke in a range of speed where the structure of the law is wrong. The
 /// windows of this time together count as one observation of the noise.
 const CORRELATED_S: f32 = 1.0;
@@ -174,7 +177,10 @@ impl Adaptation {
         let base = written.build::<f32>(period_s)?;
         let count = 1 + 2 + written.terms.len();
         let noise_nm = parameters.noise_nm;
-        let samples = (WINDOW_S / period_s + 0.5).at_least(1.0);
+        let window_samples = (WINDOW_S / period_s + 0.5).at_least(1.0) as u16;
+        // A window of a slow log is one sample, which may be longer than the memory.
+        let window_s = f32::from(window_samples) * period_s;
+        let forgotten = (window_s / parameters.memory_s).at_most(MAX_FORGOTTEN);
         Ok(Self {
             parameters: *parameters,
             written: written.clone(),
@@ -183,8 +189,8 @@ impl Adaptation {
             base,
             state: ModelState::default(),
             period_s,
-            window_samples: samples as u16,
-            retained: 1.0 - WINDOW_S / parameters.memory_s,
+            window_samples,
+            retained: 1.0 - forgotten,
             count,
             information: prior_information(count),
             estimate: unknowns_of(&Gains::default()),
@@ -211,6 +217,16 @@ impl Adaptation {
         self.scatter_nm2 = self.parameters.noise_nm * self.parameters.noise_nm;
         self.evidence = Evidence::default();
         self.learnt_s = 0.0;
+    }
+
+    /// Begins a new stretch of samples, after a gap in time: keeps what was learnt, and discards the present window and
+    /// contact. `state` is that of the model at the first sample.
+    pub fn resume(&mut self, state: ModelState<f32>) {
+        self.state = state;
+        self.contacts = Default::default();
+        self.direction = 0.0;
+        self.free_s = 0.0;
+        self.freeze(Frozen::Standstill);
     }
 
     /// Returns the quantity that the learnt level follows, if the model does not use it: a term of it would explain more

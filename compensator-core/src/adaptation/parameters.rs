@@ -20,7 +20,7 @@ crate::named_fields! {
         /// Least speed of sliding, rad/s.
         least_velocity_rad_s: f32 = 0.05, 0.0..=1e3, "a speed";
         /// Scatter of the torque of a window, Nm: the residual of the identification.
-        noise_nm: f32 = 0.1, 1e-6..=1e3, "an error is measured against it";
+        noise_nm: f32 = 0.1, 1e-6..=1e6, "an error is measured against it";
     }
     /// Defaults for a joint of some newton metres.
 }

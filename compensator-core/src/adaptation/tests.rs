@@ -178,6 +178,41 @@ fn step_with_constant_torque_keeps_levels() {
 }
 
 #[test]
+fn step_of_a_slow_log_learns_the_level() {
+    let tuned = joint(&[]);
+    let settings = AdaptationParameters { settle_s: 0.0, ..AdaptationParameters::default() };
+    // A sample is longer than a window, and twice as long as the memory allows for.
+    let period_s = 20.0;
+    let mut adaptation = Adaptation::build(&tuned, &settings, period_s).unwrap();
+    for index in 0..400 {
+        let direction = if index % 8 < 4 { 1.0 } else { -1.0 };
+        let sample = Sample { velocity_rad_s: 0.5 * direction, ..Sample::default() };
+        let torque_nm = 1.3 * direction * 1.5 + 0.2 * direction;
+        adaptation.step(&Observation { sample, torque_nm, followed: [None; 3], blocked: None });
+    }
+    let gains = adaptation.gains();
+    assert!((gains.level - 1.3).abs() < 0.03, "{gains:?}");
+}
+
+#[test]
+fn resume_after_a_gap_keeps_gains_and_waits_for_sliding() {
+    let tuned = joint(&[]);
+    let mut adaptation = build(&tuned);
+    let truth = Gains { level: 1.4, ..Gains::default() };
+    run(&mut adaptation, &tuned.with_gains(&truth), 100.0, unchanged);
+    let before = *adaptation.gains();
+    adaptation.resume(ModelState::default());
+    let sample = Sample { velocity_rad_s: 1.0, ..Sample::default() };
+    // The torque of another run is no step of a contact.
+    let observation = Observation { sample, torque_nm: 9.0, followed: [None; 3], blocked: None };
+    for _ in 0..4 {
+        assert!(!adaptation.step(&observation));
+    }
+    assert_eq!(adaptation.frozen(), Frozen::Settling);
+    assert_eq!(*adaptation.gains(), before);
+}
+
+#[test]
 fn step_that_is_not_excited_keeps_what_was_learnt() {
     let tuned = joint(&[TermKind::PressureCoulomb]).with(Id::PressureCoulomb, 5e-7);
     let mut adaptation = build(&tuned);
