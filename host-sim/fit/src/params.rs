@@ -101,7 +101,8 @@ pub fn unit_in_words(unit: &str) -> &str {
 
 /// Formats the parameter file of a fit to `data`. `auxiliary` is the covariate that the model follows, if any.
 pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> String {
-    let (DriverForm { parameters, estimates, .. }, joint) = (outcome.for_driver(), data.joint);
+    let (form, joint) = (outcome.for_driver(), data.joint);
+    let DriverForm { parameters, estimates, train, .. } = form;
     let mut text = head(joint, &outcome.spec.full_name());
     // Writing to a string does not fail.
     for estimate in &estimates {
@@ -114,7 +115,7 @@ pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> Strin
         text.push_str(" }\n");
     }
     emit_limits(&parameters.envelope, parameters.choices, &mut text);
-    FitRecord::new(outcome.resolution, data, auxiliary).emit(joint, &mut text);
+    FitRecord::new(outcome.resolution, train.rmse, data, auxiliary).emit(joint, &mut text);
     text
 }
 

@@ -9,6 +9,7 @@
 //!
 //! A row has a flag for every input that the model was not fitted for: [`compensator_core::Flags`], as a joint driver reports.
 
+pub mod adapted;
 mod network;
 
 use crate::dataset_tracks::tracks_with;
@@ -17,7 +18,7 @@ use crate::initial_state::initial_state;
 use crate::params::ParameterFile;
 use crate::simulate::simulate;
 use crate::{Metrics, Resolution, Track};
-use compensator_core::{Flags, ModelState, Quantity};
+use compensator_core::{Flags, ModelState, Parameters, Quantity};
 use joint_log::{Dataset, JointKind, Run};
 use network::predict_with_network;
 
@@ -136,9 +137,14 @@ pub fn predict_tracks(
         }
         set_flags(file, track, run);
     }
-    let all = data.runs.iter().zip(&runs);
-    let metrics = Metrics::of(all.flat_map(|(run, own)| pairs(run, &own.torque)));
+    let metrics = metrics_of(data, &runs);
     Ok(LogPrediction { metrics, remarks: remarks(file, data, &runs), runs })
+}
+
+/// Returns the errors over all rows with a prediction.
+fn metrics_of(data: &Dataset, runs: &[RunPrediction]) -> Metrics {
+    let all = data.runs.iter().zip(runs);
+    Metrics::of(all.flat_map(|(run, own)| pairs(run, &own.torque)))
 }
 
 fn empty(rows: usize) -> RunPrediction {
@@ -165,7 +171,22 @@ fn predict_track(
 ) {
     let parameters = &file.parameters;
     let resolution = options.resolution.unwrap_or_else(|| file.fit.resolution());
-    let held = parameters.law.has_bristles().then(|| match options.start {
+    let held = held_at_start(parameters, track, options.start, resolution);
+    simulate(parameters, track, held, resolution, |row, torque, bristle| {
+        run.torque[track.first_row + row] = torque;
+        run.bristle_torque[track.first_row + row] = bristle;
+        true
+    });
+}
+
+/// Returns the bristle torque at the start of a track, Nm or N; `None` for a law without bristles.
+fn held_at_start(
+    parameters: &Parameters<f64>,
+    track: &Track,
+    start: PredictionStart,
+    resolution: Resolution,
+) -> Option<f64> {
+    parameters.law.has_bristles().then(|| match start {
         PredictionStart::Rest => 0.0,
         PredictionStart::Fitted => {
             initial_state(parameters, track, resolution).map_or(0.0, |start| start.held)
@@ -176,12 +197,7 @@ fn predict_track(
             let start = model.state_for_torque(state, &track.samples[0], track.torque[0]);
             start.bristle_torque_nm
         }
-    });
-    simulate(parameters, track, held, resolution, |row, torque, bristle| {
-        run.torque[track.first_row + row] = torque;
-        run.bristle_torque[track.first_row + row] = bristle;
-        true
-    });
+    })
 }
 
 /// Sets the flags of the inputs outside the declared range, as a driver does.

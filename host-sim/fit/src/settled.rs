@@ -76,6 +76,14 @@ impl Pilot {
         }
     }
 
+    /// Replaces the levels and other sizes of the model, and keeps its state.
+    pub fn replace_parameters(&mut self, parameters: &Parameters<f64>, track: &Track) {
+        self.coulomb = parameters.get(Id::CoulombTorque).abs();
+        if let Some(stepper) = &mut self.stepper {
+            stepper.replace_parameters(parameters, track);
+        }
+    }
+
     /// Simulates a row and returns the share of it to be taken from a fine simulation, 0 to 1.
     pub fn fine_share<T: Real>(&mut self, row: &TrackRow<T>) -> f64 {
         let Some(stepper) = &mut self.stepper else { return 0.0 };

@@ -15,6 +15,7 @@ use super::delayed::undelayed;
 use super::settled::Pilot;
 use super::stepper::{Stepper, TrackRow, Varying, track_rows};
 use super::track::Track;
+use compensator_core::adaptation::Gains;
 use compensator_core::effect::NoEffect;
 use compensator_core::{Parameters, Real};
 use joint_log::work::checkpoint_at;
@@ -70,14 +71,10 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
     mut sink: impl FnMut(usize, T, T) -> bool,
 ) {
     let (parameters, delayed) = &undelayed(parameters, track);
-    let varying = Rc::new(Varying::of(parameters, track));
-    let mut single = Stepper::new(parameters, track, Rc::clone(&varying), held, 1);
     let is_even = track.period_ratio.is_none();
-    if resolution == Resolution::PLAIN
-        && is_even
-        && single.model.has_no_terms()
-        && delayed.is_none()
-    {
+    let has_no_terms = parameters.terms.is_empty();
+    if resolution == Resolution::PLAIN && is_even && has_no_terms && delayed.is_none() {
+        let mut single = Stepper::new(parameters, track, Varying::of(parameters, track), held, 1);
         // The common case of plain bristles: the law is selected once instead of at each sample.
         if let Some(law) = single.model.law().plain_bristles() {
             let bristle = &mut single.state.bristle_torque_nm;
@@ -92,14 +89,7 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
         }
     }
     if resolution.extrapolated {
-        let substeps = resolution.substeps;
-        let mut stepper = ExtrapolatedStepper {
-            pilot: Pilot::new(parameters, track, held),
-            single,
-            coarse: Stepper::new(parameters, track, Rc::clone(&varying), held, substeps),
-            fine: Stepper::new(parameters, track, varying, held, 2 * substeps),
-            was_extrapolated: true,
-        };
+        let mut stepper = ExtrapolatedStepper::new(parameters, track, held, resolution.substeps);
         for row in track_rows(track, delayed.as_deref()) {
             checkpoint_at(row.index);
             let (torque, bristle) = stepper.step(&row);
@@ -109,6 +99,7 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
         }
         return;
     }
+    let varying = Varying::of(parameters, track);
     let mut stepper = Stepper::new(parameters, track, varying, held, resolution.substeps);
     for row in track_rows(track, delayed.as_deref()) {
         checkpoint_at(row.index);
@@ -116,6 +107,49 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
         if !sink(row.index, torque, stepper.state.bristle_torque_nm) {
             return;
         }
+    }
+}
+
+/// Simulates a model as [`simulate`] does, with the gains of each row.
+pub fn simulate_with_gains(
+    parameters: &Parameters<f64>,
+    track: &Track,
+    held: Option<f64>,
+    resolution: Resolution,
+    gains: impl Fn(usize) -> Gains<f64>,
+    mut sink: impl FnMut(usize, f64, f64),
+) {
+    let mut low_pass = TrackLowPass::for_torque(track);
+    let (written, delayed) = undelayed(parameters, track);
+    // The gains are in the order of all terms, with the delay that the simulation removes.
+    let scale = |gains: &Gains<f64>| {
+        let mut scaled = parameters.with_gains(gains);
+        scaled.terms = written.terms.clone();
+        scaled
+    };
+    let mut present = gains(0);
+    let scaled = scale(&present);
+    let substeps = resolution.substeps;
+    let mut plain = Stepper::new(&scaled, track, Varying::of(&scaled, track), held, substeps);
+    let mut extrapolated =
+        resolution.extrapolated.then(|| ExtrapolatedStepper::new(&scaled, track, held, substeps));
+    for row in track_rows(track, delayed.as_deref()) {
+        checkpoint_at(row.index);
+        let next = gains(row.index);
+        if next != present {
+            present = next;
+            let scaled = scale(&present);
+            plain.replace_parameters(&scaled, track);
+            if let Some(stepper) = &mut extrapolated {
+                stepper.replace_parameters(&scaled, track);
+            }
+        }
+        let (torque, bristle) = match &mut extrapolated {
+            Some(stepper) => stepper.step(&row),
+            None => (plain.step(&row), plain.state.bristle_torque_nm),
+        };
+        let torque = low_pass.as_mut().map_or(torque, |filter| filter.filter(row.index, torque));
+        sink(row.index, torque, bristle);
     }
 }
 
@@ -133,6 +167,27 @@ struct ExtrapolatedStepper<T: Real> {
 }
 
 impl<T: Real<Setting = T>> ExtrapolatedStepper<T> {
+    /// Places the simulations at the start of a track; `substeps` are those of the coarser one.
+    fn new(parameters: &Parameters<T>, track: &Track, held: Option<T>, substeps: usize) -> Self {
+        let varying = Rc::new(Varying::of(parameters, track));
+        let stepper = |steps| Stepper::new(parameters, track, Rc::clone(&varying), held, steps);
+        Self {
+            pilot: Pilot::new(parameters, track, held),
+            single: stepper(1),
+            coarse: stepper(substeps),
+            fine: stepper(2 * substeps),
+            was_extrapolated: true,
+        }
+    }
+
+    /// Replaces the parameters of the same model and keeps its states.
+    fn replace_parameters(&mut self, parameters: &Parameters<T>, track: &Track) {
+        self.pilot.replace_parameters(&parameters.convert(), track);
+        for stepper in [&mut self.single, &mut self.coarse, &mut self.fine] {
+            stepper.replace_parameters(parameters, track);
+        }
+    }
+
     /// Simulates a row and returns its torque and bristle torque, Nm.
     #[inline(always)]
     fn step(&mut self, row: &TrackRow<T>) -> (T, T) {

@@ -142,6 +142,13 @@ impl<T: Real<Setting = T>> Stepper<T> {
         }
     }
 
+    /// Replaces the parameters of the same model and keeps its state.
+    pub fn replace_parameters(&mut self, parameters: &Parameters<T>, track: &Track) {
+        self.model = parameters.build_unchecked(T::from_f64(track.period_s / self.substeps as f64));
+        self.rescaled = self.model.clone();
+        self.rescaled.rescale_period(&self.model, T::from_f64(self.ratio));
+    }
+
     /// Simulates a row and returns the torque at its end, Nm.
     pub fn step(&mut self, row: &TrackRow<T>) -> T {
         let TrackRow { track, index, before, sample, delayed, ratio } = *row;

@@ -4,6 +4,7 @@
 //! [fit]                                   # optional
 //! substeps = 1                            # steps of the core per sample
 //! extrapolated = true                     # two step sizes cancel the first-order error
+//! rmse = 0.085                            # of the rows that were fitted, Nm or N
 //! auxiliary = "gap_mm"                    # the column of the log that lookup-table follows
 //! [log_means]                             # optional: means of the log's covariates, in the columns' units
 //! pressure_diff_pa = 120000.0
@@ -26,6 +27,8 @@ pub struct FitRecord {
     pub substeps: usize,
     /// If true, a second simulation with twice the steps cancels the first-order error.
     pub extrapolated: bool,
+    /// RMSE of the fitted rows, Nm or N, if it is known.
+    pub rmse: Option<f64>,
     /// Column of the log in the samples' auxiliary field, if the model follows one.
     pub auxiliary: Option<String>,
     /// Mean of each covariate over the rows of the log, in the column's unit. Of a load torque it is the mean magnitude, which
@@ -36,7 +39,13 @@ pub struct FitRecord {
 impl Default for FitRecord {
     /// One step per sample, as a driver does.
     fn default() -> Self {
-        Self { substeps: 1, extrapolated: false, auxiliary: None, log_means: Vec::new() }
+        Self {
+            substeps: 1,
+            extrapolated: false,
+            rmse: None,
+            auxiliary: None,
+            log_means: Vec::new(),
+        }
     }
 }
 
@@ -44,8 +53,8 @@ impl Default for FitRecord {
 const MAX_SUBSTEPS: usize = 4096;
 
 impl FitRecord {
-    /// Creates the record of a fit to `data`.
-    pub fn new(resolution: Resolution, data: &Dataset, auxiliary: Option<&str>) -> Self {
+    /// Creates the record of a fit to `data` with this RMSE, Nm or N.
+    pub fn new(resolution: Resolution, rmse: f64, data: &Dataset, auxiliary: Option<&str>) -> Self {
         let Resolution { substeps, extrapolated } = resolution;
         let log_means = contract::covariates().filter_map(|quantity| {
             let columns = data.runs.iter().filter_map(|run| run.get(quantity));
@@ -60,7 +69,9 @@ impl FitRecord {
             (count > 0).then(|| (quantity, sum / count as f64))
         });
         let log_means = log_means.collect();
-        Self { substeps, extrapolated, auxiliary: auxiliary.map(str::to_owned), log_means }
+        let auxiliary = auxiliary.map(str::to_owned);
+        let rmse = Some(rmse).filter(|rmse| rmse.is_finite());
+        Self { substeps, extrapolated, rmse, auxiliary, log_means }
     }
 
     /// Returns the step size of the fit.
@@ -78,9 +89,12 @@ impl FitRecord {
 
     /// Appends the sections of the record to a file.
     pub(super) fn emit(&self, joint: JointKind, text: &mut String) {
-        let Self { substeps, extrapolated, auxiliary, log_means } = self;
+        let Self { substeps, extrapolated, rmse, auxiliary, log_means } = self;
         // Writing to a string does not fail.
         let _ = write!(text, "\n[fit]\nsubsteps = {substeps}\nextrapolated = {extrapolated}\n");
+        if let Some(rmse) = rmse {
+            let _ = writeln!(text, "rmse = {rmse:?}");
+        }
         if let Some(column) = auxiliary {
             let _ = writeln!(text, "auxiliary = {}", toml_edit::Value::from(column.as_str()));
         }
@@ -108,12 +122,16 @@ impl FitRecord {
                     record.extrapolated =
                         item.as_bool().ok_or("fit.extrapolated: expected true or false")?;
                 }
+                "rmse" => {
+                    let rmse = number(item).filter(|rmse| *rmse >= 0.0);
+                    record.rmse = Some(rmse.ok_or("fit.rmse: expected a number of at least 0")?);
+                }
                 "auxiliary" => {
                     let column = item.as_str().ok_or("fit.auxiliary: expected a text")?;
                     record.auxiliary = Some(column.to_owned());
                 }
                 _ => {
-                    let known = "substeps, extrapolated, auxiliary";
+                    let known = "substeps, extrapolated, rmse, auxiliary";
                     return Err(format!("fit.{key}: unknown, expected of {known}"));
                 }
             }
