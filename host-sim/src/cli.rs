@@ -31,6 +31,7 @@ mod output;
 mod paper;
 mod parameters;
 mod predict;
+mod predict_adapted;
 mod progress;
 mod replay;
 mod scope;

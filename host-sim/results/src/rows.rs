@@ -10,11 +10,21 @@
 //! | `bristle_torque_nm` | state of the model at the end of the row |
 //! | `flags` | inputs outside the range of the fit, as `velocity-invalid,pressure-invalid` |
 //!
+//! With gains that follow the log ([`RowTable::adapted`]), further columns are:
+//!
+//! | column | content |
+//! |---|---|
+//! | `gain_level`, `gain_viscous`, `gain_pressure_coulomb`, .. | gains of the row's prediction: 1 is the set of the file |
+//! | `std_level`, .. | standard deviations of what was learnt |
+//! | `frozen` | why nothing is learnt from the row: [`Frozen::name`]; `learning` if it is |
+//!
 //! A prismatic joint has `velocity_m_s`, `force_n`, `predicted_force_n`, `residual_force_n` and `bristle_force_n`. Numbers are
 //! `f64` and exact in both formats.
 
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use compensator_core::Quantity;
+use compensator_core::adaptation::Frozen;
+use friction_fit::prediction::adapted::{AdaptedPrediction, RowAdaptation};
 use friction_fit::prediction::{LogPrediction, flag_text};
 use joint_log::{Dataset, contract};
 use std::collections::HashMap;
@@ -58,6 +68,33 @@ impl RowTable {
         add(format!("residual_{target}"), residual.collect());
         add(format!("bristle_{target}"), bristle.collect());
         table.push("flags", flag_column(prediction));
+        Self(table)
+    }
+
+    /// Joins a log and its prediction with gains that follow it. Both must have the same runs.
+    pub fn adapted(data: &Dataset, adapted: &AdaptedPrediction) -> Self {
+        let Self(mut table) = Self::new(data, &adapted.prediction);
+        let rows = || adapted.rows.iter().flatten();
+        let mut add = |name: String, value: &dyn Fn(&RowAdaptation) -> f32| {
+            let values = rows().map(|row| row.as_ref().map_or(f64::NAN, |row| value(row).into()));
+            table.push(name, TableColumn::Numbers(values.collect()));
+        };
+        for (at, name) in adapted.names.iter().enumerate() {
+            add(format!("gain_{name}"), &|row| row.gains[at]);
+        }
+        for (at, name) in adapted.names.iter().enumerate() {
+            add(format!("std_{name}"), &|row| row.deviations[at]);
+        }
+        // The last text is that of a row without a prediction.
+        let mut texts: Vec<String> =
+            Frozen::ALL.iter().map(|reason| reason.name().to_owned()).collect();
+        texts.push(String::new());
+        let last = Frozen::ALL.len();
+        let place = |row: &RowAdaptation| {
+            Frozen::ALL.iter().position(|reason| *reason == row.frozen).unwrap_or(last)
+        };
+        let indices = rows().map(|row| row.as_ref().map_or(last, place)).collect();
+        table.push("frozen", TableColumn::Texts { texts, indices });
         Self(table)
     }
 

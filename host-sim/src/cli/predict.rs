@@ -3,19 +3,23 @@
 use super::fit_arguments::FitArguments;
 use super::input::{DataArguments, LogArguments, LogInputs};
 use super::output::{OutputArguments, pretty, print_formatted, print_text};
+use super::predict_adapted::{self, AdaptArguments};
 use super::progress::in_stages;
 use super::words::in_options;
 use crate::driver_file;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::Resolution;
 use friction_fit::params::ParameterFile;
-use friction_fit::prediction::{LogPrediction, PredictionOptions, PredictionStart, predict_log};
+use friction_fit::prediction::adapted::{AdaptationOptions, AdaptedPrediction, predict_adapted};
+use friction_fit::prediction::{
+    LogPrediction, PredictionOptions, PredictionStart, log_tracks, predict_tracks,
+};
 use friction_results::rows::RowTable;
 use friction_results::table_file::TableFormat;
 use friction_results::{ROWS_FILE, write_atomically};
 use joint_log::number::significant;
 use joint_log::work;
-use joint_log::{Quantity, SplitRule};
+use joint_log::{Dataset, Quantity, SplitRule};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -39,6 +43,8 @@ pub struct PredictArguments {
     /// The steps are without extrapolation. 1 as in a driver or an exported model.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     substeps: Option<u32>,
+    #[command(flatten)]
+    adapt: AdaptArguments,
     #[command(flatten)]
     pub(super) log: LogArguments,
 }
@@ -83,13 +89,17 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
             .map(|steps| Resolution { substeps: steps as usize, extrapolated: false }),
     };
     let with_path = |error| format!("{}: {error}", arguments.params.display());
-    let (predicted, as_exported) = in_stages(arguments.log.threads, || {
+    let results = in_stages(arguments.log.threads, || {
         work::report_stage("predicting");
-        let by = |options| predict_log(&model, &input.data, options).map_err(with_path);
-        Ok::<_, Error>((by(&options)?, by(&PredictionOptions::AS_EXPORTED)?))
+        let results = Results::compute(&model, &input.data, &options, arguments.adapt.options());
+        Ok::<_, Error>(results.map_err(with_path)?)
     })
     .map_err(in_options)?;
-    let content = RowTable::new(&input.data, &predicted).emit(format)?;
+    let table = match &results.adapted {
+        Some(adapted) => RowTable::adapted(&input.data, adapted),
+        None => RowTable::new(&input.data, &results.predicted),
+    };
+    let content = table.emit(format)?;
     match &arguments.out {
         Some(file) => write_file(file, &content)?,
         None => default.write_bytes(&[(ROWS_FILE, &content)])?,
@@ -97,9 +107,38 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
     let start = clap::ValueEnum::to_possible_value(&arguments.start);
     let start = start.map_or(String::new(), |value| value.get_name().to_owned());
     if arguments.json {
-        return print_text(&document(&file, &model, &input, [&predicted, &as_exported], &start)?);
+        return print_text(&document(&file, &model, &input, &results, &start)?);
     }
-    print_formatted(&text(&file, &model, &input, [&predicted, &as_exported]))
+    print_formatted(&text(&file, &model, &input, &results))
+}
+
+/// The predictions of a log.
+struct Results {
+    /// With the gains, if they follow the log.
+    predicted: LogPrediction,
+    /// The fixed set, as an exported model computes it.
+    as_exported: LogPrediction,
+    /// How the gains followed the log.
+    adapted: Option<AdaptedPrediction>,
+}
+
+impl Results {
+    fn compute(
+        model: &ParameterFile,
+        data: &Dataset,
+        options: &PredictionOptions,
+        adapt: Option<AdaptationOptions>,
+    ) -> Result<Self, String> {
+        let tracks = log_tracks(model, data)?;
+        let fixed = |options| predict_tracks(model, data, &tracks, options);
+        let as_exported = fixed(&PredictionOptions::AS_EXPORTED)?;
+        let Some(adapt) = adapt else {
+            return Ok(Self { predicted: fixed(options)?, as_exported, adapted: None });
+        };
+        let adapted = predict_adapted(model, data, &tracks, options, &adapt)
+            .map_err(|error| format!("--adapt: {error}"))?;
+        Ok(Self { predicted: adapted.prediction.clone(), as_exported, adapted: Some(adapted) })
+    }
 }
 
 /// Rejects a result file that is one of the inputs.
@@ -143,44 +182,49 @@ fn document(
     file: &Path,
     model: &ParameterFile,
     input: &Prepared,
-    [predicted, as_exported]: [&LogPrediction; 2],
+    results: &Results,
     start: &str,
 ) -> Result<String, String> {
+    let Results { predicted, as_exported, adapted } = results;
     let runs: Vec<_> = predicted
         .run_metrics(&input.data)
         .map(|(run, metrics)| json!({ "run": run, "rows": metrics.rows, "rmse": metrics.rmse }))
         .collect();
-    let document = json!({
+    let mut document = json!({
         "schema": 1, "file": file, "model": model.spec.full_name(), "unit": unit(input), "start": start,
         "rows": predicted.metrics.rows, "metrics": predicted.metrics, "runs": runs,
         "as_exported_rmse": as_exported.metrics.rmse, "remarks": predicted.remarks,
     });
+    if let Some(adapted) = adapted {
+        document["adaptation"] = predict_adapted::document(adapted, &input.data);
+    }
     pretty(&document)
 }
 
 /// Most runs that the terminal lists.
 const MAX_LISTED_RUNS: usize = 12;
 
-fn text(
-    file: &Path,
-    model: &ParameterFile,
-    input: &Prepared,
-    [predicted, as_exported]: [&LogPrediction; 2],
-) -> String {
+fn text(file: &Path, model: &ParameterFile, input: &Prepared, results: &Results) -> String {
+    let Results { predicted, as_exported, adapted } = results;
     let (metrics, unit) = (&predicted.metrics, unit(input));
     let mut text = format!(
-        "{} on {} rows: RMSE {} {unit}, {:.1} % of the torque's standard deviation\n",
+        "{}{} on {} rows: RMSE {} {unit}, {:.1} % of the torque's standard deviation\n",
         model.spec.full_name(),
+        if adapted.is_some() { " with adapted gains" } else { "" },
         metrics.rows,
         significant(metrics.rmse, 4),
         100.0 * metrics.nrmse_std
     );
+    if let Some(adapted) = adapted {
+        text += &predict_adapted::text(adapted, &input.data, unit);
+    }
+    let set = if adapted.is_some() { "the fixed set " } else { "" };
     text += &format!(
-        "as an exported model computes it, with one step per row and from the first torque: {} {unit}\n",
+        "{set}as an exported model computes it, with one step per row and from the first torque: {} {unit}\n",
         significant(as_exported.metrics.rmse, 4)
     );
     let mut runs: Vec<_> = predicted.run_metrics(&input.data).collect();
-    if runs.len() > 1 {
+    if adapted.is_none() && runs.len() > 1 {
         runs.sort_by(|a, b| b.1.rmse.total_cmp(&a.1.rmse));
         let worst = runs.iter().take(MAX_LISTED_RUNS);
         let listed: Vec<String> =
