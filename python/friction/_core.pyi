@@ -114,6 +114,15 @@ class Model:
     def predict_log(
         self, log: Log, rows: int, has_torque: bool, threads: int = 0, progress: Progress | None = None
     ) -> list[float]: ...
+    def predict_adapted_log(
+        self,
+        log: Log,
+        rows: int,
+        memory: float | None = None,
+        range: tuple[float, float] | None = None,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> list[float]: ...
     def score_log(self, log: Log, threads: int = 0, progress: Progress | None = None) -> float: ...
     def predict_table(self, table: Table) -> list[float]: ...
 

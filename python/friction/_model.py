@@ -186,6 +186,9 @@ class Model:
         data: Data,
         dt: float | None = None,
         *,
+        adapt: bool = False,
+        adapt_memory: float | None = None,
+        adapt_range: tuple[float, float] | None = None,
         progress: Progress | bool | None = None,
         **covariates: Any,
     ) -> Any:
@@ -198,18 +201,31 @@ class Model:
         With ``dt``, ``data`` is the velocity of one run, rad/s or m/s, evenly spaced by ``dt`` seconds, and further columns
         are keywords with the names of the contract: ``predict(velocity, 1e-3, pressure_diff_pa=pressure)``.
 
+        With ``adapt``, gains on the levels, the viscous friction and the terms follow the logged torque, as
+        ``host-sim predict --adapt`` does: a row's prediction uses what was learnt from earlier rows. ``adapt_memory`` is in s
+        of sliding, ``adapt_range`` the least and the largest gain.
+
         Raises:
             DataError: If the data cannot be read.
             FrictionError: If the model is not fitted.
         """
         own = self._fitted()
+        if not adapt and (adapt_memory is not None or adapt_range is not None):
+            raise TypeError("predict: adapt_memory and adapt_range need adapt=True")
+        if adapt and dt is not None:
+            raise TypeError("predict: adapt needs a log with its torque, not samples")
         if dt is not None:
             return _numbers(own.predict_table(self._samples(data, dt, covariates)))
         if covariates:
             raise TypeError("predict: columns as keywords need dt; otherwise they are columns of the data")
         prepared, numbered = self._log(data, None, may_lack_torque=True, numbers_rows=True)
         rows, has_torque = numbered
+        if adapt and not has_torque:
+            raise TypeError("predict: adapt needs a log with its torque")
         with shown(progress) as report:
+            if adapt:
+                found = own.predict_adapted_log(prepared, rows, adapt_memory, adapt_range, self.threads, report)
+                return _numbers(found)
             return _numbers(own.predict_log(prepared, rows, has_torque, self.threads, report))
 
     def score(self, data: Data, y: Any = None) -> float:

@@ -9,6 +9,8 @@ use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::dataset_tracks::tracks_with;
 use friction_fit::initial_state::initial_state;
 use friction_fit::params::{self, ParameterFile};
+use friction_fit::prediction::adapted::{AdaptationOptions, predict_adapted};
+use friction_fit::prediction::{PredictionOptions, log_tracks};
 use friction_fit::simulate::{Resolution, simulate};
 use friction_fit::spec::Spec;
 use friction_fit::{DriverForm, Outcome, Track};
@@ -124,6 +126,25 @@ impl Model {
         compute(py, threads, progress, || self.predict(&dataset(log)?, rows, has_torque))
     }
 
+    /// Returns the torque of each row of a log's only table, with gains that follow the log; NaN for rows that cannot be used.
+    /// `memory`, s of sliding, and `range`, least and largest gain, replace the defaults.
+    #[pyo3(signature = (log, rows, memory=None, range=None, threads=0, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "each is a keyword in Python")]
+    fn predict_adapted_log(
+        &self,
+        py: Python<'_>,
+        log: &Bound<'_, Log>,
+        rows: usize,
+        memory: Option<f64>,
+        range: Option<[f64; 2]>,
+        threads: usize,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Vec<f64>> {
+        let log = log.get();
+        let adapt = AdaptationOptions { memory_s: memory, range };
+        compute(py, threads, progress, || self.predict_adapted(&dataset(log)?, rows, &adapt))
+    }
+
     /// Returns the coefficient of determination of a log's torque.
     #[pyo3(signature = (log, threads=0, progress=None))]
     fn score_log(
@@ -208,6 +229,28 @@ impl Model {
                 *torque = simulated;
             }
         })?;
+        Ok(torque)
+    }
+
+    fn predict_adapted(
+        &self,
+        data: &Dataset,
+        rows: usize,
+        adapt: &AdaptationOptions,
+    ) -> Result<Vec<f64>, Error> {
+        let file = params::parse(&self.toml, &[])?;
+        let tracks = log_tracks(&file, data)?;
+        let found = predict_adapted(&file, data, &tracks, &PredictionOptions::default(), adapt)?;
+        let place = data.covariates.iter().position(|name| name == ROW);
+        let mut torque = vec![f64::NAN; rows];
+        for (run, predicted) in data.runs.iter().zip(&found.prediction.runs) {
+            for (row, predicted) in predicted.torque.iter().enumerate() {
+                let own = place.map_or(row, |place| run.extra[place][row] as usize);
+                if let Some(torque) = torque.get_mut(own) {
+                    *torque = *predicted;
+                }
+            }
+        }
         Ok(torque)
     }
 

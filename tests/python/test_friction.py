@@ -117,6 +117,23 @@ def test_model_predict_with_unordered_rows_keeps_their_places(found, plain):
     assert math.isnan(found.model.predict(damaged)[5]) or len(found.model.predict(damaged)) == len(frame)
 
 
+def test_model_predict_with_adaptation_follows_rising_friction(found, plain):
+    frame = as_pandas(plain)
+    frame["torque_nm"] *= numpy.linspace(1.0, 1.5, len(frame))
+
+    def error(**options):
+        residual = frame["torque_nm"].to_numpy() - found.model.predict(frame, **options)
+        return math.sqrt(float(numpy.nanmean(residual**2)))
+
+    assert error(adapt=True) < 0.7 * error()
+    assert error(adapt=True, adapt_range=(1.0, 1.0)) == pytest.approx(error(), rel=1e-9)
+    for options in ({"adapt_memory": 20.0}, {"adapt": True, "dt": 0.01}):
+        with pytest.raises(TypeError, match="adapt"):
+            found.model.predict(frame, **options)
+    with pytest.raises(friction.FrictionError, match="memory_s"):
+        found.model.predict(frame, adapt=True, adapt_memory=0.1)
+
+
 def test_model_predict_of_samples_follows_the_law(found):
     velocity = numpy.full(2000, 1.0)
     pressure = numpy.linspace(0.0, 1e6, 2000)
