@@ -176,6 +176,10 @@ impl<F: NorFlash> Background<F> {
         if self.tick(&state, board.current_loop(), now_us) {
             board.refresh_watchdog();
         }
+        let end_us = board.now_us();
+        if let Some(link) = board.current_loop() {
+            link.end_tick(end_us);
+        }
         board.set_holding_brake(self.driver.brake_output());
         if let Some(rise_k) = self.driver.winding_rise_k() {
             board.keep_heat(rise_k);

@@ -69,6 +69,7 @@ impl LoopQueues {
                 scope,
                 last,
                 reported_us: now_us,
+                has_reported: false,
                 set_number: 0,
                 gains_number: 0,
                 stage,
@@ -142,6 +143,8 @@ pub struct LoopLink<'q> {
     scope: Consumer<'q, ScopeRow>,
     last: LoopReport,
     reported_us: u64,
+    /// The last tick found a report.
+    has_reported: bool,
     /// Number of the parameter set that was last sent to the loop.
     set_number: u32,
     /// Number of the gains that were last sent to the loop.
@@ -161,6 +164,7 @@ impl LoopLink<'_> {
             self.last = report;
             take(report);
         }
+        self.has_reported = !silent;
         if silent {
             let overdue_us = now_us.saturating_sub(self.reported_us + REPORT_US);
             take(LoopReport {
@@ -170,6 +174,14 @@ impl LoopLink<'_> {
                 is_repeated: true,
                 ..self.last
             });
+        }
+    }
+
+    /// Ends a tick at this time. Its reports were taken after its begin: if the tick was held up in between, the next one
+    /// finds none, and their age must not include the delay of the background.
+    pub fn end_tick(&mut self, now_us: u64) {
+        if self.has_reported {
+            self.reported_us = now_us;
         }
     }
 

@@ -286,7 +286,9 @@ impl<F: NorFlash> Device<F> {
         self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
         self.keep_proof();
         self.step_over_compensation();
-        self.step_adaptation();
+        if self.adaptation.is_active() {
+            self.step_adaptation();
+        }
         self.step_commissioning();
         self.step_velocity();
         for _ in 0..report.overruns_in_a_row.min(MAX_OVERRUNS) {

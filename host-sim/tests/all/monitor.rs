@@ -64,8 +64,8 @@ fn monitor_with_listen_sends_no_frame() {
     assert_eq!(count, 0);
     assert_eq!(line["samples_per_s"], 1000.0);
     let (count, line) = sent(&[]);
-    // At most nine objects twice a second.
-    assert!((9..=45).contains(&count), "{count}");
+    // All objects twice a second.
+    assert!((9..=90).contains(&count), "{count}");
     assert_eq!(line["input_source"], "the bus");
 }
 

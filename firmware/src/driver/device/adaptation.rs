@@ -108,9 +108,15 @@ impl JointAdaptation {
             OFF => None,
             _ => Adaptation::build(&set.friction.model, &parameters, period_s).ok(),
         };
+        self.blocked = Frozen::Off;
         self.sums = ReportSums::default();
         self.age_s = 0.0;
         self.number = self.number.wrapping_add(1);
+    }
+
+    /// Returns true if the joint has learnt levels, or may learn them.
+    pub(super) const fn is_active(&self) -> bool {
+        self.learner.is_some()
     }
 
     /// Keeps the covariates that the loop receives.
@@ -125,10 +131,7 @@ impl JointAdaptation {
 
     /// Processes a report; `blocked` is a reason of the driver to learn nothing.
     fn step(&mut self, report: &LoopReport, blocked: Option<Frozen>, campaign_time_h: f32) {
-        let Some(learner) = &mut self.learner else {
-            self.blocked = Frozen::Off;
-            return;
-        };
+        let Some(learner) = &mut self.learner else { return };
         let sums = &mut self.sums;
         sums.reports += 1;
         sums.velocity_rad_s += report.velocity_rad_s;
@@ -188,6 +191,8 @@ impl JointAdaptation {
 
 impl<F: NorFlash> Device<F> {
     /// Learns from a report.
+    // Not inlined: every report would make room on the stack for an observation.
+    #[inline(never)]
     pub(super) fn step_adaptation(&mut self) {
         let is_learning = self.settings.drive.adapt == ON && !self.trial.is_open();
         let drives = self.settings.source == InputSource::Sensors

@@ -20,8 +20,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tuned_joints::summary::median;
 use tuned_joints::{
-    Case, Fault, Grade, LARGEST_DISTANCE_RAD, LIMITS, SHOWN_BY_MOTION, Stand, Start,
-    grade_fault_on, grade_on, joint, options,
+    Case, Fault, Grade, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade_fault_on, grade_on, joint,
+    options,
 };
 
 /// Seeds of the joints: others than those of the table of graded sessions.
@@ -38,6 +38,9 @@ const MILLISECOND_NS: u64 = 1_000_000;
 /// Age of what the image reports at the arrival of the frame, ms: half a millisecond on average in the loop, and a
 /// millisecond until the bus of the test takes the frame.
 const REPORT_AGE_MS: f64 = 1.57;
+/// Largest distance of the reported positions from the true ones, rad. The phase between loop and background depends on the
+/// image, by up to a millisecond; a report that is two milliseconds older than assumed would be 1.1e-3 off.
+const LARGEST_PHASE_DISTANCE_RAD: f64 = 7e-4;
 /// State of a trial whose host was late (2042h:3).
 const HOST_WAS_LATE: u32 = 4;
 
@@ -113,7 +116,7 @@ fn truth_at_the_age_of_the_reports_of_image_agrees_with_the_encoder() {
     let stand = start(&joint, &set).expect("the image starts");
     let recording = stand.performed(&set).expect("a motion");
     let distance_rad = stand.truth().distance_rad(&recording);
-    assert!(distance_rad < LARGEST_DISTANCE_RAD, "{distance_rad}");
+    assert!(distance_rad < LARGEST_PHASE_DISTANCE_RAD, "{distance_rad}");
 }
 
 fn cases() -> Vec<Case> {
