@@ -23,7 +23,7 @@
 //! 2. The bristle rate `(g v - |v| y) / (g + s |v|)` with `|y| <= L` is at most `2 L / s`, and at most `2 L |v| / g`. The
 //!    law's torque is then at most `L + sigma1 2 L / s + sigma2 |v|` with the largest `sigma2` of `B`.
 //! 3. The compensator limits torque and slew after the model. So its output has the bounds of the tuned set.
-//! 4. The gains in use move by at most `slew_per_s`. Over the memory of a loop, the model is that of constant gains.
+//! 4. While it learns, the gains in use move by at most `slew_per_s`. Only *off* jumps to the set, which 1 to 3 cover.
 //!
 //! The tests draw paths and check 1 to 3 in `f32` and fixed point.
 
