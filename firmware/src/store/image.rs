@@ -12,7 +12,7 @@
 //! | 16 | 4 | the commit, programmed last: CRC-32 (ISO-HDLC) of everything else |
 //! | 20 | 4 | the same, inverted: a commit is never all ones, which is what erased flash reads as |
 //! | 24 | .. | payload, padded with 0 to a double word; the CRC covers the padding |
-//! | .. | 48 | at the end of the slot: a copy of the identity ([`super::identity`]) |
+//! | .. | 48 | at the end of the slot: a copy of the identity (`identity.rs`) |
 //!
 //! A double word is either programmed completely or torn. The commit is one double word, so it is either
 //! valid or not. CRC-32 detects every error of one to three bits in a slot of this length. Of other errors,

@@ -3,7 +3,7 @@
 //! The core's adaptation processes the rows in the order of time. The prediction of a row uses the gains that were learnt from
 //! earlier rows. At a gap and at the start of a run, the adaptation begins a new stretch: it keeps its gains.
 //!
-//! A log has no arming, so nothing waits for it. It has no speed of sliding and no noise either: [`settings`] takes the speed
+//! A log has no arming, so nothing waits for it. It has no speed of sliding and no noise either: `settings` takes the speed
 //! from the log, and the noise from the fit.
 
 use super::{

@@ -2,9 +2,9 @@
 //!
 //! There are three families, each with its own equations. A model that fits one of them is not built from it:
 //!
-//! - [`maxwell_slip`]: parallel spring-slip elements whose level follows the speed with a lag,
-//! - [`rate_and_state`]: a spring and an interface whose strength is that of its age,
-//! - [`iwan`]: a continuous distribution of sliders whose strength falls as a film builds up.
+//! - `maxwell_slip`: parallel spring-slip elements whose level follows the speed with a lag,
+//! - `rate_and_state`: a spring and an interface whose strength is that of its age,
+//! - `iwan`: a continuous distribution of sliders whose strength falls as a film builds up.
 //!
 //! Every family is dissipative: no motion recovers more energy than it has put in.
 
