@@ -15,6 +15,7 @@ use super::train_test::TrainTest;
 use boosting::{BinnedColumns, Tree};
 use friction_fit::Track;
 use friction_fit::predict::Predicted;
+use joint_log::work::checkpoint;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -87,7 +88,10 @@ fn grow(parts: &mut [Part], columns: &BinnedColumns, weights: &[f32]) {
         |parts: &[Part], trees: usize| parts.iter().map(|part| part.errors[trees]).sum::<f64>();
     let mut best = (error(parts, 0), 0);
     for trees in 1..=MOST_TREES {
-        parts.par_iter_mut().for_each(|part| part.add_tree(columns, weights));
+        parts.par_iter_mut().for_each(|part| {
+            checkpoint();
+            part.add_tree(columns, weights);
+        });
         let error = error(parts, trees);
         if error < best.0 {
             best = (error, trees);

@@ -12,6 +12,7 @@
 
 use super::rows::Rows;
 use super::solve::{LANES, Lanes, dot, lanes, solve_in_place};
+use joint_log::work::checkpoint;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -113,6 +114,7 @@ impl Bank {
 
     /// Solves for the coefficients of some columns without each fold.
     fn solve(&self, columns: &[usize], work: &mut Workspace) {
+        checkpoint();
         let (size, stride) = (columns.len(), self.stride());
         let total = self.total.as_slice();
         let mean: f64 =
@@ -170,6 +172,7 @@ fn products(rows: &Rows, columns: &[&[f64]], scale: &[f64], judged: Range<usize>
     let torque = (rows.torque.as_slice(), 1.0);
     let mut values = Vec::new();
     for from in judged.clone().step_by(ROWS_AT_ONCE) {
+        checkpoint();
         let part = from..(from + ROWS_AT_ONCE).min(judged.end);
         let own = &rows.judged[part.clone()];
         let weights: Vec<f64> = own.iter().map(|row| rows.weights[*row]).collect();

@@ -17,6 +17,7 @@ mod unknown;
 use super::law::Shapes;
 use super::rows::Rows;
 use backlash::GapGrid;
+use joint_log::work::checkpoint;
 use rayon::prelude::*;
 use ripple::RippleOrders;
 
@@ -188,6 +189,7 @@ pub fn variants(context: &Context) -> Vec<Variant> {
         column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0)
     };
     let of_cause = |row: &CauseRow| -> Vec<Variant> {
+        checkpoint();
         let made = (row.build)(context).into_iter();
         let usable =
             made.filter(|own| !own.columns.is_empty() && own.columns.iter().all(is_usable));

@@ -6,6 +6,7 @@
 
 use super::ledger::{CauseKey, Hypothesis};
 use super::rows::Rows;
+use joint_log::work::checkpoint;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Exp1};
 use rand_pcg::Pcg64;
@@ -58,6 +59,7 @@ impl Draws {
         let mut random = Pcg64::seed_from_u64(SEED);
         let mut wins = vec![0usize; hypotheses.len()];
         for _ in 0..DRAWS {
+            checkpoint();
             let weights: Vec<f64> = (0..units).map(|_| Exp1.sample(&mut random)).collect();
             let error =
                 |sums: &Vec<f64>| sums.iter().zip(&weights).map(|(e, w)| e * w).sum::<f64>();

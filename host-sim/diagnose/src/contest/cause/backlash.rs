@@ -9,6 +9,7 @@ use crate::contest::bank::{Bank, Workspace};
 use crate::contest::law::{Shapes, product};
 use crate::contest::operator::{play, stop};
 use crate::contest::rows::Rows;
+use joint_log::work::checkpoint;
 use rayon::prelude::*;
 
 /// Number of gaps in the grid.
@@ -44,6 +45,7 @@ impl GapGrid {
             .flat_map(|gap| shapes.travels.iter().map(move |travel| (*gap, *travel)))
             .collect();
         let stops_of = |gap: &f64| {
+            checkpoint();
             let moved = play(&rows.position, &rows.runs, 0.5 * gap);
             let stop = |travel: &f64| stop(&moved, &rows.runs, *travel);
             shapes.travels.iter().map(stop).collect::<Vec<_>>()

@@ -10,6 +10,7 @@ use crate::contest::bank::{Bank, Workspace};
 use crate::contest::rows::Rows;
 use crate::contest::solve::{dot, lanes, solve_in_place};
 use joint_log::JointKind;
+use joint_log::work::{checkpoint, checkpoint_at};
 use std::f64::consts::TAU;
 
 /// Highest order, in periods per turn, for a revolute joint.
@@ -279,6 +280,7 @@ impl<'a> Scan<'a> {
 
     /// Returns the amplitude of one order.
     fn amplitude(&self, values: &[f64], of: impl Fn(usize) -> f64, order: f64) -> f64 {
+        checkpoint();
         let sum = self.moving.iter().zip(values).fold((0.0, 0.0), |(s, c), (row, value)| {
             let (sine, cosine) = (order * self.rows.position[*row]).sin_cos();
             let value = value * of(*row);
@@ -295,7 +297,8 @@ impl<'a> Scan<'a> {
         let mut sums = vec![[[0.0; ORDERS_AT_ONCE]; 2]; groups];
         // Square and number of the rows whose highest order is the one before.
         let mut ends = vec![(0.0, 0usize); grid.count + 1];
-        for (row, value) in self.moving.iter().zip(values) {
+        for (index, (row, value)) in self.moving.iter().zip(values).enumerate() {
+            checkpoint_at(index);
             let value = value * of(*row);
             let position = rows.position[*row];
             let travel = (rows.velocity[*row] * rows.step_s).abs().max(1e-12);
