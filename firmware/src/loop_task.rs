@@ -63,6 +63,8 @@ pub struct LoopTask {
     has_taken_measurements: bool,
     /// The first half of the parts in front of the queue is swapped in.
     has_swapped: bool,
+    /// Gain on the levels of the set in use.
+    level_gain: f32,
     /// The present period takes parts or commands, so that it leaves reports to the next one.
     takes_input: bool,
     scope: ScopeTap,
@@ -114,6 +116,7 @@ impl LoopTask {
             has_sent_probe: false,
             has_taken_measurements: false,
             has_swapped: false,
+            level_gain: 1.0,
             takes_input: false,
             scope: ScopeTap::IDLE,
             period_s,
@@ -193,6 +196,7 @@ impl LoopTask {
         self.may_drive = parts.may_drive;
         self.current_loop.swap(&parts.motor);
         self.current_loop.swap_compensator(&parts.model);
+        self.level_gain = 1.0;
     }
 
     /// Runs the whole interrupt on a power stage: new parts or commands, one period, and a report if it is due.
@@ -222,6 +226,7 @@ impl LoopTask {
             self.has_swapped = !self.has_swapped;
         } else if let Some(gains) = port.gains.dequeue() {
             self.current_loop.set_gains(&gains);
+            self.level_gain = gains.level;
         } else if let Some(commands) = port.commands.peek() {
             // In two periods, because a period with both halves would be the longest.
             if self.has_taken_measurements {

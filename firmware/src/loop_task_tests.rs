@@ -7,6 +7,8 @@ use crate::driver::LoopReport;
 use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
+use crate::scope::{Signal, signal};
+use compensator_core::adaptation::Gains;
 use compensator_core::compensator::Reading;
 
 const PERIOD: u32 = 8500;
@@ -438,6 +440,26 @@ fn interrupt_takes_parts_or_commands_or_gives_a_report_in_one_period() {
     assert_eq!(reports(&mut link), 1);
     assert_eq!(task.commands.covariates.load_torque_nm.value, 7.0);
     assert_eq!(task.commands.setpoint.current_a, 1.0);
+}
+
+#[test]
+fn scope_signal_of_the_gain_follows_the_loop_and_is_one_after_a_swap() {
+    let mut queues = LoopQueues::new();
+    let (mut port, mut link) = queues.split(StageTraits::NONE, 0);
+    let mut task = LoopTask::new(parts(), DeadlineLimits::for_period(PERIOD, 10));
+    let number = Signal::from_name("level_gain").expect("a signal").number();
+    let mut recorded = |port: &mut LoopPort<'_>| {
+        for _ in 0..2 * task.report_every {
+            task.interrupt(&mut StageStub, port, 0, 0);
+        }
+        signal::value(number, &task.values)
+    };
+    assert_eq!(recorded(&mut port), 1.0);
+    link.send_gains((1, Gains { level: 1.25, ..Gains::default() }));
+    assert_eq!(recorded(&mut port), 1.25);
+    let commands = LoopCommands { set_number: 1, ..drive(1.0) };
+    link.send_commands(commands, &ParameterSet::default());
+    assert_eq!(recorded(&mut port), 1.0, "gains belong to the set that they were learnt with");
 }
 
 #[test]

@@ -142,6 +142,8 @@ pub(crate) struct PeriodValues {
     pub feed_forward_current_a: f32,
     /// See [`LoopReport::residual_torque_nm`].
     pub residual_torque_nm: f32,
+    /// Gain on the levels of the tuned set in use.
+    pub level_gain: f32,
     /// True if whole turns are known.
     pub is_referenced: bool,
 }
@@ -161,6 +163,7 @@ impl PeriodValues {
         friction_torque_nm: 0.0,
         feed_forward_current_a: 0.0,
         residual_torque_nm: f32::NAN,
+        level_gain: 1.0,
         is_referenced: false,
     };
 }

@@ -168,6 +168,7 @@ impl LoopTask {
             friction_torque_nm: cycle.friction_torque_nm,
             feed_forward_current_a: cycle.feed_forward_current_a,
             residual_torque_nm: known(cycle.residual_torque_nm, cycle.residual_valid),
+            level_gain: self.level_gain,
             is_referenced: !cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED),
         };
     }

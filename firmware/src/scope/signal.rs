@@ -60,4 +60,5 @@ signals! {
     12 friction_torque_nm |v| v.friction_torque_nm;
     13 feed_forward_current_a |v| v.feed_forward_current_a;
     14 residual_torque_nm |v| v.residual_torque_nm;
+    15 level_gain |v| v.level_gain;
 }

@@ -23,7 +23,8 @@ pub struct ScopeArguments {
     /// Signals to record, 1 to 8, such as current_a, velocity_rad_s, torque_nm
     ///
     /// One to eight of current_a, current_d_a, current_reference_a, voltage_q_v, bus_voltage_v, phase_a_a, phase_b_a,
-    /// phase_c_a, velocity_rad_s, position_rad, torque_nm, friction_torque_nm, feed_forward_current_a, residual_torque_nm.
+    /// phase_c_a, velocity_rad_s, position_rad, torque_nm, friction_torque_nm, feed_forward_current_a, residual_torque_nm,
+    /// level_gain.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = signal,
         default_value = "velocity_rad_s,torque_nm")]
     signals: Vec<Signal>,

@@ -166,6 +166,20 @@ fn transmit_pdos_follow_type_start_value_event_timer_and_inhibit_time() {
 }
 
 #[test]
+fn learnt_gains_and_their_deviations_can_be_sent_at_a_sync() {
+    let mut bench = Bench::on_sensors();
+    bench.start();
+    let entry = |at_index: u16| u32::from(at_index) << 16 | 1 << 8 | 32;
+    let entries = [entry(index::LEARNT_GAINS), entry(index::GAIN_DEVIATIONS)];
+    map(&mut bench, 0x1805, 0x1F1, &entries).unwrap();
+    write_number(&mut bench, 0x1805, 2, 1).unwrap();
+    let sent = plain_sync(&mut bench);
+    let frame = sent.iter().find(|frame| frame.identifier() == 0x1F1);
+    let data = frame.expect("a frame of the gains").data().to_vec();
+    assert_eq!(data, [1f32.to_le_bytes(), 0f32.to_le_bytes()].concat());
+}
+
+#[test]
 fn receive_pdo_with_own_mapping_and_identifier_writes_its_objects() {
     let mut bench = Bench::on_sensors();
     let (control, torque) = (0x6040_0010, 0x6071_0010);
