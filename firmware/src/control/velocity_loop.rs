@@ -2,12 +2,15 @@
 //!
 //! ```text
 //! reference' = reference moved towards the target by at most  acceleration_max dt
-//! current    = J reference'/kt + gain (reference - velocity) + integral,  limited
+//! current    = J reference'/kt + gain (reference - velocity) + integral + offset,  limited
 //! integral'  = gain (reference - velocity) / integral_s + 4 withheld / integral_s,  not while limited here
 //! ```
 //! `withheld` is what the current loop applied less what was commanded: its limits of current, voltage and braking
 //! power, and the derating. It moves the integral to the current that flows, so that the loop does not wind up
 //! against a limit that it cannot know.
+//!
+//! `offset` is the current of a torque that a master knows. A loop that began with the current of a load has this current
+//! in its integral, which the first offset replaces: the same load counts once.
 //!
 //! The velocity loop does not model friction. Its reference goes to the compensator with the current, and the
 //! compensator adds the friction current of that speed in the interrupt, before the limits. The velocity loop
@@ -73,19 +76,34 @@ pub struct VelocityCommand {
 pub struct VelocityLoop {
     reference_rad_s: f32,
     integral_a: f32,
+    offset_a: f32,
+    /// The integral began with the current of a load.
+    is_loaded: bool,
 }
 
 impl VelocityLoop {
     /// Creates a loop that starts at a joint velocity, rad/s, with zero current.
     pub fn begin(velocity_rad_s: f32) -> Self {
         let reference_rad_s = if velocity_rad_s.is_finite() { velocity_rad_s } else { 0.0 };
-        Self { reference_rad_s, integral_a: 0.0 }
+        Self { reference_rad_s, ..Self::default() }
     }
 
     /// Creates a loop that starts at a joint velocity, rad/s, with the current that holds the load, A.
     pub fn begin_loaded(velocity_rad_s: f32, load_a: f32) -> Self {
         let integral_a = if load_a.is_finite() { load_a } else { 0.0 };
-        Self { integral_a, ..Self::begin(velocity_rad_s) }
+        Self { integral_a, is_loaded: integral_a != 0.0, ..Self::begin(velocity_rad_s) }
+    }
+
+    /// Sets the current that a master adds, A. It changes nothing if it is not finite.
+    pub fn feed_forward(&mut self, offset_a: f32) {
+        if !offset_a.is_finite() {
+            return;
+        }
+        if self.is_loaded && offset_a != 0.0 {
+            self.integral_a -= offset_a - self.offset_a;
+            self.is_loaded = false;
+        }
+        self.offset_a = offset_a;
     }
 
     /// Runs a step towards a target, rad/s, at a velocity, rad/s. The current is limited to `+-limit_a`.
@@ -137,7 +155,8 @@ impl VelocityLoop {
         withheld_a: f32,
     ) -> VelocityCommand {
         let error = self.reference_rad_s - velocity_rad_s;
-        let demand_a = gains.inertia * change + gains.gain * error + self.integral_a;
+        let demand_a =
+            gains.inertia * change + gains.gain * error + self.integral_a + self.offset_a;
         let current_a = clamp(demand_a, limit_a);
         let grows = current_a == demand_a || (demand_a > 0.0) != (error > 0.0);
         let withheld_a = if withheld_a.is_finite() { withheld_a } else { 0.0 };

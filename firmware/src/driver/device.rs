@@ -13,6 +13,7 @@ mod lss;
 mod memory;
 mod motor;
 mod network;
+mod offsets;
 mod parameter_trial;
 mod pdos;
 mod position;
@@ -56,6 +57,7 @@ use inputs::Samples;
 use memory::Memory;
 use motor::MotorObservation;
 use network::LiveNetwork;
+use offsets::Offsets;
 use parameter_trial::ParameterTrial;
 use pdos::Pdos;
 use seal_sensors::SealSensors;
@@ -153,6 +155,7 @@ pub struct Device<F> {
     velocity: VelocityControl,
     motor: MotorObservation,
     targets: Targets,
+    offsets: Offsets,
     /// Process data objects as a master has set them; reset with the communication.
     pdos: Pdos,
     lss: Lss,

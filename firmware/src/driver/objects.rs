@@ -259,6 +259,8 @@ impl<F: NorFlash> Device<F> {
             index::TARGET_TORQUE => self.set_target(number as i16),
             index::TARGET_POSITION => self.set_target_position(number as i32),
             index::TARGET_VELOCITY => self.set_target_velocity(number as i32),
+            index::VELOCITY_OFFSET => self.set_velocity_offset(number as i32),
+            index::TORQUE_OFFSET => self.set_torque_offset(number as i16),
             index::MAX_MOTOR_SPEED => self.profile.max_motor_rpm = Some(number),
             index::HOME_OFFSET => self.profile.home_offset_micro_rad = number as i32,
             index::MAX_TORQUE => self.profile.max_permille = number as u16,

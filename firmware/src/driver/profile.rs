@@ -234,12 +234,10 @@ impl Profile {
         f32::from(self.max_permille.min(TORQUE_MAX_PERMILLE)) * 1e-3
     }
 
-    /// Returns 60FFh limited to `+-most_rad_s`, and whether the limit is active.
+    /// Returns 60FFh limited to `+-most_rad_s`.
     #[inline(never)]
-    pub fn target_rad_s(&self, most_rad_s: f32) -> (f32, bool) {
-        let target_rad_s = self.target_micro_rad_s as f32 * 1e-6;
-        let held = target_rad_s.max(-most_rad_s).min(most_rad_s);
-        (held, held != target_rad_s)
+    pub fn target_rad_s(&self, most_rad_s: f32) -> f32 {
+        (self.target_micro_rad_s as f32 * 1e-6).max(-most_rad_s).min(most_rad_s)
     }
 
     /// Returns the target torque limited by 6072h, as a share of the rated torque.

@@ -289,6 +289,8 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x6098 HOMING_METHOD variable("homing_method", Integer8, ReadWrite);
     0x6099 HOMING_SPEEDS record("homing_speeds", HomingSpeedsObject::ENTRIES);
     0x609A HOMING_ACCELERATION variable("homing_acceleration", Unsigned32, ReadWrite);
+    0x60B1 VELOCITY_OFFSET armed(variable("velocity_offset", Integer32, Input));
+    0x60B2 TORQUE_OFFSET armed(variable("torque_offset", Integer16, Input));
     0x60C2 INTERPOLATION_TIME record("interpolation_time_period", InterpolationTimeObject::ENTRIES);
     0x60E3 HOMING_METHODS
         array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());

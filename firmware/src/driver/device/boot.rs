@@ -64,6 +64,7 @@ impl<F: NorFlash> Device<F> {
             velocity: Default::default(),
             motor: Default::default(),
             targets: Default::default(),
+            offsets: Default::default(),
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
             lock: Lock::default(),

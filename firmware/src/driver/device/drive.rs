@@ -1,5 +1,6 @@
 //! The objects of a CiA 402 drive. [`profile`] has the state machine.
 
+use super::offsets::Offsets;
 use super::{CommandFrame, Device, FaultState, InputSource, JointState, Message};
 use crate::driver::angle::Angle;
 use crate::driver::profile::{self, DriveRequest, Homing, SetPoint, status};
@@ -92,8 +93,10 @@ impl<F: NorFlash> Device<F> {
             InputSource::Bus => true,
         };
         let limits = self.supervisor.limits();
-        let (_, too_fast) = self.profile.target_rad_s(self.max_speed_rad_s());
-        let too_fast = self.profile.mode == profile::CSV && too_fast;
+        let most_rad_s = self.max_speed_rad_s();
+        let target_rad_s = self.profile.target_micro_rad_s as f32 * 1e-6;
+        let too_fast = self.profile.mode == profile::CSV
+            && (target_rad_s + self.velocity_offset_rad_s()).abs() > most_rad_s;
         let is_limited = limits.contains(Code::CurrentLimited)
             || too_fast
             || self.is_armed() && self.is_position_limited();
@@ -143,6 +146,7 @@ impl<F: NorFlash> Device<F> {
         self.profile.target_permille = 0;
         self.profile.target_micro_rad_s = 0;
         self.profile.set_points = SetPoint::default();
+        self.offsets = Offsets::default();
         self.received.reset_command();
         Ok(())
     }

@@ -139,7 +139,9 @@ impl<F: NorFlash> Device<F> {
         self.watch_following(error_rad);
         let gain = self.settings.drive.position_gain as f32 * 1e-3;
         let most = self.max_speed_rad_s();
-        let wanted = (reference.velocity_rad_s + gain * error_rad).clamp(-most, most);
+        let offset =
+            if self.profile.mode == profile::CSP { self.velocity_offset_rad_s() } else { 0.0 };
+        let wanted = (reference.velocity_rad_s + offset + gain * error_rad).clamp(-most, most);
         let velocity = self.bounded_velocity(wanted);
         VelocityTarget::Track(velocity, reference.velocity_rad_s - before.velocity_rad_s)
     }
@@ -366,7 +368,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns true if a position limit acts.
     pub(super) fn is_position_limited(&self) -> bool {
-        let wanted_a = self.profile.target_share() * self.rated().0;
+        let wanted_a = self.torque_mode_current_a(self.profile.target_share() * self.rated().0);
         let by_current = self
             .current_bounds()
             .is_some_and(|[lower_a, upper_a]| wanted_a < lower_a || wanted_a > upper_a);

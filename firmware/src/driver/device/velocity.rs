@@ -8,7 +8,7 @@ use super::{Device, InputSource};
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::control::{LoopFlags, Setpoint};
 use crate::driver::loop_data::REPORT_PERIOD_S;
-use crate::driver::profile::CSV;
+use crate::driver::profile::{CSP, CSV};
 use crate::driver::trajectory::VelocityInterpolation;
 use core::f32::consts::TAU;
 use embedded_storage::nor_flash::NorFlash;
@@ -106,6 +106,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Runs a step with a report.
     pub(super) fn step_velocity(&mut self) {
+        self.step_offsets();
         let rubs = self.is_friction_run();
         let holds = self.holds_joint();
         let is_in_use = rubs || self.is_in_csv() || holds || self.is_in_position_control();
@@ -148,13 +149,23 @@ impl<F: NorFlash> Device<F> {
         if self.is_in_csv() {
             self.position.is_limited = false;
             let most_rad_s = self.max_speed_rad_s();
-            let (last_rad_s, _) = self.profile.target_rad_s(most_rad_s);
+            let last_rad_s = self.profile.target_rad_s(most_rad_s);
             let target_rad_s = self.velocity.course.step().unwrap_or(last_rad_s);
+            let target_rad_s = target_rad_s + self.velocity_offset_rad_s();
+            self.feed_torque_forward();
             let target_rad_s = target_rad_s.max(-most_rad_s).min(most_rad_s);
             let target_rad_s = self.bounded_velocity(target_rad_s);
             return VelocityTarget::Slew(*self.velocity.gains(), target_rad_s);
         }
+        self.feed_torque_forward();
         self.position_target()
+    }
+
+    /// Gives the torque offset to the velocity loop, in the cyclic modes.
+    fn feed_torque_forward(&mut self) {
+        let is_cyclic = matches!(self.profile.mode, CSP | CSV);
+        let offset_a = if is_cyclic { self.offset_current_a() } else { 0.0 };
+        self.velocity.control.feed_forward(offset_a);
     }
 
     /// Forgets the targets of the master: its course begins at the present reference.
@@ -168,7 +179,7 @@ impl<F: NorFlash> Device<F> {
         self.profile.target_micro_rad_s = target_micro_rad_s;
         self.confirm_target(self.now_us);
         if self.is_in_csv() && self.supervisor.is_armed() {
-            let (target_rad_s, _) = self.profile.target_rad_s(self.max_speed_rad_s());
+            let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s());
             let steps = self.settings.drive.interpolation_ms();
             self.velocity.course.set_target(target_rad_s, steps);
         }
@@ -191,7 +202,8 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn with_velocity_command(&self, setpoint: Setpoint) -> Setpoint {
         let is_in_use = self.is_friction_run() || self.is_in_csv() || self.is_in_position_control();
         if !(is_in_use || self.holds_joint()) {
-            return self.bounded_setpoint(setpoint);
+            let current_a = self.torque_mode_current_a(setpoint.current_a);
+            return self.bounded_setpoint(Setpoint { current_a, ..setpoint });
         }
         let order = self.velocity.command;
         // A stop needs no master.

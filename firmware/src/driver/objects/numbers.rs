@@ -78,6 +78,8 @@ impl<F: NorFlash> Device<F> {
             index::MAX_TORQUE => self.profile.max_permille.into(),
             index::VELOCITY_DEMAND => self.velocity_demand() as u32,
             index::TARGET_VELOCITY => self.profile.target_micro_rad_s as u32,
+            index::VELOCITY_OFFSET => self.written_offsets()[0],
+            index::TORQUE_OFFSET => self.written_offsets()[1],
             index::MAX_MOTOR_SPEED => self.max_motor_rpm(),
             index::HOME_OFFSET => self.profile.home_offset_micro_rad as u32,
             index::HOMING_METHOD => self.profile.homing_method as u32,

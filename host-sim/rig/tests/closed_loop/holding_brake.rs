@@ -44,7 +44,7 @@ fn loaded_set() -> ParameterSet {
 }
 
 /// Powers the leg up at rest, with its brake closed, and enables it if it is to be held.
-fn with_brake<R>(has_brake: bool, work: impl FnOnce(&mut Master) -> R) -> R {
+pub fn with_brake<R>(has_brake: bool, work: impl FnOnce(&mut Master) -> R) -> R {
     let joint = Joint { load: Load::Leg, ..Joint::with(loaded_set()) };
     joint.run_plant(
         |plant| {

@@ -16,6 +16,7 @@ mod bus;
 mod commissioning;
 mod driver;
 mod encoder;
+mod feed_forward;
 mod friction;
 mod heat;
 mod holding_brake;
@@ -32,7 +33,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 14] {
+fn families() -> [&'static [ScenarioRow]; 15] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -48,6 +49,7 @@ fn families() -> [&'static [ScenarioRow]; 14] {
         position::rows(),
         trials::rows(),
         adaptation::rows(),
+        feed_forward::rows(),
     ]
 }
 

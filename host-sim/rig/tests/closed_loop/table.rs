@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 22] = [
+const TITLES: [&str; 23] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -110,6 +110,7 @@ const TITLES: [&str; 22] = [
     "Position modes: CSP, PP, homing",
     "Trial of a parameter set, and undo of a tuning",
     "Adaptation of the friction levels",
+    "Feed-forward from a master",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

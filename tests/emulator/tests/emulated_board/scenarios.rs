@@ -11,6 +11,8 @@ mod commissioning;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
+#[path = "../../../../host-sim/rig/tests/closed_loop/feed_forward.rs"]
+mod feed_forward;
 #[path = "../../../../host-sim/rig/tests/closed_loop/friction.rs"]
 mod friction;
 #[path = "../../../../host-sim/rig/tests/closed_loop/heat.rs"]

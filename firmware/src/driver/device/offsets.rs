@@ -1,0 +1,103 @@
+//! Feed-forward of a master: velocity offset (60B1h) and torque offset (60B2h) of CiA 402-2.
+//!
+//! | mode | velocity offset | torque offset |
+//! |---|---|---|
+//! | 8 (CSP) | added to the velocity of the position loop | added to the current of the velocity loop |
+//! | 9 (CSV) | added to 60FFh | added to the current of the velocity loop |
+//! | 10 (CST) | no effect | added to 6071h |
+//!
+//! The sums have the limits of every set-point: 6072h, 6080h and 607Dh. The driver itself adds the torque of its inertia and of
+//! friction, and in CSP the velocity of the course. So an offset is what a master knows beyond: gravity, the reaction of other
+//! joints, an external force.
+//!
+//! Both belong to a cycle, as the targets do: an offset that is not written again for `setpoint_timeout_s` decays. While the
+//! driver holds the joint, the torque offset keeps its last value, because the load that it carries remains.
+
+use super::Device;
+use crate::driver::loop_data::REPORT_PERIOD_S;
+use crate::driver::profile;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Time constant of the decay of a stale offset, s: long against the velocity loop, which takes over, and short against the
+/// ramps of a stop.
+const DECAY_S: f32 = 0.05;
+
+/// Share of a stale offset that remains after a report.
+const RETAINED: f32 = 1.0 - REPORT_PERIOD_S / DECAY_S;
+
+/// An offset of the master.
+#[derive(Clone, Copy, Debug, Default)]
+struct Offset {
+    /// As written.
+    written: i32,
+    /// Time at which it was written, us; `None` if it never was.
+    at_us: Option<u64>,
+    /// Value in use, in units of `written`.
+    applied: f32,
+}
+
+impl Offset {
+    fn write(&mut self, number: i32, now_us: u64) {
+        self.written = number;
+        self.at_us = Some(now_us);
+    }
+
+    fn step(&mut self, now_us: u64, timeout_us: u64) {
+        let is_fresh = self.at_us.is_some_and(|at| now_us.saturating_sub(at) < timeout_us);
+        self.applied = if is_fresh { self.written as f32 } else { RETAINED * self.applied };
+    }
+}
+
+/// The offsets of the master.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Offsets {
+    /// 60B1h, 1e-6 rad/s.
+    velocity: Offset,
+    /// 60B2h, thousandths of the rated torque.
+    torque: Offset,
+}
+
+impl<F: NorFlash> Device<F> {
+    /// 60B1h, 1e-6 rad/s.
+    pub(in crate::driver) fn set_velocity_offset(&mut self, micro_rad_s: i32) {
+        self.offsets.velocity.write(micro_rad_s, self.now_us);
+    }
+
+    /// 60B2h, thousandths of the rated torque.
+    pub(in crate::driver) fn set_torque_offset(&mut self, permille: i16) {
+        self.offsets.torque.write(permille.into(), self.now_us);
+    }
+
+    /// Returns the offsets as they were written: 60B1h and 60B2h.
+    pub(in crate::driver) const fn written_offsets(&self) -> [u32; 2] {
+        [self.offsets.velocity.written as u32, self.offsets.torque.written as u32]
+    }
+
+    /// Lets stale offsets decay, once per report.
+    pub(super) fn step_offsets(&mut self) {
+        let timeout_us = (self.set().motor.setpoint_timeout_s * 1e6) as u64;
+        self.offsets.velocity.step(self.now_us, timeout_us);
+        self.offsets.torque.step(self.now_us, timeout_us);
+    }
+
+    /// Returns the velocity offset, rad/s.
+    pub(super) const fn velocity_offset_rad_s(&self) -> f32 {
+        self.offsets.velocity.applied * 1e-6
+    }
+
+    /// Returns the current of the torque offset, A.
+    #[inline(never)]
+    pub(super) fn offset_current_a(&self) -> f32 {
+        self.offsets.torque.applied * 1e-3 * self.rated().0
+    }
+
+    /// Returns the current of a master's torque, A, with the torque offset in CST, within 6072h.
+    #[inline(never)]
+    pub(super) fn torque_mode_current_a(&self, current_a: f32) -> f32 {
+        if self.profile.mode != profile::CST {
+            return current_a;
+        }
+        let most_a = self.profile.max_share() * self.rated().0;
+        (current_a + self.offset_current_a()).max(-most_a).min(most_a)
+    }
+}
