@@ -4,10 +4,14 @@
 //! nothing drives a bridge. The joint driver runs this code on its processor. The PC that replays a trace runs
 //! the same code on the frames it sent. The two differ only in compiler, processor, floating-point unit and bus,
 //! so their answers must agree bit for bit. A network that supplies the law is evaluated here too, at the rate
-//! of its training: before the first sample after enabling, and then at a fixed number of samples.
+//! of its training: before the first sample after enabling, and then at a fixed number of samples. A joint that adapts its
+//! friction levels learns from the measured torque of the samples, at the tuned set from the begin of a run on.
 
+use crate::control::{Covariates, LoopFlags};
+use crate::level_learner::{LearningSample, LevelLearner};
 #[cfg(feature = "fixed")]
 use compensator_core::Fixed;
+use compensator_core::adaptation::{Frozen, Gains};
 use compensator_core::can::{
     AnswerFrame, Message, NodeId, SampleAssembler, StatusFrame, SyncFrame, SyncOutcome,
     TelemetryFrame,
@@ -17,6 +21,10 @@ use compensator_core::network::{FactorSupplier, Factors, JointNetwork};
 use compensator_core::parameters::Text;
 use compensator_core::text;
 use compensator_core::{Compensator, Flags, ParameterError, Real};
+
+/// Longest time for which a measured torque is held for the learning, s. A joint on its sensors sends its torque at every
+/// tenth SYNC.
+const TORQUE_HELD_S: f32 = 0.05;
 
 /// Number type of the compensator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -194,6 +202,8 @@ pub struct HilJoint {
     setup: HilSetup,
     inbox: SampleAssembler,
     compensator: HilCompensator,
+    /// Gains that were set on the sizes of the model; `None` before the first.
+    gains: Option<Gains<f32>>,
 }
 
 impl HilJoint {
@@ -220,12 +230,13 @@ impl HilJoint {
                 setup.period_s,
             )?),
         };
-        Ok(Self { setup, inbox: SampleAssembler::new(node), compensator })
+        Ok(Self { setup, inbox: SampleAssembler::new(node), compensator, gains: None })
     }
 
     /// Creates a joint without a model: it answers and compensates nothing.
     pub const fn without_model(node: NodeId, setup: HilSetup) -> Self {
-        Self { setup, inbox: SampleAssembler::new(node), compensator: HilCompensator::Absent }
+        let compensator = HilCompensator::Absent;
+        Self { setup, inbox: SampleAssembler::new(node), compensator, gains: None }
     }
 
     /// Enables the compensator, at rest, or disables it.
@@ -269,15 +280,54 @@ impl HilJoint {
     }
 
     /// Processes a message other than SYNC. A new run resets the compensator to rest.
-    pub fn take(&mut self, message: &Message) {
-        if self.inbox.take(message) && self.is_enabled() {
+    ///
+    /// Returns true if a new run begins. What was learnt in the last one must then be discarded, so that every run gives the
+    /// same answers again.
+    pub fn take(&mut self, message: &Message) -> bool {
+        let is_new_run = self.inbox.take(message);
+        if is_new_run && self.is_enabled() {
             self.set_enabled(false);
             self.set_enabled(true);
         }
+        is_new_run
     }
 
     /// Processes a SYNC, and computes a step if it ends a sample.
     pub fn sync(&mut self, sync: SyncFrame) -> HilStep {
+        self.step(sync, None)
+    }
+
+    /// Processes a SYNC as [`Self::sync`], with the gains of `learner`, which then learns from the sample. `blocked` is a
+    /// reason of the settings to learn nothing.
+    pub fn sync_learning(
+        &mut self,
+        sync: SyncFrame,
+        learner: &mut LevelLearner,
+        blocked: Option<Frozen>,
+    ) -> HilStep {
+        self.set_gains(&learner.gains().1);
+        self.step(sync, Some((learner, blocked)))
+    }
+
+    /// Sets gains on the sizes of the model, if they are others than those in use.
+    fn set_gains(&mut self, gains: &Gains<f32>) {
+        if self.gains.unwrap_or_default() == *gains {
+            return;
+        }
+        self.gains = Some(*gains);
+        match &mut self.compensator {
+            HilCompensator::Absent => {}
+            HilCompensator::Float(joint) => joint.compensator.set_gains(gains),
+            #[cfg(feature = "fixed")]
+            HilCompensator::Fixed(joint) => joint.compensator.set_gains(&gains.convert()),
+        }
+    }
+
+    fn step(
+        &mut self,
+        sync: SyncFrame,
+        learning: Option<(&mut LevelLearner, Option<Frozen>)>,
+    ) -> HilStep {
         let lost = match self.inbox.sync(sync) {
             SyncOutcome::Sample { lost } => lost,
             SyncOutcome::Duplicate => return HilStep::Duplicate,
@@ -293,8 +343,32 @@ impl HilJoint {
             #[cfg(feature = "fixed")]
             HilCompensator::Fixed(joint) => reply(joint, inbox, setup),
         };
+        if let Some((learner, blocked)) = learning
+            && learner.is_active()
+        {
+            self.learn(learner, blocked, reply.status.flags);
+        }
         self.inbox.end_sample();
         HilStep::Reply(reply, lost)
+    }
+
+    /// Learns from the sample that the last SYNC ended.
+    #[inline(never)]
+    fn learn(&self, learner: &mut LevelLearner, blocked: Option<Frozen>, flags: Flags) {
+        let inputs = self.inbox.inputs::<f32>(self.setup.period_s, self.setup.campaign_h);
+        let torque = self.inbox.torque_nm(self.setup.period_s);
+        let torque = torque.filter(|reading| reading.age_s < TORQUE_HELD_S);
+        let is_known = inputs.position_rad.age_s >= 0.0;
+        learner.take_covariates(&Covariates::of_inputs(&inputs));
+        let sample = LearningSample {
+            velocity_rad_s: inputs.velocity_rad_s.value,
+            position_rad: if is_known { inputs.position_rad.value } else { f32::NAN },
+            torque_nm: torque.map_or(f32::NAN, |reading| reading.value),
+            loop_flags: LoopFlags::empty(),
+            flags,
+            campaign_time_h: inputs.campaign_time_h,
+        };
+        learner.step(&sample, blocked.or((!self.is_enabled()).then_some(Frozen::NotArmed)));
     }
 }
 

@@ -20,6 +20,7 @@ pub mod deadline;
 pub mod drive_settings;
 pub mod driver;
 pub mod hil;
+pub mod level_learner;
 mod log;
 pub mod loop_link;
 pub mod loop_parts;

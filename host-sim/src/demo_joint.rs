@@ -41,6 +41,7 @@ pub fn start(node: NodeId) -> Result<(Hub, Port), String> {
         network: None,
         number: None,
         period_s: PERIOD_S as f32,
+        adaptation: None,
     };
     set_up(&mut Client::new(hub.port(), node), node, &setup).map_err(|error| error.to_string())?;
     let samples = truth.runs.iter().enumerate().flat_map(|(run, rows)| {

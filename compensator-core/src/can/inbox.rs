@@ -131,6 +131,14 @@ impl SampleAssembler {
             .map_or(f32::NAN, |received| received.value.torque_nm)
     }
 
+    /// Last measured torque, Nm, and its age, s; `None` before the first.
+    pub fn torque_nm(&self, period_s: f32) -> Option<Reading<f32>> {
+        self.torque.map(|received| Reading {
+            value: received.value.torque_nm,
+            age_s: received.age as f32 * period_s,
+        })
+    }
+
     /// Commanded current, A, and its age, s; `None` before the first command.
     pub fn command_current_a(&self, period_s: f32) -> Option<Reading<f32>> {
         self.command.map(|received| Reading {

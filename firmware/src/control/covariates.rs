@@ -73,6 +73,14 @@ macro_rules! define_covariates {
                 $($(change(&mut self.$covariate.age_s);)?)*
             }
 
+            /// Returns the covariates among the inputs of a compensator.
+            pub(crate) fn of_inputs(inputs: &Inputs<f32>) -> Self {
+                Self {
+                    $($($covariate: inputs.$covariate,)?)*
+                    campaign_time_h: inputs.campaign_time_h,
+                }
+            }
+
             /// Returns the inputs of the compensator.
             #[inline(always)]
             pub(crate) fn inputs(&self, motion: MotionReadings) -> Inputs<f32> {

@@ -34,6 +34,7 @@ use super::received::ReceivedInputs;
 use super::staging::Staging;
 use crate::access::Lock;
 use crate::control::Covariates;
+use crate::level_learner::LevelLearner;
 use crate::log::log;
 use crate::loop_parts::StageTraits;
 use crate::node::Outbox;
@@ -46,7 +47,6 @@ use crate::sensors::enclosure;
 use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
 use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
-use adaptation::JointAdaptation;
 use compensation_share::CompensationShare;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use current_loop::LoopExchange;
@@ -149,7 +149,7 @@ pub struct Device<F> {
     pub(super) stopping: Stopping,
     commissioning: commissioning::Run,
     compensation: CompensationShare,
-    adaptation: JointAdaptation,
+    adaptation: LevelLearner,
     seal_sensors: SealSensors,
     position: position::PositionControl,
     velocity: VelocityControl,

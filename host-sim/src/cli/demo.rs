@@ -199,7 +199,13 @@ fn replay_on_driver(trace: &Path, toml: &str) -> Result<Tally, String> {
     let friction = driver_file::parse(toml)?.friction();
     let plan = Plan::read(trace, NodeId::FIRST).map_err(|error| error.to_string())?;
     let period_s = plan.period_s as f32;
-    let setup = ReplaySetup { friction: Some(friction), network: None, number: None, period_s };
+    let setup = ReplaySetup {
+        friction: Some(friction),
+        network: None,
+        number: None,
+        period_s,
+        adaptation: None,
+    };
     let played = in_process(&plan, NodeId::FIRST, &setup).map_err(|error| error.to_string())?;
     Ok(played.tally)
 }

@@ -5,6 +5,7 @@ use super::output::{OutputArguments, pretty, print_text};
 use super::progress::{announce, counted_progress, duration_in_words};
 use crate::driver_file;
 use firmware::hil::NumberType;
+use firmware::level_learner::{OFF, ON};
 use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
 use joint_bus::joint::JointNode;
 use joint_bus::replay::play::ReplayProgress;
@@ -29,6 +30,10 @@ pub struct ReplayArguments {
     /// Number type the driver computes with; by default its current one
     #[arg(long, value_name = "NUMBER")]
     number: Option<NumberArgument>,
+    /// Adaptation of the friction levels (2044h): the driver and the PC learn from the torques of the trace; by default as the
+    /// driver is set
+    #[arg(long, value_name = "MODE")]
+    adaptation: Option<AdaptationArgument>,
     /// Time between two SYNC frames, s; by default that of the trace
     #[arg(long, value_name = "S")]
     period: Option<f32>,
@@ -51,6 +56,15 @@ enum NumberArgument {
     F32,
     /// Fixed point, 20 fractional bits
     Fixed,
+}
+
+/// Mode of the adaptation.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum AdaptationArgument {
+    /// The set applies
+    Off,
+    /// The driver learns gains on its set
+    On,
 }
 
 fn rate(text: &str) -> Result<Rate, String> {
@@ -131,6 +145,10 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
             NumberArgument::Fixed => NumberType::Fixed,
         }),
         period_s: arguments.period.unwrap_or(plan.period_s as f32),
+        adaptation: arguments.adaptation.map(|mode| match mode {
+            AdaptationArgument::Off => OFF,
+            AdaptationArgument::On => ON,
+        }),
     };
     let core = set_up(&mut client, node, &setup).map_err(|error| words(&error))?;
     let setup = core.setup();

@@ -25,6 +25,7 @@ mod predict;
 mod predict_adapted;
 mod progress;
 mod replay;
+mod replay_adaptation;
 mod report_browser;
 mod report_page;
 mod report_thin;

@@ -68,7 +68,13 @@ fn replayed(log: &[u8], setup: &ReplaySetup, rate: Rate, faults: Faults, seed: u
 }
 
 fn setup(number: NumberType) -> ReplaySetup {
-    ReplaySetup { friction: Some(improved()), network: None, number: Some(number), period_s: 1e-3 }
+    ReplaySetup {
+        friction: Some(improved()),
+        network: None,
+        number: Some(number),
+        period_s: 1e-3,
+        adaptation: None,
+    }
 }
 
 #[test]

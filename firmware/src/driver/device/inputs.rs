@@ -154,6 +154,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(super) fn process_input(&mut self, message: &Message, now_us: u64) {
+        // Entries of a trace, which may begin a run, take another way.
         self.samples.hil.take(message);
         match self.received.take(message, now_us) {
             Some(CommandSequence::New { lost }) => {
@@ -168,7 +169,14 @@ impl<F: NorFlash> Device<F> {
 
     /// Ends a sample. Returns its number; `None` for a repeated or late SYNC.
     pub(super) fn sync(&mut self, sync: SyncFrame) -> Option<u32> {
-        let lost = match self.samples.hil.sync(sync) {
+        let step = match self.settings.source {
+            InputSource::Bus => {
+                let blocked = self.learning_blocked_by();
+                self.samples.hil.sync_learning(sync, &mut self.adaptation, blocked)
+            }
+            InputSource::Sensors => self.samples.hil.sync(sync),
+        };
+        let lost = match step {
             HilStep::Duplicate => {
                 count(&mut self.counters.sync_duplicate, 1);
                 return None;
@@ -223,6 +231,8 @@ impl<F: NorFlash> Device<F> {
             TraceEntry::Sequence(_) => {}
             TraceEntry::JointKind(kind) => self.samples.joint_kind = kind,
         }
-        self.samples.hil.take(message);
+        if self.samples.hil.take(message) && self.settings.source == InputSource::Bus {
+            self.restart_adaptation();
+        }
     }
 }

@@ -195,7 +195,12 @@ impl<F: NorFlash> Device<F> {
         self.samples.set_hil(hil.map_err(|error| self.staging.refuse(Abort::Value, error))?);
         self.watch = watch;
         self.network = live;
+        let is_resampled =
+            (self.settings.source, self.settings.period_s) != (settings.source, settings.period_s);
         self.settings = settings;
+        if is_resampled {
+            self.restart_adaptation();
+        }
         self.received.reset_command();
         Ok(())
     }

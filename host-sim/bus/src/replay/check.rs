@@ -4,10 +4,11 @@
 //! their sample, so a lost, duplicated, late or reordered answer is distinguished from a wrong one. A wrong answer differs
 //! in at least one bit, and is listed with both values.
 
+use super::CoreJoint;
 use compensator_core::can::{
     AnswerFrame, Frame, Message, NodeId, StatusFrame, SyncFrame, TelemetryFrame,
 };
-use firmware::hil::{HilJoint, HilReply, HilStep};
+use firmware::hil::{HilReply, HilStep};
 use serde::Serialize;
 use std::collections::VecDeque;
 
@@ -70,7 +71,7 @@ struct Waiting {
 #[derive(Debug)]
 pub struct Check {
     node: NodeId,
-    core: HilJoint,
+    core: CoreJoint,
     waiting: VecDeque<Waiting>,
     answered: VecDeque<Waiting>,
     /// Number of the oldest waiting samples whose answers are not expected.
@@ -83,7 +84,8 @@ pub struct Check {
 
 impl Check {
     /// Creates a check with a joint that is set up like the driver. The joint is enabled.
-    pub fn new(node: NodeId, mut core: HilJoint) -> Self {
+    pub fn new(node: NodeId, core: impl Into<CoreJoint>) -> Self {
+        let mut core = core.into();
         core.set_enabled(true);
         Self {
             node,
@@ -264,6 +266,7 @@ impl Tally {
 mod tests {
     use super::*;
     use compensator_core::can::MotionFrame;
+    use firmware::hil::HilJoint;
     use firmware::node_settings::NodeSettings;
     use firmware::parameter_set::ParameterSet;
 

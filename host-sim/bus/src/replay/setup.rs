@@ -1,5 +1,6 @@
 //! Prepares a driver for a replay: inputs from the bus, period, parameters, armed.
 
+use super::CoreJoint;
 use crate::bus::Bus;
 use crate::canopen::{Client, SdoError};
 use canopen_rs::{Address, NmtCommand};
@@ -9,8 +10,11 @@ use compensator_core::configuration::Configuration;
 use compensator_core::network::JointNetwork;
 use compensator_core::network::record as network_record;
 use compensator_core::record::{self, RecordError};
+use firmware::drive_settings::DriveSettings;
 use firmware::hil::{HilJoint, HilSetup, NumberType};
+use firmware::level_learner::OFF;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::AdaptationObject;
 use firmware::node_settings::{InputSource, PERIOD_RANGE_S};
 use firmware::parameter_set::{DRIVE_RECORD_BYTES, ParameterSet};
 
@@ -25,6 +29,8 @@ pub struct ReplaySetup {
     pub number: Option<NumberType>,
     /// Time between SYNCs, s.
     pub period_s: f32,
+    /// Mode of the adaptation of the friction levels (2044h:1); `None` keeps that of the driver.
+    pub adaptation: Option<u8>,
 }
 
 /// Error of the set-up; its message is one line.
@@ -66,7 +72,7 @@ pub fn set_up<B: Bus>(
     client: &mut Client<B>,
     node: NodeId,
     setup: &ReplaySetup,
-) -> Result<HilJoint, SetupError> {
+) -> Result<CoreJoint, SetupError> {
     let at = Address::new;
     if !(PERIOD_RANGE_S.0..=PERIOD_RANGE_S.1).contains(&setup.period_s) {
         return Err(SetupError::Period { found_s: setup.period_s });
@@ -80,10 +86,13 @@ pub fn set_up<B: Bus>(
     if let Some(friction) = &setup.friction {
         write_friction(client, friction, setup.network.as_ref())?;
     }
+    if let Some(mode) = setup.adaptation {
+        client.write(at(index::ADAPTATION, AdaptationObject::MODE), &[mode])?;
+    }
+    let drive = read_drive(client)?;
     let (friction, network) = match &setup.friction {
         Some(friction) => (friction.clone(), setup.network.clone()),
         None => {
-            client.write(at(index::COMMIT, 4), &[1])?;
             let friction = client.read(at(index::COMMIT, 5))?;
             let network = client.read(at(index::COMMIT, 7))?;
             let friction = record::parse(&friction).map_err(SetupError::Record)?;
@@ -96,13 +105,41 @@ pub fn set_up<B: Bus>(
     };
     let campaign_h = client.read_float(at(index::OPERATION, 4))?;
     let hil_setup = HilSetup { number, period_s: setup.period_s, campaign_h };
-    let core =
+    let joint =
         HilJoint::build(node, &friction, network.as_ref(), hil_setup).map_err(SetupError::Build)?;
+    let settings = read_adaptation(client)?;
+    let core = match settings.adapt {
+        OFF => joint.into(),
+        _ => {
+            let set = ParameterSet::with_drive(friction, network, &drive);
+            CoreJoint::with_adaptation(joint, set, settings)
+        }
+    };
     // Starts a new run, so that driver and core have the same initial state.
     client.write(at(index::TRACE, 1), &0u32.to_le_bytes())?;
     client.command(NmtCommand::StartRemoteNode).map_err(SdoError::from)?;
     client.write(at(index::STATE, 1), &[1])?;
     Ok(core)
+}
+
+/// Reads the settings of the adaptation; the other settings have their defaults.
+fn read_adaptation<B: Bus>(client: &mut Client<B>) -> Result<DriveSettings, SetupError> {
+    let mut settings = DriveSettings::default();
+    for (at_index, place) in DriveSettings::PLACES {
+        if at_index == index::ADAPTATION {
+            let number = client.read_number(Address::new(at_index, place))?;
+            // The driver has checked its settings.
+            let _ = settings.set(at_index, place, number);
+        }
+    }
+    Ok(settings)
+}
+
+/// Stages the active set, and reads its motor parameters and thresholds.
+fn read_drive<B: Bus>(client: &mut Client<B>) -> Result<[u8; DRIVE_RECORD_BYTES], SetupError> {
+    client.write(Address::new(index::COMMIT, 4), &[1])?;
+    let drive = client.read(Address::new(index::COMMIT, 6))?;
+    drive.as_slice().try_into().map_err(|_| SetupError::Version { found: drive.len() })
 }
 
 /// Writes a friction model and its network to a driver: staged first, then committed with the CRC of the set.
@@ -115,11 +152,8 @@ pub fn write_friction<B: Bus>(
     network: Option<&JointNetwork>,
 ) -> Result<(), SetupError> {
     let at = Address::new;
-    client.write(at(index::COMMIT, 4), &[1])?;
-    let drive = client.read(at(index::COMMIT, 6))?;
-    let drive: &[u8; DRIVE_RECORD_BYTES] =
-        drive.as_slice().try_into().map_err(|_| SetupError::Version { found: drive.len() })?;
-    let set = ParameterSet::with_drive(friction.clone(), network.cloned(), drive);
+    let drive = read_drive(client)?;
+    let set = ParameterSet::with_drive(friction.clone(), network.cloned(), &drive);
     client.write(at(index::COMMIT, 5), &record::emit(friction))?;
     client.write(at(index::COMMIT, 7), &network_record::emit(network))?;
     client.write(at(index::COMMIT, 3), &set.crc().to_le_bytes())?;
