@@ -7,6 +7,7 @@ mod board_bus;
 mod bus;
 mod cost;
 mod course;
+mod drift;
 mod dry_side;
 mod flood;
 mod interruptions;
