@@ -50,10 +50,23 @@ impl<T: Real> ModelState<T> {
 }
 
 /// A friction model built for a sample period. See [`crate::parameters::Parameters::build`].
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct FrictionModel<T: Real> {
     pub(crate) law: Law<T>,
     pub(crate) terms: Terms<T>,
+}
+
+impl<T: Real> Clone for FrictionModel<T> {
+    fn clone(&self) -> Self {
+        Self { law: self.law, terms: self.terms.clone() }
+    }
+
+    /// Out of line, because a current loop copies two models.
+    #[inline(never)]
+    fn clone_from(&mut self, from: &Self) {
+        self.law = from.law;
+        self.terms.clone_from(&from.terms);
+    }
 }
 
 impl<T: Real> FrictionModel<T> {

@@ -121,14 +121,10 @@ impl<T: Real> FrictionLaw<T> for ImprovedLugre<T> {
     fn scale_levels(&mut self, level: T, viscous: T) {
         self.bristles.scale_levels(level, viscous);
         let load = &mut self.load;
-        for coefficient in [
-            &mut load.radial_force_coulomb,
-            &mut load.radial_force_static,
-            &mut load.pressure_coulomb,
-            &mut load.pressure_static,
-        ] {
-            *coefficient = *coefficient * level;
-        }
+        load.radial_force_coulomb = load.radial_force_coulomb * level;
+        load.radial_force_static = load.radial_force_static * level;
+        load.pressure_coulomb = load.pressure_coulomb * level;
+        load.pressure_static = load.pressure_static * level;
     }
 
     #[inline(always)]

@@ -31,8 +31,9 @@ impl<T: Real> Term<T> for DirectionAsymmetry<T> {
         }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { coulomb: self.coulomb * gain, viscous: self.viscous * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.coulomb = of.coulomb * gain;
+        self.viscous = of.viscous * gain;
     }
 
     #[inline]

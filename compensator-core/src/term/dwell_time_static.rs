@@ -49,8 +49,8 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
         Self { period: self.period * ratio, renewal: self.renewal * ratio, ..*self }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { gain: self.gain * gain, ..*self }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.gain = of.gain * gain;
     }
 
     #[inline]

@@ -40,10 +40,8 @@ pub(crate) trait Term<T: Real>: Copy + Default {
         *self
     }
 
-    /// Returns the coefficients of the term with [`Term::SIZES`] times `gain`.
-    fn scaled(&self, _gain: T) -> Self {
-        *self
-    }
+    /// Sets the coefficients of [`Term::SIZES`] to those of `of` times `gain`. The others are equal already.
+    fn set_gain(&mut self, _of: &Self, _gain: T) {}
 
     /// Writes the effect of the term in one sample to `effects`, and updates its memory.
     fn act(&self, sample: &Sample<T>, memory: &mut Self::Memory, effects: &mut Effects<T>);

@@ -20,7 +20,7 @@ use heapless::Vec;
 macro_rules! define_list {
     ($($(#[$doc:meta])* $kind:ident = $name:literal in $file:ident,)*) => {
         /// Coefficients of the terms for one sample period.
-        #[derive(Clone, Debug, Default)]
+        #[derive(Debug, Default)]
         pub(crate) struct Terms<T: Real> {
             kinds: Vec<TermKind, MAX_TERMS>,
             $($file: super::$file::$kind<T>,)*
@@ -36,6 +36,18 @@ macro_rules! define_list {
             /// Clears the memory, field by field. An assignment of the whole value would need `memcpy`.
             pub(crate) fn clear(&mut self) {
                 $(self.$file = Default::default();)*
+            }
+        }
+
+        impl<T: Real> Clone for Terms<T> {
+            fn clone(&self) -> Self {
+                Self { kinds: self.kinds.clone(), $($file: self.$file,)* }
+            }
+
+            // Term by term, without a copy of the whole on the stack.
+            fn clone_from(&mut self, from: &Self) {
+                self.kinds.clone_from(&from.kinds);
+                $(self.$file = from.$file;)*
             }
         }
 
@@ -68,9 +80,18 @@ macro_rules! define_list {
             /// Sets the coefficients to those of `of` times the gains, in the order of the list.
             pub(crate) fn set_gains(&mut self, of: &Self, gains: &[T; MAX_TERMS]) {
                 for (kind, gain) in of.kinds.iter().zip(gains) {
-                    match kind {
-                        $(TermKind::$kind => self.$file = of.$file.scaled(*gain),)*
-                    }
+                    self.set_gain(*kind, of, *gain);
+                }
+            }
+
+            /// Sets the coefficients of one term to those of `of` times the gain.
+            ///
+            /// Out of line. Inlined into the loop, the compiler would load the coefficients of all kinds before it tests
+            /// the kind.
+            #[inline(never)]
+            fn set_gain(&mut self, kind: TermKind, of: &Self, gain: T) {
+                match kind {
+                    $(TermKind::$kind => self.$file.set_gain(&of.$file, gain),)*
                 }
             }
 

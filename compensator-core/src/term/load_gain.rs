@@ -28,8 +28,8 @@ impl<T: Real> Term<T> for LoadGain<T> {
         Self { gain: T::from_setting(values.get(Id::LoadGain)) }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { gain: self.gain * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.gain = of.gain * gain;
     }
 
     #[inline]

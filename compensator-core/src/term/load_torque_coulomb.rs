@@ -28,8 +28,8 @@ impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
         Self { coefficient: T::from_setting(values.get(Id::LoadCoulomb)) }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { coefficient: self.coefficient * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.coefficient = of.coefficient * gain;
     }
 
     #[inline]

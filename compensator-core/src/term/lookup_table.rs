@@ -192,9 +192,11 @@ impl<T: Real> Term<T> for LookupTable<T> {
         }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        let scale = |knots: [T; LOOKUP_KNOTS]| knots.map(|knot| knot * gain);
-        Self { torque: scale(self.torque), level: scale(self.level), ..*self }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        let knots = self.torque.iter_mut().zip(&mut self.level);
+        for ((torque, level), tuned) in knots.zip(of.torque.iter().zip(&of.level)) {
+            (*torque, *level) = (*tuned.0 * gain, *tuned.1 * gain);
+        }
     }
 
     // Out of line, because inlined into the loop over the terms it would slow down the others.

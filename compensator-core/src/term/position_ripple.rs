@@ -47,8 +47,9 @@ impl<T: Real> Term<T> for PositionRipple<T> {
         }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { sine: self.sine * gain, cosine: self.cosine * gain, ..*self }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.sine = of.sine * gain;
+        self.cosine = of.cosine * gain;
     }
 
     #[inline]

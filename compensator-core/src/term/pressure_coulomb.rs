@@ -36,8 +36,9 @@ impl<T: Real> Term<T> for PressureCoulomb<T> {
         }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { coulomb: self.coulomb * gain, static_level: self.static_level * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.coulomb = of.coulomb * gain;
+        self.static_level = of.static_level * gain;
     }
 
     #[inline]

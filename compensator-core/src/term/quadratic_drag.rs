@@ -26,8 +26,8 @@ impl<T: Real> Term<T> for QuadraticDrag<T> {
         Self { coefficient: T::from_setting(values.get(Id::QuadraticDrag)) }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { coefficient: self.coefficient * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.coefficient = of.coefficient * gain;
     }
 
     #[inline]

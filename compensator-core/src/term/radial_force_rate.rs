@@ -32,8 +32,8 @@ impl<T: Real> Term<T> for RadialForceRate<T> {
         Self { per_newton: self.per_newton / ratio }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { per_newton: self.per_newton * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.per_newton = of.per_newton * gain;
     }
 
     #[inline]

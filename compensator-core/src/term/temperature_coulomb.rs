@@ -43,8 +43,8 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
         }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { rate: self.rate * gain, ..*self }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.rate = of.rate * gain;
     }
 
     #[inline]

@@ -33,8 +33,8 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
         }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { rate: self.rate * gain, ..*self }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.rate = of.rate * gain;
     }
 
     #[inline]

@@ -48,8 +48,9 @@ impl<T: Real> Term<T> for TimeDrift<T> {
         }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { amplitude: self.amplitude * gain, rate: self.rate * gain, ..*self }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.amplitude = of.amplitude * gain;
+        self.rate = of.rate * gain;
     }
 
     #[inline]

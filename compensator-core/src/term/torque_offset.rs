@@ -26,8 +26,8 @@ impl<T: Real> Term<T> for TorqueOffset<T> {
         Self { offset: T::from_setting(values.get(Id::TorqueOffset)) }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { offset: self.offset * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.offset = of.offset * gain;
     }
 
     #[inline]

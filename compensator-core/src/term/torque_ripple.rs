@@ -61,9 +61,10 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
         Self { waves }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        let waves = self.waves.map(|[order, sine, cosine]| [order, sine * gain, cosine * gain]);
-        Self { waves }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        for (wave, [_, sine, cosine]) in self.waves.iter_mut().zip(&of.waves) {
+            (wave[1], wave[2]) = (*sine * gain, *cosine * gain);
+        }
     }
 
     // Out of line, because inlined into the loop over the terms it would slow down the others.

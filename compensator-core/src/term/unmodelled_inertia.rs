@@ -26,8 +26,8 @@ impl<T: Real> Term<T> for UnmodelledInertia<T> {
         Self { inertia: T::from_setting(values.get(Id::Inertia)) }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { inertia: self.inertia * gain }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.inertia = of.inertia * gain;
     }
 
     #[inline]

@@ -67,8 +67,8 @@ impl<T: Real> Term<T> for WarmUp<T> {
         Self { share: self.share * ratio, ..*self }
     }
 
-    fn scaled(&self, gain: T) -> Self {
-        Self { fall: self.fall * gain, ..*self }
+    fn set_gain(&mut self, of: &Self, gain: T) {
+        self.fall = of.fall * gain;
     }
 
     // Out of line, because inlined into the loop over the terms it would slow down the others.
