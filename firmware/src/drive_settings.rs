@@ -15,7 +15,7 @@ macro_rules! drive_settings {
         $INDEX:ident $sub_index:literal $field:ident: $kind:ident = $default:expr, $legal:pat, $text:literal;
     )*) => {
         /// Settings of the drive.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[derive(Clone, Copy, Debug)]
         pub struct DriveSettings {
             $($(#[$doc])* pub $field: $kind,)*
         }
@@ -46,45 +46,24 @@ macro_rules! drive_settings {
                 }
             }
 
-            /// Returns the value of an object as a word; `None` if the object is no setting.
-            pub fn get(&self, at_index: u16, sub_index: u8) -> Option<u32> {
-                match (at_index, sub_index) {
-                    $((index::$INDEX, $sub_index) => Some(self.$field as u32),)*
-                    _ => None,
-                }
+            /// Returns the values, in the order of [`Self::PLACES`].
+            // As words and out of line, because a comparison or a branch for each setting takes more flash.
+            #[inline(never)]
+            fn to_words(self) -> Words {
+                [$(self.$field as u32),*]
             }
 
-            /// Sets the value of an object; `None` if the object is no setting.
-            ///
-            /// # Errors
-            /// The value is out of range.
-            pub fn set(
-                &mut self,
-                at_index: u16,
-                sub_index: u8,
-                word: u32,
-            ) -> Option<Result<(), SettingError>> {
-                let is_legal = match (at_index, sub_index) {
-                    $((index::$INDEX, $sub_index) => {
-                        let value = word as $kind;
-                        let is_legal = matches!(value, $legal);
-                        if is_legal {
-                            self.$field = value;
-                        }
-                        is_legal
-                    })*
-                    _ => return None,
-                };
-                Some(if is_legal { Ok(()) } else { Err(Self::error(at_index, sub_index)) })
-            }
-
-            /// Returns the error of a setting: from a table, because an error in each branch takes more flash.
-            fn error(at_index: u16, sub_index: u8) -> SettingError {
-                static TEXTS: [[Text; 2]; DriveSettings::PLACES.len()] = DriveSettings::TEXTS;
-                let mut texts = Self::PLACES.iter().zip(&TEXTS);
-                let own = |(place, _): &(&(u16, u8), _)| **place == (at_index, sub_index);
-                let [name, legal] = texts.find(own).map_or([text!(""); 2], |(_, texts)| *texts);
-                SettingError { name, legal }
+            /// Creates the settings from their values; `None` if one is out of range.
+            #[inline(never)]
+            fn from_words(words: &Words) -> Option<Self> {
+                let [$($field),*] = *words;
+                $(
+                    let $field = $field as $kind;
+                    if !matches!($field, $legal) {
+                        return None;
+                    }
+                )*
+                Some(Self { $($field),* })
             }
         }
     };
@@ -162,7 +141,53 @@ drive_settings! {
     ADAPTATION 4 adapt_memory_s: u16 = 10, 1..=10000, "1 to 10000";
 }
 
+/// Values of the settings; those with a sign in two's complement.
+type Words = [u32; DriveSettings::PLACES.len()];
+
+impl PartialEq for DriveSettings {
+    fn eq(&self, other: &Self) -> bool {
+        self.to_words() == other.to_words()
+    }
+}
+
+impl Eq for DriveSettings {}
+
 impl DriveSettings {
+    /// Returns the position of an object in [`Self::PLACES`]; `None` if it is no setting.
+    #[inline(never)]
+    fn position(at_index: u16, sub_index: u8) -> Option<usize> {
+        static PLACES: [(u16, u8); DriveSettings::PLACES.len()] = DriveSettings::PLACES;
+        PLACES.iter().position(|place| *place == (at_index, sub_index))
+    }
+
+    /// Returns the value of an object as a word; `None` if the object is no setting.
+    pub fn get(&self, at_index: u16, sub_index: u8) -> Option<u32> {
+        self.to_words().get(Self::position(at_index, sub_index)?).copied()
+    }
+
+    /// Sets the value of an object; `None` if the object is no setting.
+    ///
+    /// # Errors
+    /// The value is out of range.
+    pub fn set(
+        &mut self,
+        at_index: u16,
+        sub_index: u8,
+        word: u32,
+    ) -> Option<Result<(), SettingError>> {
+        static TEXTS: [[Text; 2]; DriveSettings::PLACES.len()] = DriveSettings::TEXTS;
+        let position = Self::position(at_index, sub_index)?;
+        let mut words = self.to_words();
+        *words.get_mut(position)? = word;
+        // The other values are in their ranges already.
+        if let Some(changed) = Self::from_words(&words) {
+            *self = changed;
+            return Some(Ok(()));
+        }
+        let [name, legal] = TEXTS.get(position).copied()?;
+        Some(Err(SettingError { name, legal }))
+    }
+
     /// Returns the time between two targets in mode 8, ms.
     pub const fn interpolation_ms(&self) -> u32 {
         let unit_ms = if self.interpolation_index == -3 { 1 } else { 10 };
@@ -175,9 +200,8 @@ impl DriveSettings {
     /// Returns the settings as bytes, a little-endian word each.
     pub fn emit(&self) -> [u8; Self::LENGTH] {
         let mut bytes = [0; Self::LENGTH];
-        let words = bytes.as_chunks_mut::<4>().0.iter_mut();
-        for (bytes, (index, sub_index)) in words.zip(Self::PLACES) {
-            *bytes = self.get(index, sub_index).unwrap_or_default().to_le_bytes();
+        for (bytes, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(self.to_words()) {
+            *bytes = word.to_le_bytes();
         }
         bytes
     }
@@ -187,11 +211,11 @@ impl DriveSettings {
 
     /// Parses settings; `None` if a value is out of range. Settings that are not in the bytes have their defaults.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
-        let mut settings = Self::default();
-        for (word, (index, sub_index)) in bytes.as_chunks::<4>().0.iter().zip(Self::PLACES) {
-            settings.set(index, sub_index, u32::from_le_bytes(*word))?.ok()?;
+        let mut words = Self::default().to_words();
+        for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<4>().0) {
+            *word = u32::from_le_bytes(*bytes);
         }
-        Some(settings)
+        Self::from_words(&words)
     }
 }
 

@@ -213,9 +213,9 @@ impl<F: NorFlash> Device<F> {
     fn write_joint(&mut self, at: Address, number: u32, value: &[u8]) -> Result<(), Abort> {
         match at.index {
             index::OPERATION => self.write_setting(at, number),
-            index::HOLDING_BRAKE | index::HOMING_STOP => self
-                .set_drive_setting(at.index, at.subindex, number)
-                .unwrap_or(Err(Abort::ReadOnly)),
+            index::HOLDING_BRAKE | index::HOMING_STOP => {
+                self.set_drive_setting(at.index, at.subindex, number)
+            }
             index::TRACE => self.write_trace(at.subindex, number),
             index::INPUTS => {
                 self.input(at.subindex, number);
@@ -249,9 +249,6 @@ impl<F: NorFlash> Device<F> {
 
     /// Writes an object of the drive profile (6000h to 67FFh).
     fn write_profile(&mut self, at: Address, number: u32) -> Result<(), Abort> {
-        if let Some(written) = self.set_drive_setting(at.index, at.subindex, number) {
-            return written;
-        }
         match at.index {
             index::CONTROLWORD => return self.set_controlword(number as u16),
             index::MODE => return self.set_mode(number as i8),
@@ -264,7 +261,7 @@ impl<F: NorFlash> Device<F> {
             index::MAX_MOTOR_SPEED => self.profile.max_motor_rpm = Some(number),
             index::HOME_OFFSET => self.profile.home_offset_micro_rad = number as i32,
             index::MAX_TORQUE => self.profile.max_permille = number as u16,
-            _ => return Err(Abort::ReadOnly),
+            _ => return self.set_drive_setting(at.index, at.subindex, number),
         }
         Ok(())
     }

@@ -102,7 +102,7 @@ impl<F: NorFlash> Device<F> {
     ) -> Result<(), Abort> {
         if place != AdaptationObject::ORDER {
             let before = self.settings.drive;
-            self.set_drive_setting(at_index, place, number).unwrap_or(Err(Abort::ReadOnly))?;
+            self.set_drive_setting(at_index, place, number)?;
             let after = self.settings.drive;
             // On and hold differ in what is learnt only, so that what was learnt stays.
             let keeps =

@@ -319,25 +319,23 @@ impl<F: NorFlash> Device<F> {
         (gain * (held_rad - at_rad)).clamp(-HOLDING_RAD_S, HOLDING_RAD_S)
     }
 
-    /// Writes a setting of the drive; `None` if the object is none.
+    /// Writes a setting of the drive. Any other object is read-only here.
     pub(in crate::driver) fn set_drive_setting(
         &mut self,
         at_index: u16,
         sub_index: u8,
         word: u32,
-    ) -> Option<Result<(), Abort>> {
+    ) -> Result<(), Abort> {
         let mut changed = self.settings.drive;
-        let written = changed.set(at_index, sub_index, word)?;
-        if let Err(error) = written {
-            return Some(Err(self.staging.refuse(Abort::Value, error)));
-        }
+        let written = changed.set(at_index, sub_index, word).ok_or(Abort::ReadOnly)?;
+        written.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         if changed.has_short() && !self.set().motor.is_short_bounded() {
             let why = text!(
                 "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s"
             );
-            return Some(Err(self.staging.refuse(Abort::Value, why)));
+            return Err(self.staging.refuse(Abort::Value, why));
         }
         self.settings.drive = changed;
-        Some(Ok(()))
+        Ok(())
     }
 }
