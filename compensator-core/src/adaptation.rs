@@ -421,20 +421,13 @@ impl Adaptation {
     fn guarded_estimate(&self) -> [f32; DIMENSIONS] {
         let mut information = self.information.clone();
         let mut unknowns = self.estimate;
-        let mut move_to =
-            |unknowns: &mut [f32; DIMENSIONS], index: usize, value, deviation: f32| {
-                let mut row = [0.0; DIMENSIONS];
-                row[index] = 1.0 / deviation;
-                let change = information.update(&row, (value - unknowns[index]) / deviation);
-                unknowns.iter_mut().zip(change).for_each(|(unknown, change)| *unknown += change);
-            };
         let others = || GAINS_AT + 1..self.count;
-        others().for_each(|index| move_to(&mut unknowns, index, 1.0, PRIOR_DEVIATION));
+        others().for_each(|index| information.pull(&mut unknowns, index, 1.0, PRIOR_DEVIATION));
         let mut kept = [1.0; DIMENSIONS];
         for index in others() {
             let effect = self.effects[index] / self.effects[GAINS_AT].at_least(f32::MIN_POSITIVE);
             kept[index] += beyond(unknowns[index] - 1.0, [ZONE / effect.at_least(1e-6); 2]);
-            move_to(&mut unknowns, index, kept[index], FIXED_DEVIATION);
+            information.pull(&mut unknowns, index, kept[index], FIXED_DEVIATION);
         }
         kept[GAINS_AT] += beyond(unknowns[GAINS_AT] - 1.0, LEVEL_ZONE);
         let [least, most] = [self.parameters.least_gain, self.parameters.largest_gain];

@@ -283,12 +283,12 @@ const VISCOUS: [Id; 3] = [Id::ViscousFriction, Id::QuadraticFriction, Id::CubicF
 impl LawKind {
     /// Returns the parameters of this law that scale with its levels.
     pub fn levels(self) -> impl Iterator<Item = ParameterId> {
-        LEVELS.into_iter().filter(move |id| self.parameters().contains(id))
+        LEVELS.iter().copied().filter(move |id| self.parameters().contains(id))
     }
 
     /// Returns the parameters of this law that scale with its viscous friction.
     pub fn viscous(self) -> impl Iterator<Item = ParameterId> {
-        VISCOUS.into_iter().filter(move |id| self.parameters().contains(id))
+        VISCOUS.iter().copied().filter(move |id| self.parameters().contains(id))
     }
 
     /// Returns the law with this name.

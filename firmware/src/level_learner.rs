@@ -130,6 +130,13 @@ impl Default for LevelLearner {
     }
 }
 
+/// Returns a reading that is neither missing nor too old.
+// Not inlined: it is called for each covariate.
+#[inline(never)]
+fn fresh(reading: &Reading<f32>) -> Option<f32> {
+    (reading.age_s >= 0.0 && reading.age_s < FRESH_S).then_some(reading.value)
+}
+
 impl LevelLearner {
     /// Starts at the tuned set, with these settings, for samples of this period, s.
     pub fn restart(&mut self, set: &ParameterSet, settings: &DriveSettings, sample_s: f32) {
@@ -221,9 +228,6 @@ impl LevelLearner {
         let blocked = blocked
             .or(limited.then_some(Frozen::Saturated))
             .or(sums.flags.intersects(self.needed).then_some(Frozen::Inputs));
-        let fresh = |reading: &Reading<f32>| {
-            (reading.age_s >= 0.0 && reading.age_s < FRESH_S).then_some(reading.value)
-        };
         let covariates = &self.covariates;
         let present = |reading: &Reading<f32>| fresh(reading).unwrap_or(0.0);
         // The compensator reads sizes, too.

@@ -6,6 +6,7 @@
 
 use crate::model::FrictionModel;
 use crate::number::Real;
+use crate::parameter::ParameterId;
 use crate::parameters::Parameters;
 use crate::term::MAX_TERMS;
 
@@ -69,12 +70,16 @@ impl<S: Real> Parameters<S> {
     #[must_use]
     pub fn with_gains(&self, gains: &Gains<S>) -> Self {
         let mut scaled = self.clone();
-        let mut scale = |id, gain: S| scaled.set(id, self.get(id) * gain);
-        self.law.levels().for_each(|id| scale(id, gains.level));
-        self.law.viscous().for_each(|id| scale(id, gains.viscous));
+        self.law.levels().for_each(|id| scaled.scale(id, gains.level));
+        self.law.viscous().for_each(|id| scaled.scale(id, gains.viscous));
         for (kind, gain) in self.terms.iter().zip(gains.terms) {
-            kind.sizes().iter().for_each(|id| scale(*id, gain));
+            kind.sizes().iter().for_each(|id| scaled.scale(*id, gain));
         }
         scaled
+    }
+    /// Multiplies a parameter. No parameter is a size of a law and of a term of the same model.
+    #[inline(never)]
+    fn scale(&mut self, id: ParameterId, gain: S) {
+        self.set(id, self.get(id) * gain);
     }
 }

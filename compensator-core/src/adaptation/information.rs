@@ -99,6 +99,21 @@ impl InformationRoot {
         self.solve(moved)
     }
 
+    /// Adds a guess of one unknown with this standard deviation, and moves the estimate.
+    #[inline(never)]
+    pub fn pull(
+        &mut self,
+        estimate: &mut [f32; DIMENSIONS],
+        index: usize,
+        guess: f32,
+        deviation: f32,
+    ) {
+        let mut row = [0.0; DIMENSIONS];
+        row[index] = 1.0 / deviation;
+        let change = self.update(&row, (guess - estimate[index]) / deviation);
+        estimate.iter_mut().zip(change).for_each(|(unknown, change)| *unknown += change);
+    }
+
     /// Returns `x` with `R x = right`.
     #[inline(never)]
     fn solve(&self, right: [f32; DIMENSIONS]) -> [f32; DIMENSIONS] {
