@@ -247,7 +247,7 @@ impl LevelLearner {
             ..Sample::default()
         };
         let followed = FOLLOWED.map(|quantity| {
-            self.covariates.get_mut(quantity).map(|reading| *reading).and_then(|at| fresh(&at))
+            self.covariates.get_mut(quantity).and_then(|reading| fresh(reading))
         });
         let observation =
             Observation { sample, torque_nm: share * sums.torque_nm, followed, blocked };
