@@ -65,6 +65,8 @@ impl core::error::Error for ParameterError {}
 ///
 /// # Errors
 /// Names the first value that is not finite or not in its range.
+// Not inlined: an image has one copy.
+#[inline(never)]
 pub fn check_ranges(
     names: &[Text],
     values: &[f32],

@@ -14,6 +14,8 @@ const UNITS_PER_RAD: f32 = (1u64 << 44) as f32;
 
 impl Angle {
     /// Returns the position at this angle, rad. It saturates, and is 0 for NaN.
+    // Not inlined: one copy takes less flash than one for each caller.
+    #[inline(never)]
     pub fn from_rad(rad: f32) -> Self {
         Self((rad * UNITS_PER_RAD) as i64)
     }

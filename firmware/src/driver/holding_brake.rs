@@ -42,6 +42,8 @@ pub struct HoldingBrake {
 
 impl HoldingBrake {
     /// Runs a step, once per tick.
+    // Not inlined: from its own part, it reaches the fields by short offsets.
+    #[inline(never)]
     pub fn step(&mut self, settings: &DriveSettings, inputs: &BrakeInputs) {
         let BrakeInputs { is_driven, wants_closed, is_bridge_sound, speed_rad_s, now_us } = *inputs;
         let is_released = if is_driven {

@@ -81,6 +81,8 @@ impl MotorWatch {
     }
 
     /// Processes a report. `armed` must be false while the motor is measured. `proven`: the wiring is proven.
+    // Not inlined: from its own part, it reaches the fields by short offsets.
+    #[inline(never)]
     pub fn step(
         &mut self,
         report: &LoopReport,

@@ -227,6 +227,8 @@ impl Scope {
     }
 
     /// Takes a row of the interrupt.
+    // Not inlined: from its own part, it reaches the fields by short offsets.
+    #[inline(never)]
     pub fn take(&mut self, row: &ScopeRow) {
         if self.order() == ScopeOrder::OFF || row.capture != self.capture {
             return;

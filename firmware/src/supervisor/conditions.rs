@@ -29,6 +29,8 @@ impl CauseState {
 }
 
 /// Compares a value with its raise and clear levels. NaN is neither; other codes report it.
+// Not inlined: one copy takes less flash than one for each caller.
+#[inline(never)]
 fn above(value: f32, raise: f32, clear: f32) -> CauseState {
     if value >= raise {
         Present

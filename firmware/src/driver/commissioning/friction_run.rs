@@ -125,6 +125,8 @@ impl FrictionRun {
     }
 
     /// Runs a step, once a millisecond; returns the target velocity, rad/s.
+    // Not inlined: from its own part, it reaches the fields by short offsets.
+    #[inline(never)]
     pub fn next_speed_rad_s(&mut self, sample: &FrictionSample) -> f32 {
         self.run_ms += 1;
         self.pass_ms += 1;
