@@ -246,9 +246,8 @@ impl LevelLearner {
             campaign_time_h: last.campaign_time_h,
             ..Sample::default()
         };
-        let followed = FOLLOWED.map(|quantity| {
-            self.covariates.get_mut(quantity).and_then(|reading| fresh(reading))
-        });
+        let followed = FOLLOWED
+            .map(|quantity| self.covariates.get_mut(quantity).and_then(|reading| fresh(reading)));
         let observation =
             Observation { sample, torque_nm: share * sums.torque_nm, followed, blocked };
         let Some(learner) = &mut self.learner else { return };
