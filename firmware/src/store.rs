@@ -6,7 +6,7 @@
 //! finds the previous set. A sequence number, which may wrap around, decides which of two intact sets is
 //! newer. Each double word is read back after it is written, so unreadable data is never committed. Each
 //! load checks the CRC. If the newer set is damaged, the older one is used. The end of each slot has a copy of what a
-//! joint keeps even then ([`Identity`]).
+//! joint keeps even then ([`Identity`]). Between set and copy lies the trend of its learnt levels ([`TrendEntry`]).
 //!
 //! Opening only reads. Random bytes, a half-erased page or an unreadable word make a slot
 //! [`SlotState::Damaged`] and have no other effect. (On the STM32G4 a torn double word raises an ECC
@@ -18,8 +18,10 @@ mod identity;
 pub mod image;
 pub mod memory;
 mod mirror;
+mod trend;
 
 pub use identity::{FoundIdentity, IDENTITY_BYTES, Identity};
+pub use trend::{ENTRY_BYTES, LastEntry, TIME_UNIT_S, TrendEntry};
 
 use compensator_core::parameters::reason::Reason;
 use compensator_core::refusal;

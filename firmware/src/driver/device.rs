@@ -23,6 +23,7 @@ mod scope;
 mod seal_sensors;
 mod stopping;
 mod terms;
+mod trend;
 mod values;
 mod velocity;
 
@@ -62,6 +63,7 @@ use parameter_trial::ParameterTrial;
 use pdos::Pdos;
 use seal_sensors::SealSensors;
 use stopping::Stopping;
+use trend::StoredTrend;
 use velocity::VelocityControl;
 
 /// Maximum number of overruns of a report that are counted: more would delay the background.
@@ -133,6 +135,7 @@ pub struct Device<F> {
     pub(super) sends_fd: bool,
     can: CanState,
     trial: ParameterTrial,
+    trend: StoredTrend,
     targets: Targets,
     offsets: Offsets,
     network: LiveNetwork,
@@ -268,6 +271,7 @@ impl<F: NorFlash> Device<F> {
         self.watch_trial(heartbeat_lost);
         self.watch_session();
         self.tick_program(now_us);
+        self.record_trend();
         self.current_loop.mark_report_seen();
         if self.samples.is_hil_armed() && !self.hil_blocking_codes().is_empty() {
             // In HIL the supervisor is not armed and would not trip by itself.

@@ -119,8 +119,10 @@ impl<F: NorFlash> Objects for Device<F> {
     }
 
     fn stream_length(&mut self, at: Address) -> Result<Option<usize>, Abort> {
-        if (at.index, at.subindex) != (index::SCOPE, ScopeObject::DATA) {
-            return Ok(None);
+        match (at.index, at.subindex) {
+            (index::LEVEL_TREND, 0) => return self.trend_length().map(Some),
+            (index::SCOPE, ScopeObject::DATA) => {}
+            _ => return Ok(None),
         }
         match self.scope.readable_bytes() {
             0 => {
@@ -131,10 +133,11 @@ impl<F: NorFlash> Objects for Device<F> {
     }
 
     fn read_part(&mut self, at: Address, offset: usize, part: &mut [u8]) -> Result<(), Abort> {
-        if (at.index, at.subindex) != (index::SCOPE, ScopeObject::DATA) {
-            return Err(Abort::Command);
+        match (at.index, at.subindex) {
+            (index::LEVEL_TREND, 0) => self.read_trend(offset, part),
+            (index::SCOPE, ScopeObject::DATA) => self.scope.read(offset, part),
+            _ => return Err(Abort::Command),
         }
-        self.scope.read(offset, part);
         Ok(())
     }
 }

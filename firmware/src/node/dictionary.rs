@@ -252,6 +252,7 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x2044 ADAPTATION service(record("adaptation", AdaptationObject::ENTRIES));
     0x2045 LEARNT_GAINS array_of("learnt_gains", entry("learnt_gain", Real32, ReadOnly), MAX_GAINS);
     0x2046 GAIN_DEVIATIONS array_of("learnt_gain_deviations", entry("deviation", Real32, ReadOnly), MAX_GAINS);
+    0x2047 LEVEL_TREND variable("learnt_level_trend", Domain, ReadOnly);
     0x6007 ABORT_CONNECTION service(variable("abort_connection_option_code", Integer16, ReadWrite));
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD armed(variable("controlword", Unsigned16, Input));

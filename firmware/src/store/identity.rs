@@ -62,7 +62,7 @@ impl<F: NorFlash> Store<F> {
         copy_place(slot).is_some() && places.into_iter().any(|at| self.unit(at) != Some(ERASED))
     }
 
-    /// Writes a set into a slot, and into the other one unless it has this identity.
+    /// Writes a set into a slot, and into the other one unless it has this identity. The trend follows it.
     pub(super) fn write_both(
         &mut self,
         slot: usize,
@@ -70,12 +70,16 @@ impl<F: NorFlash> Store<F> {
         payload: &[u8],
         identity: &Identity,
     ) -> Result<SaveOutcome, StoreError> {
-        let written = self.write_checked(slot, sequence, payload, identity)?;
         let other = 1 - slot;
+        // The other slot has the whole trend before this one is erased.
+        self.merge_trend(slot, other);
+        let written = self.write_checked(slot, sequence, payload, identity)?;
+        self.merge_trend(other, slot);
         let place = self.slots.get(other).cloned().unwrap_or_default();
         let has_identity = self.copy(&place).is_some_and(|(_, present)| present == *identity);
         if !has_identity && !matches!(self.states.get(other), Some(SlotState::Foreign { .. })) {
             self.write_checked(other, sequence, payload, identity)?;
+            self.merge_trend(slot, other);
         }
         Ok(written)
     }
@@ -110,7 +114,7 @@ impl<F: NorFlash> Store<F> {
 }
 
 #[inline(never)]
-fn copy_place(slot: &Range<u32>) -> Option<u32> {
+pub(super) fn copy_place(slot: &Range<u32>) -> Option<u32> {
     slot.end.checked_sub(COPY_BYTES as u32).filter(|at| *at >= slot.start)
 }
 

@@ -12,6 +12,7 @@
 //! | 16 | 4 | the commit, programmed last: CRC-32 (ISO-HDLC) of everything else |
 //! | 20 | 4 | the same, inverted: a commit is never all ones, which is what erased flash reads as |
 //! | 24 | .. | payload, padded with 0 to a double word; the CRC covers the padding |
+//! | .. | .. | trend of the learnt levels (`trend.rs`), or erased |
 //! | .. | 48 | at the end of the slot: a copy of the identity (`identity.rs`) |
 //!
 //! A double word is either programmed completely or torn. The commit is one double word, so it is either

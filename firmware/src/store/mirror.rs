@@ -11,16 +11,28 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Store<F> {
     /// Opens the store in the other bank. If the newest set that this firmware can read is in the own bank, it is copied
-    /// before; if the copy fails, the own bank's store is used. `identity_of` returns the identity in a set.
-    // Not inlined: its buffer is free again when the set is loaded.
-    #[inline(never)]
+    /// before; if the copy fails, the own bank's store is used. `identity_of` returns the identity in a set. Returns the
+    /// journals in the own bank, for [`Store::restore_trend`]: they may be newer, also if the set is in both banks.
     pub fn open_mirrored(
         &mut self,
         own: [Range<u32>; 2],
         other: [Range<u32>; 2],
         identity_of: fn(&[u8]) -> Option<Identity>,
-    ) {
+    ) -> [Range<u32>; 2] {
         self.move_to(own.clone());
+        let journals = [self.places_in(0), self.places_in(1)];
+        self.open_newest(own, other, identity_of);
+        journals
+    }
+
+    // Not inlined: its buffer is free again when the set is loaded.
+    #[inline(never)]
+    fn open_newest(
+        &mut self,
+        own: [Range<u32>; 2],
+        other: [Range<u32>; 2],
+        identity_of: fn(&[u8]) -> Option<Identity>,
+    ) {
         let Some((_, newest, _)) = self.current() else { return self.move_to(other) };
         let mut payload = [0; MAX_PAYLOAD];
         let loaded = self.load(&mut payload);

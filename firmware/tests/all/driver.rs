@@ -10,6 +10,7 @@ mod drive;
 mod eds;
 mod fd_telemetry;
 mod hostile;
+mod level_trend;
 mod life;
 mod lss;
 mod network;

@@ -6,6 +6,7 @@
 mod flashes;
 mod layout;
 mod memory;
+mod trend;
 
 use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind};
 use firmware::store::image::{PAYLOAD_AT, UNIT_BYTES};

@@ -4,6 +4,7 @@
 //! - `feed_forward`: a model as a table for drives of other makers.
 //! - [`json`]: `fit.json` and `compare.json`.
 //! - [`export`]: a model in other forms; [`loop_cost`]: its computing time in the driver's current loop.
+//! - `level_trend`: the trend of a joint's learnt friction level.
 //! - [`provenance`]: the header comments of `params.toml`.
 //! - [`ranking`]: the candidates of a diagnosis and why they were rejected.
 //! - `page` and `diagnosis_page`: the HTML pages, built from the blocks of `report`.
@@ -24,6 +25,8 @@ pub mod fits;
 pub mod fleet;
 pub mod joints_page;
 pub mod json;
+#[cfg(feature = "fleet")]
+pub mod level_trend;
 pub mod loop_cost;
 pub mod network;
 #[cfg(feature = "pages")]

@@ -14,6 +14,7 @@ mod measure;
 
 mod network;
 mod status;
+mod trend;
 
 use super::bus::BusArguments;
 use super::output::{pretty, print_text};
@@ -110,6 +111,12 @@ enum Action {
         /// Show the friction levels that the joint has learnt, beside its set
         #[arg(long, conflicts_with = "file")]
         learnt: bool,
+    },
+    /// Print the stored trend of the learnt friction level over the time of learning
+    Trend {
+        /// Also write the trend to this file, which `fleet` reads: FILE.json or FILE.csv
+        #[arg(long, value_name = "FILE")]
+        write: Option<PathBuf>,
     },
     /// Save parameters and settings, so that the driver keeps them over a reset
     Save,
@@ -230,6 +237,7 @@ fn run_action(
             };
             return code.map(ActionResult::Printed);
         }
+        Action::Trend { write } => return driver.trend(write.as_deref(), json).map(printed),
         Action::Status => return driver.status(json).map(printed),
         Action::Set { what, save } => driver.set(what, *save)?,
         Action::Save => {

@@ -316,3 +316,19 @@ fn params_commission_measure_finds_the_simulated_motor() {
     let no_motor = params(&["commission", "--measure", "--yes"]);
     assert!(words(&no_motor).contains("drives no motor"), "{}", words(&no_motor));
 }
+
+#[test]
+fn params_trend_of_a_joint_without_entries_states_how_to_get_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("trend.json");
+    let done = params(&["trend", "--write", path.to_str().unwrap()]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert!(text(&done.stdout).contains("params set adapt on"), "{}", text(&done.stdout));
+    let document: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    assert_eq!(document["entries"], serde_json::json!([]));
+    assert_eq!(text(&params(&["trend", "--json"]).stdout), std::fs::read_to_string(&path).unwrap());
+    let refused = params(&["trend", "--write", "trend.toml"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("expected a name with the end .json or .csv"));
+}

@@ -7,6 +7,7 @@ use super::memory::Memory;
 use super::network::LiveNetwork;
 use super::pdos::Pdos;
 use super::program::ProgramState;
+use super::trend::StoredTrend;
 use super::{Boot, Device, Identity, commissioning, watch};
 use crate::access::Lock;
 use crate::driver::counters::Counters;
@@ -59,6 +60,7 @@ impl<F: NorFlash> Device<F> {
             commissioning: commissioning::Run::default(),
             compensation: Default::default(),
             adaptation: Default::default(),
+            trend: Default::default(),
             seal_sensors: Default::default(),
             position: Default::default(),
             velocity: Default::default(),
@@ -75,8 +77,9 @@ impl<F: NorFlash> Device<F> {
     /// Loads settings and parameters from the store and records how the previous run ended.
     #[inline(never)]
     pub(in crate::driver) fn load(&mut self, boot: &Boot) {
+        let mut journals = Default::default();
         if let Some(program) = boot.program {
-            self.memory.store_mut().open_mirrored(
+            journals = self.memory.store_mut().open_mirrored(
                 program.store_slots(true),
                 program.store_slots(false),
                 |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
@@ -84,6 +87,7 @@ impl<F: NorFlash> Device<F> {
             self.program = ProgramState::new(self.memory.flash_mut(), program, self.now_us);
         }
         let (mut parameters, sequence) = self.load_block();
+        self.trend = StoredTrend::after(self.memory.store_mut().restore_trend(journals));
         self.keep_identity(boot, sequence);
         if !self.build_hil() {
             parameters = ParameterSource::DefaultRefused;

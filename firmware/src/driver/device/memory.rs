@@ -107,6 +107,11 @@ impl<F: NorFlash> Memory<F> {
         }
     }
 
+    /// Returns true if the former block is in use, so that no save may replace it.
+    pub(super) const fn is_undone(&self) -> bool {
+        self.is_undone
+    }
+
     /// Notes that the former block is in use.
     pub(super) fn mark_undone(&mut self) {
         self.is_undone = true;

@@ -1,0 +1,271 @@
+//! Which joint's seal ages: the trends of learnt levels that joints keep (`params trend --write`).
+//!
+//! The slope of a joint's level over the time of learning is robust ([`robust_slope`]). A joint is named if all of this holds:
+//! * The slope is significant in the whole fleet, by a level of significance divided by the number of joints (Bonferroni).
+//! * It differs from the median slope of the other joints: a lubricant, a season or a load case changes all of them. With at
+//!   least [`MIN_JOINTS`] joints the distance is measured in their scatter and the slope's own error, as for levels that
+//!   stand out. With fewer, the scatter is unknown, and the interval of the slope must exclude the median.
+//! * The level has changed by [`MIN_CHANGE`]: the drivers do not follow smaller changes reliably.
+
+use super::jobs::{find_trends, natural_names};
+use super::statistics::{FLEET_SIGNIFICANCE, MIN_JOINTS, NORMAL_MAD, OUTLIER_SCORE};
+use crate::level_trend::{LevelTrend, RobustSlope, median, robust_slope};
+use joint_log::number::significant;
+use serde::Serialize;
+use std::path::Path;
+
+/// Least change of a level that is called ageing, as a share of the level at the first entry.
+pub const MIN_CHANGE: f64 = 0.05;
+
+/// Half width of a 95 % interval in standard deviations.
+const HALF_WIDTH_95: f64 = 1.96;
+
+/// Trend of the learnt level of one joint.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ageing {
+    /// Name of the joint.
+    pub joint: String,
+    /// Unit of the level.
+    pub unit: String,
+    /// File of the trend.
+    pub file: String,
+    /// Number of entries.
+    pub entries: usize,
+    /// Time of learning from the first to the last entry, h.
+    pub learnt_h: f64,
+    /// Level of the line at the last entry; `None` with too few entries, as all that follow.
+    pub level: Option<f64>,
+    /// Change of the level from the first to the last entry, as a share of the first.
+    pub change: Option<f64>,
+    /// Change per 100 h of learning, as a share of the first level.
+    pub change_per_100h: Option<f64>,
+    /// Ends of its 95 % interval.
+    pub change_per_100h_ci95: Option<[f64; 2]>,
+    /// Probability of a change of this size without ageing.
+    pub p_value: Option<f64>,
+    /// What the joint's seal does, if it ages; `None` if it does not, or if the trend does not show it.
+    pub ageing: Option<String>,
+    /// Times in h and levels of the entries.
+    #[serde(skip)]
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Reads the trends below a folder, and returns one result for each joint: first those that age, then by their change.
+///
+/// # Errors
+/// One line that names the file, if it is not the trend of a joint, or if a joint has two.
+pub fn read_ageing(root: &Path, out: &Path) -> Result<Vec<Ageing>, String> {
+    let mut trends: Vec<(String, String, LevelTrend)> = Vec::new();
+    for (joint, file) in find_trends(root, out)? {
+        let name = file.display().to_string();
+        if let Some((_, first, _)) = trends.iter().find(|(known, ..)| *known == joint) {
+            return Err(format!("{name}: found a second trend of joint {joint}, expected only {first}"));
+        }
+        trends.push((joint, name, LevelTrend::read(&file)?));
+    }
+    Ok(ageing(&trends))
+}
+
+/// Slope of a joint, as shares of its first level.
+struct RelativeSlope {
+    slope: f64,
+    interval: [f64; 2],
+    p_value: f64,
+    error: f64,
+}
+
+/// Returns the results of joints, files and their trends.
+pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
+    let fits = |confidence: f64| -> Vec<Option<RobustSlope>> {
+        trends.iter().map(|(.., trend)| robust_slope(&trend.points(), confidence)).collect()
+    };
+    let shown = fits(0.95);
+    let tests = shown.iter().flatten().count().max(1) as f64;
+    let tested = fits(1.0 - FLEET_SIGNIFICANCE / tests);
+    let relative = |fit: &RobustSlope| RelativeSlope {
+        slope: fit.slope / fit.first,
+        interval: fit.interval.map(|end| end / fit.first),
+        p_value: fit.p_value,
+        error: 0.0,
+    };
+    let slopes: Vec<Option<RelativeSlope>> = shown
+        .iter()
+        .zip(&tested)
+        .map(|(shown, tested)| {
+            let (shown, tested) = (shown.as_ref()?, tested.as_ref()?);
+            let [low, high] = relative(shown).interval;
+            Some(RelativeSlope { error: (high - low) / (2.0 * HALF_WIDTH_95), ..relative(tested) })
+        })
+        .collect();
+    let mut all: Vec<Ageing> = trends
+        .iter()
+        .enumerate()
+        .map(|(at, (joint, file, trend))| {
+            let is_ageing = stands_out(&slopes, at, FLEET_SIGNIFICANCE / tests);
+            result(joint, file, trend, shown[at].as_ref(), is_ageing)
+        })
+        .collect();
+    all.sort_by(|a, b| {
+        let size = |of: &Ageing| of.change_per_100h.unwrap_or(f64::NEG_INFINITY);
+        let order = (a.ageing.is_none()).cmp(&b.ageing.is_none());
+        let names = || natural_names(&a.joint, &b.joint);
+        order.then(size(b).total_cmp(&size(a))).then_with(names)
+    });
+    all
+}
+
+/// Returns true if the slope of this joint is significant and differs from those of the others.
+fn stands_out(slopes: &[Option<RelativeSlope>], at: usize, significance: f64) -> bool {
+    let Some(own) = &slopes[at] else { return false };
+    let excludes = |value: f64| value < own.interval[0] || own.interval[1] < value;
+    if own.p_value >= significance || !excludes(0.0) {
+        return false;
+    }
+    let others = slopes.iter().enumerate().filter(|(other, _)| *other != at);
+    let mut others: Vec<f64> = others.filter_map(|(_, of)| Some(of.as_ref()?.slope)).collect();
+    if others.is_empty() {
+        return true;
+    }
+    others.sort_by(f64::total_cmp);
+    let middle = median(&others);
+    if others.len() + 1 < MIN_JOINTS {
+        return excludes(middle);
+    }
+    let mut deviations: Vec<f64> = others.iter().map(|slope| (slope - middle).abs()).collect();
+    deviations.sort_by(f64::total_cmp);
+    let scatter = (median(&deviations) / NORMAL_MAD).hypot(own.error);
+    (own.slope - middle).abs() > OUTLIER_SCORE * scatter
+}
+
+fn result(
+    joint: &str,
+    file: &str,
+    trend: &LevelTrend,
+    fit: Option<&RobustSlope>,
+    stands_out: bool,
+) -> Ageing {
+    let points: Vec<(f64, f64)> =
+        trend.entries.iter().map(|entry| (entry.learnt_h, entry.level)).collect();
+    let span_h = match (points.first(), points.last()) {
+        (Some(first), Some(last)) => last.0 - first.0,
+        _ => 0.0,
+    };
+    let change = fit.map(|fit| fit.last / fit.first - 1.0);
+    let is_ageing = stands_out && change.is_some_and(|change| change.abs() >= MIN_CHANGE);
+    Ageing {
+        joint: joint.to_owned(),
+        unit: trend.unit.clone(),
+        file: file.to_owned(),
+        entries: points.len(),
+        learnt_h: span_h,
+        level: fit.map(|fit| fit.last),
+        change,
+        change_per_100h: fit.map(|fit| fit.slope / fit.first),
+        change_per_100h_ci95: fit.map(|fit| fit.interval.map(|end| end / fit.first)),
+        p_value: fit.map(|fit| fit.p_value),
+        ageing: change.filter(|_| is_ageing).map(|change| in_words(change, span_h)),
+        points,
+    }
+}
+
+fn in_words(change: f64, span_h: f64) -> String {
+    let verb = if change > 0.0 { "rose" } else { "fell" };
+    let percent = significant(100.0 * change.abs(), 2);
+    format!("the seal's friction {verb} {percent} % over {} h", significant(span_h, 3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::level_trend::{LevelEntry, SCHEMA};
+
+    /// Deterministic numbers of mean 0 and standard deviation 1, nearly normal.
+    fn noise(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+        let mut uniform = move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    }
+
+    /// Returns the trend of a joint over 140 h whose level rises by this share of its first level.
+    fn trend(joint: &str, rise: f64, noise: &mut impl FnMut() -> f64) -> (String, String, LevelTrend) {
+        let level_nm = 4.0 + 0.5 * noise();
+        let entry = |at: u32, noise: &mut dyn FnMut() -> f64| LevelEntry {
+            learnt_h: 3.5 * f64::from(at),
+            level: level_nm * (1.0 + rise * f64::from(at) / 40.0 + 0.02 * noise()),
+            level_gain: 1.0,
+            viscous_gain: 1.0,
+            ..LevelEntry::default()
+        };
+        let entries = (0..41).map(|at| entry(at, noise)).collect();
+        let trend = LevelTrend { schema: SCHEMA, unit: "Nm".into(), entries };
+        (joint.into(), format!("{joint}.trend.json"), trend)
+    }
+
+    fn fleet(rises: &[f64], seed: u64) -> Vec<Ageing> {
+        let mut noise = noise(seed);
+        let each = rises.iter().zip(1..);
+        ageing(&each.map(|(rise, at)| trend(&format!("joint {at}"), *rise, &mut noise)).collect::<Vec<_>>())
+    }
+
+    fn named(found: &[Ageing]) -> Vec<&str> {
+        found.iter().filter(|of| of.ageing.is_some()).map(|of| of.joint.as_str()).collect()
+    }
+
+    #[test]
+    fn ageing_of_one_joint_among_others_is_named() {
+        for count in [1, 3, 10] {
+            let mut rises = vec![0.0; count];
+            rises[count - 1] = 0.23;
+            let found = fleet(&rises, 5);
+            let own = format!("joint {count}");
+            assert_eq!(named(&found), [own.as_str()], "{count} joints");
+            assert_eq!(found[0].joint, own, "it is first");
+            let [low, high] = found[0].change_per_100h_ci95.unwrap();
+            assert!(low < 0.23 / 1.4 && 0.23 / 1.4 < high, "{low} to {high}");
+            let words = found[0].ageing.clone().unwrap();
+            assert!(words.starts_with("the seal's friction rose 2"), "{words}");
+            assert!(words.ends_with(" % over 140 h"), "{words}");
+        }
+        let fallen = fleet(&[0.0, 0.0, -0.3], 5);
+        assert!(fallen[0].ageing.as_ref().is_some_and(|words| words.contains("friction fell ")));
+    }
+
+    #[test]
+    fn ageing_without_an_ageing_joint_names_none() {
+        for seed in 1..40 {
+            assert_eq!(named(&fleet(&[0.0; 10], seed)), Vec::<&str>::new(), "seed {seed}");
+        }
+        // All joints change alike, such as with the season: the fleet explains each of them.
+        let alike = fleet(&[0.2, 0.21, 0.19, 0.2, 0.22, 0.18, 0.2, 0.19, 0.21, 0.2], 3);
+        assert_eq!(named(&alike), Vec::<&str>::new());
+        assert!(alike.iter().all(|of| of.p_value.unwrap() < 1e-3), "each alone is significant");
+    }
+
+    #[test]
+    fn ageing_of_a_fleet_that_scatters_needs_more_than_its_scatter() {
+        let mut rises = [0.05, -0.08, 0.12, -0.02, 0.09, -0.11, 0.03, 0.07, -0.06, 0.14];
+        assert_eq!(named(&fleet(&rises, 9)), Vec::<&str>::new());
+        rises[9] = 0.9;
+        assert_eq!(named(&fleet(&rises, 9)), ["joint 10"]);
+    }
+
+    #[test]
+    fn ageing_with_few_entries_or_a_small_change_is_not_named() {
+        let mut short = trend("knee", 0.8, &mut noise(3));
+        short.2.entries.truncate(5);
+        let found = ageing(&[short]);
+        assert_eq!((found[0].change, found[0].ageing.clone(), found[0].entries), (None, None, 5));
+        let mut small = trend("knee", 0.03, &mut noise(3));
+        let first = small.2.entries[0].level;
+        small.2.entries.iter_mut().for_each(|entry| {
+            entry.level = first * (1.0 + 0.03 * entry.learnt_h / 140.0);
+        });
+        let found = ageing(&[small]);
+        assert!(found[0].p_value.is_some_and(|p| p < 1e-6) && found[0].ageing.is_none());
+    }
+}

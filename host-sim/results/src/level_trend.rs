@@ -1,0 +1,265 @@
+//! The trend of a joint's learnt friction level: the file of `params trend --write`, which `fleet` reads.
+//!
+//! A driver learns gains on the levels of its parameter set, and keeps some of them over restarts. Time is the time of
+//! learning, which is the time of sliding: a seal wears while it slides.
+
+mod slope;
+
+pub use slope::{MIN_ENTRIES, RobustSlope, robust_slope};
+
+use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Version of the JSON document.
+pub const SCHEMA: u32 = 1;
+
+/// Ends of the names of files that `fleet` reads: `trend.json` in the folder of a joint, or `JOINT.trend.json`.
+pub const FILE_ENDS: [&str; 2] = ["trend.json", "trend.csv"];
+
+/// Columns of the CSV file; that of the level ends with its unit.
+const COLUMNS: [&str; 7] = [
+    "learnt_h",
+    "level",
+    "level_gain",
+    "level_std_deviation",
+    "viscous_gain",
+    "changed_term",
+    "changed_term_gain",
+];
+
+/// Learnt levels at a time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LevelEntry {
+    /// Time of learning, h.
+    pub learnt_h: f64,
+    /// Learnt Coulomb level, in the unit of the trend.
+    pub level: f64,
+    /// Gain on the level of the set that was in use.
+    pub level_gain: f64,
+    /// Standard deviation of that gain.
+    pub level_std_deviation: f64,
+    /// Gain on the viscous friction of that set.
+    pub viscous_gain: f64,
+    /// Term whose gain differs most from 1, as the present set names it; `None` without terms.
+    pub changed_term: Option<String>,
+    /// Gain of that term.
+    pub changed_term_gain: Option<f64>,
+}
+
+/// Trend of a joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LevelTrend {
+    /// Version of the document.
+    pub schema: u32,
+    /// Unit of the level: Nm, or N for a prismatic joint.
+    pub unit: String,
+    /// Entries in the order of time.
+    pub entries: Vec<LevelEntry>,
+}
+
+impl LevelTrend {
+    /// Returns times in units of 100 h and levels.
+    pub fn points(&self) -> Vec<(f64, f64)> {
+        self.entries.iter().map(|entry| (entry.learnt_h / 100.0, entry.level)).collect()
+    }
+
+    /// Reads a file by the end of its name, `.json` or `.csv`.
+    ///
+    /// # Errors
+    /// One line that names the file.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let failed = |line: String| format!("{}: {line}", path.display());
+        let text = std::fs::read_to_string(path).map_err(|error| failed(error.to_string()))?;
+        let parsed = match is_csv(path) {
+            Some(true) => Self::parse_csv(&text),
+            Some(false) => Self::parse_json(&text),
+            None => Err(unknown_end()),
+        };
+        parsed.and_then(Self::checked).map_err(failed)
+    }
+
+    /// Returns the content of a file by the end of its name, `.json` or `.csv`.
+    ///
+    /// # Errors
+    /// One line that names the file, if its name has another end.
+    pub fn emit(&self, path: &Path) -> Result<String, String> {
+        match is_csv(path) {
+            Some(true) => Ok(self.emit_csv()),
+            Some(false) => self.emit_json(),
+            None => Err(format!("{}: {}", path.display(), unknown_end())),
+        }
+    }
+
+    /// Returns the JSON document.
+    ///
+    /// # Errors
+    /// One line, if a number is not finite.
+    pub fn emit_json(&self) -> Result<String, String> {
+        let text = serde_json::to_string_pretty(self).map_err(|error| error.to_string())?;
+        Ok(text + "\n")
+    }
+
+    fn parse_json(text: &str) -> Result<Self, String> {
+        let parsed: Self = serde_json::from_str(text)
+            .map_err(|error| format!("expected a file of `params trend --write`: {error}"))?;
+        match parsed.schema {
+            SCHEMA => Ok(parsed),
+            found => Err(format!("found schema {found}, expected {SCHEMA}")),
+        }
+    }
+
+    fn emit_csv(&self) -> String {
+        let unit = self.unit.to_lowercase();
+        let names =
+            COLUMNS.map(|name| if name == "level" { format!("level_{unit}") } else { name.into() });
+        let mut text = names.join(",") + "\n";
+        for entry in &self.entries {
+            let LevelEntry {
+                learnt_h, level, level_gain, level_std_deviation, viscous_gain, ..
+            } = entry;
+            let term = entry.changed_term.as_deref().unwrap_or_default();
+            let gain = entry.changed_term_gain.map_or(String::new(), |gain| gain.to_string());
+            let _ = writeln!(
+                text,
+                "{learnt_h},{level},{level_gain},{level_std_deviation},{viscous_gain},{term},{gain}"
+            );
+        }
+        text
+    }
+
+    fn parse_csv(text: &str) -> Result<Self, String> {
+        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        let header = lines.next().map_or("", |(_, line)| line);
+        let names: Vec<&str> = header.split(',').map(str::trim).collect();
+        let place = |name: &str| names.iter().position(|found| *found == name);
+        let unit = if place("level_n").is_some() { "N" } else { "Nm" };
+        let level = format!("level_{}", unit.to_lowercase());
+        let missing = |name: &str| {
+            format!(
+                "found the columns {header:?}, expected {name} and the others of `params trend --write`"
+            )
+        };
+        let column = |name: &str| match name {
+            "level" => place(&level).ok_or_else(|| missing(&level)),
+            name => place(name).ok_or_else(|| missing(name)),
+        };
+        let places = COLUMNS.map(column);
+        let places = places.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let mut entries = Vec::new();
+        for (at, line) in lines {
+            let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+            let cell = |column: usize| cells.get(places[column]).copied().unwrap_or_default();
+            let number = |column: usize| {
+                let (name, text) = (COLUMNS[column], cell(column));
+                text.parse::<f64>().map_err(|_| {
+                    format!("line {}: {name}: found {text:?}, expected a number", at + 1)
+                })
+            };
+            let term = Some(cell(5).to_owned()).filter(|name| !name.is_empty());
+            entries.push(LevelEntry {
+                learnt_h: number(0)?,
+                level: number(1)?,
+                level_gain: number(2)?,
+                level_std_deviation: number(3)?,
+                viscous_gain: number(4)?,
+                changed_term_gain: term.is_some().then(|| number(6)).transpose()?,
+                changed_term: term,
+            });
+        }
+        Ok(Self { schema: SCHEMA, unit: unit.into(), entries })
+    }
+
+    /// Checks the values of a file.
+    fn checked(self) -> Result<Self, String> {
+        for (number, entry) in (1..).zip(&self.entries) {
+            let is_legal =
+                entry.learnt_h.is_finite() && entry.level.is_finite() && entry.level > 0.0;
+            if !is_legal {
+                let (time, level) = (entry.learnt_h, entry.level);
+                return Err(format!(
+                    "entry {number}: found learnt_h {time} and level {level}, expected a time and a level above 0"
+                ));
+            }
+        }
+        let in_order = self.entries.windows(2).all(|pair| pair[0].learnt_h < pair[1].learnt_h);
+        if !in_order {
+            return Err(
+                "found times of learning that do not rise, expected the trend of one joint".into(),
+            );
+        }
+        Ok(self)
+    }
+}
+
+/// Returns true for a CSV file, false for JSON, `None` for another end of the name.
+fn is_csv(path: &Path) -> Option<bool> {
+    let end = path.extension()?.to_str()?.to_lowercase();
+    ["json", "csv"].iter().position(|known| *known == end).map(|at| at == 1)
+}
+
+fn unknown_end() -> String {
+    "expected a name with the end .json or .csv".into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trend() -> LevelTrend {
+        let entry = |number: u32| LevelEntry {
+            learnt_h: f64::from(number) * 0.25,
+            level: 4.0 + 0.1 * f64::from(number),
+            level_gain: 1.02,
+            level_std_deviation: 0.012,
+            viscous_gain: 0.99,
+            changed_term: (number > 1).then(|| "pressure-coulomb".into()),
+            changed_term_gain: (number > 1).then_some(1.2),
+        };
+        LevelTrend { schema: SCHEMA, unit: "N".into(), entries: (1..4).map(entry).collect() }
+    }
+
+    #[test]
+    fn read_of_emitted_trend_returns_the_trend() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["trend.json", "trend.csv"] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, trend().emit(&path).unwrap()).unwrap();
+            assert_eq!(LevelTrend::read(&path), Ok(trend()), "{name}");
+        }
+        let refused = trend().emit(Path::new("trend.toml")).unwrap_err();
+        assert_eq!(refused, "trend.toml: expected a name with the end .json or .csv");
+    }
+
+    #[test]
+    fn read_of_bad_files_reports_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut backwards = trend();
+        backwards.entries.swap(0, 1);
+        let backwards = backwards.emit_csv();
+        let header = "learnt_h,level_n,level_gain,level_std_deviation,viscous_gain,changed_term,changed_term_gain";
+        let cases = [
+            ("trend.json", "{}", "expected a file of `params trend --write`"),
+            (
+                "trend.json",
+                "{\"schema\":2,\"unit\":\"Nm\",\"entries\":[]}",
+                "found schema 2, expected 1",
+            ),
+            ("trend.csv", "a,b\n1,2\n", "expected learnt_h"),
+            ("trend.csv", &format!("{header}\n1,x,1,0,1,,\n"), "line 2: level: found \"x\""),
+            (
+                "trend.csv",
+                &format!("{header}\n1,-2,1,0,1,,\n"),
+                "entry 1: found learnt_h 1 and level -2",
+            ),
+            ("trend.csv", &backwards, "do not rise"),
+        ];
+        for (name, content, expected) in cases {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            let line = LevelTrend::read(&path).unwrap_err();
+            assert!(line.contains(expected) && line.contains(name), "{line}");
+            assert_eq!(line.lines().count(), 1);
+        }
+    }
+}
