@@ -134,7 +134,8 @@ def diagnose(
     ordered = [row for task in tasks for row in rows.get(task, [])]
     with _store.results(str(place), options) as results:
         folder = results.folder if results else str(place)
-        _core.fleet_write(folder, json.dumps(ordered), list((limits or {}).items()))
+        trends = os.fspath(data) if isinstance(data, (str, os.PathLike)) else None
+        _core.fleet_write(folder, json.dumps(ordered), list((limits or {}).items()), trends)
     return Fleet(tuple(ordered), place)
 
 

@@ -9,7 +9,7 @@ use friction_results::fleet::statistics::Limit;
 use friction_results::fleet::{self, FleetJob, FleetOptions, FleetRow};
 use joint_log::SplitRule;
 use pyo3::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Returns joint, campaign and files of every log below a folder.
 #[pyfunction]
@@ -82,13 +82,15 @@ pub fn fleet_task(
 }
 
 /// Writes `fleet.parquet`, `fleet.html` and the script of the reports. `rows` are the rows of all tasks as a JSON list, `limits`
-/// names of levels with their limits.
+/// names of levels with their limits, `data` the folder of the logs, which may have trends of learnt levels.
 #[pyfunction]
+#[pyo3(signature = (out, rows, limits, data = None))]
 pub fn fleet_write(
     py: Python<'_>,
     out: PathBuf,
     rows: &str,
     limits: Vec<(String, f64)>,
+    data: Option<PathBuf>,
 ) -> PyResult<()> {
     let rows: Vec<FleetRow> =
         serde_json::from_str(rows).map_err(|error| refused(py, &format!("rows: {error}")))?;
@@ -99,5 +101,7 @@ pub fn fleet_write(
     }
     let limits: Vec<Limit> =
         limits.into_iter().map(|(level, value)| Limit { level, value }).collect();
-    compute(py, 1, None, || Ok(fleet::write_fleet(&out, &rows, &limits)?))
+    let folders: Vec<&Path> = data.iter().map(PathBuf::as_path).filter(|of| of.is_dir()).collect();
+    let ageing = fleet::read_ageing(&folders, &out).map_err(|line| refused(py, &line))?;
+    compute(py, 1, None, || Ok(fleet::write_fleet(&out, &rows, &ageing, &limits)?))
 }

@@ -2,11 +2,13 @@
 //!
 //! A *campaign* is one measurement of a joint: a day, a dive, a service interval. Each joint and campaign has one
 //! [`FleetRow`], also if its diagnosis failed. `fleet.parquet` holds all rows with a fixed schema, and `fleet.html` shows
-//! what a maintainer asks: which joints need attention and why, which causes occur, and which levels change over the campaigns.
+//! what a maintainer asks: which joints need attention and why, which causes occur, which levels change over the campaigns, and
+//! which joint's seal ages by the trend that the joint itself has learnt ([`Ageing`]).
 //!
 //! A trend compares numbers of one fixed model. The models that the diagnosis selects may differ between campaigns, and the
 //! level of one is then not comparable with the level of the other.
 
+mod ageing;
 mod jobs;
 mod joint;
 mod page;
@@ -14,6 +16,7 @@ pub mod statistics;
 mod table;
 mod task;
 
+pub use ageing::{Ageing, ageing, read_ageing};
 pub use jobs::{FleetJob, find_jobs, jobs_of_files, mixed_forms};
 pub use joint::{JointSummary, attention_in_words, joints};
 pub use page::page;

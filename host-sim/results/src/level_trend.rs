@@ -5,7 +5,7 @@
 
 mod slope;
 
-pub use slope::{MIN_ENTRIES, RobustSlope, robust_slope};
+pub use slope::{MIN_ENTRIES, RobustSlope, median, robust_slope};
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;

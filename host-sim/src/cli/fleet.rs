@@ -8,8 +8,8 @@ use friction_diagnose::prepare::Error;
 use friction_fit::spec::Spec;
 use friction_results::fleet::statistics::Limit;
 use friction_results::fleet::{
-    FleetJob, FleetOptions, FleetRow, LEVELS, attention_in_words, find_jobs, jobs_of_table, joints,
-    mixed_forms, run_task, write_fleet,
+    Ageing, FleetJob, FleetOptions, FleetRow, LEVELS, attention_in_words, find_jobs, jobs_of_table,
+    joints, mixed_forms, read_ageing, run_task, write_fleet,
 };
 use joint_log::SplitRule;
 use joint_log::work;
@@ -58,9 +58,10 @@ pub fn run(arguments: &FleetArguments) -> Result<(), String> {
     let pieces = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&arguments.out);
     let pieces = pieces.map_err(failed)?;
     let jobs = find_all(&arguments.data.log.data, &arguments.out, pieces.path())?;
+    let ageing = read_trends(&arguments.data.log.data, &arguments.out)?;
     let rows = diagnose_all(&jobs, &options, arguments.data.log.threads)?;
-    write_fleet(&arguments.out, &rows, &limits)?;
-    print(arguments, &rows, &limits)
+    write_fleet(&arguments.out, &rows, &ageing, &limits)?;
+    print(arguments, &rows, &ageing, &limits)
 }
 
 /// Returns the logs of all folders and tables. The logs of a table are copied to `pieces`.
@@ -90,6 +91,12 @@ fn find_all(data: &[PathBuf], out: &Path, pieces: &Path) -> Result<Vec<FleetJob>
         all.extend(found);
     }
     Ok(all)
+}
+
+/// Reads the trends of learnt levels of all folders.
+fn read_trends(data: &[PathBuf], out: &Path) -> Result<Vec<Ageing>, String> {
+    let folders: Vec<&Path> = data.iter().map(PathBuf::as_path).filter(|of| of.is_dir()).collect();
+    read_ageing(&folders, out)
 }
 
 /// Diagnoses all logs. In a pipe, a line every 30 s says how far it is.
@@ -147,13 +154,18 @@ fn parse_limit(text: &str) -> Result<Limit, String> {
     Ok(Limit { level: level.trim().into(), value })
 }
 
-fn print(arguments: &FleetArguments, rows: &[FleetRow], limits: &[Limit]) -> Result<(), String> {
+fn print(
+    arguments: &FleetArguments,
+    rows: &[FleetRow],
+    ageing: &[Ageing],
+    limits: &[Limit],
+) -> Result<(), String> {
     let out = arguments.out.display();
     if arguments.json {
-        let document = json!({ "schema": 1, "rows": rows });
+        let document = json!({ "schema": 1, "rows": rows, "ageing": ageing });
         return print_text(&pretty(&document)?);
     }
-    let joints = joints(rows, limits);
+    let joints = joints(rows, ageing, limits);
     let mut text = format!("{}\n", attention_in_words(&joints));
     for joint in joints.iter().filter(|joint| !joint.reasons.is_empty()) {
         text += &format!("- {}: {}\n", joint.joint, joint.reasons.join("; "));

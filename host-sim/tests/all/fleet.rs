@@ -144,3 +144,76 @@ fn fleet_with_several_forms_of_paths_reports_them_in_one_line() {
         "{text}"
     );
 }
+
+/// Writes the trend of a learnt level over 140 h that rises by this share.
+fn write_trend(file: &Path, rise: f64) {
+    let mut text = "learnt_h,level_nm,level_gain,level_std_deviation,viscous_gain,changed_term,changed_term_gain\n".to_owned();
+    for entry in 0..41 {
+        let noise = 0.02 * (f64::from((entry * 7919) % 1000) / 1000.0 - 0.5);
+        let level = 4.0 * (1.0 + rise * f64::from(entry) / 40.0 + noise);
+        let _ = writeln!(text, "{},{level:.4},1,0.01,1,,", 3.5 * f64::from(entry));
+    }
+    std::fs::create_dir_all(file.parent().expect("a folder")).expect("created");
+    std::fs::write(file, text).expect("written");
+}
+
+/// Runs `fleet` on `logs`. Returns exit code, standard output and standard error.
+fn run_fleet(folder: &Path, options: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    let arguments = [&["fleet", "logs", "--out", "out"], options].concat();
+    let output = command.args(arguments).current_dir(folder).output().expect("it runs");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code(), text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn fleet_with_one_ageing_joint_names_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    write_log(&path("logs/joint=hip/campaign=1/a.csv"), 1.2);
+    write_trend(&path("logs/joint=hip/trend.csv"), 0.0);
+    write_trend(&path("logs/elbow/trend.csv"), 0.01);
+    write_trend(&path("logs/knee.trend.csv"), 0.23);
+    let (code, text, said) = run_fleet(folder.path(), &["--fixed-model", "linear"]);
+    assert_eq!(code, Some(0), "{said}");
+    let first: Vec<&str> = text.lines().take(2).collect();
+    assert!(first[0].contains("of 3 joints need"), "{text}");
+    assert!(first[1].starts_with("- knee: the seal's friction rose 2"), "{text}");
+    assert!(first[1].ends_with(" % over 140 h"), "{text}");
+    let (_, text, _) = run_fleet(folder.path(), &["--fixed-model", "linear", "--json"]);
+    let document: Value = serde_json::from_str(&text).expect("JSON");
+    let ageing = document["ageing"].as_array().expect("a list");
+    let joints: Vec<&str> = ageing.iter().filter_map(|of| of["joint"].as_str()).collect();
+    assert_eq!(joints[0], "knee");
+    assert!(ageing[0]["ageing"].is_string() && ageing[1]["ageing"].is_null(), "{text}");
+    let low = ageing[0]["change_per_100h_ci95"][0].as_f64().expect("a number");
+    assert!(low > 0.1, "{low}");
+    assert_eq!(document["rows"].as_array().map(Vec::len), Some(1), "a trend is no log");
+    let page = std::fs::read_to_string(path("out/fleet.html")).expect("read");
+    assert!(page.contains("Ageing of the seals") && page.contains("joint knee: the seal"));
+}
+
+#[test]
+fn fleet_without_an_ageing_joint_names_none_and_refuses_bad_trends() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    for (joint, rise) in [("hip", 0.0), ("elbow", 0.01), ("knee", -0.01)] {
+        write_trend(&path(&format!("logs/{joint}.trend.csv")), rise);
+    }
+    let (code, text, said) = run_fleet(folder.path(), &[]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(text.starts_with("0 of 3 joints need attention\n"), "{text}");
+    let page = std::fs::read_to_string(path("out/fleet.html")).expect("read");
+    assert!(
+        page.contains("No joint&#39;s learnt level") || page.contains("No joint's learnt level")
+    );
+    write_trend(&path("logs/knee/trend.csv"), 0.0);
+    let (code, _, said) = run_fleet(folder.path(), &[]);
+    assert_eq!((code, said.lines().count()), (Some(2), 1), "{said}");
+    assert!(said.contains("found a second trend of joint knee"), "{said}");
+    std::fs::write(path("logs/knee/trend.csv"), "a,b\n").expect("written");
+    std::fs::remove_file(path("logs/knee.trend.csv")).expect("removed");
+    let (code, _, said) = run_fleet(folder.path(), &[]);
+    assert_eq!((code, said.lines().count()), (Some(2), 1), "{said}");
+    assert!(said.contains("trend.csv") && said.contains("expected learnt_h"), "{said}");
+}

@@ -294,7 +294,7 @@ fn fleet_page_of_400_px_width_shows_rows_without_scrolling() {
     };
     let rows: Vec<FleetRow> = (0..40).map(row).collect();
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fleet_narrow.html");
-    fleet::page(&rows, &[]).write(&file).expect("written");
+    fleet::page(&rows, &[], &[]).write(&file).expect("written");
     let said = read_frame(&chromium, &framed(&file, 400));
     assert_eq!(said("out").as_deref(), Some(""));
     assert_eq!(said("beyond").as_deref(), Some("0"));

@@ -7,8 +7,8 @@
 //!   stand out. With fewer, the scatter is unknown, and the interval of the slope must exclude the median.
 //! * The level has changed by [`MIN_CHANGE`]: the drivers do not follow smaller changes reliably.
 
-use super::jobs::{find_trends, natural_names};
-use super::statistics::{FLEET_SIGNIFICANCE, MIN_JOINTS, NORMAL_MAD, OUTLIER_SCORE};
+use super::jobs::find_trends;
+use super::statistics::{FLEET_SIGNIFICANCE, MIN_JOINTS, NORMAL_MAD, OUTLIER_SCORE, natural_key};
 use crate::level_trend::{LevelTrend, RobustSlope, median, robust_slope};
 use joint_log::number::significant;
 use serde::Serialize;
@@ -50,16 +50,19 @@ pub struct Ageing {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Reads the trends below a folder, and returns one result for each joint: first those that age, then by their change.
+/// Reads the trends below some folders, and returns one result for each joint: first those that age, then by their change.
 ///
 /// # Errors
 /// One line that names the file, if it is not the trend of a joint, or if a joint has two.
-pub fn read_ageing(root: &Path, out: &Path) -> Result<Vec<Ageing>, String> {
+pub fn read_ageing(roots: &[&Path], out: &Path) -> Result<Vec<Ageing>, String> {
     let mut trends: Vec<(String, String, LevelTrend)> = Vec::new();
-    for (joint, file) in find_trends(root, out)? {
+    let found = roots.iter().map(|root| find_trends(root, out)).collect::<Result<Vec<_>, _>>()?;
+    for (joint, file) in found.concat() {
         let name = file.display().to_string();
         if let Some((_, first, _)) = trends.iter().find(|(known, ..)| *known == joint) {
-            return Err(format!("{name}: found a second trend of joint {joint}, expected only {first}"));
+            return Err(format!(
+                "{name}: found a second trend of joint {joint}, expected only {first}"
+            ));
         }
         trends.push((joint, name, LevelTrend::read(&file)?));
     }
@@ -108,7 +111,7 @@ pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
     all.sort_by(|a, b| {
         let size = |of: &Ageing| of.change_per_100h.unwrap_or(f64::NEG_INFINITY);
         let order = (a.ageing.is_none()).cmp(&b.ageing.is_none());
-        let names = || natural_names(&a.joint, &b.joint);
+        let names = || natural_key(&a.joint).cmp(&natural_key(&b.joint));
         order.then(size(b).total_cmp(&size(a))).then_with(names)
     });
     all
@@ -192,7 +195,11 @@ mod tests {
     }
 
     /// Returns the trend of a joint over 140 h whose level rises by this share of its first level.
-    fn trend(joint: &str, rise: f64, noise: &mut impl FnMut() -> f64) -> (String, String, LevelTrend) {
+    fn trend(
+        joint: &str,
+        rise: f64,
+        noise: &mut impl FnMut() -> f64,
+    ) -> (String, String, LevelTrend) {
         let level_nm = 4.0 + 0.5 * noise();
         let entry = |at: u32, noise: &mut dyn FnMut() -> f64| LevelEntry {
             learnt_h: 3.5 * f64::from(at),
@@ -209,7 +216,11 @@ mod tests {
     fn fleet(rises: &[f64], seed: u64) -> Vec<Ageing> {
         let mut noise = noise(seed);
         let each = rises.iter().zip(1..);
-        ageing(&each.map(|(rise, at)| trend(&format!("joint {at}"), *rise, &mut noise)).collect::<Vec<_>>())
+        ageing(
+            &each
+                .map(|(rise, at)| trend(&format!("joint {at}"), *rise, &mut noise))
+                .collect::<Vec<_>>(),
+        )
     }
 
     fn named(found: &[Ageing]) -> Vec<&str> {

@@ -10,9 +10,13 @@
 //! Below `joint=knee/`, the other folders are the campaign if none is named `campaign=`. Several forms in one folder are read
 //! each as it is, and reported ([`mixed_forms`]).
 //!
+//! `joint=knee/trend.json`, `knee/trend.json` and `knee.trend.json`, or `.csv`, are the trend of a joint's learnt level
+//! ([`find_trends`]), and no log.
+//!
 //! Files of the same joint and campaign are one log of several runs. Each file is read with its own header: the columns of one
 //! file never stand for those of another.
 
+use crate::level_trend::FILE_ENDS;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -56,10 +60,14 @@ pub fn jobs_of_files(
     files: impl IntoIterator<Item = PathBuf>,
 ) -> Result<Vec<FleetJob>, String> {
     let mut jobs: BTreeMap<(String, String), Vec<PathBuf>> = BTreeMap::new();
-    for file in files.into_iter().filter(|file| is_log(root, file)) {
-        jobs.entry(names(root, &file)).or_default().push(file);
+    let mut has_trend = false;
+    for file in files {
+        has_trend |= is_trend(root, &file);
+        if is_log(root, &file) {
+            jobs.entry(names(root, &file)).or_default().push(file);
+        }
     }
-    if jobs.is_empty() {
+    if jobs.is_empty() && !has_trend {
         let ends = LOG_ENDS.join(", ");
         return Err(format!("{}: found no log, expected files {ends}", root.display()));
     }
@@ -70,12 +78,58 @@ pub fn jobs_of_files(
     Ok(jobs.into_iter().map(job).collect())
 }
 
+/// Returns the trends of learnt levels below a folder, with the names of their joints. `out`, the folder of the results, may
+/// lie below it.
+///
+/// # Errors
+/// One line, if a folder cannot be read.
+pub fn find_trends(root: &Path, out: &Path) -> Result<Vec<(String, PathBuf)>, String> {
+    let mut files = Vec::new();
+    walk(root, &out.canonicalize().unwrap_or_else(|_| out.to_owned()), &mut files)?;
+    let trends = files.into_iter().filter(|file| is_trend(root, file));
+    Ok(trends.map(|file| (trend_joint(root, &file), file)).collect())
+}
+
+/// Returns true if a file's name is that of a trend, and no part of its path below `root` is hidden.
+fn is_trend(root: &Path, file: &Path) -> bool {
+    let name = lower_name(file);
+    let is_named = |end: &str| name == end || name.ends_with(&format!(".{end}"));
+    !is_hidden(root, file) && FILE_ENDS.iter().any(|end| is_named(end))
+}
+
+/// Returns the name of the joint of a trend: that of its folder, or the begin of its own name.
+fn trend_joint(root: &Path, file: &Path) -> String {
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let own = FILE_ENDS.iter().find_map(|end| {
+        let start = name.len().checked_sub(end.len() + 1)?;
+        name.get(..start).filter(|_| name.to_lowercase().ends_with(&format!(".{end}")))
+    });
+    let folders = folders(root, file);
+    let keyed = folders.iter().find_map(|name| name.strip_prefix("joint=").map(str::to_owned));
+    let in_folder = keyed.or_else(|| folders.first().cloned());
+    in_folder.or_else(|| own.map(str::to_owned)).unwrap_or_else(|| folder_name(root))
+}
+
+fn folder_name(folder: &Path) -> String {
+    let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn lower_name(file: &Path) -> String {
+    file.file_name().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// Returns true if a part of a file's path below `root` is hidden.
+fn is_hidden(root: &Path, file: &Path) -> bool {
+    let below = file.strip_prefix(root).unwrap_or(file);
+    below.components().any(|part| part.as_os_str().to_string_lossy().starts_with('.'))
+}
+
 /// Returns true if a file's name has the end of a log, and no part of its path below `root` is hidden.
 fn is_log(root: &Path, file: &Path) -> bool {
-    let below = file.strip_prefix(root).unwrap_or(file);
-    let mut parts = below.components().map(|part| part.as_os_str().to_string_lossy());
-    let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    !parts.any(|part| part.starts_with('.')) && LOG_ENDS.iter().any(|end| name.ends_with(end))
+    let name = lower_name(file);
+    let has_end = LOG_ENDS.iter().any(|end| name.ends_with(end));
+    has_end && !is_hidden(root, file) && !is_trend(root, file)
 }
 
 fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {

@@ -1,7 +1,7 @@
 //! Each joint over its campaigns: its cause, in how many logs, its trend, and whether it needs attention.
 
 use super::statistics::{Limit, Outlier, Trend, natural_key, outliers, trends};
-use super::{FleetRow, LEVELS};
+use super::{Ageing, FleetRow, LEVELS};
 use crate::page::words::counted;
 use joint_log::number::significant;
 use std::collections::BTreeMap;
@@ -29,18 +29,24 @@ pub struct JointSummary {
 /// Returns the joints of a fleet, those that need attention first.
 ///
 /// A joint needs attention if more than half of its logs name the same cause, a level has a significant trend, is far from
-/// the other joints or above a limit, or the latest log has no result.
-pub fn joints(rows: &[FleetRow], limits: &[Limit]) -> Vec<JointSummary> {
+/// the other joints or above a limit, the latest log has no result, or its seal ages. A joint may have a trend of its learnt
+/// level and no log.
+pub fn joints(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Vec<JointSummary> {
     let (trends, outliers) = (trends(rows, limits), outliers(rows));
     let mut by_joint: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     rows.iter().enumerate().for_each(|(at, row)| by_joint.entry(&row.joint).or_default().push(at));
+    ageing.iter().for_each(|of| _ = by_joint.entry(&of.joint).or_default());
     let mut found: Vec<JointSummary> = by_joint
         .into_iter()
         .map(|(joint, mut own)| {
             own.sort_by_key(|at| natural_key(&rows[*at].campaign));
             let trends = trends.iter().filter(|of| of.joint == joint && of.is_significant);
             let outliers = outliers.iter().filter(|of| rows[of.row].joint == joint);
-            summary(rows, own, &trends.collect::<Vec<_>>(), outliers, limits)
+            let mut found =
+                summary(joint, rows, own, &trends.collect::<Vec<_>>(), outliers, limits);
+            let own_ageing = ageing.iter().filter(|of| of.joint == joint);
+            found.reasons.extend(own_ageing.filter_map(|of| of.ageing.clone()));
+            found
         })
         .collect();
     found.sort_by_cached_key(|of| (of.reasons.is_empty(), natural_key(&of.joint)));
@@ -55,6 +61,7 @@ pub fn attention_in_words(joints: &[JointSummary]) -> String {
 }
 
 fn summary<'a>(
+    joint: &str,
     rows: &[FleetRow],
     own: Vec<usize>,
     trends: &[&Trend],
@@ -91,7 +98,7 @@ fn summary<'a>(
         }
     }
     JointSummary {
-        joint: rows[own[0]].joint.clone(),
+        joint: joint.to_owned(),
         diagnosed: good.len(),
         cause: cause.to_owned(),
         named,
@@ -148,7 +155,7 @@ mod tests {
             error: Some("i.csv: found no rows".into()),
             ..FleetRow::default()
         });
-        let found = joints(&rows, &[Limit { level: "coulomb_torque".into(), value: 2.4 }]);
+        let found = joints(&rows, &[], &[Limit { level: "coulomb_torque".into(), value: 2.4 }]);
         let names: Vec<&str> = found.iter().map(|of| of.joint.as_str()).collect();
         assert_eq!(names, ["g", "h", "i", "a", "b", "c", "d", "e", "f"]);
         assert_eq!(attention_in_words(&found), "3 of 9 joints need attention");

@@ -6,7 +6,7 @@
 
 use super::joint::{JointSummary, attention_in_words, joints};
 use super::statistics::{Limit, OUTLIER_SCORE, Trend, outliers, trends};
-use super::{FleetRow, LEVELS};
+use super::{Ageing, FleetRow, LEVELS};
 use crate::page::words::counted;
 use crate::report::{Axis, Block, Cell, Chart, Finder, Page, Series, Table};
 use joint_log::number::{count, significant};
@@ -22,13 +22,14 @@ const MAX_DRAWN: usize = 4;
 const MAX_DOTS: usize = 400;
 
 /// Returns the page of a fleet. `limits` are the levels above which a joint needs service.
-pub fn page(rows: &[FleetRow], limits: &[Limit]) -> Page {
-    let names: BTreeSet<&str> = rows.iter().map(|row| row.joint.as_str()).collect();
+pub fn page(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Page {
+    let learnt = ageing.iter().map(|of| of.joint.as_str());
+    let names: BTreeSet<&str> = rows.iter().map(|row| row.joint.as_str()).chain(learnt).collect();
     let campaigns: BTreeSet<&str> = rows.iter().map(|row| row.campaign.as_str()).collect();
     let subtitle =
         format!("{}, {}", counted(names.len(), "joint"), counted(campaigns.len(), "campaign"));
     let mut page = Page::new("Friction of a fleet", subtitle);
-    let (trends, joints) = (trends(rows, limits), joints(rows, limits));
+    let (trends, joints) = (trends(rows, limits), joints(rows, ageing, limits));
     page.push(Block::Paragraph(format!("{}.", attention_in_words(&joints))));
     page.push(Block::Records(joint_table(rows, &joints)));
     page.push(Block::heading("All logs"));
@@ -38,6 +39,7 @@ pub fn page(rows: &[FleetRow], limits: &[Limit]) -> Page {
     page.push(Block::Lead { facts: facts(rows), charts: vec![causes(rows)] });
     standing_out(rows, &mut page);
     trend_blocks(&trends, &mut page);
+    ageing_blocks(ageing, &mut page);
     sizes(rows, &mut page);
     failures(rows, &mut page);
     page
@@ -67,7 +69,7 @@ fn joint_table(rows: &[FleetRow], joints: &[JointSummary]) -> Table {
     });
     let caption = format!(
         "A joint needs attention if more than half of its logs name the same cause, a level changes or is far from the other \
-         joints, or its latest log has no result. The name leads to the latest report with the cause.{}",
+         joints, its latest log has no result, or its seal ages. The name leads to the latest report with the cause.{}",
         cut(joints.len())
     );
     Table::new(caption, "joint|needs attention|cause|named in|trend|logs", listed)
@@ -214,6 +216,62 @@ fn trend_blocks(trends: &[Trend], page: &mut Page) {
     page.push(Block::Row(charts));
 }
 
+/// Pushes the trends of the levels that the joints have learnt, those that age first.
+fn ageing_blocks(ageing: &[Ageing], page: &mut Page) {
+    if ageing.is_empty() {
+        return;
+    }
+    page.push(Block::heading("Ageing of the seals"));
+    let found: Vec<&Ageing> = ageing.iter().filter(|of| of.ageing.is_some()).collect();
+    let sentences =
+        found.iter().filter_map(|of| Some(format!("joint {}: {}", of.joint, of.ageing.as_ref()?)));
+    let sentences: Vec<String> = sentences.take(MAX_LISTED).collect();
+    page.push(Block::Paragraph(match sentences.is_empty() {
+        true => "No joint's learnt level changes by more than the fleet explains.".to_owned(),
+        false => format!("{}.", sentences.join("; ")),
+    }));
+    let listed = ageing.iter().take(MAX_LISTED).map(|of| {
+        let percent = |share: f64| significant(100.0 * share, 2);
+        let change = match (of.change_per_100h, of.change_per_100h_ci95) {
+            (Some(change), Some([low, high])) => {
+                format!("{} ({} to {})", percent(change), percent(low), percent(high)).into()
+            }
+            _ => Cell::Empty,
+        };
+        vec![
+            of.joint.as_str().into(),
+            if of.ageing.is_some() { "yes" } else { "no" }.into(),
+            of.level.map_or(Cell::Empty, |level| Cell::ShortNumber(level, 3)),
+            of.unit.as_str().into(),
+            change,
+            of.change.map_or(Cell::Empty, |change| Cell::ShortNumber(100.0 * change, 2)),
+            Cell::ShortNumber(of.learnt_h, 3),
+            Cell::Count(of.entries as u64),
+        ]
+    });
+    let caption = format!(
+        "Learnt Coulomb levels over the time of learning, by the median of the slopes of all pairs; the intervals are of 95 %.{}",
+        cut(ageing.len())
+    );
+    let header = "joint|ages|level|unit|% per 100 h|% in all|learnt (h)|entries";
+    page.push(Block::Records(Table::new(caption, header, listed)));
+    let charts: Vec<Chart> = found.iter().take(MAX_DRAWN).map(|of| ageing_chart(of)).collect();
+    if !charts.is_empty() {
+        page.push(Block::Row(charts));
+    }
+}
+
+fn ageing_chart(of: &Ageing) -> Chart {
+    let (times, levels): (Vec<f64>, Vec<f64>) = of.points.iter().copied().unzip();
+    Chart {
+        title: format!("{}: learnt level", of.joint),
+        caption: "Coulomb level of each entry of the joint's trend.".into(),
+        x: Axis::new("time of learning (h)"),
+        y: Axis::new(format!("level ({})", of.unit)),
+        series: vec![Series::points("entries", times, levels)],
+    }
+}
+
 fn trend_chart(trend: &Trend) -> Chart {
     let (first, last) = (trend.times[0], trend.times[trend.times.len() - 1]);
     let line = |time: f64| trend.now + trend.slope * (time - last);
@@ -337,7 +395,7 @@ mod tests {
 
     #[test]
     fn page_of_ten_thousand_joints_lists_a_few() {
-        let html = page(&fleet(10_000), &[]).render();
+        let html = page(&fleet(10_000), &[], &[]).render();
         let lines = html.matches("<tr>").count();
         assert!(lines < 4 * MAX_LISTED, "{lines} rows of tables");
         assert!(html.len() < 3_000_000, "{} bytes", html.len());
@@ -347,6 +405,6 @@ mod tests {
 
     #[test]
     fn page_without_rows_renders() {
-        assert!(page(&[], &[]).render().contains("Friction of a fleet"));
+        assert!(page(&[], &[], &[]).render().contains("Friction of a fleet"));
     }
 }

@@ -27,7 +27,7 @@ pub const OUTLIER_SCORE: f64 = 3.5;
 pub const MIN_JOINTS: usize = 8;
 
 /// Median absolute deviation of a normal distribution, in standard deviations.
-const NORMAL_MAD: f64 = 0.6745;
+pub(super) const NORMAL_MAD: f64 = 0.6745;
 
 /// Unit of the time between campaigns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@
 //! the files: a changed log or option is computed again.
 
 use super::statistics::Limit;
-use super::{FleetJob, FleetRow, LEVELS, Level};
+use super::{Ageing, FleetJob, FleetRow, LEVELS, Level};
 use crate::table_file::TableFormat;
 use crate::{diagnosis, write_atomically};
 use compensator_core::ParameterId;
@@ -49,9 +49,14 @@ impl FleetOptions {
 ///
 /// # Errors
 /// One line that names the file.
-pub fn write_fleet(out: &Path, rows: &[FleetRow], limits: &[Limit]) -> Result<(), String> {
+pub fn write_fleet(
+    out: &Path,
+    rows: &[FleetRow],
+    ageing: &[Ageing],
+    limits: &[Limit],
+) -> Result<(), String> {
     let parquet = super::table(rows).emit(TableFormat::Parquet)?;
-    let html = super::page(rows, limits).render();
+    let html = super::page(rows, ageing, limits).render();
     for (name, content) in [("fleet.parquet", &parquet[..]), ("fleet.html", html.as_bytes())] {
         let file = out.join(name);
         write_atomically(&file, content).map_err(|error| format!("{}: {error}", file.display()))?;

@@ -91,7 +91,9 @@ fn autocorrelation(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let square: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
     let product: f64 = values.windows(2).map(|pair| (pair[0] - mean) * (pair[1] - mean)).sum();
-    if square > 0.0 { (product / square).clamp(0.0, MAX_AUTOCORRELATION) } else { 0.0 }
+    // Points exactly on a line leave rounding errors.
+    let rounding = values.len() as f64 * (1e-9 * mean).powi(2);
+    if square > rounding { (product / square).clamp(0.0, MAX_AUTOCORRELATION) } else { 0.0 }
 }
 
 #[cfg(test)]
