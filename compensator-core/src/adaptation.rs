@@ -241,6 +241,7 @@ impl Adaptation {
     }
 
     /// Returns the standard deviations of the gains, in the order of [`Gains::to_array`].
+    #[inline(never)]
     pub fn deviations(&self) -> [f32; MAX_GAINS] {
         gains_of(&self.information.deviations()).to_array()
     }

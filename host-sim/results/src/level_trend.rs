@@ -232,6 +232,18 @@ mod tests {
     }
 
     #[test]
+    fn document_of_a_trend_has_the_keys_of_its_schema() {
+        use serde_json::Value;
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../schemas/trend.schema.json");
+        let schema: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        let document: Value = serde_json::from_str(&trend().emit_json().unwrap()).unwrap();
+        let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+        assert_eq!(keys(&document), keys(&schema["properties"]));
+        let entry = &schema["properties"]["entries"]["items"];
+        assert_eq!(keys(&document["entries"][2]), keys(&entry["properties"]));
+    }
+
+    #[test]
     fn read_of_bad_files_reports_one_line() {
         let folder = tempfile::tempdir().unwrap();
         let mut backwards = trend();

@@ -186,6 +186,13 @@ fn fleet_with_one_ageing_joint_names_it() {
     let joints: Vec<&str> = ageing.iter().filter_map(|of| of["joint"].as_str()).collect();
     assert_eq!(joints[0], "knee");
     assert!(ageing[0]["ageing"].is_string() && ageing[1]["ageing"].is_null(), "{text}");
+    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas/fleet.schema.json");
+    let schema = std::fs::read_to_string(schema).expect("a schema");
+    let schema: Value = serde_json::from_str(&schema).expect("JSON");
+    let keys = |value: &Value| value.as_object().map(|of| of.keys().cloned().collect::<Vec<_>>());
+    assert_eq!(keys(&document), keys(&schema["properties"]));
+    let of_joint = &schema["properties"]["ageing"]["items"]["properties"];
+    assert_eq!(keys(&ageing[0]), keys(of_joint));
     let low = ageing[0]["change_per_100h_ci95"][0].as_f64().expect("a number");
     assert!(low > 0.1, "{low}");
     assert_eq!(document["rows"].as_array().map(Vec::len), Some(1), "a trend is no log");

@@ -75,6 +75,7 @@ impl StoredTrend {
 }
 
 /// Returns place and gain of the term whose gain differs most from 1.
+#[inline(never)]
 fn changed_term(gains: &Gains<f32>) -> (u8, f32) {
     let mut changed = (0, gains.terms[0]);
     for (place, gain) in (0..).zip(gains.terms) {
@@ -92,6 +93,7 @@ fn rounded(value: f32) -> u32 {
 
 impl<F: NorFlash> Device<F> {
     /// Adds an entry to the stored trend if it is due and the bridge is not in use. Called once per tick.
+    #[inline(never)]
     pub(super) fn record_trend(&mut self) {
         let Some(learner) = self.adaptation.learner() else { return };
         self.trend.count(learner);
