@@ -16,9 +16,9 @@ const NO_DATA: u32 = 0x0800_0020;
 /// Confidence of the interval of the change.
 const CONFIDENCE: f64 = 0.95;
 
-/// Units of the fields of an entry.
-const PERMILLE: f64 = 1e-3;
-const TERM_GAIN_UNIT: f64 = 2e-3;
+/// Numbers of an entry that stand for 1. A quotient is the nearest decimal, a product is not.
+const GAIN_OF_ONE: f64 = 1000.0;
+const TERM_GAIN_OF_ONE: f64 = 500.0;
 
 impl Driver {
     /// Prints the trend, and writes it to a file.
@@ -56,10 +56,10 @@ fn level_entry(entry: &TrendEntry, terms: &[&str]) -> LevelEntry {
     LevelEntry {
         learnt_h: f64::from(entry.learnt) * f64::from(TIME_UNIT_S) / 3600.0,
         level: decimal(entry.level_nm),
-        level_gain: f64::from(entry.level_permille) * PERMILLE,
-        level_std_deviation: f64::from(entry.deviation_permille) * PERMILLE,
-        viscous_gain: f64::from(entry.viscous_permille) * PERMILLE,
-        changed_term_gain: term.is_some().then(|| f64::from(entry.term_gain) * TERM_GAIN_UNIT),
+        level_gain: f64::from(entry.level_permille) / GAIN_OF_ONE,
+        level_std_deviation: f64::from(entry.deviation_permille) / GAIN_OF_ONE,
+        viscous_gain: f64::from(entry.viscous_permille) / GAIN_OF_ONE,
+        changed_term_gain: term.is_some().then(|| f64::from(entry.term_gain) / TERM_GAIN_OF_ONE),
         changed_term: term,
     }
 }
