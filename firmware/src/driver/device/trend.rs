@@ -106,6 +106,7 @@ impl<F: NorFlash> Device<F> {
         let may_erase = !self.memory.is_undone();
         // Without a stored set or with a worn flash, the next attempt follows after more learning.
         let _ = self.memory.store_mut().append_trend(&entry, may_erase);
+        self.supervisor.set_store_health(self.memory.store().health());
         self.trend.unrecorded_s = 0.0;
         self.trend.recorded = LastEntry { learnt: entry.learnt, level_nm: entry.level_nm };
     }
