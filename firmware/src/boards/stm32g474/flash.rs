@@ -101,8 +101,6 @@ impl ErrorType for ChipFlash {
 impl ReadNorFlash for ChipFlash {
     const READ_SIZE: usize = 1;
 
-    // Not inlined: one copy takes less flash than one for each caller.
-    #[inline(never)]
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         check_read(self, offset, bytes.len())?;
         let flash = self.inner()?;
