@@ -76,6 +76,9 @@ MUTATIONS = [
     ("deadline of a trial forgotten", "firmware/src/driver/device/parameter_trial.rs",
      "self.now_us >= self.trial.deadline_us", "false",
      "scenarios::trials::trials_end_with_the_stored_set_unless_they_are_kept"),
+    ("load that the brake held counted twice", "firmware/src/control/velocity_loop.rs",
+     "self.integral_a -= offset_a - self.offset_a;", "{}",
+     "scenarios::feed_forward::feed_forward_of_a_master_adds_once_and_decays"),
 ]
 
 # The word that selects a mutation follows this one in a program.

@@ -1,6 +1,6 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
-//! The short form runs seven families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
+//! The short form runs eight families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/adaptation.rs"]
 mod adaptation;
@@ -46,6 +46,7 @@ use table::{Driver, ScenarioRow};
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     families.extend([stalls::rows(), stops::rows(), holding_brake::rows(), trials::rows()]);
+    families.push(feed_forward::rows());
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);
