@@ -207,7 +207,7 @@ fn torque_mode() -> Vec<ScenarioRow> {
                     limited / (0.4 * rated),
                     0.95..=1.05,
                 ),
-                row(23, name, "torque 0.6 s after the last offset, Nm", stale, -0.1..=0.1),
+                row(23, name, "torque 0.6 s after the last offset, Nm", stale, -0.3..=0.3),
             ]
         },
     )
