@@ -22,7 +22,9 @@ macro_rules! drive_settings {
 
         impl Default for DriveSettings {
             fn default() -> Self {
-                Self { $($field: $default,)* }
+                // Copied from flash, because a store for each field takes more.
+                static DEFAULTS: DriveSettings = DriveSettings { $($field: $default,)* };
+                DEFAULTS
             }
         }
 

@@ -228,7 +228,8 @@ impl ResidualWatch {
     /// Processes one sample: the residual torque, Nm, positive if the torque that drives positive velocity
     /// exceeds the model, and the joint velocity, rad/s. `valid` must be false if the model does not apply:
     /// inputs missing, bridge off, or a swap.
-    #[inline]
+    // Not inlined: one copy takes less flash than one for each caller.
+    #[inline(never)]
     pub fn step(&mut self, residual_nm: f32, velocity_rad_s: f32, valid: bool) {
         // False for NaN.
         let slides = velocity_rad_s.abs() > self.least_velocity_rad_s;
