@@ -61,7 +61,9 @@ macro_rules! named_fields {
         impl Default for $name {
             $(#[$default_doc])*
             fn default() -> Self {
-                Self { $($field: $default),* }
+                // Copied from flash, because a store for each field takes more.
+                static DEFAULTS: $name = $name { $($field: $default),* };
+                DEFAULTS
             }
         }
     };
