@@ -17,6 +17,8 @@ from conftest import wait_until
 
 #: Longest processor time from Ctrl-C to the exception, s. A wall time would depend on what else the machine does.
 INTERRUPT_LIMIT_S = 0.2
+#: Attempts to end in time: other programs may keep the thread that receives the signal from running during one of them.
+ATTEMPTS = 3
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +87,12 @@ def interrupted(after_s):
 
 def test_interrupt_ends_a_diagnosis_in_time():
     for after_s in (0.05, 0.4, 1.5, 2.4):
-        took, used, more = interrupted(after_s)
-        assert used < 0.1 and more <= 0, "work goes on after the interrupt"
-        assert took <= INTERRUPT_LIMIT_S, (after_s, took)
+        times = []
+        while not times or times[-1] > INTERRUPT_LIMIT_S:
+            assert len(times) < ATTEMPTS, (after_s, times)
+            took, used, more = interrupted(after_s)
+            assert used < 0.1 and more <= 0, "work goes on after the interrupt"
+            times.append(took)
 
 
 def test_lock_is_released_during_work(plain):

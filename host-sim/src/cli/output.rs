@@ -143,6 +143,18 @@ impl OutputArguments {
 /// File with the names of the results in the folder of a run, one per line.
 const WRITTEN: &str = ".written";
 
+/// Writes a file that the user names, and the folders above it.
+///
+/// # Errors
+/// One line with the path and the reason.
+pub fn write_file(file: &Path, content: &[u8]) -> Result<(), String> {
+    let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
+    if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
+    }
+    friction_results::write_atomically(file, content).map_err(|error| failed(file, error))
+}
+
 /// Removes the results of an earlier process from the folder of a run, and notes the names of those to be written.
 fn remember_files<'a>(
     folder: &Path,

@@ -2,7 +2,7 @@
 
 use super::fit_arguments::FitArguments;
 use super::input::{DataArguments, LogArguments, LogInputs};
-use super::output::{OutputArguments, pretty, print_formatted, print_text};
+use super::output::{OutputArguments, pretty, print_formatted, print_text, write_file};
 use super::predict_adapted::{self, AdaptArguments};
 use super::progress::in_stages;
 use super::words::in_options;
@@ -14,9 +14,9 @@ use friction_fit::prediction::adapted::{AdaptationOptions, AdaptedPrediction, pr
 use friction_fit::prediction::{
     LogPrediction, PredictionOptions, PredictionStart, log_tracks, predict_tracks,
 };
+use friction_results::ROWS_FILE;
 use friction_results::rows::RowTable;
 use friction_results::table_file::TableFormat;
-use friction_results::{ROWS_FILE, write_atomically};
 use joint_log::number::significant;
 use joint_log::work;
 use joint_log::{Dataset, Quantity, SplitRule};
@@ -164,14 +164,6 @@ fn row_format(file: &Path) -> Result<TableFormat, String> {
             file.display()
         )),
     }
-}
-
-fn write_file(file: &Path, content: &[u8]) -> Result<(), String> {
-    let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
-    if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
-    }
-    write_atomically(file, content).map_err(|error| failed(file, error))
 }
 
 fn unit(input: &Prepared) -> &'static str {

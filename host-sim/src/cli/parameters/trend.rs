@@ -1,11 +1,11 @@
 //! The stored trend of the learnt levels (2047h): a table, a file, and the change of the level.
 
 use super::{Driver, pretty, print_text, sdo_message};
+use crate::cli::output::write_file;
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
 use firmware::store::{TIME_UNIT_S, TrendEntry};
 use friction_results::level_trend::{LevelEntry, LevelTrend, MIN_ENTRIES, SCHEMA, robust_slope};
-use friction_results::write_atomically;
 use joint_bus::canopen::SdoError;
 use joint_log::number::significant;
 use std::path::Path;
@@ -26,8 +26,7 @@ impl Driver {
         let trend = self.read_trend()?;
         if let Some(path) = write {
             let content = trend.emit(path)?;
-            write_atomically(path, content.as_bytes())
-                .map_err(|error| format!("{}: {error}", path.display()))?;
+            write_file(path, content.as_bytes())?;
         }
         if json {
             return print_text(&pretty(&trend)?);
