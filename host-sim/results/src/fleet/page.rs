@@ -176,7 +176,7 @@ fn trend_blocks(trends: &[Trend], page: &mut Page) {
     if found.is_empty() {
         let text = format!(
             "No level changes significantly over the campaigns. {} tested under one fixed model.",
-            counted(trends.len(), "series")
+            counted(trends.len(), "level")
         );
         page.push(Block::Paragraph(text));
         return;
