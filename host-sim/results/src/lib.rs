@@ -29,6 +29,8 @@ pub mod json;
 pub mod level_trend;
 pub mod loop_cost;
 pub mod network;
+#[cfg(test)]
+mod noise;
 #[cfg(feature = "pages")]
 pub mod page;
 mod predicted;

@@ -181,18 +181,7 @@ fn in_words(change: f64, span_h: f64) -> String {
 mod tests {
     use super::*;
     use crate::level_trend::{LevelEntry, SCHEMA};
-
-    /// Deterministic numbers of mean 0 and standard deviation 1, nearly normal.
-    fn noise(seed: u64) -> impl FnMut() -> f64 {
-        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-        let mut uniform = move || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
-        move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
-    }
+    use crate::noise::noise;
 
     /// Returns the trend of a joint over 140 h whose level rises by this share of its first level.
     fn trend(

@@ -288,18 +288,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Deterministic numbers of mean 0 and standard deviation 1, nearly normal.
-    fn noise(seed: u64) -> impl FnMut() -> f64 {
-        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-        let mut uniform = move || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
-        move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
-    }
+    use crate::noise::noise;
 
     fn row(joint: &str, campaign: String, coulomb: f64) -> FleetRow {
         let level = Level { value: coulomb, std_error: 1e-4 };
