@@ -240,13 +240,6 @@ fn follow(rig: &mut JointRig, case: &Case, seed: u64, [from_s, to_s]: [f64; 2]) 
         }
     }
     assert!(rig.is_armed(), "{case:?}: {:?}", rig.latched_faults());
-    for sub in 1..=9 {
-        println!(
-            "{sub} {:?}",
-            rig.read_object(index::ADAPTATION, sub).map(|w| (w, f32::from_bits(w)))
-        );
-    }
-    println!("rms {}", (sum_rad2 / f64::from(scored)).sqrt());
     let gain = rig.read_object(index::LEARNT_GAINS, 1).map_or(f32::NAN, f32::from_bits);
     Outcome { rms_rad: (sum_rad2 / f64::from(scored)).sqrt(), level_gain: f64::from(gain) }
 }
