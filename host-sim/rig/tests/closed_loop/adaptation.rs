@@ -91,13 +91,6 @@ fn learn(family_name: &str, family: FrictionFamily, wear: f64) -> Vec<ScenarioRo
             strokes(master, LEARNING_MS);
             let frozen = master.rig.read_object(index::ADAPTATION, AdaptationObject::FROZEN);
             let learnt = level_gain(master);
-            for sub in 1..=11 {
-                println!(
-                    "{sub}: {:?} {}",
-                    master.rig.read_object(index::ADAPTATION, sub),
-                    f32::from_bits(master.rig.read_object(index::ADAPTATION, sub).unwrap_or(0))
-                );
-            }
             let after = strokes(master, MEASURED_MS);
             write_mode(master, HOLD);
             let held = level_gain(master);
