@@ -199,7 +199,7 @@ TYPES = {1: "bool", 2: "i8", 3: "i16", 4: "i32", 5: "u8", 6: "u16", 7: "u32", 8:
 
 
 def value_kind(values):
-    """Type and access of an entry of the EDS; its level stands in a comment."""
+    """Type and access of an entry of the EDS; its level stands in a comment before it."""
     access = values.get("AccessType", "")
     level = " **service**" if values.get(";AccessLevel") == "service" else ""
     return TYPES.get(int(values.get("DataType", "0"), 16), "?"), access + level
@@ -208,11 +208,11 @@ def value_kind(values):
 def objects(_):
     """One row for each object of the EDS; its entries are listed, numbered ones together."""
     found = {}
-    for section in re.split(r"\n(?=\[)", (ROOT / "firmware" / "joint.eds").read_text()):
-        head = re.match(r"\[([0-9A-F]{4})(?:sub([0-9A-F]+))?\]", section)
+    for section in (ROOT / "firmware" / "joint.eds").read_text().split("\n\n"):
+        head = re.search(r"^\[([0-9A-F]{4})(?:sub([0-9A-F]+))?\]", section, re.MULTILINE)
         if not head:
             continue
-        values = dict(line.split("=", 1) for line in section.splitlines()[1:] if "=" in line)
+        values = dict(line.split("=", 1) for line in section.splitlines() if "=" in line)
         found.setdefault(head[1], {})[int(head[2], 16) if head[2] else None] = values
     lines = []
     for index, subs in sorted(found.items()):

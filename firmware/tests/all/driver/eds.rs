@@ -5,6 +5,7 @@
 
 use super::bench::Bench;
 use firmware::access::Level;
+use firmware::node::bit_timing::BIT_RATES_KBIT;
 use firmware::node::dictionary::{self, Access, DataType, Entry, OBJECTS, Object, Shape, index};
 use std::fmt::Write;
 
@@ -31,6 +32,10 @@ fn by_node(object: u16, sub_index: u8) -> bool {
         || is_pdo && sub_index == 1
 }
 
+fn is_mapping(object: u16) -> bool {
+    (0x1600..0x1800).contains(&object) || (0x1A00..0x1C00).contains(&object)
+}
+
 /// Returns the default value in the syntax of the format; `None` if the driver changes it.
 fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> Option<String> {
     let changes = matches!(entry.access, Access::ReadOnly | Access::Input)
@@ -49,6 +54,8 @@ fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> 
     }
     let number = value.iter().rev().fold(0u32, |number, byte| number << 8 | u32::from(*byte));
     Some(match entry.data {
+        // Some tools read the fields of a mapping by their digits.
+        _ if is_mapping(object.index) && sub_index > 0 => format!("0x{number:08X}"),
         _ if by_node(object.index, sub_index) => format!("$NODEID+0x{:X}", number - 1),
         // A float is written as its bits, because the tools of Lely accept no decimal number.
         DataType::Real32 => format!("0x{number:08X}"),
@@ -67,6 +74,14 @@ fn list(text: &mut String, name: &str, objects: &[&Object]) {
     }
 }
 
+/// Returns the comment before an entry. The format has no key for the level, and tools accept comments only there.
+fn level_comment(object: &Object, sub_index: u8, entry: &Entry) -> &'static str {
+    let is_written = !matches!(entry.access, Access::Const | Access::ReadOnly);
+    let needs_service = dictionary::find(object.index, sub_index)
+        .is_ok_and(|entry| entry.level == Level::Service);
+    if is_written && needs_service { ";AccessLevel=service\n" } else { "" }
+}
+
 fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
     let mapped = u8::from(
         dictionary::is_received(object.index, sub_index)
@@ -78,14 +93,6 @@ fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, e
         entry.data as u8,
         access(entry)
     );
-    // No key of the format: a comment, which tools pass over.
-    let is_written = !matches!(entry.access, Access::Const | Access::ReadOnly);
-    if is_written
-        && dictionary::find(object.index, sub_index)
-            .is_ok_and(|entry| entry.level == Level::Service)
-    {
-        text.push_str(";AccessLevel=service\n");
-    }
     if let Some(default) = default(bench, object, sub_index, entry) {
         let _ = writeln!(text, "DefaultValue={default}");
     }
@@ -98,9 +105,15 @@ fn eds() -> String {
         "[FileInfo]\n\
          FileName=joint.eds\n\
          FileVersion=1\n\
-         FileRevision=0\n\
+         FileRevision=1\n\
          EDSVersion=4.0\n\
          Description=Friction-compensated joint driver\n\
+         CreationTime=12:00PM\n\
+         CreationDate=01-05-2026\n\
+         CreatedBy=joint driver project\n\
+         ModificationTime=12:00PM\n\
+         ModificationDate=11-28-2026\n\
+         ModifiedBy=joint driver project\n\
          \n\
          [DeviceInfo]\n\
          VendorName=none\n\
@@ -108,15 +121,13 @@ fn eds() -> String {
          ProductName=joint driver\n\
          ProductNumber=0x46524943\n\
          RevisionNumber=0x2\n\
-         BaudRate_10=0\n\
-         BaudRate_20=0\n\
-         BaudRate_50=0\n\
-         BaudRate_125=0\n\
-         BaudRate_250=0\n\
-         BaudRate_500=0\n\
-         BaudRate_800=0\n\
-         BaudRate_1000=1\n\
-         SimpleBootUpMaster=0\n\
+         OrderCode=0\n",
+    );
+    for kbit in [10, 20, 50, 125, 250, 500, 800, 1000] {
+        let _ = writeln!(text, "BaudRate_{kbit}={}", u8::from(BIT_RATES_KBIT.contains(&kbit)));
+    }
+    text.push_str(
+        "SimpleBootUpMaster=0\n\
          SimpleBootUpSlave=1\n\
          Granularity=0\n\
          DynamicChannelsSupported=0\n\
@@ -145,7 +156,15 @@ fn eds() -> String {
     );
     list(&mut text, "ManufacturerObjects", &all(&|index| (0x2000..0x6000).contains(&index)));
     for object in OBJECTS {
-        let _ = write!(text, "\n[{:04X}]\nParameterName={}\n", object.index, object.name);
+        let comment = match object.shape {
+            Shape::Variable(entry) => level_comment(object, 0, &entry),
+            _ => "",
+        };
+        let _ = write!(
+            text,
+            "\n{comment}[{:04X}]\nParameterName={}\n",
+            object.index, object.name
+        );
         if let Shape::Variable(entry) = object.shape {
             value(&mut text, &mut bench, object, 0, &entry);
             continue;
@@ -164,8 +183,12 @@ fn eds() -> String {
                 _ if many => format!("{}_{sub_index}", entry.name),
                 _ => entry.name.to_owned(),
             };
-            let _ =
-                write!(text, "\n[{:04X}sub{sub_index:X}]\nParameterName={name}\n", object.index);
+            let _ = write!(
+                text,
+                "\n{}[{:04X}sub{sub_index:X}]\nParameterName={name}\n",
+                level_comment(object, sub_index, &entry),
+                object.index
+            );
             value(&mut text, &mut bench, object, sub_index, &entry);
         }
     }
