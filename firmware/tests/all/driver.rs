@@ -14,6 +14,8 @@ mod level_trend;
 mod life;
 mod lss;
 mod network;
+mod object_observer;
+mod object_values;
 mod parameter_trial;
 mod parameters;
 mod pdos;

@@ -1,5 +1,6 @@
 //! A test bench for a driver: frames in, frames out, and a tool that reads and writes its objects.
 
+use super::object_observer::ObjectObserver;
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_download_response, encode_data_segment,
@@ -29,6 +30,7 @@ pub struct Bench<F: NorFlash = Flash> {
     pub node: NodeId,
     /// Key with which a locked joint is unlocked when it refuses a write; `None` leaves it locked.
     pub key: Option<Key>,
+    observer: ObjectObserver,
 }
 
 pub fn frame(identifier: u16, data: &[u8]) -> Frame {
@@ -60,7 +62,13 @@ impl Bench {
         let settings = NodeSettings { node: NODE, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial, stage: StageTraits::NONE };
         let driver = Driver::boot(settings, Flash::new(), identity, &Boot::default(), 0);
-        Self { driver, now_us: 0, node: NODE, key: Some(Key::DEFAULT) }
+        Self {
+            driver,
+            now_us: 0,
+            node: NODE,
+            key: Some(Key::DEFAULT),
+            observer: ObjectObserver::default(),
+        }
     }
 }
 
@@ -70,7 +78,13 @@ impl<F: NorFlash> Bench<F> {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7, stage };
         let driver = Driver::boot(settings, flash, identity, boot, 0);
-        Self { driver, now_us: 0, node: NODE, key: Some(Key::DEFAULT) }
+        Self {
+            driver,
+            now_us: 0,
+            node: NODE,
+            key: Some(Key::DEFAULT),
+            observer: ObjectObserver::default(),
+        }
     }
 
     /// Returns all frames that the driver sends.
@@ -116,6 +130,7 @@ impl<F: NorFlash> Bench<F> {
 
     /// Sends a request of a transfer, and returns its answer, or the abort code.
     pub fn exchange(&mut self, request: [u8; 8]) -> Result<[u8; 8], u32> {
+        let request = self.observer.request(request);
         let node = u16::from(self.node.number());
         self.driver.receive(&frame(0x600 + node, &request), self.now_us);
         let answers: Vec<Frame> =
@@ -124,7 +139,7 @@ impl<F: NorFlash> Bench<F> {
         let data = answer.data().try_into().expect("eight bytes");
         match decode_abort(&data) {
             Ok((_, code)) => Err(code),
-            Err(_) => Ok(data),
+            Err(_) => Ok(self.observer.answer(data)),
         }
     }
 

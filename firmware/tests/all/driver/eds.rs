@@ -77,8 +77,8 @@ fn list(text: &mut String, name: &str, objects: &[&Object]) {
 /// Returns the comment before an entry. The format has no key for the level, and tools accept comments only there.
 fn level_comment(object: &Object, sub_index: u8, entry: &Entry) -> &'static str {
     let is_written = !matches!(entry.access, Access::Const | Access::ReadOnly);
-    let needs_service = dictionary::find(object.index, sub_index)
-        .is_ok_and(|entry| entry.level == Level::Service);
+    let needs_service =
+        dictionary::find(object.index, sub_index).is_ok_and(|entry| entry.level == Level::Service);
     if is_written && needs_service { ";AccessLevel=service\n" } else { "" }
 }
 
@@ -160,11 +160,7 @@ fn eds() -> String {
             Shape::Variable(entry) => level_comment(object, 0, &entry),
             _ => "",
         };
-        let _ = write!(
-            text,
-            "\n{comment}[{:04X}]\nParameterName={}\n",
-            object.index, object.name
-        );
+        let _ = write!(text, "\n{comment}[{:04X}]\nParameterName={}\n", object.index, object.name);
         if let Shape::Variable(entry) = object.shape {
             value(&mut text, &mut bench, object, 0, &entry);
             continue;
