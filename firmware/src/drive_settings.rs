@@ -141,6 +141,22 @@ drive_settings! {
     ADAPTATION 3 adapt_most_permille: u16 = 2500, 1000..=10000, "1000 to 10000";
     /// 2044h:4: memory of the learning, s of sliding.
     ADAPTATION 4 adapt_memory_s: u16 = 10, 1..=10000, "1 to 10000";
+    /// 606Dh: difference to 60FFh within which mode 3 has reached it, 1e-6 rad/s.
+    VELOCITY_WINDOW 0 velocity_window: u16 = 50_000, _, "";
+    /// 606Eh: time for which the velocity must be within its window, ms.
+    VELOCITY_TIME 0 velocity_time_ms: u16 = 10, _, "";
+    /// 606Fh: speed below which a joint in mode 3 stands, 1e-6 rad/s.
+    VELOCITY_THRESHOLD 0 velocity_threshold: u16 = 20_000, _, "";
+    /// 6070h: time for which the speed must be below its threshold, ms.
+    THRESHOLD_TIME 0 threshold_time_ms: u16 = 10, _, "";
+    /// 607Fh: largest speed in the modes 1 and 3, 1e-6 rad/s.
+    MAX_PROFILE_VELOCITY 0 max_profile_velocity: u32 = u32::MAX, _, "";
+    /// 6086h: shape of the velocity in the modes 1 and 3.
+    MOTION_PROFILE 0 motion_profile: i16 = 0, 0, "0 (linear ramps): the driver has no other profile";
+    /// 6087h: slope of the torque in mode 4, thousandths of the rated torque per second.
+    TORQUE_SLOPE 0 torque_slope: u32 = 1000, 1.., "at least 1";
+    /// 6088h: shape of the torque in mode 4.
+    TORQUE_PROFILE 0 torque_profile: i16 = 0, 0, "0 (linear ramps): the driver has no other profile";
 }
 
 /// Values of the settings; those with a sign in two's complement.
@@ -208,8 +224,11 @@ impl DriveSettings {
         bytes
     }
 
+    /// Length of the encoded settings before the profile modes had any, bytes.
+    pub const LENGTH_WITHOUT_PROFILES: usize = Self::LENGTH - 8 * 4;
+
     /// Length of the encoded settings before the adaptation had any, bytes.
-    pub const LENGTH_WITHOUT_ADAPTATION: usize = Self::LENGTH - 4 * 4;
+    pub const LENGTH_WITHOUT_ADAPTATION: usize = Self::LENGTH_WITHOUT_PROFILES - 4 * 4;
 
     /// Parses settings; `None` if a value is out of range. Settings that are not in the bytes have their defaults.
     pub fn parse(bytes: &[u8]) -> Option<Self> {

@@ -161,7 +161,8 @@ impl NodeSettings {
     const WITHOUT_TUNING: usize = Self::WITHOUT_ACCESS + AccessSettings::LENGTH;
     /// Length of the encoded settings, bytes.
     pub const LENGTH: usize = Self::WITHOUT_TUNING + size_of::<TuningRecord>();
-    const VERSION: u8 = 7;
+    const VERSION: u8 = 8;
+    const VERSION_WITHOUT_PROFILES: u8 = 7;
     const VERSION_WITHOUT_ADAPTATION: u8 = 6;
     const VERSION_WITHOUT_TUNING: u8 = 5;
     const VERSION_WITHOUT_ACCESS: u8 = 4;
@@ -249,13 +250,16 @@ impl NodeSettings {
         let version = *block.first()?;
         let drive_length = match version {
             Self::VERSION => DriveSettings::LENGTH,
+            Self::VERSION_WITHOUT_PROFILES => DriveSettings::LENGTH_WITHOUT_PROFILES,
             Self::VERSION_WITHOUT_DRIVE => 0,
             _ => DriveSettings::LENGTH_WITHOUT_ADAPTATION,
         };
         let length = Self::HEAD
             + drive_length
             + match version {
-                Self::VERSION | Self::VERSION_WITHOUT_ADAPTATION => {
+                Self::VERSION
+                | Self::VERSION_WITHOUT_PROFILES
+                | Self::VERSION_WITHOUT_ADAPTATION => {
                     size_of::<TuningRecord>() + AccessSettings::LENGTH
                 }
                 Self::VERSION_WITHOUT_TUNING => AccessSettings::LENGTH,
@@ -456,6 +460,20 @@ mod tests {
         block.extend_from_slice(&settings.emit()[NodeSettings::WITHOUT_ACCESS..]);
         block.extend_from_slice(&ParameterSet::default().emit());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+    }
+
+    #[test]
+    fn parse_of_a_block_without_profile_modes_has_their_defaults() {
+        let drive = DriveSettings { adapt: 1, torque_slope: 7, ..DriveSettings::default() };
+        let settings = NodeSettings { drive, tuning: [6; 6], ..NodeSettings::default() };
+        let encoded = settings.emit();
+        let former = NodeSettings::HEAD + DriveSettings::LENGTH_WITHOUT_PROFILES;
+        let mut block = [&encoded[..former], &encoded[NodeSettings::WITHOUT_ACCESS..]].concat();
+        block[0] = NodeSettings::VERSION_WITHOUT_PROFILES;
+        block.extend_from_slice(&ParameterSet::default().emit());
+        let drive = DriveSettings { adapt: 1, ..DriveSettings::default() };
+        let expected = NodeSettings { drive, ..settings };
+        assert_eq!(parse_block(&block), Ok((expected, ParameterSet::default())));
     }
 
     #[test]

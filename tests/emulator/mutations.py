@@ -79,6 +79,16 @@ MUTATIONS = [
     ("load that the brake held counted twice", "firmware/src/control/velocity_loop.rs",
      "self.integral_a -= offset_a - self.offset_a;", "{}",
      "scenarios::feed_forward::feed_forward_of_a_master_adds_once_and_decays"),
+    ("torque of mode 4 without its ramp", "firmware/src/driver/device/profile_modes.rs",
+     "(self.profile_torque_target() - demand).max(-step).min(step)", "(self.profile_torque_target() - demand)",
+     "scenarios::modes::profile_modes_ramp_and_change_without_a_jump"),
+    ("offset of a master forgotten in a halt", "firmware/src/driver/device/velocity.rs",
+     "self.velocity.control.absorb_feed_forward();", "{}",
+     "scenarios::modes::profile_modes_ramp_and_change_without_a_jump"),
+    ("change of the mode without the current before", "firmware/src/driver/device/velocity.rs",
+     "self.begin_loaded(if is_moving { velocity_rad_s } else { 0.0 }, current_a);",
+     "{ self.begin_loaded(if is_moving { velocity_rad_s } else { 0.0 }, 0.0); }",
+     "scenarios::modes::profile_modes_ramp_and_change_without_a_jump"),
 ]
 
 # The word that selects a mutation follows this one in a program.

@@ -106,6 +106,15 @@ impl VelocityLoop {
         self.offset_a = offset_a;
     }
 
+    /// Moves the current that a master added into the integral, from which the next one counts, as that of a load.
+    pub fn absorb_feed_forward(&mut self) {
+        if self.offset_a != 0.0 {
+            self.integral_a += self.offset_a;
+            self.offset_a = 0.0;
+            self.is_loaded = true;
+        }
+    }
+
     /// Runs a step towards a target, rad/s, at a velocity, rad/s. The current is limited to `+-limit_a`.
     /// `withheld_a` is the current that was applied less the command of the last step, A; 0 unless a limit of the
     /// current loop acts. If target or velocity is not finite, the current is 0.

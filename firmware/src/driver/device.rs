@@ -17,6 +17,7 @@ mod offsets;
 mod parameter_trial;
 mod pdos;
 mod position;
+mod profile_modes;
 mod program;
 mod requests;
 mod scope;
@@ -61,6 +62,7 @@ use network::LiveNetwork;
 use offsets::Offsets;
 use parameter_trial::ParameterTrial;
 use pdos::Pdos;
+use profile_modes::ProfileModes;
 use seal_sensors::SealSensors;
 use stopping::Stopping;
 use trend::StoredTrend;
@@ -142,6 +144,7 @@ pub struct Device<F> {
     motor: MotorObservation,
     compensation: CompensationShare,
     velocity: VelocityControl,
+    modes: ProfileModes,
     pub(super) profile: Profile,
     watch: Option<ResidualWatch>,
     pub(super) stopping: Stopping,

@@ -1,5 +1,5 @@
 //! The joint driver as a CiA 402 drive: state machine, cyclic synchronous torque (CST), velocity (CSV) and position
-//! (CSP), profile position (PP), homing.
+//! (CSP), profile position (PP), velocity (PV) and torque (TQ), homing.
 //!
 //! This profile is for masters that know drives but no friction (ros2_canopen, CODESYS). A mode in 6060h
 //! activates it, and the joint's own Command frame is then ignored. The controlword requests, and the supervisor
@@ -39,11 +39,26 @@ pub const CSV: i8 = 9;
 pub const CSP: i8 = 8;
 /// Mode of operation: profile position.
 pub const PP: i8 = 1;
+/// Mode of operation: profile velocity.
+pub const PV: i8 = 3;
+/// Mode of operation: profile torque.
+pub const TQ: i8 = 4;
 /// Mode of operation: homing.
 pub const HOMING: i8 = 6;
 /// 6502h: supported modes, bit `mode - 1`.
-pub const SUPPORTED_MODES: u32 =
-    1 << (CST - 1) | 1 << (CSV - 1) | 1 << (CSP - 1) | 1 << (HOMING - 1) | 1 << (PP - 1);
+pub const SUPPORTED_MODES: u32 = 1 << (CST - 1)
+    | 1 << (CSV - 1)
+    | 1 << (CSP - 1)
+    | 1 << (HOMING - 1)
+    | 1 << (TQ - 1)
+    | 1 << (PV - 1)
+    | 1 << (PP - 1);
+
+/// Returns true if the drive has a mode.
+pub const fn is_supported(mode: i8) -> bool {
+    matches!(mode, PP | PV | TQ | HOMING | CSP | CSV | CST)
+}
+
 /// Maximum speed at which a joint counts as standing, rad/s. In the millisecond between two reports, home is
 /// then missed by less than 0.1 mrad; the joint's encoder has steps of 8 urad.
 pub const STANDSTILL_RAD_S: f32 = 0.1;
@@ -78,6 +93,8 @@ pub mod status {
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
     /// The drive follows its target.
     pub const FOLLOWS_TARGET: u16 = 1 << 12;
+    /// Mode 3: the joint stands.
+    pub const STANDS: u16 = FOLLOWS_TARGET;
     /// Homing: the home position is set.
     pub const HOMED: u16 = FOLLOWS_TARGET;
     /// Mode 1: the set-point was taken.
@@ -200,7 +217,7 @@ impl Default for Profile {
 impl Profile {
     /// Returns true if a mode of the profile commands the joint.
     pub const fn is_active(&self) -> bool {
-        matches!(self.mode, CST | CSV | CSP | PP | HOMING)
+        is_supported(self.mode)
     }
 
     /// Returns true if the homing method moves the joint to a stop.
@@ -356,7 +373,7 @@ impl Profile {
             State::QuickStopActive => 0x07,
             State::Stopping(_) => 0x27,
             State::OperationEnabled
-                if [HOMING, PP].contains(&self.mode) || self.stop_cause().is_some() =>
+                if ![CSP, CSV, CST].contains(&self.mode) || self.stop_cause().is_some() =>
             {
                 0x27
             }

@@ -262,7 +262,7 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x605C DISABLE_OPTION service(variable("disable_operation_option_code", Integer16, ReadWrite));
     0x605D HALT_OPTION service(variable("halt_option_code", Integer16, ReadWrite));
     0x605E FAULT_OPTION service(variable("fault_reaction_option_code", Integer16, ReadWrite));
-    0x6060 MODE variable("modes_of_operation", Integer8, Input);
+    0x6060 MODE armed(variable("modes_of_operation", Integer8, Input));
     0x6061 MODE_DISPLAY variable("modes_of_operation_display", Integer8, ReadOnly);
     0x6062 POSITION_DEMAND variable("position_demand_value", Integer32, ReadOnly);
     0x6064 ACTUAL_POSITION variable("position_actual_value", Integer32, ReadOnly);
@@ -272,8 +272,13 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x6068 POSITION_TIME variable("position_window_time", Unsigned16, ReadWrite);
     0x606B VELOCITY_DEMAND variable("velocity_demand_value", Integer32, ReadOnly);
     0x606C ACTUAL_VELOCITY variable("velocity_actual_value", Integer32, ReadOnly);
+    0x606D VELOCITY_WINDOW variable("velocity_window", Unsigned16, ReadWrite);
+    0x606E VELOCITY_TIME variable("velocity_window_time", Unsigned16, ReadWrite);
+    0x606F VELOCITY_THRESHOLD variable("velocity_threshold", Unsigned16, ReadWrite);
+    0x6070 THRESHOLD_TIME variable("velocity_threshold_time", Unsigned16, ReadWrite);
     0x6071 TARGET_TORQUE armed(variable("target_torque", Integer16, Input));
     0x6072 MAX_TORQUE armed(variable("max_torque", Unsigned16, ReadWrite));
+    0x6074 TORQUE_DEMAND variable("torque_demand", Integer16, ReadOnly);
     0x6075 RATED_CURRENT variable("motor_rated_current", Unsigned32, ReadOnly);
     0x6076 RATED_TORQUE variable("motor_rated_torque", Unsigned32, ReadOnly);
     0x6077 ACTUAL_TORQUE variable("torque_actual_value", Integer16, ReadOnly);
@@ -282,11 +287,15 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x607A TARGET_POSITION armed(variable("target_position", Integer32, Input));
     0x607C HOME_OFFSET armed(variable("home_offset", Integer32, ReadWrite));
     0x607D POSITION_LIMITS service(record("software_position_limit", PositionLimitsObject::ENTRIES));
+    0x607F MAX_PROFILE_VELOCITY armed(variable("max_profile_velocity", Unsigned32, ReadWrite));
     0x6080 MAX_MOTOR_SPEED armed(variable("max_motor_speed", Unsigned32, ReadWrite));
     0x6081 PROFILE_VELOCITY armed(variable("profile_velocity", Unsigned32, ReadWrite));
     0x6083 ACCELERATION armed(variable("profile_acceleration", Unsigned32, ReadWrite));
     0x6084 DECELERATION armed(variable("profile_deceleration", Unsigned32, ReadWrite));
     0x6085 QUICK_DECELERATION service(variable("quick_stop_deceleration", Unsigned32, ReadWrite));
+    0x6086 MOTION_PROFILE variable("motion_profile_type", Integer16, ReadWrite);
+    0x6087 TORQUE_SLOPE armed(variable("torque_slope", Unsigned32, ReadWrite));
+    0x6088 TORQUE_PROFILE variable("torque_profile_type", Integer16, ReadWrite);
     0x6098 HOMING_METHOD variable("homing_method", Integer8, ReadWrite);
     0x6099 HOMING_SPEEDS record("homing_speeds", HomingSpeedsObject::ENTRIES);
     0x609A HOMING_ACCELERATION variable("homing_acceleration", Unsigned32, ReadWrite);

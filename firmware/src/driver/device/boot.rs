@@ -67,6 +67,7 @@ impl<F: NorFlash> Device<F> {
             motor: Default::default(),
             targets: Default::default(),
             offsets: Default::default(),
+            modes: Default::default(),
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
             lock: Lock::default(),

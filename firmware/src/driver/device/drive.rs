@@ -1,9 +1,8 @@
 //! The objects of a CiA 402 drive. [`profile`] has the state machine.
 
-use super::offsets::Offsets;
 use super::{CommandFrame, Device, FaultState, InputSource, JointState, Message};
 use crate::driver::angle::Angle;
-use crate::driver::profile::{self, DriveRequest, Homing, SetPoint, status};
+use crate::driver::profile::{self, DriveRequest, Homing, status};
 use crate::node::dictionary::HOMING_METHODS;
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
@@ -93,16 +92,21 @@ impl<F: NorFlash> Device<F> {
             InputSource::Bus => true,
         };
         let limits = self.supervisor.limits();
-        let most_rad_s = self.max_speed_rad_s();
         let target_rad_s = self.profile.target_micro_rad_s as f32 * 1e-6;
-        let too_fast = self.profile.mode == profile::CSV
-            && (target_rad_s + self.velocity_offset_rad_s()).abs() > most_rad_s;
+        let too_fast = match self.profile.mode {
+            profile::CSV => {
+                (target_rad_s + self.velocity_offset_rad_s()).abs() > self.max_speed_rad_s()
+            }
+            profile::PV => target_rad_s.abs() > self.profile_speed_rad_s(),
+            _ => false,
+        };
         let is_limited = limits.contains(Code::CurrentLimited)
             || too_fast
             || self.is_armed() && self.is_position_limited();
         self.profile.state_bits(self.fault_state())
             | self.profile.homing_bits(self.is_standing())
             | self.profile.set_point_bits()
+            | self.profile_mode_bits()
             | when(status::FOLLOWING_ERROR, self.following_state().0)
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
@@ -126,10 +130,9 @@ impl<F: NorFlash> Device<F> {
 
     /// 6060h.
     pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
-        let modes = [0, profile::PP, profile::HOMING, profile::CSP, profile::CSV, profile::CST];
-        if !modes.contains(&mode) {
+        if mode != 0 && !profile::is_supported(mode) {
             let why = refusal!(
-                "modes_of_operation = {i32}: must be 0 (none), 1 (PP), 6 (homing), 8 (CSP), 9 (CSV) or 10 (CST)",
+                "modes_of_operation = {i32}: must be 0 (none), 1 (PP), 3 (PV), 4 (TQ), 6 (homing), 8 (CSP), 9 (CSV) or 10 (CST); 8 replaces 7",
                 mode
             );
             return Err(self.staging.refuse(Abort::Value, why));
@@ -141,14 +144,7 @@ impl<F: NorFlash> Device<F> {
             );
             return Err(self.staging.refuse(Abort::State, why));
         }
-        self.profile.mode = mode;
-        self.profile.homing = Homing::NotBegun;
-        self.profile.target_permille = 0;
-        self.profile.target_micro_rad_s = 0;
-        self.profile.set_points = SetPoint::default();
-        self.offsets = Offsets::default();
-        self.received.reset_command();
-        Ok(())
+        self.enter_mode(mode)
     }
 
     /// 6040h. Returns an error if the supervisor refuses.

@@ -11,7 +11,7 @@
 //! joints, an external force.
 //!
 //! Both belong to a cycle, as the targets do: an offset that is not written again for `setpoint_timeout_s` decays. While the
-//! driver holds the joint, the torque offset keeps its last value, because the load that it carries remains.
+//! driver holds the joint, the last torque offset becomes a part of the loop's integral, because the load that it carries remains.
 
 use super::Device;
 use crate::driver::loop_data::REPORT_PERIOD_S;
@@ -44,7 +44,14 @@ impl Offset {
 
     fn step(&mut self, now_us: u64, timeout_us: u64) {
         let is_fresh = self.at_us.is_some_and(|at| now_us.saturating_sub(at) < timeout_us);
-        self.applied = if is_fresh { self.written as f32 } else { RETAINED * self.applied };
+        self.applied = if is_fresh {
+            self.written as f32
+        } else if self.applied.abs() < 0.5 {
+            // Below the resolution of the object.
+            0.0
+        } else {
+            RETAINED * self.applied
+        };
     }
 }
 
@@ -91,11 +98,13 @@ impl<F: NorFlash> Device<F> {
         self.offsets.torque.applied * 1e-3 * self.rated().0
     }
 
-    /// Returns the current of a master's torque, A, with the torque offset in CST, within 6072h.
+    /// Returns the current of a master's torque, A: in mode 4 that of the ramp, in CST with the torque offset within 6072h.
     #[inline(never)]
     pub(super) fn torque_mode_current_a(&self, current_a: f32) -> f32 {
-        if self.profile.mode != profile::CST {
-            return current_a;
+        match self.profile.mode {
+            profile::CST => {}
+            profile::TQ => return self.profile_torque_current_a(),
+            _ => return current_a,
         }
         let most_a = self.profile.max_share() * self.rated().0;
         (current_a + self.offset_current_a()).max(-most_a).min(most_a)

@@ -100,6 +100,12 @@ impl<F: NorFlash> Device<F> {
         self.position.is_target_limited = false;
     }
 
+    /// Ends the course of a mode; that of the next one begins at the present position.
+    pub(super) fn end_position_course(&mut self) {
+        self.interrupt_position();
+        self.position.homing = HomingStep::Idle;
+    }
+
     /// Returns the current limit of a step as a share of that of 6072h.
     #[inline(never)]
     pub(super) fn torque_share(&self) -> f32 {
@@ -165,7 +171,7 @@ impl<F: NorFlash> Device<F> {
     fn step_pp(&mut self) {
         let drive = &self.settings.drive;
         let limits = MoveLimits {
-            speed_rad_s: (drive.profile_velocity as f32 * 1e-6).min(self.max_speed_rad_s()),
+            speed_rad_s: (drive.profile_velocity as f32 * 1e-6).min(self.profile_speed_rad_s()),
             acceleration_rad_s2: drive.acceleration as f32 * 1e-6,
             deceleration_rad_s2: drive.deceleration as f32 * 1e-6,
         };
@@ -331,6 +337,17 @@ impl<F: NorFlash> Device<F> {
         Some([-speed(at - least), speed(most - at)])
     }
 
+    /// Returns the velocities, rad/s, to which torque modes are limited: those of the position limits, and in mode 4 6080h.
+    fn torque_mode_bounds(&self) -> Option<[f32; 2]> {
+        let bounds = self.velocity_bounds();
+        if self.profile.mode == profile::CST {
+            return bounds;
+        }
+        let speed_rad_s = self.max_speed_rad_s();
+        let [least, most] = bounds.unwrap_or([-speed_rad_s, speed_rad_s]);
+        Some([least.max(-speed_rad_s), most.min(speed_rad_s)])
+    }
+
     /// Returns a velocity within the limits, rad/s.
     pub(super) fn bounded_velocity(&mut self, wanted_rad_s: f32) -> f32 {
         let Some([least, most]) = self.velocity_bounds() else { return wanted_rad_s };
@@ -347,7 +364,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the currents, A, with which the velocity loop would keep the joint within its limits.
     fn current_bounds(&self) -> Option<[f32; 2]> {
-        if self.profile.mode != profile::CST {
+        if !matches!(self.profile.mode, profile::CST | profile::TQ) {
             return None;
         }
         let motor = &self.set().motor;
@@ -355,7 +372,7 @@ impl<F: NorFlash> Device<F> {
         let deceleration = self.settings.drive.deceleration as f32 * 1e-6;
         let braking_a = motor.inertia_kg_m2 * deceleration / constant;
         let rated_a = self.rated().0;
-        let [least, most] = self.velocity_bounds()?;
+        let [least, most] = self.torque_mode_bounds()?;
         let (gain, at) =
             (motor.velocity_gain_a_s_per_rad, self.current_loop.report().velocity_rad_s);
         // The current of the ramp is needed only by a joint that moves towards the limit.

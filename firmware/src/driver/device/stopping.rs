@@ -179,8 +179,8 @@ impl<F: NorFlash> Device<F> {
         let cause = if self.supervisor.is_stopping() {
             Some(fault_cause(self.supervisor.faults()))
         } else if self.profile.is_active() {
-            // A drive without torque has nothing to halt.
-            let is_free = self.is_torque_free_homing();
+            // A drive without torque has nothing to halt, and mode 4 halts its torque.
+            let is_free = self.is_torque_free_homing() || self.is_in_profile_torque();
             self.profile.stop_cause().filter(|cause| *cause != StopCause::Halt || !is_free)
         } else {
             // Without the profile, only the network stops the joint.
@@ -204,7 +204,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn begin_stop(&mut self, cause: StopCause, deceleration: u32) {
-        if self.stopping.stop.is_none() && !self.is_in_csv() && !self.is_in_position_control() {
+        if self.stopping.stop.is_none() && !self.is_in_velocity_loop() {
             self.velocity.begin_loaded(self.current_loop.report().velocity_rad_s, self.load_a());
             self.velocity.withhold_current();
         }

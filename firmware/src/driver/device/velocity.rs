@@ -8,13 +8,16 @@ use super::{Device, InputSource};
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::control::{LoopFlags, Setpoint};
 use crate::driver::loop_data::REPORT_PERIOD_S;
-use crate::driver::profile::{CSP, CSV};
+use crate::driver::profile::{CSP, CSV, PV};
 use crate::driver::trajectory::VelocityInterpolation;
 use core::f32::consts::TAU;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Turns per minute of a radian per second.
 const RPM: f32 = 60.0 / TAU;
+
+/// Velocity below which a joint that continues in another mode begins at rest, rad/s: the noise of the observer.
+const NOISE_RAD_S: f32 = 0.02;
 
 /// Target of a step of the velocity loop.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +51,26 @@ impl VelocityControl {
     #[inline(never)]
     pub(super) fn begin_loaded(&mut self, velocity_rad_s: f32, load_a: f32) {
         self.control = VelocityLoop::begin_loaded(velocity_rad_s, load_a);
+    }
+
+    /// Continues in another mode. If the loop does not run yet, it begins at this velocity, rad/s, with this current, A. If it
+    /// runs, the offset of the mode before stays in the integral.
+    #[inline(never)]
+    pub(super) fn continue_from(&mut self, is_running: bool, velocity_rad_s: f32, current_a: f32) {
+        if is_running {
+            self.control.absorb_feed_forward();
+        } else {
+            // The inertia would take the noise of the velocity for an acceleration.
+            let is_moving = velocity_rad_s.abs() > NOISE_RAD_S;
+            self.begin_loaded(if is_moving { velocity_rad_s } else { 0.0 }, current_a);
+            self.command = self.control.command(current_a);
+        }
+        self.begin_course();
+    }
+
+    /// Forgets the targets of the master: its course begins at the present reference.
+    fn begin_course(&mut self) {
+        self.course = VelocityInterpolation::begin(self.command.reference_rad_s);
     }
 
     /// Commands no current until the next step.
@@ -88,9 +111,12 @@ impl VelocityControl {
 }
 
 impl<F: NorFlash> Device<F> {
-    /// Returns true if the joint is in velocity mode on its own sensors.
-    pub(super) fn is_in_csv(&self) -> bool {
-        self.settings.source == InputSource::Sensors && self.profile.mode == CSV
+    /// Returns true if the velocity loop commands the joint on its own sensors, by the mode.
+    #[inline(never)]
+    pub(super) fn is_in_velocity_loop(&self) -> bool {
+        let is_velocity_mode = matches!(self.profile.mode, CSV | PV);
+        let is_on_sensors = self.settings.source == InputSource::Sensors;
+        is_velocity_mode && is_on_sensors || self.is_in_position_control()
     }
 
     /// Restarts the velocity loop from the present velocity, at every arming.
@@ -101,15 +127,16 @@ impl<F: NorFlash> Device<F> {
         let constant = joint.compensator.torque_constant_nm_per_a;
         let gains = VelocityGains::build(&motor, constant, REPORT_PERIOD_S);
         self.velocity.begin(gains, self.current_loop.report().velocity_rad_s);
-        self.begin_velocity_course();
+        self.velocity.begin_course();
     }
 
     /// Runs a step with a report.
     pub(super) fn step_velocity(&mut self) {
         self.step_offsets();
+        self.step_profile_modes();
         let rubs = self.is_friction_run();
         let holds = self.holds_joint();
-        let is_in_use = rubs || self.is_in_csv() || holds || self.is_in_position_control();
+        let is_in_use = rubs || holds || self.is_in_velocity_loop();
         if !is_in_use || !self.supervisor.is_bridge_allowed() {
             return;
         }
@@ -141,12 +168,21 @@ impl<F: NorFlash> Device<F> {
     /// Returns the target of a step, outside of a friction run. `holds`: the driver holds the joint.
     fn velocity_target(&mut self, holds: bool) -> VelocityTarget {
         if holds {
+            // The load remains, whether the master goes on to send its offset or not.
+            self.velocity.control.absorb_feed_forward();
             self.interrupt_position();
-            self.begin_velocity_course();
+            self.velocity.begin_course();
             let gains = self.stopping.gains(self.velocity.gains());
             return VelocityTarget::Slew(gains, self.holding_velocity());
         }
-        if self.is_in_csv() {
+        if self.profile.mode == PV {
+            self.position.is_limited = false;
+            self.feed_torque_forward();
+            let (target_rad_s, acceleration) = self.profile_velocity_step();
+            let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
+            return VelocityTarget::Slew(gains, target_rad_s);
+        }
+        if self.profile.mode == CSV {
             self.position.is_limited = false;
             let most_rad_s = self.max_speed_rad_s();
             let last_rad_s = self.profile.target_rad_s(most_rad_s);
@@ -168,17 +204,15 @@ impl<F: NorFlash> Device<F> {
         self.velocity.control.feed_forward(offset_a);
     }
 
-    /// Forgets the targets of the master: its course begins at the present reference.
-    fn begin_velocity_course(&mut self) {
-        let reference_rad_s = self.velocity.command.reference_rad_s;
-        self.velocity.course = VelocityInterpolation::begin(reference_rad_s);
-    }
-
     /// 60FFh: takes a target of the master.
     pub(in crate::driver) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
+        if target_micro_rad_s != self.profile.target_micro_rad_s {
+            self.modes.begin_velocity();
+        }
         self.profile.target_micro_rad_s = target_micro_rad_s;
         self.confirm_target(self.now_us);
-        if self.is_in_csv() && self.supervisor.is_armed() {
+        let is_followed = self.profile.mode == CSV && self.settings.source == InputSource::Sensors;
+        if is_followed && self.supervisor.is_armed() {
             let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s());
             let steps = self.settings.drive.interpolation_ms();
             self.velocity.course.set_target(target_rad_s, steps);
@@ -200,7 +234,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the set-point, with current and reference of the velocity loop if it is active.
     pub(super) fn with_velocity_command(&self, setpoint: Setpoint) -> Setpoint {
-        let is_in_use = self.is_friction_run() || self.is_in_csv() || self.is_in_position_control();
+        let is_in_use = self.is_friction_run() || self.is_in_velocity_loop();
         if !(is_in_use || self.holds_joint()) {
             let current_a = self.torque_mode_current_a(setpoint.current_a);
             return self.bounded_setpoint(Setpoint { current_a, ..setpoint });

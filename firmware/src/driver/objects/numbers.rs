@@ -76,6 +76,7 @@ impl<F: NorFlash> Device<F> {
             index::ACTUAL_VELOCITY => self.actual_velocity() as u32,
             index::TARGET_TORQUE => self.profile.target_permille as u32,
             index::MAX_TORQUE => self.profile.max_permille.into(),
+            index::TORQUE_DEMAND => self.torque_demand() as u32,
             index::VELOCITY_DEMAND => self.velocity_demand() as u32,
             index::TARGET_VELOCITY => self.profile.target_micro_rad_s as u32,
             index::VELOCITY_OFFSET => self.written_offsets()[0],

@@ -66,7 +66,7 @@ fn enabled() -> Bench {
 fn master_in_cst_enables_drives_and_stops_the_joint() {
     let mut bench = in_cst();
     assert_eq!(bench.number(index::DEVICE_TYPE, 0), 0x0002_0192);
-    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9 | 1 << 8 | 1 << 7 | 1 << 5 | 1);
+    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9 | 1 << 8 | 1 << 7 | 1 << 5 | 0b1101);
     assert_eq!(bench.number(index::MODE_DISPLAY, 0), 10);
     assert_eq!(state(&mut bench), 0x40);
     // Rated: 26 A, and 1 Nm/A at the joint.
@@ -351,7 +351,7 @@ fn drive_enable_is_refused_like_arming() {
     bench.driver.receive(&frame(0x301, &[0, 0, 0x80, 0x3F, 0, 0, 0, 99]), bench.now_us);
     assert_eq!(bench.driver.counters().foreign, foreign + 1);
     let mut bench = in_cst();
-    for mode in [2i8, 3, 7, 11, -1] {
+    for mode in [2i8, 5, 7, 11, -1] {
         assert_eq!(bench.write(index::MODE, 0, &mode.to_le_bytes()), Err(0x0609_0030));
     }
     // Without a mode of the profile, the frame drives nothing.
@@ -457,7 +457,7 @@ fn limits_and_heartbeat_change_while_enabled_and_deadlines_do_not() {
         (0x1016, 1, &[0u8; 4][..]),
         (0x1400, 5, &[50, 0]),
         (0x1800, 1, &[0x81, 1, 0, 0x80]),
-        (index::MODE, 0, &[9]),
+        (index::MODE, 0, &[0]),
         (index::COMPENSATOR, 1, &[0; 4]),
     ] {
         let refused = bench.write(at_index, sub_index, value);

@@ -20,6 +20,7 @@ mod feed_forward;
 mod friction;
 mod heat;
 mod holding_brake;
+mod modes;
 mod position;
 mod power_up;
 mod rig;
@@ -33,7 +34,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 15] {
+fn families() -> [&'static [ScenarioRow]; 16] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -50,6 +51,7 @@ fn families() -> [&'static [ScenarioRow]; 15] {
         trials::rows(),
         adaptation::rows(),
         feed_forward::rows(),
+        modes::rows(),
     ]
 }
 

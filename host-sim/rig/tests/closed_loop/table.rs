@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 23] = [
+const TITLES: [&str; 25] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -111,6 +111,8 @@ const TITLES: [&str; 23] = [
     "Trial of a parameter set, and undo of a tuning",
     "Adaptation of the friction levels",
     "Feed-forward from a master",
+    "Dead time",
+    "Profile modes, changes of the mode, and touch probe",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

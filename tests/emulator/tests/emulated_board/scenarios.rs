@@ -19,6 +19,8 @@ mod friction;
 mod heat;
 #[path = "../../../../host-sim/rig/tests/closed_loop/holding_brake.rs"]
 mod holding_brake;
+#[path = "../../../../host-sim/rig/tests/closed_loop/modes.rs"]
+mod modes;
 #[path = "../../../../host-sim/rig/tests/closed_loop/position.rs"]
 mod position;
 #[path = "../../../../host-sim/rig/tests/closed_loop/power_up.rs"]
@@ -46,7 +48,7 @@ use table::{Driver, ScenarioRow};
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     families.extend([stalls::rows(), stops::rows(), holding_brake::rows(), trials::rows()]);
-    families.push(feed_forward::rows());
+    families.extend([feed_forward::rows(), modes::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);
