@@ -66,8 +66,11 @@ pub trait Board {
     /// Returns the next received frame, if any.
     fn receive(&mut self) -> Option<Frame>;
 
-    /// Returns true if a frame can be queued for sending.
-    fn has_room(&mut self) -> bool;
+    /// Returns true if a frame with this identifier can be queued for sending.
+    ///
+    /// A frame that waits for a loaded bus must not keep back one with a higher priority, nor be overtaken by one with
+    /// the same identifier.
+    fn has_room_for(&mut self, identifier: u16) -> bool;
 
     /// Sends a frame; called only if there is room.
     fn send(&mut self, frame: &Frame);
@@ -189,14 +192,13 @@ impl<F: NorFlash> Background<F> {
     // Called in several places: not inlined, to reduce the size of the image.
     #[inline(never)]
     fn send(&mut self, board: &mut impl Board) {
-        while board.has_room() {
-            if let Some(frame) = self.driver.transmit_fd() {
-                board.send_fd(&frame);
-            } else if let Some(frame) = self.driver.transmit() {
-                board.send(&frame);
-            } else {
-                break;
-            }
+        if let Some(frame) = self.driver.transmit_fd_if(|identifier| board.has_room_for(identifier))
+        {
+            board.send_fd(&frame);
+        }
+        while let Some(frame) = self.driver.transmit_if(|identifier| board.has_room_for(identifier))
+        {
+            board.send(&frame);
         }
     }
 

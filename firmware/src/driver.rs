@@ -280,11 +280,16 @@ impl<F: NorFlash> Driver<F> {
     /// Returns the next frame to send; called when the controller has room for it. The segments of a block are
     /// made only here, when no other frame waits: the queue is shorter than a block.
     pub fn transmit(&mut self) -> Option<Frame> {
+        self.transmit_if(|_| true)
+    }
+
+    /// Returns the next frame to send of those whose identifier the controller can take now.
+    pub fn transmit_if(&mut self, can_send: impl FnMut(u16) -> bool) -> Option<Frame> {
         if self.device.outbox().is_empty() && self.network.can_serve_objects() {
             let segment = self.sdo.next_segment(&mut self.device);
             self.send_answer(segment, self.network.node());
         }
-        self.device.outbox().pop()
+        self.device.outbox().take(can_send)
     }
 
     /// States that the CAN controller sends frames of CAN FD. Without it, `fd_telemetry` (2001h:9) is refused.
@@ -294,7 +299,12 @@ impl<F: NorFlash> Driver<F> {
 
     /// Returns the frame of CAN FD that waits to be sent; called when the controller has room for it.
     pub fn transmit_fd(&mut self) -> Option<FdTelemetry> {
-        self.device.outbox().take_fd()
+        self.transmit_fd_if(|_| true)
+    }
+
+    /// Returns the frame of CAN FD, if the controller can take its identifier now.
+    pub fn transmit_fd_if(&mut self, can_send: impl FnOnce(u16) -> bool) -> Option<FdTelemetry> {
+        self.device.outbox().take_fd(can_send)
     }
 
     /// Sets the state of the CAN controller, and whether received frames were lost.

@@ -46,9 +46,23 @@ impl Outbox {
 
     /// Removes and returns the oldest frame.
     pub fn pop(&mut self) -> Option<Frame> {
-        let frame = self.frames.pop_front()?;
-        self.sent = self.sent.wrapping_add(1);
-        Some(frame)
+        self.take(|_| true)
+    }
+
+    /// Removes and returns the oldest frame whose identifier can be sent now. Frames before it keep their order.
+    pub fn take(&mut self, mut can_send: impl FnMut(u16) -> bool) -> Option<Frame> {
+        let mut found = None;
+        for _ in 0..self.frames.len() {
+            let frame = self.frames.pop_front()?;
+            if found.is_none() && can_send(frame.identifier()) {
+                found = Some(frame);
+            } else {
+                // There is room: it was just removed.
+                let _ = self.frames.push_back(frame);
+            }
+        }
+        self.sent = self.sent.wrapping_add(u32::from(found.is_some()));
+        found
     }
 
     /// Stores a frame of CAN FD. One that still waits is dropped and counted: it is of an earlier sample.
@@ -58,9 +72,9 @@ impl Outbox {
         }
     }
 
-    /// Removes and returns the frame of CAN FD.
-    pub fn take_fd(&mut self) -> Option<FdTelemetry> {
-        let frame = self.fd.take()?;
+    /// Removes and returns the frame of CAN FD, if its identifier can be sent now.
+    pub fn take_fd(&mut self, can_send: impl FnOnce(u16) -> bool) -> Option<FdTelemetry> {
+        let frame = self.fd.take_if(|frame| can_send(frame.identifier()))?;
         self.sent = self.sent.wrapping_add(1);
         Some(frame)
     }
@@ -208,6 +222,20 @@ mod tests {
 
     fn frame(identifier: u16, data: &[u8]) -> Frame {
         Frame::new(identifier, data).unwrap()
+    }
+
+    #[test]
+    fn take_passes_over_identifiers_that_wait_and_keeps_the_order() {
+        let mut outbox = Outbox::default();
+        for (identifier, data) in [(0x705, 1), (0x185, 2), (0x285, 3), (0x185, 4)] {
+            outbox.push(frame(identifier, &[data]));
+        }
+        let mut taken = |waiting: u16| {
+            outbox.take(|identifier| identifier != waiting).map(|frame| frame.data()[0])
+        };
+        assert_eq!([taken(0x705), taken(0x705), taken(0x285)], [Some(2), Some(3), Some(1)]);
+        assert_eq!([taken(0x185), taken(0), taken(0)], [None, Some(4), None]);
+        assert_eq!(outbox.sent(), 4);
     }
 
     #[test]

@@ -57,6 +57,8 @@ MUTATIONS = [
      HANGING),
     ("watchdog not refreshed", BOARD + "watchdog.rs",
      "pac::IWDG.kr().write(|w| w.set_key(pac::iwdg::vals::Key::RESET));", "{}", START),
+    ("transmit elements in a FIFO", BOARD + "can.rs", "TxBufferMode::Priority", "TxBufferMode::Fifo",
+     "board::pdo_timing::process_data_keep_their_time_on_a_bus_with_full_load"),
     ("delay of the transceiver not compensated", BOARD + "can.rs", "CONTROLLER.dbtp().modify(|w| w.set_tdc(true));", "{}",
      "board::peripherals::telemetry_at_5_mbit_is_sent_with_compensated_delay"),
     ("clock's interrupt as urgent as the loop's", "firmware/src/boards/stm32g474.rs",

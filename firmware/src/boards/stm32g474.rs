@@ -300,8 +300,8 @@ mod app {
             self.frames.dequeue()
         }
 
-        fn has_room(&mut self) -> bool {
-            self.controller.has_room()
+        fn has_room_for(&mut self, identifier: u16) -> bool {
+            self.controller.has_room_for(identifier)
         }
 
         fn send(&mut self, frame: &Frame) {

@@ -100,11 +100,16 @@ impl<F: NorFlash> Recovery<F> {
 
     /// Returns the next frame to send.
     pub fn transmit(&mut self) -> Option<Frame> {
+        self.transmit_if(|_| true)
+    }
+
+    /// Returns the next frame to send of those whose identifier the controller can take now.
+    pub fn transmit_if(&mut self, can_send: impl FnMut(u16) -> bool) -> Option<Frame> {
         if self.outbox.is_empty() {
             let segment = self.server.next_segment(&mut self.objects);
             self.send_answer(segment);
         }
-        self.outbox.pop()
+        self.outbox.take(can_send)
     }
 
     /// Returns true if a restart is requested.

@@ -3,8 +3,11 @@
 //! embassy sets up the controller: clock, pins, bit timing, filters. This module moves the frames, because
 //! embassy's queues take a critical section per frame, which would delay the current loop. The layout of
 //! the message memory is fixed (as in the HAL of the chip): elements of 18 words with a header of two
-//! words. Its receive FIFO holds three frames, so the interrupt moves them to a longer queue at once. Its
-//! transmit FIFO holds three frames in order.
+//! words. Its receive FIFO holds three frames, so the interrupt moves them to a longer queue at once.
+//!
+//! Of its three transmit elements, the one with the lowest identifier is sent first. In a FIFO, a heartbeat that waits for
+//! a loaded bus would keep back all process data. The order of equal identifiers would be that of the elements, so no
+//! two of them are in the controller. Services leave one element to process data.
 //!
 //! The controller understands CAN FD: otherwise it would destroy each such frame by an error frame. It needs the bit rate
 //! of their data for it (2001h:8). Received ones are discarded. The only sent one is [`FdTelemetry`] (2001h:9).
@@ -75,7 +78,14 @@ pub struct Controller {
     can: Can<'static>,
     /// Identifiers accepted besides those of the start; 0 for none.
     accepted: [u16; 7],
+    /// Identifiers of the transmit elements.
+    transmitted: [u16; TRANSMIT_ELEMENTS],
 }
+
+/// Transmit elements.
+const TRANSMIT_ELEMENTS: usize = 3;
+/// Lowest identifier of the services: answers to SDO requests, heartbeats, LSS.
+const SERVICES: u16 = 0x580;
 
 /// Filter slots of single identifiers. The slots before are those of the node number and the broadcasts.
 const RECEIVE_SLOTS: [StandardFilterSlot; 7] = [
@@ -109,7 +119,7 @@ impl Controller {
         // FDOE: frames in the FD format are followed to their end. BRSE permits a switched bit rate. The format of a sent
         // frame is in its header.
         config.frame_transmit = FrameTransmissionConfig::AllowFdCanAndBRS;
-        config.tx_buffer_mode = TxBufferMode::Fifo;
+        config.tx_buffer_mode = TxBufferMode::Priority;
         // `state` requests the recovery, so that it is also reported.
         config.automatic_bus_off_recovery = false;
         config.global_filter = GlobalFilter {
@@ -143,7 +153,7 @@ impl Controller {
         compensate_delay(data_bit_rate_kbit);
         // Enable only the source that the interrupt clears; any other would raise it for ever.
         CONTROLLER.ie().write(|w| w.set_rfne(0, true));
-        Self { can, accepted: [0; 7] }
+        Self { can, accepted: [0; 7], transmitted: [0; TRANSMIT_ELEMENTS] }
     }
 
     /// Accepts these identifiers besides those of the start, because a master may move a receive PDO to the
@@ -185,9 +195,18 @@ impl Controller {
         }
     }
 
-    /// Returns true if there is room for another frame to send.
-    pub fn has_room(&self) -> bool {
-        !CONTROLLER.txfqs().read().tfqf()
+    /// Returns true if a frame with this identifier can be sent: see the module's header.
+    pub fn has_room_for(&self, identifier: u16) -> bool {
+        let pending = CONTROLLER.txbrp().read().0;
+        let mut free = 0;
+        for (element, transmitted) in self.transmitted.iter().enumerate() {
+            if pending >> element & 1 == 0 {
+                free += 1;
+            } else if *transmitted == identifier {
+                return false;
+            }
+        }
+        free > u32::from(identifier >= SERVICES)
     }
 
     /// Returns true if all frames have been sent.
@@ -195,39 +214,41 @@ impl Controller {
         CONTROLLER.txbrp().read().0 == 0
     }
 
-    /// Sends a frame. Check [`Controller::has_room`] first.
+    /// Sends a frame. Check [`Controller::has_room_for`] first.
     pub fn send(&mut self, frame: &Frame) {
         let mut bytes = [0; 8];
         for (place, byte) in bytes.iter_mut().zip(frame.data()) {
             *place = *byte;
         }
-        transmit(frame.identifier(), frame.data().len() as u32, &bytes);
+        self.transmit(frame.identifier(), frame.data().len() as u32, &bytes);
     }
 
-    /// Sends a frame of CAN FD. Check [`Controller::has_room`] first.
+    /// Sends a frame of CAN FD. Check [`Controller::has_room_for`] first.
     pub fn send_fd(&mut self, frame: &FdTelemetry) {
-        transmit(
+        self.transmit(
             frame.identifier(),
             LENGTH_64 | (FD_FRAME | SWITCHED_RATE) >> LENGTH_SHIFT,
             frame.data(),
         );
     }
-}
 
-/// Writes the next element of the transmit FIFO and requests its transmission. `format` is the upper half of its second
-/// word.
-#[inline(never)]
-fn transmit(identifier: u16, format: u32, data: &[u8]) {
-    let place = usize::from(CONTROLLER.txfqs().read().tfqpi()).min(2);
-    let word = |at: usize| MESSAGE_MEMORY.txbuf(ELEMENT_WORDS * place + at);
-    word(0).write_value(u32::from(identifier) << IDENTIFIER_SHIFT);
-    word(1).write_value(format << LENGTH_SHIFT);
-    for (at, bytes) in data.as_chunks::<4>().0.iter().enumerate() {
-        word(HEADER_WORDS + at).write_value(u32::from_le_bytes(*bytes));
+    /// Writes the next transmit element and requests its transmission. `format` is the upper half of its second word.
+    #[inline(never)]
+    fn transmit(&mut self, identifier: u16, format: u32, data: &[u8]) {
+        let place = usize::from(CONTROLLER.txfqs().read().tfqpi()).min(TRANSMIT_ELEMENTS - 1);
+        if let Some(transmitted) = self.transmitted.get_mut(place) {
+            *transmitted = identifier;
+        }
+        let word = |at: usize| MESSAGE_MEMORY.txbuf(ELEMENT_WORDS * place + at);
+        word(0).write_value(u32::from(identifier) << IDENTIFIER_SHIFT);
+        word(1).write_value(format << LENGTH_SHIFT);
+        for (at, bytes) in data.as_chunks::<4>().0.iter().enumerate() {
+            word(HEADER_WORDS + at).write_value(u32::from_le_bytes(*bytes));
+        }
+        // The frame must be in memory before the controller reads it.
+        cortex_m::asm::dmb();
+        CONTROLLER.txbar().write(|w| w.set_ar(place, true));
     }
-    // The frame must be in memory before the controller reads it.
-    cortex_m::asm::dmb();
-    CONTROLLER.txbar().write(|w| w.set_ar(place, true));
 }
 
 /// Lets the controller measure the delay of the transceiver, at data bit rates that need it. embassy does not offer it.

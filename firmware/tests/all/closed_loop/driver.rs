@@ -61,7 +61,7 @@ impl Board for SimulatedBoard {
         self.now_us += self.frame_us;
         Some(frame)
     }
-    fn has_room(&mut self) -> bool {
+    fn has_room_for(&mut self, _identifier: u16) -> bool {
         self.sent.len() < self.room
     }
     fn send(&mut self, frame: &Frame) {

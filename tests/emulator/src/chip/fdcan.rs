@@ -28,11 +28,14 @@ const ILE: u32 = 0x5C;
 const RXGFC: u32 = 0x80;
 const RXF0S: u32 = 0x90;
 const RXF0A: u32 = 0x94;
+const TXBC: u32 = 0xC0;
 const TXFQS: u32 = 0xC4;
 const TXBRP: u32 = 0xC8;
 const TXBAR: u32 = 0xCC;
 const TXBTO: u32 = 0xD4;
 
+/// Transmit queue mode.
+const QUEUE_MODE: u32 = 1 << 24;
 const INIT: u32 = 1;
 const FD_OPERATION: u32 = 1 << 8;
 const RATE_SWITCHING: u32 = 1 << 9;
@@ -66,6 +69,9 @@ const OFF_ABOVE: u32 = 255;
 /// Bits of a recovery from bus-off.
 const RECOVERY_BITS: u64 = 128 * 11;
 
+/// Number of frames of others whose end is known.
+const ARRIVED_FRAMES: usize = 32;
+
 /// Core cycles of a bit at 1 Mbit/s.
 const BIT_CYCLES: u64 = 170;
 
@@ -98,6 +104,8 @@ pub struct Fdcan {
     pub sent: VecDeque<(u64, Frame)>,
     /// Frames of CAN FD that the driver has sent, with their end.
     pub sent_fd: VecDeque<(u64, FdTelemetry)>,
+    /// End and identifier of the last frames that the driver may have received.
+    pub arrived: VecDeque<(u64, u16)>,
 }
 
 /// A frame in a transmit element.
@@ -140,6 +148,7 @@ impl Default for Fdcan {
             random: 1,
             sent: VecDeque::new(),
             sent_fd: VecDeque::new(),
+            arrived: VecDeque::new(),
         }
     }
 }
@@ -239,12 +248,23 @@ impl Fdcan {
         sending.min(self.arrival.unwrap_or(u64::MAX)).min(recovery)
     }
 
+    /// Transmit element that is next: the oldest, or in queue mode that of the lowest identifier, and of equal ones the
+    /// first.
+    fn next_element(&self) -> Option<usize> {
+        if self.register(TXBC) & QUEUE_MODE == 0 {
+            return self.waiting.front().copied();
+        }
+        let identifier =
+            |element: usize| self.ram[TRANSMIT + ELEMENT_WORDS * element] >> 18 & 0x7FF;
+        self.waiting.iter().copied().min_by_key(|element| (identifier(*element), *element))
+    }
+
     /// Starts what is next on the bus, if it is free: of those that wait, the lowest identifier.
     fn begin_next(&mut self, now: u64) {
         if self.on_bus.is_some() || self.arrival.is_some() {
             return;
         }
-        let own = self.waiting.front().copied().filter(|_| self.is_running());
+        let own = self.next_element().filter(|_| self.is_running());
         let own = own.and_then(|element| Some((element, self.outgoing(element)?)));
         let start = now.max(self.bus_free);
         self.sort_arriving(start);
@@ -343,6 +363,8 @@ impl Fdcan {
         if let Some((_, frame, is_remote)) = self.arriving.pop_front()
             && self.is_running()
         {
+            self.arrived.truncate(ARRIVED_FRAMES - 1);
+            self.arrived.push_front((end, frame.identifier()));
             self.receive(&frame, is_remote);
         }
         self.show_errors();

@@ -11,6 +11,7 @@ mod drift;
 mod dry_side;
 mod flood;
 mod interruptions;
+mod pdo_timing;
 mod peripherals;
 mod power_cut;
 mod pressure;

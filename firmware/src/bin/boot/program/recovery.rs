@@ -77,9 +77,7 @@ pub fn run(flash: ChipFlash) -> ! {
 }
 
 fn send(controller: &mut can::Controller, node: &mut Recovery<ChipFlash>) {
-    while controller.has_room()
-        && let Some(frame) = node.transmit()
-    {
+    while let Some(frame) = node.transmit_if(|identifier| controller.has_room_for(identifier)) {
         controller.send(&frame);
     }
 }

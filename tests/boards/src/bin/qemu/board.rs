@@ -165,7 +165,7 @@ impl Board for EmulatedBoard {
         self.bus.receive()
     }
 
-    fn has_room(&mut self) -> bool {
+    fn has_room_for(&mut self, _identifier: u16) -> bool {
         self.bus.has_room()
     }
 

@@ -306,7 +306,7 @@ impl Board for SkeletonBoard {
         self.bus.receive()
     }
 
-    fn has_room(&mut self) -> bool {
+    fn has_room_for(&mut self, _identifier: u16) -> bool {
         self.bus.has_room()
     }
 
