@@ -1,7 +1,7 @@
 //! Values of objects that no other test reads: settings survive a save, measurements are those of the last report.
 
 use super::bench::Bench;
-use super::drive::in_cst;
+use super::drive::{control, in_cst};
 use compensator_core::can::{Message, SyncFrame};
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
@@ -26,6 +26,12 @@ const SETTINGS: &[(u16, u8, &[u8])] = &[
     (0x6066, 0, &[0x22, 0x01]),
     (0x6067, 0, &[0x10, 0x27, 0, 0]),
     (0x6068, 0, &[0x32, 0]),
+    (0x606D, 0, &[0x10, 0x27]),
+    (0x606E, 0, &[0x14, 0]),
+    (0x606F, 0, &[0x10, 0x27]),
+    (0x6070, 0, &[0x14, 0]),
+    (0x607F, 0, &[0x40, 0x42, 0x0F, 0]),
+    (0x6087, 0, &[0xD0, 0x07, 0, 0]),
     (index::POSITION_LIMITS, 1, &[0x80, 0x69, 0x67, 0xFF]),
     (0x6099, 1, &[0x20, 0xA1, 0x07, 0]),
     (0x609A, 0, &[0x20, 0xA1, 0x07, 0]),
@@ -116,6 +122,19 @@ fn measurements_are_those_of_the_last_report() {
     assert_eq!(outputs, [2.5, 1.5, 13.0, 0.125]);
     // Thousandths of the rated current, 26 A.
     assert_eq!(bench.number(0x6078, 0) as i16, 500);
+}
+
+#[test]
+fn profile_types_are_linear_and_the_torque_demand_is_the_target() {
+    let mut bench = in_cst();
+    for profile_type in [0x6086, 0x6088] {
+        assert_eq!(bench.number(profile_type, 0), 0, "{profile_type:04X}h");
+        assert!(bench.write(profile_type, 0, &[1, 0]).is_err(), "{profile_type:04X}h");
+    }
+    for word in [0x06, 0x07, 0x0F] {
+        control(&mut bench, word, 100);
+    }
+    assert_eq!(bench.number(0x6074, 0) as i16, 100);
 }
 
 #[test]
