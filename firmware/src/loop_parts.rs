@@ -7,6 +7,7 @@ use crate::control::parameters::OVERCURRENT_MARGIN;
 use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
+use crate::sensors::encoder::EncoderKind;
 use compensator_core::adaptation::Gains;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
@@ -134,7 +135,7 @@ impl Compensate for LimitedCompensator {
 /// Properties of a power stage that apply in addition to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTraits {
-    /// Age of the encoder angle caused by the way it is read, s. It is added to the parameter `encoder_delay_s`,
+    /// Age of the angle of an encoder that is read in frames, caused by the way it is read, s. It is added to the parameter `encoder_delay_s`,
     /// the delay of the sensor itself.
     pub encoder_age_s: f32,
     /// Largest phase current that the stage can measure, A; limits `overcurrent_a` and `current_limit_a`.
@@ -199,8 +200,10 @@ impl LoopParts {
         // Validate the written values first, so that the error names what was written.
         set.motor.validate()?;
         stage.check_currents(set)?;
+        let kind = EncoderKind::of(set.sensors.encoder_kind);
+        let encoder_age_s = kind.age_s(stage.encoder_age_s);
         let motor = MotorParameters {
-            encoder_delay_s: set.motor.encoder_delay_s + stage.encoder_age_s,
+            encoder_delay_s: set.motor.encoder_delay_s + encoder_age_s,
             modulation_max: set.motor.modulation_max.min(stage.modulation_max),
             ..set.motor
         }

@@ -180,7 +180,8 @@ impl ParameterSet {
         self.motor.build(PERIOD_S).map(|_| ())
     }
 
-    /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`] and of the sign of the shunts, never 0. A joint stays commissioned if
+    /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`] of the sign of the shunts, and of the encoder if it is
+    /// not an AS5047P; never 0. A joint stays commissioned if
     /// other parameters change.
     pub fn wiring_crc(&self) -> u32 {
         const WIRING: [Text; 10] = Text::all(ParameterSet::WIRING_PARAMETERS);
@@ -190,7 +191,19 @@ impl ParameterSet {
                 digest.update(&number.to_le_bytes());
             }
         }
-        digest.update(&self.sensors.shunt_sign.to_le_bytes());
+        let sensors = &self.sensors;
+        digest.update(&sensors.shunt_sign.to_le_bytes());
+        // The electrical zero belongs to an encoder. The CRC of a joint with that of the board does not depend on it.
+        if sensors.encoder_kind != 0.0 {
+            for value in [
+                sensors.encoder_kind,
+                sensors.abz_lines,
+                sensors.hall_order,
+                sensors.hall_offset_rad,
+            ] {
+                digest.update(&value.to_le_bytes());
+            }
+        }
         digest.value().max(1)
     }
 

@@ -16,6 +16,7 @@ SINE = "board::course::joint_with_image_follows_sine_of_velocity"
 HANGING = "board::course::joint_with_hanging_loop_is_stopped_at_level_of_its_comparators"
 START = "board::start::image_after_power_on_sends_boot_up_frame_with_open_bridge"
 GATE_FAULT = "board::peripherals::fault_of_gate_driver_is_named_and_overcurrent_is_not"
+KINDS = "scenarios::encoder_kinds::encoders_of_all_kinds_drive_and_their_faults_are_found"
 DRY_SIDE = "board::dry_side::readings_of_dry_side_are_those_of_its_sensors"
 
 # Name, file, an expression or statement of it, what replaces it, and the test that must fail.
@@ -43,7 +44,7 @@ MUTATIONS = [
     ("sign of the currents", "firmware/src/boards/stm32g474.rs",
      "driver.set().sensors.shunt_sign", "-driver.set().sensors.shunt_sign", SINE),
     ("sign of the angle", BOARD + "motor_stage.rs",
-     "encoder_angle(u32::from(angle), ANGLE_BITS)", "encoder_angle(u32::from(angle), ANGLE_BITS).wrapping_neg()", SINE),
+     "sample(counts, &self.shunts, angle)", "sample(counts, &self.shunts, angle.map(u32::wrapping_neg))", SINE),
     ("trigger at the other end of the PWM", BOARD + "power_stage.rs",
      "TIMER.ccr(3).write(|w| w.set_ccr(PWM_TOP - 1));", "TIMER.ccr(3).write(|w| w.set_ccr(1));", SINE),
     ("SPI mode 0 for mode 1", BOARD + "encoder.rs", "config.mode = spi::MODE_1;", "config.mode = spi::MODE_0;", SINE),
@@ -91,6 +92,10 @@ MUTATIONS = [
      "self.begin_loaded(if is_moving { velocity_rad_s } else { 0.0 }, current_a);",
      "{ self.begin_loaded(if is_moving { velocity_rad_s } else { 0.0 }, 0.0); }",
      "scenarios::modes::profile_modes_ramp_and_change_without_a_jump"),
+    ("counts of an ABZ encoder not compared at its index", "firmware/src/sensors/quadrature.rs",
+     "is_checked && lost <= INDEX_TOLERANCE_COUNTS", "is_checked", KINDS),
+    ("counter of one line for both", BOARD + "incremental.rs", "vals::Sms::ENCODER_MODE_3", "vals::Sms::ENCODER_MODE_1", KINDS),
+    ("skipped sector of Hall sensors accepted", "firmware/src/sensors/hall.rs", "direction == 0", "false", KINDS),
 ]
 
 # The word that selects a mutation follows this one in a program.

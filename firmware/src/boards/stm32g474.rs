@@ -21,6 +21,7 @@ mod converters;
 mod encoder;
 mod fast_code;
 mod flash;
+mod incremental;
 mod motor_stage;
 mod overcurrent;
 mod pins;
@@ -85,7 +86,9 @@ mod app {
     use super::motor_stage::{MotorStage, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
-    use super::{clocks, fast_code, overcurrent, pins, random, scales, start, watchdog};
+    use super::{
+        clocks, fast_code, incremental, overcurrent, pins, random, scales, start, watchdog,
+    };
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
@@ -100,6 +103,7 @@ mod app {
     use firmware::node_settings::NodeSettings;
     use firmware::parameter_set::ParameterSet;
     use firmware::sensors::SensorParameters;
+    use firmware::sensors::encoder::{EncoderKind, MotorEncoder};
     use firmware::{heat_memory, panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -149,7 +153,7 @@ mod app {
 
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
         // Both are triggered by the timers and therefore set up before these start.
-        let encoder = Encoder::new(wired.encoder);
+        let inputs = Encoder::new(wired.encoder);
         let slow = SlowSensors::new(wired.slow, wired.pressure, wired.torque_off);
         let are_duties_at_top = stage.start();
         let shunts = measure_offsets(&mut stage);
@@ -187,7 +191,10 @@ mod app {
         );
         let sign = driver.set().sensors.shunt_sign;
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
-        let stage = MotorStage { stage, encoder, shunts };
+        let encoder = MotorEncoder::new(&driver.set().sensors, &driver.set().motor);
+        let kind = EncoderKind::of(driver.set().sensors.encoder_kind);
+        incremental::connect(kind, wired.incremental);
+        let stage = MotorStage { stage, encoder, inputs, shunts };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();

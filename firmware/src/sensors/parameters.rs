@@ -5,7 +5,7 @@
 
 use super::strain_gauge::StrainGauge;
 use super::thermistor::Thermistor;
-use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
+use compensator_core::parameters::{Bound, ParameterError, Text, check_ranges, refuse};
 use compensator_core::text;
 
 compensator_core::named_fields! {
@@ -46,6 +46,15 @@ compensator_core::named_fields! {
         housing_pressure_max_pa: f32 = 1.3e5, 0.0..=1e6, "the pressure at closing, plus what heating explains";
         /// 1 if the two channels of safe torque off are connected to the board.
         sto_connected: f32 = 0.0, 0.0..=1.0, "0 or 1";
+        /// Encoder of the motor: 0 AS5047P, 1 AS5048A, 2 ABZ, 3 ABZ and Hall sensors, 4 Hall sensors alone; used from the
+        /// next start on.
+        encoder_kind: f32 = 0.0, 0.0..=4.0, "a kind of encoder";
+        /// Lines per turn of an ABZ encoder; a line has four counts.
+        abz_lines: f32 = 1024.0, 100.0..=16384.0, "lines of an encoder";
+        /// 1, or -1 if the sectors of the Hall sensors fall while the ABZ encoder counts up.
+        hall_order: f32 = 1.0, -1.0..=1.0, "1 or -1";
+        /// Electrical angle of the ABZ encoder, from its index, at which the sector 001 of the Hall sensors begins, rad.
+        hall_offset_rad: f32 = 0.0, -6.3..=6.3, "within a turn";
     }
     /// Defaults: a strain gauge of 2000 N, low-side shunts, thermistors of 10 k (B 3435) below 10 k, and nothing on the
     /// dry side.
@@ -82,6 +91,10 @@ impl SensorParameters {
             Some((text!("housing_pressure_max_pa"), high, Bound::MoreThan(low), why))
         } else if self.shunt_sign.abs() != 1.0 {
             Some((text!("shunt_sign"), self.shunt_sign, Bound::AtLeast(1.0), text!("1 or -1")))
+        } else if self.hall_order.abs() != 1.0 {
+            Some((text!("hall_order"), self.hall_order, Bound::AtLeast(1.0), text!("1 or -1")))
+        } else if let Some((field, value)) = self.fraction() {
+            Some((field, value, Bound::Whole, text!("a kind or a number of lines is whole")))
         } else if self.strain_range_n == 0.0 {
             Some((
                 text!("strain_range_n"),
@@ -96,6 +109,13 @@ impl SensorParameters {
             Some((field, value, bound, why)) => refuse(field, value, bound, why),
             None => Ok(()),
         }
+    }
+
+    /// Returns a field of the encoder that must be a whole number and is none.
+    fn fraction(&self) -> Option<(Text, f32)> {
+        let whole =
+            [(text!("encoder_kind"), self.encoder_kind), (text!("abz_lines"), self.abz_lines)];
+        whole.into_iter().find(|(_, value)| *value != *value as u32 as f32)
     }
 
     /// Returns the strain gauge; `None` if none is connected.
@@ -140,6 +160,10 @@ mod tests {
             (SensorParameters { motor_beta_k: 10.0, ..sensors }, "motor_beta_k"),
             (SensorParameters { leak_stops: 0.5, ..sensors }, "leak_stops"),
             (SensorParameters { sto_connected: 0.5, ..sensors }, "sto_connected"),
+            (SensorParameters { encoder_kind: 1.5, ..sensors }, "encoder_kind"),
+            (SensorParameters { encoder_kind: 9.0, ..sensors }, "encoder_kind"),
+            (SensorParameters { abz_lines: 1000.5, ..sensors }, "abz_lines"),
+            (SensorParameters { hall_order: 0.0, ..sensors }, "hall_order"),
             (SensorParameters { leak_open_share: 0.5, ..sensors }, "leak_open_share"),
             (
                 SensorParameters { housing_pressure_max_pa: 6e4, ..sensors },

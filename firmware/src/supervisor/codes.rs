@@ -414,7 +414,8 @@ codes! {
     57 BrakingLimited "braking-limited" 0xFF1A [VOLTAGE] Limits Always 5 100
         "the bus is nearly full: the winding burns braking power, or braking is reduced", "the bus has room";
     58 EncoderMagnet "encoder-magnet" 0xFF1C [PROFILE] Limits Always 0 100
-        "the encoder reports a magnet that is too weak, too strong or misplaced", "it reports none at the next reading, a second later";
+        "the encoder warns: a magnet too weak, too strong or misplaced, lost counts, no index, or levels that contradict each other",
+        "it reports none at the next reading, a second later";
     60 TorqueOffChannels "safe-torque-off-channels" 0xFF21 [MANUFACTURER] Limits Always 100 100
         "the two channels of safe torque off differ", "they are equal";
     61 LeakReported "leak-reported" 0xFF22 [MANUFACTURER] Limits Always 200 1000

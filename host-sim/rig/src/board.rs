@@ -6,9 +6,13 @@
 //! so that a sample is 6 us old. The noise and
 //! the lag of the amplifiers are part of the plant.
 
-use firmware::control::{PERIOD_S, StageSample, ValidChannels, encoder_angle};
+use crate::incremental::{HallFault, Incremental, LineFault};
+use firmware::control::{PERIOD_S, StageSample, ValidChannels};
 use firmware::loop_parts::StageTraits;
-use firmware::sensors::as504x::{ANGLE_BITS, EncoderType, FramePairs};
+use firmware::parameter_set::ParameterSet;
+use firmware::sensors::as504x::FramePairs;
+use firmware::sensors::encoder::{EncoderInputs, MotorEncoder};
+use firmware::sensors::quadrature::Quadrature;
 use firmware::sensors::shunt::{
     CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt, measurable_a,
 };
@@ -107,12 +111,44 @@ impl EncoderState {
     }
 }
 
+/// What the encoder's code reads in a period of the rig.
+struct PeriodInputs<'a> {
+    state: &'a mut EncoderState,
+    commands: &'a mut [u16; 2],
+    incremental: &'a mut Incremental,
+    /// Angle that an encoder on SPI latches, counts, and the present one, turns.
+    latched: u16,
+    turns: f64,
+}
+
+impl EncoderInputs for PeriodInputs<'_> {
+    fn frames(&mut self) -> Option<[u16; 2]> {
+        self.state.angle = self.latched & DATA_MASK;
+        Some(self.commands.map(|command| self.state.exchange(command)))
+    }
+
+    fn set_commands(&mut self, commands: [u16; 2]) {
+        *self.commands = commands;
+    }
+
+    fn quadrature(&mut self) -> Quadrature {
+        self.incremental.turn_to(self.turns);
+        self.incremental.read()
+    }
+
+    fn hall(&mut self) -> u8 {
+        self.incremental.levels(self.turns)
+    }
+}
+
 /// Shunts and encoder of the board.
 #[derive(Debug)]
 pub struct BoardSensors {
     shunts: [Option<Shunt>; 2],
-    encoder: FramePairs,
+    encoder: MotorEncoder,
+    commands: [u16; 2],
     state: RefCell<EncoderState>,
+    incremental: RefCell<Incremental>,
     /// Drift of the amplifiers of phases a and b since start-up, A.
     pub drift_a: [f64; 2],
     /// Resolution of the bus voltage measurement, V.
@@ -120,8 +156,8 @@ pub struct BoardSensors {
 }
 
 impl BoardSensors {
-    /// Starts the sensors with an open bridge and finds the offsets of the shunts.
-    pub fn start(plant: &mut JointPlant, seed: u64) -> Self {
+    /// Starts the sensors with an open bridge, and the encoder of this set; finds the offsets of the shunts.
+    pub fn start(plant: &mut JointPlant, set: &ParameterSet, seed: u64) -> Self {
         let state = RefCell::new(EncoderState {
             angle: 0,
             answer: 0,
@@ -131,8 +167,10 @@ impl BoardSensors {
         });
         let mut sensors = Self {
             shunts: [None; 2],
-            encoder: FramePairs::new(EncoderType::As5047p),
+            encoder: MotorEncoder::new(&set.sensors, &set.motor),
+            commands: FramePairs::FIRST_COMMANDS,
             state,
+            incremental: RefCell::new(Incremental::new(plant.pole_pairs(), seed)),
             drift_a: [0.0; 2],
             bus_step_v: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
         };
@@ -149,7 +187,36 @@ impl BoardSensors {
 
     /// Returns true if the encoder reports a fault of its magnet.
     pub fn has_magnet_fault(&self) -> bool {
-        self.encoder.has_magnet_fault()
+        self.encoder.has_warning()
+    }
+
+    /// Starts the evaluation of the encoder anew, as after a reset of the driver.
+    pub fn restart_encoder(&mut self, set: &ParameterSet) {
+        self.encoder = MotorEncoder::new(&set.sensors, &set.motor);
+        self.commands = FramePairs::FIRST_COMMANDS;
+    }
+
+    /// Sets the fault of the quadrature encoder from now on.
+    pub fn set_lines(&mut self, fault: LineFault) {
+        self.incremental.borrow_mut().set_line_fault(fault);
+    }
+
+    /// Sets the fault of the Hall sensors from now on.
+    pub fn set_hall(&mut self, fault: HallFault) {
+        self.incremental.borrow_mut().set_hall_fault(fault);
+    }
+
+    /// Returns the edges of the quadrature encoder at this angle, turns, and those at the last rise of its index since the
+    /// last call.
+    pub fn edges(&self, turns: f64) -> (i64, Option<i64>) {
+        let mut incremental = self.incremental.borrow_mut();
+        incremental.turn_to(turns);
+        incremental.take_edges()
+    }
+
+    /// Returns the levels of the Hall sensors at this angle, turns.
+    pub fn hall_levels(&self, turns: f64) -> u8 {
+        self.incremental.borrow_mut().levels(turns)
     }
 
     /// Sets the fault of the encoder from now on.
@@ -197,9 +264,13 @@ impl BoardSensors {
         let advance =
             plant.motor_turns_in(-f64::from(LATCH_BEFORE_TOP_S)) * f64::from(DATA_MASK + 1);
         let shown = (f64::from(measured.encoder) + advance).round() as i32 as u16;
-        let answers =
-            self.encoder.commands().map(|command| self.exchange_encoder_word(command, shown));
-        let angle = self.encoder.angle(Some(answers)).ok();
+        let angle = self.encoder.angle(&mut PeriodInputs {
+            state: self.state.get_mut(),
+            commands: &mut self.commands,
+            incremental: self.incremental.get_mut(),
+            latched: shown,
+            turns: plant.motor_turns(),
+        });
         let [a, b] = std::array::from_fn(|phase| {
             let counts = self.counts(phase, measured.currents_a[phase]);
             self.shunts[phase].and_then(|shunt| shunt.current_a(counts))
@@ -211,7 +282,7 @@ impl BoardSensors {
         StageSample {
             currents_a: [a.unwrap_or(0.0), b.unwrap_or(0.0), 0.0],
             bus_v: (((measured.bus_v / self.bus_step_v).floor() + 0.5) * self.bus_step_v) as f32,
-            encoder: angle.map_or(0, |angle| encoder_angle(u32::from(angle), ANGLE_BITS)),
+            encoder: angle.unwrap_or(0),
             valid,
         }
     }
@@ -226,7 +297,7 @@ mod tests {
     #[test]
     fn board_encoder_at_speed_has_age_of_traits() {
         let mut plant = JointPlant::new(&Parameters::default(), Load::Free, 1);
-        let mut sensors = BoardSensors::start(&mut plant, 1);
+        let mut sensors = BoardSensors::start(&mut plant, &ParameterSet::default(), 1);
         while plant.velocity_rad_s() < 12.0 {
             plant.period_at_current(f64::from(PERIOD_S), 20.0);
         }

@@ -272,6 +272,9 @@ impl RigDriver for LibraryDriver<'_> {
         let queues: &'static mut LoopQueues = Box::leak(Box::new(LoopQueues::new()));
         (self.port, self.link) = queues.split(self.identity.stage, self.now_us);
         self.task = loop_task(&driver, self.identity.stage);
+        if let Some(board) = &mut self.stage.board {
+            board.restart_encoder(driver.set());
+        }
         self.background = background(driver, self.now_us);
         self.deferred_frames.clear();
         (self.is_reset, self.stalled_ms, self.watchdog_unserviced_ms) = (false, 0, 0);

@@ -17,6 +17,7 @@ mod board;
 mod bus;
 mod driver;
 mod faults;
+mod incremental;
 mod node;
 pub mod service;
 pub mod simulated;
@@ -26,6 +27,7 @@ pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault, current_a};
 pub use bus::RigBus;
 pub use driver::{LibraryDriver, RigDriver, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash};
 pub use faults::{RigFaults, SealSensorFault};
+pub use incremental::{HallFault, LineFault};
 pub use node::{JointEvent, MotorNode};
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
 
@@ -167,7 +169,9 @@ pub fn run_from_power_up<R>(
 
 /// Returns the stage of a start: the plant, with the sensors of the driver's board if they are simulated.
 pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFaults) -> Stage {
-    let board = start.board.then(|| BoardSensors::start(&mut plant, faults.seed));
+    let default = ParameterSet::default();
+    let set = start.set.unwrap_or(&default);
+    let board = start.board.then(|| BoardSensors::start(&mut plant, set, faults.seed));
     let mut stage = Stage::new(plant, faults);
     stage.board = board;
     stage

@@ -14,6 +14,7 @@ pub mod ms5837;
 pub mod random;
 pub mod spi;
 pub mod timer1;
+pub mod timer20;
 pub mod timer3;
 pub mod timer5;
 pub mod watchdog;
@@ -36,6 +37,7 @@ use std::collections::HashMap;
 use timer1::{Timer1, TimerEvent};
 use timer3::{SlaveEvent, Timer3};
 use timer5::Timer5;
+use timer20::Timer20;
 use watchdog::Watchdog;
 
 /// Core clock, Hz.
@@ -81,6 +83,8 @@ pub struct Chip<W> {
     pub timer1: Timer1,
     /// The encoder's timer.
     pub timer3: Timer3,
+    /// Counter of a quadrature encoder.
+    pub timer20: Timer20,
     /// Transfers without the core.
     pub dma: Dma,
     /// Clock of the software.
@@ -137,6 +141,7 @@ impl<W: World> Chip<W> {
             nvic: Nvic::default(),
             timer1: Timer1::default(),
             timer3: Timer3::default(),
+            timer20: Timer20::default(),
             dma: Dma::default(),
             timer5: Timer5::default(),
             adc: std::array::from_fn(|at| Adc::new(at + 1)),
@@ -328,6 +333,17 @@ impl<W: World> Chip<W> {
         self.spi.write(SPI1_DR & 0x3FF, word.into(), at, &mut |word| {
             if is_selected { world.encoder(word, seconds) } else { 0xFFFF }
         });
+    }
+
+    /// Time since the last sample of the surroundings, s.
+    fn since_sample(&self) -> f64 {
+        (self.now as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64
+    }
+
+    /// Shows the counter the edges up to now.
+    fn follow_edges(&mut self) {
+        let edges = self.world.edges(self.since_sample());
+        self.timer20.follow(edges, self.gpio.connects(gpio::QUADRATURE));
     }
 
     fn finish_frame(&mut self, at: u64, memory: &mut dyn Memory) {

@@ -5,6 +5,7 @@ use crate::chip::clock::reset;
 use crate::chip::comparators::BreakLevels;
 use crate::chip::flash::{STORE_BYTES, StoreContent};
 use crate::chip::ms5837::Water;
+use crate::chip::timer20::Edges;
 use crate::chip::{CORE_HZ, Chip};
 use crate::costs::{Costs, LOOP_EXCEPTION};
 use crate::world::{Bridge, World};
@@ -52,6 +53,7 @@ const FORCE_RANGE_N: f64 = 2000.0;
 pub struct JointWorld {
     stage: Stage,
     sampled: Measured,
+    sampled_turns: f64,
     is_low_side_on: [bool; 2],
     state: BoardState,
     /// Counts of the thermistors of bridge and motor, and the temperatures that they stand for, deg C.
@@ -63,6 +65,7 @@ impl JointWorld {
     fn new(mut stage: Stage) -> Self {
         let sampled = stage.plant.measure();
         Self {
+            sampled_turns: stage.plant.motor_turns(),
             stage,
             sampled,
             is_low_side_on: [true; 2],
@@ -70,6 +73,11 @@ impl JointWorld {
             thermistors: [(None, 0); 2],
             has_pressure_sensor: false,
         }
+    }
+
+    /// Angle of the motor's shaft, turns, `seconds` after the last sample.
+    fn shaft_turns(&self, seconds: f64) -> f64 {
+        self.sampled_turns + self.stage.plant.motor_turns_in(seconds)
     }
 
     fn thermistor(&mut self, place: usize, temperature_c: Option<f32>) -> u16 {
@@ -96,6 +104,7 @@ impl World for JointWorld {
 
     fn sample(&mut self, is_low_side_on: [bool; 2]) {
         self.sampled = self.stage.plant.measure();
+        self.sampled_turns = self.stage.plant.motor_turns();
         if self.stage.phases_swapped {
             self.sampled.currents_a.swap(1, 2);
         }
@@ -121,6 +130,18 @@ impl World for JointWorld {
         let advance = self.stage.plant.motor_turns_in(seconds) * ENCODER_COUNTS;
         let angle = (f64::from(self.sampled.encoder) + advance).round() as i32 as u16;
         self.stage.board.as_ref().map_or(0xFFFF, |board| board.exchange_encoder_word(word, angle))
+    }
+
+    fn edges(&mut self, seconds: f64) -> Edges {
+        let turns = self.shaft_turns(seconds);
+        let Some(board) = &self.stage.board else { return Edges::default() };
+        let (count, index) = board.edges(turns);
+        Edges { count, index, has_double_edge: false }
+    }
+
+    fn hall_levels(&mut self, seconds: f64) -> Option<u8> {
+        let turns = self.shaft_turns(seconds);
+        self.stage.board.as_ref().map(|board| board.hall_levels(turns))
     }
 
     fn water(&self) -> Option<Water> {

@@ -3,6 +3,7 @@
 use crate::chip::bme280::HousingAir;
 use crate::chip::comparators::BreakLevels;
 use crate::chip::ms5837::Water;
+use crate::chip::timer20::Edges;
 
 /// State of the bridge over a stretch of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +31,16 @@ pub trait World {
 
     /// Exchanges a word with the encoder, `seconds` after the last sample.
     fn encoder(&mut self, word: u16, seconds: f64) -> u16;
+
+    /// Returns the edges of a quadrature encoder, `seconds` after the last sample.
+    fn edges(&mut self, _seconds: f64) -> Edges {
+        Edges::default()
+    }
+
+    /// Returns the levels of the motor's Hall sensors, `seconds` after the last sample; `None` if there are none.
+    fn hall_levels(&mut self, _seconds: f64) -> Option<u8> {
+        None
+    }
 
     /// Returns what the pressure sensor is in; `None` if there is no sensor.
     fn water(&self) -> Option<Water> {

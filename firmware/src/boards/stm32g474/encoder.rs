@@ -20,12 +20,12 @@
 //!
 //! Channel 4 starts the slow conversions; see [`super::slow`].
 
-use super::pins;
 use super::power_stage::since_top;
 use super::scales::{
     CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER, FAST_CONVERSION_CYCLES, HALF_GAP_CYCLES, LEAD_CYCLES,
     PWM_TOP, SLOW_START_CYCLES,
 };
+use super::{incremental, pins};
 use core::sync::atomic::{AtomicU16, Ordering};
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{OutputType, Pull};
@@ -38,9 +38,9 @@ use embassy_stm32::spi::mode::Master;
 use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{pac, rcc};
-use firmware::sensors::as504x::{
-    DESELECTED_NS, EncoderError, EncoderType, FramePairs, RELEASE_NS, SELECT_NS,
-};
+use firmware::sensors::as504x::{DESELECTED_NS, FramePairs, RELEASE_NS, SELECT_NS};
+use firmware::sensors::encoder::EncoderInputs;
+use firmware::sensors::quadrature::Quadrature;
 
 const TIMER: pac::timer::TimGp16 = pac::TIM3;
 const BUS: pac::spi::Spi = pac::SPI1;
@@ -82,9 +82,6 @@ const SLOW_AT: u16 = PWM_TOP - (LEAD_CYCLES + SLOW_START_CYCLES) as u16;
 /// Maximum deviation of the phase between both timers, cycles: the reads of both counters and the start.
 const MAX_PHASE_ERROR_CYCLES: u32 = 60;
 
-/// Type of the encoder on this board.
-const ENCODER_TYPE: EncoderType = EncoderType::As5047p;
-
 /// A word with wrong parity: the place of an answer that has not come yet.
 const NO_ANSWER: u16 = 1;
 /// Periods without an answer after which the exchange is restarted.
@@ -98,9 +95,8 @@ const fn cycles_of(ns: u32) -> u32 {
     (ns as u64 * CORE_HZ as u64).div_ceil(1_000_000_000) as u32
 }
 
-/// The encoder with its timer and bus.
+/// The encoder's timer and bus, and the other inputs of the kinds of an encoder.
 pub struct Encoder {
-    pairs: FramePairs,
     missing_periods: u8,
     _bus: Spi<'static, Blocking, Master>,
     _timer: Peri<'static, TIM3>,
@@ -121,7 +117,6 @@ impl Encoder {
         set_up_bus();
         start_exchange();
         Self {
-            pairs: FramePairs::new(ENCODER_TYPE),
             missing_periods: 0,
             _bus: bus,
             _timer: wired.timer,
@@ -129,42 +124,48 @@ impl Encoder {
         }
     }
 
-    /// Returns the angle of this period. Call it once a period, after the conversion of the currents.
-    ///
-    /// # Errors
-    /// Returns why there is no angle.
-    #[inline(always)]
-    pub fn angle(&mut self) -> Result<u16, EncoderError<core::convert::Infallible>> {
-        let [first, second] = &ANSWERS;
-        // Both answers are stored, and no further one.
-        let is_complete = pac::DMA1.ch(ANSWER_CHANNEL).ndtr().read().ndt() == FRAMES as u16;
-        let answers = [first.load(Ordering::Relaxed), second.load(Ordering::Relaxed)];
-        second.store(NO_ANSWER, Ordering::Relaxed);
-        let answers = (is_complete && answers[1] != NO_ANSWER).then_some(answers);
-        let angle = self.pairs.angle(answers);
-        let [first, second] = self.pairs.commands();
-        COMMANDS[0].store(first, Ordering::Relaxed);
-        COMMANDS[1].store(second, Ordering::Relaxed);
-        if answers.is_some() {
-            self.missing_periods = 0;
-        } else {
-            self.count_missing();
-        }
-        angle
-    }
-
-    /// Returns true if the encoder reports a fault of its magnet.
-    pub const fn has_magnet_fault(&self) -> bool {
-        self.pairs.has_magnet_fault()
-    }
-
     #[cold]
+    #[inline(never)]
     fn count_missing(&mut self) {
         self.missing_periods += 1;
         if self.missing_periods >= RESTART_AFTER_PERIODS {
             self.missing_periods = 0;
             start_exchange();
         }
+    }
+}
+
+impl EncoderInputs for Encoder {
+    #[inline(always)]
+    fn frames(&mut self) -> Option<[u16; FRAMES]> {
+        let [first, second] = &ANSWERS;
+        // Both answers are stored, and no further one.
+        let is_complete = pac::DMA1.ch(ANSWER_CHANNEL).ndtr().read().ndt() == FRAMES as u16;
+        let answers = [first.load(Ordering::Relaxed), second.load(Ordering::Relaxed)];
+        second.store(NO_ANSWER, Ordering::Relaxed);
+        let answers = (is_complete && answers[1] != NO_ANSWER).then_some(answers);
+        if answers.is_some() {
+            self.missing_periods = 0;
+        } else {
+            self.count_missing();
+        }
+        answers
+    }
+
+    #[inline(always)]
+    fn set_commands(&mut self, [first, second]: [u16; FRAMES]) {
+        COMMANDS[0].store(first, Ordering::Relaxed);
+        COMMANDS[1].store(second, Ordering::Relaxed);
+    }
+
+    #[inline(always)]
+    fn quadrature(&mut self) -> Quadrature {
+        incremental::read()
+    }
+
+    #[inline(always)]
+    fn hall(&mut self) -> u8 {
+        incremental::hall_levels()
     }
 }
 

@@ -7,8 +7,8 @@ use super::encoder::Encoder;
 use super::power_stage::{Counts, Stage};
 use super::scales;
 use cortex_m::peripheral::DWT;
-use firmware::control::{BridgeFault, PowerStage, StageSample, ValidChannels, encoder_angle};
-use firmware::sensors::as504x::ANGLE_BITS;
+use firmware::control::{BridgeFault, PowerStage, StageSample, ValidChannels};
+use firmware::sensors::encoder::MotorEncoder;
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
 
 /// Periods until the amplifiers of the gate driver are awake, 5 ms.
@@ -17,7 +17,8 @@ const WAKE_PERIODS: u32 = 100;
 /// Bridge, shunts and encoder.
 pub struct MotorStage {
     pub stage: Stage,
-    pub encoder: Encoder,
+    pub encoder: MotorEncoder,
+    pub inputs: Encoder,
     /// Scaling of phases a and b; `None` if its offset was refused.
     pub shunts: [Option<Shunt>; 2],
 }
@@ -26,8 +27,8 @@ impl PowerStage for MotorStage {
     #[inline(always)]
     fn sample(&mut self) -> StageSample {
         let counts = self.stage.counts();
-        let angle = self.encoder.angle().ok();
-        sample(counts, &self.shunts, angle.map(|angle| encoder_angle(u32::from(angle), ANGLE_BITS)))
+        let angle = self.encoder.angle(&mut self.inputs);
+        sample(counts, &self.shunts, angle)
     }
 
     #[inline(always)]
@@ -37,7 +38,7 @@ impl PowerStage for MotorStage {
 
     #[inline(always)]
     fn has_magnet_fault(&self) -> bool {
-        self.encoder.has_magnet_fault()
+        self.encoder.has_warning()
     }
 
     #[inline(always)]

@@ -44,20 +44,35 @@ pub const WIRING: u32 = {
 };
 
 macro_rules! wiring {
-    ($(
-        $(#[$about:meta])*
-        $field:ident: $group:ident {
-            $($name:ident = $what:ident, $text:literal;)*
-        }
-    )*) => {
+    (
+        required {$(
+            $(#[$about:meta])*
+            $field:ident: $group:ident {
+                $($name:ident = $what:ident, $text:literal;)*
+            }
+        )*}
+        optional {$(
+            $(#[$optional_about:meta])*
+            $optional:ident: $optional_group:ident {
+                $($optional_name:ident = $optional_what:ident, $optional_text:literal;)*
+            }
+        )*}
+    ) => {
         $(
             $(#[$about])*
             pub struct $group {
                 $(#[doc = $text] pub $name: Peri<'static, peripherals::$what>,)*
             }
         )*
+        $(
+            $(#[$optional_about])*
+            pub struct $optional_group {
+                $(#[doc = $optional_text] pub $optional_name: Peri<'static, peripherals::$optional_what>,)*
+            }
+        )*
 
-        /// Names and pins of the table.
+        /// Names and pins of the table, without those that a board may leave open: an image that can use them also runs on a
+        /// board without them.
         const TABLE: &str = concat!(
             $($(stringify!($field), ".", stringify!($name), "=", stringify!($what), ";",)*)*
         );
@@ -65,16 +80,21 @@ macro_rules! wiring {
         /// The whole table.
         pub struct Wiring {
             $(pub $field: $group,)*
+            $(pub $optional: $optional_group,)*
         }
 
         /// Splits the peripherals into the parts of the board.
         pub fn wiring(p: Peripherals) -> Wiring {
-            Wiring { $($field: $group { $($name: p.$what,)* },)* }
+            Wiring {
+                $($field: $group { $($name: p.$what,)* },)*
+                $($optional: $optional_group { $($optional_name: p.$optional_what,)* },)*
+            }
         }
     };
 }
 
 wiring! {
+required {
     /// Three half bridges and their driver.
     bridge: Bridge {
         timer  = TIM1, "makes the PWM";
@@ -148,4 +168,16 @@ wiring! {
         watchdog = IWDG,  "resets a firmware that hangs";
         flash    = FLASH, "holds the parameters, in its second bank";
     }
+}
+optional {
+    /// Inputs of an ABZ encoder and of Hall sensors, pulled up.
+    incremental: Incremental {
+        a      = PB2,   "line A: TIM20_CH1";
+        b      = PC2,   "line B: TIM20_CH2";
+        index  = PC8,   "index, captures the count: TIM20_CH3";
+        hall_1 = PC3,   "first Hall sensor, beside the two others on one port";
+        hall_2 = PC4,   "second Hall sensor";
+        hall_3 = PC5,   "third Hall sensor";
+    }
+}
 }

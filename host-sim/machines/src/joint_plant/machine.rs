@@ -196,13 +196,7 @@ impl JointPlant {
             let noise: f64 = StandardNormal.sample(&mut self.random);
             *measured = ((current * shown + self.p.current_noise_a * noise) / step).round() * step;
         }
-        let motor = self.motor_position_rad() * self.p.gear_ratio;
-        let off = match self.p.magnet_eccentricity_rad {
-            0.0 => 0.0,
-            eccentricity => eccentricity * motor.sin(),
-        };
-        let seen = motor + off;
-        let turns = (self.p.encoder_direction * seen + self.p.encoder_zero_rad) / TAU;
+        let turns = self.motor_turns();
         let encoder = ((turns - turns.floor()) * self.p.encoder_counts) as u32;
         Measured { currents_a, bus_v: self.bus_v(), encoder }
     }

@@ -16,6 +16,7 @@ mod bus;
 mod commissioning;
 mod driver;
 mod encoder;
+mod encoder_kinds;
 mod feed_forward;
 mod friction;
 mod heat;
@@ -34,7 +35,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 16] {
+fn families() -> [&'static [ScenarioRow]; 17] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -52,6 +53,7 @@ fn families() -> [&'static [ScenarioRow]; 16] {
         adaptation::rows(),
         feed_forward::rows(),
         modes::rows(),
+        encoder_kinds::rows(),
     ]
 }
 

@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 25] = [
+const TITLES: [&str; 26] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -113,6 +113,7 @@ const TITLES: [&str; 25] = [
     "Feed-forward from a master",
     "Dead time",
     "Profile modes, changes of the mode, and touch probe",
+    "Kinds of encoders",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

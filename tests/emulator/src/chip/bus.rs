@@ -19,6 +19,10 @@ impl<W: World> Chip<W> {
         match address {
             0x4001_2C00..=0x4001_2FFF => self.timer1.read(address & 0x3FF, now),
             0x4000_0400..=0x4000_07FF => self.timer3.read(address & 0x3FF, now),
+            0x4001_5000..=0x4001_53FF => {
+                self.follow_edges();
+                self.timer20.read(address & 0x3FF)
+            }
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.read(address),
             0x4000_0C00..=0x4000_0FFF => self.timer5.read(address & 0x3FF, now),
             0x5000_0000..=0x5000_07FF => self.read_converter(address),
@@ -26,7 +30,12 @@ impl<W: World> Chip<W> {
             0x4000_5400..=0x4000_57FF => self.i2c.read(address & 0x3FF, now),
             0x4000_6400..=0x4000_67FF | 0x4000_A400..=0x4000_AFFF => self.can.read(address),
             0x4002_2000..=0x4002_23FF if address != FLASH_ACR => self.flash.read(address & 0x3FF),
-            0x4800_0000..=0x4800_1BFF => self.gpio.read(address),
+            0x4800_0000..=0x4800_1BFF => {
+                if gpio::reads_hall(address) {
+                    self.gpio.set_hall(self.world.hall_levels(self.since_sample()));
+                }
+                self.gpio.read(address)
+            }
             0x4002_1000..=0x4002_13FF => self.clock.read(address & 0x3FF),
             0x5006_0800..=0x5006_0BFF => {
                 self.random.read(address & 0x3FF, self.clock.has_random_clock())
@@ -93,6 +102,10 @@ impl<W: World> Chip<W> {
                 self.spi.write(aligned & 0x3FF, word, now, &mut |_| 0xFFFF);
             }
             0x4000_0400..=0x4000_07FF => self.timer3.write(aligned & 0x3FF, word),
+            0x4001_5000..=0x4001_53FF => {
+                self.follow_edges();
+                self.timer20.write(aligned & 0x3FF, word);
+            }
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.write(aligned, word),
             0x4000_5400..=0x4000_57FF => {
                 let devices = i2c::Devices {

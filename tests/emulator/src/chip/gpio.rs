@@ -30,6 +30,14 @@ const BRAKE: Pin = (2, 7);
 /// Channels of safe torque off, PC10 and PC11, high while they allow torque.
 const TORQUE_ALLOWED: [Pin; 2] = [(2, 10), (2, 11)];
 
+/// Hall sensors of the motor.
+const HALL: [Pin; 3] = [(2, 3), (2, 4), (2, 5)];
+
+/// Returns true for the register that shows the levels of the Hall sensors.
+pub const fn reads_hall(address: u32) -> bool {
+    address == 0x4800_0800 + IDR
+}
+
 /// Signals of a peripheral, each with its pin and the alternate function that connects it.
 pub type Connections = &'static [(Pin, u32)];
 
@@ -42,6 +50,8 @@ pub const BREAK_INPUT: Connections = &[(FAULT, 12)];
 pub const ENCODER_SELECT: Connections = &[(SELECT, 2)];
 /// SPI1_SCK, MISO and MOSI.
 pub const ENCODER_BUS: Connections = &[((0, 5), 5), ((0, 6), 5), ((1, 5), 5)];
+/// TIM20_CH1 to 3: the lines and the index of a quadrature encoder.
+pub const QUADRATURE: Connections = &[((1, 2), 3), ((2, 2), 6), ((2, 8), 6)];
 /// FDCAN1_RX and TX.
 pub const CAN: Connections = &[((0, 11), 9), ((1, 9), 9)];
 /// I2C1_SCL and SDA.
@@ -53,6 +63,8 @@ pub struct Gpio {
     registers: [[u32; 12]; PORTS],
     has_gate_fault: bool,
     torque_allowed: [bool; 2],
+    /// Levels of the Hall sensors, bits 0 to 2; `None` if nothing is connected.
+    hall: Option<u8>,
     /// The timer's six signals are connected to the bridge.
     is_bridge_connected: bool,
 }
@@ -67,6 +79,7 @@ impl Default for Gpio {
             registers,
             has_gate_fault: false,
             torque_allowed: [true; 2],
+            hall: None,
             is_bridge_connected: false,
         }
     }
@@ -124,6 +137,11 @@ impl Gpio {
         self.torque_allowed = channels;
     }
 
+    /// Sets the levels of the Hall sensors.
+    pub fn set_hall(&mut self, levels: Option<u8>) {
+        self.hall = levels;
+    }
+
     /// Levels of the pins of a port that are no outputs. What the board does not drive follows the port's resistors; without
     /// one it is high.
     fn inputs(&self, port: usize) -> u32 {
@@ -133,7 +151,8 @@ impl Gpio {
             .fold(0, |word, pin| word | 1 << pin);
         let fault = (FAULT, !self.has_gate_fault);
         let torque = [0, 1].map(|at| (TORQUE_ALLOWED[at], self.torque_allowed[at]));
-        for ((driven, pin), is_high) in [fault].into_iter().chain(torque) {
+        let hall = [0, 1, 2].map(|at| (HALL[at], self.hall.is_none_or(|word| word >> at & 1 == 1)));
+        for ((driven, pin), is_high) in [fault].into_iter().chain(torque).chain(hall) {
             if driven == port {
                 levels = levels & !(1 << pin) | u32::from(is_high) << pin;
             }

@@ -11,6 +11,8 @@ mod commissioning;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
+#[path = "../../../../host-sim/rig/tests/closed_loop/encoder_kinds.rs"]
+mod encoder_kinds;
 #[path = "../../../../host-sim/rig/tests/closed_loop/feed_forward.rs"]
 mod feed_forward;
 #[path = "../../../../host-sim/rig/tests/closed_loop/friction.rs"]
@@ -48,7 +50,7 @@ use table::{Driver, ScenarioRow};
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     families.extend([stalls::rows(), stops::rows(), holding_brake::rows(), trials::rows()]);
-    families.extend([feed_forward::rows(), modes::rows()]);
+    families.extend([feed_forward::rows(), modes::rows(), encoder_kinds::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);

@@ -200,6 +200,21 @@ impl JointPlant {
         self.rotor.map_or(self.position, |rotor| rotor.position)
     }
 
+    /// Returns the angle that an encoder of the motor shows, turns; it does not wrap.
+    pub fn motor_turns(&self) -> f64 {
+        let motor = self.motor_position_rad() * self.p.gear_ratio;
+        let off = match self.p.magnet_eccentricity_rad {
+            0.0 => 0.0,
+            eccentricity => eccentricity * motor.sin(),
+        };
+        (self.p.encoder_direction * (motor + off) + self.p.encoder_zero_rad) / TAU
+    }
+
+    /// Returns the pole pairs of the motor.
+    pub fn pole_pairs(&self) -> f64 {
+        self.p.pole_pairs
+    }
+
     /// Returns the rotation of the encoder in `seconds` at the present velocity, turns of the motor.
     pub fn motor_turns_in(&self, seconds: f64) -> f64 {
         let velocity = self.rotor.map_or(self.velocity, |rotor| rotor.velocity);

@@ -1,0 +1,182 @@
+//! The motor's encoder, of the kind that the parameter `encoder_kind` selects.
+//!
+//! ```text
+//! board: EncoderInputs (frames, counts, levels) -> MotorEncoder::angle -> binary angle, or None
+//! ```
+//! A board supplies what it has read in a period, and the kind of the encoder turns it into an angle. No angle means
+//! that this period has no valid one: the observer coasts, and past `encoder_coast_s` the bridge opens.
+//!
+//! | kind | encoder | angle after a start |
+//! |---|---|---|
+//! | 0, 1 | AS5047P, AS5048A ([`super::as504x`]) | at once |
+//! | 2 | ABZ, a quadrature encoder with an index ([`super::quadrature`]) | from the first index on |
+//! | 3 | ABZ with Hall sensors | at once, from the Hall sensors |
+//! | 4 | Hall sensors alone ([`super::hall`]) | at once |
+
+use super::SensorParameters;
+use super::as504x::{ANGLE_BITS, EncoderType, FramePairs};
+use super::evaluation::Evaluation;
+use super::hall::{HallEncoder, sector};
+use super::quadrature::{Quadrature, QuadratureEncoder};
+use crate::control::{MotorParameters, PERIOD_S, encoder_angle};
+
+/// Kind of an encoder: the value of `encoder_kind`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EncoderKind {
+    /// AS5047P on SPI.
+    #[default]
+    As5047p,
+    /// AS5048A on SPI.
+    As5048a,
+    /// A quadrature encoder with an index.
+    Abz,
+    /// A quadrature encoder with Hall sensors, and an index if it has one.
+    AbzHall,
+    /// Hall sensors alone.
+    Hall,
+}
+
+impl EncoderKind {
+    /// Returns the kind of a validated parameter.
+    pub const fn of(parameter: f32) -> Self {
+        match parameter as u8 {
+            1 => Self::As5048a,
+            2 => Self::Abz,
+            3 => Self::AbzHall,
+            4 => Self::Hall,
+            _ => Self::As5047p,
+        }
+    }
+
+    /// Returns true if its samples at rest or in slow motion are identical although it is sound: Hall sensors, and lines whose
+    /// four counts are wider than the innovation that tells a frozen encoder ([`crate::control`]).
+    const fn has_wide_steps(self, sensors: &SensorParameters) -> bool {
+        match self {
+            Self::As5047p | Self::As5048a => false,
+            Self::Abz | Self::AbzHall => sensors.abz_lines < LEAST_LINES_OF_FROZEN,
+            Self::Hall => true,
+        }
+    }
+
+    /// Returns the age of its angle at the sample of the currents, s, if that of frames is `frames_age_s`. Counts and levels
+    /// are read with the sample, and Hall sensors are confirmed by the next one.
+    pub const fn age_s(self, frames_age_s: f32) -> f32 {
+        match self {
+            Self::As5047p | Self::As5048a => frames_age_s,
+            Self::Abz | Self::AbzHall => 0.0,
+            Self::Hall => PERIOD_S,
+        }
+    }
+}
+
+/// Lines of an encoder from which identical samples show that it is frozen: four counts are 0.0123 rad of the motor.
+const LEAST_LINES_OF_FROZEN: f32 = 512.0;
+
+/// What a board reads of an encoder in each period. An encoder calls only the functions of its kind.
+pub trait EncoderInputs {
+    /// Returns the answers of the two frames of this period ([`FramePairs`]); `None` if they were not exchanged in time.
+    fn frames(&mut self) -> Option<[u16; 2]>;
+
+    /// Sets the commands of the next two frames.
+    fn set_commands(&mut self, commands: [u16; 2]);
+
+    /// Returns counter, index and edges of a quadrature encoder.
+    fn quadrature(&mut self) -> Quadrature;
+
+    /// Returns the levels of the three Hall sensors, bits 0 to 2.
+    fn hall(&mut self) -> u8;
+}
+
+/// Periods without an angle after a contradiction: longer than the longest `encoder_coast_s`, so that the bridge opens.
+pub const INVALID_PERIODS: u16 = 500;
+
+/// Periods for which a fault is reported at least: 0.5 s.
+const WARNING_PERIODS: u16 = 10_000;
+
+/// The kinds but the AS504x.
+#[derive(Debug)]
+enum OtherEncoder {
+    None,
+    Quadrature(QuadratureEncoder),
+    Hall(HallEncoder),
+}
+
+/// The motor's encoder.
+#[derive(Debug)]
+pub struct MotorEncoder {
+    frames: FramePairs,
+    other: OtherEncoder,
+    /// Lowest bit of the angle, which changes in each period where identical samples are no sign of a frozen encoder; and what
+    /// changes it, 0 or 1.
+    low_bit: u32,
+    changes_low_bit: u32,
+    /// Periods left without an angle, and with a warning.
+    invalid_left: u16,
+    warning_left: u16,
+}
+
+impl MotorEncoder {
+    /// Creates the encoder that the parameters select. A change of these parameters needs a new start.
+    pub fn new(sensors: &SensorParameters, motor: &MotorParameters) -> Self {
+        let kind = EncoderKind::of(sensors.encoder_kind);
+        let is_as5048a = kind == EncoderKind::As5048a;
+        let encoder_type = if is_as5048a { EncoderType::As5048a } else { EncoderType::As5047p };
+        let other = match kind {
+            EncoderKind::As5047p | EncoderKind::As5048a => OtherEncoder::None,
+            EncoderKind::Abz | EncoderKind::AbzHall => {
+                let has_hall = kind == EncoderKind::AbzHall;
+                OtherEncoder::Quadrature(QuadratureEncoder::new(sensors, motor, has_hall))
+            }
+            EncoderKind::Hall => OtherEncoder::Hall(HallEncoder::new(motor)),
+        };
+        let frames = FramePairs::new(encoder_type);
+        let changes_low_bit = u32::from(kind.has_wide_steps(sensors));
+        Self { frames, other, low_bit: 0, changes_low_bit, invalid_left: 0, warning_left: 0 }
+    }
+
+    /// Returns the angle of this period, in 2^-32 turns of the motor; `None` if there is no valid one. Call it once a period.
+    #[inline(always)]
+    pub fn angle(&mut self, inputs: &mut impl EncoderInputs) -> Option<u32> {
+        if matches!(self.other, OtherEncoder::None) {
+            let angle = self.frames.angle(inputs.frames()).ok();
+            inputs.set_commands(self.frames.commands());
+            return angle.map(|angle| encoder_angle(u32::from(angle), ANGLE_BITS));
+        }
+        self.other_angle(inputs)
+    }
+
+    /// The kinds but the AS504x, apart from its path.
+    #[inline(never)]
+    fn other_angle(&mut self, inputs: &mut impl EncoderInputs) -> Option<u32> {
+        let evaluation = match &mut self.other {
+            OtherEncoder::None => Evaluation::Missing,
+            OtherEncoder::Quadrature(encoder) => {
+                let sector = encoder.has_hall().then(|| sector(inputs.hall()));
+                encoder.evaluate(inputs.quadrature(), sector)
+            }
+            OtherEncoder::Hall(encoder) => encoder.evaluate(sector(inputs.hall())),
+        };
+        self.invalid_left = self.invalid_left.saturating_sub(1);
+        self.warning_left = self.warning_left.saturating_sub(1);
+        let (angle, is_sound) = match evaluation {
+            Evaluation::Angle(angle) => (Some(angle), true),
+            Evaluation::Doubtful(angle) => (Some(angle), false),
+            Evaluation::Missing => (None, false),
+            Evaluation::Contradiction => {
+                self.invalid_left = INVALID_PERIODS;
+                (None, false)
+            }
+        };
+        if !is_sound {
+            self.warning_left = WARNING_PERIODS;
+        }
+        self.low_bit ^= self.changes_low_bit;
+        angle.filter(|_| self.invalid_left == 0).map(|angle| angle ^ self.low_bit)
+    }
+
+    /// Returns true if the encoder has a fault although its angle may still be valid: of the magnet of an AS504x, or of the
+    /// index, counts or levels of the others in the last 0.5 s.
+    pub const fn has_warning(&self) -> bool {
+        self.warning_left > 0 || self.frames.has_magnet_fault()
+    }
+}
