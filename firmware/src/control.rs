@@ -17,6 +17,7 @@ pub mod compensation;
 pub mod covariates;
 mod current_limits;
 pub mod current_loop;
+pub mod dead_time;
 pub mod flags;
 pub mod observer;
 pub mod parameters;

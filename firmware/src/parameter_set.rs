@@ -34,6 +34,12 @@ const THRESHOLDS_AT: usize = MotorParameters::FIELDS;
 const WATCH_AT: usize = THRESHOLDS_AT + Thresholds::FIELDS;
 const SENSORS_AT: usize = WATCH_AT + WatchParameters::FIELDS;
 
+/// Numbers of these values, part by part, in the sets of the version before: each part ends at the last parameter that it had.
+const FORMER_COUNTS: [usize; 4] = [25, 23, 6, 17];
+/// Length of these values, bytes.
+const FORMER_DRIVE_BYTES: usize =
+    4 * (FORMER_COUNTS[0] + FORMER_COUNTS[1] + FORMER_COUNTS[2] + FORMER_COUNTS[3]);
+
 /// Length of these values, bytes.
 pub const DRIVE_RECORD_BYTES: usize = 4 * DRIVE_VALUE_COUNT;
 /// Length of a set without a network, bytes.
@@ -256,9 +262,18 @@ impl ParameterSet {
                 bytes
             }
         };
-        let (friction, drive) = own.split_last_chunk::<DRIVE_RECORD_BYTES>().ok_or(wrong_length)?;
-        self.friction = record::parse(friction).map_err(SetError::Record)?;
-        self.set_drive(drive);
+        if let Some((friction, former)) = own
+            .split_last_chunk::<FORMER_DRIVE_BYTES>()
+            .filter(|(friction, _)| friction.len() == record::LENGTH)
+        {
+            self.friction = record::parse(friction).map_err(SetError::Record)?;
+            self.set_former_drive(former);
+        } else {
+            let (friction, drive) =
+                own.split_last_chunk::<DRIVE_RECORD_BYTES>().ok_or(wrong_length)?;
+            self.friction = record::parse(friction).map_err(SetError::Record)?;
+            self.set_drive(drive);
+        }
         self.validate().map_err(SetError::Drive)
     }
 
@@ -287,6 +302,25 @@ impl ParameterSet {
         self.thresholds = Thresholds::from_array(thresholds);
         self.watch = WatchParameters::from_array(watch);
         self.sensors = SensorParameters::from_array(sensors);
+    }
+
+    /// Replaces motor, thresholds, watch and sensors by the values of a set of the version before, and by the defaults of the
+    /// parameters that it did not have.
+    #[inline(never)]
+    fn set_former_drive(&mut self, former: &[u8; FORMER_DRIVE_BYTES]) {
+        self.motor = MotorParameters::default();
+        self.thresholds = Thresholds::default();
+        self.watch = WatchParameters::default();
+        self.sensors = SensorParameters::default();
+        let mut drive = self.emit_drive();
+        let mut words = former.as_chunks::<4>().0.iter();
+        for (at, count) in [0, THRESHOLDS_AT, WATCH_AT, SENSORS_AT].into_iter().zip(FORMER_COUNTS) {
+            let places = drive.as_chunks_mut::<4>().0.iter_mut().skip(at).take(count);
+            for (place, word) in places.zip(&mut words) {
+                *place = *word;
+            }
+        }
+        self.set_drive(&drive);
     }
 
     /// Returns the CRC-32 that identifies the set. The CRCs of the contained records are left out: a CRC
@@ -377,6 +411,24 @@ mod tests {
         assert_eq!((copy.crc.get(), copy.set.crc()), (Some(changed), changed));
     }
     use compensator_core::network::reference;
+
+    #[test]
+    fn parse_of_set_of_the_version_before_keeps_its_values_and_adds_defaults() {
+        let mut set = ParameterSet::default();
+        set.friction.model.set(ParameterId::ViscousFriction, 0.25);
+        set.motor.inertia_kg_m2 = 0.5;
+        set.motor.brake_at_stop = 1.0;
+        set.thresholds.overspeed_rad_s = 9.0;
+        set.watch.band_nm = 0.3;
+        set.sensors.strain_zero = 0.4;
+        let bytes = set.emit();
+        let (friction, drive) = bytes.split_at(record::LENGTH);
+        let places = [0, THRESHOLDS_AT, WATCH_AT, SENSORS_AT].into_iter().zip(FORMER_COUNTS);
+        let values = places.flat_map(|(at, count)| drive[4 * at..][..4 * count].to_vec());
+        let former: std::vec::Vec<u8> = friction.iter().copied().chain(values).collect();
+        assert_eq!(former.len(), record::LENGTH + FORMER_DRIVE_BYTES);
+        assert_eq!(ParameterSet::parse(&former), Ok(set));
+    }
 
     #[test]
     fn parse_of_emitted_set_returns_the_same_set() {

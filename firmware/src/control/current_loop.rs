@@ -5,7 +5,8 @@
 //! currents -> Clarke -> Park (angle now) -> i_d, i_q
 //! set-point + compensation -> limit -> i_q*          the limit follows the last addition
 //! i_q* -> limits of power and voltage -> i_d*, i_q*    i_d* = 0 unless a limit of the bus acts
-//! i_d*, i_q* -> PI with feed-forward of the induced voltage -> circle -> inverse Park (angle then) -> duties
+//! i_d*, i_q* -> PI with feed-forward of the induced voltage -> circle -> inverse Park (angle then)
+//!            -> voltage that the dead time will take -> duties
 //! ```
 //! The state is the observer, two integrals, the last valid bus voltage and the compensator. Parameters
 //! ([`Motor`]) and compensator are swapped whole between two cycles. Integrals (in volts) and the observer's
@@ -23,7 +24,7 @@ use super::observer::Observer;
 use super::parameters::Motor;
 use super::pi::Integral;
 use super::space_vector::{clamp, duties, limit};
-use super::transform::{Rotating, Rotation, Stationary, clarke};
+use super::transform::{Rotating, Rotation, Stationary, clarke, inverse_clarke};
 use super::{Bridge, StageSample, ValidChannels};
 use compensator_core::Flags;
 use compensator_core::adaptation::Gains;
@@ -112,6 +113,8 @@ pub struct CurrentLoop<C> {
     observer: Observer,
     d: Integral,
     q: Integral,
+    /// Reference of the q current that the controller follows, A, in the motor's sign.
+    reference_q_a: f32,
     bus_v: f32,
     bus_age: u8,
     driving: bool,
@@ -134,6 +137,7 @@ impl<C: Compensate> CurrentLoop<C> {
             compensator,
             d: Integral::default(),
             q: Integral::default(),
+            reference_q_a: 0.0,
             bus_v: 0.0,
             bus_age: u8::MAX,
             driving: false,
@@ -461,6 +465,7 @@ impl<C: Compensate> CurrentLoop<C> {
         if !self.driving {
             self.d = Integral::default();
             self.q = Integral::default();
+            self.reference_q_a = 0.0;
             self.is_near_circle = false;
             return;
         }
@@ -469,10 +474,10 @@ impl<C: Compensate> CurrentLoop<C> {
             return;
         }
         let electrical = self.observer.motor_velocity_rad_s() * motor.pole_pairs_f32;
-        let error = Rotating {
-            d: cycle.current_d_reference_a - current.d,
-            q: cycle.current_reference_a * motor.joint_direction - current.q,
-        };
+        let wanted_q_a = cycle.current_reference_a * motor.joint_direction;
+        self.reference_q_a += motor.reference_gain * (wanted_q_a - self.reference_q_a);
+        let reference = Rotating { d: cycle.current_d_reference_a, q: self.reference_q_a };
+        let error = Rotating { d: reference.d - current.d, q: reference.q - current.q };
         let demand = Rotating {
             d: self.d.output(&motor.d, error.d, -electrical * motor.inductance_q_h * current.q),
             q: self.q.output(
@@ -495,7 +500,9 @@ impl<C: Compensate> CurrentLoop<C> {
         self.d.update(&motor.d, error.d, demand.d, applied.d, radius);
         self.q.update(&motor.q, error.q, demand.q, applied.q, radius);
         cycle.voltage_v = [applied.d, applied.q];
-        cycle.bridge = Bridge::Drive(duties(then.inverse_park(applied), cycle.bus_v));
+        let phases_v = inverse_clarke(then.inverse_park(applied));
+        let phases_v = motor.dead_time.compensate(phases_v, reference, then, cycle.bus_v);
+        cycle.bridge = Bridge::Drive(duties(phases_v, cycle.bus_v));
     }
 
     /// Computes the residual torque.

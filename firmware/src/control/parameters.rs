@@ -7,7 +7,10 @@
 //!
 //! Electrical quantities are from one phase to the star point; currents are phase peaks.
 
-use super::pi::{BANDWIDTH_SHARE_MAX, Gains, one_minus_exp};
+use super::dead_time::{LONGEST_VECTOR, LossModel};
+use super::pi::{
+    BANDWIDTH_SHARE_ANY, BANDWIDTH_SHARE_MAX, Gains, bandwidth_share, one_minus_exp, reference_gain,
+};
 use super::space_vector::MAX_VECTOR_PER_BUS_V;
 use super::transform::{UNITS_PER_RAD, binary_angle};
 use compensator_core::compensator::CompensatorParameters;
@@ -71,12 +74,19 @@ compensator_core::named_fields! {
         acceleration_max_rad_s2: f32 = 50.0, 1e-2..=1e5, "the joint must move";
         /// Reaction when the bridge stops while the motor turns: 0 coasts, 1 shorts the low sides.
         brake_at_stop: f32 = 0.0, 0.0..=1.0, "0 or 1";
+        /// Time in each period in which a phase has the bus voltage against its current, s; 0 compensates nothing.
+        dead_time_s: f32 = 0.0, 0.0..=2.5e-6, "at most a twentieth of the period, and so of the bus voltage";
+        /// Phase current at which half of this voltage is lost, A.
+        dead_time_current_a: f32 = 0.2, 0.02..=100.0, "a step at 0 A would chatter";
     }
     /// Defaults: a 48 V motor with seven pole pairs and a gear ratio of 51, 1 Nm/A at the joint.
 }
 
 /// Range of the period, s.
 const PERIOD_RANGE_S: (f32, f32) = (2e-6, 2e-3);
+
+/// Maximum dead time, as a share of the period.
+pub const DEAD_TIME_SHARE_MAX: f32 = 0.05;
 
 /// Maximum electrical angle per period, rad. Beyond it, a voltage vector that is held for a period points too
 /// far from its intended direction.
@@ -181,6 +191,38 @@ impl MotorParameters {
         }
     }
 
+    /// Returns the highest bandwidth of the current controllers that this motor permits, Hz, for a period in s.
+    pub fn current_bandwidth_max_hz(&self, period_s: f32) -> f32 {
+        let inductances = [self.inductance_d_h, self.inductance_q_h];
+        bandwidth_share(self.resistance_ohm, inductances, self.bus_voltage_min_v, period_s)
+            / period_s
+    }
+
+    /// Checks the bandwidths against the period, the winding and the noise of the current sensors.
+    fn check_bandwidths(&self, period_s: f32) -> Result<(), ParameterError> {
+        let (observer, current) =
+            (BANDWIDTH_SHARE_ANY / period_s, self.current_bandwidth_max_hz(period_s));
+        if self.observer_bandwidth_hz > observer * 1.000_001 {
+            let why = text!("a twentieth of the loop rate");
+            let field = text!("observer_bandwidth_hz");
+            refuse(field, self.observer_bandwidth_hz, Bound::AtMost(observer), why)?;
+        }
+        if self.current_bandwidth_hz > current * 1.000_001 {
+            let why = if current < BANDWIDTH_SHARE_MAX / period_s * 0.999_999 {
+                text!("a fast winding, or noise of the sensors times the gain, permits no more")
+            } else {
+                text!("a tenth of the loop rate: an inductance 30 % lower would leave no margin")
+            };
+            refuse(
+                text!("current_bandwidth_hz"),
+                self.current_bandwidth_hz,
+                Bound::AtMost(current),
+                why,
+            )?;
+        }
+        Ok(())
+    }
+
     /// Validates the parameters and builds the loop's coefficients for a period in s.
     ///
     /// # Errors
@@ -195,18 +237,12 @@ impl MotorParameters {
         } else if period_s > longest {
             refuse(text!("period_s"), period_s, Bound::AtMost(longest), why)?;
         }
-        let fastest = BANDWIDTH_SHARE_MAX / period_s;
-        for (field, value) in [
-            (text!("current_bandwidth_hz"), self.current_bandwidth_hz),
-            (text!("observer_bandwidth_hz"), self.observer_bandwidth_hz),
-        ] {
-            if value > fastest * 1.000_001 {
-                let why = text!(
-                    "a twentieth of the loop rate: beyond it the PWM's delay makes overshoot"
-                );
-                refuse(field, value, Bound::AtMost(fastest), why)?;
-            }
+        let most = DEAD_TIME_SHARE_MAX * period_s;
+        if self.dead_time_s > most * 1.000_001 {
+            let why = text!("at most a twentieth of the period, and so of the bus voltage");
+            refuse(text!("dead_time_s"), self.dead_time_s, Bound::AtMost(most), why)?;
         }
+        self.check_bandwidths(period_s)?;
         let motor_velocity_max = self.velocity_max_rad_s * self.gear_ratio;
         let most = TURN_MAX_RAD / (period_s * self.gear_ratio * self.pole_pairs);
         if self.velocity_max_rad_s > most {
@@ -238,7 +274,14 @@ impl MotorParameters {
             braking_end_v: BRAKING_DERATE_END * self.bus_voltage_max_v,
             braking_per_v: 1.0
                 / ((BRAKING_DERATE_END - BRAKING_DERATE_START) * self.bus_voltage_max_v),
-            radius_per_bus: MAX_VECTOR_PER_BUS_V * self.modulation_max,
+            // What the dead time may take is added to the vector, so it is not available for the currents.
+            radius_per_bus: MAX_VECTOR_PER_BUS_V * self.modulation_max
+                - LONGEST_VECTOR * self.dead_time_s / period_s,
+            dead_time: LossModel {
+                share: self.dead_time_s / period_s,
+                current_a: self.dead_time_current_a,
+            },
+            reference_gain: reference_gain(bandwidth, period_s),
             encoder_offset: binary_angle(self.encoder_offset_rad),
             encoder_reversed: self.encoder_direction < 0.0,
             park_units: self.encoder_delay_s * UNITS_PER_RAD,
@@ -290,6 +333,10 @@ pub struct Motor {
     pub(super) braking_per_v: f32,
     /// Length of the longest voltage vector in use, per bus voltage.
     pub(super) radius_per_bus: f32,
+    /// Voltage that the dead time takes.
+    pub(super) dead_time: LossModel,
+    /// Share of the difference by which the reference of the q current moves per period.
+    pub(super) reference_gain: f32,
     pub(super) encoder_offset: u32,
     pub(super) encoder_reversed: bool,
     /// Binary angle of the motor per rad/s, from the encoder sample to the current sample.

@@ -52,14 +52,16 @@ fn validate_with_inconsistent_fields_returns_the_bound() {
 #[test]
 fn build_with_period_out_of_range_returns_error() {
     for (field, value) in [
-        ("current_bandwidth_hz", 1001.0),
+        ("current_bandwidth_hz", 2001.0),
         ("observer_bandwidth_hz", 1001.0),
         ("velocity_max_rad_s", 34.0),
     ] {
         assert_eq!(with(field, value).validate(), Ok(()));
         assert_eq!(with(field, value).build(PERIOD_S).expect_err(field).field, field);
     }
-    assert!(with("current_bandwidth_hz", 1000.0).build(PERIOD_S).is_ok());
+    assert!(with("current_bandwidth_hz", 2000.0).build(PERIOD_S).is_ok());
+    let late = with("dead_time_s", 2.5e-6).build(20e-6).expect_err("an eighth of the period");
+    assert_eq!(late.field, "dead_time_s");
     for period in [0.0, -1.0, 1e-6, 1.0, f32::NAN, f32::INFINITY] {
         let refused = MotorParameters::default().build(period).expect_err("a period");
         assert_eq!(refused.field, "period_s");
@@ -144,5 +146,23 @@ fn brake_at_stop_of_a_motor_that_would_exceed_its_overcurrent_is_refused() {
     ] {
         let error = motor.validate().expect_err("refused");
         assert_eq!((error.field.as_str(), error.value), ("brake_at_stop", value));
+    }
+}
+
+#[test]
+fn current_bandwidth_of_a_motor_that_does_not_permit_it_is_refused() {
+    // 60 us is about one period; 9 mH makes the noise of the sensors a third of a bus of 18 V.
+    for (resistance_ohm, inductance) in [(1.5, 90e-6), (1.0, 9e-3)] {
+        let motor = MotorParameters {
+            resistance_ohm,
+            inductance_d_h: inductance,
+            inductance_q_h: inductance,
+            current_bandwidth_hz: 1001.0,
+            ..MotorParameters::default()
+        };
+        let refused = motor.build(PERIOD_S).expect_err("more than a twentieth");
+        assert_eq!(refused.field, "current_bandwidth_hz");
+        let permitted = MotorParameters { current_bandwidth_hz: 1000.0, ..motor };
+        assert!(permitted.build(PERIOD_S).is_ok());
     }
 }

@@ -16,7 +16,7 @@
 
 use super::Bridge;
 use super::space_vector::{MAX_VECTOR_PER_BUS_V, clamp, duties, limit};
-use super::transform::{Rotating, Rotation, Stationary, clarke, inverse_clarke};
+use super::transform::{Rotating, Rotation, Stationary, inverse_clarke};
 
 /// Periods in a block: the length of a mean.
 pub const BLOCK_PERIODS: u32 = 20;
@@ -118,13 +118,12 @@ impl Probe {
         let (applied, _) = limit(demand, bus_v * MAX_VECTOR_PER_BUS_V * MAX_MODULATION);
         // The voltage acts from the next sample to the one after.
         let then = Rotation::at(self.field.wrapping_add((command.turn_per_period / 2) as u32));
-        let applied = then.inverse_park(applied);
         let flows = inverse_clarke(then.inverse_park(current));
-        let taken = clarke(
-            flows.map(|phase_a| command.dead_v * clamp(phase_a * (1.0 / SIGN_THRESHOLD_A), 1.0)),
-        );
-        let (alpha, beta) = (applied.alpha + taken.alpha, applied.beta + taken.beta);
-        Bridge::Drive(duties(Stationary { alpha, beta }, bus_v))
+        let taken_v =
+            |phase_a: f32| command.dead_v * clamp(phase_a * (1.0 / SIGN_THRESHOLD_A), 1.0);
+        let [a, b, c] = inverse_clarke(then.inverse_park(applied));
+        let [x, y, z] = flows.map(taken_v);
+        Bridge::Drive(duties([a + x, b + y, c + z], bus_v))
     }
 
     /// Returns the result of the last complete block.
@@ -168,7 +167,7 @@ impl Probe {
 mod tests {
     use super::*;
     use crate::control::PERIOD_S;
-    use crate::control::transform::UNITS_PER_RAD;
+    use crate::control::transform::{UNITS_PER_RAD, clarke};
 
     const BUS_V: f32 = 48.0;
 

@@ -7,7 +7,7 @@
 //!
 //! Valid for a positive finite bus voltage. For every input each duty is a number within 0..=1.
 
-use super::transform::{Rotating, Stationary, inverse_clarke, square_root};
+use super::transform::{Rotating, square_root};
 
 /// Length of the longest vector, per bus voltage.
 pub const MAX_VECTOR_PER_BUS_V: f32 = 0.577_350_26;
@@ -53,10 +53,9 @@ pub(super) fn clamp(value: f32, bound: f32) -> f32 {
     }
 }
 
-/// Returns the duties of phases a, b, c for a vector within the circle, V, at a bus voltage, V.
+/// Returns the duties of phases a, b, c for their voltages, V, whose vector is within the circle, at a bus voltage, V.
 #[inline(always)]
-pub fn duties(vector: Stationary, bus_v: f32) -> [f32; 3] {
-    let [a, b, c] = inverse_clarke(vector);
+pub fn duties([a, b, c]: [f32; 3], bus_v: f32) -> [f32; 3] {
     let (low, high) = if a < b { (a, b) } else { (b, a) };
     let low = if c < low { c } else { low };
     let high = if c > high { c } else { high };
@@ -70,7 +69,7 @@ pub fn duties(vector: Stationary, bus_v: f32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::transform::{Rotation, clarke};
+    use crate::control::transform::{Rotation, Stationary, clarke, inverse_clarke};
 
     const BUS_V: f32 = 48.0;
 
@@ -83,7 +82,7 @@ mod tests {
             // The sine error makes the vector up to 0.11 % longer than the circle, so it is scaled back.
             let length = demand.alpha.hypot(demand.beta) / (BUS_V * MAX_VECTOR_PER_BUS_V);
             let demand = Stationary { alpha: demand.alpha / length, beta: demand.beta / length };
-            let duty = duties(demand, BUS_V);
+            let duty = duties(inverse_clarke(demand), BUS_V);
             let applied = clarke(duty.map(|share| share * BUS_V));
             assert!((applied.alpha - demand.alpha).abs() < 2e-5 * BUS_V);
             assert!((applied.beta - demand.beta).abs() < 2e-5 * BUS_V);
@@ -119,7 +118,7 @@ mod tests {
         for alpha in odd {
             for beta in odd {
                 for bus in odd {
-                    let duty = duties(Stationary { alpha, beta }, bus);
+                    let duty = duties(inverse_clarke(Stationary { alpha, beta }), bus);
                     assert!(duty.iter().all(|share| (0.0..=1.0).contains(share)), "{duty:?}");
                     let (applied, _) = limit(Rotating { d: alpha, q: beta }, 20.0);
                     assert!(applied.d.abs() <= 20.001 && applied.q.abs() <= 20.001, "{applied:?}");

@@ -1,11 +1,11 @@
 //! Commissioning: the driver measures its own motor at low current, in bounded steps.
 //!
 //! ```text
-//! offsets -> R: two currents along a fixed field -> L: a superposed square wave, along and across
+//! offsets -> R, dead time: three currents along a fixed field -> L: a superposed square wave, along and across
 //!         -> slow rotation, both directions: pole pairs, direction, electrical zero -> fast rotation: flux -> current to 0
 //! ```
-//! Two currents are used because the dead time takes a voltage that does not depend on the current; the slope is
-//! R. Friction makes the field lead the rotor in one direction and lag in the other: the mean is the electrical
+//! Three currents are used because the dead time takes a voltage that does not depend on a large current, and less at
+//! a small one ([`loss`]); the slope is R. Friction makes the field lead the rotor in one direction and lag in the other: the mean is the electrical
 //! zero, and half the difference is the friction. Over a whole motor turn, cogging and eccentricity cancel. Flux
 //! is found *across* the current, where resistance and dead time have no effect: `-v i_across = w L i^2 + w psi
 //! (i_d cos lag - i_q sin lag)`.
@@ -16,13 +16,17 @@
 
 mod field_rotation;
 pub mod friction_run;
+mod loss;
 mod progress;
 mod rotation_steps;
 
 use crate::control::PERIOD_S;
+use crate::control::dead_time::LONGEST_VECTOR;
+use crate::control::parameters::DEAD_TIME_SHARE_MAX;
 use crate::control::probe::{BLOCK_PERIODS, HALF_WAVE_PERIODS, ProbeCommand, ProbeReport};
 use core::f32::consts::TAU;
 use field_rotation::{FieldRatio, FieldRotation, RotationWindow};
+use loss::Level;
 pub use progress::{AbortReason, CommissioningStep};
 use rotation_steps::SLOW_HZ;
 
@@ -58,6 +62,10 @@ pub struct MotorMeasurement {
     pub lag_rad: f32,
     /// Flux of the magnet through a phase, Vs.
     pub flux_vs: f32,
+    /// Time in each period in which a phase has the bus voltage against its current, s.
+    pub dead_time_s: f32,
+    /// Phase current at which half of this voltage is lost, A.
+    pub dead_time_current_a: f32,
 }
 
 impl MotorMeasurement {
@@ -67,7 +75,9 @@ impl MotorMeasurement {
     }
 }
 
-/// Share of the current in the first of two resistance measurements.
+/// Shares of the current in the first two of three resistance measurements. At the smallest one, the dead time takes
+/// clearly less than at the others.
+const LOW_CURRENT_SHARE: f32 = 0.06;
 const HALF_CURRENT_SHARE: f32 = 0.5;
 /// Initial voltage, V, and its growth per block: a factor of 20 in 0.75 s, and 1 % during the delay of a report.
 const INITIAL_VOLTAGE_V: f32 = 0.02;
@@ -140,6 +150,8 @@ pub struct Commissioning {
     /// The level is reached and held.
     is_holding: bool,
     sums: BlockSums,
+    /// Results at the smallest and at half the current; no blocks if they are not measured.
+    low: BlockSums,
     half: BlockSums,
     rotation: FieldRotation,
     gear: FieldRatio,
@@ -177,6 +189,7 @@ impl Default for Commissioning {
             missing: 0,
             is_holding: false,
             sums: BlockSums::default(),
+            low: BlockSums::default(),
             half: BlockSums::default(),
             rotation: FieldRotation::default(),
             gear: FieldRatio::default(),
@@ -299,6 +312,12 @@ impl Commissioning {
 
     fn run_step(&mut self, block: &ProbeReport) -> Result<(), AbortReason> {
         match self.step {
+            CommissioningStep::HalfCurrent if self.low.blocks == 0 => {
+                if let Some(mean) = self.step_level(block, LOW_CURRENT_SHARE)? {
+                    self.low = mean;
+                    self.enter(CommissioningStep::HalfCurrent);
+                }
+            }
             CommissioningStep::HalfCurrent => {
                 if let Some(mean) = self.step_level(block, HALF_CURRENT_SHARE)? {
                     self.half = mean;
@@ -307,17 +326,7 @@ impl Commissioning {
             }
             CommissioningStep::FullCurrent => {
                 if let Some(mean) = self.step_level(block, 1.0)? {
-                    let ohm =
-                        (mean.voltage_v - self.half.voltage_v) / (mean.along_a - self.half.along_a);
-                    self.found.resistance_ohm = check_range(ohm, 1e-4, 1e3)?;
-                    // Phase a takes the dead-time voltage in one direction, b and c in the other: four thirds of
-                    // one phase along the field.
-                    // `clamp` is avoided: with variable bounds, its panic message adds 15 KB of float formatting
-                    // to the image.
-                    let taken_v =
-                        (mean.voltage_v - ohm * mean.along_a).max(0.0).min(mean.voltage_v);
-                    self.command.dead_v = 0.75 * taken_v;
-                    self.command.along_v -= taken_v;
+                    self.compute_resistance(&mean)?;
                     self.enter(CommissioningStep::InductanceAlong);
                 }
             }
@@ -349,6 +358,25 @@ impl Commissioning {
         Ok(())
     }
 
+    /// Computes resistance and dead time from the results at the three currents.
+    fn compute_resistance(&mut self, full: &BlockSums) -> Result<(), AbortReason> {
+        let level = |sums: &BlockSums| Level { current_a: sums.along_a, voltage_v: sums.voltage_v };
+        let full = level(full);
+        let found = loss::find([level(&self.low), level(&self.half), full]);
+        let ohm = check_range(found.resistance_ohm, 1e-4, 1e3)?;
+        let dead_time_s = found.lost_v / self.bounds.bus_v.max(1.0) * PERIOD_S;
+        self.found.resistance_ohm = ohm;
+        self.found.dead_time_s = check_range(dead_time_s, 0.0, DEAD_TIME_SHARE_MAX * PERIOD_S)?;
+        self.found.dead_time_current_a = found.current_a;
+        // Phase a takes the dead-time voltage in one direction, b and c in the other: four thirds of one phase along
+        // the field.
+        // `clamp` is avoided: with variable bounds, its panic message adds 15 KB of float formatting to the image.
+        let taken_v = (full.voltage_v - ohm * full.current_a).max(0.0).min(full.voltage_v);
+        self.command.dead_v = taken_v / LONGEST_VECTOR;
+        self.command.along_v -= taken_v;
+        Ok(())
+    }
+
     /// Raises the voltage until this share of the current flows; returns the mean after the hold time.
     fn step_level(
         &mut self,
@@ -374,7 +402,8 @@ impl Commissioning {
             return Ok(None);
         }
         let mean = self.sums.mean();
-        if mean.across_a.abs() > 0.25 * mean.along_a {
+        // At the smallest current, the phases of a bridge may lose different voltages.
+        if share >= HALF_CURRENT_SHARE && mean.across_a.abs() > 0.25 * mean.along_a {
             return Err(AbortReason::NotAlong);
         }
         Ok(Some(mean))

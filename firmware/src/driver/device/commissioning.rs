@@ -8,9 +8,10 @@
 //! of its own: its purpose is the log of what the joint sends meanwhile.
 
 use super::{Device, InputSource, JointState};
-use crate::control::Setpoint;
+use crate::control::pi::Margins;
 use crate::control::probe::ProbeCommand;
 use crate::control::transform::{Rotating, Rotation, binary_angle};
+use crate::control::{MotorParameters, PERIOD_S, Setpoint};
 use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun, FrictionSample};
 use crate::driver::commissioning::{AbortReason, Commissioning, CommissioningBounds};
 use crate::node::dictionary::records::CommissioningRunObject;
@@ -271,6 +272,9 @@ impl<F: NorFlash> Device<F> {
         motor.pole_pairs = f32::from(found.pole_pairs);
         motor.resistance_ohm = found.resistance_ohm;
         [motor.inductance_d_h, motor.inductance_q_h] = found.inductance_h;
+        motor.dead_time_s = found.dead_time_s;
+        motor.dead_time_current_a = found.dead_time_current_a;
+        motor.current_bandwidth_hz = motor.current_bandwidth_max_hz(PERIOD_S);
         joint.torque_constant_nm_per_a *= constant / motor.torque_constant_nm_per_a;
         motor.torque_constant_nm_per_a = constant;
         self.motor.record_measurement(set.wiring_crc());
@@ -288,6 +292,16 @@ impl<F: NorFlash> Device<F> {
         let behind = Rotation::at(binary_angle(found.lag_rad));
         let along_a = behind.inverse_park(Rotating { d: run.bounds().current_a, q: 0.0 });
         let friction_nm = pulls_nm * along_a.beta;
+        let measured = MotorParameters {
+            resistance_ohm: found.resistance_ohm,
+            inductance_d_h: found.inductance_h[0],
+            inductance_q_h: found.inductance_h[1],
+            ..*motor
+        };
+        let is_measured = found.inductance_h[1] > 0.0;
+        let bandwidth_hz =
+            if is_measured { measured.current_bandwidth_max_hz(PERIOD_S) } else { 0.0 };
+        let margins = Margins::at(bandwidth_hz.max(1.0), PERIOD_S);
         let friction = &self.commissioning.friction;
         let (step, reason) = if self.commissioning.is_friction_run {
             (friction.step(), friction.reason())
@@ -312,6 +326,11 @@ impl<F: NorFlash> Device<F> {
             torque_constant_nm_per_a: found.torque_constant_nm_per_a().to_bits(),
             friction_torque_nm: friction_nm.to_bits(),
             speed_rad_s: self.commissioning.speed_rad_s.to_bits(),
+            dead_time_s: found.dead_time_s.to_bits(),
+            dead_time_current_a: found.dead_time_current_a.to_bits(),
+            current_bandwidth_hz: bandwidth_hz.to_bits(),
+            phase_margin_rad: margins.phase_rad.to_bits(),
+            gain_margin: margins.gain.to_bits(),
         }
     }
 }

@@ -289,6 +289,11 @@ record! {
         torque_constant_nm_per_a: Real32, ReadOnly, TORQUE_CONSTANT;
         friction_torque_nm: Real32, ReadOnly, FRICTION_TORQUE;
         speed_rad_s: Real32, ReadWrite, SPEED;
+        dead_time_s: Real32, ReadOnly, DEAD_TIME;
+        dead_time_current_a: Real32, ReadOnly, DEAD_TIME_CURRENT;
+        current_bandwidth_hz: Real32, ReadOnly, BANDWIDTH;
+        phase_margin_rad: Real32, ReadOnly, PHASE_MARGIN;
+        gain_margin: Real32, ReadOnly, GAIN_MARGIN;
     }
 }
 

@@ -9,9 +9,11 @@
 mod adjust;
 
 use super::brake::HoldingBrake;
+use super::bridge::lost_v;
 use super::comparators::{Comparators, STEPS_PER_PERIOD};
 use super::effects::OutputTorque;
 use super::load::{Acting, Load};
+use super::orders::OrderAnalyser;
 use super::parameters::Parameters;
 use super::seal::{Around, Seal};
 use super::supply::Supply;
@@ -27,9 +29,6 @@ const SETTLING_TIME_CONSTANTS: f64 = 40.0;
 
 /// Sub-steps per period.
 const SUBSTEPS: usize = 2;
-
-/// Current below which the dead-time loss is proportional to the current, A.
-const DEAD_TIME_RAMP_A: f64 = 0.1;
 
 /// Measurements of the power stage and its encoder.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +79,13 @@ pub struct JointPlant {
     max_torque_nm: f64,
     /// True if a stand holds the output.
     held: bool,
+    /// Velocity at which a stand turns the output, rad/s.
+    turned_rad_s: Option<f64>,
+    /// Analyser of the motor torque.
+    orders: Option<OrderAnalyser>,
+    /// Recorded currents: time since the start, s, and the currents along and across the magnet, A.
+    recorded: Option<Vec<[f64; 3]>>,
+    recorded_s: f64,
     /// External side load besides that of the load, N.
     pushed_n: f64,
     /// Torques at the output besides friction and load.
@@ -181,6 +187,10 @@ impl JointPlant {
             cancelled: 0.0,
             max_torque_nm: f64::INFINITY,
             held: false,
+            turned_rad_s: None,
+            orders: None,
+            recorded: None,
+            recorded_s: 0.0,
             pushed_n: 0.0,
             random: Pcg64::seed_from_u64(seed ^ 0x5eed),
         }
@@ -289,6 +299,11 @@ impl JointPlant {
         if near.is_some() {
             self.comparators = near;
         }
+        self.recorded_s += period_s;
+        let row = [self.recorded_s, self.magnetising_current_a(), self.torque_current_a()];
+        if let Some(recorded) = &mut self.recorded {
+            recorded.push(row);
+        }
         self.heat(period_s);
     }
 
@@ -343,13 +358,15 @@ impl JointPlant {
     fn voltage(&self, period_s: f64, duty: [f64; 3]) -> [f64; 2] {
         let currents = self.phase_currents_a();
         let bus = self.bus_v();
-        let lost = bus * self.p.dead_time_s / period_s;
-        let ramp = |current: f64| (current / DEAD_TIME_RAMP_A).clamp(-1.0, 1.0);
         vector(std::array::from_fn(|phase| {
-            // A half bridge that does not switch has no dead-time loss.
+            // A half bridge that does not switch has no dead time.
             let switches = 0.0 < duty[phase] && duty[phase] < 1.0;
-            let lost = if switches { lost } else { 0.0 };
-            duty[phase] * bus - lost * ramp(currents[phase])
+            let lost = if switches {
+                lost_v(&self.p, phase, currents[phase], bus, period_s)
+            } else {
+                self.p.switch_resistance_ohm * currents[phase]
+            };
+            duty[phase] * bus - lost
         }))
     }
 
@@ -373,7 +390,19 @@ impl JointPlant {
 
     /// Integrates the mechanical motion by `dt` (s).
     fn advance(&mut self, motor_nm: f64, dt: f64) {
+        if let Some(orders) = &mut self.orders {
+            let turns = self.p.gear_ratio * self.p.pole_pairs;
+            let position = self.rotor.map_or(self.position, |rotor| rotor.position);
+            orders.add(turns * position, motor_nm, dt);
+        }
         if self.held {
+            return;
+        }
+        if let Some(velocity) = self.turned_rad_s {
+            (self.velocity, self.position) = (velocity, self.position + dt * velocity);
+            if let Some(rotor) = &mut self.rotor {
+                *rotor = Rotor { position: self.position, velocity };
+            }
             return;
         }
         self.acting = self.load.act(&self.p, self.position, self.velocity, dt);

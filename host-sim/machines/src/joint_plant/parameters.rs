@@ -56,6 +56,11 @@ parameters! {
     break_filter_s = 0.75e-6, "s", "the reference drive: 8 samples at 10.6 MHz";
     break_delay_s = 0.3e-6, "s", "assumed: comparator 31 ns, gate driver and switch";
     dead_time_s = 0.3e-6, "s", "assumed: usual of a MOSFET bridge";
+    dead_time_ramp_a = 0.1, "A", "assumed: current below which the loss is proportional to it; at work where switch_capacitance_f is 0";
+    switch_capacitance_f = 0.0, "F", "of a phase node, both switches; without it the loss is a ramp; scenarios set theirs";
+    switch_resistance_ohm = 0.0, "ohm", "of the closed switch: part of the phase's; scenarios set theirs";
+    diode_drop_v = 0.0, "V", "of the body diode at 10 A; scenarios set theirs";
+    phase_spread = 0.0, "", "share by which dead time and capacitance of phases a and c differ from those of b; scenarios set theirs";
     current_noise_a = 0.05, "A", "assumed: shunt amplifier, one standard deviation";
     current_step_a = 0.0293, "A", "12 bits over +-60 A";
     encoder_counts = 16384.0, "1/turn", "14-bit magnetic encoder on the motor";

@@ -40,6 +40,8 @@ struct RunOutcome {
     pole_pairs: f64,
     direction: f64,
     zero_rad: f64,
+    dead_time_s: f64,
+    bandwidth_hz: f64,
     current_a: f64,
     travel_rad: f64,
     /// Torque-producing current over commanded current afterwards, at +8 A and -8 A; `None` if the driver does not arm, does not
@@ -82,6 +84,8 @@ fn commission(master: &mut Master) -> RunOutcome {
     .map(&mut float);
     let constant = float(CommissioningRunObject::TORQUE_CONSTANT);
     let zero_rad = float(CommissioningRunObject::ENCODER_OFFSET);
+    let dead_time_s = float(CommissioningRunObject::DEAD_TIME);
+    let bandwidth_hz = float(CommissioningRunObject::BANDWIDTH);
     let mut byte = |sub_index| master.rig.read_object(run, sub_index).expect("a byte") as u8;
     let (pole_pairs, direction) = (
         f64::from(byte(CommissioningRunObject::POLE_PAIRS)),
@@ -98,6 +102,8 @@ fn commission(master: &mut Master) -> RunOutcome {
         pole_pairs,
         direction,
         zero_rad,
+        dead_time_s,
+        bandwidth_hz,
         current_a: most.current_a,
         travel_rad,
         torque_share,
@@ -159,6 +165,10 @@ fn motor(number: usize) -> Motor {
         encoder_zero_rad: between(0.0, TAU),
         encoder_direction: if between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 },
         dead_time_s: between(0.2e-6, 0.6e-6),
+        switch_capacitance_f: between(0.5e-9, 2e-9),
+        switch_resistance_ohm: between(1e-3, 5e-3),
+        diode_drop_v: between(0.6, 1.0),
+        phase_spread: between(-0.05, 0.05),
         ..constants()
     };
     Motor { constants, seed, move_s: between(0.02, 0.08) }
@@ -204,7 +214,10 @@ fn random_motors() -> Vec<ScenarioRow> {
     let most = |of: &dyn Fn(&RunOutcome, &Parameters) -> f64| {
         outcomes.iter().map(|(out, motor)| of(out, &motor.constants)).fold(-f64::INFINITY, f64::max)
     };
-    let resistance = |out: &RunOutcome, p: &Parameters| out.resistance / p.phase_resistance_ohm;
+    let resistance = |out: &RunOutcome, p: &Parameters| {
+        out.resistance / (p.phase_resistance_ohm + p.switch_resistance_ohm)
+    };
+    let dead_time = |out: &RunOutcome, p: &Parameters| out.dead_time_s / p.dead_time_s;
     let inductance = |axis: usize| {
         move |out: &RunOutcome, p: &Parameters| out.inductance[axis] / p.phase_inductance_h
     };
@@ -227,6 +240,9 @@ fn random_motors() -> Vec<ScenarioRow> {
         ),
         ("resistance found over true, least", least(&resistance), 0.97..=1.03),
         ("resistance found over true, most", most(&resistance), 0.97..=1.03),
+        ("dead time found over true, least", least(&dead_time), 0.9..=1.15),
+        ("dead time found over true, most", most(&dead_time), 0.9..=1.15),
+        ("bandwidth chosen, Hz, least", least(&|out, _| out.bandwidth_hz), 1000.0..=2000.1),
         ("inductance along, found over true, least", least(&inductance(0)), 0.95..=1.05),
         ("inductance along, found over true, most", most(&inductance(0)), 0.95..=1.05),
         ("inductance across, found over true, least", least(&inductance(1)), 0.95..=1.05),

@@ -14,6 +14,8 @@
 mod adaptation;
 mod bus;
 mod commissioning;
+mod current_loop;
+mod dead_time;
 mod driver;
 mod encoder;
 mod encoder_kinds;
@@ -35,7 +37,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 17] {
+fn families() -> [&'static [ScenarioRow]; 19] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -54,6 +56,8 @@ fn families() -> [&'static [ScenarioRow]; 17] {
         feed_forward::rows(),
         modes::rows(),
         encoder_kinds::rows(),
+        dead_time::rows(),
+        current_loop::rows(),
     ]
 }
 

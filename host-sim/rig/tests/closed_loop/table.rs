@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 26] = [
+const TITLES: [&str; 27] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -111,9 +111,10 @@ const TITLES: [&str; 26] = [
     "Trial of a parameter set, and undo of a tuning",
     "Adaptation of the friction levels",
     "Feed-forward from a master",
-    "Dead time",
+    "Dead time of the bridge",
     "Profile modes, changes of the mode, and touch probe",
     "Kinds of encoders",
+    "Bandwidth and limits of the current loop",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

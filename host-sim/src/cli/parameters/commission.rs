@@ -8,6 +8,7 @@ use super::measure::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_
 use super::{Driver, sdo_message};
 use crate::cli::output::{pretty, print_text};
 use canopen_rs::Address;
+use firmware::control::PERIOD_S;
 use firmware::driver::commissioning::CommissioningStep;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject};
@@ -164,6 +165,8 @@ impl Driver {
         let offsets = [self.float(R::OFFSET_A)?, self.float(R::OFFSET_B)?];
         let lag_rad = self.float(R::LAG)?;
         let friction_nm = self.float(R::FRICTION_TORQUE)?;
+        let margins =
+            [self.float(R::PHASE_MARGIN)?.to_degrees(), 20.0 * self.float(R::GAIN_MARGIN)?.log10()];
         let (was, is) = (&before.motor, &found.motor);
         if json {
             let wiring: serde_json::Map<_, _> = numbers(found)
@@ -177,6 +180,8 @@ impl Driver {
                 .collect();
             let result = json!({
                 "offset_a": offsets, "lag_rad": lag_rad, "friction_torque_nm": friction_nm, "wiring": wiring,
+                "dead_time_s": is.dead_time_s, "dead_time_current_a": is.dead_time_current_a,
+                "current_bandwidth_hz": is.current_bandwidth_hz, "phase_margin_deg": margins[0], "gain_margin_db": margins[1],
             });
             return pretty(&result);
         }
@@ -190,7 +195,9 @@ impl Driver {
              pole pairs                 {} (was {})\n\
              encoder                    counts {} the order of phases a, b, c (was {}); reads {:+.4} rad with the magnet aligned to phase a (was {:+.4})\n\
              torque constant            {:.5} Nm/A at the motor (was {:.5}), {:.3} Nm/A at the joint (was {:.3}), with unchanged gear efficiency\n\
-             friction at low speed      {:.2} Nm at the joint: the rotor lags the field by {:.0} electrical degrees\n",
+             friction at low speed      {:.2} Nm at the joint: the rotor lags the field by {:.0} electrical degrees\n\
+             dead time of the bridge    {:.0} ns: {:.2} % of the bus voltage, half of it lost at {:.2} A (was {:.0} ns); compensated\n\
+             current loop               {:.0} Hz (was {:.0}): phase margin {:.0} degrees, gain margin {:.1} dB with 5 % less inductance\n",
             offsets[0],
             offsets[1],
             is.resistance_ohm,
@@ -211,6 +218,14 @@ impl Driver {
             before.friction.compensator.torque_constant_nm_per_a,
             friction_nm,
             lag_rad.to_degrees(),
+            1e9 * is.dead_time_s,
+            100.0 * is.dead_time_s / PERIOD_S,
+            is.dead_time_current_a,
+            1e9 * was.dead_time_s,
+            is.current_bandwidth_hz,
+            was.current_bandwidth_hz,
+            margins[0],
+            margins[1],
         );
         if turned {
             out += "joint_direction was reversed together with encoder_direction, so that the sign of the position is unchanged.\n\

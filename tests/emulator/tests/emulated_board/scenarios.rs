@@ -1,6 +1,6 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
-//! The short form runs eight families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
+//! The short form runs twelve families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/adaptation.rs"]
 mod adaptation;
@@ -8,6 +8,10 @@ mod adaptation;
 mod bus;
 #[path = "../../../../host-sim/rig/tests/closed_loop/commissioning.rs"]
 mod commissioning;
+#[path = "../../../../host-sim/rig/tests/closed_loop/current_loop.rs"]
+mod current_loop;
+#[path = "../../../../host-sim/rig/tests/closed_loop/dead_time.rs"]
+mod dead_time;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
@@ -50,7 +54,8 @@ use table::{Driver, ScenarioRow};
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     families.extend([stalls::rows(), stops::rows(), holding_brake::rows(), trials::rows()]);
-    families.extend([feed_forward::rows(), modes::rows(), encoder_kinds::rows()]);
+    families.extend([feed_forward::rows(), modes::rows(), encoder_kinds::rows(), dead_time::rows()]);
+    families.push(current_loop::rows());
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);

@@ -8,6 +8,7 @@ use crate::joint_plant::brake::HoldingBrake;
 use crate::joint_plant::comparators::Comparators;
 use crate::joint_plant::effects::OutputTorque;
 use crate::joint_plant::load::Load;
+use crate::joint_plant::orders::OrderAnalyser;
 use crate::joint_plant::seal::{Around, Seal};
 use crate::joint_plant::supply::Supply;
 use crate::joint_plant::surroundings::Surroundings;
@@ -32,6 +33,34 @@ impl JointPlant {
     /// Sets whether a stand holds the output.
     pub fn hold(&mut self, held: bool) {
         self.held = held;
+    }
+
+    /// Lets a stand turn the output at this velocity (rad/s), or sets it free.
+    pub fn turn(&mut self, velocity_rad_s: Option<f64>) {
+        self.turned_rad_s = velocity_rad_s;
+    }
+
+    /// Starts an analysis of the true motor torque at the joint, and returns the one before.
+    pub fn analyse_order(&mut self, order: f64) -> Option<OrderAnalyser> {
+        self.orders.replace(OrderAnalyser::of(order))
+    }
+
+    /// Returns the analysis of the motor torque, if one was started.
+    pub fn orders(&self) -> Option<&OrderAnalyser> {
+        self.orders.as_ref()
+    }
+
+    /// Starts a record of the true currents after each period, and returns the one before: time since the start, s, and the
+    /// currents along and across the magnet, A.
+    pub fn record_currents(&mut self) -> Vec<[f64; 3]> {
+        self.recorded_s = 0.0;
+        self.recorded.replace(Vec::new()).unwrap_or_default()
+    }
+
+    /// Sets the inductance of a phase, H: saturation lowers it.
+    pub fn set_inductance(&mut self, inductance_h: f64) {
+        self.p.phase_inductance_h = inductance_h;
+        self.step_s = 0.0;
     }
 
     /// Moves the output to this position (rad) and sets its velocity to 0.
@@ -128,6 +157,13 @@ impl JointPlant {
         let angle = self.p.gear_ratio * self.p.pole_pairs * self.motor_position_rad();
         let (sine, cosine) = angle.sin_cos();
         self.current[1] * cosine - self.current[0] * sine
+    }
+
+    /// Returns the current along the magnet, A.
+    pub fn magnetising_current_a(&self) -> f64 {
+        let angle = self.p.gear_ratio * self.p.pole_pairs * self.motor_position_rad();
+        let (sine, cosine) = angle.sin_cos();
+        self.current[0] * cosine + self.current[1] * sine
     }
 
     /// Adds torques at the output, or replaces those added before.

@@ -37,6 +37,8 @@ model\tinstructions\tlower\tupper\t% of the period, upper\tend\tbackground, lowe
 fn measure(terms: &[TermKind]) -> Costs {
     let mut set = set();
     set.friction = configuration(LawKind::ImprovedLugre, terms);
+    // The voltage of the dead time is compensated.
+    set.motor.dead_time_s = 0.5e-6;
     let start = PowerUp { set: Some(&set), commissioned: true, board: true, ..PowerUp::default() };
     let faults = RigFaults::default();
     let plant = JointPlant::with_phase(&Parameters::default(), Load::Free, [0.7, 2.1], 5);
