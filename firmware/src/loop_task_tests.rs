@@ -473,6 +473,7 @@ fn report_of_a_motor_measurement_has_its_result() {
         square_v: [0.0; 2],
         turn_per_period: 0,
         dead_v: 0.0,
+        dead_a: 1.0,
         trip_a: 1.0,
     };
     for _ in 0..2 * BLOCK_PERIODS {

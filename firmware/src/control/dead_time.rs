@@ -12,12 +12,21 @@
 //! currents would close a loop with a gain of `bus share / current_a`, several times the resistance: it oscillates if
 //! `share` is too large, and turns the noise of the sensors into voltage at rest. The reference has neither.
 //!
+//! The exact share is [`charged_share`], which commissioning uses: a current that turns the phase over within the dead time
+//! loses all but half of the time that this takes.
+//!
 //! A share that is wrong by a factor of two leaves at most the distortion of a bridge without compensation.
 
 use super::transform::{Rotating, Rotation, inverse_clarke};
 
 /// Length of the longest vector of the voltages that can be lost, per voltage lost by one phase.
 pub const LONGEST_VECTOR: f32 = 4.0 / 3.0;
+
+/// Returns the share of the voltage that a phase loses at a current, which is positive and relative to that of half the loss.
+#[inline(always)]
+pub fn charged_share(x: f32) -> f32 {
+    if x < 1.0 { 0.5 * x } else { 1.0 - 0.5 / x }
+}
 
 /// Voltage lost over the current of a phase.
 #[derive(Clone, Copy, Debug, PartialEq)]

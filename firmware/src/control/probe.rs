@@ -15,7 +15,8 @@
 //! period, for the rest of the run.
 
 use super::Bridge;
-use super::space_vector::{MAX_VECTOR_PER_BUS_V, clamp, duties, limit};
+use super::dead_time::charged_share;
+use super::space_vector::{MAX_VECTOR_PER_BUS_V, duties, limit};
 use super::transform::{Rotating, Rotation, Stationary, inverse_clarke};
 
 /// Periods in a block: the length of a mean.
@@ -26,9 +27,6 @@ pub const HALF_WAVE_PERIODS: u32 = 5;
 
 /// Maximum modulation. Every power stage leaves its shunts more time than this needs.
 const MAX_MODULATION: f32 = 0.8;
-
-/// Phase current above which its sign is certain, A: three times the noise.
-const SIGN_THRESHOLD_A: f32 = 0.15;
 
 /// Half waves in a block.
 const HALF_WAVES_PER_BLOCK: u32 = BLOCK_PERIODS / HALF_WAVE_PERIODS;
@@ -48,6 +46,8 @@ pub struct ProbeCommand {
     /// would distort the current six times per turn of the field, and the angle between current and voltage with
     /// it.
     pub dead_v: f32,
+    /// Phase current at which half of this voltage is lost, A; positive.
+    pub dead_a: f32,
     /// Length of the current vector at which the bridge opens, A.
     pub trip_a: f32,
 }
@@ -119,8 +119,11 @@ impl Probe {
         // The voltage acts from the next sample to the one after.
         let then = Rotation::at(self.field.wrapping_add((command.turn_per_period / 2) as u32));
         let flows = inverse_clarke(then.inverse_park(current));
-        let taken_v =
-            |phase_a: f32| command.dead_v * clamp(phase_a * (1.0 / SIGN_THRESHOLD_A), 1.0);
+        let per_a = 1.0 / command.dead_a;
+        let taken_v = |phase_a: f32| {
+            let lost_v = command.dead_v * charged_share(phase_a.abs() * per_a);
+            if phase_a < 0.0 { -lost_v } else { lost_v }
+        };
         let [a, b, c] = inverse_clarke(then.inverse_park(applied));
         let [x, y, z] = flows.map(taken_v);
         Bridge::Drive(duties([a + x, b + y, c + z], bus_v))
@@ -178,6 +181,7 @@ mod tests {
             square_v: [0.0; 2],
             turn_per_period: 0,
             dead_v: 0.0,
+            dead_a: 1.0,
             trip_a: 12.0,
         }
     }

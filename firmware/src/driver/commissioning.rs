@@ -21,7 +21,6 @@ mod progress;
 mod rotation_steps;
 
 use crate::control::PERIOD_S;
-use crate::control::dead_time::LONGEST_VECTOR;
 use crate::control::parameters::DEAD_TIME_SHARE_MAX;
 use crate::control::probe::{BLOCK_PERIODS, HALF_WAVE_PERIODS, ProbeCommand, ProbeReport};
 use core::f32::consts::TAU;
@@ -181,6 +180,7 @@ impl Default for Commissioning {
                 square_v: [0.0; 2],
                 turn_per_period: 0,
                 dead_v: 0.0,
+                dead_a: 1.0,
                 trip_a: 0.0,
             },
             last_block: 0,
@@ -368,11 +368,11 @@ impl Commissioning {
         self.found.resistance_ohm = ohm;
         self.found.dead_time_s = check_range(dead_time_s, 0.0, DEAD_TIME_SHARE_MAX * PERIOD_S)?;
         self.found.dead_time_current_a = found.current_a;
-        // Phase a takes the dead-time voltage in one direction, b and c in the other: four thirds of one phase along
-        // the field.
+        // From here on the probe adds what the phases lose.
         // `clamp` is avoided: with variable bounds, its panic message adds 15 KB of float formatting to the image.
         let taken_v = (full.voltage_v - ohm * full.current_a).max(0.0).min(full.voltage_v);
-        self.command.dead_v = taken_v / LONGEST_VECTOR;
+        self.command.dead_v = found.lost_v;
+        self.command.dead_a = found.current_a;
         self.command.along_v -= taken_v;
         Ok(())
     }

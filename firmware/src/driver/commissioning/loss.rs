@@ -2,12 +2,14 @@
 //!
 //! ```text
 //! v = R i + 2/3 u (h(i / w) + h(i / 2w))        u: lost by a phase;  w: current at which half of it is lost
-//! h(x) = x / 2 below 1, 1 - 1 / 2x above
+//! h(x) = x / 2 below 1, 1 - 1 / 2x above        crate::control::dead_time::charged_share
 //! ```
 //! Phase a carries the current, b and c half of it against it. `h` is the share that is lost: during the dead time the
 //! current charges the switches, and turns the phase over from `w` on. For a given `w`, the two larger currents give `R`
 //! and `u`. The smallest one tells `w`: a larger one lowers the voltage that it expects. Bisection finds it.
 //! [`crate::control::dead_time`] compensates by a smooth function of the same two constants, which needs no branches.
+
+use crate::control::dead_time::charged_share;
 
 /// Mean current and voltage along the field.
 #[derive(Clone, Copy, Debug)]
@@ -66,12 +68,7 @@ fn solve(half: Level, full: Level, scale_a: f32) -> Loss {
 /// Returns the voltage lost along the field, per voltage lost by a phase.
 fn shape(current_a: f32, scale_a: f32) -> f32 {
     let x = current_a / scale_a;
-    2.0 / 3.0 * (lost_share(x) + lost_share(0.5 * x))
-}
-
-/// Returns the share of the voltage that is lost at a current, per scale; positive.
-fn lost_share(x: f32) -> f32 {
-    if x < 1.0 { 0.5 * x } else { 1.0 - 0.5 / x }
+    2.0 / 3.0 * (charged_share(x) + charged_share(0.5 * x))
 }
 
 #[cfg(test)]
@@ -88,7 +85,7 @@ mod tests {
     #[test]
     fn find_with_loss_of_the_model_returns_its_parameters() {
         for scale_a in [0.06f32, 0.2, 0.5] {
-            let found = find(levels(0.13, |i| 0.48 * lost_share(i / scale_a), 7.8));
+            let found = find(levels(0.13, |i| 0.48 * charged_share(i / scale_a), 7.8));
             assert!((found.resistance_ohm / 0.13 - 1.0).abs() < 2e-3, "{found:?}");
             assert!((found.lost_v / 0.48 - 1.0).abs() < 5e-3, "{found:?}");
             assert!((found.current_a / scale_a - 1.0).abs() < 0.03, "{found:?}");
