@@ -98,8 +98,8 @@ MUTATIONS = [
     ("skipped sector of Hall sensors accepted", "firmware/src/sensors/hall.rs", "direction == 0", "false", KINDS),
     ("sign of the dead time's compensation", "firmware/src/control/dead_time.rs",
      "self.share * bus_v", "-self.share * bus_v", "scenarios::dead_time::dead_time_is_measured_and_compensated"),
-    ("bus voltage of the duties constant", "firmware/src/control/space_vector.rs",
-     "1.0 / bus_v", "1.0 / (48.0 + 0.0 * bus_v)",
+    ("bus voltage of the duties constant", "firmware/src/control/current_loop.rs",
+     "self.bus_v = bus;", "self.bus_v = 48.0 + 0.0 * bus;",
      "scenarios::current_loop::current_loop_at_highest_bandwidth_keeps_its_limits"),
 ]
 

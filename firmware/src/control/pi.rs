@@ -62,7 +62,7 @@ pub fn bandwidth_share(
     let loop_gain = NOISE_SHARE_MAX * MAX_VECTOR_PER_BUS_V * bus_min_v / noise_v;
     // The chord of `g` over the share: within 2 % of the curve.
     let (of_any, of_max) = (loop_gain_of(BANDWIDTH_SHARE_ANY), loop_gain_of(BANDWIDTH_SHARE_MAX));
-    let part = ((loop_gain - of_any) / (of_max - of_any)).max(0.0).min(1.0);
+    let part = ((loop_gain - of_any) / (of_max - of_any)).clamp(0.0, 1.0);
     BANDWIDTH_SHARE_ANY + part * (BANDWIDTH_SHARE_MAX - BANDWIDTH_SHARE_ANY)
 }
 
