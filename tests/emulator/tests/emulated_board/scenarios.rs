@@ -54,7 +54,12 @@ use table::{Driver, ScenarioRow};
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     families.extend([stalls::rows(), stops::rows(), holding_brake::rows(), trials::rows()]);
-    families.extend([feed_forward::rows(), modes::rows(), encoder_kinds::rows(), dead_time::rows()]);
+    families.extend([
+        feed_forward::rows(),
+        modes::rows(),
+        encoder_kinds::rows(),
+        dead_time::rows(),
+    ]);
     families.push(current_loop::rows());
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
