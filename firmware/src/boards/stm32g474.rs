@@ -87,7 +87,8 @@ mod app {
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{
-        clocks, fast_code, incremental, overcurrent, pins, random, scales, start, watchdog,
+        clocks, fast_code, incremental, overcurrent, pins, power_stage, random, scales, start,
+        watchdog,
     };
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
@@ -158,9 +159,12 @@ mod app {
         let are_duties_at_top = stage.start();
         let shunts = measure_offsets(&mut stage);
         watchdog::refresh_if_loop_runs();
-        let self_test_passed = are_duties_at_top
-            && encoder::is_set_up_correctly()
-            && shunts.iter().all(Option::is_some);
+        let counts = stage.counts();
+        let self_test_passed =
+            overcurrent::self_test([counts.phase_a, counts.phase_b], power_stage::clear_breaks)
+                && are_duties_at_top
+                && encoder::is_set_up_correctly()
+                && shunts.iter().all(Option::is_some);
         start::check_brown_out_level();
 
         let boot = Boot {

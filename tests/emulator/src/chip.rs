@@ -101,6 +101,8 @@ pub struct Chip<W> {
     pub gpio: Gpio,
     /// Levels of the overcurrent comparators that act.
     pub break_levels: BreakLevels,
+    /// Number of a comparator whose pin has no signal.
+    pub unwired_comparator: Option<u32>,
     /// Watchdog.
     pub watchdog: Watchdog,
     /// Reset flags and oscillators.
@@ -150,6 +152,7 @@ impl<W: World> Chip<W> {
             flash: Flash::default(),
             gpio: Gpio::default(),
             break_levels: BreakLevels::default(),
+            unwired_comparator: None,
             watchdog: Watchdog::default(),
             clock: Clock::default(),
             random: Random::default(),
@@ -407,6 +410,14 @@ impl<W: World> Chip<W> {
             self.advance_world(self.now);
             self.break_levels = levels;
             self.world.set_break_levels(levels);
+            self.break_by_shunts();
+        }
+    }
+
+    /// Activates the break if an amplifier is beyond a level, whatever the bridge does.
+    fn break_by_shunts(&mut self) {
+        if comparators::is_active(&self.break_levels, self.world.shunts()) {
+            self.timer1.set_break(false);
         }
     }
 

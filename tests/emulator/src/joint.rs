@@ -126,6 +126,13 @@ impl World for JointWorld {
         }
     }
 
+    fn shunts(&mut self) -> [u16; 2] {
+        let board = self.stage.board.as_ref();
+        board.map_or([0; 2], |board| {
+            board.phase_counts(self.sampled.currents_a, self.is_low_side_on)
+        })
+    }
+
     fn encoder(&mut self, word: u16, seconds: f64) -> u16 {
         let advance = self.stage.plant.motor_turns_in(seconds) * ENCODER_COUNTS;
         let angle = (f64::from(self.sampled.encoder) + advance).round() as i32 as u16;

@@ -149,6 +149,11 @@ impl<W: World + 'static> Machine<W> {
         self.chip().now
     }
 
+    /// Returns true if the core waits for an interrupt.
+    pub fn is_asleep(&self) -> bool {
+        self.core.get_data().sleeps
+    }
+
     /// Address of the next instruction.
     pub fn pc(&self) -> u32 {
         self.pc

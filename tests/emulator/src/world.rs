@@ -29,6 +29,11 @@ pub trait World {
     /// Returns the counts of a converter, 1 to 5, for a channel.
     fn analog(&mut self, converter: usize, channel: u32) -> u16;
 
+    /// Returns the counts that the amplifiers of phases a and b show now.
+    fn shunts(&mut self) -> [u16; 2] {
+        [2048; 2]
+    }
+
     /// Exchanges a word with the encoder, `seconds` after the last sample.
     fn encoder(&mut self, word: u16, seconds: f64) -> u16;
 

@@ -17,6 +17,9 @@
 //! With two phases only, the third would have twice the level. A low-side shunt shows its current only
 //! while that switch conducts, once a period. At a very high duty this time is shorter than the amplifier's
 //! lag and the break filter, and the current is not seen; `modulation_max` excludes such duties.
+//!
+//! [`self_test`] moves each level over the signal before the first PWM: a comparator whose input is not wired to its
+//! amplifier, or whose output does not reach the break, would be found only by the current that it should have stopped.
 
 use super::{pins, scales};
 use embassy_stm32::gpio::Flex;
@@ -36,6 +39,57 @@ const BUS_ABOVE_160_MHZ: u8 = 0b10;
 /// Comparators connected to the break, by their number minus one.
 pub const BREAK_COMPARATORS: [usize; 6] = [0, 1, 2, 4, 5, 6];
 
+/// What a comparator watches.
+#[derive(Clone, Copy)]
+enum Signal {
+    PhaseA,
+    PhaseB,
+    Mean,
+}
+
+/// A comparator, with its input, and the DAC channel of its level.
+struct Watch {
+    number: u8,
+    comparator: Comp,
+    pin: bool,
+    signal: Signal,
+    level: comp::Inm,
+    converter: Dac,
+    channel: usize,
+    /// It signals below its level: its output is inverted.
+    is_lower: bool,
+}
+
+const fn watch(
+    number: u8,
+    comparator: Comp,
+    signal: Signal,
+    converter: Dac,
+    channel: usize,
+) -> Watch {
+    let level = comp::Inm::DACA;
+    Watch { number, comparator, pin: FIRST_PIN, signal, level, converter, channel, is_lower: false }
+}
+
+/// All of them (RM0440, tables 194 and 196). The pins are those of pins.rs.
+const WATCHES: [Watch; 6] = [
+    watch(3, pac::COMP3, Signal::PhaseA, pac::DAC3, 0),
+    Watch { is_lower: true, ..watch(6, pac::COMP6, Signal::PhaseA, pac::DAC4, 1) },
+    watch(1, pac::COMP1, Signal::PhaseB, pac::DAC3, 0),
+    Watch { is_lower: true, pin: SECOND_PIN, ..watch(2, pac::COMP2, Signal::PhaseB, pac::DAC3, 1) },
+    watch(5, pac::COMP5, Signal::Mean, pac::DAC4, 0),
+    Watch {
+        is_lower: true,
+        level: comp::Inm::DACB,
+        ..watch(7, pac::COMP7, Signal::Mean, pac::DAC2, 0)
+    },
+];
+
+/// Distance of a level from its signal in the self-test, counts: 48 mV, five times what a comparator is off.
+const TEST_COUNTS: u16 = 60;
+/// Time of a level to settle, and of the break filter, cycles: 3 us (data sheet: 1.7 us; 0.75 us).
+const TEST_CYCLES: u32 = 3 * (super::clocks::CORE_HZ / 1_000_000);
+
 /// Sets up levels and comparators, and locks the comparators until the next reset.
 pub fn set_up(wired: pins::Overcurrent) {
     // Analog inputs: the state after a reset, which must stay, so the pins are never released.
@@ -52,13 +106,49 @@ pub fn set_up(wired: pins::Overcurrent) {
     rcc::enable_and_reset::<DAC3>();
     rcc::enable_and_reset::<DAC4>();
     set_levels(scales::CEILING_LEVELS);
-    // A comparator below its level must signal, so its output is inverted.
-    set_up_comparator(pac::COMP3, FIRST_PIN, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
-    set_up_comparator(pac::COMP6, FIRST_PIN, comp::Inm::DACA, comp::Polarity::INVERTED);
-    set_up_comparator(pac::COMP1, FIRST_PIN, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
-    set_up_comparator(pac::COMP2, SECOND_PIN, comp::Inm::DACA, comp::Polarity::INVERTED);
-    set_up_comparator(pac::COMP5, FIRST_PIN, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
-    set_up_comparator(pac::COMP7, FIRST_PIN, comp::Inm::DACB, comp::Polarity::INVERTED);
+    for watch in &WATCHES {
+        watch.comparator.csr().write(|w| {
+            w.set_inpsel(watch.pin);
+            w.set_inmsel(watch.level);
+            w.set_polarity(if watch.is_lower {
+                comp::Polarity::INVERTED
+            } else {
+                comp::Polarity::NOT_INVERTED
+            });
+            w.set_en(true);
+            w.set_lock(true);
+        });
+    }
+}
+
+/// Moves the level of each comparator to both sides of its signal, with an open bridge. Returns true if each one signals
+/// on one side only, and reaches the break, whose flags the second argument clears. The first has the present counts of
+/// both amplifiers.
+#[inline(never)]
+pub fn self_test([phase_a, phase_b]: [u16; 2], clear_breaks: fn()) -> bool {
+    let mut are_good = true;
+    for watch in &WATCHES {
+        let counts = match watch.signal {
+            Signal::PhaseA => phase_a,
+            Signal::PhaseB => phase_b,
+            Signal::Mean => phase_a.midpoint(phase_b),
+        };
+        let signals_at = |level: u16| {
+            set_level(watch.converter, watch.channel, level);
+            cortex_m::asm::delay(TEST_CYCLES);
+            watch.comparator.csr().read().value()
+        };
+        let is_above = signals_at(counts.saturating_sub(TEST_COUNTS));
+        let is_below = signals_at(counts.saturating_add(TEST_COUNTS));
+        let breaks = pac::TIM1.sr().read().bif(0);
+        set_levels(scales::CEILING_LEVELS);
+        clear_breaks();
+        if (is_above, is_below, breaks) != (!watch.is_lower, watch.is_lower, true) {
+            defmt::error!("comparator {=u8} does not see its shunt: check its pin", watch.number);
+            are_good = false;
+        }
+    }
+    are_good
 }
 
 /// Sets the levels for a joint whose current loop trips at `overcurrent_a`.
@@ -86,14 +176,4 @@ fn set_level(converter: Dac, channel: usize, counts: u16) {
     }
     converter.dhr12r(channel).write(|w| w.set_dhr(counts));
     converter.cr().modify(|w| w.set_en(channel, true));
-}
-
-fn set_up_comparator(comparator: Comp, pin: bool, level: comp::Inm, polarity: comp::Polarity) {
-    comparator.csr().write(|w| {
-        w.set_inpsel(pin);
-        w.set_inmsel(level);
-        w.set_polarity(polarity);
-        w.set_en(true);
-        w.set_lock(true);
-    });
 }

@@ -195,13 +195,18 @@ impl Stage {
     pub fn off(&mut self) {
         TIMER.bdtr().modify(|w| w.set_moe(false));
         set_duties([0.5; 3]);
-        // The flag stays set while its input is active.
-        TIMER.sr().write(|w| {
-            w.0 = u32::MAX;
-            w.set_bif(0, false);
-            w.set_sbif(false);
-        });
+        clear_breaks();
     }
+}
+
+/// Clears the flags of the break, each of which stays set while its input is active.
+#[inline(always)]
+pub fn clear_breaks() {
+    TIMER.sr().write(|w| {
+        w.0 = u32::MAX;
+        w.set_bif(0, false);
+        w.set_sbif(false);
+    });
 }
 
 /// Returns the latest counts of the leak probe.

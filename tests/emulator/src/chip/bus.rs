@@ -45,6 +45,16 @@ impl<W: World> Chip<W> {
             }
             0xE000_ED04 => self.nvic.current() as u32,
             DWT_CYCCNT => now as u32,
+            0x4001_0200..=0x4001_021B => {
+                let shunts = self.world.shunts();
+                let status = comparators::status(
+                    &|at| self.plain(at),
+                    address,
+                    shunts,
+                    self.unwired_comparator,
+                );
+                status.unwrap_or_else(|| self.plain(address))
+            }
             _ => self.plain(address),
         }
     }
@@ -171,6 +181,7 @@ impl<W: World> Chip<W> {
                 self.timer1.set_break(false);
             }
             self.break_by_pin();
+            self.break_by_shunts();
         }
     }
 

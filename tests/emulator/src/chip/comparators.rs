@@ -14,6 +14,9 @@ pub const AF1: u32 = 0x60;
 /// Address of COMP1_CSR; those of the others follow.
 const COMP: u32 = 0x4001_0200;
 const ENABLED: u32 = 1;
+const INVERTED: u32 = 1 << 15;
+/// Present output.
+const VALUE: u32 = 1 << 30;
 
 /// Base addresses of the DACs 1 to 4.
 const DAC: [u32; 4] = [0x5000_0800, 0x5000_0C00, 0x5000_1000, 0x5000_1400];
@@ -47,6 +50,35 @@ pub const fn changes_levels(address: u32) -> bool {
     matches!(address, 0x4001_0200..=0x4001_021B | 0x5000_0800..=0x5000_17FF)
 }
 
+/// Returns the register of a comparator with its output, for the counts of phases a and b; `None` for another address.
+/// `unwired` is the number of a comparator whose pin has no signal.
+pub fn status(
+    plain: &dyn Fn(u32) -> u32,
+    address: u32,
+    [a, b]: [u16; 2],
+    unwired: Option<u32>,
+) -> Option<u32> {
+    let Wiring { input, signal, levels, number } =
+        WIRING.iter().find(|wiring| COMP + 4 * (wiring.number - 1) == address)?;
+    let csr = plain(address);
+    let counts = u32::from([a, b, a.midpoint(b)][*signal]);
+    let source = (csr >> 4 & 0xF).checked_sub(4).and_then(|at| levels.get(at as usize));
+    // A pin without a signal is low.
+    let is_wired = csr >> 8 & 1 == *input && unwired != Some(*number);
+    let shown = if is_wired { counts } else { 0 };
+    let level =
+        source.map_or(0, |&(dac, channel)| plain(DAC[dac - 1] + DHR12R[channel - 1]) & 0xFFF);
+    let is_high = (shown > level) != (csr & INVERTED != 0);
+    Some(csr & !VALUE | if is_high && csr & ENABLED != 0 { VALUE } else { 0 })
+}
+
+/// Returns true if a comparator that acts signals, for the counts of phases a and b.
+pub fn is_active(levels: &BreakLevels, [a, b]: [u16; 2]) -> bool {
+    levels.iter().zip([a, b, a.midpoint(b)]).any(|([lower, upper], counts)| {
+        lower.is_some_and(|lower| counts < lower) || upper.is_some_and(|upper| counts > upper)
+    })
+}
+
 /// Returns the levels that these registers mean; `plain` reads one that is plain memory.
 pub fn break_levels(plain: &dyn Fn(u32) -> u32, af1: u32) -> BreakLevels {
     let mut levels = BreakLevels::default();
@@ -60,7 +92,7 @@ pub fn break_levels(plain: &dyn Fn(u32) -> u32, af1: u32) -> BreakLevels {
             continue;
         }
         // An output that is not inverted signals above its level.
-        let is_upper = csr >> 15 & 1 == 0;
+        let is_upper = csr & INVERTED == 0;
         levels[signal][usize::from(is_upper)] =
             Some((plain(base + DHR12R[channel]) & 0xFFF) as u16);
     }

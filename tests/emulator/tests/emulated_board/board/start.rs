@@ -6,6 +6,7 @@ use emulated_board::chip::{CORE_HZ, Chip};
 use emulated_board::cycles::FlashAccess;
 use emulated_board::world::{Bridge, World};
 use emulated_board::{Machine, StopReason};
+use firmware::supervisor::Code;
 
 /// A board at rest: 48 V, no current, and an encoder that shows one angle.
 #[derive(Default)]
@@ -45,6 +46,25 @@ fn image_after_power_on_sends_boot_up_frame_with_open_bridge() {
     assert_eq!((frame.identifier(), frame.data()), (0x701, &[0][..]));
     println!("measured: boot-up frame after {:.1} ms", *at as f64 / CORE_HZ as f64 * 1e3);
     assert!(!machine.chip().world.was_driven);
+}
+
+/// Returns true if a board reports at its start that its self-test failed.
+fn fails_self_test(unwired_comparator: Option<u32>) -> bool {
+    let mut machine = started();
+    machine.chip_mut().unwired_comparator = unwired_comparator;
+    machine.run(CORE_HZ / 10);
+    assert!(!machine.chip().world.was_driven);
+    let number = Code::SelfTestFailed.number();
+    let sent = &machine.chip().can.sent;
+    sent.iter().any(|(_, frame)| frame.identifier() == 0x081 && frame.data()[3] == number)
+}
+
+#[test]
+fn comparator_without_its_shunt_is_found_before_the_first_pwm() {
+    assert!(!fails_self_test(None));
+    for number in [1, 2, 3, 5, 6, 7] {
+        assert!(fails_self_test(Some(number)), "comparator {number}");
+    }
 }
 
 #[test]
