@@ -157,6 +157,14 @@ drive_settings! {
     TORQUE_SLOPE 0 torque_slope: u32 = 1000, 1.., "at least 1";
     /// 6088h: shape of the torque in mode 4.
     TORQUE_PROFILE 0 torque_profile: i16 = 0, 0, "0 (linear ramps): the driver has no other profile";
+    /// 2030h:7: torque of the brake test, thousandths of the rated torque; 0 disables the test.
+    HOLDING_BRAKE 7 brake_test_torque: u16 = 0, 0 | 10..=1000, "0 (no test) or 10 to 1000 thousandths of the rated torque";
+    /// 2030h:8: time for which the test presses in each direction, ms.
+    HOLDING_BRAKE 8 brake_test_ms: u16 = 200, 50..=5000, "50 to 5000";
+    /// 2030h:9: way that the joint may turn in the test, 1e-6 rad.
+    HOLDING_BRAKE 9 brake_test_way: u32 = 20_000, 1_000..=200_000, "1000 to 200000 (0.001 to 0.2 rad)";
+    /// 2030h:10: operating hours after which arming tests the brake again; 0 tests on request only.
+    HOLDING_BRAKE 10 brake_test_interval_h: u16 = 24, _, "";
 }
 
 /// Values of the settings; those with a sign in two's complement.
@@ -224,8 +232,8 @@ impl DriveSettings {
         bytes
     }
 
-    /// Length of the encoded settings before the profile modes had any, bytes.
-    pub const LENGTH_WITHOUT_PROFILES: usize = Self::LENGTH - 8 * 4;
+    /// Length of the encoded settings before profile modes and brake test had any, bytes.
+    pub const LENGTH_WITHOUT_PROFILES: usize = Self::LENGTH - 12 * 4;
 
     /// Length of the encoded settings before the adaptation had any, bytes.
     pub const LENGTH_WITHOUT_ADAPTATION: usize = Self::LENGTH_WITHOUT_PROFILES - 4 * 4;

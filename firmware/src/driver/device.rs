@@ -3,6 +3,7 @@
 mod access;
 mod adaptation;
 mod boot;
+mod brake_test;
 mod commissioning;
 mod compensation_share;
 mod current_loop;
@@ -49,6 +50,7 @@ use crate::sensors::enclosure;
 use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
 use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
+use brake_test::BrakeTest;
 use compensation_share::CompensationShare;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use current_loop::LoopExchange;
@@ -145,6 +147,7 @@ pub struct Device<F> {
     compensation: CompensationShare,
     velocity: VelocityControl,
     modes: ProfileModes,
+    brake_test: BrakeTest,
     pub(super) profile: Profile,
     watch: Option<ResidualWatch>,
     pub(super) stopping: Stopping,
@@ -232,6 +235,7 @@ impl<F: NorFlash> Device<F> {
                 position_missing: self.is_position_missing(),
                 following_error: self.following_state().1,
                 stalled: motor.is_stalled,
+                brake_test_failed: self.brake_test.has_failed(),
                 over_compensated: self.compensation.is_over_compensated(),
                 radial_force_stuck: self.seal_sensors.is_radial_force_stuck(),
                 pressure_stuck: self.seal_sensors.is_pressure_stuck(),
@@ -269,6 +273,7 @@ impl<F: NorFlash> Device<F> {
         }
         self.update_stop();
         self.watch_stop();
+        self.watch_brake_test();
         self.step_brake();
         self.watch_commissioning();
         self.watch_trial(heartbeat_lost);
@@ -292,7 +297,10 @@ impl<F: NorFlash> Device<F> {
             // A tick just before a report finds none, and the next one finds two: a step here would be one too many.
             return;
         }
-        let drives = self.supervisor.is_bridge_allowed() && !self.is_measuring_motor();
+        let is_testing = self.brake_test.is_running();
+        // A motor that presses against its brake stands.
+        let drives =
+            self.supervisor.is_bridge_allowed() && !self.is_measuring_motor() && !is_testing;
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();
         self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
@@ -310,7 +318,7 @@ impl<F: NorFlash> Device<F> {
         if self.settings.source == InputSource::Sensors
             && let Some(watch) = &mut self.watch
         {
-            let valid = report.residual_torque_nm.is_finite();
+            let valid = report.residual_torque_nm.is_finite() && !is_testing;
             watch.step(report.residual_torque_nm, report.velocity_rad_s, valid);
         }
     }
@@ -338,7 +346,8 @@ impl<F: NorFlash> Device<F> {
                 && self.supervisor.is_braking_allowed(),
             compensation: drives
                 && self.supervisor.is_compensation_allowed()
-                && !self.is_commissioning(),
+                && !self.is_commissioning()
+                && !self.brake_test.is_running(),
             current_share: self.supervisor.current_share(),
             compensation_share: self.compensation.share(),
             factors: None,

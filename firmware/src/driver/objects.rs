@@ -5,7 +5,8 @@ mod numbers;
 use super::device::Device;
 use crate::hil::NumberType;
 use crate::node::dictionary::records::{
-    AccessObject, CommitObject, OperationObject, ScopeObject, StateObject, TraceObject,
+    AccessObject, CommitObject, HoldingBrakeObject, OperationObject, ScopeObject, StateObject,
+    TraceObject,
 };
 use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
@@ -216,6 +217,9 @@ impl<F: NorFlash> Device<F> {
     fn write_joint(&mut self, at: Address, number: u32, value: &[u8]) -> Result<(), Abort> {
         match at.index {
             index::OPERATION => self.write_setting(at, number),
+            index::HOLDING_BRAKE if at.subindex == HoldingBrakeObject::TEST_ORDER => {
+                self.order_brake_test(number as u8)
+            }
             index::HOLDING_BRAKE | index::HOMING_STOP => {
                 self.set_drive_setting(at.index, at.subindex, number)
             }

@@ -416,6 +416,9 @@ codes! {
     58 EncoderMagnet "encoder-magnet" 0xFF1C [PROFILE] Limits Always 0 100
         "the encoder warns: a magnet too weak, too strong or misplaced, lost counts, no index, or levels that contradict each other",
         "it reports none at the next reading, a second later";
+    59 BrakeTestFailed "brake-test-failed" 0xFF1D [PROFILE] Limits Always 0 0
+        "in its last test, the holding brake slipped, or the current did not reach the torque (2030h:12)",
+        "the brake holds in a test";
     60 TorqueOffChannels "safe-torque-off-channels" 0xFF21 [MANUFACTURER] Limits Always 100 100
         "the two channels of safe torque off differ", "they are equal";
     61 LeakReported "leak-reported" 0xFF22 [MANUFACTURER] Limits Always 200 1000

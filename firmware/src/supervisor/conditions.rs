@@ -117,6 +117,7 @@ pub(super) fn evaluate(
         Code::PositionUnknown => observation.position_missing,
         Code::FollowingError => observation.following_error,
         Code::Stalled => observation.stalled,
+        Code::BrakeTestFailed => observation.brake_test_failed,
         Code::EncoderMagnet => observation.magnet_fault,
         Code::OverCompensated => observation.over_compensated,
         Code::RadialForceStuck => observation.radial_force_stuck,

@@ -113,6 +113,8 @@ pub struct Observation {
     pub following_error: bool,
     /// True if the joint carries current and does not move, and it has moved or its wiring is proven.
     pub stalled: bool,
+    /// True if the holding brake slipped in its last test, or could not be tested.
+    pub brake_test_failed: bool,
     /// True if the model predicts more friction than the joint has, and the compensation is reduced.
     pub over_compensated: bool,
     /// True if the reading of the side-load sensor is stuck.
@@ -162,6 +164,7 @@ impl Default for Observation {
             position_missing: false,
             following_error: false,
             stalled: false,
+            brake_test_failed: false,
             over_compensated: false,
             radial_force_stuck: false,
             pressure_stuck: false,

@@ -4,6 +4,7 @@ mod access;
 mod adaptation;
 mod attacks;
 mod bench;
+mod brake_test;
 mod commissioning;
 mod damaged_store;
 mod drive;

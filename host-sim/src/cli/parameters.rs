@@ -7,6 +7,7 @@
 //! keeps the parameters over a reset.
 
 mod adaptation;
+mod brake_test;
 mod commission;
 mod drive;
 mod friction_run;
@@ -148,6 +149,10 @@ enum Action {
         #[command(flatten)]
         measure: measure::MeasureArguments,
     },
+    /// Test the holding brake: the motor presses against it in both directions; exit code 1 if it does not hold
+    ///
+    /// The joint must be disarmed. drive.brake_test_torque, drive.brake_test_ms and drive.brake_test_way set the test.
+    BrakeTest,
     /// Restart the driver
     Reset,
 }
@@ -239,6 +244,7 @@ fn run_action(
         }
         Action::Trend { write } => return driver.trend(write.as_deref(), json).map(printed),
         Action::Status => return driver.status(json).map(printed),
+        Action::BrakeTest => return driver.brake_test(name, json),
         Action::Set { what, save } => driver.set(what, *save)?,
         Action::Save => {
             driver.store(index::STORE, SAVE_SIGNATURE)?;

@@ -68,6 +68,7 @@ impl<F: NorFlash> Device<F> {
             targets: Default::default(),
             offsets: Default::default(),
             modes: Default::default(),
+            brake_test: Default::default(),
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
             lock: Lock::default(),

@@ -95,7 +95,10 @@ impl<F: NorFlash> Device<F> {
     /// confirmation.
     pub(super) fn commanded(&self, now_us: u64) -> Setpoint {
         if !self.is_commissioning() {
-            return self.with_velocity_command(self.received.setpoint(now_us));
+            let setpoint = self.received.setpoint(now_us);
+            return self
+                .brake_test_setpoint(setpoint)
+                .unwrap_or_else(|| self.with_velocity_command(setpoint));
         }
         let age_s = now_us.saturating_sub(self.commissioning.alive_us) as f32 * 1e-6;
         let nothing = Setpoint { current_a: 0.0, velocity_reference_rad_s: 0.0, age_s };
@@ -176,8 +179,8 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.record_command(self.now_us);
     }
 
-    /// Checks the conditions of both runs.
-    fn may_begin(&mut self) -> Result<(), Abort> {
+    /// Checks the conditions of a run that controls the bridge.
+    pub(super) fn may_begin(&mut self) -> Result<(), Abort> {
         self.finish_trial();
         if self.settings.source == InputSource::Bus {
             let why = text!("a joint in HIL drives no motor that could be measured (2001h:1)");
@@ -196,10 +199,7 @@ impl<F: NorFlash> Device<F> {
 
     fn begin_friction_run(&mut self) -> Result<(), Abort> {
         self.may_begin()?;
-        self.supervisor.arm(self.now_us).map_err(|refusal| {
-            self.blocking = refusal.causes.fault_bits();
-            self.staging.refuse(Abort::State, refusal)
-        })?;
+        self.arm_supervisor()?;
         let acceleration = self.set().motor.acceleration_max_rad_s2.min(ACCELERATION_RAD_S2);
         let bounds = FrictionBounds {
             current_a: self.commissioning_current_a(),

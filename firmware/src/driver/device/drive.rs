@@ -262,8 +262,9 @@ impl<F: NorFlash> Device<F> {
         let deadline_us = u64::from(self.settings.target_timeout_ms) * 1000;
         let is_followed =
             self.profile.is_active() && self.supervisor.is_armed() && !self.is_commissioning();
-        // A stop ends by itself.
-        let is_followed = is_followed && !self.stopping.is_to_rest();
+        // A stop ends by itself, and so does a test of the brake on request.
+        let needs_none = self.stopping.is_to_rest() || self.brake_test.is_requested();
+        let is_followed = is_followed && !needs_none;
         let is_late = now_us.saturating_sub(self.targets.at_us) >= deadline_us;
         if is_followed && deadline_us > 0 && is_late {
             self.supervisor.trip(Code::CommandTimeout);

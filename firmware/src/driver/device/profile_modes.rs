@@ -161,7 +161,8 @@ impl<F: NorFlash> Device<F> {
         }
         let continues = self.supervisor.is_armed()
             && self.settings.source == InputSource::Sensors
-            && !self.is_commissioning();
+            && !self.is_commissioning()
+            && !self.brake_test.is_running();
         if !continues {
             return Err(self.refuse_armed());
         }

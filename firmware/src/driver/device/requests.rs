@@ -75,16 +75,22 @@ impl<F: NorFlash> Device<F> {
             );
             return Err(self.staging.refuse(Abort::State, why));
         }
+        if self.brake_test.is_running() {
+            let why = text!("the brake is being tested: wait until 2030h:12 is not 1");
+            return Err(self.staging.refuse(Abort::State, why));
+        }
         if let Some(why) = self.update_blocks_arming() {
             return Err(self.staging.refuse(Abort::State, why));
         }
         if self.settings.source == InputSource::Sensors {
-            self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
-            self.preload_brake();
-            self.begin_position();
-            return self.supervisor.arm(self.now_us).map_err(|refusal| {
-                self.blocking = refusal.causes.fault_bits();
-                self.staging.refuse(Abort::State, refusal)
+            let is_test_due = self.is_brake_test_due();
+            if !is_test_due {
+                self.begin_driving();
+            }
+            return self.arm_supervisor().map(|()| {
+                if is_test_due {
+                    self.begin_brake_test(false);
+                }
             });
         }
         // A joint in HIL drives nothing: it needs no set-point and no bus voltage, but must have no fault.
@@ -95,6 +101,21 @@ impl<F: NorFlash> Device<F> {
         }
         self.samples.arm_hil(true);
         Ok(())
+    }
+
+    /// Arms the joint on its own sensors.
+    pub(super) fn arm_supervisor(&mut self) -> Result<(), Abort> {
+        self.supervisor.arm(self.now_us).map_err(|refusal| {
+            self.blocking = refusal.causes.fault_bits();
+            self.staging.refuse(Abort::State, refusal)
+        })
+    }
+
+    /// Starts the loops above the current loop.
+    pub(super) fn begin_driving(&mut self) {
+        self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
+        self.preload_brake();
+        self.begin_position();
     }
 
     /// Returns the codes that stop a joint in HIL: faults, and a lost master.

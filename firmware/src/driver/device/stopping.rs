@@ -121,7 +121,7 @@ impl<F: NorFlash> Device<F> {
             // The interrupt opens the bridge before the driver knows the fault.
             let reaction = self.settings.drive.reaction(StopCause::Fault);
             self.stopping.shorts_low_sides = reaction == StopReaction::Short;
-            if self.stopping.is_to_rest() {
+            if self.stopping.is_to_rest() || self.brake_test.is_requested() {
                 self.supervisor.record_command(now_us);
             }
         }
@@ -273,6 +273,7 @@ impl<F: NorFlash> Device<F> {
         let is_known = !report.loop_flags.contains(LoopFlags::ENCODER_LOST);
         // Homing by the present position gives no torque, so that the brake must hold the joint.
         let wants_closed = self.stopping.stop.is_some_and(|stop| stop.closes_brake)
+            || self.brake_test.is_running()
             || self.is_torque_free_homing() && !self.is_commissioning();
         let inputs = BrakeInputs {
             is_driven,
@@ -285,7 +286,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns true in homing by the present position, which gives no torque.
-    fn is_torque_free_homing(&self) -> bool {
+    pub(super) fn is_torque_free_homing(&self) -> bool {
         self.profile.mode == profile::HOMING && !self.profile.homes_at_stop()
     }
 

@@ -134,6 +134,9 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn step_velocity(&mut self) {
         self.step_offsets();
         self.step_profile_modes();
+        if self.step_brake_test() {
+            return;
+        }
         let rubs = self.is_friction_run();
         let holds = self.holds_joint();
         let is_in_use = rubs || holds || self.is_in_velocity_loop();

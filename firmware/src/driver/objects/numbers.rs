@@ -142,6 +142,10 @@ impl<F: NorFlash> Device<F> {
             index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
                 Ok(self.stopping.brake().is_released().into())
             }
+            index::HOLDING_BRAKE if place >= records::HoldingBrakeObject::TEST_RESULT => entry(
+                &self.brake_test_words(),
+                place - records::HoldingBrakeObject::TEST_RESULT + 1,
+            ),
             index::HOLDING_BRAKE | index::HOMING_STOP => {
                 settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex)
             }

@@ -364,7 +364,7 @@ record! {
 }
 
 record! {
-    /// Output, delays and state of the holding brake.
+    /// Output, delays and state of the holding brake; settings, order and result of its test (ways in 1e-6 rad).
     HoldingBrakeObject {
         output: Unsigned8, ReadWrite;
         release_delay_ms: Unsigned16, ReadWrite;
@@ -372,6 +372,14 @@ record! {
         engage_at: Unsigned8, ReadWrite;
         longest_wait_ms: Unsigned16, ReadWrite;
         released: Unsigned8, ReadOnly, RELEASED;
+        test_torque_permille: Unsigned16, ReadWrite;
+        test_time_ms: Unsigned16, ReadWrite;
+        test_way: Unsigned32, ReadWrite;
+        test_interval_h: Unsigned16, ReadWrite;
+        test_order: Unsigned8, WriteOnly, TEST_ORDER [armed];
+        test_result: Unsigned8, ReadOnly, TEST_RESULT;
+        way_forwards: Integer32, ReadOnly, WAY_FORWARDS;
+        way_back: Integer32, ReadOnly, WAY_BACK;
     }
 }
 

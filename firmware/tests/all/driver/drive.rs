@@ -77,6 +77,7 @@ fn master_in_cst_enables_drives_and_stops_the_joint() {
     let commands = bench.driver.loop_commands(bench.now_us);
     assert!(commands.bridge);
     assert!((commands.setpoint.current_a + 6.5).abs() < 1e-4);
+    assert_eq!(bench.number(index::TORQUE_DEMAND, 0) as i16, -250);
     // Measured values as objects.
     assert_eq!(bench.number(index::ACTUAL_TORQUE, 0) as i16, 250);
     assert_eq!(bench.number(index::ACTUAL_POSITION, 0) as i32, 250_000);

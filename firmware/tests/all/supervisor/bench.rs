@@ -100,6 +100,7 @@ impl Bench {
             Code::MotorAgainst => observation.motor_against = present,
             Code::MotorStands => observation.motor_stands = present,
             Code::Stalled => observation.stalled = present,
+            Code::BrakeTestFailed => observation.brake_test_failed = present,
             Code::OverCompensated => observation.over_compensated = present,
             Code::RadialForceStuck => observation.radial_force_stuck = present,
             Code::PressureStuck => observation.pressure_stuck = present,

@@ -74,6 +74,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             position_missing,
             following_error,
             stalled: motor.2,
+            brake_test_failed: bits.1,
             over_compensated: motor.3,
             radial_force_stuck,
             pressure_stuck,

@@ -12,6 +12,7 @@
 //! writes the file; without the variable a test compares results and file.
 
 mod adaptation;
+mod brake_test;
 mod bus;
 mod commissioning;
 mod current_loop;
@@ -37,7 +38,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 19] {
+fn families() -> [&'static [ScenarioRow]; 20] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -58,6 +59,7 @@ fn families() -> [&'static [ScenarioRow]; 19] {
         encoder_kinds::rows(),
         dead_time::rows(),
         current_loop::rows(),
+        brake_test::rows(),
     ]
 }
 

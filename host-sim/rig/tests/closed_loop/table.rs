@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 27] = [
+const TITLES: [&str; 28] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -115,6 +115,7 @@ const TITLES: [&str; 27] = [
     "Profile modes, changes of the mode, and touch probe",
     "Kinds of encoders",
     "Bandwidth and limits of the current loop",
+    "Brake test",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

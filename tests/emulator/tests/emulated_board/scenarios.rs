@@ -4,6 +4,8 @@
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/adaptation.rs"]
 mod adaptation;
+#[path = "../../../../host-sim/rig/tests/closed_loop/brake_test.rs"]
+mod brake_test;
 #[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
 mod bus;
 #[path = "../../../../host-sim/rig/tests/closed_loop/commissioning.rs"]
@@ -60,7 +62,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
         encoder_kinds::rows(),
         dead_time::rows(),
     ]);
-    families.push(current_loop::rows());
+    families.extend([current_loop::rows(), brake_test::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);

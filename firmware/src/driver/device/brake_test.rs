@@ -1,0 +1,234 @@
+//! Test of the holding brake: the motor presses against the closed brake, before arming or on request (2030h:7 to :14).
+//!
+//! ```text
+//! bridge drives -> ramp to +torque -> hold -> ramp to -torque -> hold -> ramp to 0 -> the brake holds
+//! joint turns farther than 2030h:9, or the current does not reach the torque -> bridge opens, brake stays closed
+//! ```
+//! The friction of the joint holds, too, and a load adds to the torque in its direction and takes from it in the other. So the
+//! test shows that brake and friction together hold the torque, in one direction with the load and in the other less it. The
+//! compensation is off meanwhile, because its torque would help to turn the joint.
+//!
+//! There is no clock. A day is 2030h:10 hours of operation since the last test that the brake passed, and the first arming
+//! after a start always tests.
+
+use super::{Device, InputSource};
+use crate::control::{LoopFlags, Setpoint};
+use crate::node::sdo::Abort;
+use compensator_core::refusal;
+use compensator_core::text;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Time of a ramp from 0 to the torque, ms: slow against the current loop, so that a brake that slips is found at a torque
+/// little above its own.
+const RAMP_MS: u32 = 150;
+/// Time after the last ramp in which the current ends, ms.
+const END_MS: u32 = 20;
+/// Longest time from arming to a bridge that drives, ms: wake-up of the gate driver, and offsets.
+const WAKE_MS: u32 = 400;
+/// Share of the torque's current that must flow.
+const REACHED_SHARE: f32 = 0.9;
+/// Microseconds of an hour.
+const HOUR_US: u64 = 3_600_000_000;
+
+/// Result of the last test, 2030h:12.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum BrakeTestResult {
+    /// None since the start.
+    #[default]
+    None = 0,
+    /// It runs.
+    Running = 1,
+    /// The brake held.
+    Held = 2,
+    /// The joint turned too far.
+    Slipped = 3,
+    /// The current did not reach the torque.
+    NoTorque = 4,
+    /// Disarmed, stopped or a fault.
+    Interrupted = 5,
+}
+
+/// A test under way.
+#[derive(Clone, Copy, Debug, Default)]
+struct Run {
+    /// A master requested it, and the joint is disarmed afterwards.
+    is_requested: bool,
+    /// Reports until the bridge drives, and since then.
+    waited_ms: u32,
+    elapsed_ms: u32,
+    /// Position at the begin, rad from the arbitrary zero.
+    from_rad: f32,
+    /// Current, A.
+    current_a: f32,
+}
+
+/// The test of the holding brake.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct BrakeTest {
+    run: Option<Run>,
+    result: BrakeTestResult,
+    /// Largest way forwards and back, rad.
+    ways_rad: [f32; 2],
+    /// Time of the last test that the brake passed, us.
+    held_us: Option<u64>,
+}
+
+impl BrakeTest {
+    /// Returns true while a test runs.
+    pub(super) const fn is_running(&self) -> bool {
+        self.run.is_some()
+    }
+
+    /// Returns true while a test runs that needs no targets.
+    pub(super) fn is_requested(&self) -> bool {
+        self.run.is_some_and(|run| run.is_requested)
+    }
+
+    /// Returns true if the last test found a brake that does not hold, or could not press.
+    pub(super) const fn has_failed(&self) -> bool {
+        matches!(self.result, BrakeTestResult::Slipped | BrakeTestResult::NoTorque)
+    }
+}
+
+/// Returns the time of a ramp that began at `from_ms` as a share of its length.
+fn ramp(elapsed_ms: u32, from_ms: u32, length_ms: u32) -> f32 {
+    elapsed_ms.saturating_sub(from_ms).min(length_ms) as f32 / length_ms as f32
+}
+
+impl<F: NorFlash> Device<F> {
+    /// Returns true if arming tests the brake now.
+    pub(super) fn is_brake_test_due(&self) -> bool {
+        let drive = &self.settings.drive;
+        let interval_us = u64::from(drive.brake_test_interval_h) * HOUR_US;
+        let is_old = interval_us > 0
+            && self.brake_test.held_us.is_none_or(|at_us| self.now_us - at_us >= interval_us);
+        self.settings.source == InputSource::Sensors
+            && drive.brake_output != 0
+            && drive.brake_test_torque != 0
+            && (is_old || self.brake_test.has_failed())
+            && !self.is_torque_free_homing()
+    }
+
+    /// Starts a test of an armed joint.
+    pub(super) fn begin_brake_test(&mut self, is_requested: bool) {
+        let run = Run { is_requested, ..Run::default() };
+        self.brake_test.run = Some(run);
+        self.brake_test.result = BrakeTestResult::Running;
+        self.brake_test.ways_rad = [0.0; 2];
+    }
+
+    /// 2030h:11: starts (1) or ends (0) a test on request.
+    pub(in crate::driver) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
+        if order == 0 {
+            if self.brake_test.is_running() {
+                self.disarm();
+            }
+            return Ok(());
+        }
+        let drive = &self.settings.drive;
+        let why = if drive.brake_output == 0 {
+            text!("the joint has no holding brake that could be tested (2030h:1)")
+        } else if drive.brake_test_torque == 0 {
+            text!("2030h:7 = 0: set the torque of the brake test first")
+        } else {
+            self.may_begin()?;
+            self.arm_supervisor()?;
+            self.begin_brake_test(true);
+            return Ok(());
+        };
+        Err(self.staging.refuse(Abort::State, why))
+    }
+
+    /// Runs a step of the test with a report. Returns true while it controls the current.
+    pub(super) fn step_brake_test(&mut self) -> bool {
+        let Some(mut run) = self.brake_test.run else { return false };
+        let (report, drive) = (self.current_loop.report(), &self.settings.drive);
+        if report.loop_flags.contains(LoopFlags::BRIDGE_OFF) {
+            run.waited_ms += 1;
+            self.brake_test.run = Some(run);
+            if run.waited_ms > WAKE_MS {
+                self.end_brake_test(BrakeTestResult::NoTorque);
+            }
+            return true;
+        }
+        if run.elapsed_ms == 0 {
+            run.from_rad = report.turned_rad;
+        }
+        run.elapsed_ms += 1;
+        let way_rad = report.turned_rad - run.from_rad;
+        let [forwards, back] = self.brake_test.ways_rad;
+        self.brake_test.ways_rad = [forwards.max(way_rad), back.max(-way_rad)];
+        let torque_a = f32::from(drive.brake_test_torque) * 1e-3 * self.rated().0;
+        let limit_a = self.profile.max_share() * self.rated().0;
+        let hold_ms = u32::from(drive.brake_test_ms);
+        let down_ms = RAMP_MS + hold_ms;
+        let up_ms = down_ms + 2 * RAMP_MS + hold_ms;
+        let at_ms = run.elapsed_ms;
+        let is_checked = at_ms == down_ms || at_ms == up_ms;
+        let flows = report.current_a * run.current_a.signum() >= REACHED_SHARE * torque_a;
+        let share = ramp(at_ms, 0, RAMP_MS) - 2.0 * ramp(at_ms, down_ms, 2 * RAMP_MS)
+            + ramp(at_ms, up_ms, RAMP_MS);
+        run.current_a = (share * torque_a).max(-limit_a).min(limit_a);
+        self.brake_test.run = Some(run);
+        if way_rad.abs() > drive.brake_test_way as f32 * 1e-6 {
+            self.end_brake_test(BrakeTestResult::Slipped);
+        } else if is_checked && !flows {
+            self.end_brake_test(BrakeTestResult::NoTorque);
+        } else if at_ms >= up_ms + RAMP_MS + END_MS {
+            self.end_brake_test(BrakeTestResult::Held);
+        }
+        true
+    }
+
+    /// Ends the test. The bridge opens, unless the brake held and the joint was armed to drive.
+    #[inline(never)]
+    fn end_brake_test(&mut self, result: BrakeTestResult) {
+        let Some(run) = self.brake_test.run.take() else { return };
+        self.brake_test.result = result;
+        let [forwards, back] = self.brake_test.ways_rad;
+        match result {
+            BrakeTestResult::Slipped => {
+                let why = refusal!(
+                    "the holding brake slipped: the joint turned by {f32} rad against its test torque (2030h:7, :9)",
+                    forwards.max(back)
+                );
+                let _ = self.staging.refuse(Abort::State, why);
+            }
+            BrakeTestResult::NoTorque => {
+                let why = text!("the current did not reach the torque of the brake test (2030h:7)");
+                let _ = self.staging.refuse(Abort::State, why);
+            }
+            _ => {}
+        }
+        if result == BrakeTestResult::Held {
+            self.brake_test.held_us = Some(self.now_us);
+            if !run.is_requested {
+                return self.begin_driving();
+            }
+        } else {
+            self.brake_test.held_us = None;
+        }
+        self.disarm();
+    }
+
+    /// Ends a test whose joint was disarmed, or stops.
+    pub(super) fn watch_brake_test(&mut self) {
+        let is_armed = self.supervisor.is_armed();
+        if self.brake_test.is_running() && (!is_armed || self.stopping.is_to_rest()) {
+            self.end_brake_test(BrakeTestResult::Interrupted);
+        }
+    }
+
+    /// Returns the set-point of the test. On request, no master needs to confirm it.
+    pub(super) fn brake_test_setpoint(&self, setpoint: Setpoint) -> Option<Setpoint> {
+        let run = self.brake_test.run?;
+        let age_s = if run.is_requested { 0.0 } else { setpoint.age_s };
+        Some(Setpoint { current_a: run.current_a, velocity_reference_rad_s: 0.0, age_s })
+    }
+
+    /// 2030h:12 to :14: result, and largest ways, 1e-6 rad.
+    pub(in crate::driver) fn brake_test_words(&self) -> [u32; 3] {
+        let [forwards, back] = self.brake_test.ways_rad.map(super::drive::micro);
+        [self.brake_test.result as u32, forwards as u32, back as u32]
+    }
+}
