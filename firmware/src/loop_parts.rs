@@ -138,6 +138,8 @@ pub struct StageTraits {
     /// Age of the angle of an encoder that is read in frames, caused by the way it is read, s. It is added to the parameter `encoder_delay_s`,
     /// the delay of the sensor itself.
     pub encoder_age_s: f32,
+    /// The same of an encoder with BiSS C, which latches earlier.
+    pub biss_age_s: f32,
     /// Largest phase current that the stage can measure, A; limits `overcurrent_a` and `current_limit_a`.
     pub current_max_a: f32,
     /// Maximum modulation that leaves the shunts time to settle; limits `modulation_max`.
@@ -146,8 +148,12 @@ pub struct StageTraits {
 
 impl StageTraits {
     /// A stage that reads the encoder together with the currents and has current sensors of any range in the phases.
-    pub const NONE: Self =
-        Self { encoder_age_s: 0.0, current_max_a: f32::INFINITY, modulation_max: 1.0 };
+    pub const NONE: Self = Self {
+        encoder_age_s: 0.0,
+        biss_age_s: 0.0,
+        current_max_a: f32::INFINITY,
+        modulation_max: 1.0,
+    };
 
     /// Checks the currents of a set against what the stage can measure. A current that is not measured is neither
     /// controlled nor limited.
@@ -201,7 +207,7 @@ impl LoopParts {
         set.motor.validate()?;
         stage.check_currents(set)?;
         let kind = EncoderKind::of(set.sensors.encoder_kind);
-        let encoder_age_s = kind.age_s(stage.encoder_age_s);
+        let encoder_age_s = kind.age_s(stage.encoder_age_s, stage.biss_age_s);
         let motor = MotorParameters {
             encoder_delay_s: set.motor.encoder_delay_s + encoder_age_s,
             modulation_max: set.motor.modulation_max.min(stage.modulation_max),

@@ -206,6 +206,7 @@ impl ParameterSet {
                 sensors.abz_lines,
                 sensors.hall_order,
                 sensors.hall_offset_rad,
+                sensors.biss_bits,
             ] {
                 digest.update(&value.to_le_bytes());
             }

@@ -2,6 +2,7 @@
 //!
 //! They use the traits of embedded-hal and convert counts to SI units:
 //!
+//! - [`biss`]: absolute encoder with a BiSS C interface;
 //! - [`bme280`]: humidity and pressure of the air in the housing, on the same I2C bus as `ms5837`;
 //! - [`bus_recovery`]: releases an I2C bus whose data line is held low;
 //! - [`as504x`]: magnetic encoder on SPI, read by the current loop in every period;
@@ -23,6 +24,7 @@
 //! newer reading is used. A joint without a sensor can thus receive its value from the bus.
 
 pub mod as504x;
+pub mod biss;
 pub mod bme280;
 pub mod bus_recovery;
 pub mod comparator;

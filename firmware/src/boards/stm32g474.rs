@@ -154,7 +154,7 @@ mod app {
 
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
         // Both are triggered by the timers and therefore set up before these start.
-        let inputs = Encoder::new(wired.encoder);
+        let mut inputs = Encoder::new(wired.encoder);
         let slow = SlowSensors::new(wired.slow, wired.pressure, wired.torque_off);
         let are_duties_at_top = stage.start();
         let shunts = measure_offsets(&mut stage);
@@ -198,6 +198,9 @@ mod app {
         let encoder = MotorEncoder::new(&driver.set().sensors, &driver.set().motor);
         let kind = EncoderKind::of(driver.set().sensors.encoder_kind);
         incremental::connect(kind, wired.incremental);
+        if kind == EncoderKind::Biss {
+            inputs.use_biss();
+        }
         let stage = MotorStage { stage, encoder, inputs, shunts };
 
         let (frames_out, frames) = context.local.frames.split();

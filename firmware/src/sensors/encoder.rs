@@ -12,9 +12,11 @@
 //! | 2 | ABZ, a quadrature encoder with an index ([`super::quadrature`]) | from the first index on |
 //! | 3 | ABZ with Hall sensors | at once, from the Hall sensors |
 //! | 4 | Hall sensors alone ([`super::hall`]) | at once |
+//! | 5 | an absolute encoder with BiSS C ([`super::biss`]) | at once |
 
 use super::SensorParameters;
 use super::as504x::{ANGLE_BITS, EncoderType, FramePairs};
+use super::biss::{self, BissEncoder};
 use super::evaluation::Evaluation;
 use super::hall::{HallEncoder, sector};
 use super::quadrature::{Quadrature, QuadratureEncoder};
@@ -34,6 +36,8 @@ pub enum EncoderKind {
     AbzHall,
     /// Hall sensors alone.
     Hall,
+    /// An absolute encoder with BiSS C.
+    Biss,
 }
 
 impl EncoderKind {
@@ -44,6 +48,7 @@ impl EncoderKind {
             2 => Self::Abz,
             3 => Self::AbzHall,
             4 => Self::Hall,
+            5 => Self::Biss,
             _ => Self::As5047p,
         }
     }
@@ -52,17 +57,19 @@ impl EncoderKind {
     /// four counts are wider than the innovation that tells a frozen encoder ([`crate::control`]).
     const fn has_wide_steps(self, sensors: &SensorParameters) -> bool {
         match self {
-            Self::As5047p | Self::As5048a => false,
+            Self::As5047p | Self::As5048a | Self::Biss => false,
             Self::Abz | Self::AbzHall => sensors.abz_lines < LEAST_LINES_OF_FROZEN,
             Self::Hall => true,
         }
     }
 
-    /// Returns the age of its angle at the sample of the currents, s, if that of frames is `frames_age_s`. Counts and levels
-    /// are read with the sample, and Hall sensors are confirmed by the next one.
-    pub const fn age_s(self, frames_age_s: f32) -> f32 {
+    /// Returns the age of its angle at the sample of the currents, s, if the board latches frames of an AS504x and of BiSS C
+    /// at these ages. Counts and levels are read with the
+    /// sample, and Hall sensors are confirmed by the next one.
+    pub const fn age_s(self, frames_age_s: f32, biss_age_s: f32) -> f32 {
         match self {
             Self::As5047p | Self::As5048a => frames_age_s,
+            Self::Biss => biss_age_s,
             Self::Abz | Self::AbzHall => 0.0,
             Self::Hall => PERIOD_S,
         }
@@ -85,6 +92,9 @@ pub trait EncoderInputs {
 
     /// Returns the levels of the three Hall sensors, bits 0 to 2.
     fn hall(&mut self) -> u8;
+
+    /// Returns the words of a BiSS frame; `None` if they were not exchanged in time.
+    fn biss(&mut self) -> Option<[u16; biss::WORDS]>;
 }
 
 /// Periods without an angle after a contradiction: longer than the longest `encoder_coast_s`, so that the bridge opens.
@@ -99,6 +109,7 @@ enum OtherEncoder {
     None,
     Quadrature(QuadratureEncoder),
     Hall(HallEncoder),
+    Biss(BissEncoder),
 }
 
 /// The motor's encoder.
@@ -110,6 +121,8 @@ pub struct MotorEncoder {
     /// changes it, 0 or 1.
     low_bit: u32,
     changes_low_bit: u32,
+    /// There was an angle. A start without one is no fault.
+    has_started: bool,
     /// Periods left without an angle, and with a warning.
     invalid_left: u16,
     warning_left: u16,
@@ -128,10 +141,23 @@ impl MotorEncoder {
                 OtherEncoder::Quadrature(QuadratureEncoder::new(sensors, motor, has_hall))
             }
             EncoderKind::Hall => OtherEncoder::Hall(HallEncoder::new(motor)),
+            EncoderKind::Biss => {
+                let [bits, turn_bits] =
+                    [sensors.biss_bits, sensors.biss_turn_bits].map(|bits| bits as u32);
+                OtherEncoder::Biss(BissEncoder::new(bits, turn_bits))
+            }
         };
         let frames = FramePairs::new(encoder_type);
         let changes_low_bit = u32::from(kind.has_wide_steps(sensors));
-        Self { frames, other, low_bit: 0, changes_low_bit, invalid_left: 0, warning_left: 0 }
+        Self {
+            frames,
+            other,
+            low_bit: 0,
+            changes_low_bit,
+            has_started: false,
+            invalid_left: 0,
+            warning_left: 0,
+        }
     }
 
     /// Returns the angle of this period, in 2^-32 turns of the motor; `None` if there is no valid one. Call it once a period.
@@ -155,6 +181,7 @@ impl MotorEncoder {
                 encoder.evaluate(inputs.quadrature(), sector)
             }
             OtherEncoder::Hall(encoder) => encoder.evaluate(sector(inputs.hall())),
+            OtherEncoder::Biss(encoder) => encoder.evaluate(inputs.biss()),
         };
         self.invalid_left = self.invalid_left.saturating_sub(1);
         self.warning_left = self.warning_left.saturating_sub(1);
@@ -167,7 +194,8 @@ impl MotorEncoder {
                 (None, false)
             }
         };
-        if !is_sound {
+        self.has_started |= angle.is_some();
+        if !is_sound && self.has_started {
             self.warning_left = WARNING_PERIODS;
         }
         self.low_bit ^= self.changes_low_bit;

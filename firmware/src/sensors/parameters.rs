@@ -3,6 +3,7 @@
 //! A joint with other weights, another thermistor or turned amplifiers needs no other image. The defaults are those of
 //! the STM32G474 board.
 
+use super::biss::MAX_DATA_BITS;
 use super::strain_gauge::StrainGauge;
 use super::thermistor::Thermistor;
 use compensator_core::parameters::{Bound, ParameterError, Text, check_ranges, refuse};
@@ -46,15 +47,19 @@ compensator_core::named_fields! {
         housing_pressure_max_pa: f32 = 1.3e5, 0.0..=1e6, "the pressure at closing, plus what heating explains";
         /// 1 if the two channels of safe torque off are connected to the board.
         sto_connected: f32 = 0.0, 0.0..=1.0, "0 or 1";
-        /// Encoder of the motor: 0 AS5047P, 1 AS5048A, 2 ABZ, 3 ABZ and Hall sensors, 4 Hall sensors alone; used from the
-        /// next start on.
-        encoder_kind: f32 = 0.0, 0.0..=4.0, "a kind of encoder";
+        /// Encoder of the motor: 0 AS5047P, 1 AS5048A, 2 ABZ, 3 ABZ and Hall sensors, 4 Hall sensors alone, 5 BiSS C; used
+        /// from the next start on.
+        encoder_kind: f32 = 0.0, 0.0..=5.0, "a kind of encoder";
         /// Lines per turn of an ABZ encoder; a line has four counts.
         abz_lines: f32 = 1024.0, 100.0..=16384.0, "lines of an encoder";
         /// 1, or -1 if the sectors of the Hall sensors fall while the ABZ encoder counts up.
         hall_order: f32 = 1.0, -1.0..=1.0, "1 or -1";
         /// Electrical angle of the ABZ encoder, from its index, at which the sector 001 of the Hall sensors begins, rad.
         hall_offset_rad: f32 = 0.0, -6.3..=6.3, "within a turn";
+        /// Bits of the position within a turn of a BiSS encoder.
+        biss_bits: f32 = 18.0, 10.0..=32.0, "from the data sheet of the encoder";
+        /// Bits of the number of turns of a BiSS encoder, before the position; 0 without.
+        biss_turn_bits: f32 = 0.0, 0.0..=24.0, "from the data sheet of the encoder";
     }
     /// Defaults: a strain gauge of 2000 N, low-side shunts, thermistors of 10 k (B 3435) below 10 k, and nothing on the
     /// dry side.
@@ -94,7 +99,11 @@ impl SensorParameters {
         } else if self.hall_order.abs() != 1.0 {
             Some((text!("hall_order"), self.hall_order, Bound::AtLeast(1.0), text!("1 or -1")))
         } else if let Some((field, value)) = self.fraction() {
-            Some((field, value, Bound::Whole, text!("a kind or a number of lines is whole")))
+            Some((field, value, Bound::Whole, text!("a kind or a number is whole")))
+        } else if self.biss_bits + self.biss_turn_bits > MAX_DATA_BITS as f32 {
+            let most = Bound::AtMost(MAX_DATA_BITS as f32 - self.biss_bits);
+            let why = text!("a frame has 40 bits of turns and position");
+            Some((text!("biss_turn_bits"), self.biss_turn_bits, most, why))
         } else if self.strain_range_n == 0.0 {
             Some((
                 text!("strain_range_n"),
@@ -113,8 +122,12 @@ impl SensorParameters {
 
     /// Returns a field of the encoder that must be a whole number and is none.
     fn fraction(&self) -> Option<(Text, f32)> {
-        let whole =
-            [(text!("encoder_kind"), self.encoder_kind), (text!("abz_lines"), self.abz_lines)];
+        let whole = [
+            (text!("encoder_kind"), self.encoder_kind),
+            (text!("abz_lines"), self.abz_lines),
+            (text!("biss_bits"), self.biss_bits),
+            (text!("biss_turn_bits"), self.biss_turn_bits),
+        ];
         whole.into_iter().find(|(_, value)| *value != *value as u32 as f32)
     }
 
@@ -164,6 +177,8 @@ mod tests {
             (SensorParameters { encoder_kind: 9.0, ..sensors }, "encoder_kind"),
             (SensorParameters { abz_lines: 1000.5, ..sensors }, "abz_lines"),
             (SensorParameters { hall_order: 0.0, ..sensors }, "hall_order"),
+            (SensorParameters { biss_bits: 18.5, ..sensors }, "biss_bits"),
+            (SensorParameters { biss_turn_bits: 24.0, ..sensors }, "biss_turn_bits"),
             (SensorParameters { leak_open_share: 0.5, ..sensors }, "leak_open_share"),
             (
                 SensorParameters { housing_pressure_max_pa: 6e4, ..sensors },

@@ -11,7 +11,8 @@ use firmware::control::{PERIOD_S, StageSample, ValidChannels};
 use firmware::loop_parts::StageTraits;
 use firmware::parameter_set::ParameterSet;
 use firmware::sensors::as504x::FramePairs;
-use firmware::sensors::encoder::{EncoderInputs, MotorEncoder};
+use firmware::sensors::biss;
+use firmware::sensors::encoder::{EncoderInputs, EncoderKind, MotorEncoder};
 use firmware::sensors::quadrature::Quadrature;
 use firmware::sensors::shunt::{
     CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt, measurable_a,
@@ -19,7 +20,7 @@ use firmware::sensors::shunt::{
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use simulated_machines::joint_plant::JointPlant;
+use simulated_machines::joint_plant::{JointPlant, SerialEncoder, SerialFault};
 use std::cell::RefCell;
 
 /// Shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V.
@@ -34,10 +35,14 @@ pub fn current_a(counts: u16) -> f64 {
 /// cycles at 170 MHz (see the board's encoder.rs).
 const LATCH_BEFORE_TOP_S: f32 = 1060.0 / 170e6;
 
+/// Time from the first rising edge of a BiSS frame's clock to the top of the PWM, s: 1649 cycles at 170 MHz.
+const BISS_BEFORE_TOP_S: f32 = 1649.0 / 170e6;
+
 /// Stage traits of the board: dead time 0.5 us, amplifier settling 1.5 us, and the encoder age at the top of the
 /// period, which is the time since the end of the first encoder frame.
 pub const BOARD_TRAITS: StageTraits = StageTraits {
     encoder_age_s: LATCH_BEFORE_TOP_S,
+    biss_age_s: BISS_BEFORE_TOP_S,
     current_max_a: measurable_a(AMPERES_PER_COUNT as f32),
     modulation_max: StageTraits::max_modulation(PERIOD_S, 0.5e-6, 1.5e-6),
 };
@@ -116,8 +121,10 @@ struct PeriodInputs<'a> {
     state: &'a mut EncoderState,
     commands: &'a mut [u16; 2],
     incremental: &'a mut Incremental,
-    /// Angle that an encoder on SPI latches, counts, and the present one, turns.
+    serial: &'a mut SerialEncoder,
+    /// Angle that an AS504x latches, counts; that which an encoder with BiSS C latches, and the present one, turns.
     latched: u16,
+    serial_turns: f64,
     turns: f64,
 }
 
@@ -139,6 +146,12 @@ impl EncoderInputs for PeriodInputs<'_> {
     fn hall(&mut self) -> u8 {
         self.incremental.levels(self.turns)
     }
+
+    fn biss(&mut self) -> Option<[u16; biss::WORDS]> {
+        let frame = self.serial.frame(self.serial_turns);
+        let word = |at: usize| frame << (at as u32 * biss::WORD_BITS) >> (64 - biss::WORD_BITS);
+        Some(std::array::from_fn(|at| word(at) as u16))
+    }
 }
 
 /// Shunts and encoder of the board.
@@ -149,6 +162,8 @@ pub struct BoardSensors {
     commands: [u16; 2],
     state: RefCell<EncoderState>,
     incremental: RefCell<Incremental>,
+    serial: RefCell<SerialEncoder>,
+    is_serial: bool,
     /// Drift of the amplifiers of phases a and b since start-up, A.
     pub drift_a: [f64; 2],
     /// Resolution of the bus voltage measurement, V.
@@ -171,6 +186,8 @@ impl BoardSensors {
             commands: FramePairs::FIRST_COMMANDS,
             state,
             incremental: RefCell::new(Incremental::new(plant.pole_pairs(), seed)),
+            serial: RefCell::new(SerialEncoder::new(seed)),
+            is_serial: EncoderKind::of(set.sensors.encoder_kind) == EncoderKind::Biss,
             drift_a: [0.0; 2],
             bus_step_v: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
         };
@@ -194,6 +211,17 @@ impl BoardSensors {
     pub fn restart_encoder(&mut self, set: &ParameterSet) {
         self.encoder = MotorEncoder::new(&set.sensors, &set.motor);
         self.commands = FramePairs::FIRST_COMMANDS;
+    }
+
+    /// Sets the fault of the encoder with BiSS C from now on.
+    pub fn set_serial(&mut self, fault: SerialFault) {
+        self.serial.borrow_mut().set_fault(fault);
+    }
+
+    /// Returns the levels that an encoder with BiSS C shows at the rising edges of its clock if it latches this angle, turns;
+    /// `None` if an AS504x is connected.
+    pub fn serial_frame(&self, turns: f64) -> Option<u64> {
+        self.is_serial.then(|| self.serial.borrow_mut().frame(turns))
     }
 
     /// Sets the fault of the quadrature encoder from now on.
@@ -268,6 +296,8 @@ impl BoardSensors {
             state: self.state.get_mut(),
             commands: &mut self.commands,
             incremental: self.incremental.get_mut(),
+            serial: self.serial.get_mut(),
+            serial_turns: plant.motor_turns() + plant.motor_turns_in(-f64::from(BISS_BEFORE_TOP_S)),
             latched: shown,
             turns: plant.motor_turns(),
         });

@@ -29,6 +29,7 @@ pub use driver::{LibraryDriver, RigDriver, WATCHDOG_TIMEOUT_MS, codes_from_bits,
 pub use faults::{RigFaults, SealSensorFault};
 pub use incremental::{HallFault, LineFault};
 pub use node::{JointEvent, MotorNode};
+pub use simulated_machines::joint_plant::SerialFault;
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
 
 use compensator_core::can::{

@@ -1,6 +1,7 @@
 //! The chip: its peripherals on one bus, their events, and their interrupt lines.
 
 pub mod adc;
+pub mod biss;
 pub mod bme280;
 mod bus;
 pub mod clock;
@@ -23,6 +24,7 @@ use crate::cycles::{FlashAccess, FlashCaches};
 use crate::nvic::{NMI, Nvic};
 use crate::world::{Bridge, World};
 use adc::{Adc, Signal};
+use biss::BissLine;
 use clock::Clock;
 use comparators::BreakLevels;
 use compensator_core::can::Frame;
@@ -32,7 +34,7 @@ use flash::Flash;
 use gpio::Gpio;
 use i2c::I2c;
 use random::Random;
-use spi::Spi;
+use spi::{BusFrame, Spi};
 use std::collections::HashMap;
 use timer1::{Timer1, TimerEvent};
 use timer3::{SlaveEvent, Timer3};
@@ -93,6 +95,8 @@ pub struct Chip<W> {
     pub adc: [Adc; 5],
     /// Encoder bus.
     pub spi: Spi,
+    /// Line of an encoder with BiSS C.
+    pub biss: BissLine,
     /// CAN controller.
     pub can: Fdcan,
     /// Flash controller and both banks.
@@ -148,6 +152,7 @@ impl<W: World> Chip<W> {
             timer5: Timer5::default(),
             adc: std::array::from_fn(|at| Adc::new(at + 1)),
             spi: Spi::default(),
+            biss: BissLine::default(),
             can: Fdcan::default(),
             flash: Flash::default(),
             gpio: Gpio::default(),
@@ -314,15 +319,21 @@ impl<W: World> Chip<W> {
             SlaveEvent::Trigger { is_rising } => {
                 self.trigger_converters(at, Signal::Timer3, is_rising)
             }
+            SlaveEvent::OuterRequest => self.send_word(request::TIM3_CH1, at, at, memory),
             SlaveEvent::Request { release_in } => {
-                if let Some(transfer) = self.dma.serve(request::TIM3_CH3)
-                    && transfer.from_memory
-                    && transfer.peripheral == SPI1_DR
-                {
-                    let word = memory.read_half(transfer.memory);
-                    self.exchange(word, at, at + release_in);
-                }
+                self.send_word(request::TIM3_CH3, at, at + release_in, memory);
             }
+        }
+    }
+
+    /// Serves a request to send a word of the encoder's bus.
+    fn send_word(&mut self, request: u32, at: u64, latched_at: u64, memory: &mut dyn Memory) {
+        if let Some(transfer) = self.dma.serve(request)
+            && transfer.from_memory
+            && transfer.peripheral == SPI1_DR
+        {
+            let word = memory.read_half(transfer.memory);
+            self.exchange(word, at, latched_at);
         }
     }
 
@@ -333,8 +344,19 @@ impl<W: World> Chip<W> {
             self.gpio.connects(gpio::ENCODER_BUS) && (by_timer || self.gpio.is_encoder_selected());
         let seconds = (latched_at as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64;
         let world = &mut self.world;
-        self.spi.write(SPI1_DR & 0x3FF, word.into(), at, &mut |word| {
-            if is_selected { world.encoder(word, seconds) } else { 0xFFFF }
+        let trigger = self.timer1.last_trigger();
+        let is_connected = self.gpio.connects(gpio::ENCODER_BUS);
+        let line = &mut self.biss;
+        self.spi.write(SPI1_DR & 0x3FF, word.into(), at, &mut |frame| match frame {
+            BusFrame::Word(word) if is_selected => world.encoder(word, seconds),
+            BusFrame::Clocks { begin, bits, clocking } if is_connected => {
+                let mut latch = |time: u64| {
+                    let seconds = (time as f64 - trigger as f64) / CORE_HZ as f64;
+                    world.biss_frame(seconds).unwrap_or(u64::MAX)
+                };
+                line.word(begin, bits, clocking, &mut latch)
+            }
+            _ => 0xFFFF,
         });
     }
 

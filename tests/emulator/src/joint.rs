@@ -146,6 +146,11 @@ impl World for JointWorld {
         Edges { count, index, has_double_edge: false }
     }
 
+    fn biss_frame(&mut self, seconds: f64) -> Option<u64> {
+        let turns = self.shaft_turns(seconds);
+        self.stage.board.as_ref().and_then(|board| board.serial_frame(turns))
+    }
+
     fn hall_levels(&mut self, seconds: f64) -> Option<u8> {
         let turns = self.shaft_turns(seconds);
         self.stage.board.as_ref().map(|board| board.hall_levels(turns))

@@ -47,6 +47,12 @@ pub trait World {
         None
     }
 
+    /// Returns the frame of an encoder with BiSS C that latches `seconds` after the last sample; `None` if an AS504x is
+    /// connected.
+    fn biss_frame(&mut self, _seconds: f64) -> Option<u64> {
+        None
+    }
+
     /// Returns what the pressure sensor is in; `None` if there is no sensor.
     fn water(&self) -> Option<Water> {
         None

@@ -19,11 +19,19 @@
 //! commands of the next period.
 //!
 //! Channel 4 starts the slow conversions; see [`super::slow`].
+//!
+//! An encoder with BiSS C has no chip select. Its frame is four words without a gap, which the compare events of channels 1 and
+//! 3 request in both directions:
+//!
+//! ```text
+//! CH1, CH3: word        1 | 2 | (top) 3 | 4
+//! MA              ‾‾‾‾‾‾\_56 clocks_________/‾‾‾ idle until the next period
+//! ```
 
 use super::power_stage::since_top;
 use super::scales::{
-    CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER, FAST_CONVERSION_CYCLES, HALF_GAP_CYCLES, LEAD_CYCLES,
-    PWM_TOP, SLOW_START_CYCLES,
+    BISS_INNER_CYCLES, BISS_OUTER_CYCLES, CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER,
+    FAST_CONVERSION_CYCLES, HALF_GAP_CYCLES, LEAD_CYCLES, PWM_TOP, SLOW_START_CYCLES,
 };
 use super::{incremental, pins};
 use core::sync::atomic::{AtomicU16, Ordering};
@@ -39,6 +47,7 @@ use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{pac, rcc};
 use firmware::sensors::as504x::{DESELECTED_NS, FramePairs, RELEASE_NS, SELECT_NS};
+use firmware::sensors::biss;
 use firmware::sensors::encoder::EncoderInputs;
 use firmware::sensors::quadrature::Quadrature;
 
@@ -48,11 +57,24 @@ const BUS: pac::spi::Spi = pac::SPI1;
 /// Channels of DMA1, and their requests (RM0440, table of DMAMUX requests).
 const COMMAND_CHANNEL: usize = 0;
 const ANSWER_CHANNEL: usize = 1;
+/// Writes the first and the last word of a BiSS frame.
+const OUTER_CHANNEL: usize = 2;
+const TIM3_CH1_REQUEST: u8 = 61;
 const TIM3_CH3_REQUEST: u8 = 63;
 const SPI1_RX_REQUEST: u8 = 10;
 
 /// Frames of a period.
 const FRAMES: usize = 2;
+/// Cycles of a word of a BiSS frame, and from the top of TIM1 to the end of the frame at the latest.
+const WORD_CYCLES: u32 = biss::WORD_BITS * ENCODER_DIVIDER;
+const BISS_COMPLETE_CYCLES: u32 =
+    START_CYCLES + biss::WORDS as u32 * WORD_CYCLES - BISS_OUTER_CYCLES - LEAD_CYCLES;
+const _: () = {
+    let (outer, inner) = (BISS_OUTER_CYCLES, BISS_INNER_CYCLES);
+    assert!(outer - inner <= WORD_CYCLES && outer + inner <= 2 * WORD_CYCLES, "a gap in a frame");
+    assert!(2 * outer <= 3 * WORD_CYCLES, "a gap before the last word");
+    assert!(BISS_COMPLETE_CYCLES < FAST_CONVERSION_CYCLES, "the frame ends too late");
+};
 /// Cycles of the 16 clocks of a frame.
 const FRAME_CYCLES: u32 = 16 * ENCODER_DIVIDER;
 /// Maximum cycles from the compare event to the first clock: the DMA transfer, and the start of the SPI.
@@ -89,7 +111,10 @@ const RESTART_AFTER_PERIODS: u8 = 100;
 
 static COMMANDS: [AtomicU16; FRAMES] =
     [const { AtomicU16::new(FramePairs::FIRST_COMMANDS[0]) }; FRAMES];
-static ANSWERS: [AtomicU16; FRAMES] = [const { AtomicU16::new(NO_ANSWER) }; FRAMES];
+/// Two answers, or the words of a BiSS frame.
+static ANSWERS: [AtomicU16; biss::WORDS] = [const { AtomicU16::new(NO_ANSWER) }; biss::WORDS];
+/// A word with more bits than one of a BiSS frame.
+const NO_WORD: u16 = u16::MAX;
 
 const fn cycles_of(ns: u32) -> u32 {
     (ns as u64 * CORE_HZ as u64).div_ceil(1_000_000_000) as u32
@@ -98,6 +123,7 @@ const fn cycles_of(ns: u32) -> u32 {
 /// The encoder's timer and bus, and the other inputs of the kinds of an encoder.
 pub struct Encoder {
     missing_periods: u8,
+    is_biss: bool,
     _bus: Spi<'static, Blocking, Master>,
     _timer: Peri<'static, TIM3>,
     _channels: (Peri<'static, DMA1_CH1>, Peri<'static, DMA1_CH2>),
@@ -115,13 +141,40 @@ impl Encoder {
         // Connected once the timer holds it high, and it stays connected.
         core::mem::forget(PwmPin::<TIM3, _>::new(wired.select, OutputType::PushPull));
         set_up_bus();
-        start_exchange();
+        start_exchange(false);
         Self {
             missing_periods: 0,
+            is_biss: false,
             _bus: bus,
             _timer: wired.timer,
             _channels: (wired.command, wired.answer),
         }
+    }
+
+    /// Exchanges frames of BiSS C from now on. Call it while the timer runs.
+    pub fn use_biss(&mut self) {
+        self.is_biss = true;
+        // Between two pairs of frames.
+        while TIMER.cr1().read().dir() == vals::Dir::DOWN || TIMER.cnt().read().cnt() > PWM_TOP / 4
+        {
+        }
+        TIMER.dier().write(|_| {});
+        BUS.cr1().modify(|w| w.set_spe(false));
+        // The clock is high at rest, and SLO is read at its rising edges.
+        BUS.cr1().modify(|w| {
+            w.set_cpol(spi_values::Cpol::IDLE_HIGH);
+            w.set_cpha(spi_values::Cpha::SECOND_EDGE);
+        });
+        BUS.cr2().modify(|w| w.set_ds(spi_values::Ds::BITS14));
+        BUS.cr1().modify(|w| w.set_spe(true));
+        for (channel, cycles) in [(0, BISS_OUTER_CYCLES), (2, BISS_INNER_CYCLES)] {
+            TIMER.ccr(channel).write(|w| w.set_ccr(PWM_TOP - cycles as u16));
+        }
+        start_exchange(true);
+        TIMER.dier().write(|w| {
+            w.set_ccde(0, true);
+            w.set_ccde(2, true);
+        });
     }
 
     #[cold]
@@ -130,7 +183,7 @@ impl Encoder {
         self.missing_periods += 1;
         if self.missing_periods >= RESTART_AFTER_PERIODS {
             self.missing_periods = 0;
-            start_exchange();
+            start_exchange(self.is_biss);
         }
     }
 }
@@ -138,7 +191,7 @@ impl Encoder {
 impl EncoderInputs for Encoder {
     #[inline(always)]
     fn frames(&mut self) -> Option<[u16; FRAMES]> {
-        let [first, second] = &ANSWERS;
+        let [first, second, ..] = &ANSWERS;
         // Both answers are stored, and no further one.
         let is_complete = pac::DMA1.ch(ANSWER_CHANNEL).ndtr().read().ndt() == FRAMES as u16;
         let answers = [first.load(Ordering::Relaxed), second.load(Ordering::Relaxed)];
@@ -156,6 +209,20 @@ impl EncoderInputs for Encoder {
     fn set_commands(&mut self, [first, second]: [u16; FRAMES]) {
         COMMANDS[0].store(first, Ordering::Relaxed);
         COMMANDS[1].store(second, Ordering::Relaxed);
+    }
+
+    #[inline(always)]
+    fn biss(&mut self) -> Option<[u16; biss::WORDS]> {
+        let is_complete = pac::DMA1.ch(ANSWER_CHANNEL).ndtr().read().ndt() == biss::WORDS as u16;
+        let [first, second, third, fourth] = &ANSWERS;
+        let words = [first, second, third, fourth].map(|word| word.load(Ordering::Relaxed));
+        fourth.store(NO_WORD, Ordering::Relaxed);
+        if is_complete && words[biss::WORDS - 1] != NO_WORD {
+            self.missing_periods = 0;
+            return Some(words);
+        }
+        self.count_missing();
+        None
     }
 
     #[inline(always)]
@@ -228,10 +295,10 @@ fn set_up_bus() {
     BUS.cr1().modify(|w| w.set_spe(true));
 }
 
-/// Starts both DMA channels at their first word. Between two pairs of frames it also restarts them.
+/// Starts the DMA channels at their first word. Between two pairs of frames it also restarts them.
 #[inline(never)]
-fn start_exchange() {
-    for channel in [COMMAND_CHANNEL, ANSWER_CHANNEL] {
+fn start_exchange(is_biss: bool) {
+    for channel in [COMMAND_CHANNEL, ANSWER_CHANNEL, OUTER_CHANNEL] {
         pac::DMA1.ch(channel).cr().write(|w| w.set_en(false));
     }
     // Empties the receive FIFO of the bus, which holds two words.
@@ -239,15 +306,19 @@ fn start_exchange() {
         let _ = BUS.dr16().read();
     }
     set_up_channel(COMMAND_CHANNEL, TIM3_CH3_REQUEST, dma::Dir::FROM_MEMORY, &COMMANDS);
-    set_up_channel(ANSWER_CHANNEL, SPI1_RX_REQUEST, dma::Dir::FROM_PERIPHERAL, &ANSWERS);
+    let (answers, _) = ANSWERS.split_at(if is_biss { biss::WORDS } else { FRAMES });
+    set_up_channel(ANSWER_CHANNEL, SPI1_RX_REQUEST, dma::Dir::FROM_PERIPHERAL, answers);
+    if is_biss {
+        set_up_channel(OUTER_CHANNEL, TIM3_CH1_REQUEST, dma::Dir::FROM_MEMORY, &COMMANDS);
+    }
 }
 
-fn set_up_channel(number: usize, request: u8, dir: dma::Dir, words: &'static [AtomicU16; FRAMES]) {
+fn set_up_channel(number: usize, request: u8, dir: dma::Dir, words: &'static [AtomicU16]) {
     pac::DMAMUX1.ccr(number).write(|w| w.set_dmareq_id(request));
     let channel = pac::DMA1.ch(number);
     channel.par().write_value(BUS.dr16().as_ptr() as u32);
     channel.mar().write_value(words.as_ptr() as u32);
-    channel.ndtr().write(|w| w.set_ndt(FRAMES as u16));
+    channel.ndtr().write(|w| w.set_ndt(words.len() as u16));
     channel.cr().write(|w| {
         w.set_dir(dir);
         w.set_circ(true);

@@ -75,12 +75,22 @@ pub const LEAD_CYCLES: u32 = 1020;
 /// Cycles from the release of the encoder's chip select to the top of TIM3, and from there to the next selection.
 pub const HALF_GAP_CYCLES: u32 = 40;
 
+/// Cycles from the first word of a BiSS frame to the top of the encoder's timer, and from the second: words follow each other
+/// without a gap, because each is written before the one before it ends (448 cycles).
+pub const BISS_OUTER_CYCLES: u32 = 665;
+/// See [`BISS_OUTER_CYCLES`].
+pub const BISS_INNER_CYCLES: u32 = 221;
+/// Cycles from the request of the first word to the latch: DMA, start of the bus, and half a clock.
+const BISS_LATCH_CYCLES: u32 = 20 + ENCODER_DIVIDER / 2;
+
 /// Settling time of a shunt's amplifier once its low side conducts, s: 1.5 us to 0.5 % at a gain of 20.
 const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
 /// Properties of the stage that the loop uses.
 pub const STAGE: StageTraits = StageTraits {
     // The angle is latched when the first frame is released.
     encoder_age_s: (LEAD_CYCLES + HALF_GAP_CYCLES) as f32 / CORE_HZ as f32,
+    // The position is latched at the first rising edge of the clock: half a clock after its first edge.
+    biss_age_s: (LEAD_CYCLES + BISS_OUTER_CYCLES - BISS_LATCH_CYCLES) as f32 / CORE_HZ as f32,
     current_max_a: measurable_a(AMPERES_PER_COUNT),
     modulation_max: StageTraits::max_modulation(
         PERIOD_S,

@@ -2,13 +2,14 @@
 
 use super::rig::{Joint, Master, set};
 use super::table::{ScenarioRow, check, row};
-use joint_rig::{HallFault, LineFault};
+use joint_rig::{HallFault, LineFault, SerialFault};
 use std::sync::LazyLock;
 
 /// Values of `encoder_kind`.
 const ABZ: f32 = 2.0;
 const ABZ_HALL: f32 = 3.0;
 const HALL: f32 = 4.0;
+const BISS: f32 = 5.0;
 
 /// Speed of the joint with the faults, rad/s: 24 turns of the motor in a second.
 const SPEED_RAD_S: f64 = 3.0;
@@ -42,7 +43,9 @@ pub fn rows() -> &'static [ScenarioRow] {
             ("index missing", LineFault::NoIndex, 110.0),
             ("every 50th edge lost or counted twice", LineFault::Noisy(0.02), 130.0),
         ] {
-            rows.extend(reported(&format!("ABZ and Hall sensors, {what}"), fault, within_ms));
+            let set_fault = |master: &mut Master| board(master).set_lines(fault);
+            let what = format!("ABZ and Hall sensors, {what}");
+            rows.extend(reported(&what, ABZ_HALL, within_ms, set_fault));
         }
         for (what, fault, within_ms) in [
             ("plug off", HallFault::Missing, 4.0),
@@ -57,6 +60,28 @@ pub fn rows() -> &'static [ScenarioRow] {
                 within_ms,
                 set_fault,
             ));
+        }
+        rows.extend(motion("BiSS C", BISS, 0.3));
+        for (what, fault, within_ms) in [
+            // 2 ms until the rotor is lost.
+            ("line open", SerialFault::Open, 4.0),
+            ("line low", SerialFault::Low, 4.0),
+            // 16 samples, 0.8 ms.
+            ("position frozen", SerialFault::Frozen, 3.0),
+            ("every frame disturbed", SerialFault::Disturbed(1.0), 4.0),
+            ("position jumps by a quarter of a turn", SerialFault::Jump(0.25), 4.0),
+            ("error bit", SerialFault::Error, 4.0),
+        ] {
+            let set_fault = |master: &mut Master| board(master).set_serial(fault);
+            rows.extend(stopped(&format!("BiSS C, {what}"), BISS, within_ms, set_fault));
+        }
+        // A report comes every millisecond, and 10 ms are between two looks.
+        for (what, fault) in [
+            ("5 % of the frames disturbed", SerialFault::Disturbed(0.05)),
+            ("warning bit", SerialFault::Warning),
+        ] {
+            let set_fault = |master: &mut Master| board(master).set_serial(fault);
+            rows.extend(reported(&format!("BiSS C, {what}"), BISS, 40.0, set_fault));
         }
         rows.extend(frozen_levels());
         rows.extend(reversed());
@@ -73,6 +98,7 @@ fn board<'a>(master: &'a mut Master) -> &'a mut joint_rig::BoardSensors {
 fn joint(kind: f32) -> Joint {
     let mut set = set(0.9);
     set.sensors.encoder_kind = kind;
+    set.sensors.biss_turn_bits = 12.0;
     Joint::with(set)
 }
 
@@ -148,17 +174,23 @@ fn is_warned(master: &mut Master) -> bool {
 }
 
 /// A fault with which the joint is driven on, and that is reported.
-fn reported(what: &str, fault: LineFault, within_ms: f64) -> Vec<ScenarioRow> {
+fn reported(
+    what: &str,
+    kind: f32,
+    within_ms: f64,
+    set_fault: impl Fn(&mut Master),
+) -> Vec<ScenarioRow> {
     let name = format!("{what}, at 3 rad/s");
-    let (after, most, armed) = joint(ABZ_HALL).run(|master| {
+    let (after, most, armed) = joint(kind).run(|master| {
         reach_speed(master);
-        board(master).set_lines(fault);
+        let is_early = is_warned(master);
+        set_fault(master);
         master.rig.stage_mut().take_extremes();
         let mut after = f64::INFINITY;
         for k in 0..150 {
             master.follow(SPEED_RAD_S, 0.0);
             // Every request of the state runs the board for some time.
-            if after.is_infinite() && k % 10 == 9 && is_warned(master) {
+            if !is_early && after.is_infinite() && k % 10 == 9 && is_warned(master) {
                 after = f64::from(k + 1);
             }
         }

@@ -17,6 +17,8 @@ const INCREMENTS_MEMORY: u32 = 1 << 7;
 pub mod request {
     /// SPI1 has received.
     pub const SPI1_RX: u32 = 10;
+    /// Channel 1 of TIM3.
+    pub const TIM3_CH1: u32 = 61;
     /// Channel 3 of TIM3.
     pub const TIM3_CH3: u32 = 63;
 }

@@ -1,8 +1,13 @@
-//! SPI1: one frame at a time, as a master (RM0440, 39).
+//! SPI1: frames one after the other, as a master (RM0440, 39.5). Two words wait in its transmit FIFO.
 //!
 //! The encoder changes its bits at rising edges and takes those of the master at falling ones: CPOL = 0, CPHA = 1. In any other
 //! mode an end of the wire looks at the bit before, so its word arrives one bit late. The first bit is then that of the line at
 //! rest, which is pulled up.
+//!
+//! An encoder with BiSS C has words of other lengths, and only the clock and the line back.
+
+use super::biss::Clocking;
+use std::collections::VecDeque;
 
 const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
@@ -22,27 +27,43 @@ const LOWEST_FIRST: u32 = 1 << 7;
 const SIZE_16: u32 = 0xF << 8;
 const AT_REST: u16 = 0x8000;
 const RECEIVE_DMA: u32 = 1;
-/// Bits of the encoder's frames.
-const FRAME_BITS: u64 = 16;
+/// Words of the transmit FIFO.
+const WAITING_WORDS: usize = 2;
+
+/// What the bus exchanges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusFrame {
+    /// 16 bits, as an AS504x receives them.
+    Word(u16),
+    /// Clocks of a word of another length, from this time on.
+    Clocks {
+        /// First edge of the clock, cycles.
+        begin: u64,
+        /// Number of clocks.
+        bits: u32,
+        /// Clock and edges.
+        clocking: Clocking,
+    },
+}
 
 /// The bus.
 #[derive(Clone, Debug, Default)]
 pub struct Spi {
     registers: [u32; 16],
-    /// End of the frame on the line, and its answer.
-    frame: Option<(u64, u16)>,
-    received: Option<u16>,
+    /// End of each frame on the line, and its answer.
+    frames: VecDeque<(u64, u16)>,
+    received: VecDeque<u16>,
     has_overrun: bool,
 }
 
 impl Spi {
     fn finish(&mut self, now: u64) {
-        if let Some((end, answer)) = self.frame
-            && end <= now
-        {
-            self.frame = None;
-            self.has_overrun |= self.received.is_some();
-            self.received.get_or_insert(answer);
+        while let Some((_, answer)) = self.frames.pop_front_if(|(end, _)| *end <= now) {
+            let is_full = self.received.len() == WAITING_WORDS;
+            self.has_overrun |= is_full;
+            if !is_full {
+                self.received.push_back(answer);
+            }
         }
     }
 
@@ -64,13 +85,13 @@ impl Spi {
 
     /// Time of the next DMA request, cycles.
     pub fn next_event(&self) -> u64 {
-        self.frame.filter(|_| self.requests_dma()).map_or(u64::MAX, |(end, _)| end)
+        self.frames.front().filter(|_| self.requests_dma()).map_or(u64::MAX, |(end, _)| *end)
     }
 
     /// Ends the frame that is due. Returns true if it requests DMA, which then reads the answer.
     pub fn process(&mut self, now: u64) -> bool {
         self.finish(now);
-        self.requests_dma() && self.received.is_some()
+        self.requests_dma() && !self.received.is_empty()
     }
 
     /// Reads a register.
@@ -78,13 +99,13 @@ impl Spi {
         self.finish(now);
         match offset {
             SR => {
-                let full = if self.received.is_some() { FULL } else { 0 };
-                let busy = if self.frame.is_some() { BUSY } else { EMPTY };
+                let full = if self.received.is_empty() { 0 } else { FULL };
+                let busy = if self.frames.is_empty() { EMPTY } else { BUSY };
                 full | busy | if self.has_overrun { OVERRUN } else { 0 }
             }
             DR => {
                 self.has_overrun = false;
-                self.received.take().map_or(0, u32::from)
+                self.received.pop_front().map_or(0, u32::from)
             }
             _ => self.registers.get(offset as usize / 4).copied().unwrap_or(0),
         }
@@ -96,21 +117,33 @@ impl Spi {
         offset: u32,
         word: u32,
         now: u64,
-        exchange: &mut dyn FnMut(u16) -> u16,
+        exchange: &mut dyn FnMut(BusFrame) -> u16,
     ) {
         self.finish(now);
         if offset == DR {
             let control = self.registers[CR1 as usize / 4];
-            if control & ENABLED != 0 {
+            // A word beyond the FIFO is lost.
+            if control & ENABLED != 0 && self.frames.len() <= WAITING_WORDS {
                 let divider = 2u64 << (control >> 3 & 7);
+                let bits = (self.registers[CR2 as usize / 4] >> 8 & 0xF) + 1;
+                let begin = self.frames.back().map_or(now, |(end, _)| *end);
                 let late = |word: u16, is_late: bool| {
                     if is_late { word >> 1 | AT_REST } else { word }
                 };
                 let answer = match self.shifts() {
-                    Some([sent, received]) => late(exchange(late(word as u16, sent)), received),
+                    Some([sent, received]) => {
+                        let answer = exchange(BusFrame::Word(late(word as u16, sent)));
+                        late(answer, received)
+                    }
+                    None if control & (MASTER | LOWEST_FIRST) == MASTER => {
+                        let is_high_at_rest = control & POLARITY != 0;
+                        let reads_at_rise = is_high_at_rest == (control & PHASE != 0);
+                        let clocking = Clocking { is_high_at_rest, reads_at_rise, cycles: divider };
+                        exchange(BusFrame::Clocks { begin, bits, clocking })
+                    }
                     None => u16::MAX,
                 };
-                self.frame = Some((now + FRAME_BITS * divider, answer));
+                self.frames.push_back((begin + u64::from(bits) * divider, answer));
             }
         } else if let Some(register) = self.registers.get_mut(offset as usize / 4) {
             *register = word;
@@ -126,7 +159,10 @@ mod tests {
         let mut bus = Spi::default();
         bus.write(CR2, SIZE_16, 0, &mut |_| 0);
         bus.write(CR1, ENABLED | MASTER | mode, 0, &mut |_| 0);
-        bus.write(DR, 0x4001, 0, &mut |word| word + 0x1003);
+        bus.write(DR, 0x4001, 0, &mut |frame| match frame {
+            BusFrame::Word(word) => word + 0x1003,
+            BusFrame::Clocks { .. } => 0,
+        });
         bus.read(DR, 1000)
     }
 

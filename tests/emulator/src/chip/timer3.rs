@@ -19,6 +19,7 @@ const CCR4: u32 = 0x40;
 const ENABLED: u32 = 1;
 const COUNTS_DOWN: u32 = 1 << 4;
 const TRIGGER_MODE: u32 = 6;
+const CHANNEL_1_DMA: u32 = 1 << 9;
 const CHANNEL_3_DMA: u32 = 1 << 11;
 const CHANNEL_2_ENABLED: u32 = 1 << 4;
 /// Trigger output on channel 4's reference (CR2, MMS).
@@ -27,6 +28,8 @@ const TRIGGER_ON_CHANNEL_4: u32 = 7;
 /// An event of the timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SlaveEvent {
+    /// Channel 1 matches: a DMA request.
+    OuterRequest,
     /// Channel 3 matches: a DMA request. Chip select is released after this many cycles.
     Request {
         /// Cycles until chip select is released.
@@ -94,11 +97,14 @@ impl Timer3 {
             && (below..above).contains(&count)
     }
 
-    fn phases(&self) -> [(u64, SlaveEvent); 4] {
+    fn phases(&self) -> [(u64, SlaveEvent); 6] {
         let top = self.top();
         let compare = |offset: u32| u64::from(self.register(offset)).min(top);
         let (command, trigger) = (compare(CCR3), compare(CCR4));
+        let outer = compare(CCR1);
         [
+            (outer, SlaveEvent::OuterRequest),
+            (2 * top - outer, SlaveEvent::OuterRequest),
             (command, SlaveEvent::Request { release_in: compare(CCR1).saturating_sub(command) }),
             (
                 2 * top - command,
@@ -137,6 +143,7 @@ impl Timer3 {
         {
             self.taken = at;
             let is_enabled = match event {
+                SlaveEvent::OuterRequest => self.register(DIER) & CHANNEL_1_DMA != 0,
                 SlaveEvent::Request { .. } => self.register(DIER) & CHANNEL_3_DMA != 0,
                 SlaveEvent::Trigger { .. } => self.register(CR2) >> 4 & 7 == TRIGGER_ON_CHANNEL_4,
             };
