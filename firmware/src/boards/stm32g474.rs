@@ -142,7 +142,9 @@ mod app {
         stack_guard::paint();
         let panicked = panic::take();
         let cause = start::reset_cause(is_ram_kept);
-        let wired = pins::wiring(embassy_stm32::init(clocks::clocks()));
+        let peripherals = embassy_stm32::init(clocks::clocks());
+        let connections = pins::connections(&peripherals);
+        let wired = pins::wiring(peripherals);
         fast_code::enable_flash_prefetch();
         fast_code::protect();
         // Refreshed after each part of the start, of which the longest, the load, takes 30 ms; then by the background.
@@ -162,6 +164,7 @@ mod app {
         let counts = stage.counts();
         let self_test_passed =
             overcurrent::self_test([counts.phase_a, counts.phase_b], power_stage::clear_breaks)
+                && pins::are_connected(connections.as_ref())
                 && are_duties_at_top
                 && encoder::is_set_up_correctly()
                 && shunts.iter().all(Option::is_some);

@@ -16,9 +16,6 @@ use firmware::sensors::encoder::EncoderKind;
 use firmware::sensors::quadrature::Quadrature;
 
 const TIMER: pac::timer::TimAdv = pac::TIM20;
-/// Port of the three Hall sensors, and the first of their pins.
-const HALL_PORT: pac::gpio::Gpio = pac::GPIOC;
-const HALL_PIN: usize = 3;
 
 /// Connects the inputs that this kind of encoder needs.
 pub fn connect(kind: EncoderKind, wired: pins::Incremental) {
@@ -77,5 +74,6 @@ pub fn read() -> Quadrature {
 /// Returns the levels of the Hall sensors.
 #[inline(always)]
 pub fn hall_levels() -> u8 {
-    (HALL_PORT.idr().read().0 >> HALL_PIN) as u8 & 7
+    let (port, first) = pins::HALL;
+    (port.idr().read().0 >> first) as u8 & 7
 }

@@ -21,7 +21,8 @@
 //! [`self_test`] moves each level over the signal before the first PWM: a comparator whose input is not wired to its
 //! amplifier, or whose output does not reach the break, would be found only by the current that it should have stopped.
 
-use super::{pins, scales};
+use super::pins::{self, AT_PA0, AT_PA1, Phase};
+use super::scales;
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac::comp::{Comp, vals as comp};
 use embassy_stm32::pac::dac::{Dac, vals as dac};
@@ -42,8 +43,7 @@ pub const BREAK_COMPARATORS: [usize; 6] = [0, 1, 2, 4, 5, 6];
 /// What a comparator watches.
 #[derive(Clone, Copy)]
 enum Signal {
-    PhaseA,
-    PhaseB,
+    Shunt(Phase),
     Mean,
 }
 
@@ -73,10 +73,14 @@ const fn watch(
 
 /// All of them (RM0440, tables 194 and 196). The pins are those of pins.rs.
 const WATCHES: [Watch; 6] = [
-    watch(3, pac::COMP3, Signal::PhaseA, pac::DAC3, 0),
-    Watch { is_lower: true, ..watch(6, pac::COMP6, Signal::PhaseA, pac::DAC4, 1) },
-    watch(1, pac::COMP1, Signal::PhaseB, pac::DAC3, 0),
-    Watch { is_lower: true, pin: SECOND_PIN, ..watch(2, pac::COMP2, Signal::PhaseB, pac::DAC3, 1) },
+    watch(3, pac::COMP3, Signal::Shunt(AT_PA0), pac::DAC3, 0),
+    Watch { is_lower: true, ..watch(6, pac::COMP6, Signal::Shunt(AT_PA0), pac::DAC4, 1) },
+    watch(1, pac::COMP1, Signal::Shunt(AT_PA1), pac::DAC3, 0),
+    Watch {
+        is_lower: true,
+        pin: SECOND_PIN,
+        ..watch(2, pac::COMP2, Signal::Shunt(AT_PA1), pac::DAC3, 1)
+    },
     watch(5, pac::COMP5, Signal::Mean, pac::DAC4, 0),
     Watch {
         is_lower: true,
@@ -129,8 +133,8 @@ pub fn self_test([phase_a, phase_b]: [u16; 2], clear_breaks: fn()) -> bool {
     let mut are_good = true;
     for watch in &WATCHES {
         let counts = match watch.signal {
-            Signal::PhaseA => phase_a,
-            Signal::PhaseB => phase_b,
+            Signal::Shunt(Phase::A) => phase_a,
+            Signal::Shunt(Phase::B) => phase_b,
             Signal::Mean => phase_a.midpoint(phase_b),
         };
         let signals_at = |level: u16| {

@@ -1,32 +1,115 @@
 //! The wiring of the board and the parts of its bridge: what to change for another board with this chip.
 //!
-//! Its content is the board's identity in packages ([`WIRING`]), so that an image for another wiring is refused.
+//! One file in `pins/` has all of it: pins, peripherals, and values of the parts. The feature `wiring-second` selects the
+//! second one. Its content is the board's identity in packages ([`WIRING`]), so that an image for another wiring is refused.
 //! The compiler checks it: embassy knows the functions of every pin, and a peripheral named twice would be
-//! moved twice. Two entries are set by number instead: the break input (in `power_stage`) and the gate
-//! driver's enable for a panic.
+//! moved twice. At the start [`are_connected`] compares each pin of a peripheral with its function in the table, before the
+//! first PWM. Some entries are repeated by number, because a panic or an interrupt does not own the pins.
 
-use embassy_stm32::{Peri, Peripherals, pac, peripherals};
+use embassy_stm32::gpio::Pin;
+use embassy_stm32::pac;
 use firmware::update::package::CRC;
 
-/// Enable pin of the gate driver by port and number, because a panic handler does not own the pins.
-pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 6);
-/// Clock pin of the pressure sensor's bus, for a manual recovery; see `pressure` in the table.
-pub const PRESSURE_CLOCK: (pac::gpio::Gpio, usize) = (pac::GPIOA, 15);
-/// Data pin of the pressure sensor's bus.
-pub const PRESSURE_DATA: (pac::gpio::Gpio, usize) = (pac::GPIOB, 7);
+/// A signal at the shunts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// The amplifier of phase a.
+    A,
+    /// The amplifier of phase b.
+    B,
+}
 
-/// Shunt of a phase, ohm, and gain of its amplifier.
-pub const SHUNT: [f32; 2] = [0.001, 20.0];
-/// Divider of the bus voltage, kohm: above and below its tap.
-pub const BUS_DIVIDER: [f32; 2] = [68.0, 3.3];
-/// Dead time of a half bridge, in timer counts (500 ns). At most 127.
-pub const DEAD_TIME: u8 = 85;
-/// Highest phase current at which the comparators open the bridge, A: the rating of its switches.
-///
-/// The levels of a joint follow its parameter `overcurrent_a`. Levels, amplifiers and comparators are off by
-/// 2 A at most (9 mV, 10 counts, 0.3 A, 1 %). Half of the ceiling is below the current limit, twice of it
-/// above the range of an amplifier (82 A).
-pub const BREAK_CEILING_A: f32 = 44.0;
+/// Ports by their numbers.
+const PORTS: [pac::gpio::Gpio; 6] =
+    [pac::GPIOA, pac::GPIOB, pac::GPIOC, pac::GPIOD, pac::GPIOE, pac::GPIOF];
+
+/// A pin that belongs to a peripheral, with its alternate function.
+#[derive(Clone, Copy, Debug)]
+pub struct Connection {
+    port: u8,
+    pin: u8,
+    function: u8,
+}
+
+impl Connection {
+    fn of(pin: &impl Pin, function: u8) -> Self {
+        Self { port: pin.port(), pin: pin.pin(), function }
+    }
+
+    /// Returns true if the pin has this function now.
+    fn holds(self) -> bool {
+        let Some(port) = PORTS.get(usize::from(self.port)) else { return false };
+        let pin = usize::from(self.pin);
+        port.moder().read().moder(pin) == pac::gpio::vals::Moder::ALTERNATE
+            && port.afr(pin / 8).read().afr(pin % 8) == self.function
+    }
+}
+
+/// Returns true if these pins have their functions.
+pub fn are_connected(connections: &[Connection]) -> bool {
+    connections.iter().all(|connection| connection.holds())
+}
+
+macro_rules! wiring {
+    (
+        required {$(
+            $(#[$about:meta])*
+            $field:ident: $group:ident {
+                $($name:ident = $what:ident $([$function:literal])?, $text:literal;)*
+            }
+        )*}
+        optional {$(
+            $(#[$optional_about:meta])*
+            $optional:ident: $optional_group:ident {
+                $($optional_name:ident = $optional_what:ident, $optional_text:literal;)*
+            }
+        )*}
+    ) => {
+        $(
+            $(#[$about])*
+            pub struct $group {
+                $(#[doc = $text] pub $name: embassy_stm32::Peri<'static, embassy_stm32::peripherals::$what>,)*
+            }
+        )*
+        $(
+            $(#[$optional_about])*
+            pub struct $optional_group {
+                $(#[doc = $optional_text] pub $optional_name: embassy_stm32::Peri<'static, embassy_stm32::peripherals::$optional_what>,)*
+            }
+        )*
+
+        /// Names and pins of the table, without those that a board may leave open: an image that can use them also runs on a
+        /// board without them.
+        pub(super) const TABLE: &str = concat!(
+            $($(stringify!($field), ".", stringify!($name), "=", stringify!($what), ";",)*)*
+        );
+
+        /// The whole table.
+        pub struct Wiring {
+            $(pub $field: $group,)*
+            $(pub $optional: $optional_group,)*
+        }
+
+        /// Returns the pins that the start connects to a peripheral.
+        pub fn connections(p: &embassy_stm32::Peripherals) -> impl AsRef<[super::Connection]> + use<> {
+            [$($($(super::Connection::of(&*p.$what, $function),)?)*)*]
+        }
+
+        /// Splits the peripherals into the parts of the board.
+        pub fn wiring(p: embassy_stm32::Peripherals) -> Wiring {
+            Wiring {
+                $($field: $group { $($name: p.$what,)* },)*
+                $($optional: $optional_group { $($optional_name: p.$optional_what,)* },)*
+            }
+        }
+    };
+}
+
+#[cfg_attr(feature = "wiring-second", path = "pins/second.rs")]
+#[cfg_attr(not(feature = "wiring-second"), path = "pins/standard.rs")]
+mod table;
+
+pub use table::*;
 
 /// Identity of the wiring: the table as text, and the parts of the bridge.
 pub const WIRING: u32 = {
@@ -42,142 +125,3 @@ pub const WIRING: u32 = {
     }
     identity
 };
-
-macro_rules! wiring {
-    (
-        required {$(
-            $(#[$about:meta])*
-            $field:ident: $group:ident {
-                $($name:ident = $what:ident, $text:literal;)*
-            }
-        )*}
-        optional {$(
-            $(#[$optional_about:meta])*
-            $optional:ident: $optional_group:ident {
-                $($optional_name:ident = $optional_what:ident, $optional_text:literal;)*
-            }
-        )*}
-    ) => {
-        $(
-            $(#[$about])*
-            pub struct $group {
-                $(#[doc = $text] pub $name: Peri<'static, peripherals::$what>,)*
-            }
-        )*
-        $(
-            $(#[$optional_about])*
-            pub struct $optional_group {
-                $(#[doc = $optional_text] pub $optional_name: Peri<'static, peripherals::$optional_what>,)*
-            }
-        )*
-
-        /// Names and pins of the table, without those that a board may leave open: an image that can use them also runs on a
-        /// board without them.
-        const TABLE: &str = concat!(
-            $($(stringify!($field), ".", stringify!($name), "=", stringify!($what), ";",)*)*
-        );
-
-        /// The whole table.
-        pub struct Wiring {
-            $(pub $field: $group,)*
-            $(pub $optional: $optional_group,)*
-        }
-
-        /// Splits the peripherals into the parts of the board.
-        pub fn wiring(p: Peripherals) -> Wiring {
-            Wiring {
-                $($field: $group { $($name: p.$what,)* },)*
-                $($optional: $optional_group { $($optional_name: p.$optional_what,)* },)*
-            }
-        }
-    };
-}
-
-wiring! {
-required {
-    /// Three half bridges and their driver.
-    bridge: Bridge {
-        timer  = TIM1, "makes the PWM";
-        a_high = PA8,  "phase a, high side: TIM1_CH1";
-        a_low  = PA7,  "phase a, low side: TIM1_CH1N";
-        b_high = PA9,  "phase b, high side: TIM1_CH2";
-        b_low  = PA12, "phase b, low side: TIM1_CH2N";
-        c_high = PA10, "phase c, high side: TIM1_CH3";
-        c_low  = PB15, "phase c, low side: TIM1_CH3N";
-        fault  = PB10, "fault of the gate driver, low when there is one: TIM1_BKIN, function 12";
-        enable = PC6,  "wakes the gate driver";
-    }
-    /// Inputs sampled synchronously with the PWM.
-    currents: Currents {
-        adc_a   = ADC1, "converts phase a and the bus";
-        adc_b   = ADC2, "converts phase b at the same moment";
-        phase_a = PA0,  "amplified shunt, phase a: ADC1_IN1, COMP3_INP";
-        phase_b = PA1,  "amplified shunt, phase b: ADC2_IN2, COMP1_INP";
-        bus     = PC0,  "divided bus voltage: ADC1_IN6";
-        leak    = PC1,  "leak probe, 1 M to the reference, 100 nF at the pin: ADC2_IN7";
-    }
-    /// The shunt signals at the inputs of further comparators.
-    overcurrent: Overcurrent {
-        phase_a   = PB11, "tied to PA0: COMP6_INP";
-        phase_b   = PA3,  "tied to PA1: COMP2_INP";
-        mean_high = PB13, "10 k each from PA0 and PA1, their mean: COMP5_INP";
-        mean_low  = PB14, "tied to PB13: COMP7_INP";
-    }
-    /// The holding brake.
-    brake: Brake {
-        output = PC7, "switches the coil; a resistor keeps the brake closed while the pin is not driven";
-    }
-    /// Inputs sampled slowly.
-    slow: Slow {
-        adc                = ADC3, "converts temperatures";
-        bridge_temperature = PB0,  "thermistor at the bridge: ADC3_IN12";
-        motor_temperature  = PB1,  "thermistor in the motor: ADC3_IN1";
-        force_adc          = ADC4, "converts the side load";
-        force              = PB12, "amplified strain gauge bridge: ADC4_IN3";
-    }
-    /// The motor's encoder.
-    encoder: Encoder {
-        spi     = SPI1,     "exchanges its frames";
-        timer   = TIM3,     "selects it and requests its frames; starts the slow conversions";
-        command = DMA1_CH1, "writes a command when the timer requests it";
-        answer  = DMA1_CH2, "stores an answer";
-        clock   = PA5,      "SPI1_SCK";
-        out     = PB5,      "SPI1_MOSI";
-        back    = PA6,      "SPI1_MISO, pulled up: a broken wire reads as an error";
-        select  = PA4,      "chip select, low when selected: TIM3_CH2";
-    }
-    /// The pressure sensor's bus.
-    pressure: Pressure {
-        i2c   = I2C1, "reads it";
-        clock = PA15, "I2C1_SCL";
-        data  = PB7,  "I2C1_SDA";
-    }
-    /// The two channels of safe torque off, high while they allow torque. A broken wire reads as low.
-    torque_off: TorqueOff {
-        first  = PC10, "first channel";
-        second = PC11, "second channel";
-    }
-    /// The CAN transceiver.
-    can: Can {
-        controller = FDCAN1, "classic frames";
-        receive    = PA11,   "FDCAN1_RX";
-        transmit   = PB9,    "FDCAN1_TX";
-    }
-    /// Peripherals without pins.
-    inside: Inside {
-        watchdog = IWDG,  "resets a firmware that hangs";
-        flash    = FLASH, "holds the parameters, in its second bank";
-    }
-}
-optional {
-    /// Inputs of an ABZ encoder and of Hall sensors, pulled up.
-    incremental: Incremental {
-        a      = PB2,   "line A: TIM20_CH1";
-        b      = PC2,   "line B: TIM20_CH2";
-        index  = PC8,   "index, captures the count: TIM20_CH3";
-        hall_1 = PC3,   "first Hall sensor, beside the two others on one port";
-        hall_2 = PC4,   "second Hall sensor";
-        hall_3 = PC5,   "third Hall sensor";
-    }
-}
-}

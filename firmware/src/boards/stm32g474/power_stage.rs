@@ -19,8 +19,9 @@
 //! way to switch off.
 
 use super::converters::{Converter, Trigger};
+use super::overcurrent;
+use super::pins::{self, BREAK_FUNCTION};
 use super::scales::{DEAD_TIME, PWM_TOP};
-use super::{overcurrent, pins};
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Pull, Speed};
 use embassy_stm32::pac::adc::vals::{Exten, SampleTime};
@@ -31,8 +32,6 @@ use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{Peri, pac, rcc};
 use firmware::control::BridgeFault;
 
-/// Alternate function of the break input.
-const BREAK_FUNCTION: u8 = 12;
 const TIMER: pac::timer::TimAdv = pac::TIM1;
 
 /// Supply level that opens the bridge: 2.84 to 2.96 V (PWR_CR2, PLS; data sheet: V_PVD6 falling), the highest

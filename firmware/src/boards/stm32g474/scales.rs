@@ -1,8 +1,8 @@
 //! Frequencies, scales and levels of this board: the values to change with its parts.
 
 pub use super::clocks::CORE_HZ;
+use super::pins::{AMPLIFIER_SETTLING_S, BUS_DIVIDER, SHUNT};
 pub use super::pins::{BREAK_CEILING_A, DEAD_TIME};
-use super::pins::{BUS_DIVIDER, SHUNT};
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::deadline::DeadlineLimits;
@@ -83,8 +83,6 @@ pub const BISS_INNER_CYCLES: u32 = 221;
 /// Cycles from the request of the first word to the latch: DMA, start of the bus, and half a clock.
 const BISS_LATCH_CYCLES: u32 = 20 + ENCODER_DIVIDER / 2;
 
-/// Settling time of a shunt's amplifier once its low side conducts, s: 1.5 us to 0.5 % at a gain of 20.
-const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
 /// Properties of the stage that the loop uses.
 pub const STAGE: StageTraits = StageTraits {
     // The angle is latched when the first frame is released.
