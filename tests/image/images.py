@@ -17,6 +17,8 @@ BOARDS = "test-boards"
 IMAGES = {
     # What ships: the images of both slots. The boot program belongs to them and is built for size.
     "stm32g474": ("firmware", ["firmware", "firmware-b", "boot"], "board-stm32g474,terms"),
+    # For the second wiring of that board.
+    "stm32g474-second": ("firmware", ["firmware"], "board-stm32g474,terms,wiring-second"),
     # As it ships, but with networks.
     "stm32g474-network": ("firmware", ["firmware"], "board-stm32g474,network,terms"),
     "qemu": (BOARDS, ["qemu-board"], "qemu,network,terms"),

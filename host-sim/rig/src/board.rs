@@ -27,8 +27,8 @@ use std::cell::RefCell;
 const AMPERES_PER_COUNT: f64 = 3.3 / (4096.0 * 0.001 * 20.0);
 
 /// Returns the phase current that the amplifiers show as these counts, A, without their offset.
-pub fn current_a(counts: u16) -> f64 {
-    (f64::from(CONVERTER_RANGE_COUNTS / 2) - f64::from(counts)) * AMPERES_PER_COUNT
+pub fn current_a(counts: u16, amperes_per_count: f64) -> f64 {
+    (f64::from(CONVERTER_RANGE_COUNTS / 2) - f64::from(counts)) * amperes_per_count
 }
 
 /// Time from the end of the first frame of a period, when the encoder latches the angle, to the top of the PWM, s: 1060
@@ -168,6 +168,8 @@ pub struct BoardSensors {
     pub drift_a: [f64; 2],
     /// Resolution of the bus voltage measurement, V.
     bus_step_v: f64,
+    /// Scale of the shunts.
+    amperes_per_count: f64,
 }
 
 impl BoardSensors {
@@ -190,6 +192,7 @@ impl BoardSensors {
             is_serial: EncoderKind::of(set.sensors.encoder_kind) == EncoderKind::Biss,
             drift_a: [0.0; 2],
             bus_step_v: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
+            amperes_per_count: AMPERES_PER_COUNT,
         };
         let mut finders = [OffsetFinder::default(); 2];
         for _ in 0..OFFSET_SAMPLES {
@@ -200,6 +203,11 @@ impl BoardSensors {
         }
         sensors.shunts = finders.map(|finder| finder.shunt(-AMPERES_PER_COUNT as f32));
         sensors
+    }
+
+    /// Sets the scales of another board's shunts and bus divider, for a driver outside of the rig.
+    pub fn set_scales(&mut self, amperes_per_count: f64, bus_step_v: f64) {
+        (self.amperes_per_count, self.bus_step_v) = (amperes_per_count, bus_step_v);
     }
 
     /// Returns true if the encoder reports a fault of its magnet.
@@ -258,7 +266,7 @@ impl BoardSensors {
     fn counts(&self, phase: usize, current_a: f64) -> u16 {
         let offset_a = [0.1, -0.07][phase] + self.drift_a[phase];
         let counts =
-            f64::from(CONVERTER_RANGE_COUNTS / 2) - (current_a + offset_a) / AMPERES_PER_COUNT;
+            f64::from(CONVERTER_RANGE_COUNTS / 2) - (current_a + offset_a) / self.amperes_per_count;
         counts.round().clamp(0.0, f64::from(CONVERTER_RANGE_COUNTS - 1)) as u16
     }
 

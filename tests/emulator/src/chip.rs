@@ -19,6 +19,7 @@ pub mod timer20;
 pub mod timer3;
 pub mod timer5;
 pub mod watchdog;
+pub mod wiring;
 
 use crate::cycles::{FlashAccess, FlashCaches};
 use crate::nvic::{NMI, Nvic};
@@ -41,6 +42,7 @@ use timer3::{SlaveEvent, Timer3};
 use timer5::Timer5;
 use timer20::Timer20;
 use watchdog::Watchdog;
+use wiring::Wiring;
 
 /// Core clock, Hz.
 pub const CORE_HZ: u64 = 170_000_000;
@@ -103,6 +105,7 @@ pub struct Chip<W> {
     pub flash: Flash,
     /// Ports.
     pub gpio: Gpio,
+    wiring: &'static Wiring,
     /// Levels of the overcurrent comparators that act.
     pub break_levels: BreakLevels,
     /// Number of a comparator whose pin has no signal.
@@ -138,6 +141,7 @@ impl<W: World> Chip<W> {
     /// Returns a chip after power-on.
     pub fn new(mut world: W) -> Self {
         world.set_break_levels(BreakLevels::default());
+        let wiring = world.wiring();
         let mut memory: HashMap<u32, u32> = IDENTITY.into_iter().collect();
         memory.insert(FLASH_ACR, 0x0004_0600);
         memory.insert(VTOR, 0x0800_0000);
@@ -155,7 +159,8 @@ impl<W: World> Chip<W> {
             biss: BissLine::default(),
             can: Fdcan::default(),
             flash: Flash::default(),
-            gpio: Gpio::default(),
+            gpio: Gpio::wired(wiring),
+            wiring,
             break_levels: BreakLevels::default(),
             unwired_comparator: None,
             watchdog: Watchdog::default(),
@@ -339,9 +344,9 @@ impl<W: World> Chip<W> {
 
     /// Starts a frame of the encoder. The encoder latches its angle at this time, which may be ahead.
     fn exchange(&mut self, word: u16, at: u64, latched_at: u64) {
-        let by_timer = self.gpio.connects(gpio::ENCODER_SELECT) && self.timer3.selects(at);
-        let is_selected =
-            self.gpio.connects(gpio::ENCODER_BUS) && (by_timer || self.gpio.is_encoder_selected());
+        let by_timer = self.gpio.connects(self.wiring.encoder_select) && self.timer3.selects(at);
+        let is_selected = self.gpio.connects(self.wiring.encoder_bus)
+            && (by_timer || self.gpio.is_encoder_selected());
         let seconds = (latched_at as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64;
         let world = &mut self.world;
         let trigger = self.timer1.last_trigger();
@@ -418,7 +423,7 @@ impl<W: World> Chip<W> {
 
     /// Activates the break if its pin demands it. A signal without a pin is at rest.
     fn break_by_pin(&mut self) {
-        let is_connected = self.gpio.connects(gpio::BREAK_INPUT);
+        let is_connected = self.gpio.connects(self.wiring.break_input);
         if is_connected && self.timer1.breaks_at(!self.world.has_gate_fault()) {
             self.timer1.set_break(false);
         }

@@ -6,6 +6,7 @@ use crate::chip::comparators::BreakLevels;
 use crate::chip::flash::{STORE_BYTES, StoreContent};
 use crate::chip::ms5837::Water;
 use crate::chip::timer20::Edges;
+use crate::chip::wiring::{Quantity, STANDARD, Wiring};
 use crate::chip::{CORE_HZ, Chip};
 use crate::costs::{Costs, LOOP_EXCEPTION};
 use crate::world::{Bridge, World};
@@ -59,10 +60,14 @@ pub struct JointWorld {
     /// Counts of the thermistors of bridge and motor, and the temperatures that they stand for, deg C.
     thermistors: [(Option<f32>, u16); 2],
     has_pressure_sensor: bool,
+    wiring: &'static Wiring,
 }
 
 impl JointWorld {
-    fn new(mut stage: Stage) -> Self {
+    fn new(mut stage: Stage, wiring: &'static Wiring) -> Self {
+        if let Some(board) = &mut stage.board {
+            board.set_scales(wiring.amperes_per_count, wiring.volts_per_count);
+        }
         let sampled = stage.plant.measure();
         Self {
             sampled_turns: stage.plant.motor_turns(),
@@ -72,6 +77,7 @@ impl JointWorld {
             state: BoardState::default(),
             thermistors: [(None, 0); 2],
             has_pressure_sensor: false,
+            wiring,
         }
     }
 
@@ -90,6 +96,10 @@ impl JointWorld {
 }
 
 impl World for JointWorld {
+    fn wiring(&self) -> &'static Wiring {
+        self.wiring
+    }
+
     fn advance(&mut self, seconds: f64, bridge: Bridge) {
         let duty = match bridge {
             Bridge::Driven(duty) if !self.stage.gate_fault => Some(duty),
@@ -114,23 +124,26 @@ impl World for JointWorld {
     fn analog(&mut self, converter: usize, channel: u32) -> u16 {
         let Some(board) = &self.stage.board else { return 0 };
         let phases = board.phase_counts(self.sampled.currents_a, self.is_low_side_on);
-        match (converter, channel) {
-            (1, 1) => phases[0],
-            (2, 2) => phases[1],
-            (1, 6) => board.bus_counts(self.sampled.bus_v),
-            (2, 7) => counts(self.state.enclosure.leak_share.unwrap_or(1.0).into()),
-            (3, 12) => self.thermistor(0, self.state.bridge_temperature_c),
-            (3, 1) => self.thermistor(1, self.state.motor_temperature_c),
-            (4, 3) => counts(0.5 + self.stage.plant.show().radial_force_n / FORCE_RANGE_N),
-            _ => 0,
+        match self.wiring.quantity(converter, channel) {
+            Some(Quantity::Phase(phase)) => phases[phase],
+            Some(Quantity::Bus) => board.bus_counts(self.sampled.bus_v),
+            Some(Quantity::Leak) => counts(self.state.enclosure.leak_share.unwrap_or(1.0).into()),
+            Some(Quantity::Thermistor(place)) => {
+                let state = &self.state;
+                let shown = [state.bridge_temperature_c, state.motor_temperature_c];
+                self.thermistor(place, shown[place])
+            }
+            Some(Quantity::Force) => {
+                counts(0.5 + self.stage.plant.show().radial_force_n / FORCE_RANGE_N)
+            }
+            None => 0,
         }
     }
 
     fn shunts(&mut self) -> [u16; 2] {
-        let board = self.stage.board.as_ref();
-        board.map_or([0; 2], |board| {
-            board.phase_counts(self.sampled.currents_a, self.is_low_side_on)
-        })
+        let Some(board) = &self.stage.board else { return [0; 2] };
+        let phases = board.phase_counts(self.sampled.currents_a, self.is_low_side_on);
+        self.wiring.comparators.map(|phase| phases[phase])
     }
 
     fn encoder(&mut self, word: u16, seconds: f64) -> u16 {
@@ -185,7 +198,9 @@ impl World for JointWorld {
         let levels_a = std::array::from_fn(|signal| {
             // A positive current lowers the counts. The mean of two phases shows half of their sum.
             let scale = if signal == 2 { 2.0 } else { 1.0 };
-            let [below, above] = levels[signal].map(|level| level.map(current_a));
+            let at = self.wiring.comparators.get(signal).copied().unwrap_or(signal);
+            let current_a = |level| current_a(level, self.wiring.amperes_per_count);
+            let [below, above] = levels[at].map(|level| level.map(current_a));
             [
                 above.map_or(f64::NEG_INFINITY, |level_a| scale * level_a),
                 below.map_or(f64::INFINITY, |level_a| scale * level_a),
@@ -209,6 +224,17 @@ impl World for JointWorld {
             InterruptTiming::Missed => PERIOD_CYCLES,
         }
     }
+}
+
+/// Returns the content of a parameter store with the set of this start.
+///
+/// # Errors
+/// Returns one line if the set is rejected.
+pub fn store_content(start: &PowerUp) -> Result<StoreContent, String> {
+    let mut bytes = vec![0; STORE_BYTES];
+    let mut flash = stored_flash(start, BOARD_TRAITS)?;
+    flash.read(0, &mut bytes).map_err(|error| format!("flash: {error:?}"))?;
+    Ok(StoreContent { bytes, torn: Vec::new() })
 }
 
 /// Returns the converter's counts for a share of its range.
@@ -268,11 +294,7 @@ impl BoardDriver {
     /// # Errors
     /// Returns one line if the image does not start or the parameter set is rejected.
     pub fn start(image: &Image, start: &PowerUp, stage: Stage) -> Result<Self, String> {
-        let mut bytes = vec![0; STORE_BYTES];
-        let mut flash = stored_flash(start, BOARD_TRAITS)?;
-        flash.read(0, &mut bytes).map_err(|error| format!("flash: {error:?}"))?;
-        let store = StoreContent { bytes, torn: Vec::new() };
-        Self::start_with_store(image, start, &store, stage)
+        Self::start_with_store(image, start, &store_content(start)?, stage)
     }
 
     /// Starts the image as [`BoardDriver::start`], with this content of the parameter store.
@@ -285,10 +307,24 @@ impl BoardDriver {
         store: &StoreContent,
         stage: Stage,
     ) -> Result<Self, String> {
+        Self::start_wired(image, start, store, stage, &STANDARD)
+    }
+
+    /// Starts the image of a board with this wiring, as [`BoardDriver::start_with_store`].
+    ///
+    /// # Errors
+    /// Returns one line if the image does not start.
+    pub fn start_wired(
+        image: &Image,
+        start: &PowerUp,
+        store: &StoreContent,
+        stage: Stage,
+        wiring: &'static Wiring,
+    ) -> Result<Self, String> {
         if stage.board.is_none() {
             return Err("the image needs the sensors of the board".into());
         }
-        let mut chip = Chip::new(JointWorld::new(stage));
+        let mut chip = Chip::new(JointWorld::new(stage, wiring));
         chip.flash.set_store(store);
         chip.clock.set_reset_flags(match start.boot.cause {
             ResetCause::Watchdog => reset::WATCHDOG | reset::PIN,
@@ -488,7 +524,7 @@ impl RigDriver for BoardDriver {
         let old = self.machine.chip_mut();
         // The joint goes on with the new chip, so that the old one needs another.
         let unused = JointPlant::new(&Parameters::default(), Load::Free, 0);
-        let unused = JointWorld::new(Stage::new(unused, &RigFaults::default()));
+        let unused = JointWorld::new(Stage::new(unused, &RigFaults::default()), &STANDARD);
         let mut chip = Chip::new(std::mem::replace(&mut old.world, unused));
         chip.clock.set_reset_flags(self.reset_flags);
         self.machine = self.machine.restarted(chip)?;

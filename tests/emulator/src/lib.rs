@@ -27,5 +27,7 @@ pub mod nvic;
 pub mod world;
 
 pub use image::Image;
-pub use joint::{BoardDriver, HEAT_MEMORY, JointWorld, kept_heat, largest_stack_bytes};
+pub use joint::{
+    BoardDriver, HEAT_MEMORY, JointWorld, kept_heat, largest_stack_bytes, store_content,
+};
 pub use machine::{Machine, StopReason};

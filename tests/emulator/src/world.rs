@@ -4,6 +4,7 @@ use crate::chip::bme280::HousingAir;
 use crate::chip::comparators::BreakLevels;
 use crate::chip::ms5837::Water;
 use crate::chip::timer20::Edges;
+use crate::chip::wiring::{STANDARD, Wiring};
 
 /// State of the bridge over a stretch of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +17,11 @@ pub enum Bridge {
 
 /// Surroundings of the chip. All times are in seconds.
 pub trait World {
+    /// Returns the connections of the board.
+    fn wiring(&self) -> &'static Wiring {
+        &STANDARD
+    }
+
     /// Simulates this time with the bridge in this state.
     fn advance(&mut self, seconds: f64, bridge: Bridge);
 
@@ -29,7 +35,7 @@ pub trait World {
     /// Returns the counts of a converter, 1 to 5, for a channel.
     fn analog(&mut self, converter: usize, channel: u32) -> u16;
 
-    /// Returns the counts that the amplifiers of phases a and b show now.
+    /// Returns the counts that the amplifiers at PA0 and PA1 show now.
     fn shunts(&mut self) -> [u16; 2] {
         [2048; 2]
     }

@@ -241,13 +241,18 @@ impl EncoderInputs for Encoder {
 pub fn is_set_up_correctly() -> bool {
     let divider = 2 << BUS.cr1().read().br().to_bits();
     let has_clock = divider == ENCODER_DIVIDER && rcc::frequency::<SPI1>().0 == CORE_HZ;
+    // A counter that turns between the reads of its count and of its direction gives another phase, which the next one does
+    // not.
+    has_clock && (0..3).any(|_| is_in_phase())
+}
+
+fn is_in_phase() -> bool {
     let period = 2 * u32::from(PWM_TOP);
     let motor = since_top();
     let (top, count) = (u32::from(PWM_TOP), u32::from(TIMER.cnt().read().cnt()));
     let own = if TIMER.cr1().read().dir() == vals::Dir::DOWN { top - count } else { top + count };
     let lead = (own + period - motor) % period;
-    let is_in_phase = lead.abs_diff(LEAD_CYCLES) <= MAX_PHASE_ERROR_CYCLES;
-    has_clock && is_in_phase
+    lead.abs_diff(LEAD_CYCLES) <= MAX_PHASE_ERROR_CYCLES
 }
 
 fn set_up_timer() {

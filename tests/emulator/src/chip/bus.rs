@@ -121,7 +121,7 @@ impl<W: World> Chip<W> {
                 let devices = i2c::Devices {
                     water: self.world.water(),
                     air: self.world.air(),
-                    are_connected: self.gpio.connects(gpio::SENSOR_BUS),
+                    are_connected: self.gpio.connects(self.wiring.sensor_bus),
                 };
                 self.i2c.write(aligned & 0x3FF, word, now, devices);
             }

@@ -1,7 +1,9 @@
 //! Ports A to G: modes, alternate functions, output levels, and the inputs that the driver reads (RM0440, 9).
 //!
 //! A signal of a peripheral reaches its pin only through the pin's alternate function (data sheet DS12288, table 13). The
-//! connections are those of the board's pins.rs.
+//! connections are those of the board ([`super::wiring`]).
+
+use super::wiring::{Connections, Pin, STANDARD, Wiring};
 
 const PORTS: usize = 7;
 const MODER: u32 = 0x00;
@@ -18,18 +20,6 @@ const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const PULLED_DOWN: u32 = 2;
 
-/// A pin: its port, from 0 for A, and its number.
-type Pin = (usize, u32);
-
-/// Gate driver's enable PC6, its fault PB10 (low when there is one), and the encoder's select PA4 (low).
-const ENABLE: Pin = (2, 6);
-const FAULT: Pin = (1, 10);
-const SELECT: Pin = (0, 4);
-/// Output of the holding brake PC7.
-const BRAKE: Pin = (2, 7);
-/// Channels of safe torque off, PC10 and PC11, high while they allow torque.
-const TORQUE_ALLOWED: [Pin; 2] = [(2, 10), (2, 11)];
-
 /// Hall sensors of the motor.
 const HALL: [Pin; 3] = [(2, 3), (2, 4), (2, 5)];
 
@@ -38,28 +28,14 @@ pub const fn reads_hall(address: u32) -> bool {
     address == 0x4800_0800 + IDR
 }
 
-/// Signals of a peripheral, each with its pin and the alternate function that connects it.
-pub type Connections = &'static [(Pin, u32)];
-
-/// TIM1_CH1 to 3 and TIM1_CH1N to 3N.
-pub const BRIDGE: Connections =
-    &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((0, 7), 6), ((0, 12), 6), ((1, 15), 4)];
-/// TIM1_BKIN.
-pub const BREAK_INPUT: Connections = &[(FAULT, 12)];
-/// TIM3_CH2.
-pub const ENCODER_SELECT: Connections = &[(SELECT, 2)];
-/// SPI1_SCK, MISO and MOSI.
-pub const ENCODER_BUS: Connections = &[((0, 5), 5), ((0, 6), 5), ((1, 5), 5)];
 /// TIM20_CH1 to 3: the lines and the index of a quadrature encoder.
 pub const QUADRATURE: Connections = &[((1, 2), 3), ((2, 2), 6), ((2, 8), 6)];
 /// FDCAN1_RX and TX.
 pub const CAN: Connections = &[((0, 11), 9), ((1, 9), 9)];
-/// I2C1_SCL and SDA.
-pub const SENSOR_BUS: Connections = &[((0, 15), 4), ((1, 7), 4)];
-
 /// The ports.
 #[derive(Clone, Debug)]
 pub struct Gpio {
+    wiring: &'static Wiring,
     registers: [[u32; 12]; PORTS],
     has_gate_fault: bool,
     torque_allowed: [bool; 2],
@@ -71,11 +47,19 @@ pub struct Gpio {
 
 impl Default for Gpio {
     fn default() -> Self {
+        Self::wired(&STANDARD)
+    }
+}
+
+impl Gpio {
+    /// Returns the ports of a board after a reset.
+    pub fn wired(wiring: &'static Wiring) -> Self {
         let mut registers = [[0; 12]; PORTS];
         // After a reset all pins are analog, apart from the debug port's.
         registers.iter_mut().for_each(|port| port[0] = u32::MAX);
         (registers[0][0], registers[1][0]) = (0xABFF_FFFF, 0xFFFF_FEBF);
         Self {
+            wiring,
             registers,
             has_gate_fault: false,
             torque_allowed: [true; 2],
@@ -114,17 +98,17 @@ impl Gpio {
 
     /// Returns true if the gate driver is awake. It is asleep while the pin is not driven.
     pub fn is_gate_driver_awake(&self) -> bool {
-        self.output(ENABLE) == Some(true)
+        self.output(self.wiring.enable) == Some(true)
     }
 
     /// Returns true if the output of the holding brake is high. It is pulled low while the pin is not driven.
     pub fn is_brake_output_high(&self) -> bool {
-        self.output(BRAKE) == Some(true)
+        self.output(self.wiring.brake) == Some(true)
     }
 
     /// Returns true if software selects the encoder.
     pub fn is_encoder_selected(&self) -> bool {
-        self.output(SELECT) == Some(false)
+        self.output(self.wiring.select) == Some(false)
     }
 
     /// Sets the fault input of the gate driver.
@@ -149,8 +133,8 @@ impl Gpio {
         let mut levels = (0..16)
             .filter(|pin| pulls >> (2 * pin) & 3 != PULLED_DOWN)
             .fold(0, |word, pin| word | 1 << pin);
-        let fault = (FAULT, !self.has_gate_fault);
-        let torque = [0, 1].map(|at| (TORQUE_ALLOWED[at], self.torque_allowed[at]));
+        let fault = (self.wiring.fault, !self.has_gate_fault);
+        let torque = [0, 1].map(|at| (self.wiring.torque_allowed[at], self.torque_allowed[at]));
         let hall = [0, 1, 2].map(|at| (HALL[at], self.hall.is_none_or(|word| word >> at & 1 == 1)));
         for ((driven, pin), is_high) in [fault].into_iter().chain(torque).chain(hall) {
             if driven == port {
@@ -190,7 +174,7 @@ impl Gpio {
             }
         }
         if matches!(offset, MODER | AFRL | AFRH) {
-            self.is_bridge_connected = self.connects(BRIDGE);
+            self.is_bridge_connected = self.connects(self.wiring.bridge);
         }
     }
 }
@@ -205,11 +189,11 @@ mod tests {
     fn signal_with_another_alternate_function_is_not_connected() {
         let mut gpio = Gpio::default();
         gpio.write(PORT_B + AFRH, 12 << 8);
-        assert!(!gpio.connects(BREAK_INPUT), "the pin is analog");
+        assert!(!gpio.connects(STANDARD.break_input), "the pin is analog");
         gpio.write(PORT_B + MODER, 0xFFEF_FEBF);
-        assert!(gpio.connects(BREAK_INPUT));
+        assert!(gpio.connects(STANDARD.break_input));
         gpio.write(PORT_B + AFRH, 11 << 8);
-        assert!(!gpio.connects(BREAK_INPUT));
+        assert!(!gpio.connects(STANDARD.break_input));
     }
 
     #[test]

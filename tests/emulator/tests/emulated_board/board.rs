@@ -17,6 +17,7 @@ mod power_cut;
 mod pressure;
 mod resets;
 mod scope;
+mod second_wiring;
 mod slots;
 mod start;
 mod tuning;

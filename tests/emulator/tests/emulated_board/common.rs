@@ -21,6 +21,17 @@ pub fn image() -> &'static Image {
     &IMAGE
 }
 
+/// Returns the image for slot A of a board with the second wiring.
+pub fn second_image() -> &'static Image {
+    static IMAGE: LazyLock<Image> = LazyLock::new(|| {
+        let built = [env!("CARGO_MANIFEST_DIR"), "../../target/images/stm32g474-second/firmware"];
+        let path = std::env::var_os("FIRMWARE_SECOND")
+            .map_or_else(|| built.iter().collect(), PathBuf::from);
+        Image::read(&path).expect("an image; tests/emulator/run builds it")
+    });
+    &IMAGE
+}
+
 /// Returns the boot program.
 pub fn boot_program() -> &'static Image {
     static IMAGE: LazyLock<Image> = LazyLock::new(|| {
