@@ -350,7 +350,7 @@ impl<W: World> Chip<W> {
         let seconds = (latched_at as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64;
         let world = &mut self.world;
         let trigger = self.timer1.last_trigger();
-        let is_connected = self.gpio.connects(gpio::ENCODER_BUS);
+        let is_connected = self.gpio.connects(self.wiring.encoder_bus);
         let line = &mut self.biss;
         self.spi.write(SPI1_DR & 0x3FF, word.into(), at, &mut |frame| match frame {
             BusFrame::Word(word) if is_selected => world.encoder(word, seconds),
