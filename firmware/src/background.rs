@@ -11,7 +11,7 @@
 //! The current loop runs in an interrupt with higher priority; [`crate::loop_link`] connects the two.
 
 use crate::access::Key;
-use crate::driver::{Boot, Driver, LoopReport};
+use crate::driver::{Boot, Driver, KeptHome, LoopReport};
 use crate::loop_link::LoopLink;
 use crate::sensors::{LocalReadings, SensorParameters, enclosure};
 use crate::supervisor::CanState;
@@ -104,6 +104,9 @@ pub trait Board {
     /// driver ([`Boot::winding_rise_k`]).
     fn keep_heat(&mut self, _rise_k: f32) {}
 
+    /// Keeps the home across a reset: once per tick. The next start passes it to the driver ([`Boot::home`]).
+    fn keep_home(&mut self, _home: Option<KeptHome>) {}
+
     /// Refreshes the watchdog: once per tick, while the current loop reports.
     fn refresh_watchdog(&mut self) {}
 }
@@ -187,6 +190,7 @@ impl<F: NorFlash> Background<F> {
         if let Some(rise_k) = self.driver.winding_rise_k() {
             board.keep_heat(rise_k);
         }
+        board.keep_home(self.driver.kept_home());
     }
 
     // Called in several places: not inlined, to reduce the size of the image.

@@ -17,6 +17,7 @@ pub mod commissioning;
 mod counters;
 mod device;
 pub mod holding_brake;
+mod home;
 pub mod loop_data;
 mod motor_watch;
 mod objects;
@@ -28,6 +29,7 @@ pub mod trajectory;
 
 pub use counters::Counters;
 pub use device::{Boot, Identity};
+pub use home::{KeptHome, MOVED_MAX_TURNS};
 pub use loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
 pub(crate) use loop_data::{PeriodValues, ReportStatus};
 
@@ -394,6 +396,11 @@ impl<F: NorFlash> Driver<F> {
     /// Returns the level of the holding brake's output; `None` if the joint has no brake: the output is not driven.
     pub fn brake_output(&self) -> Option<bool> {
         self.device.stopping.brake().output(&self.device.settings().drive)
+    }
+
+    /// Returns the home to keep over a reset; `None` if none is known.
+    pub fn kept_home(&self) -> Option<KeptHome> {
+        self.device.kept_home()
     }
 
     /// Returns the rise of the winding above the stator by its model, K; `None` if it is not known.

@@ -41,6 +41,7 @@ pub mod watch;
 
 #[cfg(target_os = "none")]
 pub mod heat_memory;
+pub mod home_memory;
 #[cfg(target_os = "none")]
 pub mod panic;
 #[cfg(target_os = "none")]

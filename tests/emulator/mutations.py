@@ -102,6 +102,8 @@ MUTATIONS = [
      "is_checked && lost <= INDEX_TOLERANCE_COUNTS", "is_checked", KINDS),
     ("counter of one line for both", BOARD + "incremental.rs", "vals::Sms::ENCODER_MODE_3", "vals::Sms::ENCODER_MODE_1", KINDS),
     ("CRC of a BiSS frame not compared", "firmware/src/sensors/biss.rs", "crc(frame, self.steps) == self.residue", "true", KINDS),
+    ("home kept over a reset of an armed joint", "firmware/src/driver/device/kept_home.rs",
+     "self.is_bridge_in_use() || !self.is_standing()", "false", KINDS),
     ("skipped sector of Hall sensors accepted", "firmware/src/sensors/hall.rs", "direction == 0", "false", KINDS),
     ("sign of the dead time's compensation", "firmware/src/control/dead_time.rs",
      "self.share * bus_v", "-self.share * bus_v", "scenarios::dead_time::dead_time_is_measured_and_compensated"),

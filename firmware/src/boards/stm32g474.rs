@@ -97,7 +97,7 @@ mod app {
     use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
     use firmware::background::{Background, Board, BoardState, RoundOutcome};
-    use firmware::driver::{Boot, Driver, Identity};
+    use firmware::driver::{Boot, Driver, Identity, KeptHome};
     use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
     use firmware::loop_parts::LoopParts;
     use firmware::loop_task::LoopTask;
@@ -105,7 +105,7 @@ mod app {
     use firmware::parameter_set::ParameterSet;
     use firmware::sensors::SensorParameters;
     use firmware::sensors::encoder::{EncoderKind, MotorEncoder};
-    use firmware::{heat_memory, panic, stack_guard};
+    use firmware::{heat_memory, home_memory, panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
     /// Capacity of the queue of received frames. The background may be away while it evaluates parameters or saves them.
@@ -176,6 +176,7 @@ mod app {
             stack_overflowed,
             self_test_passed,
             winding_rise_k: heat_memory::kept(),
+            home: home_memory::kept(),
             program: Some(PROGRAM),
         };
         let store = ChipFlash::new(wired.inside.flash);
@@ -373,6 +374,10 @@ mod app {
                     self.brake.set_as_output(Speed::Low);
                 }
             }
+        }
+
+        fn keep_home(&mut self, home: Option<KeptHome>) {
+            home_memory::keep(home);
         }
 
         fn keep_heat(&mut self, rise_k: f32) {

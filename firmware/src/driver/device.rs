@@ -10,6 +10,7 @@ mod current_loop;
 mod drive;
 mod history;
 mod inputs;
+mod kept_home;
 mod lss;
 mod memory;
 mod motor;
@@ -31,6 +32,7 @@ mod velocity;
 
 use super::commissioning::AbortReason;
 use super::counters::{Counters, count};
+use super::home::KeptHome;
 use super::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
 use super::profile::{FaultState, Profile};
 use super::received::ReceivedInputs;
@@ -108,6 +110,8 @@ pub struct Boot<'a> {
     /// Rise of the winding above the stator at the end of the previous run, K. `None` if the board has lost it, such as
     /// without power: the winding is then assumed to be hot.
     pub winding_rise_k: Option<f32>,
+    /// Home that the previous run kept; `None` if the board has lost it, such as without power.
+    pub home: Option<KeptHome>,
     /// Places of images and parameters, if the board has two banks. Otherwise the parameters use the whole flash, and
     /// there are no updates.
     pub program: Option<Program>,
@@ -122,6 +126,7 @@ impl Default for Boot<'_> {
             stack_overflowed: false,
             self_test_passed: true,
             winding_rise_k: Some(0.0),
+            home: None,
             program: None,
         }
     }
@@ -142,6 +147,7 @@ pub struct Device<F> {
     trend: StoredTrend,
     targets: Targets,
     offsets: Offsets,
+    home: kept_home::HomeState,
     network: LiveNetwork,
     motor: MotorObservation,
     compensation: CompensationShare,
@@ -305,6 +311,7 @@ impl<F: NorFlash> Device<F> {
         let proven = self.is_wiring_proven();
         self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
         self.keep_proof();
+        self.restore_home();
         self.step_over_compensation();
         if self.adaptation.is_active() {
             self.step_adaptation();

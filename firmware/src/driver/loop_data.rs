@@ -77,6 +77,8 @@ pub struct LoopReport {
     pub position_rad: f32,
     /// Joint position from an arbitrary zero, rad; valid as long as the encoder is.
     pub turned_rad: f32,
+    /// Angle of the encoder, 2^-32 turns of the motor; `None` if there was no valid one.
+    pub encoder: Option<u32>,
     /// Torque of the measured current at the joint, Nm.
     pub motor_torque_nm: f32,
     /// Friction torque of the model, Nm.
@@ -134,6 +136,8 @@ pub(crate) struct PeriodValues {
     pub velocity_rad_s: f32,
     /// See [`LoopReport::turned_rad`].
     pub turned_rad: f32,
+    /// See [`LoopReport::encoder`].
+    pub encoder: Option<u32>,
     /// See [`LoopReport::motor_torque_nm`].
     pub motor_torque_nm: f32,
     /// See [`LoopReport::friction_torque_nm`].
@@ -159,6 +163,7 @@ impl PeriodValues {
         voltage_q_v: 0.0,
         velocity_rad_s: 0.0,
         turned_rad: 0.0,
+        encoder: None,
         motor_torque_nm: f32::NAN,
         friction_torque_nm: 0.0,
         feed_forward_current_a: 0.0,
@@ -197,6 +202,7 @@ impl LoopReport {
             velocity_rad_s: values.velocity_rad_s,
             position_rad,
             turned_rad: values.turned_rad,
+            encoder: values.encoder,
             motor_torque_nm: values.motor_torque_nm,
             friction_torque_nm: values.friction_torque_nm,
             feed_forward_current_a: values.feed_forward_current_a,
@@ -229,6 +235,7 @@ impl Default for LoopReport {
             velocity_rad_s: 0.0,
             position_rad: f32::NAN,
             turned_rad: 0.0,
+            encoder: None,
             motor_torque_nm: f32::NAN,
             friction_torque_nm: 0.0,
             feed_forward_current_a: 0.0,

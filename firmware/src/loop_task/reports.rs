@@ -164,6 +164,7 @@ impl LoopTask {
             voltage_q_v: cycle.voltage_v[1],
             velocity_rad_s: cycle.velocity_rad_s,
             turned_rad: cycle.position_rad,
+            encoder: valid.contains(ValidChannels::ENCODER).then_some(sample.encoder),
             motor_torque_nm: cycle.motor_torque_nm,
             friction_torque_nm: cycle.friction_torque_nm,
             feed_forward_current_a: cycle.feed_forward_current_a,

@@ -263,6 +263,7 @@ impl RigDriver for LibraryDriver<'_> {
         let boot = Boot {
             cause: self.reset_cause,
             winding_rise_k: previous.winding_rise_k(),
+            home: previous.kept_home(),
             ..Boot::default()
         };
         let flash = previous.flash().clone();

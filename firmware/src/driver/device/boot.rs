@@ -67,6 +67,7 @@ impl<F: NorFlash> Device<F> {
             motor: Default::default(),
             targets: Default::default(),
             offsets: Default::default(),
+            home: Default::default(),
             modes: Default::default(),
             brake_test: Default::default(),
             pdos: Pdos::new(defaults.node),
@@ -113,6 +114,7 @@ impl<F: NorFlash> Device<F> {
         self.history.set_panic(boot.panic.unwrap_or_default());
         self.pdos.set_node(self.settings.node);
         self.restart_adaptation();
+        self.begin_home(boot.home);
     }
 
     /// Loads settings and parameters, and returns the sequence number of the set if its settings are known. The defaults stay

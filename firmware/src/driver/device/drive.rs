@@ -181,7 +181,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns true if the joint is slow enough for homing.
-    fn is_standing(&self) -> bool {
+    pub(super) fn is_standing(&self) -> bool {
         self.current_loop.report().velocity_rad_s.abs() <= profile::STANDSTILL_RAD_S
     }
 

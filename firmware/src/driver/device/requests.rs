@@ -63,6 +63,7 @@ impl<F: NorFlash> Device<F> {
             let why = refusal!("set_position_rad = {f32}: must be a finite number", position_rad);
             return Err(self.staging.refuse(Abort::Value, why));
         }
+        self.begin_home(None);
         self.current_loop.set_home(position_rad);
         Ok(())
     }

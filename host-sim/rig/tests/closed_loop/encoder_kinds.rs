@@ -11,6 +11,9 @@ const ABZ_HALL: f32 = 3.0;
 const HALL: f32 = 4.0;
 const BISS: f32 = 5.0;
 
+/// Bit 8 of the statusword.
+const POSITION_KNOWN: u32 = 1 << 8;
+
 /// Speed of the joint with the faults, rad/s: 24 turns of the motor in a second.
 const SPEED_RAD_S: f64 = 3.0;
 
@@ -83,6 +86,7 @@ pub fn rows() -> &'static [ScenarioRow] {
             let set_fault = |master: &mut Master| board(master).set_serial(fault);
             rows.extend(reported(&format!("BiSS C, {what}"), BISS, 40.0, set_fault));
         }
+        rows.extend(homes_after_reset());
         rows.extend(frozen_levels());
         rows.extend(reversed());
         rows.extend(without_index());
@@ -201,6 +205,49 @@ fn reported(
         row(26, &name, "stays armed", flag(armed), 1.0..=1.0),
         row(26, &name, "largest phase current, A", most.current_a, 0.5..=26.5),
     ]
+}
+
+/// Resets of a homed joint at 0.3 rad. Meanwhile the motor turns by this share of a turn, the joint is armed, or neither.
+fn homes_after_reset() -> Vec<ScenarioRow> {
+    let cases = [
+        ("disarmed", 0.0, false, true),
+        ("disarmed, motor turned by 0.35 turns meanwhile", 0.35, false, true),
+        ("disarmed, motor turned by 0.45 turns meanwhile", 0.45, false, false),
+        ("armed", 0.0, true, false),
+    ];
+    let mut rows = Vec::new();
+    for (what, turns, is_armed, is_kept) in cases {
+        let name = format!("reset of a homed joint at rest, {what}");
+        let mut joint = joint(0.0);
+        joint.constants.encoder_zero_rad = 2.0;
+        let (known, off_rad) = joint.run_plant(
+            |plant| plant.place(0.3),
+            |master| {
+                master.arm().expect("it arms");
+                if !is_armed {
+                    master.rig.request_state(0);
+                }
+                (0..30).for_each(|_| master.rig.step_idle());
+                master.rig.reset();
+                (0..5).for_each(|_| master.rig.step_idle());
+                let at_rad = master.rig.plant().position_rad();
+                let gear = f64::from(set(0.0).motor.gear_ratio);
+                master.rig.plant_mut().place(at_rad + turns * std::f64::consts::TAU / gear);
+                master.rig.restart().expect("it starts");
+                (0..250).for_each(|_| master.rig.step_idle());
+                let status = master.rig.read_object(0x6041, 0).expect("the statusword");
+                let shown = master.rig.read_object(0x6064, 0).expect("the position") as i32;
+                let off_rad = f64::from(shown) * 1e-6 - master.rig.plant().position_rad();
+                (status & POSITION_KNOWN != 0, off_rad)
+            },
+        );
+        rows.push(row(26, &name, "position known", flag(known), flag(is_kept)..=flag(is_kept)));
+        if is_kept {
+            // Noise of one sample of the encoder, three counts of the motor.
+            rows.push(row(26, &name, "error of the position, rad", off_rad.abs(), 0.0..=1e-4));
+        }
+    }
+    rows
 }
 
 /// Levels that are stuck hold the field still, and with it the rotor.

@@ -234,6 +234,7 @@ fn start<'state>(
         self_test_passed: true,
         // It keeps none.
         winding_rise_k: None,
+        home: None,
         program: None,
     };
     let (background, board) = state;

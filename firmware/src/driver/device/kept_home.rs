@@ -1,0 +1,71 @@
+//! The home over a reset: see [`crate::driver::home`].
+
+use super::{Device, InputSource};
+use crate::control::LoopFlags;
+use crate::driver::home::{KeptHome, is_absolute, shaft_number};
+use crate::node::sdo::Abort;
+use embedded_storage::nor_flash::NorFlash;
+
+/// What the start has made of a kept home so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) enum HomeState {
+    /// There is none, or it was used.
+    #[default]
+    Settled,
+    /// It waits for an angle of the encoder.
+    Kept(KeptHome),
+    /// It is known with an angle, and waits until the joint is at rest: position, and rotation from an arbitrary zero, rad.
+    Known(KeptHome, [f32; 2]),
+}
+
+impl<F: NorFlash> Device<F> {
+    /// Takes the home that the previous run kept.
+    pub(super) fn begin_home(&mut self, kept: Option<KeptHome>) {
+        self.home = kept.map_or(HomeState::Settled, HomeState::Kept);
+    }
+
+    /// Sets the kept home once the encoder is read and the joint is at rest. Called with each report.
+    #[inline(never)]
+    pub(super) fn restore_home(&mut self) {
+        let report = self.current_loop.report();
+        let is_lost = report.loop_flags.contains(LoopFlags::ENCODER_LOST);
+        match self.home {
+            HomeState::Settled => {}
+            HomeState::Kept(kept) => {
+                let Some(encoder) = report.encoder.filter(|_| !is_lost) else { return };
+                let turned_rad = report.turned_rad;
+                match kept.position_at(encoder, self.staging.active()) {
+                    Ok(position_rad) => {
+                        self.home = HomeState::Known(kept, [position_rad, turned_rad]);
+                    }
+                    Err(why) => {
+                        self.home = HomeState::Settled;
+                        let _ = self.staging.refuse(Abort::State, why);
+                    }
+                }
+            }
+            HomeState::Known(_, [position_rad, turned_rad]) if self.is_standing() && !is_lost => {
+                let now_rad = position_rad + report.turned_rad - turned_rad;
+                self.home = HomeState::Settled;
+                self.current_loop.set_home(now_rad);
+            }
+            HomeState::Known(..) => {}
+        }
+    }
+
+    /// Returns the home to keep; `None` if none is known.
+    pub(in crate::driver) fn kept_home(&self) -> Option<KeptHome> {
+        if let HomeState::Kept(kept) | HomeState::Known(kept, _) = self.home {
+            return Some(kept);
+        }
+        let (report, set) = (self.current_loop.report(), self.staging.active());
+        let is_own = self.settings.source == InputSource::Sensors && is_absolute(set);
+        let encoder = report.encoder.filter(|_| is_own && report.position_rad.is_finite())?;
+        Some(KeptHome {
+            position_rad: report.position_rad,
+            encoder,
+            shaft: shaft_number(set),
+            may_move: self.is_bridge_in_use() || !self.is_standing(),
+        })
+    }
+}
