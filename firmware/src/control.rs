@@ -110,6 +110,11 @@ pub trait PowerStage {
         false
     }
 
+    /// Returns the level of the touch probe's input, read at the begin of the period. A stage without it is never touched.
+    fn is_touched(&self) -> bool {
+        false
+    }
+
     /// Wakes the gate driver, or puts it to sleep. Sleep is a second way to open all switches.
     fn set_awake(&mut self, awake: bool);
 

@@ -30,7 +30,7 @@ pub mod trajectory;
 pub use counters::Counters;
 pub use device::{Boot, Identity};
 pub use home::{KeptHome, MOVED_MAX_TURNS};
-pub use loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
+pub use loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S, TouchEdges};
 pub(crate) use loop_data::{PeriodValues, ReportStatus};
 
 use crate::access::Key;

@@ -251,6 +251,7 @@ mod tests {
             system_break: false,
             magnet_fault: false,
             bridge_shorted: false,
+            touch: Default::default(),
             has_probe: false,
         };
         port.reports.values.enqueue(PeriodValues::NONE).unwrap();

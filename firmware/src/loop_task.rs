@@ -23,7 +23,7 @@ use crate::control::{
     StageSample,
 };
 use crate::deadline::{Deadline, DeadlineLimits};
-use crate::driver::{Home, LoopCommands, PeriodValues, REPORT_PERIOD_S};
+use crate::driver::{Home, LoopCommands, PeriodValues, REPORT_PERIOD_S, TouchEdges};
 use crate::loop_link::LoopPort;
 use crate::loop_parts::{LimitedCompensator, LoopParts};
 use crate::scope::ScopeOrder;
@@ -52,6 +52,9 @@ pub struct LoopTask {
     brake: StopBrake,
     /// The bridge guard has to finish its sequence before the bridge may close.
     waiting: bool,
+    /// Level of the touch probe's input, and its edges since the last report.
+    is_touched: bool,
+    touch: TouchEdges,
     /// Flags of the loop and the compensator since the last report.
     loop_flags: LoopFlags,
     compensator_flags: Flags,
@@ -109,6 +112,8 @@ impl LoopTask {
             probe: Probe::default(),
             brake: StopBrake::default(),
             waiting: false,
+            is_touched: false,
+            touch: TouchEdges::default(),
             loop_flags: LoopFlags::empty(),
             compensator_flags: Flags::empty(),
             values: PeriodValues::NONE,
@@ -213,6 +218,10 @@ impl LoopTask {
         now: u32,
     ) {
         let mut sample = stage.sample();
+        let is_touched = stage.is_touched();
+        if is_touched != self.is_touched {
+            self.record_touch(is_touched);
+        }
         // Parts first: the commands that follow were made for them.
         self.takes_input = true;
         if let Some(parts) = port.parts.peek() {
@@ -266,6 +275,16 @@ impl LoopTask {
                 let _ = port.reports.statuses.enqueue(status);
                 self.begin_report();
             }
+        }
+    }
+
+    /// Keeps the rotor's angle of the last period at an edge of the touch probe's input.
+    #[cold]
+    fn record_touch(&mut self, is_touched: bool) {
+        self.is_touched = is_touched;
+        let edge = if is_touched { &mut self.touch.rise } else { &mut self.touch.fall };
+        if edge.is_none() {
+            *edge = Some(self.current_loop.rotor_angle());
         }
     }
 

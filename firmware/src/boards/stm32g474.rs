@@ -93,7 +93,7 @@ mod app {
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
-    use embassy_stm32::gpio::{Flex, Pull, Speed};
+    use embassy_stm32::gpio::{Flex, Input, Pull, Speed};
     use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
     use firmware::background::{Background, Board, BoardState, RoundOutcome};
@@ -205,7 +205,8 @@ mod app {
         if kind == EncoderKind::Biss {
             inputs.use_biss();
         }
-        let stage = MotorStage { stage, encoder, inputs, shunts };
+        let touch = Input::new(wired.touch.input, Pull::Down);
+        let stage = MotorStage { stage, encoder, inputs, shunts, touch };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();

@@ -78,7 +78,7 @@ pub struct CycleResult {
     pub current_reference_a: f32,
     /// Reference of the current along the magnet, A; 0 unless the bus voltage limits the current.
     pub current_d_reference_a: f32,
-    /// Voltage applied along d and q, V, in the motor's sign, without what compensates the dead time.
+    /// Voltage applied along d and q, V, in the motor's sign.
     pub voltage_v: [f32; 2],
     /// Bus voltage used for the duties, V; 0 if unknown.
     pub bus_v: f32,
@@ -241,6 +241,12 @@ impl<C: Compensate> CurrentLoop<C> {
         cycle.current_q_a = current.q * self.motor.joint_direction;
         self.compute_residual(&mut cycle, covariates);
         cycle
+    }
+
+    /// Returns the rotor's mechanical angle, 2^-32 turns.
+    #[inline(always)]
+    pub fn rotor_angle(&self) -> u32 {
+        self.observer.angle()
     }
 
     /// Returns the sampled current vector; 0 if it is unknown, which the flags of a cycle report.

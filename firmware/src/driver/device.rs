@@ -26,6 +26,7 @@ mod scope;
 mod seal_sensors;
 mod stopping;
 mod terms;
+mod touch_probe;
 mod trend;
 mod values;
 mod velocity;
@@ -69,6 +70,7 @@ use pdos::Pdos;
 use profile_modes::ProfileModes;
 use seal_sensors::SealSensors;
 use stopping::Stopping;
+use touch_probe::TouchProbes;
 use trend::StoredTrend;
 use velocity::VelocityControl;
 
@@ -154,6 +156,7 @@ pub struct Device<F> {
     velocity: VelocityControl,
     modes: ProfileModes,
     brake_test: BrakeTest,
+    pub(super) touch: TouchProbes,
     pub(super) profile: Profile,
     watch: Option<ResidualWatch>,
     pub(super) stopping: Stopping,
@@ -318,6 +321,7 @@ impl<F: NorFlash> Device<F> {
         }
         self.step_commissioning();
         self.step_velocity();
+        self.step_touch_probes();
         for _ in 0..report.overruns_in_a_row.min(MAX_OVERRUNS) {
             self.supervisor.record_loop_overrun();
         }

@@ -56,6 +56,15 @@ pub struct Home {
     pub number: u32,
 }
 
+/// Edges of the touch probe's input: the rotor's angle in the period before the first rise and the first fall, 2^-32 turns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TouchEdges {
+    /// At the rise.
+    pub rise: Option<u32>,
+    /// At the fall.
+    pub fall: Option<u32>,
+}
+
 /// Report of the current loop and its board since the last report.
 #[derive(Clone, Copy, Debug)]
 pub struct LoopReport {
@@ -79,6 +88,8 @@ pub struct LoopReport {
     pub turned_rad: f32,
     /// Angle of the encoder, 2^-32 turns of the motor; `None` if there was no valid one.
     pub encoder: Option<u32>,
+    /// Rotor's mechanical angle at this position, 2^-32 turns.
+    pub rotor_angle: u32,
     /// Torque of the measured current at the joint, Nm.
     pub motor_torque_nm: f32,
     /// Friction torque of the model, Nm.
@@ -111,6 +122,8 @@ pub struct LoopReport {
     pub stack_intact: bool,
     /// Maximum number of consecutive overruns since the last report.
     pub overruns_in_a_row: u32,
+    /// Edges of the touch probe's input since the last report.
+    pub touch: TouchEdges,
     /// Result of the last block of a motor measurement.
     pub probe: ProbeReport,
     /// The last report once more, because no new one has come: it shows its age, and controllers make no step with it.
@@ -138,6 +151,8 @@ pub(crate) struct PeriodValues {
     pub turned_rad: f32,
     /// See [`LoopReport::encoder`].
     pub encoder: Option<u32>,
+    /// See [`LoopReport::rotor_angle`].
+    pub rotor_angle: u32,
     /// See [`LoopReport::motor_torque_nm`].
     pub motor_torque_nm: f32,
     /// See [`LoopReport::friction_torque_nm`].
@@ -164,6 +179,7 @@ impl PeriodValues {
         velocity_rad_s: 0.0,
         turned_rad: 0.0,
         encoder: None,
+        rotor_angle: 0,
         motor_torque_nm: f32::NAN,
         friction_torque_nm: 0.0,
         feed_forward_current_a: 0.0,
@@ -180,6 +196,7 @@ pub(crate) struct ReportStatus {
     pub flags: Flags,
     pub bristle_torque_nm: f32,
     pub overruns_in_a_row: u32,
+    pub touch: TouchEdges,
     pub gate_driver_fault: bool,
     pub system_break: bool,
     pub magnet_fault: bool,
@@ -203,6 +220,7 @@ impl LoopReport {
             position_rad,
             turned_rad: values.turned_rad,
             encoder: values.encoder,
+            rotor_angle: values.rotor_angle,
             motor_torque_nm: values.motor_torque_nm,
             friction_torque_nm: values.friction_torque_nm,
             feed_forward_current_a: values.feed_forward_current_a,
@@ -216,6 +234,7 @@ impl LoopReport {
             magnet_fault: status.magnet_fault,
             bridge_shorted: status.bridge_shorted,
             overruns_in_a_row: status.overruns_in_a_row,
+            touch: status.touch,
             probe,
             ..Self::default()
         }
@@ -236,6 +255,7 @@ impl Default for LoopReport {
             position_rad: f32::NAN,
             turned_rad: 0.0,
             encoder: None,
+            rotor_angle: 0,
             motor_torque_nm: f32::NAN,
             friction_torque_nm: 0.0,
             feed_forward_current_a: 0.0,
@@ -252,6 +272,7 @@ impl Default for LoopReport {
             bridge_shorted: false,
             stack_intact: true,
             overruns_in_a_row: 0,
+            touch: TouchEdges::default(),
             probe: ProbeReport::default(),
             is_repeated: false,
         }

@@ -259,6 +259,7 @@ impl<F: NorFlash> Device<F> {
         match at.index {
             index::CONTROLWORD => return self.set_controlword(number as u16),
             index::MODE => return self.set_mode(number as i8),
+            index::TOUCH_FUNCTION => return self.set_touch_function(number as u16),
             index::HOMING_METHOD => return self.set_homing_method(number as i8),
             index::TARGET_TORQUE => self.set_target(number as i16),
             index::TARGET_POSITION => self.set_target_position(number as i32),

@@ -13,7 +13,7 @@
 use super::LoopTask;
 use crate::control::probe::ProbeReport;
 use crate::control::{Compensate, CycleResult, LoopFlags, StageSample, ValidChannels};
-use crate::driver::{LoopReport, PeriodValues, ReportStatus};
+use crate::driver::{LoopReport, PeriodValues, ReportStatus, TouchEdges};
 use crate::loop_link::{LoopPort, ReportSender};
 use crate::scope::{ScopeRow, signal};
 use compensator_core::Flags;
@@ -108,6 +108,7 @@ impl LoopTask {
             system_break: self.system_break || self.held_by_system,
             magnet_fault,
             bridge_shorted: self.brake.is_shorted(),
+            touch: self.touch,
             has_probe: self.has_sent_probe,
         }
     }
@@ -125,6 +126,7 @@ impl LoopTask {
         self.deadline.reset_max_overruns();
         self.gate_fault = false;
         self.system_break = false;
+        self.touch = TouchEdges::default();
         self.has_sent_probe = false;
         self.report_step = ReportStep::Collect;
     }
@@ -165,6 +167,7 @@ impl LoopTask {
             velocity_rad_s: cycle.velocity_rad_s,
             turned_rad: cycle.position_rad,
             encoder: valid.contains(ValidChannels::ENCODER).then_some(sample.encoder),
+            rotor_angle: self.current_loop.rotor_angle(),
             motor_torque_nm: cycle.motor_torque_nm,
             friction_torque_nm: cycle.friction_torque_nm,
             feed_forward_current_a: cycle.feed_forward_current_a,

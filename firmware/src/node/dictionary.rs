@@ -301,6 +301,12 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x609A HOMING_ACCELERATION variable("homing_acceleration", Unsigned32, ReadWrite);
     0x60B1 VELOCITY_OFFSET armed(variable("velocity_offset", Integer32, Input));
     0x60B2 TORQUE_OFFSET armed(variable("torque_offset", Integer16, Input));
+    0x60B8 TOUCH_FUNCTION armed(variable("touch_probe_function", Unsigned16, Input));
+    0x60B9 TOUCH_STATUS variable("touch_probe_status", Unsigned16, ReadOnly);
+    0x60BA TOUCH_1_POSITIVE variable("touch_probe_1_positive_edge", Integer32, ReadOnly);
+    0x60BB TOUCH_1_NEGATIVE variable("touch_probe_1_negative_edge", Integer32, ReadOnly);
+    0x60BC TOUCH_2_POSITIVE variable("touch_probe_2_positive_edge", Integer32, ReadOnly);
+    0x60BD TOUCH_2_NEGATIVE variable("touch_probe_2_negative_edge", Integer32, ReadOnly);
     0x60C2 INTERPOLATION_TIME record("interpolation_time_period", InterpolationTimeObject::ENTRIES);
     0x60E3 HOMING_METHODS
         array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());

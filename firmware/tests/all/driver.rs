@@ -23,6 +23,7 @@ mod pdos;
 mod sensors;
 mod stock_master;
 mod target_deadline;
+mod touch_probe;
 mod transfers;
 mod trial_isolation;
 mod tuning_record;

@@ -61,6 +61,8 @@ pub struct Stage {
     pub phases_swapped: bool,
     /// The gate driver reports a fault and drives no phase.
     pub gate_fault: bool,
+    /// Range of the joint's position in which its touch probe is touched, rad.
+    pub touched_rad: Option<[f64; 2]>,
     applied: Option<[f64; 3]>,
     pending: Option<[f64; 3]>,
     is_awake: bool,
@@ -82,6 +84,7 @@ impl Stage {
             interrupts: VecDeque::new(),
             phases_swapped: false,
             gate_fault: false,
+            touched_rad: None,
             applied: None,
             pending: None,
             is_awake: true,
@@ -150,6 +153,12 @@ impl Stage {
         std::mem::replace(&mut self.extremes, ZERO_EXTREMES)
     }
 
+    /// Returns true if the touch probe is touched at the present position.
+    pub fn has_touched(&self) -> bool {
+        let at_rad = self.plant.position_rad();
+        self.touched_rad.is_some_and(|[from, to]| (from..to).contains(&at_rad))
+    }
+
     /// Duty cycles in effect; `None` with the bridge open.
     pub fn applied_duty(&self) -> Option<[f64; 3]> {
         self.applied
@@ -191,6 +200,10 @@ impl PowerStage for Stage {
 
     fn has_magnet_fault(&self) -> bool {
         self.board.as_ref().is_some_and(BoardSensors::has_magnet_fault)
+    }
+
+    fn is_touched(&self) -> bool {
+        self.has_touched()
     }
 
     fn set_awake(&mut self, is_awake: bool) {

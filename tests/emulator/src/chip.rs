@@ -418,6 +418,7 @@ impl<W: World> Chip<W> {
         }
         self.gpio.set_torque_allowed(self.world.torque_allowed());
         self.gpio.set_gate_fault(self.world.has_gate_fault());
+        self.gpio.set_touched(self.world.is_touched());
         self.break_by_pin();
     }
 

@@ -190,6 +190,10 @@ impl World for JointWorld {
         self.state.enclosure.torque_allowed.unwrap_or([true; 2])
     }
 
+    fn is_touched(&self) -> bool {
+        self.stage.has_touched()
+    }
+
     fn has_gate_fault(&self) -> bool {
         self.stage.gate_fault
     }

@@ -74,6 +74,11 @@ pub trait World {
         [true; 2]
     }
 
+    /// Returns true if the touch probe's input is high.
+    fn is_touched(&self) -> bool {
+        false
+    }
+
     /// Returns true if the gate driver reports a fault.
     fn has_gate_fault(&self) -> bool {
         false

@@ -7,6 +7,7 @@ use super::encoder::Encoder;
 use super::power_stage::{Counts, Stage};
 use super::scales;
 use cortex_m::peripheral::DWT;
+use embassy_stm32::gpio::Input;
 use firmware::control::{BridgeFault, PowerStage, StageSample, ValidChannels};
 use firmware::sensors::encoder::MotorEncoder;
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
@@ -21,6 +22,8 @@ pub struct MotorStage {
     pub inputs: Encoder,
     /// Scaling of phases a and b; `None` if its offset was refused.
     pub shunts: [Option<Shunt>; 2],
+    /// Input of the touch probe.
+    pub touch: Input<'static>,
 }
 
 impl PowerStage for MotorStage {
@@ -39,6 +42,11 @@ impl PowerStage for MotorStage {
     #[inline(always)]
     fn has_magnet_fault(&self) -> bool {
         self.encoder.has_warning()
+    }
+
+    #[inline(always)]
+    fn is_touched(&self) -> bool {
+        self.touch.is_high()
     }
 
     #[inline(always)]

@@ -70,6 +70,7 @@ impl<F: NorFlash> Device<F> {
             home: Default::default(),
             modes: Default::default(),
             brake_test: Default::default(),
+            touch: Default::default(),
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
             lock: Lock::default(),

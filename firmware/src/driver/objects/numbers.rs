@@ -81,6 +81,12 @@ impl<F: NorFlash> Device<F> {
             index::TARGET_VELOCITY => self.profile.target_micro_rad_s as u32,
             index::VELOCITY_OFFSET => self.written_offsets()[0],
             index::TORQUE_OFFSET => self.written_offsets()[1],
+            index::TOUCH_FUNCTION => self.touch.function.into(),
+            index::TOUCH_STATUS => self.touch.status.into(),
+            index::TOUCH_1_POSITIVE..=index::TOUCH_2_NEGATIVE => {
+                let places = self.touch.positions.map(|position| position as u32);
+                return entry(&places, (at_index - index::TOUCH_1_POSITIVE) as u8 + 1);
+            }
             index::MAX_MOTOR_SPEED => self.max_motor_rpm(),
             index::HOME_OFFSET => self.profile.home_offset_micro_rad as u32,
             index::HOMING_METHOD => self.profile.homing_method as u32,

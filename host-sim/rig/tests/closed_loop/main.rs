@@ -31,6 +31,7 @@ mod rig;
 mod stalls;
 mod stops;
 mod table;
+mod touch_probe;
 mod trials;
 mod velocity;
 mod wiring;
@@ -38,7 +39,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 20] {
+fn families() -> [&'static [ScenarioRow]; 21] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -56,6 +57,7 @@ fn families() -> [&'static [ScenarioRow]; 20] {
         adaptation::rows(),
         feed_forward::rows(),
         modes::rows(),
+        touch_probe::rows(),
         encoder_kinds::rows(),
         dead_time::rows(),
         current_loop::rows(),

@@ -20,6 +20,8 @@ const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const PULLED_DOWN: u32 = 2;
 
+/// Input of the touch probe PC12, in both wirings.
+const TOUCH: Pin = (2, 12);
 /// Hall sensors of the motor.
 const HALL: [Pin; 3] = [(2, 3), (2, 4), (2, 5)];
 
@@ -39,6 +41,7 @@ pub struct Gpio {
     registers: [[u32; 12]; PORTS],
     has_gate_fault: bool,
     torque_allowed: [bool; 2],
+    is_touched: bool,
     /// Levels of the Hall sensors, bits 0 to 2; `None` if nothing is connected.
     hall: Option<u8>,
     /// The timer's six signals are connected to the bridge.
@@ -63,6 +66,7 @@ impl Gpio {
             registers,
             has_gate_fault: false,
             torque_allowed: [true; 2],
+            is_touched: false,
             hall: None,
             is_bridge_connected: false,
         }
@@ -126,6 +130,11 @@ impl Gpio {
         self.hall = levels;
     }
 
+    /// Sets the input of the touch probe.
+    pub fn set_touched(&mut self, is_touched: bool) {
+        self.is_touched = is_touched;
+    }
+
     /// Levels of the pins of a port that are no outputs. What the board does not drive follows the port's resistors; without
     /// one it is high.
     fn inputs(&self, port: usize) -> u32 {
@@ -136,7 +145,8 @@ impl Gpio {
         let fault = (self.wiring.fault, !self.has_gate_fault);
         let torque = [0, 1].map(|at| (self.wiring.torque_allowed[at], self.torque_allowed[at]));
         let hall = [0, 1, 2].map(|at| (HALL[at], self.hall.is_none_or(|word| word >> at & 1 == 1)));
-        for ((driven, pin), is_high) in [fault].into_iter().chain(torque).chain(hall) {
+        let touch = (TOUCH, self.is_touched);
+        for ((driven, pin), is_high) in [fault, touch].into_iter().chain(torque).chain(hall) {
             if driven == port {
                 levels = levels & !(1 << pin) | u32::from(is_high) << pin;
             }
@@ -204,6 +214,6 @@ mod tests {
         gpio.write(PORT_B + PUPDR, PULLED_DOWN);
         assert_eq!(gpio.read(PORT_B + IDR), 0xFBFE);
         gpio.set_torque_allowed([true, false]);
-        assert_eq!(gpio.read(PORT_B + 0x400 + IDR), 0xF7FF);
+        assert_eq!(gpio.read(PORT_B + 0x400 + IDR), 0xE7FF);
     }
 }

@@ -43,6 +43,8 @@ mod stops;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
 #[path = "../../../../host-sim/rig/tests/closed_loop/table.rs"]
 mod table;
+#[path = "../../../../host-sim/rig/tests/closed_loop/touch_probe.rs"]
+mod touch_probe;
 #[path = "../../../../host-sim/rig/tests/closed_loop/trials.rs"]
 mod trials;
 #[path = "../../../../host-sim/rig/tests/closed_loop/velocity.rs"]
@@ -62,7 +64,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
         encoder_kinds::rows(),
         dead_time::rows(),
     ]);
-    families.extend([current_loop::rows(), brake_test::rows()]);
+    families.extend([current_loop::rows(), brake_test::rows(), touch_probe::rows()]);
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);

@@ -120,5 +120,9 @@ optional {
         hall_2 = PC4,   "second Hall sensor";
         hall_3 = PC5,   "third Hall sensor";
     }
+    /// Input of the touch probe, high while it is touched. A broken wire reads as low.
+    touch: Touch {
+        input = PC12, "level that the current loop reads in every period";
+    }
 }
 }
