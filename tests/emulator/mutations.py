@@ -126,7 +126,8 @@ SELECTOR = f"""
 static MUTATION: [core::sync::atomic::AtomicU32; 2] =
     [core::sync::atomic::AtomicU32::new({MARK:#x}), core::sync::atomic::AtomicU32::new(u32::MAX)];
 
-/// Returns true if the mutation of this number acts.
+/// Returns true if the mutation of this number acts. Not inlined, because the code of the interrupt must fit into CCM.
+#[inline(never)]
 pub fn is_mutated(number: u32) -> bool {{
     let [_, selected] = core::hint::black_box(&MUTATION);
     selected.load(core::sync::atomic::Ordering::Relaxed) == number

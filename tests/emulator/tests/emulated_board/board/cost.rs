@@ -33,9 +33,11 @@ const PARTS: usize = 16;
 const HEAD: &str = "# Worst period\n\
 model\tinstructions\tlower\tupper\t% of the period, upper\tend\tbackground, lower\tbackground, upper\n";
 
-/// Runs the course with a model and returns its costs.
-fn measure(terms: &[TermKind]) -> Costs {
+/// Runs the course with a model and this kind of encoder (`encoder_kind`), and returns its costs.
+fn measure(terms: &[TermKind], encoder_kind: f32) -> Costs {
     let mut set = set();
+    set.sensors.encoder_kind = encoder_kind;
+    set.sensors.biss_turn_bits = 12.0;
     set.friction = configuration(LawKind::ImprovedLugre, terms);
     // The voltage of the dead time is compensated.
     set.motor.dead_time_s = 0.5e-6;
@@ -120,7 +122,7 @@ fn figures(text: &str) -> Vec<f64> {
 
 #[test]
 fn interrupt_in_closed_loop_stays_within_half_a_period() {
-    let rows = MODELS.map(|(name, terms, _)| (name, measure(terms)));
+    let rows = MODELS.map(|(name, terms, _)| (name, measure(terms, 0.0)));
     let written = emit(&rows);
     print!("{written}");
     for ((name, costs), (_, _, limit)) in rows.iter().zip(MODELS) {
@@ -141,5 +143,16 @@ fn interrupt_in_closed_loop_stays_within_half_a_period() {
             apart <= TOLERANCE,
             "{known} is now {now}; tests/emulator/run --update writes interrupt-cycles.tsv"
         );
+    }
+}
+
+/// The encoder of the board is the reference of the other kinds that know their angle at the start.
+#[test]
+fn interrupt_with_encoder_of_another_kind_takes_at_most_250_cycles_more() {
+    let reference = measure(&[], 0.0).worst.upper;
+    for (kind, name) in [(3.0, "ABZ and Hall sensors"), (4.0, "Hall sensors"), (5.0, "BiSS C")] {
+        let worst = measure(&[], kind).worst.upper;
+        println!("measured: {name}: {worst} cycles at most, AS5047P {reference}");
+        assert!(worst <= reference + 250, "{name}: {worst} cycles, AS5047P {reference}");
     }
 }
