@@ -1,5 +1,7 @@
 //! The background loop of a board: all work of a joint driver that is not done in the interrupt.
 //!
+//! It runs a [`JointNode`]: the whole [`Driver`], or the [compact node](crate::compact) of a smaller chip.
+//!
 //! ```text
 //! sensors, report of the current loop -> Driver -> commands, parts -> the current loop
 //!                                                         once a millisecond
@@ -9,6 +11,10 @@
 //! it wakes. All decisions that need no register are taken here. A caller with its own frames and time, such as
 //! a simulated bus, calls [`Background::receive`], [`Background::tick`] and [`Background::transmit`] instead.
 //! The current loop runs in an interrupt with higher priority; [`crate::loop_link`] connects the two.
+
+mod joint_node;
+
+pub use joint_node::JointNode;
 
 use crate::access::Key;
 use crate::driver::{Boot, Driver, KeptHome, LoopReport};
@@ -123,20 +129,20 @@ pub enum RoundOutcome {
     Restart,
 }
 
-/// State of the background loop: the driver, and the time of its next tick.
+/// State of the background loop: the node, and the time of its next tick.
 #[derive(Debug)]
-pub struct Background<F> {
-    driver: Driver<F>,
+pub struct Background<N> {
+    driver: N,
     due_us: u64,
 }
 
-impl<F: NorFlash> Background<F> {
+impl<N: JointNode> Background<N> {
     /// Creates a loop whose first tick is due now.
-    pub const fn new(driver: Driver<F>, now_us: u64) -> Self {
+    pub const fn new(driver: N, now_us: u64) -> Self {
         Self { driver, due_us: now_us }
     }
 
-    /// Completes the start of a driver that has loaded nothing: see [`Driver::load`].
+    /// Completes the start of a node that has loaded nothing: see [`Driver::load`].
     pub fn load(&mut self, boot: &Boot, now_us: u64) {
         self.driver.load(boot, now_us);
     }
@@ -213,17 +219,12 @@ impl<F: NorFlash> Background<F> {
 
     /// Returns the next frame to send.
     pub fn transmit(&mut self) -> Option<Frame> {
-        self.driver.transmit()
+        self.driver.transmit_if(|_| true)
     }
 
     /// Returns the frame of CAN FD that waits to be sent.
     pub fn transmit_fd(&mut self) -> Option<FdTelemetry> {
-        self.driver.transmit_fd()
-    }
-
-    /// States that the CAN controller sends frames of CAN FD.
-    pub const fn allow_fd(&mut self) {
-        self.driver.allow_fd();
+        self.driver.transmit_fd_if(|_| true)
     }
 
     /// Runs the work due every [`TICK_US`]. Returns true if the current loop reports, or if there is none.
@@ -246,7 +247,9 @@ impl<F: NorFlash> Background<F> {
         self.driver.check_seal_sensors(&mut commands.covariates, now_us);
         commands.factors = self.driver.supply(&commands.covariates, now_us);
         link.send_commands(commands, self.driver.set());
-        link.send_gains(self.driver.learnt_gains());
+        if let Some(gains) = self.driver.learnt_gains() {
+            link.send_gains(gains);
+        }
         link.is_alive(now_us)
     }
 
@@ -267,6 +270,18 @@ impl<F: NorFlash> Background<F> {
         self.driver.tick(now_us);
     }
 
+    /// Returns the node.
+    pub const fn driver(&self) -> &N {
+        &self.driver
+    }
+}
+
+impl<F: NorFlash> Background<Driver<F>> {
+    /// States that the CAN controller sends frames of CAN FD.
+    pub const fn allow_fd(&mut self) {
+        self.driver.allow_fd();
+    }
+
     /// Gives the scope its memory, values of 32 bits.
     pub fn set_scope_memory(&mut self, memory: &'static mut [f32]) {
         self.driver.set_scope_memory(memory);
@@ -275,11 +290,6 @@ impl<F: NorFlash> Background<F> {
     /// Sets the secret of the access challenges: see [`Driver::seed_challenges`].
     pub fn seed_challenges(&mut self, seed: [u8; Key::LENGTH]) {
         self.driver.seed_challenges(seed);
-    }
-
-    /// Returns the driver.
-    pub const fn driver(&self) -> &Driver<F> {
-        &self.driver
     }
 
     /// Returns the flash, for the next start, or to close it before a restart.

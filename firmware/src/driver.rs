@@ -14,13 +14,13 @@
 
 pub mod angle;
 pub mod commissioning;
-mod counters;
-mod device;
+pub(crate) mod counters;
+pub(crate) mod device;
 pub mod holding_brake;
 mod home;
 pub mod loop_data;
-mod motor_watch;
-mod objects;
+pub(crate) mod motor_watch;
+pub(crate) mod objects;
 pub mod over_compensation;
 pub mod profile;
 pub mod received;

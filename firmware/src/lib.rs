@@ -15,6 +15,7 @@
 pub mod access;
 pub mod background;
 pub mod bridge_guard;
+pub mod compact;
 pub mod control;
 pub mod deadline;
 pub mod drive_settings;

@@ -3,23 +3,23 @@
 pub use crate::node::dictionary::records::Counters;
 
 /// Adds to a counter; saturates.
-pub(super) fn count(counter: &mut u32, by: u32) {
+pub(crate) fn count(counter: &mut u32, by: u32) {
     *counter = counter.saturating_add(by);
 }
 
 impl Counters {
-    pub(super) fn count_foreign(&mut self) {
+    pub(crate) fn count_foreign(&mut self) {
         count(&mut self.foreign, 1);
     }
-    pub(super) fn count_wrong_length(&mut self) {
+    pub(crate) fn count_wrong_length(&mut self) {
         count(&mut self.wrong_length, 1);
     }
-    pub(super) fn count_wrong_content(&mut self) {
+    pub(crate) fn count_wrong_content(&mut self) {
         count(&mut self.wrong_content, 1);
     }
 
     /// Counts a frame for this node that the present network state does not permit.
-    pub(super) fn count_passed_over(&mut self) {
+    pub(crate) fn count_passed_over(&mut self) {
         count(&mut self.passed_over, 1);
     }
 }

@@ -5,15 +5,15 @@ mod adaptation;
 mod boot;
 mod brake_test;
 mod commissioning;
-mod compensation_share;
-mod current_loop;
+pub(crate) mod compensation_share;
+pub(crate) mod current_loop;
 mod drive;
-mod history;
+pub(crate) mod history;
 mod inputs;
 mod kept_home;
 mod lss;
 mod memory;
-mod motor;
+pub(crate) mod motor;
 mod network;
 mod offsets;
 mod parameter_trial;
@@ -23,12 +23,12 @@ mod profile_modes;
 mod program;
 mod requests;
 mod scope;
-mod seal_sensors;
+pub(crate) mod seal_sensors;
 mod stopping;
 mod terms;
 mod touch_probe;
 mod trend;
-mod values;
+pub(crate) mod values;
 mod velocity;
 
 use super::commissioning::AbortReason;
@@ -408,7 +408,7 @@ impl<F: NorFlash> Device<F> {
 
 /// Builds a monitor with these parameters; `None` if it cannot be built. If the samples are farther apart than
 /// `independent_s`, they are independent too.
-fn watch(written: &WatchParameters, settings: &NodeSettings) -> Option<ResidualWatch> {
+pub(crate) fn watch(written: &WatchParameters, settings: &NodeSettings) -> Option<ResidualWatch> {
     let period_s = match settings.source {
         InputSource::Sensors => REPORT_PERIOD_S,
         InputSource::Bus => settings.period_s,

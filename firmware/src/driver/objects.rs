@@ -1,6 +1,6 @@
 //! Reading and writing the objects of the dictionary.
 
-mod numbers;
+pub(crate) mod numbers;
 
 use super::device::Device;
 use crate::hil::NumberType;
@@ -165,7 +165,7 @@ impl Area {
 }
 
 /// Returns true if an object is part of the parameter set, which is staged.
-const fn is_staged(at_index: u16) -> bool {
+pub(crate) const fn is_staged(at_index: u16) -> bool {
     matches!(
         at_index,
         index::MODEL
@@ -181,7 +181,7 @@ const fn is_staged(at_index: u16) -> bool {
 
 /// Appends a text; an empty one reads as a blank, because SDO cannot transfer an empty value.
 #[inline(never)]
-fn text(text: &str, value: &mut ValueBuffer) -> Result<(), Abort> {
+pub(crate) fn text(text: &str, value: &mut ValueBuffer) -> Result<(), Abort> {
     let text = if text.is_empty() { " " } else { text };
     value.extend_from_slice(text.as_bytes()).map_err(|_| Abort::Memory)
 }

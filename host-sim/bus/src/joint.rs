@@ -25,7 +25,7 @@ const TICK_NS: u64 = 1000 * TICK_US;
 /// A joint driver on this PC.
 pub struct JointNode {
     /// `None` only during a restart.
-    background: Option<Background<MemoryFlash<FLASH_PAGES>>>,
+    background: Option<Background<Driver<MemoryFlash<FLASH_PAGES>>>>,
     defaults: NodeSettings,
     file: Option<PathBuf>,
     /// Contents of the flash file.
@@ -47,7 +47,7 @@ fn start_background(
     flash: MemoryFlash<FLASH_PAGES>,
     boot: &Boot,
     now_us: u64,
-) -> Background<MemoryFlash<FLASH_PAGES>> {
+) -> Background<Driver<MemoryFlash<FLASH_PAGES>>> {
     let driver = Driver::boot(defaults, flash, IDENTITY, boot, now_us);
     let mut background = Background::new(driver, now_us);
     background.allow_fd();

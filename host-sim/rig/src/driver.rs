@@ -5,7 +5,8 @@
 use crate::{PERIODS_PER_MS, PowerUp, Stage};
 use compensator_core::can::Frame;
 use firmware::access::AccessSettings;
-use firmware::background::{Background, BoardState, TICK_US};
+use firmware::background::{Background, BoardState, JointNode, TICK_US};
+use firmware::compact::CompactNode;
 use firmware::control::{PERIOD_S, PowerStage};
 use firmware::deadline::DeadlineLimits;
 use firmware::driver::{Boot, Driver, Identity};
@@ -15,7 +16,7 @@ use firmware::loop_task::LoopTask;
 use firmware::node_settings::{NodeSettings, emit_block};
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
-use firmware::supervisor::{Code, CodeSet, ResetCause};
+use firmware::supervisor::{Code, CodeSet, ResetCause, Supervisor};
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
 
@@ -100,9 +101,74 @@ pub fn stored_flash(start: &PowerUp, traits: StageTraits) -> Result<MemoryFlash<
     Ok(store.into_flash())
 }
 
+/// Flash of the drivers in this process.
+pub type RigFlash = MemoryFlash<4>;
+
+/// A node of the firmware's library that a rig can run.
+pub trait RigNode: JointNode + Sized {
+    /// Creates the node. It has loaded nothing yet.
+    fn create(flash: RigFlash, identity: Identity, now_us: u64) -> Self;
+
+    /// Returns its background loop, with what a board gives it.
+    fn background(self, now_us: u64) -> Background<Self> {
+        Background::new(self, now_us)
+    }
+
+    /// Returns its supervisor.
+    fn supervisor(&self) -> &Supervisor;
+
+    /// Returns its flash.
+    fn flash(&self) -> &RigFlash;
+
+    /// Returns the node if it is the whole driver.
+    fn whole_driver(&self) -> Option<&Driver<RigFlash>> {
+        None
+    }
+}
+
+impl RigNode for Driver<RigFlash> {
+    fn create(flash: RigFlash, identity: Identity, now_us: u64) -> Self {
+        Self::with_defaults(NodeSettings::default(), flash, identity, now_us)
+    }
+
+    fn background(self, now_us: u64) -> Background<Self> {
+        let mut background = Background::new(self, now_us);
+        background.allow_fd();
+        // The driver keeps this memory as long as a board would: for ever.
+        background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
+        background
+    }
+
+    fn supervisor(&self) -> &Supervisor {
+        Self::supervisor(self)
+    }
+
+    fn flash(&self) -> &RigFlash {
+        Self::flash(self)
+    }
+
+    fn whole_driver(&self) -> Option<&Driver<RigFlash>> {
+        Some(self)
+    }
+}
+
+impl RigNode for CompactNode<RigFlash> {
+    fn create(flash: RigFlash, identity: Identity, now_us: u64) -> Self {
+        Self::with_defaults(NodeSettings::default(), flash, identity, now_us)
+    }
+
+    fn supervisor(&self) -> &Supervisor {
+        Self::supervisor(self)
+    }
+
+    fn flash(&self) -> &RigFlash {
+        Self::flash(self)
+    }
+}
+
 /// The firmware's library as driver: background loop, queues and interrupt in this process.
-pub struct LibraryDriver<'q> {
-    background: Background<MemoryFlash<4>>,
+pub struct LibraryDriver<'q, N = Driver<RigFlash>> {
+    background: Background<N>,
     task: LoopTask,
     port: LoopPort<'q>,
     link: LoopLink<'q>,
@@ -123,23 +189,26 @@ pub struct LibraryDriver<'q> {
 const SCOPE_VALUES: usize = 6144;
 
 /// Returns the task of the current loop for the set of this driver.
-fn loop_task(driver: &Driver<MemoryFlash<4>>, traits: StageTraits) -> LoopTask {
+fn loop_task(node: &impl RigNode, traits: StageTraits) -> LoopTask {
     LoopTask::new(
-        LoopParts::build_or_measure_only(driver.set(), traits),
+        LoopParts::build_or_measure_only(node.set(), traits),
         DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000),
     )
 }
 
-/// Returns the background loop of a driver that starts now.
-fn background(driver: Driver<MemoryFlash<4>>, now_us: u64) -> Background<MemoryFlash<4>> {
-    let mut background = Background::new(driver, now_us);
-    background.allow_fd();
-    // The driver keeps this memory as long as a board would: for ever.
-    background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
-    background
+/// Returns the background loop of a node that starts now from this flash.
+fn start_node<N: RigNode>(
+    flash: RigFlash,
+    identity: Identity,
+    boot: &Boot,
+    now_us: u64,
+) -> Background<N> {
+    let mut node = N::create(flash, identity, now_us);
+    node.load(boot, now_us);
+    node.background(now_us)
 }
 
-impl<'q> LibraryDriver<'q> {
+impl<'q, N: RigNode> LibraryDriver<'q, N> {
     /// Starts a driver on this stage.
     ///
     /// # Errors
@@ -150,15 +219,11 @@ impl<'q> LibraryDriver<'q> {
         traits: StageTraits,
         stage: Stage,
     ) -> Result<Self, String> {
-        let commissioned =
-            start.set.filter(|_| start.commissioned).map_or(0, |set| set.wiring_crc());
-        let settings = NodeSettings { commissioned, ..NodeSettings::default() };
         let flash = stored_flash(start, traits)?;
         let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
-        let driver = Driver::boot(settings, flash, identity, &start.boot, 0);
+        let background: Background<N> = start_node(flash, identity, &start.boot, 0);
         let (port, link) = queues.split(traits, 0);
-        let task = loop_task(&driver, traits);
-        let background = background(driver, 0);
+        let task = loop_task(background.driver(), traits);
         let mut driver = Self {
             background,
             task,
@@ -193,7 +258,7 @@ impl<'q> LibraryDriver<'q> {
     }
 }
 
-impl RigDriver for LibraryDriver<'_> {
+impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
     fn stage(&self) -> &Stage {
         &self.stage
     }
@@ -267,16 +332,15 @@ impl RigDriver for LibraryDriver<'_> {
             ..Boot::default()
         };
         let flash = previous.flash().clone();
-        let driver =
-            Driver::boot(NodeSettings::default(), flash, self.identity, &boot, self.now_us);
+        self.background = start_node(flash, self.identity, &boot, self.now_us);
         // As the scope's memory, the queues of a start are kept for ever.
         let queues: &'static mut LoopQueues = Box::leak(Box::new(LoopQueues::new()));
         (self.port, self.link) = queues.split(self.identity.stage, self.now_us);
-        self.task = loop_task(&driver, self.identity.stage);
+        let node = self.background.driver();
+        self.task = loop_task(node, self.identity.stage);
         if let Some(board) = &mut self.stage.board {
-            board.restart_encoder(driver.set());
+            board.restart_encoder(node.set());
         }
-        self.background = background(driver, self.now_us);
         self.deferred_frames.clear();
         (self.is_reset, self.stalled_ms, self.watchdog_unserviced_ms) = (false, 0, 0);
         self.run_current_loop();
@@ -284,7 +348,9 @@ impl RigDriver for LibraryDriver<'_> {
     }
 
     fn is_armed(&mut self) -> bool {
-        self.background.driver().is_armed() && !self.is_reset
+        let node = self.background.driver();
+        let is_in_hil = node.whole_driver().is_some_and(Driver::is_armed);
+        (node.supervisor().is_armed() || is_in_hil) && !self.is_reset
     }
 
     fn faults(&mut self) -> CodeSet {
@@ -296,6 +362,6 @@ impl RigDriver for LibraryDriver<'_> {
     }
 
     fn library(&self) -> Option<&Driver<MemoryFlash<4>>> {
-        Some(self.background.driver())
+        self.background.driver().whole_driver()
     }
 }

@@ -25,7 +25,9 @@ mod stage;
 
 pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault, current_a};
 pub use bus::RigBus;
-pub use driver::{LibraryDriver, RigDriver, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash};
+pub use driver::{
+    LibraryDriver, RigDriver, RigFlash, RigNode, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash,
+};
 pub use faults::{RigFaults, SealSensorFault};
 pub use incremental::{HallFault, LineFault};
 pub use node::{JointEvent, MotorNode};
@@ -37,9 +39,10 @@ use compensator_core::can::{
 };
 use faults::DelayLine;
 use firmware::background::{BoardState, TICK_US};
+use firmware::compact::CompactNode;
 use firmware::control::PERIOD_S;
 use firmware::drive_settings::DriveSettings;
-use firmware::driver::Boot;
+use firmware::driver::{Boot, Driver};
 use firmware::loop_link::LoopQueues;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
@@ -165,7 +168,23 @@ pub fn run_from_power_up<R>(
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, String> {
     let mut queues = LoopQueues::new();
-    start_driver(&mut queues, start, plant, faults).map(|mut rig| work(&mut rig))
+    start_driver::<Driver<RigFlash>>(&mut queues, start, plant, faults)
+        .map(|mut rig| work(&mut rig))
+}
+
+/// Starts a compact node as [`run_from_power_up`] starts the whole driver.
+///
+/// # Errors
+/// Returns one line if the set is rejected.
+pub fn run_compact_from_power_up<R>(
+    start: &PowerUp,
+    plant: JointPlant,
+    faults: RigFaults,
+    work: impl FnOnce(&mut JointRig) -> R,
+) -> Result<R, String> {
+    let mut queues = LoopQueues::new();
+    start_driver::<CompactNode<RigFlash>>(&mut queues, start, plant, faults)
+        .map(|mut rig| work(&mut rig))
 }
 
 /// Returns the stage of a start: the plant, with the sensors of the driver's board if they are simulated.
@@ -179,7 +198,7 @@ pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFau
 }
 
 /// Starts the library as driver from power-up, connected through these queues.
-fn start_driver<'q>(
+fn start_driver<'q, N: RigNode + 'q>(
     queues: &'q mut LoopQueues,
     start: &PowerUp,
     plant: JointPlant,
@@ -187,7 +206,7 @@ fn start_driver<'q>(
 ) -> Result<JointRig<'q>, String> {
     let traits = if start.board { BOARD_TRAITS } else { StageTraits::NONE };
     let stage = stage_at_power_up(start, plant, &faults);
-    let driver = LibraryDriver::start(queues, start, traits, stage)?;
+    let driver = LibraryDriver::<N>::start(queues, start, traits, stage)?;
     Ok(JointRig::new(Box::new(driver), faults))
 }
 

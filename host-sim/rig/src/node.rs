@@ -8,8 +8,11 @@
 //! ([`MotorNode::commissioned`]), and a drawn joint in service ([`MotorNode::drawn`]). A reset restarts the driver from its
 //! flash, on the joint as it is.
 
-use super::{EncoderFault, JointRig, PowerUp, RigDriver, RigFaults, service, start_driver};
+use super::{
+    EncoderFault, JointRig, PowerUp, RigDriver, RigFaults, RigFlash, service, start_driver,
+};
 use compensator_core::can::{Message, NodeId, SealFrame, SurroundingsFrame};
+use firmware::driver::Driver;
 use firmware::loop_link::LoopQueues;
 use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
@@ -135,7 +138,8 @@ impl MotorNode {
     fn with_plant(plant: JointPlant, start: &PowerUp) -> Result<Self, String> {
         // The driver keeps its queues as long as a board would: for ever.
         let queues = Box::leak(Box::new(LoopQueues::new()));
-        start_driver(queues, start, plant, RigFaults::default()).map(Self::with_rig)
+        start_driver::<Driver<RigFlash>>(queues, start, plant, RigFaults::default())
+            .map(Self::with_rig)
     }
 
     fn with_rig(mut rig: JointRig<'static>) -> Self {

@@ -9,7 +9,7 @@ const MAX_CHANGE_PER_REPORT: f32 = 1e-3;
 
 /// The detection of over-compensation, and the share that it leaves.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct CompensationShare {
+pub(crate) struct CompensationShare {
     watch: OverCompensationWatch,
     /// Share in use, 0..=1.
     share: f32,
@@ -23,22 +23,22 @@ impl Default for CompensationShare {
 
 impl CompensationShare {
     /// Returns the share of the compensation in use, 0..=1.
-    pub(super) const fn share(&self) -> f32 {
+    pub(crate) const fn share(&self) -> f32 {
         self.share
     }
 
     /// Returns true if the model has more friction than the joint.
-    pub(super) const fn is_over_compensated(&self) -> bool {
+    pub(crate) const fn is_over_compensated(&self) -> bool {
         self.watch.is_detected()
     }
 
     /// Resets the detection after a change of parameters.
-    pub(super) fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.watch = OverCompensationWatch::default();
     }
 
     /// Evaluates a sliding joint, if it is one, and moves the share in use towards the wanted one.
-    fn step(&mut self, slid: Option<&SlidingSample>, scale: f32) {
+    pub(crate) fn step(&mut self, slid: Option<&SlidingSample>, scale: f32) {
         if let Some(slid) = slid {
             self.watch.step(slid, scale);
         }

@@ -4,7 +4,7 @@ use crate::driver::loop_data::{Home, LoopReport};
 
 /// State of the exchange.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LoopExchange {
+pub(crate) struct LoopExchange {
     report: LoopReport,
     /// A tick has evaluated the report.
     is_report_seen: bool,
@@ -27,7 +27,7 @@ impl Default for LoopExchange {
 
 impl LoopExchange {
     /// Keeps a report. Flags since the last tick are kept if two reports come between ticks.
-    pub(super) fn take_report(&mut self, report: &LoopReport) {
+    pub(crate) fn take_report(&mut self, report: &LoopReport) {
         let before = (self.report.loop_flags, self.report.flags);
         self.report = *report;
         if !self.is_report_seen {
@@ -38,32 +38,32 @@ impl LoopExchange {
     }
 
     /// Notes that a tick has evaluated the report.
-    pub(super) fn mark_report_seen(&mut self) {
+    pub(crate) fn mark_report_seen(&mut self) {
         self.is_report_seen = true;
     }
 
     /// Returns the last report.
-    pub(super) const fn report(&self) -> &LoopReport {
+    pub(crate) const fn report(&self) -> &LoopReport {
         &self.report
     }
 
     /// Makes the loop take the parameter set that became active.
-    pub(super) fn take_set(&mut self) {
+    pub(crate) fn take_set(&mut self) {
         self.set_number = self.set_number.wrapping_add(1);
     }
 
     /// Makes the loop reset the gate driver.
-    pub(super) fn reset_gate_driver(&mut self) {
+    pub(crate) fn reset_gate_driver(&mut self) {
         self.gate_resets = self.gate_resets.wrapping_add(1);
     }
 
     /// Makes the loop take the present position as this one, rad.
-    pub(super) fn set_home(&mut self, position_rad: f32) {
+    pub(crate) fn set_home(&mut self, position_rad: f32) {
         self.home = Home { position_rad, number: self.home.number.wrapping_add(1) };
     }
 
     /// Returns the numbers of the set and of the resets, and the position.
-    pub(super) const fn orders(&self) -> (u32, u8, Home) {
+    pub(crate) const fn orders(&self) -> (u32, u8, Home) {
         (self.set_number, self.gate_resets, self.home)
     }
 }

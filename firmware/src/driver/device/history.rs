@@ -6,7 +6,7 @@ use heapless::{Deque, String};
 
 /// What happened, for a tool that asks later.
 #[derive(Debug, Default)]
-pub(in crate::driver) struct History {
+pub(crate) struct History {
     /// The newest last.
     errors: Deque<u32, ERROR_HISTORY_LENGTH>,
     panic: String<MAX_PANIC_BYTES>,
@@ -14,7 +14,7 @@ pub(in crate::driver) struct History {
 
 impl History {
     /// Keeps an error; the oldest one is dropped if there is no room.
-    pub(in crate::driver) fn record_error(&mut self, code: u16, detail: u16) {
+    pub(crate) fn record_error(&mut self, code: u16, detail: u16) {
         if self.errors.is_full() {
             self.errors.pop_front();
         }
@@ -23,23 +23,23 @@ impl History {
     }
 
     /// Forgets all errors.
-    pub(in crate::driver) fn clear_errors(&mut self) {
+    pub(crate) fn clear_errors(&mut self) {
         self.errors.clear();
     }
 
     /// Returns the number of errors (1003h:0).
-    pub(in crate::driver) fn error_count(&self) -> u32 {
+    pub(crate) fn error_count(&self) -> u32 {
         self.errors.len() as u32
     }
 
     /// Returns an error by its sub-index in 1003h: 1 is the newest.
-    pub(in crate::driver) fn error(&self, sub_index: u8) -> Option<u32> {
+    pub(crate) fn error(&self, sub_index: u8) -> Option<u32> {
         let newest = usize::from(sub_index).wrapping_sub(1);
         self.errors.iter().rev().nth(newest).copied()
     }
 
     /// Keeps the text of a panic, truncated to its maximum length.
-    pub(super) fn set_panic(&mut self, text: &str) {
+    pub(crate) fn set_panic(&mut self, text: &str) {
         self.panic.clear();
         for letter in text.chars() {
             if self.panic.push(letter).is_err() {
@@ -49,7 +49,7 @@ impl History {
     }
 
     /// Returns the text of the panic before this start; empty if there was none.
-    pub(in crate::driver) fn panic(&self) -> &str {
+    pub(crate) fn panic(&self) -> &str {
         &self.panic
     }
 }

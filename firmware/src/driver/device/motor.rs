@@ -7,7 +7,7 @@ use crate::supervisor::Thresholds;
 
 /// The watch of the motor with its last result, and the wiring that was measured.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct MotorObservation {
+pub(crate) struct MotorObservation {
     watch: MotorWatch,
     state: MotorState,
     /// CRC of the wiring that the last complete measurement of the motor found.
@@ -16,7 +16,7 @@ pub(super) struct MotorObservation {
 
 impl MotorObservation {
     /// Evaluates a report.
-    pub(super) fn step(
+    pub(crate) fn step(
         &mut self,
         report: &LoopReport,
         motor: &MotorParameters,
@@ -28,27 +28,27 @@ impl MotorObservation {
     }
 
     /// Returns the result of the last report.
-    pub(super) const fn state(&self) -> &MotorState {
+    pub(crate) const fn state(&self) -> &MotorState {
         &self.state
     }
 
     /// Sets the rise of the winding above the stator, K; `None` assumes a hot winding.
-    pub(super) fn set_winding_rise(&mut self, rise_k: Option<f32>) {
+    pub(crate) fn set_winding_rise(&mut self, rise_k: Option<f32>) {
         self.watch = MotorWatch::with_rise(rise_k);
     }
 
     /// Returns the rise of the winding above the stator, K, once it is known.
-    pub(super) const fn winding_rise_k(&self) -> Option<f32> {
+    pub(crate) const fn winding_rise_k(&self) -> Option<f32> {
         self.watch.rise_k()
     }
 
     /// Keeps the CRC of the wiring that a complete measurement found.
-    pub(super) fn record_measurement(&mut self, wiring_crc: u32) {
+    pub(crate) fn record_measurement(&mut self, wiring_crc: u32) {
         self.measured_wiring = Some(wiring_crc);
     }
 
     /// Returns true if the last complete measurement found this wiring.
-    pub(super) fn has_measured(&self, wiring_crc: u32) -> bool {
+    pub(crate) fn has_measured(&self, wiring_crc: u32) -> bool {
         self.measured_wiring == Some(wiring_crc)
     }
 }

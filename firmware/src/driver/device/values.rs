@@ -4,6 +4,7 @@ use super::{Counters, Device, JointState};
 use crate::node::dictionary::records::{self, EnclosureObject, MeasuredObject, WatchObject};
 use crate::node_settings::InputSource;
 use crate::sensors::bme280::Air;
+use crate::watch::ResidualWatch;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -68,17 +69,22 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(in crate::driver) fn watch_state(&self) -> WatchObject {
-        /// Before the first window is complete, it is unknown whether the model is in its band.
-        const UNKNOWN: u32 = 2;
-        let Some(watch) = &self.watch else {
-            return WatchObject { in_band: UNKNOWN, ..Default::default() };
-        };
-        WatchObject {
-            in_band: watch.in_band().map_or(UNKNOWN, u32::from),
-            windows: watch.windows(),
-            windows_out_of_band: watch.windows_out_of_band(),
-            alarms: watch.alarms(),
-            largest_in_bands: watch.largest_in_bands().to_bits(),
-        }
+        watch_object(self.watch.as_ref())
+    }
+}
+
+/// Returns the state of a watch of the model (2007h).
+pub(crate) fn watch_object(watch: Option<&ResidualWatch>) -> WatchObject {
+    /// Before the first window is complete, it is unknown whether the model is in its band.
+    const UNKNOWN: u32 = 2;
+    let Some(watch) = watch else {
+        return WatchObject { in_band: UNKNOWN, ..Default::default() };
+    };
+    WatchObject {
+        in_band: watch.in_band().map_or(UNKNOWN, u32::from),
+        windows: watch.windows(),
+        windows_out_of_band: watch.windows_out_of_band(),
+        alarms: watch.alarms(),
+        largest_in_bands: watch.largest_in_bands().to_bits(),
     }
 }

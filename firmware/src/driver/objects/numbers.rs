@@ -11,7 +11,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 /// Returns the word at a sub-index, which counts from 1.
 #[inline(never)]
-fn entry(words: &[u32], sub_index: u8) -> Result<u32, Abort> {
+pub(crate) fn entry(words: &[u32], sub_index: u8) -> Result<u32, Abort> {
     let place = usize::from(sub_index).wrapping_sub(1);
     words.get(place).copied().ok_or(Abort::NoSubIndex)
 }

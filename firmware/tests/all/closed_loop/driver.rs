@@ -89,7 +89,7 @@ impl Board for SimulatedBoard {
 
 /// A joint driver with its board, its current loop and the plant.
 pub struct Joint {
-    pub background: Background<MemoryFlash<4>>,
+    pub background: Background<Driver<MemoryFlash<4>>>,
     pub board: SimulatedBoard,
     pub task: LoopTask,
     pub port: LoopPort<'static>,

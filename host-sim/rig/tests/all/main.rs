@@ -5,5 +5,6 @@
 mod armed_joint;
 #[path = "../closed_loop/main.rs"]
 mod closed_loop;
+mod compact;
 mod drawn_joint;
 mod fd_telemetry;

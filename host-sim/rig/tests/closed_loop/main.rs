@@ -27,7 +27,7 @@ mod holding_brake;
 mod modes;
 mod position;
 mod power_up;
-mod rig;
+pub mod rig;
 mod stalls;
 mod stops;
 mod table;

@@ -104,22 +104,30 @@ impl Joint {
         prepare: impl FnOnce(&mut JointPlant),
         work: impl FnOnce(&mut Master) -> R,
     ) -> R {
+        let mut plant = self.plant();
+        prepare(&mut plant);
+        let inertia = plant.inertia_kg_m2();
+        power_up(&self.start(), plant, self.faults, |rig| work(&mut Master::new(rig, inertia)))
+            .expect("a set that builds")
+    }
+
+    /// Returns its plant.
+    pub fn plant(&self) -> JointPlant {
         let mut plant = JointPlant::with_phase(&self.constants, self.load, PHASE_RAD, 5);
         if self.comparators {
             plant.watch_overcurrent();
         }
-        prepare(&mut plant);
-        let inertia = plant.inertia_kg_m2();
-        let start = PowerUp {
+        plant
+    }
+
+    /// Returns the state of its driver at power-up.
+    pub fn start(&self) -> PowerUp<'_> {
+        PowerUp {
             set: self.set.as_ref(),
             commissioned: self.commissioned,
             boot: self.boot,
             ..PowerUp::default()
-        };
-        power_up(&start, plant, self.faults, |rig| {
-            work(&mut Master { rig, gain: inertia * TAU * VELOCITY_HZ, inertia, integral_a: 0.0 })
-        })
-        .expect("a set that builds")
+        }
     }
 }
 
@@ -156,7 +164,12 @@ pub struct Master<'a, 'q> {
     integral_a: f64,
 }
 
-impl Master<'_, '_> {
+impl<'a, 'q> Master<'a, 'q> {
+    /// Creates a master that assumes this inertia of the joint, kg m^2.
+    pub fn new(rig: &'a mut JointRig<'q>, inertia: f64) -> Self {
+        Self { rig, gain: inertia * TAU * VELOCITY_HZ, inertia, integral_a: 0.0 }
+    }
+
     /// Arms the joint at 0 A.
     pub fn arm(&mut self) -> Result<(), String> {
         let at = self.rig.plant().position_rad();

@@ -133,7 +133,7 @@ struct EmulatedBoard {
     clock: Clock,
 }
 
-fn run(mut background: Background<BoardFlash>, mut board: EmulatedBoard) -> ! {
+fn run(mut background: Background<Driver<BoardFlash>>, mut board: EmulatedBoard) -> ! {
     loop {
         board.bus.line.clear();
         let outcome = background.round(&mut board);

@@ -176,7 +176,7 @@ impl SerialLine for Serial {
 }
 
 /// State of the background. It is static, because on the stack of `main` each move would leave a copy.
-type BackgroundState = (Option<Background<Flash>>, Option<SkeletonBoard>);
+type BackgroundState = (Option<Background<Driver<Flash>>>, Option<SkeletonBoard>);
 
 /// A reference, so that the flash is not moved with the driver.
 type Flash = &'static mut MemoryFlash<PAGES>;
@@ -213,7 +213,7 @@ fn start<'state>(
     bytes: &'static mut Queue<u8, RECEIVE_QUEUE_BYTES>,
     queues: &'static mut LoopQueues,
     stack_overflowed: bool,
-) -> (&'state mut Background<Flash>, &'state mut SkeletonBoard) {
+) -> (&'state mut Background<Driver<Flash>>, &'state mut SkeletonBoard) {
     let panicked = panic::take();
     let Some(mut core) = cortex_m::Peripherals::take() else {
         unreachable!("the entry point runs once");
@@ -267,7 +267,12 @@ fn start<'state>(
 /// Creates the driver and its background. It is a separate function, so that the stack of its large
 /// temporaries is freed.
 #[inline(never)]
-fn driver(flash: Flash, identity: Identity, boot: &Boot<'_>, now_us: u64) -> Background<Flash> {
+fn driver(
+    flash: Flash,
+    identity: Identity,
+    boot: &Boot<'_>,
+    now_us: u64,
+) -> Background<Driver<Flash>> {
     Background::new(Driver::boot(NodeSettings::default(), flash, identity, boot, now_us), now_us)
 }
 

@@ -1,0 +1,117 @@
+//! Requests of a tool to a compact node, and their refusals.
+
+use super::device::Device;
+use crate::control::PERIOD_S;
+use crate::loop_parts::LoopParts;
+use crate::node::sdo::Abort;
+use crate::node_settings::{NodeSettings, emit_block};
+use crate::parameter_set::ParameterSet;
+use crate::supervisor::{Code, CodeSet, ParameterSource};
+use compensator_core::parameters::reason::Reason;
+use compensator_core::refusal;
+use embedded_storage::nor_flash::NorFlash;
+
+impl<F: NorFlash> Device<F> {
+    /// Executes a request to the state machine: 0 disarm, 1 arm, 2 clear faults.
+    pub fn request(&mut self, request: u8) -> Result<(), Abort> {
+        match request {
+            0 => {
+                self.disarm();
+                Ok(())
+            }
+            1 => self.supervisor.arm(self.now_us).map_err(|refusal| {
+                self.blocking = refusal.causes.fault_bits();
+                self.staging.refuse(Abort::State, refusal)
+            }),
+            2 => self.supervisor.clear_faults().map_err(|left| {
+                self.blocking = left.fault_bits();
+                if left.contains(Code::GateDriverFault) {
+                    self.current_loop.reset_gate_driver();
+                }
+                self.staging.refuse(Abort::State, remaining(left))
+            }),
+            _ => {
+                let why = refusal!(
+                    "request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)",
+                    request
+                );
+                Err(self.staging.refuse(Abort::Value, why))
+            }
+        }
+    }
+
+    /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
+    pub fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
+        if !position_rad.is_finite() {
+            let why = refusal!("set_position_rad = {f32}: must be a finite number", position_rad);
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.current_loop.set_home(position_rad);
+        Ok(())
+    }
+
+    /// Makes the staged set the active one.
+    pub fn commit(&mut self, meant: u32) -> Result<(), Abort> {
+        self.staging.validate_commit(meant)?;
+        let set = self.staging.staged();
+        // The loop receives the same parts after the commit.
+        let buildable = LoopParts::build(set, self.identity.stage, PERIOD_S).map(drop);
+        let accepted = buildable.and_then(|()| self.supervisor.configure(&set.thresholds));
+        accepted.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        self.staging.activate();
+        self.supervisor.set_parameter_source(ParameterSource::Set);
+        self.compensation.reset();
+        self.restart_watch();
+        self.update_commissioned();
+        self.current_loop.take_set();
+        Ok(())
+    }
+
+    /// Confirms that the joint is wired as its parameters say; `seen` is the CRC of these wiring parameters.
+    pub fn confirm_wiring(&mut self, seen: u32) -> Result<(), Abort> {
+        let wiring = self.staging.wiring_crc();
+        if seen != wiring {
+            let why = refusal!(
+                "confirm = {hex}: the wiring in use has the crc {hex}, and only this can be confirmed",
+                seen,
+                wiring
+            );
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.settings.commissioned = seen;
+        // Nothing was measured: the wiring may have been changed before the confirmation.
+        self.settings.proven = 0;
+        self.update_commissioned();
+        Ok(())
+    }
+
+    fn update_commissioned(&mut self) {
+        let confirmed = self.is_commissioned();
+        self.supervisor.set_commissioned(confirmed);
+    }
+
+    /// Stores settings and the active set. The processor may wait for its flash meanwhile, so the bridge must be off: the
+    /// rights of the object ensure it.
+    pub fn save(&mut self) -> Result<(), Abort> {
+        let (block, settings) = (emit_block(&self.settings, self.staging.active()), self.settings);
+        self.write_block(&block, &settings)
+    }
+
+    /// Stores the defaults; they apply from the next start, as in CiA 301.
+    pub fn restore_defaults(&mut self) -> Result<(), Abort> {
+        let settings = NodeSettings::default();
+        self.write_block(&emit_block(&settings, &ParameterSet::default()), &settings)
+    }
+
+    #[inline(never)]
+    fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
+        let saved = self.store.save(block, &settings.identity());
+        self.supervisor.set_store_health(self.store.health());
+        saved.map(drop).map_err(|error| self.staging.refuse(Abort::Hardware, error))
+    }
+}
+
+/// Returns the reason of faults that are still present.
+fn remaining(codes: CodeSet) -> Reason {
+    refusal!("still present:{faults}{limits}", codes.fault_bits(), codes.limit_bits())
+}
