@@ -12,11 +12,22 @@ use std::{env, fs};
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
-    let is_image = env::var_os("CARGO_FEATURE_BOARD_STM32G474").is_some();
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") || !is_image {
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    if env::var_os("CARGO_FEATURE_BOARD_STM32G474").is_some() {
+        link_stm32g474(&out);
+    } else if env::var_os("CARGO_FEATURE_BOARD_B_G431B_ESC1").is_some() {
+        copy(Path::new("../memory.x"), &out.join("memory.x"));
+        copy(Path::new("src/boards/b_g431b_esc1/memory.x"), &out.join("map.x"));
+        pass_common_arguments(&out);
+        println!("cargo::rustc-link-arg-bin=firmware-esc1=-Tdefmt.x");
+    }
+}
+
+/// Passes the scripts for both slots and the boot program of the STM32G474 board.
+fn link_stm32g474(out: &Path) {
     let sources = Path::new("src/boards/stm32g474");
     for (from, to) in [
         (Path::new("../memory.x").to_owned(), "memory.x"),
@@ -32,13 +43,17 @@ fn main() {
     for (binary, map) in [("firmware", "slot_a"), ("firmware-b", "slot_b"), ("boot", "boot")] {
         println!("cargo::rustc-link-arg-bin={binary}=-L{}", out.join(map).display());
     }
-    write_update_key(&out);
-    println!("cargo::rustc-link-search={}", out.display());
-    println!("cargo::rustc-link-arg-bins=-Tlink.x");
-    println!("cargo::rustc-link-arg-bins=--nmagic");
+    write_update_key(out);
+    pass_common_arguments(out);
     // The boot program logs nothing, and this script requires a logger.
     println!("cargo::rustc-link-arg-bin=firmware=-Tdefmt.x");
     println!("cargo::rustc-link-arg-bin=firmware-b=-Tdefmt.x");
+}
+
+fn pass_common_arguments(out: &Path) {
+    println!("cargo::rustc-link-search={}", out.display());
+    println!("cargo::rustc-link-arg-bins=-Tlink.x");
+    println!("cargo::rustc-link-arg-bins=--nmagic");
 }
 
 fn copy(from: &Path, to: &Path) {

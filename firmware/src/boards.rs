@@ -2,8 +2,9 @@
 //!
 //! A board implements [`firmware::background::Board`] (frames, time, sensors, watchdog) and, if it has a
 //! bridge, [`firmware::control::PowerStage`]. It accesses its flash through `embedded_storage`. A board
-//! contains no logic that works without registers: such logic is in the library, where a PC tests it. Another
-//! board is a package of its own; see `docs/src/how-to/porting.md`.
+//! contains no logic that works without registers: such logic is in the library, where a PC tests it. Boards of one chip
+//! family include the same modules (`boards/stm32g4`). Another board is a package of its own; see
+//! `docs/src/how-to/porting.md`.
 //!
 //! All boards share these rules:
 //!
@@ -21,10 +22,16 @@
 //!   `Boot::winding_rise_k`.
 //! - `HardFault` is handled here; each board defines its own `DefaultHandler`.
 
+#[cfg(feature = "board-b-g431b-esc1")]
+mod b_g431b_esc1;
+#[cfg(feature = "board-stm32g474")]
 mod stm32g474;
 
+#[cfg(feature = "board-b-g431b-esc1")]
+use b_g431b_esc1::open_bridge;
 use core::panic::Location;
 use firmware::panic_note::Part;
+#[cfg(feature = "board-stm32g474")]
 use stm32g474::open_bridge;
 
 /// Opens the bridge, stores the text and resets the processor. The bridge comes first, because storing

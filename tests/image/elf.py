@@ -55,6 +55,10 @@ class Image:
         """The word at an address while running."""
         return self.half(address) | self.half(address + 2) << 16
 
+    def word_of_vector(self, number):
+        """A word of the vector table: 0 is the start of the stack, 1 the reset handler."""
+        return self.word(self.vectors + 4 * number)
+
     def is_panic_place(self, address):
         """True if a panic's location lies there: a pointer to the name of a source file, its length, line, column."""
         place, length = self.word(address), self.word(address + 4)

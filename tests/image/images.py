@@ -19,6 +19,8 @@ IMAGES = {
     "stm32g474": ("firmware", ["firmware", "firmware-b", "boot"], "board-stm32g474,terms"),
     # For the second wiring of that board.
     "stm32g474-second": ("firmware", ["firmware"], "board-stm32g474,terms,wiring-second"),
+    # The compact node on a chip with a quarter of the flash and of the RAM.
+    "esc1": ("firmware", ["firmware-esc1"], "board-b-g431b-esc1"),
     # As it ships, but with networks.
     "stm32g474-network": ("firmware", ["firmware"], "board-stm32g474,network,terms"),
     "qemu": (BOARDS, ["qemu-board"], "qemu,network,terms"),

@@ -13,6 +13,8 @@ EXCEPTION_FRAME = 4 * (8 + 18) + 4
 NESTED_TEXTS = 3
 # Handlers that may interrupt each other, one at a time per priority, then a fault. Vectors (16 + number of the interrupt).
 HANDLERS = {"receive (FDCAN1_IT0)": 16 + 21, "clock (TIM5)": 16 + 50, "current loop (ADC1_2)": 16 + 18, "fault (HardFault)": 3}
+# The same of the B-G431B-ESC1, which has no TIM5.
+HANDLERS_ESC1 = {name.replace("TIM5", "TIM2"): 16 + 28 if "TIM5" in name else number for name, number in HANDLERS.items()}
 SMALL = 1024
 TOLERANCE_SHARE, TOLERANCE_BYTES = 0.05, 1024
 SUMS = ("start and a fault", "background, all interrupts and a fault")
@@ -113,7 +115,7 @@ def depths(graph):
     return worst
 
 
-def stack(image, graph):
+def stack(image, graph, handlers=None):
     """Rows of the worst stack in bytes: each level, their sum, and what RAM leaves for it."""
     unknown = [function.name for function in graph.functions.values() if function.unbounded]
     assert not unknown, f"stack frames of unknown length: {unknown}"
@@ -122,7 +124,7 @@ def stack(image, graph):
     def of(part):
         return max(size for address, size in worst.items() if part in graph.functions[address].name)
 
-    rows = {name: EXCEPTION_FRAME + worst[image.word(image.vectors + 4 * number) & ~1] for name, number in HANDLERS.items()}
+    rows = {name: EXCEPTION_FRAME + worst[image.word(image.vectors + 4 * number) & ~1] for name, number in (handlers or HANDLERS).items()}
     start, background, fault = of("__rtic_init_resources"), of("3app4idle"), rows["fault (HardFault)"]
     # firmware/src/stack_guard.rs: sixteen words, and above them a region of 512 bytes that is aligned to its length.
     guard_end = -(-(image.symbols["_stack_end"][0] + 64) // 512) * 512 + 512
@@ -134,14 +136,22 @@ def stack(image, graph):
     ]
 
 
-def page(image, graph):
-    """The lines of memory.tsv: three tables with titles."""
+def ram(image):
+    """Rows of RAM in bytes. Without code in CCM, CCM is a part of the RAM."""
+    statics = image.symbols["_stack_end"][0] - 0x2000_0000
+    length = image.symbols["_stack_start"][0] - 0x2000_0000
+    if "__efast" not in image.symbols:
+        return [(f"statics, of {length}", statics)]
     code = image.symbols["__efast"][0] - image.symbols["__sfast"][0]
-    ram = image.symbols["_stack_end"][0] - 0x2000_0000
+    return [("CCM: code and tables of the current loop, of 32768", code), (f"SRAM: statics, of {length}", statics)]
+
+
+def page(image, graph, handlers=None):
+    """The lines of memory.tsv: three tables with titles."""
     tables = {
         "Flash, bytes": flash(image),
-        "RAM, bytes": [("CCM: code and tables of the current loop, of 32768", code), ("SRAM: statics, of 98304", ram)],
-        "Worst stack, bytes": stack(image, graph),
+        "RAM, bytes": ram(image),
+        "Worst stack, bytes": stack(image, graph, handlers),
     }
     lines = []
     for title, rows in tables.items():
@@ -154,12 +164,12 @@ def numbers(lines):
     return {name: int(size) for name, size in cells}
 
 
-def check(image, graph, place, is_update):
+def check(image, graph, place, is_update, handlers=None):
     """Compares with the recorded tables, or writes them; returns the worst stack and what is available, bytes."""
-    now = dict(stack(image, graph))
+    now = dict(stack(image, graph, handlers))
     for name in SUMS:
         assert now[name] <= now["available"], f"{name}: {now[name]} bytes of stack, available {now['available']}"
-    lines = page(image, graph)
+    lines = page(image, graph, handlers)
     if is_update:
         place.write_text("\n".join(lines) + "\n")
     before = numbers(place.read_text().splitlines())

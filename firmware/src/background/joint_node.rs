@@ -1,7 +1,7 @@
 //! What the background loop calls of a joint on its bus.
 
 use crate::control::Covariates;
-use crate::driver::{Boot, Driver, LoopCommands, LoopReport};
+use crate::driver::{Boot, Driver, KeptHome, LoopCommands, LoopReport};
 use crate::parameter_set::ParameterSet;
 use crate::scope::ScopeRow;
 use crate::sensors::enclosure;
@@ -74,6 +74,11 @@ pub trait JointNode {
 
     /// Returns the rise of the winding above the stator by its model, K; `None` if it is not known.
     fn winding_rise_k(&self) -> Option<f32>;
+
+    /// Returns the home that a board keeps across a reset.
+    fn kept_home(&self) -> Option<KeptHome> {
+        None
+    }
 }
 
 impl<F: NorFlash> JointNode for Driver<F> {
@@ -147,5 +152,9 @@ impl<F: NorFlash> JointNode for Driver<F> {
 
     fn winding_rise_k(&self) -> Option<f32> {
         Self::winding_rise_k(self)
+    }
+
+    fn kept_home(&self) -> Option<KeptHome> {
+        Self::kept_home(self)
     }
 }

@@ -15,27 +15,44 @@
 #![allow(missing_docs)] // Code that RTIC generates.
 
 mod banks;
+#[path = "stm32g4/can.rs"]
 mod can;
+mod can_fd;
+#[path = "stm32g4/clocks.rs"]
 mod clocks;
+#[path = "stm32g4/converters.rs"]
 mod converters;
+#[path = "stm32g4/counter.rs"]
+mod counter;
 mod encoder;
 mod fast_code;
+#[path = "stm32g4/flash.rs"]
 mod flash;
+mod gate_driver;
 mod incremental;
+#[path = "stm32g4/motor_stage.rs"]
 mod motor_stage;
 mod overcurrent;
 mod pins;
+#[path = "stm32g4/power_stage.rs"]
 mod power_stage;
+#[path = "stm32g4/prefetch.rs"]
+mod prefetch;
 mod pressure_bus;
 mod random;
+#[path = "stm32g4/rates.rs"]
+mod rates;
+mod sampling;
 mod scales;
 mod slow;
+#[path = "stm32g4/start.rs"]
 mod start;
+#[path = "stm32g4/stops.rs"]
+mod stops;
+#[path = "stm32g4/watchdog.rs"]
 mod watchdog;
 
 use defmt_rtt as _;
-use embassy_stm32::pac;
-use firmware::panic_note::Part;
 
 defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
 
@@ -47,36 +64,6 @@ pub use power_stage::open_bridge;
 #[used]
 static BOARD_IDENTITY: [u32; 2] = [banks::BOARD.number, banks::BOARD.wiring];
 
-/// Handles memory errors of flash or RAM and a failure of the crystal. The timer has already opened the
-/// bridge.
-///
-/// # Safety
-/// Only the processor calls it.
-#[cortex_m_rt::exception]
-unsafe fn NonMaskableInt() {
-    if flash::ecc_error() {
-        power_stage::clear_system_break();
-        return;
-    }
-    let why = if pac::RCC.cifr().read().cssf() {
-        "clock: the crystal has stopped"
-    } else if pac::SYSCFG.cfgr2().read().spf() {
-        "RAM: parity error"
-    } else {
-        "flash: ECC error in the image"
-    };
-    crate::boards::stop(&[Part::Text(why)]);
-}
-
-/// Stops the driver: an unexpected interrupt is a firmware error.
-///
-/// # Safety
-/// Only the processor calls it.
-#[cortex_m_rt::exception]
-unsafe fn DefaultHandler(number: i16) -> ! {
-    crate::boards::stop(&[Part::Text("unexpected interrupt "), Part::Decimal(number as u32)])
-}
-
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
     use super::banks::PROGRAM;
@@ -87,8 +74,8 @@ mod app {
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{
-        clocks, fast_code, incremental, overcurrent, pins, power_stage, random, scales, start,
-        watchdog,
+        can_fd, clocks, fast_code, incremental, overcurrent, pins, power_stage, prefetch, random,
+        scales, start, watchdog,
     };
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
@@ -126,12 +113,12 @@ mod app {
         // Owned by the receive interrupt.
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
-        background: &'static mut Background<ChipFlash>,
+        background: &'static mut Background<Driver<ChipFlash>>,
         board: JointBoard,
     }
 
     #[init(local = [
-        place: MaybeUninit<Background<ChipFlash>> = MaybeUninit::uninit(),
+        place: MaybeUninit<Background<Driver<ChipFlash>>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
         scope: [f32; SCOPE_VALUES] = [0.0; SCOPE_VALUES],
@@ -142,10 +129,13 @@ mod app {
         stack_guard::paint();
         let panicked = panic::take();
         let cause = start::reset_cause(is_ram_kept);
-        let peripherals = embassy_stm32::init(clocks::clocks());
+        let mut config = clocks::clocks(pins::CRYSTAL);
+        // Of the converters that the other chips of the family do not have.
+        config.rcc.mux.adc345sel = embassy_stm32::rcc::mux::Adcsel::SYS;
+        let peripherals = embassy_stm32::init(config);
         let connections = pins::connections(&peripherals);
         let wired = pins::wiring(peripherals);
-        fast_code::enable_flash_prefetch();
+        prefetch::enable();
         fast_code::protect();
         // Refreshed after each part of the start, of which the longest, the load, takes 30 ms; then by the background.
         watchdog::start(wired.inside.watchdog);
@@ -164,7 +154,7 @@ mod app {
         let counts = stage.counts();
         let self_test_passed =
             overcurrent::self_test([counts.phase_a, counts.phase_b], power_stage::clear_breaks)
-                && pins::are_connected(connections.as_ref())
+                && pins::wiring::are_connected(connections.as_ref())
                 && are_duties_at_top
                 && encoder::is_set_up_correctly()
                 && shunts.iter().all(Option::is_some);
@@ -219,10 +209,10 @@ mod app {
 
     /// Starts the driver and its background loop in place.
     fn boot_background(
-        place: &'static mut MaybeUninit<Background<ChipFlash>>,
+        place: &'static mut MaybeUninit<Background<Driver<ChipFlash>>>,
         store: ChipFlash,
         boot: &Boot<'_>,
-    ) -> &'static mut Background<ChipFlash> {
+    ) -> &'static mut Background<Driver<ChipFlash>> {
         let now_us = Instant::now().as_micros();
         // The compiler must not know the address. Otherwise it replaces a pointer to each part of the driver by the address of
         // the whole, and the large offsets of the fields take 7 KB of flash.
@@ -238,10 +228,10 @@ mod app {
     /// much of the stack.
     #[inline(never)]
     fn place_background(
-        place: &'static mut MaybeUninit<Background<ChipFlash>>,
+        place: &'static mut MaybeUninit<Background<Driver<ChipFlash>>>,
         store: ChipFlash,
         now_us: u64,
-    ) -> &'static mut Background<ChipFlash> {
+    ) -> &'static mut Background<Driver<ChipFlash>> {
         let identity = Identity {
             hardware: "STM32G474 joint driver",
             serial: clocks::serial(),
@@ -328,7 +318,7 @@ mod app {
         }
 
         fn send_fd(&mut self, frame: &FdTelemetry) {
-            self.controller.send_fd(frame);
+            can_fd::send(&mut self.controller, frame);
         }
 
         fn is_idle(&mut self) -> bool {

@@ -17,10 +17,33 @@ const MAX_SPREAD_COUNTS: u16 = 64;
 /// Counts at either end of the range at which the amplifier saturates.
 const RAIL_COUNTS: u16 = 8;
 
-/// Returns the largest current that an amplifier measures in both directions for any offset that is accepted, A.
+/// Offsets of an amplifier that are accepted, exclusive, counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OffsetRange {
+    /// Bound below.
+    pub above: u16,
+    /// Bound above.
+    pub below: u16,
+}
+
+impl OffsetRange {
+    /// Offsets of an amplifier that shifts to the middle of the range.
+    pub const CENTRAL: Self = Self {
+        above: CONVERTER_RANGE_COUNTS / 2 - MAX_OFFSET_COUNTS,
+        below: CONVERTER_RANGE_COUNTS / 2 + MAX_OFFSET_COUNTS,
+    };
+
+    /// Returns the largest current that an amplifier measures in both directions for any offset that is accepted, A.
+    pub const fn measurable_a(self, amperes_per_count: f32) -> f32 {
+        let (down, up) = (self.above, CONVERTER_RANGE_COUNTS - self.below);
+        let counts = if down < up { down } else { up } - RAIL_COUNTS;
+        counts as f32 * amperes_per_count.abs()
+    }
+}
+
+/// Returns the largest current that an amplifier with a central offset measures in both directions, A.
 pub const fn measurable_a(amperes_per_count: f32) -> f32 {
-    let counts = CONVERTER_RANGE_COUNTS / 2 - MAX_OFFSET_COUNTS - RAIL_COUNTS;
-    counts as f32 * amperes_per_count.abs()
+    OffsetRange::CENTRAL.measurable_a(amperes_per_count)
 }
 
 /// Scaling of the amplifier of one phase.
@@ -73,12 +96,15 @@ impl OffsetFinder {
         }
     }
 
-    /// Returns the scaling after [`OFFSET_SAMPLES`] samples, if they are plausible.
+    /// Returns the scaling after [`OFFSET_SAMPLES`] samples, if they are plausible for a central offset.
     pub fn shunt(&self, amperes_per_count: f32) -> Option<Shunt> {
-        let middle = CONVERTER_RANGE_COUNTS / 2;
+        self.shunt_within(OffsetRange::CENTRAL, amperes_per_count)
+    }
+
+    /// Returns the scaling after [`OFFSET_SAMPLES`] samples, if they are plausible for an offset of this range.
+    pub fn shunt_within(&self, range: OffsetRange, amperes_per_count: f32) -> Option<Shunt> {
         let is_steady = self.max.saturating_sub(self.min) <= MAX_SPREAD_COUNTS;
-        let is_central =
-            self.min > middle - MAX_OFFSET_COUNTS && self.max < middle + MAX_OFFSET_COUNTS;
+        let is_central = self.min > range.above && self.max < range.below;
         let is_valid = self.samples == OFFSET_SAMPLES && is_steady && is_central;
         let offset = self.sum as f32 / OFFSET_SAMPLES as f32;
         is_valid.then_some(Shunt { offset, amperes_per_count })

@@ -10,12 +10,12 @@
 
 #[path = "../../boards/stm32g474/banks.rs"]
 mod banks;
-#[path = "../../boards/stm32g474/can.rs"]
+#[path = "../../boards/stm32g4/can.rs"]
 #[allow(dead_code)] // Lost frames are not counted.
 mod can;
-#[path = "../../boards/stm32g474/clocks.rs"]
+#[path = "../../boards/stm32g4/clocks.rs"]
 mod clocks;
-#[path = "../../boards/stm32g474/flash.rs"]
+#[path = "../../boards/stm32g4/flash.rs"]
 mod flash;
 #[path = "../../boards/stm32g474/pins.rs"]
 #[allow(dead_code)] // The bridge and the sensors are not used.

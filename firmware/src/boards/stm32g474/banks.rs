@@ -5,6 +5,7 @@
 
 use super::pins::WIRING;
 use crate::SLOT;
+use embassy_stm32::pac;
 use firmware::update::{Board, Program, Slot};
 
 /// This board in packages: its type, and its wiring.
@@ -20,6 +21,9 @@ const KEY_OFFSET: u32 = PACKAGE_OFFSET - 32;
 const MARKS_OFFSET: u32 = 0x3_D800;
 const STORE_OFFSET: u32 = 0x3_E000;
 const STORE_BYTES: u32 = BANK_BYTES - STORE_OFFSET;
+/// Both banks are one area ([`super::flash`]).
+pub const AREA_OFFSET: u32 = 0;
+pub const AREA_BYTES: usize = 2 * BANK_BYTES as usize;
 /// The slot that does not run.
 const OTHER: usize = 1 - SLOT;
 
@@ -30,6 +34,19 @@ const fn slot(bank: u32) -> Slot {
 
 const fn store(bank: usize) -> u32 {
     bank as u32 * BANK_BYTES + STORE_OFFSET
+}
+
+/// Returns true if the option bytes select two banks (DBANK, the factory setting).
+///
+/// What is erased while an image runs is in the other bank, so an erase of 25 ms does not stall the current loop. A mark in
+/// the own bank takes one program operation of 85 us.
+pub fn is_usable() -> bool {
+    pac::FLASH.optr().read().dbank()
+}
+
+/// Returns true if a firmware may write here: not the parts of the boot program, at the start of each bank.
+pub const fn is_writable(offset: u32) -> bool {
+    offset % BANK_BYTES >= PACKAGE_OFFSET
 }
 
 /// Slots A and B.

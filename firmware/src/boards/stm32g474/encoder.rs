@@ -33,7 +33,7 @@ use super::scales::{
     BISS_INNER_CYCLES, BISS_OUTER_CYCLES, CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER,
     FAST_CONVERSION_CYCLES, HALF_GAP_CYCLES, LEAD_CYCLES, PWM_TOP, SLOW_START_CYCLES,
 };
-use super::{incremental, pins};
+use super::{counter, incremental, pins};
 use core::sync::atomic::{AtomicU16, Ordering};
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{OutputType, Pull};
@@ -227,7 +227,7 @@ impl EncoderInputs for Encoder {
 
     #[inline(always)]
     fn quadrature(&mut self) -> Quadrature {
-        incremental::read()
+        counter::read()
     }
 
     #[inline(always)]

@@ -49,13 +49,3 @@ pub fn protect() {
         (0..CCM_PAGES.min(bytes / CCM_PAGE_BYTES)).for_each(|page| w.set_page_wp(page, true));
     });
 }
-
-/// Switches on prefetch and both caches of the flash, for the code that stays there. The caches are on after
-/// a reset, the prefetch is not (RM0440, FLASH_ACR). Call it once the wait states are set.
-pub fn enable_flash_prefetch() {
-    pac::FLASH.acr().modify(|w| {
-        w.set_prften(true);
-        w.set_icen(true);
-        w.set_dcen(true);
-    });
-}

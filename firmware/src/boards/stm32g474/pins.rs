@@ -3,12 +3,18 @@
 //! One file in `pins/` has all of it: pins, peripherals, and values of the parts. The feature `wiring-second` selects the
 //! second one. Its content is the board's identity in packages ([`WIRING`]), so that an image for another wiring is refused.
 //! The compiler checks it: embassy knows the functions of every pin, and a peripheral named twice would be
-//! moved twice. At the start [`are_connected`] compares each pin of a peripheral with its function in the table, before the
+//! moved twice. At the start [`wiring::are_connected`] compares each pin of a peripheral with its function in the table, before the
 //! first PWM. Some entries are repeated by number, because a panic or an interrupt does not own the pins.
 
-use embassy_stm32::gpio::Pin;
+#[macro_use]
+#[path = "../stm32g4/wiring.rs"]
+pub mod wiring;
+
+use super::clocks::Crystal;
 use embassy_stm32::pac;
-use firmware::update::package::CRC;
+use embassy_stm32::rcc::PllPreDiv;
+
+use wiring::{Connection, identity};
 
 /// A signal at the shunts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,91 +25,10 @@ pub enum Phase {
     B,
 }
 
-/// Ports by their numbers.
-const PORTS: [pac::gpio::Gpio; 6] =
-    [pac::GPIOA, pac::GPIOB, pac::GPIOC, pac::GPIOD, pac::GPIOE, pac::GPIOF];
-
-/// A pin that belongs to a peripheral, with its alternate function.
-#[derive(Clone, Copy, Debug)]
-pub struct Connection {
-    port: u8,
-    pin: u8,
-    function: u8,
-}
-
-impl Connection {
-    fn of(pin: &impl Pin, function: u8) -> Self {
-        Self { port: pin.port(), pin: pin.pin(), function }
-    }
-
-    /// Returns true if the pin has this function now.
-    fn holds(self) -> bool {
-        let Some(port) = PORTS.get(usize::from(self.port)) else { return false };
-        let pin = usize::from(self.pin);
-        port.moder().read().moder(pin) == pac::gpio::vals::Moder::ALTERNATE
-            && port.afr(pin / 8).read().afr(pin % 8) == self.function
-    }
-}
-
-/// Returns true if these pins have their functions.
-pub fn are_connected(connections: &[Connection]) -> bool {
-    connections.iter().all(|connection| connection.holds())
-}
-
-macro_rules! wiring {
-    (
-        required {$(
-            $(#[$about:meta])*
-            $field:ident: $group:ident {
-                $($name:ident = $what:ident $([$function:literal])?, $text:literal;)*
-            }
-        )*}
-        optional {$(
-            $(#[$optional_about:meta])*
-            $optional:ident: $optional_group:ident {
-                $($optional_name:ident = $optional_what:ident, $optional_text:literal;)*
-            }
-        )*}
-    ) => {
-        $(
-            $(#[$about])*
-            pub struct $group {
-                $(#[doc = $text] pub $name: embassy_stm32::Peri<'static, embassy_stm32::peripherals::$what>,)*
-            }
-        )*
-        $(
-            $(#[$optional_about])*
-            pub struct $optional_group {
-                $(#[doc = $optional_text] pub $optional_name: embassy_stm32::Peri<'static, embassy_stm32::peripherals::$optional_what>,)*
-            }
-        )*
-
-        /// Names and pins of the table, without those that a board may leave open: an image that can use them also runs on a
-        /// board without them.
-        pub(super) const TABLE: &str = concat!(
-            $($(stringify!($field), ".", stringify!($name), "=", stringify!($what), ";",)*)*
-        );
-
-        /// The whole table.
-        pub struct Wiring {
-            $(pub $field: $group,)*
-            $(pub $optional: $optional_group,)*
-        }
-
-        /// Returns the pins that the start connects to a peripheral.
-        pub fn connections(p: &embassy_stm32::Peripherals) -> impl AsRef<[super::Connection]> + use<> {
-            [$($($(super::Connection::of(&*p.$what, $function),)?)*)*]
-        }
-
-        /// Splits the peripherals into the parts of the board.
-        pub fn wiring(p: embassy_stm32::Peripherals) -> Wiring {
-            Wiring {
-                $($field: $group { $($name: p.$what,)* },)*
-                $($optional: $optional_group { $($optional_name: p.$optional_what,)* },)*
-            }
-        }
-    };
-}
+/// Crystal.
+pub const CRYSTAL: Crystal = Crystal { hz: 24_000_000, divider: PllPreDiv::DIV6 };
+/// Counter of an ABZ encoder.
+pub const COUNTER: pac::timer::TimAdv = pac::TIM20;
 
 #[cfg_attr(feature = "wiring-second", path = "pins/second.rs")]
 #[cfg_attr(not(feature = "wiring-second"), path = "pins/standard.rs")]
@@ -112,16 +37,7 @@ mod table;
 pub use table::*;
 
 /// Identity of the wiring: the table as text, and the parts of the bridge.
-pub const WIRING: u32 = {
-    let parts =
-        [SHUNT[0], SHUNT[1], BUS_DIVIDER[0], BUS_DIVIDER[1], DEAD_TIME as f32, BREAK_CEILING_A];
-    let mut identity = CRC.checksum(TABLE.as_bytes());
-    let mut at = 0;
-    while at < parts.len() {
-        let [e, f, g, h] = identity.to_le_bytes();
-        let [i, j, k, l] = parts[at].to_bits().to_le_bytes();
-        identity = CRC.checksum(&[e, f, g, h, i, j, k, l]);
-        at += 1;
-    }
-    identity
-};
+pub const WIRING: u32 = identity(
+    TABLE,
+    &[SHUNT[0], SHUNT[1], BUS_DIVIDER[0], BUS_DIVIDER[1], DEAD_TIME as f32, BREAK_CEILING_A],
+);

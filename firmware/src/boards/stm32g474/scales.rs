@@ -3,34 +3,22 @@
 pub use super::clocks::CORE_HZ;
 use super::pins::{AMPLIFIER_SETTLING_S, BUS_DIVIDER, SHUNT};
 pub use super::pins::{BREAK_CEILING_A, DEAD_TIME};
+use super::rates::REFERENCE_V;
+pub use super::rates::{CAN_HZ, LIMITS, LOOP_HZ, PWM_TOP, WATCHDOG_US};
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
-use firmware::deadline::DeadlineLimits;
 use firmware::loop_parts::StageTraits;
-use firmware::node::bit_timing::{BIT_RATES_KBIT, BitTiming, DATA_BIT_RATES_KBIT};
 use firmware::sensors::as504x::{MAX_CLOCK_HZ, clock_divider};
 use firmware::sensors::comparator::ComparatorLevels;
 use firmware::sensors::quiet::QuietWindow;
-use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, measurable_a};
+use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, OffsetRange};
 
-/// Loop rate, Hz.
-pub const LOOP_HZ: u32 = 20_000;
-const _: () =
-    assert!((LOOP_HZ as f32 * PERIOD_S - 1.0).abs() < 1e-6, "the loop rate must match PERIOD_S");
-/// Counts of the PWM timer from bottom to top; it counts up and down in a period.
-pub const PWM_TOP: u16 = (CORE_HZ / LOOP_HZ / 2) as u16;
-
-/// Periods for which the compensation stays off after a late one: 0.1 s.
-const HOLD_PERIODS: u32 = LOOP_HZ / 10;
-/// Time limits of a period.
-pub const LIMITS: DeadlineLimits = DeadlineLimits::for_period(CORE_HZ / LOOP_HZ, HOLD_PERIODS);
-
-/// Reference of the converters, V.
-const REFERENCE_V: f32 = 3.3;
 /// Scale of the shunts. A current into the motor lowers the voltage of a low-side shunt, unless the
 /// parameter `shunt_sign` states otherwise.
 pub const AMPERES_PER_COUNT: f32 =
     -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * SHUNT[0] * SHUNT[1]);
+/// Offsets of the amplifiers that are accepted.
+pub const OFFSETS: OffsetRange = OffsetRange::CENTRAL;
 /// Levels of the ceiling, which hold until the parameters are read.
 pub const CEILING_LEVELS: ComparatorLevels =
     ComparatorLevels::for_current(BREAK_CEILING_A, AMPERES_PER_COUNT);
@@ -46,29 +34,6 @@ pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / CONVERTER_RANGE_COUNTS as f32
 
 /// Pressure inside the housing, Pa: it is closed at the surface.
 pub const INSIDE_PA: f32 = 101_325.0;
-
-/// Clock of the CAN controller, Hz. It must be a multiple of every supported bit rate.
-pub const CAN_HZ: u32 = CORE_HZ;
-const _: () = {
-    let mut index = 0;
-    while index < BIT_RATES_KBIT.len() {
-        assert!(
-            BitTiming::for_rate(CAN_HZ, BIT_RATES_KBIT[index] as u32 * 1000).is_some(),
-            "every bit rate must have a timing"
-        );
-        index += 1;
-    }
-    index = 0;
-    while index < DATA_BIT_RATES_KBIT.len() {
-        let rate = DATA_BIT_RATES_KBIT[index] as u32 * 1000;
-        let Some(timing) = BitTiming::for_rate(CAN_HZ, rate) else {
-            panic!("every data bit rate must have a timing");
-        };
-        // Fields of DBTP.
-        assert!(timing.prescaler <= 31 && timing.seg1 <= 31 && timing.seg2 <= 15);
-        index += 1;
-    }
-};
 
 /// Cycles from the top of the encoder's timer, TIM3, to that of TIM1.
 pub const LEAD_CYCLES: u32 = 1020;
@@ -89,7 +54,7 @@ pub const STAGE: StageTraits = StageTraits {
     encoder_age_s: (LEAD_CYCLES + HALF_GAP_CYCLES) as f32 / CORE_HZ as f32,
     // The position is latched at the first rising edge of the clock: half a clock after its first edge.
     biss_age_s: (LEAD_CYCLES + BISS_OUTER_CYCLES - BISS_LATCH_CYCLES) as f32 / CORE_HZ as f32,
-    current_max_a: measurable_a(AMPERES_PER_COUNT),
+    current_max_a: OFFSETS.measurable_a(AMPERES_PER_COUNT),
     modulation_max: StageTraits::max_modulation(
         PERIOD_S,
         DEAD_TIME as f32 / CORE_HZ as f32,
@@ -135,5 +100,3 @@ const _: () = {
 };
 /// Clock of the pressure sensor; its maximum is 400 kHz.
 pub const PRESSURE_CLOCK: Hertz = Hertz(400_000);
-/// Watchdog timeout, us. Erasing a page of flash takes 25 ms at most.
-pub const WATCHDOG_US: u32 = 50_000;

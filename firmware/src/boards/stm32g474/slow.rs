@@ -4,11 +4,11 @@
 //! `sensors::quiet` for the reason. Its channel 4 is the trigger: the rising edge, shortly after the top,
 //! starts the temperatures, and the falling edge the side load. The background reads the last results and
 //! waits for nothing. Pressure sensor and the sensor in the housing share a bus of their own. The leak probe is
-//! converted with the phase currents ([`super::power_stage`]).
+//! converted with the phase currents ([`super::sampling`]).
 
-use super::converters::{Converter, Trigger};
+use super::converters::{self, Trigger};
 use super::pressure_bus::{PressureBus, PressureController};
-use super::{pins, power_stage, scales};
+use super::{pins, sampling, scales};
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::pac::adc::vals::{Exten, SampleTime};
@@ -28,8 +28,6 @@ const SLOW_TRIGGER: u8 = 12;
 
 /// The slow sensors.
 pub struct SlowSensors {
-    temperatures: Converter<2>,
-    force: Converter<1>,
     pressure: Ms5837<PressureBus>,
     air: Bme280,
     last_air: LastAir,
@@ -47,14 +45,14 @@ impl SlowSensors {
         rcc::enable_and_reset::<ADC4>();
         let bridge = slow.bridge_temperature.degrade_adc();
         let motor = slow.motor_temperature.degrade_adc();
-        let temperatures = Converter::start(
+        converters::start(
             slow.adc,
             pac::ADC3,
             pac::ADC345_COMMON,
             [(bridge, SAMPLING_TIME), (motor, SAMPLING_TIME)],
             Trigger { signal: SLOW_TRIGGER, edge: Exten::RISING_EDGE, interrupt: false },
         );
-        let force = Converter::start(
+        converters::start(
             slow.force_adc,
             pac::ADC4,
             pac::ADC345_COMMON,
@@ -66,12 +64,12 @@ impl SlowSensors {
             [Input::new(torque_off.first, Pull::Down), Input::new(torque_off.second, Pull::Down)];
         let (constants, last) = (SensorParameters::default(), LocalReadings::default());
         let (air, last_air) = (Bme280::new(), LastAir::NONE);
-        Self { temperatures, force, pressure, air, last_air, torque_allowed, constants, last }
+        Self { pressure, air, last_air, torque_allowed, constants, last }
     }
 
     /// Returns the temperatures of bridge and motor, deg C; NaN if a sensor is broken.
     pub fn temperatures_c(&mut self) -> [f32; 2] {
-        let [bridge, motor] = self.temperatures.read_injected_samples();
+        let [bridge, motor] = converters::read_results(pac::ADC3);
         [
             self.constants.bridge_thermistor().temperature_c(share(bridge)),
             self.constants.motor_thermistor().temperature_c(share(motor)),
@@ -82,7 +80,7 @@ impl SlowSensors {
     pub fn poll(&mut self, now_us: u64) -> LocalReadings {
         let local = &mut self.last;
         if let Some(gauge) = self.constants.strain_gauge() {
-            let [counts] = self.force.read_injected_samples();
+            let [counts] = converters::read_results(pac::ADC4);
             if let Some(force_n) = gauge.force_n(share(counts)) {
                 local.set_radial_force(force_n, now_us);
             }
@@ -106,7 +104,7 @@ impl SlowSensors {
             self.last_air.set(air, now_us);
         }
         enclosure::Readings {
-            leak_share: Some(share(power_stage::leak_counts())),
+            leak_share: Some(share(sampling::leak_counts())),
             air: Some(self.last_air.get(now_us)),
             torque_allowed: Some(self.torque_allowed.each_ref().map(Input::is_high)),
         }

@@ -35,7 +35,7 @@ impl Clock {
 /// Answers on the bus until a restart is requested.
 pub fn run(flash: ChipFlash) -> ! {
     let (settings, flash) = stored_settings(flash);
-    let wired = pins::wiring(embassy_stm32::init(clocks::clocks()));
+    let wired = pins::wiring(embassy_stm32::init(clocks::clocks(pins::CRYSTAL)));
     cortex_m::interrupt::disable();
     // SAFETY: embassy does not use these two.
     let mut core = unsafe { cortex_m::Peripherals::steal() };

@@ -1,7 +1,7 @@
 //! A second wiring, which shows what another board has to change: shunts of 0.5 mohm at the other inputs, 100 V switches,
 //! the encoder beside the debug port, and other pins for break, enable, brake and sensors.
 
-use super::Phase;
+use super::{Connection, Phase};
 use embassy_stm32::pac;
 
 /// Enable pin of the gate driver by port and number, because a panic handler does not own the pins.

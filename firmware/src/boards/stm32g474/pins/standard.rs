@@ -1,6 +1,6 @@
 //! The standard wiring: shunts of 1 mohm, gate driver with amplifiers, encoder on SPI1.
 
-use super::Phase;
+use super::{Connection, Phase};
 use embassy_stm32::pac;
 
 /// Enable pin of the gate driver by port and number, because a panic handler does not own the pins.

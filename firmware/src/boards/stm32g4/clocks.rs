@@ -7,20 +7,26 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 
-/// Crystal, Hz. CAN at 1 Mbit/s requires one; the internal oscillator is not accurate enough.
-pub const CRYSTAL_HZ: u32 = 24_000_000;
-/// Processor, timers and converter clock source, Hz: 24 MHz / 6 x 85 / 2.
+/// Crystal of a board. CAN at 1 Mbit/s requires one; the internal oscillator is not accurate enough.
+pub struct Crystal {
+    /// Frequency, Hz.
+    pub hz: u32,
+    /// Divider to 4 MHz.
+    pub divider: PllPreDiv,
+}
+
+/// Processor, timers and converter clock source, Hz: 4 MHz x 85 / 2.
 pub const CORE_HZ: u32 = 170_000_000;
 
 /// Returns the clock configuration: 170 MHz for core and buses.
-pub fn clocks() -> Config {
+pub fn clocks(crystal: Crystal) -> Config {
     let mut config = Config::default();
     let rcc = &mut config.rcc;
     rcc.hsi = false;
-    rcc.hse = Some(Hse { freq: Hertz(CRYSTAL_HZ), mode: HseMode::Oscillator });
+    rcc.hse = Some(Hse { freq: Hertz(crystal.hz), mode: HseMode::Oscillator });
     rcc.pll = Some(Pll {
         source: PllSource::HSE,
-        prediv: PllPreDiv::DIV6,
+        prediv: crystal.divider,
         mul: PllMul::MUL85,
         divp: None,
         divq: None,
@@ -34,7 +40,6 @@ pub fn clocks() -> Config {
     rcc.boost = true;
     rcc.mux.fdcansel = mux::Fdcansel::PCLK1;
     rcc.mux.adc12sel = mux::Adcsel::SYS;
-    rcc.mux.adc345sel = mux::Adcsel::SYS;
     config
 }
 

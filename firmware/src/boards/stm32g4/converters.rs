@@ -15,6 +15,9 @@ const PRESCALER: Presc = Presc::DIV4;
 /// Time that regulator and calibration need, processor cycles: 20 us.
 const SETTLING_CYCLES: u32 = super::clocks::CORE_HZ / 50_000;
 
+/// Number of the second trigger of the PWM timer among those of converters 1 and 2: TIM1_TRGO2, at the top of the PWM.
+pub const TOP_TRIGGER: u8 = 8;
+
 /// Start of a sequence.
 pub struct Trigger {
     /// Number of the signal (RM0440, tables 166 and 168).
@@ -25,35 +28,24 @@ pub struct Trigger {
     pub interrupt: bool,
 }
 
-/// A converter with a sequence of `N` channels.
-pub struct Converter<const N: usize>(Adc);
+/// Starts the converter `T`, which has the registers `adc` and whose clock is enabled, with a sequence of `N` channels.
+pub fn start<T: PeripheralType, const N: usize>(
+    _own: Peri<'static, T>,
+    adc: Adc,
+    common: AdcCommon,
+    sequence: [(AnyAdcChannel<'static, T>, SampleTime); N],
+    trigger: Trigger,
+) {
+    set_up(adc, common, &sequence.map(|(channel, time)| (channel.get_hw_channel(), time)), trigger);
+}
 
-impl<const N: usize> Converter<N> {
-    /// Starts the converter `T`, which has the registers `adc` and whose clock is enabled.
-    pub fn start<T: PeripheralType>(
-        _own: Peri<'static, T>,
-        adc: Adc,
-        common: AdcCommon,
-        sequence: [(AnyAdcChannel<'static, T>, SampleTime); N],
-        trigger: Trigger,
-    ) -> Self {
-        start(
-            adc,
-            common,
-            &sequence.map(|(channel, time)| (channel.get_hw_channel(), time)),
-            trigger,
-        );
-        Self(adc)
-    }
-
-    /// Returns the last results.
-    pub fn read_injected_samples(&self) -> [u16; N] {
-        core::array::from_fn(|rank| self.0.jdr(rank).read().jdata())
-    }
+/// Returns the last results of a sequence of `N` channels.
+pub fn read_results<const N: usize>(adc: Adc) -> [u16; N] {
+    core::array::from_fn(|rank| adc.jdr(rank).read().jdata())
 }
 
 #[inline(never)]
-fn start(adc: Adc, common: AdcCommon, sequence: &[(u8, SampleTime)], trigger: Trigger) {
+fn set_up(adc: Adc, common: AdcCommon, sequence: &[(u8, SampleTime)], trigger: Trigger) {
     common.ccr().modify(|w| w.set_presc(PRESCALER));
     adc.cr().modify(|w| {
         w.set_deeppwd(false);

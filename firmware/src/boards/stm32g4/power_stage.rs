@@ -9,26 +9,20 @@
 //! *Off* means that the main output enable (MOE) is cleared: all six outputs are driven to their idle
 //! level, low. The break input does the same in hardware within a microsecond; software then finds the
 //! break flag and reports it. Hardware never sets MOE (no automatic output enable). Dead time, idle levels
-//! and break are locked at the start. Gate driver and overcurrent comparators ([`super::overcurrent`])
-//! share the break input. The pin of the gate driver distinguishes them, because it holds its fault until
-//! the driver has slept.
+//! and break are locked at the start. Gate driver ([`super::gate_driver`]) and overcurrent comparators
+//! ([`super::overcurrent`]) share the break input. The pin of the gate driver distinguishes them, because it holds its fault
+//! until the driver has slept.
 //!
 //! The chip itself can also break: on a crystal failure (CSS), a processor lockup, an ECC or parity error,
 //! or a supply below 2.9 V (PVD). SYSCFG connects these to the break of the timer before the break is
-//! locked, and they stay connected until the next reset. The gate driver's enable is a second, independent
+//! locked, and they stay connected until the next reset. The enable of a gate driver is a second, independent
 //! way to switch off.
 
-use super::converters::{Converter, Trigger};
-use super::overcurrent;
-use super::pins::{self, BREAK_FUNCTION};
+use super::gate_driver::{self, GateDriver, HAS_FAULT_INPUT};
 use super::scales::{DEAD_TIME, PWM_TOP};
-use embassy_stm32::adc::AdcChannel;
-use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Pull, Speed};
-use embassy_stm32::pac::adc::vals::{Exten, SampleTime};
+use super::{overcurrent, pins, sampling};
 use embassy_stm32::pac::timer::vals;
-use embassy_stm32::peripherals::{ADC1, ADC2, TIM1};
-use embassy_stm32::timer::complementary_pwm::ComplementaryPwmPin;
-use embassy_stm32::timer::simple_pwm::PwmPin;
+use embassy_stm32::peripherals::TIM1;
 use embassy_stm32::{Peri, pac, rcc};
 use firmware::control::BridgeFault;
 
@@ -38,9 +32,6 @@ const TIMER: pac::timer::TimAdv = pac::TIM1;
 /// of the chip and 10 % below the regulated 3.3 V. It is at least 0.27 V above the brown-out level that the
 /// board requires, so that the driver reports the cause before the reset.
 const SUPPLY_BREAK_LEVEL: u8 = 0b110;
-
-/// Number of the timer's second trigger among those of converters 1 and 2: TIM1_TRGO2, at the top of the PWM.
-const TOP_TRIGGER: u8 = 8;
 
 /// Raw counts of one period.
 #[derive(Clone, Copy)]
@@ -53,8 +44,7 @@ pub struct Counts {
 /// The bridge. Only [`Stage::drive`] closes it.
 pub struct Stage {
     _timer: Peri<'static, TIM1>,
-    break_pin: Flex<'static>,
-    enable: Output<'static>,
+    gate_driver: GateDriver,
 }
 
 impl Stage {
@@ -64,48 +54,13 @@ impl Stage {
         currents: pins::Currents,
         overcurrent: pins::Overcurrent,
     ) -> Self {
-        let enable = Output::new(bridge.enable, Level::Low, Speed::Low);
-        rcc::enable_and_reset::<TIM1>();
-        overcurrent::set_up(overcurrent);
-        set_up_timer();
-        let mut break_pin = Flex::new(bridge.fault);
-        break_pin.set_as_af_unchecked(BREAK_FUNCTION, AfType::input(Pull::Up));
-        // The pins are connected to the timer only now that it holds them at their idle level, and stay
-        // connected.
-        let kind = OutputType::PushPull;
-        core::mem::forget((
-            PwmPin::<TIM1, _>::new(bridge.a_high, kind),
-            PwmPin::<TIM1, _>::new(bridge.b_high, kind),
-            PwmPin::<TIM1, _>::new(bridge.c_high, kind),
-            ComplementaryPwmPin::<TIM1, _>::new(bridge.a_low, kind),
-            ComplementaryPwmPin::<TIM1, _>::new(bridge.b_low, kind),
-            ComplementaryPwmPin::<TIM1, _>::new(bridge.c_low, kind),
-        ));
-        // At 42.5 MHz a current is sampled for 0.3 us. The slower bus divider follows it.
-        rcc::enable_and_reset::<ADC1>();
-        rcc::enable_and_reset::<ADC2>();
-        Converter::start(
-            currents.adc_a,
-            pac::ADC1,
-            pac::ADC12_COMMON,
-            [
-                (currents.phase_a.degrade_adc(), SampleTime::CYCLES12_5),
-                (currents.bus.degrade_adc(), SampleTime::CYCLES24_5),
-            ],
-            Trigger { signal: TOP_TRIGGER, edge: Exten::RISING_EDGE, interrupt: true },
-        );
-        Converter::start(
-            currents.adc_b,
-            pac::ADC2,
-            pac::ADC12_COMMON,
-            // The leak probe is converted beside the bus, so its conversion disturbs no other one.
-            [
-                (currents.phase_b.degrade_adc(), SampleTime::CYCLES12_5),
-                (currents.leak.degrade_adc(), SampleTime::CYCLES24_5),
-            ],
-            Trigger { signal: TOP_TRIGGER, edge: Exten::RISING_EDGE, interrupt: false },
-        );
-        Self { _timer: bridge.timer, break_pin, enable }
+        let (timer, gate_driver) = GateDriver::connect(bridge, || {
+            rcc::enable_and_reset::<TIM1>();
+            overcurrent::set_up(overcurrent);
+            set_up_timer();
+        });
+        sampling::start(currents);
+        Self { _timer: timer, gate_driver }
     }
 
     /// Starts the timer and wakes the gate driver. Returns true if duties take effect at the top, as
@@ -113,7 +68,7 @@ impl Stage {
     pub fn start(&mut self) -> bool {
         TIMER.cr1().modify(|w| w.set_cen(true));
         let is_aligned = align_updates_to_top();
-        self.enable.set_high();
+        self.gate_driver.set_awake(true);
         is_aligned
     }
 
@@ -143,7 +98,7 @@ impl Stage {
         Counts {
             phase_a: pac::ADC1.jdr(0).read().jdata(),
             phase_b: pac::ADC2.jdr(0).read().jdata(),
-            bus: pac::ADC1.jdr(1).read().jdata(),
+            bus: sampling::BUS_CONVERTER.jdr(1).read().jdata(),
         }
     }
 
@@ -159,7 +114,7 @@ impl Stage {
         let flags = TIMER.sr().read();
         match (flags.sbif(), flags.bif(0)) {
             (true, _) => Some(BridgeFault::System),
-            (_, true) if self.break_pin.is_low() => Some(BridgeFault::GateDriver),
+            (_, true) if self.gate_driver.is_faulty() => Some(BridgeFault::GateDriver),
             (_, true) => Some(BridgeFault::Overcurrent),
             _ => None,
         }
@@ -168,7 +123,7 @@ impl Stage {
     /// Wakes the gate driver or puts it to sleep.
     #[inline(always)]
     pub fn set_awake(&mut self, awake: bool) {
-        self.enable.set_level(awake.into());
+        self.gate_driver.set_awake(awake);
     }
 
     /// Sets the duties of the next period. Closes the bridge if it is open and no break is active.
@@ -208,16 +163,10 @@ pub fn clear_breaks() {
     });
 }
 
-/// Returns the latest counts of the leak probe.
-pub fn leak_counts() -> u16 {
-    pac::ADC2.jdr(1).read().jdata()
-}
-
-/// Opens all switches in both ways, with register accesses only: for panics and faults.
+/// Opens all switches in every way, with register accesses only: for panics and faults.
 pub fn open_bridge() {
     TIMER.bdtr().modify(|w| w.set_moe(false));
-    let (port, pin) = pins::GATE_ENABLE;
-    port.bsrr().write(|w| w.set_br(pin, true));
+    gate_driver::put_to_sleep();
 }
 
 /// Clears a system break caused by a read of the parameter store, which does not concern the bridge.
@@ -305,7 +254,7 @@ fn set_up_timer() {
     });
     // One active-high input with several sources; the pin of the gate driver is inverted.
     TIMER.af1().write(|w| {
-        w.set_bkine(true);
+        w.set_bkine(HAS_FAULT_INPUT);
         w.set_bkinp(vals::Bkinp::INVERTED);
         overcurrent::BREAK_COMPARATORS
             .into_iter()

@@ -1,15 +1,13 @@
-//! The flash: both banks, for images, marks and parameters.
+//! The flash of the chip, or the part of it that a board's `banks` names ([`super::banks`]).
 //!
-//! What is erased while an image runs is in the other bank ([`super::banks`]), so an erase of 25 ms does not stall the
-//! current loop. A mark in the own bank takes one program operation of 85 us. This requires that the option bytes select
-//! two banks (DBANK, the factory setting). Otherwise every access fails and the driver reports a damaged store. The boot
-//! program is never written.
+//! The board states which part a firmware may write, and whether the option bytes are as its layout requires. Otherwise
+//! every access fails and the driver reports a damaged store.
 //!
 //! A double word that was torn by a power cut has wrong check bits. Reading it raises the non-maskable
 //! interrupt, which calls [`ecc_error`]. During a read by this module the error becomes an `Err`. At any
 //! other time the image itself is damaged, and the firmware stops.
 
-use super::banks::{BANK_BYTES, PACKAGE_OFFSET};
+use super::banks::{AREA_BYTES, AREA_OFFSET, is_usable, is_writable};
 use super::watchdog;
 use core::sync::atomic::{AtomicU8, Ordering};
 use embassy_stm32::flash::{Blocking, Flash, MAX_ERASE_SIZE, WRITE_SIZE};
@@ -21,9 +19,7 @@ use embedded_storage::nor_flash::{
 
 /// Length of a page, bytes.
 const PAGE_BYTES: usize = 2048;
-const _: () = assert!(MAX_ERASE_SIZE == PAGE_BYTES && WRITE_SIZE == 8, "two banks of 2 KB pages");
-/// Length of both banks, bytes.
-const FLASH_BYTES: usize = 2 * BANK_BYTES as usize;
+const _: () = assert!(MAX_ERASE_SIZE == PAGE_BYTES && WRITE_SIZE == 8, "pages of 2 KB");
 
 /// States of a read: none, active, and failed with an ECC error.
 const READ_NONE: u8 = 0;
@@ -52,8 +48,8 @@ pub enum FlashError {
     Bounds(NorFlashErrorKind),
     /// The check bits are wrong.
     Ecc,
-    /// The option bytes select a single bank.
-    OneBank,
+    /// The option bytes select another layout.
+    Layout,
     /// The controller refused an erase or a program operation.
     Refused,
 }
@@ -62,7 +58,7 @@ impl NorFlashError for FlashError {
     fn kind(&self) -> NorFlashErrorKind {
         match self {
             Self::Bounds(kind) => *kind,
-            Self::Ecc | Self::OneBank | Self::Refused => NorFlashErrorKind::Other,
+            Self::Ecc | Self::Layout | Self::Refused => NorFlashErrorKind::Other,
         }
     }
 }
@@ -73,24 +69,23 @@ impl From<NorFlashErrorKind> for FlashError {
     }
 }
 
-/// Both banks of the flash.
+/// The board's area of the flash.
 pub struct ChipFlash(Option<Flash<'static, Blocking>>);
 
 impl ChipFlash {
     /// Creates the flash. With other option bytes every access fails.
     pub fn new(flash: Peri<'static, peripherals::FLASH>) -> Self {
         // Checked first, because embassy would panic.
-        let two_banks = pac::FLASH.optr().read().dbank();
-        Self(two_banks.then(|| Flash::new_blocking(flash)))
+        Self(is_usable().then(|| Flash::new_blocking(flash)))
     }
 
-    /// Refuses the parts of the boot program, at the start of each bank.
+    /// Refuses the parts that no firmware may write.
     fn check_writable(&self, offset: u32) -> Result<(), FlashError> {
-        if offset % BANK_BYTES < PACKAGE_OFFSET { Err(FlashError::Refused) } else { Ok(()) }
+        if is_writable(offset) { Ok(()) } else { Err(FlashError::Refused) }
     }
 
     fn inner(&mut self) -> Result<&mut Flash<'static, Blocking>, FlashError> {
-        self.0.as_mut().ok_or(FlashError::OneBank)
+        self.0.as_mut().ok_or(FlashError::Layout)
     }
 }
 
@@ -105,7 +100,7 @@ impl ReadNorFlash for ChipFlash {
         check_read(self, offset, bytes.len())?;
         let flash = self.inner()?;
         READ_STATE.store(READ_ACTIVE, Ordering::SeqCst);
-        let read = flash.blocking_read(offset, bytes);
+        let read = flash.blocking_read(AREA_OFFSET + offset, bytes);
         // The interrupt occurs with the access, which must complete before the state is read.
         cortex_m::asm::dsb();
         let sound = READ_STATE.swap(READ_NONE, Ordering::SeqCst) == READ_ACTIVE;
@@ -117,7 +112,7 @@ impl ReadNorFlash for ChipFlash {
     }
 
     fn capacity(&self) -> usize {
-        FLASH_BYTES
+        AREA_BYTES
     }
 }
 
@@ -131,8 +126,8 @@ impl NorFlash for ChipFlash {
             // The background only waits here, so it refreshes the watchdog if the loop runs.
             watchdog::refresh_if_loop_runs();
             self.check_writable(page)?;
-            let end = page + PAGE_BYTES as u32;
-            self.inner()?.blocking_erase(page, end).map_err(|_| FlashError::Refused)?;
+            let (from, to) = (AREA_OFFSET + page, AREA_OFFSET + page + PAGE_BYTES as u32);
+            self.inner()?.blocking_erase(from, to).map_err(|_| FlashError::Refused)?;
         }
         watchdog::refresh_if_loop_runs();
         Ok(())
@@ -142,6 +137,6 @@ impl NorFlash for ChipFlash {
         check_write(self, offset, bytes.len())?;
         self.check_writable(offset)?;
         watchdog::refresh_if_loop_runs();
-        self.inner()?.blocking_write(offset, bytes).map_err(|_| FlashError::Refused)
+        self.inner()?.blocking_write(AREA_OFFSET + offset, bytes).map_err(|_| FlashError::Refused)
     }
 }

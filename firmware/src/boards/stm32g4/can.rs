@@ -1,4 +1,4 @@
-//! FDCAN1 with classic frames, and a frame of CAN FD per sample if the joint is set to it.
+//! FDCAN1 with classic frames.
 //!
 //! embassy sets up the controller: clock, pins, bit timing, filters. This module moves the frames, because
 //! embassy's queues take a critical section per frame, which would delay the current loop. The layout of
@@ -10,7 +10,7 @@
 //! two of them are in the controller. Services leave one element to process data.
 //!
 //! The controller understands CAN FD: otherwise it would destroy each such frame by an error frame. It needs the bit rate
-//! of their data for it (2001h:8). Received ones are discarded. The only sent one is [`FdTelemetry`] (2001h:9).
+//! of their data for it (2001h:8). Received ones are discarded. A board may send one ([`compensator_core::can::FdTelemetry`], 2001h:9).
 //!
 //! A sender compares its bits with those on the bus. At 5 Mbit/s a bit is shorter than the way through the transceiver
 //! and back. The controller then measures that delay (RM0440, 44.3.3). It can do so with a prescaler of at most 2, which
@@ -21,7 +21,7 @@
 //! recovers when INIT is cleared: it then waits for 128 x 11 recessive bits.
 
 use super::{pins, scales};
-use compensator_core::can::{FdTelemetry, Frame, NodeId};
+use compensator_core::can::{Frame, NodeId};
 use core::num::{NonZeroU8, NonZeroU16};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::can::config::{
@@ -48,12 +48,9 @@ const HEADER_WORDS: usize = 2;
 const EXTENDED_ID: u32 = 1 << 30;
 const REMOTE_FRAME: u32 = 1 << 29;
 const IDENTIFIER_SHIFT: u32 = 18;
-/// Second word: position of the length, and the flags of a CAN FD frame and of its switched bit rate.
-const LENGTH_SHIFT: u32 = 16;
-const FD_FRAME: u32 = 1 << 21;
-const SWITCHED_RATE: u32 = 1 << 20;
-/// Length code of 64 bytes.
-const LENGTH_64: u32 = 15;
+/// Second word: position of the length, and the flag of a CAN FD frame.
+pub const LENGTH_SHIFT: u32 = 16;
+pub const FD_FRAME: u32 = 1 << 21;
 
 /// Largest prescaler with which the controller measures the delay of the transceiver.
 const LAST_COMPENSATED_PRESCALER: u16 = 2;
@@ -223,18 +220,9 @@ impl Controller {
         self.transmit(frame.identifier(), frame.data().len() as u32, &bytes);
     }
 
-    /// Sends a frame of CAN FD. Check [`Controller::has_room_for`] first.
-    pub fn send_fd(&mut self, frame: &FdTelemetry) {
-        self.transmit(
-            frame.identifier(),
-            LENGTH_64 | (FD_FRAME | SWITCHED_RATE) >> LENGTH_SHIFT,
-            frame.data(),
-        );
-    }
-
     /// Writes the next transmit element and requests its transmission. `format` is the upper half of its second word.
     #[inline(never)]
-    fn transmit(&mut self, identifier: u16, format: u32, data: &[u8]) {
+    pub fn transmit(&mut self, identifier: u16, format: u32, data: &[u8]) {
         let place = usize::from(CONTROLLER.txfqs().read().tfqpi()).min(TRANSMIT_ELEMENTS - 1);
         if let Some(transmitted) = self.transmitted.get_mut(place) {
             *transmitted = identifier;

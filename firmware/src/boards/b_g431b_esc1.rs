@@ -1,0 +1,302 @@
+//! The B-G431B-ESC1 of STMicroelectronics as a joint driver: STM32G431CB at 170 MHz.
+//!
+//! ```text
+//! priority   interrupt       does
+//! 15         ADC1_2          the current loop, 20 kHz: LoopTask on the motor stage. Logs nothing, locks nothing
+//!  8         FDCAN1_IT0      received frames -> queue
+//!  4         TIM2            embassy's clock, microseconds
+//!  idle      -               the library's background loop: frames, supervisor, flash, watchdog
+//! ```
+//! The whole driver does not fit, so it runs the compact node ([`firmware::compact`]). Everything executes from flash: CCM is
+//! used as RAM. Pins are in [`pins`], the values of the board's parts in [`scales`]. This has not run on hardware; see
+//! docs/src/how-to/b-g431b-esc1.md.
+
+#![allow(unsafe_code)] // Expansion of RTIC's app, embassy's bindings, and one exception handler.
+#![allow(missing_docs)] // Code that RTIC generates.
+
+mod banks;
+#[path = "stm32g4/can.rs"]
+mod can;
+#[path = "stm32g4/clocks.rs"]
+mod clocks;
+#[path = "stm32g4/converters.rs"]
+mod converters;
+#[path = "stm32g4/counter.rs"]
+mod counter;
+mod encoder;
+#[path = "stm32g4/flash.rs"]
+mod flash;
+mod gate_driver;
+#[path = "stm32g4/motor_stage.rs"]
+mod motor_stage;
+mod overcurrent;
+mod pins;
+#[path = "stm32g4/power_stage.rs"]
+mod power_stage;
+#[path = "stm32g4/prefetch.rs"]
+mod prefetch;
+#[path = "stm32g4/rates.rs"]
+mod rates;
+mod sampling;
+mod scales;
+#[path = "stm32g4/start.rs"]
+mod start;
+#[path = "stm32g4/stops.rs"]
+mod stops;
+#[path = "stm32g4/watchdog.rs"]
+mod watchdog;
+
+use defmt_rtt as _;
+
+defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
+
+pub use power_stage::open_bridge;
+
+/// The board and its wiring, as in the file of another board's image.
+// SAFETY: the linker script keeps this section out of the flash.
+#[unsafe(link_section = ".board_identity")]
+#[used]
+static BOARD_IDENTITY: [u32; 2] = [u32::from_be_bytes(*b"ESC1"), pins::WIRING];
+
+#[rtic::app(device = embassy_stm32, peripherals = false)]
+mod app {
+    use super::can::{self, Controller};
+    use super::encoder::Encoder;
+    use super::flash::ChipFlash;
+    use super::motor_stage::{MotorStage, measure_offsets};
+    use super::power_stage::Stage;
+    use super::{clocks, overcurrent, pins, prefetch, sampling, scales, start, watchdog};
+    use compensator_core::can::Frame;
+    use core::mem::MaybeUninit;
+    use cortex_m::peripheral::DWT;
+    use embassy_stm32::gpio::{Level, Output, Speed};
+    use embassy_stm32::interrupt::{InterruptExt, Priority};
+    use embassy_time::Instant;
+    use firmware::background::{Background, Board, BoardState, RoundOutcome};
+    use firmware::compact::CompactNode;
+    use firmware::driver::{Boot, Identity};
+    use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
+    use firmware::loop_parts::LoopParts;
+    use firmware::loop_task::LoopTask;
+    use firmware::node_settings::NodeSettings;
+    use firmware::parameter_set::ParameterSet;
+    use firmware::sensors::SensorParameters;
+    use firmware::sensors::encoder::{EncoderKind, MotorEncoder};
+    use firmware::sensors::thermistor::Thermistor;
+    use firmware::{heat_memory, panic, stack_guard};
+    use heapless::spsc::{Consumer, Producer, Queue};
+
+    /// Capacity of the queue of received frames. The background may be away while it evaluates parameters.
+    const RECEIVE_QUEUE_FRAMES: usize = 32;
+
+    /// The node on its bus.
+    type Node = CompactNode<ChipFlash>;
+
+    #[shared]
+    struct Shared {}
+
+    #[local]
+    struct Local {
+        // Owned by the current loop.
+        task: LoopTask,
+        stage: MotorStage,
+        port: LoopPort<'static>,
+        // Owned by the receive interrupt.
+        frames_out: Producer<'static, Frame>,
+        // Owned by the background.
+        background: &'static mut Background<Node>,
+        board: JointBoard,
+    }
+
+    #[init(local = [
+        place: MaybeUninit<Background<Node>> = MaybeUninit::uninit(),
+        frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
+        queues: LoopQueues = LoopQueues::new(),
+    ])]
+    fn init(mut context: init::Context) -> (Shared, Local) {
+        let is_ram_kept = stack_guard::is_ram_kept();
+        let stack_overflowed = stack_guard::take_overflow();
+        stack_guard::paint();
+        let panicked = panic::take();
+        let cause = start::reset_cause(is_ram_kept);
+        let peripherals = embassy_stm32::init(clocks::clocks(pins::CRYSTAL));
+        let connections = pins::connections(&peripherals);
+        let wired = pins::wiring(peripherals);
+        prefetch::enable();
+        watchdog::start(wired.inside.watchdog);
+        // embassy leaves this interrupt at the highest priority, equal to the loop's.
+        embassy_stm32::interrupt::TIM2.set_priority(Priority::P12);
+        context.core.DCB.enable_trace();
+        context.core.DWT.enable_cycle_counter();
+        // They stay as they are.
+        core::mem::forget((
+            Output::new(wired.transceiver.shutdown, Level::Low, Speed::Low),
+            Output::new(wired.transceiver.termination, pins::TERMINATES_BUS.into(), Speed::Low),
+        ));
+
+        let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
+        let are_duties_at_top = stage.start();
+        let shunts = measure_offsets(&mut stage);
+        watchdog::refresh_if_loop_runs();
+        start::check_brown_out_level();
+
+        let boot = Boot {
+            cause,
+            panic: panicked.as_deref(),
+            stack_overflowed,
+            self_test_passed: are_duties_at_top
+                && pins::wiring::are_connected(connections.as_ref())
+                && shunts.iter().all(Option::is_some),
+            winding_rise_k: heat_memory::kept(),
+            home: None,
+            program: None,
+        };
+        let store = ChipFlash::new(wired.inside.flash);
+        let background = place_background(context.local.place, store);
+        background.load(&boot, Instant::now().as_micros());
+        watchdog::refresh_if_loop_runs();
+        let node = background.driver();
+        let set = firmware::background::JointNode::set(node);
+        let kind = EncoderKind::of(set.sensors.encoder_kind);
+        let inputs = Encoder::connect(kind, wired.lines);
+        overcurrent::follow(set.motor.overcurrent_a);
+        let task = loop_task(set);
+        let (bit_rate, data_bit_rate) = (node.bit_rate_kbit(), node.data_bit_rate_kbit());
+        let controller = Controller::start(wired.can, node.node(), bit_rate, data_bit_rate);
+        let sign = set.sensors.shunt_sign;
+        let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
+        let encoder = MotorEncoder::new(&set.sensors, &set.motor);
+        let thermistor = set.sensors.bridge_thermistor();
+        let stage = MotorStage { stage, encoder, inputs, shunts };
+
+        let (frames_out, frames) = context.local.frames.split();
+        let now_us = Instant::now().as_micros();
+        let (port, link) = context.local.queues.split(scales::STAGE, now_us);
+        let board = JointBoard { controller, frames, link, thermistor };
+        (Shared {}, Local { task, stage, port, frames_out, background, board })
+    }
+
+    /// Creates the background loop with defaults.
+    // Not inlined: only then the node loads its parameters, and both take much of the stack.
+    #[inline(never)]
+    fn place_background(
+        place: &'static mut MaybeUninit<Background<Node>>,
+        store: ChipFlash,
+    ) -> &'static mut Background<Node> {
+        let now_us = Instant::now().as_micros();
+        let identity =
+            Identity { hardware: "B-G431B-ESC1", serial: clocks::serial(), stage: scales::STAGE };
+        let node = CompactNode::with_defaults(NodeSettings::default(), store, identity, now_us);
+        place.write(Background::new(node, now_us))
+    }
+
+    // Not inlined: its stack is free again during the rest of the start.
+    #[inline(never)]
+    fn loop_task(set: &ParameterSet) -> LoopTask {
+        LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)
+    }
+
+    /// Runs one period of the current loop.
+    #[task(binds = ADC1_2, priority = 15, local = [task, stage, port])]
+    fn current_loop(context: current_loop::Context) {
+        let local = context.local;
+        let now = DWT::cycle_count();
+        let triggered = now.wrapping_sub(local.stage.stage.since_trigger());
+        if !local.stage.stage.is_due() {
+            return;
+        }
+        watchdog::count_period();
+        local.task.interrupt(local.stage, local.port, triggered, now);
+    }
+
+    /// Moves frames from the controller to the queue, before its FIFO is full.
+    #[task(binds = FDCAN1_IT0, priority = 8, local = [frames_out])]
+    fn receive(context: receive::Context) {
+        let queue = context.local.frames_out;
+        can::receive(|frame| {
+            if queue.enqueue(frame).is_err() {
+                can::record_lost();
+            }
+        });
+    }
+
+    /// Runs the background loop.
+    #[idle(local = [background, board])]
+    fn idle(context: idle::Context) -> ! {
+        let local = context.local;
+        loop {
+            match local.background.round(local.board) {
+                RoundOutcome::Sleep => cortex_m::asm::wfi(),
+                RoundOutcome::Continue => {}
+                // A reset opens the bridge.
+                RoundOutcome::Restart => cortex_m::peripheral::SCB::sys_reset(),
+            }
+        }
+    }
+
+    /// The board as the background loop uses it.
+    pub struct JointBoard {
+        controller: Controller,
+        frames: Consumer<'static, Frame>,
+        link: LoopLink<'static>,
+        thermistor: Thermistor,
+    }
+
+    impl Board for JointBoard {
+        const RESTART_FLUSH_US: u64 = 20_000;
+
+        // Not inlined: reading a 64-bit clock from its timer takes 50 bytes.
+        #[inline(never)]
+        fn now_us(&mut self) -> u64 {
+            Instant::now().as_micros()
+        }
+
+        fn receive(&mut self) -> Option<Frame> {
+            self.frames.dequeue()
+        }
+
+        fn has_room_for(&mut self, identifier: u16) -> bool {
+            self.controller.has_room_for(identifier)
+        }
+
+        fn send(&mut self, frame: &Frame) {
+            self.controller.send(frame);
+        }
+
+        fn is_idle(&mut self) -> bool {
+            self.controller.is_idle()
+        }
+
+        fn apply_sensors(&mut self, sensors: &SensorParameters) {
+            self.thermistor = sensors.bridge_thermistor();
+        }
+
+        fn accept_identifiers(&mut self, identifiers: &[u16; 7]) {
+            self.controller.accept(identifiers);
+        }
+
+        fn state(&mut self, _now_us: u64) -> BoardState {
+            BoardState {
+                bridge_temperature_c: Some(
+                    self.thermistor.temperature_c(sampling::thermistor_share()),
+                ),
+                stack_intact: stack_guard::is_intact(),
+                receiver_overrun: self.controller.take_overrun(),
+                can: self.controller.state(),
+                ..BoardState::default()
+            }
+        }
+
+        fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
+            Some(&mut self.link)
+        }
+
+        fn keep_heat(&mut self, rise_k: f32) {
+            heat_memory::keep(rise_k);
+        }
+
+        fn refresh_watchdog(&mut self) {
+            watchdog::refresh_if_loop_runs();
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! Scales and levels of this board: the values to change with its parts.
+
+pub use super::clocks::CORE_HZ;
+use super::pins::{AMPLIFIER_GAIN, BUS_DIVIDER, SHIFT_KOHM, SHUNT_OHM};
+pub use super::pins::{BREAK_CEILING_A, DEAD_TIME};
+use super::rates::REFERENCE_V;
+pub use super::rates::{CAN_HZ, LIMITS, PWM_TOP, WATCHDOG_US};
+use firmware::control::PERIOD_S;
+use firmware::loop_parts::StageTraits;
+use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, OffsetRange};
+
+/// Share of the shunt's voltage at the input of an amplifier, and the voltage there without current, V: three resistors.
+const SHARE_AND_SHIFT: [f32; 2] = {
+    let [shunt, ground, supply] = [1.0 / SHIFT_KOHM[0], 1.0 / SHIFT_KOHM[1], 1.0 / SHIFT_KOHM[2]];
+    let sum = shunt + ground + supply;
+    [shunt / sum, REFERENCE_V * supply / sum]
+};
+/// Voltage of an ampere at the input of an amplifier, V.
+const INPUT_V_PER_A: f32 = SHUNT_OHM * SHARE_AND_SHIFT[0];
+/// Scale of the shunts: -64/7 of their voltage. A current into the motor lowers it, unless the parameter `shunt_sign` states
+/// otherwise.
+pub const AMPERES_PER_COUNT: f32 =
+    -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * INPUT_V_PER_A * AMPLIFIER_GAIN);
+/// Offsets of the amplifiers that are accepted: 1.5 to 2.3 V. By the resistors, it is 2.06 V.
+pub const OFFSETS: OffsetRange = OffsetRange { above: counts_of(1.5), below: counts_of(2.3) };
+const _: () = {
+    let counts = counts_of(SHARE_AND_SHIFT[1] * AMPLIFIER_GAIN);
+    assert!(OFFSETS.above < counts && counts < OFFSETS.below, "the offset would be refused");
+};
+
+/// Scale of the bus voltage.
+pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / CONVERTER_RANGE_COUNTS as f32
+    * (BUS_DIVIDER[0] + BUS_DIVIDER[1])
+    / BUS_DIVIDER[1];
+
+const fn counts_of(volts: f32) -> u16 {
+    (volts / REFERENCE_V * CONVERTER_RANGE_COUNTS as f32) as u16
+}
+
+/// Returns the level of a comparator at the input of an amplifier for a current out of the motor, A, in converter counts.
+pub const fn comparator_level(current_a: f32) -> u16 {
+    counts_of(SHARE_AND_SHIFT[1] + INPUT_V_PER_A * current_a)
+}
+
+/// Settling time of an amplifier once its low side conducts, s: 1.3 us were measured on this board.
+const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
+/// Properties of the stage that the loop uses.
+pub const STAGE: StageTraits = StageTraits {
+    // Counter and levels are read in the interrupt.
+    encoder_age_s: 0.0,
+    biss_age_s: 0.0,
+    current_max_a: OFFSETS.measurable_a(AMPERES_PER_COUNT),
+    modulation_max: StageTraits::max_modulation(
+        PERIOD_S,
+        DEAD_TIME as f32 / CORE_HZ as f32,
+        AMPLIFIER_SETTLING_S,
+    ),
+};

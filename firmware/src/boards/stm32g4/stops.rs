@@ -1,0 +1,35 @@
+//! Handlers of the exceptions that stop the driver.
+
+use super::{flash, power_stage};
+use embassy_stm32::pac;
+use firmware::panic_note::Part;
+
+/// Handles memory errors of flash or RAM and a failure of the crystal. The timer has already opened the
+/// bridge.
+///
+/// # Safety
+/// Only the processor calls it.
+#[cortex_m_rt::exception]
+unsafe fn NonMaskableInt() {
+    if flash::ecc_error() {
+        power_stage::clear_system_break();
+        return;
+    }
+    let why = if pac::RCC.cifr().read().cssf() {
+        "clock: the crystal has stopped"
+    } else if pac::SYSCFG.cfgr2().read().spf() {
+        "RAM: parity error"
+    } else {
+        "flash: ECC error in the image"
+    };
+    crate::boards::stop(&[Part::Text(why)]);
+}
+
+/// Stops the driver: an unexpected interrupt is a firmware error.
+///
+/// # Safety
+/// Only the processor calls it.
+#[cortex_m_rt::exception]
+unsafe fn DefaultHandler(number: i16) -> ! {
+    crate::boards::stop(&[Part::Text("unexpected interrupt "), Part::Decimal(number as u32)])
+}
