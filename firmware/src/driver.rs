@@ -31,7 +31,7 @@ pub use counters::Counters;
 pub use device::{Boot, Identity};
 pub use home::{KeptHome, MOVED_MAX_TURNS};
 pub use loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S, TouchEdges};
-pub(crate) use loop_data::{PeriodValues, ReportStatus};
+pub(crate) use loop_data::{PeriodValues, ReportStatus, ReportedAngle};
 
 use crate::access::Key;
 use crate::control::Covariates;

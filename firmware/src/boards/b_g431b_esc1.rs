@@ -167,7 +167,7 @@ mod app {
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
         let encoder = MotorEncoder::new(&set.sensors, &set.motor);
         let thermistor = set.sensors.bridge_thermistor();
-        let stage = MotorStage { stage, encoder, inputs, shunts };
+        let stage = MotorStage { stage, encoder, inputs, shunts, touch: None };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();

@@ -196,7 +196,7 @@ mod app {
             inputs.use_biss();
         }
         let touch = Input::new(wired.touch.input, Pull::Down);
-        let stage = MotorStage { stage, encoder, inputs, shunts, touch };
+        let stage = MotorStage { stage, encoder, inputs, shunts, touch: Some(touch) };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();

@@ -28,7 +28,7 @@ const UNITS_PER_TURN: f32 = (1u64 << 32) as f32;
 pub struct KeptHome {
     /// Joint position, rad.
     pub position_rad: f32,
-    /// Angle of the encoder at that position, 2^-32 turns of the motor.
+    /// Angle of the rotor from the encoder's zero at that position, 2^-32 turns, in the motor's direction.
     pub encoder: u32,
     /// Number of the parameters of the shaft.
     pub shaft: u32,
@@ -84,10 +84,10 @@ pub fn shaft_number(set: &ParameterSet) -> u32 {
     values.into_iter().fold(0, |number: u32, value| number.rotate_left(7) ^ value.to_bits())
 }
 
-/// Returns the rotation of the joint in a turn of the encoder, rad.
+/// Returns the rotation of the joint in a turn of the rotor, rad.
 fn joint_rad_per_turn(set: &ParameterSet) -> f32 {
     let motor = &set.motor;
-    core::f32::consts::TAU * motor.encoder_direction * motor.joint_direction / motor.gear_ratio
+    core::f32::consts::TAU * motor.joint_direction / motor.gear_ratio
 }
 
 #[cfg(test)]
@@ -115,7 +115,7 @@ mod tests {
             assert_eq!(home, kept(&set));
             for (turned, sign) in [(QUARTER, 1.0), (QUARTER.wrapping_neg(), -1.0)] {
                 let position = home.position_at(home.encoder.wrapping_add(turned), &set);
-                let expected = 1.5 + sign * encoder * joint * core::f32::consts::TAU / 4.0 / 51.0;
+                let expected = 1.5 + sign * joint * core::f32::consts::TAU / 4.0 / 51.0;
                 assert!((position.expect("it is known") - expected).abs() < 1e-6);
             }
         }

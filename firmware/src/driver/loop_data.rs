@@ -86,8 +86,6 @@ pub struct LoopReport {
     pub position_rad: f32,
     /// Joint position from an arbitrary zero, rad; valid as long as the encoder is.
     pub turned_rad: f32,
-    /// Angle of the encoder, 2^-32 turns of the motor; `None` if there was no valid one.
-    pub encoder: Option<u32>,
     /// Rotor's mechanical angle at this position, 2^-32 turns.
     pub rotor_angle: u32,
     /// Torque of the measured current at the joint, Nm.
@@ -149,10 +147,8 @@ pub(crate) struct PeriodValues {
     pub velocity_rad_s: f32,
     /// See [`LoopReport::turned_rad`].
     pub turned_rad: f32,
-    /// See [`LoopReport::encoder`].
-    pub encoder: Option<u32>,
     /// See [`LoopReport::rotor_angle`].
-    pub rotor_angle: u32,
+    pub rotor: ReportedAngle,
     /// See [`LoopReport::motor_torque_nm`].
     pub motor_torque_nm: f32,
     /// See [`LoopReport::friction_torque_nm`].
@@ -163,9 +159,29 @@ pub(crate) struct PeriodValues {
     pub residual_torque_nm: f32,
     /// Gain on the levels of the tuned set in use.
     pub level_gain: f32,
-    /// True if whole turns are known.
-    pub is_referenced: bool,
 }
+
+/// Angle of the rotor, and whether whole turns are known: its lowest bit. The values of a period are copied in the interrupt,
+/// by a call instead of in place if they take more than 64 bytes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ReportedAngle(u32);
+
+impl ReportedAngle {
+    #[inline(always)]
+    pub(crate) const fn new(angle: u32, is_referenced: bool) -> Self {
+        Self(angle & !1 | is_referenced as u32)
+    }
+
+    const fn angle(self) -> u32 {
+        self.0 & !1
+    }
+
+    const fn is_referenced(self) -> bool {
+        self.0 & 1 != 0
+    }
+}
+
+const _: () = assert!(size_of::<PeriodValues>() <= 64, "copied by a call");
 
 impl PeriodValues {
     /// Before the first report.
@@ -178,14 +194,12 @@ impl PeriodValues {
         voltage_q_v: 0.0,
         velocity_rad_s: 0.0,
         turned_rad: 0.0,
-        encoder: None,
-        rotor_angle: 0,
+        rotor: ReportedAngle::new(0, false),
         motor_torque_nm: f32::NAN,
         friction_torque_nm: 0.0,
         feed_forward_current_a: 0.0,
         residual_torque_nm: f32::NAN,
         level_gain: 1.0,
-        is_referenced: false,
     };
 }
 
@@ -208,7 +222,7 @@ pub(crate) struct ReportStatus {
 impl LoopReport {
     /// Returns the report of these parts, with a sample of this instant.
     pub(crate) fn join(values: &PeriodValues, status: &ReportStatus, probe: ProbeReport) -> Self {
-        let position_rad = if values.is_referenced { values.turned_rad } else { f32::NAN };
+        let position_rad = if values.rotor.is_referenced() { values.turned_rad } else { f32::NAN };
         Self {
             bus_voltage_v: Some(values.bus_voltage_v),
             phase_currents_a: Some(values.phase_currents_a),
@@ -219,8 +233,7 @@ impl LoopReport {
             velocity_rad_s: values.velocity_rad_s,
             position_rad,
             turned_rad: values.turned_rad,
-            encoder: values.encoder,
-            rotor_angle: values.rotor_angle,
+            rotor_angle: values.rotor.angle(),
             motor_torque_nm: values.motor_torque_nm,
             friction_torque_nm: values.friction_torque_nm,
             feed_forward_current_a: values.feed_forward_current_a,
@@ -254,7 +267,6 @@ impl Default for LoopReport {
             velocity_rad_s: 0.0,
             position_rad: f32::NAN,
             turned_rad: 0.0,
-            encoder: None,
             rotor_angle: 0,
             motor_torque_nm: f32::NAN,
             friction_torque_nm: 0.0,

@@ -13,7 +13,7 @@
 use super::LoopTask;
 use crate::control::probe::ProbeReport;
 use crate::control::{Compensate, CycleResult, LoopFlags, StageSample, ValidChannels};
-use crate::driver::{LoopReport, PeriodValues, ReportStatus, TouchEdges};
+use crate::driver::{LoopReport, PeriodValues, ReportStatus, ReportedAngle, TouchEdges};
 use crate::loop_link::{LoopPort, ReportSender};
 use crate::scope::{ScopeRow, signal};
 use compensator_core::Flags;
@@ -166,14 +166,15 @@ impl LoopTask {
             voltage_q_v: cycle.voltage_v[1],
             velocity_rad_s: cycle.velocity_rad_s,
             turned_rad: cycle.position_rad,
-            encoder: valid.contains(ValidChannels::ENCODER).then_some(sample.encoder),
-            rotor_angle: self.current_loop.rotor_angle(),
+            rotor: ReportedAngle::new(
+                self.current_loop.rotor_angle(),
+                !cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED),
+            ),
             motor_torque_nm: cycle.motor_torque_nm,
             friction_torque_nm: cycle.friction_torque_nm,
             feed_forward_current_a: cycle.feed_forward_current_a,
             residual_torque_nm: known(cycle.residual_torque_nm, cycle.residual_valid),
             level_gain: self.level_gain,
-            is_referenced: !cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED),
         };
     }
 }

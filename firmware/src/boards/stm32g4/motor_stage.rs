@@ -22,8 +22,8 @@ pub struct MotorStage {
     pub inputs: Encoder,
     /// Scaling of phases a and b; `None` if its offset was refused.
     pub shunts: [Option<Shunt>; 2],
-    /// Input of the touch probe.
-    pub touch: Input<'static>,
+    /// Input of the touch probe, if the board has one.
+    pub touch: Option<Input<'static>>,
 }
 
 impl PowerStage for MotorStage {
@@ -46,7 +46,7 @@ impl PowerStage for MotorStage {
 
     #[inline(always)]
     fn is_touched(&self) -> bool {
-        self.touch.is_high()
+        self.touch.as_ref().is_some_and(Input::is_high)
     }
 
     #[inline(always)]

@@ -32,9 +32,9 @@ impl<F: NorFlash> Device<F> {
         match self.home {
             HomeState::Settled => {}
             HomeState::Kept(kept) => {
-                let Some(encoder) = report.encoder.filter(|_| !is_lost) else { return };
+                let Some(encoder) = self.angle_from_zero(report) else { return };
                 let turned_rad = report.turned_rad;
-                match kept.position_at(encoder, self.staging.active()) {
+                match kept.position_at(encoder as u32, self.staging.active()) {
                     Ok(position_rad) => {
                         self.home = HomeState::Known(kept, [position_rad, turned_rad]);
                     }
@@ -60,10 +60,10 @@ impl<F: NorFlash> Device<F> {
         }
         let (report, set) = (self.current_loop.report(), self.staging.active());
         let is_own = self.settings.source == InputSource::Sensors && is_absolute(set);
-        let encoder = report.encoder.filter(|_| is_own && report.position_rad.is_finite())?;
-        Some(KeptHome {
+        let encoder = self.angle_from_zero(report)?;
+        (is_own && report.position_rad.is_finite()).then(|| KeptHome {
             position_rad: report.position_rad,
-            encoder,
+            encoder: encoder as u32,
             shaft: shaft_number(set),
             may_move: self.is_bridge_in_use() || !self.is_standing(),
         })

@@ -144,7 +144,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the angle of the rotor from the encoder's zero, 2^-32 turns; `None` while it is unknown.
-    fn angle_from_zero(&self, report: &LoopReport) -> Option<i32> {
+    pub(super) fn angle_from_zero(&self, report: &LoopReport) -> Option<i32> {
         let motor = &self.set().motor;
         let offset = binary_angle(motor.encoder_offset_rad);
         let zero = if motor.encoder_direction < 0.0 { offset } else { offset.wrapping_neg() };
