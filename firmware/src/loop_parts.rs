@@ -227,6 +227,8 @@ impl LoopParts {
     pub fn build_or_measure_only(set: &ParameterSet, stage: StageTraits) -> Self {
         Self::build(set, stage, PERIOD_S).unwrap_or_else(|_refused| {
             log!(error, "stored parameters cannot be built: {=u32:08X}", _refused.field.number());
+            // Parts that never drive may have currents that the stage cannot measure.
+            let stage = StageTraits { current_max_a: f32::INFINITY, ..stage };
             match Self::build(&ParameterSet::default(), stage, PERIOD_S) {
                 Ok(parts) => parts.measure_only(),
                 Err(refused) => panic!("default parameters: {refused}"),
@@ -238,5 +240,20 @@ impl LoopParts {
     #[must_use]
     pub fn measure_only(self) -> Self {
         Self { may_drive: false, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_defaults_beyond_the_range_of_the_stage_measure_only() {
+        let stage = StageTraits { current_max_a: 1.0, ..StageTraits::NONE };
+        let parts = LoopParts::build_or_measure_only(&ParameterSet::default(), stage);
+        assert!(!parts.may_drive);
+        assert!(
+            LoopParts::build_or_measure_only(&ParameterSet::default(), StageTraits::NONE).may_drive
+        );
     }
 }

@@ -15,6 +15,9 @@ COMPARATORS, COMPARATOR = (1, 2, 4), 1 << 31 | 0b100 << 4 | 1
 # Three resistors at the input of an amplifier, kohm: to the shunt, to ground, to 3.3 V. The shunt has 3 mohm.
 SHUNT_KOHM, GROUND_KOHM, SUPPLY_KOHM, SHUNT_OHM, REFERENCE_V = 1.5, 2.2, 22.0, 0.003, 3.3
 CEILING_A = 40
+# A sample: the converters' flags and results (middle of the amplifiers, 24 V), no break.
+SAMPLE = ((0x5000_0000, 1 << 6), (0x4001_2C10, 0), (0x5000_0080, 2553), (0x5000_0084, 1300), (0x5000_0180, 2553), (0x5000_0184, 2870))
+ADC1_2_VECTOR, PERIODS = 16 + 18, 60
 
 
 def level_a(counts):
@@ -73,7 +76,29 @@ def hard_fault_opens_the_bridge_first(image, place, is_update):
     assert chip.writes[-1][0] == AIRCR, f"the fault does not end with a reset: {chip.writes[-3:]}"
 
 
+def start_reaches_the_background_and_periods_keep_the_bridge_open(image, place, is_update):
+    chip, idle = Chip(image), image.find("3app4idle")[0] & ~1
+    core, arm = chip.core, chip.arm
+    chip.run(image.word_of_vector(1), stack=image.word_of_vector(0), end=idle)
+    assert core.reg_read(arm.UC_ARM_REG_PC) == idle, f"the image does not reach its background: {chip.writes[-2:]}"
+    stack, before = core.reg_read(arm.UC_ARM_REG_SP), len(chip.writes)
+    for address, value in SAMPLE:
+        chip.set_word(address, value)
+    counts = []
+    core.hook_add(chip.unicorn.UC_HOOK_CODE, lambda *call: counts.append(0))
+    periods = []
+    for _ in range(PERIODS):
+        counts.clear()
+        chip.run(image.word_of_vector(ADC1_2_VECTOR), stack=stack, link=idle | 1, end=idle)
+        assert core.reg_read(arm.UC_ARM_REG_PC) == idle, "the interrupt does not return"
+        periods.append(len(counts))
+    closed = [value for address, value in chip.writes[before:] if address == TIM1_BDTR and value & MOE]
+    assert not closed, "the bridge is closed although the joint is not armed"
+    print(f"  measured: one interrupt of the B-G431B-ESC1 takes {min(periods)} to {max(periods)} instructions, bridge off")
+
+
 CHECKS = (
+    start_reaches_the_background_and_periods_keep_the_bridge_open,
     image_lies_in_front_of_the_store,
     statics_and_worst_stack_fit_the_ram,
     comparators_and_amplifiers_are_on_before_the_bridge_may_close,
