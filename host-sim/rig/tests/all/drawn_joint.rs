@@ -192,13 +192,8 @@ fn reset_driver_starts_from_its_flash_on_the_joint_as_it_is() {
         assert!((bench.position_rad() - at).abs() < 0.02, "the joint stays where it is");
         let known = service::starting_set(&bench.joint).motor.inertia_kg_m2;
         assert_eq!(known, inertia);
-        // It does not know its position, and refuses to move until it is homed again.
-        assert_eq!(bench.status() & POSITION_KNOWN, 0);
-        bench.enable();
-        assert!(!bench.is_armed());
-        let position = (bench.position_rad() as f32).to_le_bytes();
-        bench.run(20, 0, |_| None);
-        bench.client.write(Address::new(index::STATE, 6), &position).expect("homed");
+        // It was disarmed and at rest, so its home is kept.
+        assert_eq!(bench.status() & POSITION_KNOWN, POSITION_KNOWN);
         bench.enable();
         assert!(bench.is_armed());
     }
