@@ -78,7 +78,7 @@ pub struct CycleResult {
     pub current_reference_a: f32,
     /// Reference of the current along the magnet, A; 0 unless the bus voltage limits the current.
     pub current_d_reference_a: f32,
-    /// Voltage applied along d and q, V, in the motor's sign.
+    /// Voltage applied along d and q, V, in the motor's sign, without what compensates the dead time.
     pub voltage_v: [f32; 2],
     /// Bus voltage used for the duties, V; 0 if unknown.
     pub bus_v: f32,

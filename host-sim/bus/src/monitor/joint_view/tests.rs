@@ -128,9 +128,9 @@ fn view_with_emergencies_and_objects_updates_faults() {
     model.on_reply(value(3, 0b1001), now_ns);
     model.on_reply(value(4, 1 << 26), now_ns);
     let seen = view(&model, 6);
-    // The joint's own word counts; a code of a newer driver by its number.
+    // The joint's own word counts.
     assert_eq!(seen.codes.faults, ["command-timeout", "overcurrent"]);
-    assert_eq!(seen.codes.limits, ["code-59"]);
+    assert_eq!(seen.codes.limits, ["brake-test-failed"]);
     assert_eq!((seen.state, seen.emergencies, seen.objects_stale), (Some("armed"), 3, false));
     assert!(view(&model, 3000).objects_stale);
     // After a start nothing of that is known any more.
