@@ -197,3 +197,15 @@ fn deviations_of_learnt_gains_are_zero_without_adaptation() {
     let mut bench = Bench::on_sensors();
     assert_eq!(numbers(&mut bench, index::GAIN_DEVIATIONS, [1, 2, 3]), [0.0; 3]);
 }
+
+#[test]
+fn joint_without_slots_reports_no_program_and_refuses_one() {
+    let mut bench = Bench::on_sensors();
+    // Without the slots of a board there is neither a program nor an update, nor a package to receive.
+    assert_eq!([1, 2].map(|slot| bench.number(0x1F56, slot)), [0; 2]);
+    // CiA 302-3: error 63, unspecified.
+    assert_eq!(bench.number(0x1F57, 1), 63 << 1);
+    let program = [1, 2, 3, 5, 7, 8, 9, 10, 11].map(|place| bench.number(index::PROGRAM, place));
+    assert_eq!(program, [0; 9]);
+    assert!(bench.write(index::PROGRAM_DATA, 1, &[0; 24]).is_err());
+}
