@@ -19,6 +19,7 @@ pub use joint_node::JointNode;
 use crate::access::Key;
 use crate::driver::{Boot, Driver, KeptHome, LoopReport};
 use crate::loop_link::LoopLink;
+use crate::sensors::biss::TURN_WORDS;
 use crate::sensors::{LocalReadings, SensorParameters, enclosure};
 use crate::supervisor::CanState;
 use compensator_core::can::{FdTelemetry, Frame};
@@ -44,6 +45,8 @@ pub struct BoardState {
     pub sensors: LocalReadings,
     /// Last readings of the dry side, and the channels of safe torque off.
     pub enclosure: enclosure::Readings,
+    /// First words of the last frame of a BiSS encoder; `None` without one.
+    pub biss: Option<[u16; TURN_WORDS]>,
 }
 
 impl Default for BoardState {
@@ -57,6 +60,7 @@ impl Default for BoardState {
             can: CanState::Active,
             sensors: LocalReadings::default(),
             enclosure: enclosure::Readings::default(),
+            biss: None,
         }
     }
 }
@@ -267,6 +271,7 @@ impl<N: JointNode> Background<N> {
     fn observe(&mut self, state: &BoardState, now_us: u64) {
         self.driver.bus_state(state.receiver_overrun, state.can);
         self.driver.set_enclosure(state.enclosure);
+        self.driver.take_biss(state.biss);
         self.driver.tick(now_us);
     }
 

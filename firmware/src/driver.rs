@@ -42,6 +42,7 @@ use crate::node::{Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
+use crate::sensors::biss::TURN_WORDS;
 use crate::sensors::enclosure;
 use crate::supervisor::{CanState, JointState, Supervisor};
 use compensator_core::adaptation::Gains;
@@ -312,6 +313,11 @@ impl<F: NorFlash> Driver<F> {
     /// Sets the state of the CAN controller, and whether received frames were lost.
     pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
         self.device.bus_state(receiver_overrun, can);
+    }
+
+    /// Sets the first words of the last frame of a BiSS encoder, before a tick; `None` without one.
+    pub fn take_biss(&mut self, words: Option<[u16; TURN_WORDS]>) {
+        self.device.take_biss(words);
     }
 
     /// Sets the secret of the access challenges: random bytes of the board, new at every start. Without them, the

@@ -6,7 +6,8 @@
 //! finds the previous set. A sequence number, which may wrap around, decides which of two intact sets is
 //! newer. Each double word is read back after it is written, so unreadable data is never committed. Each
 //! load checks the CRC. If the newer set is damaged, the older one is used. The end of each slot has a copy of what a
-//! joint keeps even then ([`Identity`]). Between set and copy lies the trend of its learnt levels ([`TrendEntry`]).
+//! joint keeps even then ([`Identity`]). Between set and copy lie the trend of its learnt levels ([`TrendEntry`]) and
+//! the home of a joint at rest ([`HomeRecord`]).
 //!
 //! Opening only reads. Random bytes, a half-erased page or an unreadable word make a slot
 //! [`SlotState::Damaged`] and have no other effect. (On the STM32G4 a torn double word raises an ECC
@@ -14,12 +15,14 @@
 //! the very end of the commit may leave a cell between 0 and 1. That commit may be valid at one start and
 //! invalid at the next, but an intact set is loaded either way.
 
+mod home_record;
 mod identity;
 pub mod image;
 pub mod memory;
 mod mirror;
 mod trend;
 
+pub use home_record::{FoundHome, HOME_RECORD_BYTES, HOME_RECORDS, HomeRecord};
 pub use identity::{FoundIdentity, IDENTITY_BYTES, Identity};
 pub use trend::{ENTRY_BYTES, LastEntry, TIME_UNIT_S, TrendEntry};
 

@@ -4,6 +4,7 @@ use crate::control::Covariates;
 use crate::driver::{Boot, Driver, KeptHome, LoopCommands, LoopReport};
 use crate::parameter_set::ParameterSet;
 use crate::scope::ScopeRow;
+use crate::sensors::biss::TURN_WORDS;
 use crate::sensors::enclosure;
 use crate::supervisor::CanState;
 use compensator_core::adaptation::Gains;
@@ -41,6 +42,9 @@ pub trait JointNode {
 
     /// Sets the last readings of the dry side, before a tick.
     fn set_enclosure(&mut self, _readings: enclosure::Readings) {}
+
+    /// Sets the first words of the last frame of a BiSS encoder, before a tick.
+    fn take_biss(&mut self, _words: Option<[u16; TURN_WORDS]>) {}
 
     /// Processes a report of the current loop.
     fn report(&mut self, report: &LoopReport);
@@ -116,6 +120,10 @@ impl<F: NorFlash> JointNode for Driver<F> {
 
     fn set_enclosure(&mut self, readings: enclosure::Readings) {
         Self::set_enclosure(self, readings);
+    }
+
+    fn take_biss(&mut self, words: Option<[u16; TURN_WORDS]>) {
+        Self::take_biss(self, words);
     }
 
     fn report(&mut self, report: &LoopReport) {

@@ -344,6 +344,7 @@ mod app {
                 can: self.controller.state(),
                 sensors,
                 enclosure: self.slow.enclosure(now_us),
+                biss: Some(encoder::biss_words()),
             }
         }
 

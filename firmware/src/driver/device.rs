@@ -25,9 +25,11 @@ mod requests;
 mod scope;
 pub(crate) mod seal_sensors;
 mod stopping;
+mod stored_home;
 mod terms;
 mod touch_probe;
 mod trend;
+mod turn_readings;
 pub(crate) mod values;
 mod velocity;
 
@@ -70,8 +72,10 @@ use pdos::Pdos;
 use profile_modes::ProfileModes;
 use seal_sensors::SealSensors;
 use stopping::Stopping;
+use stored_home::StoredHome;
 use touch_probe::TouchProbes;
 use trend::StoredTrend;
+use turn_readings::TurnReadings;
 use velocity::VelocityControl;
 
 /// Maximum number of overruns of a report that are counted: more would delay the background.
@@ -112,7 +116,7 @@ pub struct Boot<'a> {
     /// Rise of the winding above the stator at the end of the previous run, K. `None` if the board has lost it, such as
     /// without power: the winding is then assumed to be hot.
     pub winding_rise_k: Option<f32>,
-    /// Home that the previous run kept; `None` if the board has lost it, such as without power.
+    /// Home that the previous run kept; `None` if the board has lost it, such as without power. The flash may have it then.
     pub home: Option<KeptHome>,
     /// Places of images and parameters, if the board has two banks. Otherwise the parameters use the whole flash, and
     /// there are no updates.
@@ -147,6 +151,8 @@ pub struct Device<F> {
     can: CanState,
     trial: ParameterTrial,
     trend: StoredTrend,
+    stored_home: StoredHome,
+    turn_readings: TurnReadings,
     targets: Targets,
     offsets: Offsets,
     home: kept_home::HomeState,
@@ -289,6 +295,7 @@ impl<F: NorFlash> Device<F> {
         self.watch_session();
         self.tick_program(now_us);
         self.record_trend();
+        self.record_home();
         self.current_loop.mark_report_seen();
         if self.samples.is_hil_armed() && !self.hil_blocking_codes().is_empty() {
             // In HIL the supervisor is not armed and would not trip by itself.

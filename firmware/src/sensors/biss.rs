@@ -16,6 +16,8 @@ use super::evaluation::Evaluation;
 
 /// Words of a frame.
 pub const WORDS: usize = 4;
+/// Words at the start of a frame in which the turns and some bits of the position are.
+pub const TURN_WORDS: usize = 3;
 /// Bits of a word.
 pub const WORD_BITS: u32 = 14;
 /// Bits of turns and position together.
@@ -101,6 +103,40 @@ impl BissEncoder {
         (crc(frame, self.steps) == self.residue).then_some(frame)
     }
 }
+
+/// Returns the number of turns, modulo 2^16, from the first words of a frame, for a position near this angle. `bits` are those
+/// of the position and of the turns. `None` if there is no frame, or if it has another position.
+///
+/// It does not check the CRC: the interrupt has cleared the last word.
+pub fn turns(
+    [first, second, third]: [u16; TURN_WORDS],
+    [bits, turn_bits]: [u32; 2],
+    angle: u32,
+) -> Option<u16> {
+    let join = |high: u64, word: u16| high << WORD_BITS | u64::from(word);
+    let read_bits = TURN_WORDS as u32 * WORD_BITS;
+    let line = join(join(first.into(), second), third) << (64 - read_bits);
+    let idle = line.leading_ones();
+    let busy = (line << idle).leading_zeros();
+    let data_at = idle + busy + 2;
+    let position_bits = read_bits.checked_sub(data_at + turn_bits)?.min(bits);
+    if idle == 0 || turn_bits == 0 || position_bits < LEAST_POSITION_BITS {
+        return None;
+    }
+    let data = line << data_at;
+    let position = (data << turn_bits >> 32) as u32 & u32::MAX << (32 - position_bits);
+    let turned = angle.wrapping_sub(position) as i32;
+    if turned.unsigned_abs() > 2 << (32 - LEAST_POSITION_BITS) {
+        return None;
+    }
+    // The angle may lie beyond the end of the turn of the frame.
+    let both =
+        (data >> (64 - turn_bits) << 32 | u64::from(position)).wrapping_add_signed(turned.into());
+    Some((both >> 32) as u16)
+}
+
+/// Bits of the position with which it can be compared: 64 parts of a turn.
+const LEAST_POSITION_BITS: u32 = 6;
 
 /// Returns the CRC of the highest bits, in steps of five: for these, the remainder of x^6 is a multiple of x + 1.
 #[inline(always)]

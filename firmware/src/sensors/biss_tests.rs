@@ -82,3 +82,38 @@ fn line_that_is_open_low_or_not_exchanged_is_missing() {
     let late = words(2, 30, 0x2_A5A5 << 2 | 3, 20, 0);
     assert_eq!(encoder.evaluate(Some(late)), Evaluation::Missing);
 }
+
+#[test]
+fn turns_follow_the_angle_over_the_end_of_a_turn() {
+    for (bits, turn_bits) in [(18, 12), (10, 24), (19, 16), (26, 12), (32, 8)] {
+        let most = (1u64 << turn_bits) - 1;
+        for (turns, position, angle, expected) in [
+            (5, 0, 0, 5),
+            (5, 0, u32::MAX - 1000, 4),
+            (5, (1u64 << bits) - 1, 1000, 6),
+            (most, (1u64 << bits) - 1, u32::MAX, most),
+        ] {
+            let covered = (turns << bits | position) << 2 | 3;
+            for (idle, busy) in [(1, 1), (2, 3)] {
+                let [a, b, c, _] = words(idle, busy, covered, bits + turn_bits + 2, 0);
+                let read = turns_of(&[a, b, c], [bits, turn_bits], angle);
+                assert_eq!(read, Some(expected as u16), "{bits} {turn_bits} {turns} {angle}");
+            }
+        }
+    }
+}
+
+fn turns_of(words: &[u16; TURN_WORDS], bits: [u32; 2], angle: u32) -> Option<u16> {
+    super::turns(*words, bits, angle)
+}
+
+#[test]
+fn turns_with_another_position_or_without_a_frame_are_none() {
+    let [a, b, c, _] = words(2, 1, (7u64 << 18) << 2 | 3, 32, 0);
+    assert_eq!(turns_of(&[a, b, c], [18, 12], 0), Some(7));
+    assert_eq!(turns_of(&[a, b, c], [18, 12], 1 << 30), None);
+    assert_eq!(turns_of(&[a, b, c], [18, 0], 0), None);
+    for line in [0, 0x3FFF] {
+        assert_eq!(turns_of(&[line; 3], [18, 12], 0), None);
+    }
+}

@@ -13,6 +13,7 @@
 //! | 20 | 4 | the same, inverted: a commit is never all ones, which is what erased flash reads as |
 //! | 24 | .. | payload, padded with 0 to a double word; the CRC covers the padding |
 //! | .. | .. | trend of the learnt levels (`trend.rs`), or erased |
+//! | .. | 480 | records of the home (`home_record.rs`), or erased; none in a slot of one page |
 //! | .. | 48 | at the end of the slot: a copy of the identity (`identity.rs`) |
 //!
 //! A double word is either programmed completely or torn. The commit is one double word, so it is either

@@ -5,24 +5,33 @@
 //! sequence number, and the driver goes on with the copy. The original stays: an earlier image that starts again finds
 //! it, even if the copy is replaced by a set with a layout that this image does not know.
 
-use super::{FoundIdentity, Identity, MAX_PAYLOAD, Store, is_newer};
+use super::{FoundHome, FoundIdentity, Identity, MAX_PAYLOAD, Store, is_newer};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Store<F> {
     /// Opens the store in the other bank. If the newest set that this firmware can read is in the own bank, it is copied
     /// before; if the copy fails, the own bank's store is used. `identity_of` returns the identity in a set. Returns the
-    /// journals in the own bank, for [`Store::restore_trend`]: they may be newer, also if the set is in both banks.
+    /// journals in the own bank, for [`Store::restore_trend`]: they may be newer, also if the set is in both banks. Returns the
+    /// home, too. One in the own bank is used once: it is marked, because later records are in the other bank.
     pub fn open_mirrored(
         &mut self,
         own: [Range<u32>; 2],
         other: [Range<u32>; 2],
         identity_of: fn(&[u8]) -> Option<Identity>,
-    ) -> [Range<u32>; 2] {
+    ) -> ([Range<u32>; 2], FoundHome) {
         self.move_to(own.clone());
         let journals = [self.places_in(0), self.places_in(1)];
+        let before = self.find_home();
+        let is_marked = self.mark_home().is_ok();
         self.open_newest(own, other, identity_of);
-        journals
+        let home = match (before, self.find_home()) {
+            (FoundHome::At(_), FoundHome::At(_)) => FoundHome::Lost,
+            (FoundHome::At(_), _) if is_marked => before,
+            (FoundHome::None, home) | (FoundHome::Lost, home @ FoundHome::At(_)) => home,
+            _ => FoundHome::Lost,
+        };
+        (journals, home)
     }
 
     // Not inlined: its buffer is free again when the set is loaded.

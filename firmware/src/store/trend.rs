@@ -1,6 +1,6 @@
 //! Trend of the learnt friction levels: a journal of small entries that survives restarts.
 //!
-//! The entries lie in the slot of the current set, between the end of its payload and the copy of the identity. Those pages
+//! The entries lie in the slot of the current set, between the end of its payload and the records of the home. Those pages
 //! are erased by each save anyway, and no other page of a bank is free. An entry needs no erase: it is programmed into the
 //! next two double words.
 //!
@@ -20,7 +20,7 @@
 //! | 12 | 2 | term whose gain differs most from 1: bits 13 to 15 its place in the set, the others its gain in units of 0.002 |
 //! | 14 | 2 | low half of the CRC-32 (ISO-HDLC) of everything else |
 
-use super::identity::copy_place;
+use super::home_record::home_places;
 use super::image::{PAYLOAD_AT, UNIT_BYTES, crc};
 use super::{MAX_PAYLOAD, SlotState, Store, StoreError};
 use core::ops::Range;
@@ -162,7 +162,7 @@ impl<F: NorFlash> Store<F> {
     /// Saves the current set again, in the other slot.
     // Not inlined: its buffer is on the stack.
     #[inline(never)]
-    fn renew_slot(&mut self) -> Result<(), StoreError> {
+    pub(super) fn renew_slot(&mut self) -> Result<(), StoreError> {
         let mut payload = [0; MAX_PAYLOAD];
         let loaded = self.load(&mut payload).map_err(|_| StoreError::Slots)?;
         let slot = self.slots.get(loaded.slot).cloned().unwrap_or_default();
@@ -182,7 +182,7 @@ impl<F: NorFlash> Store<F> {
         match (self.states.get(slot), self.slots.get(slot)) {
             (Some(SlotState::Whole { length, .. }), Some(range)) => {
                 let start = range.start + PAYLOAD_AT + length.next_multiple_of(UNIT_BYTES) as u32;
-                start..copy_place(range).unwrap_or(start).max(start)
+                start..home_places(range).start.max(start)
             }
             _ => 0..0,
         }

@@ -22,6 +22,7 @@ mod parameters;
 mod pdos;
 mod sensors;
 mod stock_master;
+mod stored_home;
 mod target_deadline;
 mod touch_probe;
 mod transfers;

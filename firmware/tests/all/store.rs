@@ -4,6 +4,7 @@
 //! Afterwards the store must hold the old or the new set completely and must accept further saves.
 
 mod flashes;
+mod home;
 mod layout;
 mod memory;
 mod trend;

@@ -125,6 +125,8 @@ struct PeriodInputs<'a> {
     /// Angle that an AS504x latches, counts; that which an encoder with BiSS C latches, and the present one, turns.
     latched: u16,
     serial_turns: f64,
+    /// The last frame of BiSS C.
+    serial_frame: &'a mut u64,
     turns: f64,
 }
 
@@ -149,9 +151,14 @@ impl EncoderInputs for PeriodInputs<'_> {
 
     fn biss(&mut self) -> Option<[u16; biss::WORDS]> {
         let frame = self.serial.frame(self.serial_turns);
-        let word = |at: usize| frame << (at as u32 * biss::WORD_BITS) >> (64 - biss::WORD_BITS);
-        Some(std::array::from_fn(|at| word(at) as u16))
+        *self.serial_frame = frame;
+        Some(std::array::from_fn(|at| word_of(frame, at)))
     }
+}
+
+/// Returns a word of a frame, from 0.
+fn word_of(frame: u64, at: usize) -> u16 {
+    (frame << (at as u32 * biss::WORD_BITS) >> (64 - biss::WORD_BITS)) as u16
 }
 
 /// Shunts and encoder of the board.
@@ -164,6 +171,8 @@ pub struct BoardSensors {
     incremental: RefCell<Incremental>,
     serial: RefCell<SerialEncoder>,
     is_serial: bool,
+    /// The last frame of BiSS C.
+    serial_frame: u64,
     /// Drift of the amplifiers of phases a and b since start-up, A.
     pub drift_a: [f64; 2],
     /// Resolution of the bus voltage measurement, V.
@@ -189,6 +198,7 @@ impl BoardSensors {
             state,
             incremental: RefCell::new(Incremental::new(plant.pole_pairs(), seed)),
             serial: RefCell::new(SerialEncoder::new(seed)),
+            serial_frame: 0,
             is_serial: EncoderKind::of(set.sensors.encoder_kind) == EncoderKind::Biss,
             drift_a: [0.0; 2],
             bus_step_v: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
@@ -230,6 +240,11 @@ impl BoardSensors {
     /// `None` if an AS504x is connected.
     pub fn serial_frame(&self, turns: f64) -> Option<u64> {
         self.is_serial.then(|| self.serial.borrow_mut().frame(turns))
+    }
+
+    /// Returns the first words of the last frame of BiSS C; `None` if an AS504x is connected.
+    pub fn biss_words(&self) -> Option<[u16; biss::TURN_WORDS]> {
+        self.is_serial.then(|| std::array::from_fn(|at| word_of(self.serial_frame, at)))
     }
 
     /// Sets the fault of the quadrature encoder from now on.
@@ -306,6 +321,7 @@ impl BoardSensors {
             incremental: self.incremental.get_mut(),
             serial: self.serial.get_mut(),
             serial_turns: plant.motor_turns() + plant.motor_turns_in(-f64::from(BISS_BEFORE_TOP_S)),
+            serial_frame: &mut self.serial_frame,
             latched: shown,
             turns: plant.motor_turns(),
         });

@@ -2,7 +2,7 @@
 //!
 //! `tests/emulator` implements it with the shipped image on an emulated board, so that the same scenarios run on both.
 
-use crate::{PERIODS_PER_MS, PowerUp, Stage};
+use crate::{BoardSensors, PERIODS_PER_MS, PowerUp, Stage};
 use compensator_core::can::Frame;
 use firmware::access::AccessSettings;
 use firmware::background::{Background, BoardState, JointNode, TICK_US};
@@ -48,6 +48,9 @@ pub trait RigDriver {
 
     /// Resets the processor from outside, as its reset pin does. The driver then stays inactive.
     fn reset(&mut self);
+
+    /// Cuts the power of the processor: RAM loses its content. The driver then stays inactive.
+    fn cut_power(&mut self);
 
     /// Runs 1 ms, in which a driver that was reset starts again from its flash. The joint is as the reset left it.
     ///
@@ -283,7 +286,11 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
             while let Some(frame) = self.deferred_frames.pop_front() {
                 self.background.receive(&frame, self.now_us);
             }
-            if self.background.tick(state, Some(&mut self.link), self.now_us) {
+            let state = BoardState {
+                biss: self.stage.board.as_ref().and_then(BoardSensors::biss_words),
+                ..*state
+            };
+            if self.background.tick(&state, Some(&mut self.link), self.now_us) {
                 self.watchdog_unserviced_ms = 0;
             }
             if self.background.driver().is_reset_requested() {
@@ -322,13 +329,18 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
         (self.is_reset, self.reset_cause) = (true, ResetCause::Pin);
     }
 
+    fn cut_power(&mut self) {
+        (self.is_reset, self.reset_cause) = (true, ResetCause::PowerOn);
+    }
+
     fn restart(&mut self) -> Result<(), String> {
         self.now_us += TICK_US;
         let previous = self.background.driver();
+        let has_memory = self.reset_cause != ResetCause::PowerOn;
         let boot = Boot {
             cause: self.reset_cause,
-            winding_rise_k: previous.winding_rise_k(),
-            home: previous.kept_home(),
+            winding_rise_k: previous.winding_rise_k().filter(|_| has_memory),
+            home: previous.kept_home().filter(|_| has_memory),
             ..Boot::default()
         };
         let flash = previous.flash().clone();

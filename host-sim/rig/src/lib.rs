@@ -340,6 +340,11 @@ impl JointRig<'_> {
         self.driver.reset();
     }
 
+    /// Cuts the power of the processor, whose RAM loses its content.
+    pub fn cut_power(&mut self) {
+        self.driver.cut_power();
+    }
+
     /// Runs 1 ms, in which a driver that was reset starts again from its flash, on the joint as it is.
     ///
     /// # Errors

@@ -524,6 +524,11 @@ impl RigDriver for BoardDriver {
         self.end_run(reset::PIN);
     }
 
+    fn cut_power(&mut self) {
+        self.machine.chip_mut().request_reset();
+        self.end_run(reset::POWER | reset::PIN);
+    }
+
     fn restart(&mut self) -> Result<(), String> {
         let old = self.machine.chip_mut();
         // The joint goes on with the new chip, so that the old one needs another.
@@ -531,7 +536,8 @@ impl RigDriver for BoardDriver {
         let unused = JointWorld::new(Stage::new(unused, &RigFaults::default()), &STANDARD);
         let mut chip = Chip::new(std::mem::replace(&mut old.world, unused));
         chip.clock.set_reset_flags(self.reset_flags);
-        self.machine = self.machine.restarted(chip)?;
+        let has_memory = self.reset_flags & reset::POWER == 0;
+        self.machine = self.machine.restarted(chip, has_memory)?;
         self.frames.clear();
         (self.is_reset, self.is_silent, self.ahead) = (false, false, 0);
         self.run(MILLISECOND_CYCLES);

@@ -74,15 +74,27 @@ impl<W: World + 'static> Machine<W> {
         Self::start(chip, FLASH.0)
     }
 
-    /// Starts a chip after a reset, from where this machine did: flash and RAM keep their content.
+    /// Starts a chip after a reset, from where this machine did: flash and RAM keep their content. After a power cut RAM has
+    /// any content.
     ///
     /// # Errors
     /// Returns one line if the emulator cannot be set up.
-    pub fn restarted(&self, mut chip: Chip<W>) -> Result<Self, String> {
+    pub fn restarted(&self, mut chip: Chip<W>, has_memory: bool) -> Result<Self, String> {
         chip.flash = self.chip().flash.after_reset();
         let mut next = Self::start(chip, self.vectors)?;
         for (first, length) in [RAM, CCM] {
-            next.write_memory(first, &self.read_memory(first, length as usize));
+            let mut content = self.read_memory(first, length as usize);
+            if !has_memory {
+                // Marsaglia's xorshift over what was there.
+                let mut noise = first | 1;
+                content.iter_mut().for_each(|byte| {
+                    noise ^= noise << 13;
+                    noise ^= noise >> 17;
+                    noise ^= noise << 5;
+                    *byte ^= noise as u8;
+                });
+            }
+            next.write_memory(first, &content);
         }
         Ok(next)
     }

@@ -236,6 +236,12 @@ impl EncoderInputs for Encoder {
     }
 }
 
+/// Returns the first words of the last frame of BiSS C. With another encoder they have no meaning.
+pub fn biss_words() -> [u16; biss::TURN_WORDS] {
+    let [first, second, third, _] = &ANSWERS;
+    [first, second, third].map(|word| word.load(Ordering::Relaxed))
+}
+
 /// Returns true if divider and source of the encoder's clock have the expected values, and the timer runs in
 /// the expected phase. Call it while both timers run.
 pub fn is_set_up_correctly() -> bool {

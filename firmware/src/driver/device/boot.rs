@@ -21,8 +21,10 @@ use crate::node::sdo::Abort;
 use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::scope::Scope;
 use crate::sensors::enclosure;
-use crate::store::{FoundIdentity, LoadError, is_newer};
+use crate::store::{FoundHome, FoundIdentity, LoadError, is_newer};
 use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
+use crate::update::Program;
+use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -61,6 +63,8 @@ impl<F: NorFlash> Device<F> {
             compensation: Default::default(),
             adaptation: Default::default(),
             trend: Default::default(),
+            stored_home: Default::default(),
+            turn_readings: Default::default(),
             seal_sensors: Default::default(),
             position: Default::default(),
             velocity: Default::default(),
@@ -81,15 +85,10 @@ impl<F: NorFlash> Device<F> {
     /// Loads settings and parameters from the store and records how the previous run ended.
     #[inline(never)]
     pub(in crate::driver) fn load(&mut self, boot: &Boot) {
-        let mut journals = Default::default();
-        if let Some(program) = boot.program {
-            journals = self.memory.store_mut().open_mirrored(
-                program.store_slots(true),
-                program.store_slots(false),
-                |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
-            );
-            self.program = ProgramState::new(self.memory.flash_mut(), program, self.now_us);
-        }
+        let (journals, home) = match boot.program {
+            Some(program) => self.open_banks(program),
+            None => (Default::default(), self.memory.store_mut().find_home()),
+        };
         let (mut parameters, sequence) = self.load_block();
         self.trend = StoredTrend::after(self.memory.store_mut().restore_trend(journals));
         self.keep_identity(boot, sequence);
@@ -116,6 +115,18 @@ impl<F: NorFlash> Device<F> {
         self.pdos.set_node(self.settings.node);
         self.restart_adaptation();
         self.begin_home(boot.home);
+        self.begin_stored_home(home);
+    }
+
+    /// Opens the store of a board with two banks. Returns its older journals, and the home.
+    fn open_banks(&mut self, program: Program) -> ([Range<u32>; 2], FoundHome) {
+        let opened = self.memory.store_mut().open_mirrored(
+            program.store_slots(true),
+            program.store_slots(false),
+            |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
+        );
+        self.program = ProgramState::new(self.memory.flash_mut(), program, self.now_us);
+        opened
     }
 
     /// Loads settings and parameters, and returns the sequence number of the set if its settings are known. The defaults stay

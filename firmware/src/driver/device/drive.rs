@@ -81,16 +81,21 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.faults().iter().next().map_or(0, |code| code.info().emergency)
     }
 
-    /// 6041h.
-    pub(in crate::driver) fn statusword(&self) -> u16 {
-        let when = |bit: u16, is_so: bool| if is_so { bit } else { 0 };
+    /// Returns true if the bus voltage is above the level of an undervoltage fault.
+    pub(super) fn is_powered(&self) -> bool {
         let level_v = self.supervisor.thresholds().bus_undervoltage_v;
-        let powered = match self.settings.source {
+        match self.settings.source {
             InputSource::Sensors => {
                 self.current_loop.report().bus_voltage_v.is_some_and(|bus_v| bus_v > level_v)
             }
             InputSource::Bus => true,
-        };
+        }
+    }
+
+    /// 6041h.
+    pub(in crate::driver) fn statusword(&self) -> u16 {
+        let when = |bit: u16, is_so: bool| if is_so { bit } else { 0 };
+        let powered = self.is_powered();
         let limits = self.supervisor.limits();
         let target_rad_s = self.profile.target_micro_rad_s as f32 * 1e-6;
         let too_fast = match self.profile.mode {

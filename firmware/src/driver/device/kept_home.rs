@@ -2,7 +2,7 @@
 
 use super::{Device, InputSource};
 use crate::control::LoopFlags;
-use crate::driver::home::{KeptHome, is_absolute, shaft_number};
+use crate::driver::home::{KeptHome, has_turns, is_absolute, shaft_number};
 use crate::node::sdo::Abort;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -34,7 +34,11 @@ impl<F: NorFlash> Device<F> {
             HomeState::Kept(kept) => {
                 let Some(encoder) = self.angle_from_zero(report) else { return };
                 let turned_rad = report.turned_rad;
-                match kept.position_at(encoder as u32, self.staging.active()) {
+                let (turns, set) = (self.turn_readings.turns(), self.staging.active());
+                if has_turns(set) && kept.turns.is_some() && turns.is_none() {
+                    return;
+                }
+                match kept.position_at((encoder as u32, turns), set) {
                     Ok(position_rad) => {
                         self.home = HomeState::Known(kept, [position_rad, turned_rad]);
                     }
@@ -58,13 +62,20 @@ impl<F: NorFlash> Device<F> {
         if let HomeState::Kept(kept) | HomeState::Known(kept, _) = self.home {
             return Some(kept);
         }
+        self.measured_home().filter(|home| home.position_rad.is_finite())
+    }
+
+    /// Returns angle and position of the last report; `None` without an angle. The position is NaN before homing.
+    pub(super) fn measured_home(&self) -> Option<KeptHome> {
         let (report, set) = (self.current_loop.report(), self.staging.active());
         let is_own = self.settings.source == InputSource::Sensors && is_absolute(set);
-        let encoder = self.angle_from_zero(report)?;
-        (is_own && report.position_rad.is_finite()).then(|| KeptHome {
+        let is_known = is_own && !self.turn_readings.contradict();
+        let encoder = self.angle_from_zero(report).filter(|_| is_known)?;
+        Some(KeptHome {
             position_rad: report.position_rad,
             encoder: encoder as u32,
             shaft: shaft_number(set),
+            turns: self.turn_readings.turns(),
             may_move: self.is_bridge_in_use() || !self.is_standing(),
         })
     }

@@ -72,6 +72,11 @@ impl ProgramState {
         }
     }
 
+    /// Returns true if the running program is not confirmed yet.
+    pub(super) fn is_on_trial(&self) -> bool {
+        self.running == RunningState::Trial
+    }
+
     /// Returns true once the restart into a new program, or out of a failed trial, is due.
     pub(in crate::driver) fn is_restart_due(&self, now_us: u64) -> bool {
         self.session.as_ref().is_some_and(|session| session.is_restart_due(now_us))

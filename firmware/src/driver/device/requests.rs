@@ -64,6 +64,7 @@ impl<F: NorFlash> Device<F> {
             return Err(self.staging.refuse(Abort::Value, why));
         }
         self.begin_home(None);
+        self.outdate_stored_home();
         self.current_loop.set_home(position_rad);
         Ok(())
     }

@@ -4,15 +4,17 @@ use super::{IDENTITY, payload, torn_variants};
 use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
 use firmware::store::{
-    ENTRY_BYTES, Identity, LastEntry, MAX_PAYLOAD, SavePlace, Store, StoreError, TrendEntry,
+    ENTRY_BYTES, HOME_RECORD_BYTES, HOME_RECORDS, Identity, LastEntry, MAX_PAYLOAD, SavePlace,
+    Store, StoreError, TrendEntry,
 };
 use std::ops::Range;
 
 type Flash = MemoryFlash<4>;
 /// Length of the stored set: it leaves room for few entries, so that the journal is soon full.
 const LENGTH: usize = MAX_PAYLOAD;
-/// Places of a slot of two pages beside that set, the header and the copy of the identity.
-const PLACES: u32 = (2 * PAGE_BYTES - 24 - LENGTH - 48) as u32 / ENTRY_BYTES as u32;
+/// Places of a slot of two pages beside that set, the header, the records of the home and the copy of the identity.
+const PLACES: u32 = (2 * PAGE_BYTES - 24 - LENGTH - HOME_RECORDS * HOME_RECORD_BYTES - 48) as u32
+    / ENTRY_BYTES as u32;
 /// Time between two entries of these tests, in units of 10 s.
 const PERIOD: u32 = 90;
 
@@ -261,7 +263,7 @@ fn bank(number: u32) -> [Range<u32>; 2] {
 /// Starts an image that runs from this bank.
 fn start_from(own: u32, flash: MemoryFlash<8>) -> Store<MemoryFlash<8>> {
     let mut store = Store::open(flash);
-    let journals = store.open_mirrored(bank(own), bank(1 - own), |_| Some(IDENTITY));
+    let (journals, _) = store.open_mirrored(bank(own), bank(1 - own), |_| Some(IDENTITY));
     store.restore_trend(journals);
     store
 }

@@ -87,6 +87,7 @@ pub fn rows() -> &'static [ScenarioRow] {
             rows.extend(reported(&format!("BiSS C, {what}"), BISS, 40.0, set_fault));
         }
         rows.extend(homes_after_reset());
+        rows.extend(homes_after_power_cut());
         rows.extend(frozen_levels());
         rows.extend(reversed());
         rows.extend(without_index());
@@ -229,21 +230,78 @@ fn homes_after_reset() -> Vec<ScenarioRow> {
                 }
                 (0..30).for_each(|_| master.rig.step_idle());
                 master.rig.reset();
-                (0..5).for_each(|_| master.rig.step_idle());
-                let at_rad = master.rig.plant().position_rad();
-                let gear = f64::from(set(0.0).motor.gear_ratio);
-                master.rig.plant_mut().place(at_rad + turns * std::f64::consts::TAU / gear);
-                master.rig.restart().expect("it starts");
-                (0..250).for_each(|_| master.rig.step_idle());
-                let status = master.rig.read_object(0x6041, 0).expect("the statusword");
-                let shown = master.rig.read_object(0x6064, 0).expect("the position") as i32;
-                let off_rad = f64::from(shown) * 1e-6 - master.rig.plant().position_rad();
-                (status & POSITION_KNOWN != 0, off_rad)
+                restart_turned(master, turns)
             },
         );
         rows.push(row(26, &name, "position known", flag(known), flag(is_kept)..=flag(is_kept)));
         if is_kept {
             // Noise of one sample of the encoder, three counts of the motor.
+            rows.push(row(26, &name, "error of the position, rad", off_rad.abs(), 0.0..=1e-4));
+        }
+    }
+    rows
+}
+
+/// Turns the motor of a joint that does not run by this share of a turn, and starts the driver again. Returns whether the
+/// position is known, and its error, rad.
+fn restart_turned(master: &mut Master, turns: f64) -> (bool, f64) {
+    (0..5).for_each(|_| master.rig.step_idle());
+    let at_rad = master.rig.plant().position_rad();
+    let gear = f64::from(set(0.0).motor.gear_ratio);
+    master.rig.plant_mut().place(at_rad + turns * std::f64::consts::TAU / gear);
+    master.rig.restart().expect("it starts");
+    (0..250).for_each(|_| master.rig.step_idle());
+    let status = master.rig.read_object(0x6041, 0).expect("the statusword");
+    let shown = master.rig.read_object(0x6064, 0).expect("the position") as i32;
+    let off_rad = f64::from(shown) * 1e-6 - master.rig.plant().position_rad();
+    (status & POSITION_KNOWN != 0, off_rad)
+}
+
+/// Power cuts of a homed joint at 0.3 rad that has rested for a second. It is armed then or not, and its bus falls to 25 V before
+/// or not. Its motor turns by this share of a turn without power.
+fn homes_after_power_cut() -> Vec<ScenarioRow> {
+    let cases = [
+        ("at rest, motor turned by 0.3 turns meanwhile", 0.0, 0.3, [false, false], true),
+        ("at rest, motor turned by 0.45 turns meanwhile", 0.0, 0.45, [false, false], false),
+        ("armed after a rest, without a warning", 0.0, 0.0, [true, false], false),
+        (
+            "armed after a rest, 40 ms after its bus has fallen to 25 V",
+            0.0,
+            0.3,
+            [true, true],
+            true,
+        ),
+        ("at rest, BiSS C, motor turned by 3.45 turns meanwhile", BISS, 3.45, [false, false], true),
+    ];
+    let mut rows = Vec::new();
+    for (what, kind, turns, [is_armed, is_failing], is_kept) in cases {
+        let name = format!("power cut of a homed joint, {what}");
+        let mut joint = joint(kind);
+        joint.constants.encoder_zero_rad = 2.0;
+        let (known, off_rad) = joint.run_plant(
+            |plant| plant.place(0.3),
+            |master| {
+                master.arm().expect("it arms");
+                master.rig.request_state(0);
+                (0..1200).for_each(|_| master.rig.step_idle());
+                if is_armed {
+                    // Without homing it again.
+                    (0..5).for_each(|_| master.rig.step_with_command(0.0, 0.0));
+                    master.rig.request_state(1);
+                    (0..20).for_each(|_| master.rig.step_with_command(0.0, 0.0));
+                    assert!(master.rig.is_armed());
+                }
+                if is_failing {
+                    master.rig.plant_mut().set_supply(25.0);
+                    (0..40).for_each(|_| master.rig.step_with_command(0.0, 0.0));
+                }
+                master.rig.cut_power();
+                master.rig.plant_mut().set_supply(48.0);
+                restart_turned(master, turns)
+            },
+        );
+        rows.push(row(26, &name, "position known", flag(known), flag(is_kept)..=flag(is_kept)));
+        if is_kept {
             rows.push(row(26, &name, "error of the position, rad", off_rad.abs(), 0.0..=1e-4));
         }
     }

@@ -55,7 +55,7 @@ fn recovery_that_hangs_is_reset_by_its_watchdog() {
 fn after_reset(machine: &Machine<Constant>) -> Machine<Constant> {
     let mut chip = Chip::new(Constant::default());
     chip.clock.set_reset_flags(reset::SOFTWARE | reset::PIN);
-    machine.restarted(chip).expect("a machine")
+    machine.restarted(chip, true).expect("a machine")
 }
 
 /// Registers of the memory protection: its use, and the address and attributes of its region.
