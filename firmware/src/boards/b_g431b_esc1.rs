@@ -19,6 +19,8 @@ mod banks;
 mod can;
 #[path = "stm32g4/clocks.rs"]
 mod clocks;
+#[path = "stm32g4/comparators.rs"]
+mod comparators;
 #[path = "stm32g4/converters.rs"]
 mod converters;
 #[path = "stm32g4/counter.rs"]
@@ -65,7 +67,9 @@ mod app {
     use super::flash::ChipFlash;
     use super::motor_stage::{MotorStage, measure_offsets};
     use super::power_stage::Stage;
-    use super::{clocks, overcurrent, pins, prefetch, sampling, scales, start, watchdog};
+    use super::{
+        clocks, overcurrent, pins, power_stage, prefetch, sampling, scales, start, watchdog,
+    };
     use compensator_core::can::Frame;
     use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
@@ -144,7 +148,8 @@ mod app {
             cause,
             panic: panicked.as_deref(),
             stack_overflowed,
-            self_test_passed: are_duties_at_top
+            self_test_passed: overcurrent::self_test(power_stage::clear_breaks)
+                && are_duties_at_top
                 && pins::wiring::are_connected(connections.as_ref())
                 && shunts.iter().all(Option::is_some),
             winding_rise_k: heat_memory::kept(),

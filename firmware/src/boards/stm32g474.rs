@@ -20,6 +20,8 @@ mod can;
 mod can_fd;
 #[path = "stm32g4/clocks.rs"]
 mod clocks;
+#[path = "stm32g4/comparators.rs"]
+mod comparators;
 #[path = "stm32g4/converters.rs"]
 mod converters;
 #[path = "stm32g4/counter.rs"]

@@ -4,22 +4,37 @@
 //! off by 6 A together. Each has one level, for a current out of the motor. The three currents add up to zero, so that a
 //! current into the motor leaves through the two other phases, and opens the bridge at twice the level at the latest.
 //!
+//! [`self_test`] moves each level over the signal before the first PWM ([`super::comparators`]).
+//!
 //! The levels are at the board's ceiling until the parameters are read, and are set once more then. A set that is committed
 //! later applies after a restart.
 
+use super::comparators::{Watch, set_level};
 use super::{pins, scales};
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac::comp::{Comp, vals as comp};
-use embassy_stm32::pac::dac::vals as dac;
 use embassy_stm32::peripherals::DAC3;
 use embassy_stm32::{pac, rcc};
 use firmware::sensors::comparator::break_current_a;
 
-/// DAC interface setting for a bus above 160 MHz (RM0440, DAC_MCR HFSEL).
-const BUS_ABOVE_160_MHZ: u8 = 0b10;
-
 /// Comparators connected to the break, by their number minus one.
 pub const BREAK_COMPARATORS: [usize; 3] = [0, 1, 3];
+
+const fn watch(number: u8, comparator: Comp, channel: usize) -> Watch {
+    Watch {
+        number,
+        comparator,
+        is_second_pin: false,
+        level: comp::Inm::DACA,
+        converter: pac::DAC3,
+        channel,
+        is_lower: false,
+    }
+}
+
+/// All of them (RM0440, tables 194 and 196): two share a level.
+const WATCHES: [Watch; 3] =
+    [watch(1, pac::COMP1, 0), watch(2, pac::COMP2, 1), watch(4, pac::COMP4, 1)];
 
 /// Sets up levels and comparators, and locks the comparators until the next reset.
 pub fn set_up(wired: pins::Overcurrent) {
@@ -27,38 +42,30 @@ pub fn set_up(wired: pins::Overcurrent) {
     pin.set_as_analog();
     core::mem::forget(pin);
     rcc::enable_and_reset::<DAC3>();
-    set_level(scales::BREAK_CEILING_A);
-    // DAC3 channel 1 is the level of COMP1, channel 2 that of COMP2 and COMP4.
-    for comparator in [pac::COMP1, pac::COMP2, pac::COMP4] {
-        set_up_comparator(comparator);
+    set_levels(scales::BREAK_CEILING_A);
+    WATCHES.iter().for_each(Watch::set_up);
+}
+
+/// Moves the level of each comparator to both sides of its shunt's voltage without a current, with an open bridge. Returns true
+/// if each one signals on one side only, and reaches the break, whose flags the argument clears.
+#[inline(never)]
+pub fn self_test(clear_breaks: fn()) -> bool {
+    let mut are_good = true;
+    for watch in &WATCHES {
+        are_good &= watch.sees_signal(const { scales::comparator_level(0.0) });
+        set_levels(scales::BREAK_CEILING_A);
+        clear_breaks();
     }
+    are_good
 }
 
 /// Sets the levels for a joint whose current loop trips at `overcurrent_a`.
 pub fn follow(overcurrent_a: f32) {
-    set_level(break_current_a(overcurrent_a, scales::BREAK_CEILING_A));
+    set_levels(break_current_a(overcurrent_a, scales::BREAK_CEILING_A));
 }
 
-fn set_level(current_a: f32) {
+fn set_levels(current_a: f32) {
     let counts = scales::comparator_level(current_a);
-    for channel in 0..2 {
-        if !pac::DAC3.cr().read().en(channel) {
-            pac::DAC3.mcr().modify(|w| {
-                w.set_hfsel(BUS_ABOVE_160_MHZ);
-                w.set_mode(channel, dac::Mode::NORMAL_INT_BUFDIS);
-            });
-        }
-        pac::DAC3.dhr12r(channel).write(|w| w.set_dhr(counts));
-        pac::DAC3.cr().modify(|w| w.set_en(channel, true));
-    }
-}
-
-fn set_up_comparator(comparator: Comp) {
-    comparator.csr().write(|w| {
-        w.set_inpsel(false);
-        w.set_inmsel(comp::Inm::DACA);
-        w.set_polarity(comp::Polarity::NOT_INVERTED);
-        w.set_en(true);
-        w.set_lock(true);
-    });
+    set_level(pac::DAC3, 0, counts);
+    set_level(pac::DAC3, 1, counts);
 }

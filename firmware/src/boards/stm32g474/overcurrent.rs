@@ -18,24 +18,17 @@
 //! while that switch conducts, once a period. At a very high duty this time is shorter than the amplifier's
 //! lag and the break filter, and the current is not seen; `modulation_max` excludes such duties.
 //!
-//! [`self_test`] moves each level over the signal before the first PWM: a comparator whose input is not wired to its
-//! amplifier, or whose output does not reach the break, would be found only by the current that it should have stopped.
+//! [`self_test`] moves each level over the signal before the first PWM ([`super::comparators`]).
 
+use super::comparators::{Watch, set_level};
 use super::pins::{self, AT_PA0, AT_PA1, Phase};
 use super::scales;
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac::comp::{Comp, vals as comp};
-use embassy_stm32::pac::dac::{Dac, vals as dac};
+use embassy_stm32::pac::dac::Dac;
 use embassy_stm32::peripherals::{DAC2, DAC3, DAC4};
 use embassy_stm32::{pac, rcc};
 use firmware::sensors::comparator::{ComparatorLevels, break_current_a};
-
-/// Selects one of the two input pins of a comparator.
-const FIRST_PIN: bool = false;
-const SECOND_PIN: bool = true;
-
-/// DAC interface setting for a bus above 160 MHz (RM0440, DAC_MCR HFSEL).
-const BUS_ABOVE_160_MHZ: u8 = 0b10;
 
 /// Comparators connected to the break, by their number minus one.
 pub const BREAK_COMPARATORS: [usize; 6] = [0, 1, 2, 4, 5, 6];
@@ -47,52 +40,52 @@ enum Signal {
     Mean,
 }
 
-/// A comparator, with its input, and the DAC channel of its level.
-struct Watch {
-    number: u8,
-    comparator: Comp,
-    pin: bool,
+/// A comparator and its signal.
+struct ShuntWatch {
+    watch: Watch,
     signal: Signal,
-    level: comp::Inm,
-    converter: Dac,
-    channel: usize,
-    /// It signals below its level: its output is inverted.
-    is_lower: bool,
 }
 
-const fn watch(
+const fn above(
     number: u8,
     comparator: Comp,
     signal: Signal,
     converter: Dac,
     channel: usize,
-) -> Watch {
-    let level = comp::Inm::DACA;
-    Watch { number, comparator, pin: FIRST_PIN, signal, level, converter, channel, is_lower: false }
+) -> ShuntWatch {
+    let (level, is_second_pin, is_lower) = (comp::Inm::DACA, false, false);
+    let watch = Watch { number, comparator, is_second_pin, level, converter, channel, is_lower };
+    ShuntWatch { watch, signal }
+}
+
+const fn below(
+    number: u8,
+    comparator: Comp,
+    signal: Signal,
+    converter: Dac,
+    channel: usize,
+) -> ShuntWatch {
+    let above = above(number, comparator, signal, converter, channel);
+    ShuntWatch { watch: Watch { is_lower: true, ..above.watch }, ..above }
+}
+
+const fn at_second_pin(watch: ShuntWatch) -> ShuntWatch {
+    ShuntWatch { watch: Watch { is_second_pin: true, ..watch.watch }, ..watch }
+}
+
+const fn with_second_level(watch: ShuntWatch) -> ShuntWatch {
+    ShuntWatch { watch: Watch { level: comp::Inm::DACB, ..watch.watch }, ..watch }
 }
 
 /// All of them (RM0440, tables 194 and 196). The pins are those of pins.rs.
-const WATCHES: [Watch; 6] = [
-    watch(3, pac::COMP3, Signal::Shunt(AT_PA0), pac::DAC3, 0),
-    Watch { is_lower: true, ..watch(6, pac::COMP6, Signal::Shunt(AT_PA0), pac::DAC4, 1) },
-    watch(1, pac::COMP1, Signal::Shunt(AT_PA1), pac::DAC3, 0),
-    Watch {
-        is_lower: true,
-        pin: SECOND_PIN,
-        ..watch(2, pac::COMP2, Signal::Shunt(AT_PA1), pac::DAC3, 1)
-    },
-    watch(5, pac::COMP5, Signal::Mean, pac::DAC4, 0),
-    Watch {
-        is_lower: true,
-        level: comp::Inm::DACB,
-        ..watch(7, pac::COMP7, Signal::Mean, pac::DAC2, 0)
-    },
+const WATCHES: [ShuntWatch; 6] = [
+    above(3, pac::COMP3, Signal::Shunt(AT_PA0), pac::DAC3, 0),
+    below(6, pac::COMP6, Signal::Shunt(AT_PA0), pac::DAC4, 1),
+    above(1, pac::COMP1, Signal::Shunt(AT_PA1), pac::DAC3, 0),
+    at_second_pin(below(2, pac::COMP2, Signal::Shunt(AT_PA1), pac::DAC3, 1)),
+    above(5, pac::COMP5, Signal::Mean, pac::DAC4, 0),
+    with_second_level(below(7, pac::COMP7, Signal::Mean, pac::DAC2, 0)),
 ];
-
-/// Distance of a level from its signal in the self-test, counts: 48 mV, five times what a comparator is off.
-const TEST_COUNTS: u16 = 60;
-/// Time of a level to settle, and of the break filter, cycles: 3 us (data sheet: 1.7 us; 0.75 us).
-const TEST_CYCLES: u32 = 3 * (super::clocks::CORE_HZ / 1_000_000);
 
 /// Sets up levels and comparators, and locks the comparators until the next reset.
 pub fn set_up(wired: pins::Overcurrent) {
@@ -110,19 +103,7 @@ pub fn set_up(wired: pins::Overcurrent) {
     rcc::enable_and_reset::<DAC3>();
     rcc::enable_and_reset::<DAC4>();
     set_levels(scales::CEILING_LEVELS);
-    for watch in &WATCHES {
-        watch.comparator.csr().write(|w| {
-            w.set_inpsel(watch.pin);
-            w.set_inmsel(watch.level);
-            w.set_polarity(if watch.is_lower {
-                comp::Polarity::INVERTED
-            } else {
-                comp::Polarity::NOT_INVERTED
-            });
-            w.set_en(true);
-            w.set_lock(true);
-        });
-    }
+    WATCHES.iter().for_each(|at| at.watch.set_up());
 }
 
 /// Moves the level of each comparator to both sides of its signal, with an open bridge. Returns true if each one signals
@@ -131,26 +112,15 @@ pub fn set_up(wired: pins::Overcurrent) {
 #[inline(never)]
 pub fn self_test([phase_a, phase_b]: [u16; 2], clear_breaks: fn()) -> bool {
     let mut are_good = true;
-    for watch in &WATCHES {
-        let counts = match watch.signal {
+    for ShuntWatch { watch, signal } in &WATCHES {
+        let counts = match signal {
             Signal::Shunt(Phase::A) => phase_a,
             Signal::Shunt(Phase::B) => phase_b,
             Signal::Mean => phase_a.midpoint(phase_b),
         };
-        let signals_at = |level: u16| {
-            set_level(watch.converter, watch.channel, level);
-            cortex_m::asm::delay(TEST_CYCLES);
-            watch.comparator.csr().read().value()
-        };
-        let is_above = signals_at(counts.saturating_sub(TEST_COUNTS));
-        let is_below = signals_at(counts.saturating_add(TEST_COUNTS));
-        let breaks = pac::TIM1.sr().read().bif(0);
+        are_good &= watch.sees_signal(counts);
         set_levels(scales::CEILING_LEVELS);
         clear_breaks();
-        if (is_above, is_below, breaks) != (!watch.is_lower, watch.is_lower, true) {
-            defmt::error!("comparator {=u8} does not see its shunt: check its pin", watch.number);
-            are_good = false;
-        }
     }
     are_good
 }
@@ -168,16 +138,4 @@ fn set_levels(levels: ComparatorLevels) {
     set_level(pac::DAC4, 1, below);
     set_level(pac::DAC4, 0, mean_above);
     set_level(pac::DAC2, 0, mean_below);
-}
-
-#[inline(never)]
-fn set_level(converter: Dac, channel: usize, counts: u16) {
-    if !converter.cr().read().en(channel) {
-        converter.mcr().modify(|w| {
-            w.set_hfsel(BUS_ABOVE_160_MHZ);
-            w.set_mode(channel, dac::Mode::NORMAL_INT_BUFDIS);
-        });
-    }
-    converter.dhr12r(channel).write(|w| w.set_dhr(counts));
-    converter.cr().modify(|w| w.set_en(channel, true));
 }
