@@ -1,6 +1,6 @@
-"""Mutations of the image and of the boot program: each is a fault, most in the board's code, that a test on the emulator must find.
+"""Mutations of the images and of the boot program: each is a fault, most in the board's code, that a test on the emulator must find.
 
-One image and one boot program contain them all, built from a copy of the sources: a word in both selects the mutation that
+The image, that of the compact node and the boot program contain them all, built from a copy of the sources: a word in each selects the mutation that
 acts. What a constant fixes at compile time is mutated where it is used. Each mutation runs the tests that must fail; without a
 mutation, all of these must pass.
 """
@@ -13,12 +13,15 @@ import images
 BOARD = "firmware/src/boards/stm32g474/"
 # What boards with this chip family share.
 FAMILY = "firmware/src/boards/stm32g4/"
+# The board of the compact node.
+ESC1 = "firmware/src/boards/b_g431b_esc1/"
 BOOT = "firmware/src/bin/boot/"
 SINE = "board::course::joint_with_image_follows_sine_of_velocity"
 HANGING = "board::course::joint_with_hanging_loop_is_stopped_at_level_of_its_comparators"
 START = "board::start::image_after_power_on_sends_boot_up_frame_with_open_bridge"
 GATE_FAULT = "board::peripherals::fault_of_gate_driver_is_named_and_overcurrent_is_not"
 KINDS = "scenarios::encoder_kinds::encoders_of_all_kinds_drive_and_their_faults_are_found"
+COMPACT = "scenarios::compact::compact_node_on_its_board_drives_stops_and_keeps_its_set"
 DRY_SIDE = "board::dry_side::readings_of_dry_side_are_those_of_its_sensors"
 
 # Name, file, an expression or statement of it, what replaces it, and the test that must fail.
@@ -60,8 +63,8 @@ MUTATIONS = [
      HANGING),
     ("watchdog not refreshed", FAMILY + "watchdog.rs",
      "pac::IWDG.kr().write(|w| w.set_key(pac::iwdg::vals::Key::RESET));", "{}", START),
-    ("self-test of the comparators left out", BOARD + "overcurrent.rs",
-     "(is_above, is_below, breaks) != (!watch.is_lower, watch.is_lower, true)", "!breaks",
+    ("self-test of the comparators left out", FAMILY + "comparators.rs",
+     "(is_above, is_below, breaks) == (!self.is_lower, self.is_lower, true)", "breaks",
      "board::start::comparator_without_its_shunt_is_found_before_the_first_pwm"),
     ("transmit elements in a FIFO", FAMILY + "can.rs", "TxBufferMode::Priority", "TxBufferMode::Fifo",
      "board::pdo_timing::process_data_keep_their_time_on_a_bus_with_full_load"),
@@ -120,6 +123,21 @@ MUTATIONS = [
     ("skipped sector of Hall sensors accepted", "firmware/src/sensors/hall.rs", "direction == 0", "false", KINDS),
     ("sign of the dead time's compensation", "firmware/src/control/dead_time.rs",
      "self.share * bus_v", "-self.share * bus_v", "scenarios::dead_time::dead_time_is_measured_and_compensated"),
+    ("self-test of the compact node's comparators left out", ESC1 + "overcurrent.rs",
+     "watch.sees_signal(const { scales::comparator_level(0.0) })", "true",
+     "board::compact::compact_comparator_without_its_shunt_is_found_before_the_first_pwm"),
+    ("level of the compact node's comparators half too high", ESC1 + "overcurrent.rs",
+     "break_current_a(overcurrent_a, scales::BREAK_CEILING_A)", "1.5 * break_current_a(overcurrent_a, scales::BREAK_CEILING_A)",
+     "board::compact::compact_joint_with_hanging_loop_is_stopped_at_level_of_its_comparators"),
+    ("Hall sensors of the compact node at the next pins", ESC1 + "encoder.rs",
+     "LINE_PORT.idr().read().0 >> FIRST_LINE", "LINE_PORT.idr().read().0 >> (FIRST_LINE + 1)", COMPACT),
+    ("compensation of the compact node left out", "firmware/src/compact/device.rs",
+     "self.compensation.share()", "0.0", COMPACT),
+    ("set of the compact node not stored", "firmware/src/compact/requests.rs",
+     "self.write_block(&block, &settings)", "{ let _ = (&block, &settings); Ok(()) }", COMPACT),
+    ("commands of the compact node never too old", "firmware/src/compact/device.rs",
+     "self.supervisor.observe(&observation, now_us);",
+     "{ self.supervisor.record_command(now_us); self.supervisor.observe(&observation, now_us); }", COMPACT),
     ("bus voltage of the duties constant", "firmware/src/control/current_loop.rs",
      "self.bus_v = bus;", "self.bus_v = 48.0 + 0.0 * bus;",
      "scenarios::current_loop::current_loop_at_highest_bandwidth_keeps_its_limits"),
@@ -142,7 +160,7 @@ pub fn is_mutated(number: u32) -> bool {{
 # The selector in a program: that of its library.
 SHARED_SELECTOR = "pub(crate) use firmware::boards::is_mutated;"
 FOLDER = images.IMAGES_FOLDER / "mutations"
-PROGRAMS = ["firmware", "boot"]
+PROGRAMS = ["firmware", "boot", "firmware-esc1"]
 
 
 def write_sources(workspace):
@@ -177,13 +195,15 @@ def write_sources(workspace):
 
 
 def build():
-    """Builds the mutated image and boot program; returns their bytes, by name."""
+    """Builds the mutated images and boot program; returns their bytes, by name."""
     workspace = FOLDER / "workspace"
     write_sources(workspace)
     # In the same folder of artefacts, which has the libraries already. The copy has fewer packages than its lock.
     arguments = ["--offline", "-p", "firmware", "--target-dir", str(images.TARGET_FOLDER)]
     selection = images.selection(images.IMAGES["stm32g474"][2])
     built = images.cargo("build", *arguments, "--bin", "firmware", *selection, root=workspace)
+    compact = images.selection(images.IMAGES["esc1"][2])
+    built |= images.cargo("build", *arguments, "--bin", "firmware-esc1", *compact, root=workspace)
     built |= images.cargo("rustc", *arguments, "--bin", "boot", *selection, "--", "-C", "opt-level=z", root=workspace)
     return {name: built[name].read_bytes() for name in PROGRAMS}
 

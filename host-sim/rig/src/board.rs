@@ -15,7 +15,7 @@ use firmware::sensors::biss;
 use firmware::sensors::encoder::{EncoderInputs, EncoderKind, MotorEncoder};
 use firmware::sensors::quadrature::Quadrature;
 use firmware::sensors::shunt::{
-    CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt, measurable_a,
+    CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, OffsetRange, Shunt, measurable_a,
 };
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -23,13 +23,71 @@ use rand_pcg::Pcg64;
 use simulated_machines::joint_plant::{JointPlant, SerialEncoder, SerialFault};
 use std::cell::RefCell;
 
-/// Shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V.
-const AMPERES_PER_COUNT: f64 = 3.3 / (4096.0 * 0.001 * 20.0);
-
-/// Returns the phase current that the amplifiers show as these counts, A, without their offset.
-pub fn current_a(counts: u16, amperes_per_count: f64) -> f64 {
-    (f64::from(CONVERTER_RANGE_COUNTS / 2) - f64::from(counts)) * amperes_per_count
+/// A chain that shows a phase current as counts: a current into the motor lowers them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentChain {
+    /// Scale.
+    pub amperes_per_count: f64,
+    /// Counts without a current.
+    pub zero_counts: f64,
 }
+
+impl CurrentChain {
+    /// Returns the phase current that these counts show, A, without the offset of the amplifiers.
+    pub fn current_a(&self, counts: u16) -> f64 {
+        (self.zero_counts - f64::from(counts)) * self.amperes_per_count
+    }
+
+    /// Returns the counts of a phase current, A.
+    pub fn counts(&self, current_a: f64) -> u16 {
+        let counts = self.zero_counts - current_a / self.amperes_per_count;
+        counts.round().clamp(0.0, f64::from(CONVERTER_RANGE_COUNTS - 1)) as u16
+    }
+}
+
+/// Scales of a board's shunts and of its bus divider, with the traits of its stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoardScales {
+    /// Shunts and amplifiers.
+    pub currents: CurrentChain,
+    /// Offsets of the amplifiers that the board accepts.
+    pub offsets: OffsetRange,
+    /// Resolution of the bus voltage, V.
+    pub volts_per_count: f64,
+    /// Traits of the stage.
+    pub traits: StageTraits,
+}
+
+/// The driver's board: shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V; 68 k over 3.3 k.
+pub const DRIVER_SCALES: BoardScales = BoardScales {
+    currents: CurrentChain {
+        amperes_per_count: 3.3 / (4096.0 * 0.001 * 20.0),
+        zero_counts: (CONVERTER_RANGE_COUNTS / 2) as f64,
+    },
+    offsets: OffsetRange::CENTRAL,
+    volts_per_count: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
+    traits: BOARD_TRAITS,
+};
+
+/// The B-G431B-ESC1: shunts of 3 mohm behind 1.5 k, with 2.2 k to ground and 22 k to 3.3 V, amplified by 16; 169 k over 18 k.
+/// The offsets may be from 1.5 to 2.3 V.
+pub const ESC1_SCALES: BoardScales = {
+    let [shunt, ground, supply] = [1.0 / 1.5, 1.0 / 2.2, 1.0 / 22.0];
+    let sum = shunt + ground + supply;
+    let amperes_per_count = 3.3 / (4096.0 * 0.003 * 16.0 * shunt / sum);
+    let offsets = OffsetRange { above: 1861, below: 2854 };
+    BoardScales {
+        currents: CurrentChain { amperes_per_count, zero_counts: 4096.0 * 16.0 * supply / sum },
+        offsets,
+        volts_per_count: 3.3 / 4096.0 * (169.0 + 18.0) / 18.0,
+        traits: StageTraits {
+            encoder_age_s: 0.0,
+            biss_age_s: 0.0,
+            current_max_a: offsets.measurable_a(amperes_per_count as f32),
+            ..BOARD_TRAITS
+        },
+    }
+};
 
 /// Time from the end of the first frame of a period, when the encoder latches the angle, to the top of the PWM, s: 1060
 /// cycles at 170 MHz (see the board's encoder.rs).
@@ -43,7 +101,7 @@ const BISS_BEFORE_TOP_S: f32 = 1649.0 / 170e6;
 pub const BOARD_TRAITS: StageTraits = StageTraits {
     encoder_age_s: LATCH_BEFORE_TOP_S,
     biss_age_s: BISS_BEFORE_TOP_S,
-    current_max_a: measurable_a(AMPERES_PER_COUNT as f32),
+    current_max_a: measurable_a((3.3 / (4096.0 * 0.001 * 20.0)) as f32),
     modulation_max: StageTraits::max_modulation(PERIOD_S, 0.5e-6, 1.5e-6),
 };
 
@@ -175,15 +233,17 @@ pub struct BoardSensors {
     serial_frame: u64,
     /// Drift of the amplifiers of phases a and b since start-up, A.
     pub drift_a: [f64; 2],
-    /// Resolution of the bus voltage measurement, V.
-    bus_step_v: f64,
-    /// Scale of the shunts.
-    amperes_per_count: f64,
+    scales: BoardScales,
 }
 
 impl BoardSensors {
     /// Starts the sensors with an open bridge, and the encoder of this set; finds the offsets of the shunts.
-    pub fn start(plant: &mut JointPlant, set: &ParameterSet, seed: u64) -> Self {
+    pub fn start(
+        plant: &mut JointPlant,
+        set: &ParameterSet,
+        scales: BoardScales,
+        seed: u64,
+    ) -> Self {
         let state = RefCell::new(EncoderState {
             angle: 0,
             answer: 0,
@@ -201,8 +261,7 @@ impl BoardSensors {
             serial_frame: 0,
             is_serial: EncoderKind::of(set.sensors.encoder_kind) == EncoderKind::Biss,
             drift_a: [0.0; 2],
-            bus_step_v: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
-            amperes_per_count: AMPERES_PER_COUNT,
+            scales,
         };
         let mut finders = [OffsetFinder::default(); 2];
         for _ in 0..OFFSET_SAMPLES {
@@ -211,13 +270,15 @@ impl BoardSensors {
                 finder.add_sample(sensors.counts(phase, measured.currents_a[phase]));
             }
         }
-        sensors.shunts = finders.map(|finder| finder.shunt(-AMPERES_PER_COUNT as f32));
+        sensors.shunts = finders.map(|finder| {
+            finder.shunt_within(scales.offsets, -scales.currents.amperes_per_count as f32)
+        });
         sensors
     }
 
     /// Sets the scales of another board's shunts and bus divider, for a driver outside of the rig.
-    pub fn set_scales(&mut self, amperes_per_count: f64, bus_step_v: f64) {
-        (self.amperes_per_count, self.bus_step_v) = (amperes_per_count, bus_step_v);
+    pub fn set_scales(&mut self, currents: CurrentChain, volts_per_count: f64) {
+        (self.scales.currents, self.scales.volts_per_count) = (currents, volts_per_count);
     }
 
     /// Returns true if the encoder reports a fault of its magnet.
@@ -280,9 +341,7 @@ impl BoardSensors {
     /// initial offsets of about 0.1 A.
     fn counts(&self, phase: usize, current_a: f64) -> u16 {
         let offset_a = [0.1, -0.07][phase] + self.drift_a[phase];
-        let counts =
-            f64::from(CONVERTER_RANGE_COUNTS / 2) - (current_a + offset_a) / self.amperes_per_count;
-        counts.round().clamp(0.0, f64::from(CONVERTER_RANGE_COUNTS - 1)) as u16
+        self.scales.currents.counts(current_a + offset_a)
     }
 
     /// Returns the converter's counts for phases a and b. A phase whose low side does not conduct shows no current.
@@ -295,7 +354,8 @@ impl BoardSensors {
 
     /// Returns the converter's counts for a bus voltage.
     pub fn bus_counts(&self, bus_v: f64) -> u16 {
-        (bus_v / self.bus_step_v).floor().clamp(0.0, f64::from(CONVERTER_RANGE_COUNTS - 1)) as u16
+        let counts = (bus_v / self.scales.volts_per_count).floor();
+        counts.clamp(0.0, f64::from(CONVERTER_RANGE_COUNTS - 1)) as u16
     }
 
     /// Exchanges an SPI word with the encoder, which shows this angle, in its counts.
@@ -329,13 +389,14 @@ impl BoardSensors {
             let counts = self.counts(phase, measured.currents_a[phase]);
             self.shunts[phase].and_then(|shunt| shunt.current_a(counts))
         });
+        let step_v = self.scales.volts_per_count;
         let mut valid = ValidChannels::BUS;
         valid.set(ValidChannels::CURRENT_A, a.is_some());
         valid.set(ValidChannels::CURRENT_B, b.is_some());
         valid.set(ValidChannels::ENCODER, angle.is_some());
         StageSample {
             currents_a: [a.unwrap_or(0.0), b.unwrap_or(0.0), 0.0],
-            bus_v: (((measured.bus_v / self.bus_step_v).floor() + 0.5) * self.bus_step_v) as f32,
+            bus_v: (((measured.bus_v / step_v).floor() + 0.5) * step_v) as f32,
             encoder: angle.unwrap_or(0),
             valid,
         }
@@ -351,7 +412,8 @@ mod tests {
     #[test]
     fn board_encoder_at_speed_has_age_of_traits() {
         let mut plant = JointPlant::new(&Parameters::default(), Load::Free, 1);
-        let mut sensors = BoardSensors::start(&mut plant, &ParameterSet::default(), 1);
+        let mut sensors =
+            BoardSensors::start(&mut plant, &ParameterSet::default(), DRIVER_SCALES, 1);
         while plant.velocity_rad_s() < 12.0 {
             plant.period_at_current(f64::from(PERIOD_S), 20.0);
         }

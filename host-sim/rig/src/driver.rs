@@ -89,8 +89,11 @@ pub fn codes_from_bits(word: u32, base: u32) -> CodeSet {
 ///
 /// # Errors
 /// Returns one line if the set is rejected.
-pub fn stored_flash(start: &PowerUp, traits: StageTraits) -> Result<MemoryFlash<4>, String> {
-    let mut store = Store::open(MemoryFlash::<4>::new());
+pub fn stored_flash<const PAGES: usize>(
+    start: &PowerUp,
+    traits: StageTraits,
+) -> Result<MemoryFlash<PAGES>, String> {
+    let mut store = Store::open(MemoryFlash::<PAGES>::new());
     if let Some(set) = start.set {
         LoopParts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
         let commissioned = if start.commissioned { set.wiring_crc() } else { 0 };

@@ -23,7 +23,9 @@ pub mod service;
 pub mod simulated;
 mod stage;
 
-pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault, current_a};
+pub use board::{
+    BOARD_TRAITS, BoardScales, BoardSensors, CurrentChain, DRIVER_SCALES, ESC1_SCALES, EncoderFault,
+};
 pub use bus::RigBus;
 pub use driver::{
     LibraryDriver, RigDriver, RigFlash, RigNode, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash,
@@ -123,6 +125,8 @@ pub struct PowerUp<'a> {
     pub commissioned: bool,
     /// Simulates the sensors and traits of the driver's board instead of ideal ones.
     pub board: bool,
+    /// Scales of these sensors.
+    pub scales: BoardScales,
     /// Settings of the drive in flash, with the set.
     pub drive: DriveSettings,
     /// How the previous run of the processor ended.
@@ -136,6 +140,7 @@ impl Default for PowerUp<'_> {
             set: None,
             commissioned: false,
             board: true,
+            scales: DRIVER_SCALES,
             drive: DriveSettings::default(),
             boot: Boot::default(),
         }
@@ -191,7 +196,8 @@ pub fn run_compact_from_power_up<R>(
 pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFaults) -> Stage {
     let default = ParameterSet::default();
     let set = start.set.unwrap_or(&default);
-    let board = start.board.then(|| BoardSensors::start(&mut plant, set, faults.seed));
+    let board =
+        start.board.then(|| BoardSensors::start(&mut plant, set, start.scales, faults.seed));
     let mut stage = Stage::new(plant, faults);
     stage.board = board;
     stage
@@ -204,7 +210,7 @@ fn start_driver<'q, N: RigNode + 'q>(
     plant: JointPlant,
     faults: RigFaults,
 ) -> Result<JointRig<'q>, String> {
-    let traits = if start.board { BOARD_TRAITS } else { StageTraits::NONE };
+    let traits = if start.board { start.scales.traits } else { StageTraits::NONE };
     let stage = stage_at_power_up(start, plant, &faults);
     let driver = LibraryDriver::<N>::start(queues, start, traits, stage)?;
     Ok(JointRig::new(Box::new(driver), faults))

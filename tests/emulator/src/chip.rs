@@ -56,7 +56,6 @@ mod interrupt {
     pub const ADC1_2: usize = 18;
     pub const FDCAN1_IT0: usize = 21;
     pub const FDCAN1_IT1: usize = 22;
-    pub const TIM5: usize = 50;
 }
 
 /// Shorter times are simulated with what follows them: the trigger is one cycle before the update of the duties.
@@ -87,11 +86,11 @@ pub struct Chip<W> {
     pub timer1: Timer1,
     /// The encoder's timer.
     pub timer3: Timer3,
-    /// Counter of a quadrature encoder.
+    /// Counter of a quadrature encoder: TIM20, or TIM4.
     pub timer20: Timer20,
     /// Transfers without the core.
     pub dma: Dma,
-    /// Clock of the software.
+    /// Clock of the software: TIM5, or TIM2.
     pub timer5: Timer5,
     /// Converters 1 to 5.
     pub adc: [Adc; 5],
@@ -105,7 +104,8 @@ pub struct Chip<W> {
     pub flash: Flash,
     /// Ports.
     pub gpio: Gpio,
-    wiring: &'static Wiring,
+    /// Connections of the board.
+    pub wiring: &'static Wiring,
     /// Levels of the overcurrent comparators that act.
     pub break_levels: BreakLevels,
     /// Number of a comparator whose pin has no signal.
@@ -158,7 +158,7 @@ impl<W: World> Chip<W> {
             spi: Spi::default(),
             biss: BissLine::default(),
             can: Fdcan::default(),
-            flash: Flash::default(),
+            flash: Flash::of(wiring.chip),
             gpio: Gpio::wired(wiring),
             wiring,
             break_levels: BreakLevels::default(),
@@ -259,7 +259,7 @@ impl<W: World> Chip<W> {
         self.nvic.set_line(interrupt::ADC1_2, converts);
         self.nvic.set_line(interrupt::FDCAN1_IT0, self.can.line(0));
         self.nvic.set_line(interrupt::FDCAN1_IT1, self.can.line(1));
-        self.nvic.set_line(interrupt::TIM5, self.timer5.line());
+        self.nvic.set_line(self.wiring.chip.clock.1, self.timer5.line());
         if self.flash.take_ecc_error() {
             self.nvic.pend(NMI);
         }
@@ -373,7 +373,7 @@ impl<W: World> Chip<W> {
     /// Shows the counter the edges up to now.
     fn follow_edges(&mut self) {
         let edges = self.world.edges(self.since_sample());
-        self.timer20.follow(edges, self.gpio.connects(gpio::QUADRATURE));
+        self.timer20.follow(edges, self.gpio.connects(self.wiring.quadrature));
     }
 
     fn finish_frame(&mut self, at: u64, memory: &mut dyn Memory) {
@@ -433,7 +433,8 @@ impl<W: World> Chip<W> {
     /// Takes the levels of the comparators from their registers.
     fn update_break_levels(&mut self) {
         let af1 = self.timer1.read(comparators::AF1, self.now);
-        let levels = comparators::break_levels(&|address| self.plain(address), af1);
+        let comparators = self.wiring.overcurrent.comparators;
+        let levels = comparators::break_levels(comparators, &|address| self.plain(address), af1);
         if levels != self.break_levels {
             self.advance_world(self.now);
             self.break_levels = levels;

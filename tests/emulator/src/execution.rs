@@ -7,11 +7,11 @@ use crate::nvic::NMI;
 use crate::world::World;
 use unicorn_engine::{HookType, MemType, Prot, RegisterARM, TlbEntry, TlbType, Unicorn, uc_error};
 
-/// Start of the flash, and its length.
+/// Start of the flash, and its length in the largest chip.
 pub const FLASH: (u32, u32) = (0x0800_0000, 512 << 10);
-/// Start of the RAM, and its length with the alias of CCM behind it.
+/// Start of the RAM, and its length in the largest chip; the alias of CCM is behind it.
 pub const RAM: (u32, u32) = (0x2000_0000, 96 << 10);
-/// Start of CCM on the instruction bus, and its length.
+/// Start of CCM on the instruction bus, and its length in the largest chip.
 pub const CCM: (u32, u32) = (0x1000_0000, 32 << 10);
 
 /// First of the values of LR that return from an exception.
@@ -33,11 +33,8 @@ pub struct HandlerRun {
     pub until: u64,
 }
 
-/// Alias of CCM behind the RAM.
-const CCM_ALIAS: u32 = 0x2001_8000;
-
-/// RAM with that alias.
-const RAM_ADDRESSES: std::ops::Range<u64> = RAM.0 as u64..(CCM_ALIAS + CCM.1) as u64;
+/// RAM with the alias of CCM behind it, of the largest chip.
+const RAM_ADDRESSES: std::ops::Range<u64> = RAM.0 as u64..(RAM.0 + RAM.1 + CCM.1) as u64;
 
 /// State of an IT block in the status register.
 const IT_STATE: u64 = 0x0600_FC00;
@@ -91,7 +88,8 @@ pub(crate) fn map_memory<W: World>(
     core: &mut Unicorn<'static, Context<W>>,
     ccm: &mut [u8],
 ) -> Result<(), uc_error> {
-    core.mem_map(FLASH.0.into(), FLASH.1.into(), Prot::READ | Prot::EXEC)?;
+    let chip = core.get_data().chip.wiring.chip;
+    core.mem_map(FLASH.0.into(), chip.flash_bytes.into(), Prot::READ | Prot::EXEC)?;
     // Unicorn looks for code to discard at each store to a page that may hold code. The image runs from flash and from
     // CCM on the instruction bus only, so the pages of the RAM hold none.
     core.ctl_set_tlb_type(TlbType::VIRTUAL)?;
@@ -108,12 +106,19 @@ pub(crate) fn map_memory<W: World>(
             if RAM_ADDRESSES.contains(&address) { Prot::READ | Prot::WRITE } else { Prot::ALL };
         Some(TlbEntry { paddr: address, perms })
     })?;
-    core.mem_map(RAM.0.into(), RAM.1.into(), Prot::READ | Prot::WRITE)?;
-    for (address, access) in [(CCM.0, Prot::ALL), (CCM_ALIAS, Prot::READ | Prot::WRITE)] {
+    core.mem_map(RAM.0.into(), chip.ram_bytes.into(), Prot::READ | Prot::WRITE)?;
+    let alias = RAM.0 + chip.ram_bytes;
+    let both = [(CCM.0, Prot::ALL), (alias, Prot::READ | Prot::WRITE)];
+    for (address, access) in both.into_iter().filter(|_| chip.ccm_bytes > 0) {
         // SAFETY: the machine owns the memory, which does not move, for as long as Unicorn.
         #[allow(unsafe_code)]
         unsafe {
-            core.mem_map_ptr(address.into(), CCM.1.into(), access, ccm.as_mut_ptr().cast())?;
+            core.mem_map_ptr(
+                address.into(),
+                chip.ccm_bytes.into(),
+                access,
+                ccm.as_mut_ptr().cast(),
+            )?;
         }
     }
     for (start, length) in REGISTER_REGIONS {

@@ -3,10 +3,10 @@
 use crate::chip::bme280::HousingAir;
 use crate::chip::clock::reset;
 use crate::chip::comparators::BreakLevels;
-use crate::chip::flash::{STORE_BYTES, StoreContent};
+use crate::chip::flash::StoreContent;
 use crate::chip::ms5837::Water;
 use crate::chip::timer20::Edges;
-use crate::chip::wiring::{Quantity, STANDARD, Wiring};
+use crate::chip::wiring::{ESC1, Quantity, STANDARD, Wiring};
 use crate::chip::{CORE_HZ, Chip};
 use crate::costs::{Costs, LOOP_EXCEPTION};
 use crate::world::{Bridge, World};
@@ -19,8 +19,8 @@ use firmware::panic_note::{PanicNote, Part};
 use firmware::sensors::thermistor::Thermistor;
 use firmware::supervisor::{CodeSet, ResetCause};
 use joint_rig::{
-    BOARD_TRAITS, InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigFaults, Stage,
-    codes_from_bits, current_a, stored_flash,
+    InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigFaults, Stage, codes_from_bits,
+    stored_flash,
 };
 use joint_trace::CanFrame;
 use simulated_machines::joint_plant::{JointPlant, Load, Measured, Parameters};
@@ -43,8 +43,8 @@ pub const HEAT_MEMORY: &str = "heat_memory4KEPT";
 /// Counts of a full turn of the encoder.
 const ENCODER_COUNTS: f64 = 16384.0;
 
-/// Thermistor of the board, in a divider with 10 k (see the board's scales.rs).
-const THERMISTOR: Thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
+/// Material constant B of all thermistors, K.
+const THERMISTOR_BETA_K: f32 = 3435.0;
 /// Pressure inside the joint, Pa (see the board's scales.rs).
 const INSIDE_PA: f64 = 101_325.0;
 /// Range of the strain gauge amplifier, N, around half of the converter's range.
@@ -66,7 +66,7 @@ pub struct JointWorld {
 impl JointWorld {
     fn new(mut stage: Stage, wiring: &'static Wiring) -> Self {
         if let Some(board) = &mut stage.board {
-            board.set_scales(wiring.amperes_per_count, wiring.volts_per_count);
+            board.set_scales(wiring.currents, wiring.volts_per_count);
         }
         let sampled = stage.plant.measure();
         Self {
@@ -89,7 +89,7 @@ impl JointWorld {
     fn thermistor(&mut self, place: usize, temperature_c: Option<f32>) -> u16 {
         let (known, counts) = &mut self.thermistors[place];
         if *known != temperature_c || *counts == 0 {
-            (*known, *counts) = (temperature_c, thermistor_counts(temperature_c));
+            (*known, *counts) = (temperature_c, thermistor_counts(self.wiring, temperature_c));
         }
         *counts
     }
@@ -140,10 +140,20 @@ impl World for JointWorld {
         }
     }
 
-    fn shunts(&mut self) -> [u16; 2] {
-        let Some(board) = &self.stage.board else { return [0; 2] };
+    fn shunts(&mut self) -> [u16; 3] {
+        let Some(board) = &self.stage.board else { return [0; 3] };
+        let inputs = &self.wiring.overcurrent;
+        if let Some(chain) = inputs.chain {
+            // The low side of phase c conducts, as at the top of the PWM.
+            let is_on = [self.is_low_side_on[0], self.is_low_side_on[1], true];
+            let currents_a = self.sampled.currents_a;
+            return std::array::from_fn(|phase| {
+                chain.counts(if is_on[phase] { currents_a[phase] } else { 0.0 })
+            });
+        }
         let phases = board.phase_counts(self.sampled.currents_a, self.is_low_side_on);
-        self.wiring.comparators.map(|phase| phases[phase])
+        let [first, second] = inputs.phases.map(|phase| phases[phase]);
+        [first, second, first.midpoint(second)]
     }
 
     fn encoder(&mut self, word: u16, seconds: f64) -> u16 {
@@ -199,12 +209,13 @@ impl World for JointWorld {
     }
 
     fn set_break_levels(&mut self, levels: BreakLevels) {
+        let inputs = &self.wiring.overcurrent;
+        let chain = inputs.chain.unwrap_or(self.wiring.currents);
         let levels_a = std::array::from_fn(|signal| {
             // A positive current lowers the counts. The mean of two phases shows half of their sum.
-            let scale = if signal == 2 { 2.0 } else { 1.0 };
-            let at = self.wiring.comparators.get(signal).copied().unwrap_or(signal);
-            let current_a = |level| current_a(level, self.wiring.amperes_per_count);
-            let [below, above] = levels[at].map(|level| level.map(current_a));
+            let scale = if signal == 2 && inputs.has_mean { 2.0 } else { 1.0 };
+            let at = inputs.phases.get(signal).copied().unwrap_or(signal);
+            let [below, above] = levels[at].map(|level| level.map(|level| chain.current_a(level)));
             [
                 above.map_or(f64::NEG_INFINITY, |level_a| scale * level_a),
                 below.map_or(f64::INFINITY, |level_a| scale * level_a),
@@ -230,13 +241,17 @@ impl World for JointWorld {
     }
 }
 
-/// Returns the content of a parameter store with the set of this start.
+/// Returns the content of the parameter store of the driver's board with the set of this start.
 ///
 /// # Errors
 /// Returns one line if the set is rejected.
 pub fn store_content(start: &PowerUp) -> Result<StoreContent, String> {
-    let mut bytes = vec![0; STORE_BYTES];
-    let mut flash = stored_flash(start, BOARD_TRAITS)?;
+    pages_of::<4>(start)
+}
+
+fn pages_of<const PAGES: usize>(start: &PowerUp) -> Result<StoreContent, String> {
+    let mut flash = stored_flash::<PAGES>(start, start.scales.traits)?;
+    let mut bytes = vec![0; flash.capacity()];
     flash.read(0, &mut bytes).map_err(|error| format!("flash: {error:?}"))?;
     Ok(StoreContent { bytes, torn: Vec::new() })
 }
@@ -247,17 +262,19 @@ fn counts(share: f64) -> u16 {
 }
 
 /// Returns the converter's counts for a temperature, deg C; 25 if it is not given.
-fn thermistor_counts(temperature_c: Option<f32>) -> u16 {
+fn thermistor_counts(wiring: &Wiring, temperature_c: Option<f32>) -> u16 {
     let wanted = temperature_c.unwrap_or(25.0);
-    let is_colder = |counts: u16| THERMISTOR.temperature_c(f32::from(counts) / 4096.0) < wanted;
+    let (ratio_at_25, is_above) = wiring.thermistor;
+    let thermistor = Thermistor { ratio_at_25, beta_k: THERMISTOR_BETA_K };
+    let is_colder = |counts: u16| thermistor.temperature_c(f32::from(counts) / 4096.0) < wanted;
     // The temperature changes in one direction with the counts.
     let (mut low, mut high) = (1u16, 4094u16);
-    let falls = THERMISTOR.temperature_c(0.9) < THERMISTOR.temperature_c(0.1);
+    let falls = thermistor.temperature_c(0.9) < thermistor.temperature_c(0.1);
     while low < high {
         let middle = low.midpoint(high);
         if is_colder(middle) == falls { high = middle } else { low = middle + 1 }
     }
-    low
+    if is_above { 4096 - low } else { low }
 }
 
 /// Largest use of the stack by any driver of this process, bytes.
@@ -312,6 +329,14 @@ impl BoardDriver {
         stage: Stage,
     ) -> Result<Self, String> {
         Self::start_wired(image, start, store, stage, &STANDARD)
+    }
+
+    /// Starts the image of the compact node on its board, the B-G431B-ESC1, as [`BoardDriver::start`].
+    ///
+    /// # Errors
+    /// Returns one line if the image does not start or the parameter set is rejected.
+    pub fn start_compact(image: &Image, start: &PowerUp, stage: Stage) -> Result<Self, String> {
+        Self::start_wired(image, start, &pages_of::<2>(start)?, stage, &ESC1)
     }
 
     /// Starts the image of a board with this wiring, as [`BoardDriver::start_with_store`].

@@ -1,4 +1,4 @@
-//! An emulated STM32G474 that executes the joint driver's image.
+//! An emulated STM32G474, or STM32G431 with the board B-G431B-ESC1, that executes the image of a joint driver.
 //!
 //! ```text
 //!               Machine: instructions (Unicorn), exceptions, time in core cycles

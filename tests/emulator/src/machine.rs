@@ -82,7 +82,7 @@ impl<W: World + 'static> Machine<W> {
     pub fn restarted(&self, mut chip: Chip<W>, has_memory: bool) -> Result<Self, String> {
         chip.flash = self.chip().flash.after_reset();
         let mut next = Self::start(chip, self.vectors)?;
-        for (first, length) in [RAM, CCM] {
+        for (first, length) in self.memories() {
             let mut content = self.read_memory(first, length as usize);
             if !has_memory {
                 // Marsaglia's xorshift over what was there.
@@ -121,14 +121,16 @@ impl<W: World + 'static> Machine<W> {
         let mut core = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, context)
             .map_err(failed)?;
         core.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32).map_err(failed)?;
-        let mut ccm = vec![0u8; CCM.1 as usize].into_boxed_slice();
+        let mut ccm =
+            vec![0u8; core.get_data().chip.wiring.chip.ccm_bytes as usize].into_boxed_slice();
         map_memory(&mut core, &mut ccm).map_err(failed)?;
         add_hooks(&mut core).map_err(failed)?;
         add_barrier_hooks(&mut core).map_err(failed)?;
         watch_torn(&mut core).map_err(failed)?;
         // No address ends the execution: Unicorn would otherwise discard its code after each run.
         core.ctl_exits_enable().map_err(failed)?;
-        let content = core.get_data().chip.flash.content.bytes.clone();
+        let mut content = core.get_data().chip.flash.content.bytes.clone();
+        content.truncate(core.get_data().chip.wiring.chip.flash_bytes as usize);
         core.mem_write(FLASH.0.into(), &content).map_err(failed)?;
         let mut machine = Self {
             core,
@@ -139,11 +141,18 @@ impl<W: World + 'static> Machine<W> {
             thread_stalled_until: 0,
             vectors,
         };
-        machine.write_memory(RAM.0, &PAINT.to_le_bytes().repeat(RAM.1 as usize / 4));
+        let ram_bytes = machine.memories()[0].1 as usize;
+        machine.write_memory(RAM.0, &PAINT.to_le_bytes().repeat(ram_bytes / 4));
         let stack = machine.word(vectors);
         machine.set(RegisterARM::SP, stack);
         machine.pc = machine.word(vectors + 4) & !1;
         Ok(machine)
+    }
+
+    /// Start and length of RAM and of CCM.
+    fn memories(&self) -> [(u32, u32); 2] {
+        let chip = self.chip().wiring.chip;
+        [(RAM.0, chip.ram_bytes), (CCM.0, chip.ccm_bytes)]
     }
 
     /// The chip.
@@ -244,7 +253,7 @@ impl<W: World + 'static> Machine<W> {
     /// Returns the largest use of the stack since the start, bytes, from the words that changed: RAM is painted before the
     /// start.
     pub fn stack_used(&self) -> u32 {
-        let memory = self.read_memory(RAM.0, RAM.1 as usize);
+        let memory = self.read_memory(RAM.0, self.memories()[0].1 as usize);
         let words: Vec<_> = memory.chunks_exact(4).collect();
         let untouched = |word: &[u8]| word == PAINT.to_le_bytes();
         // The longest run of painted words lies between the statics and the stack.

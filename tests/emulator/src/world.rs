@@ -35,9 +35,9 @@ pub trait World {
     /// Returns the counts of a converter, 1 to 5, for a channel.
     fn analog(&mut self, converter: usize, channel: u32) -> u16;
 
-    /// Returns the counts that the amplifiers at PA0 and PA1 show now.
-    fn shunts(&mut self) -> [u16; 2] {
-        [2048; 2]
+    /// Returns the counts of the signals that the comparators compare now.
+    fn shunts(&mut self) -> [u16; 3] {
+        [2048; 3]
     }
 
     /// Exchanges a word with the encoder, `seconds` after the last sample.

@@ -1,6 +1,6 @@
 //! The driver of the scenarios: the firmware's library. `tests/emulator` includes the scenarios with another one.
 
-pub use joint_rig::run_from_power_up as power_up;
+pub use joint_rig::{run_compact_from_power_up as compact_power_up, run_from_power_up as power_up};
 
 /// Number of random motors in scenario 4.
 pub const MOTORS: usize = 20;

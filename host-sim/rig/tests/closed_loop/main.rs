@@ -15,6 +15,7 @@ mod adaptation;
 mod brake_test;
 mod bus;
 mod commissioning;
+mod compact;
 mod current_loop;
 mod dead_time;
 mod driver;
@@ -39,7 +40,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 21] {
+fn families() -> [&'static [ScenarioRow]; 22] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -62,6 +63,7 @@ fn families() -> [&'static [ScenarioRow]; 21] {
         dead_time::rows(),
         current_loop::rows(),
         brake_test::rows(),
+        compact::rows(),
     ]
 }
 

@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 28] = [
+const TITLES: [&str; 29] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -116,6 +116,7 @@ const TITLES: [&str; 28] = [
     "Kinds of encoders",
     "Bandwidth and limits of the current loop",
     "Brake test",
+    "Compact node on the B-G431B-ESC1",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

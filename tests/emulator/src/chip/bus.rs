@@ -16,22 +16,23 @@ impl<W: World> Chip<W> {
 
     fn read_word(&mut self, address: u32) -> u32 {
         let now = self.now;
+        let chip = self.wiring.chip;
         match address {
-            0x4001_2C00..=0x4001_2FFF => self.timer1.read(address & 0x3FF, now),
-            0x4000_0400..=0x4000_07FF => self.timer3.read(address & 0x3FF, now),
-            0x4001_5000..=0x4001_53FF => {
+            _ if is_within(chip.clock.0, address) => self.timer5.read(address & 0x3FF, now),
+            _ if is_within(chip.counter, address) => {
                 self.follow_edges();
                 self.timer20.read(address & 0x3FF)
             }
+            0x4001_2C00..=0x4001_2FFF => self.timer1.read(address & 0x3FF, now),
+            0x4000_0400..=0x4000_07FF => self.timer3.read(address & 0x3FF, now),
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.read(address),
-            0x4000_0C00..=0x4000_0FFF => self.timer5.read(address & 0x3FF, now),
             0x5000_0000..=0x5000_07FF => self.read_converter(address),
             0x4001_3000..=0x4001_33FF => self.spi.read(address & 0x3FF, now),
             0x4000_5400..=0x4000_57FF => self.i2c.read(address & 0x3FF, now),
             0x4000_6400..=0x4000_67FF | 0x4000_A400..=0x4000_AFFF => self.can.read(address),
             0x4002_2000..=0x4002_23FF if address != FLASH_ACR => self.flash.read(address & 0x3FF),
             0x4800_0000..=0x4800_1BFF => {
-                if gpio::reads_hall(address) {
+                if self.gpio.reads_hall(address) {
                     self.gpio.set_hall(self.world.hall_levels(self.since_sample()));
                 }
                 self.gpio.read(address)
@@ -48,6 +49,7 @@ impl<W: World> Chip<W> {
             0x4001_0200..=0x4001_021B => {
                 let shunts = self.world.shunts();
                 let status = comparators::status(
+                    self.wiring.overcurrent.comparators,
                     &|at| self.plain(at),
                     address,
                     shunts,
@@ -103,19 +105,20 @@ impl<W: World> Chip<W> {
 
     fn write_word(&mut self, aligned: u32, address: u32, size: usize, word: u32, value: u32) {
         let now = self.now;
+        let chip = self.wiring.chip;
         match aligned {
+            _ if is_within(chip.clock.0, aligned) => self.timer5.write(aligned & 0x3FF, word, now),
+            _ if is_within(chip.counter, aligned) => {
+                self.follow_edges();
+                self.timer20.write(aligned & 0x3FF, word);
+            }
             0x4001_2C00..=0x4001_2FFF => self.write_timer(aligned & 0x3FF, word),
-            0x4000_0C00..=0x4000_0FFF => self.timer5.write(aligned & 0x3FF, word, now),
             0x5000_0000..=0x5000_07FF => self.write_converter(aligned, word),
             SPI1_DR => self.exchange(word as u16, now, now),
             0x4001_3000..=0x4001_33FF => {
                 self.spi.write(aligned & 0x3FF, word, now, &mut |_| 0xFFFF);
             }
             0x4000_0400..=0x4000_07FF => self.timer3.write(aligned & 0x3FF, word),
-            0x4001_5000..=0x4001_53FF => {
-                self.follow_edges();
-                self.timer20.write(aligned & 0x3FF, word);
-            }
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.write(aligned, word),
             0x4000_5400..=0x4000_57FF => {
                 let devices = i2c::Devices {
@@ -219,6 +222,11 @@ impl<W: World> Chip<W> {
             self.advance_world(self.now);
         }
     }
+}
+
+/// Returns true if an address is one of the registers of a peripheral.
+const fn is_within(base: u32, address: u32) -> bool {
+    address & !0x3FF == base
 }
 
 const fn mask(size: usize) -> u32 {

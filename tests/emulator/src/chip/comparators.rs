@@ -5,7 +5,7 @@
 //! a signal of the board with an enabled channel of a DAC, and is connected to the break. The comparison itself is
 //! continuous and belongs to the surroundings: [`crate::world::World::set_break_levels`].
 
-/// Lower and upper level of the amplifiers of phases a and b and of their mean, counts; `None` if no comparator acts.
+/// Lower and upper level of the signals that a board compares, three of them, counts; `None` if no comparator acts.
 pub type BreakLevels = [[Option<u16>; 2]; 3];
 
 /// Offset of TIM1_AF1, whose bit n connects comparator n to the break.
@@ -24,25 +24,38 @@ const DHR12R: [u32; 2] = [0x08, 0x14];
 
 /// A comparator: its number, the input that the board uses with its signal (0 and 1 for the phases, 2 for the mean), and
 /// the DAC channels of its inverting input, as (DAC, channel) from 1, for INMSEL = 4 and 5 (RM0440, table 196).
-struct Wiring {
+#[derive(Debug)]
+pub struct Comparator {
     number: u32,
     input: u32,
     signal: usize,
     levels: [(usize, usize); 2],
 }
 
-const fn wiring(number: u32, input: u32, signal: usize, levels: [(usize, usize); 2]) -> Wiring {
-    Wiring { number, input, signal, levels }
+const fn comparator(
+    number: u32,
+    input: u32,
+    signal: usize,
+    levels: [(usize, usize); 2],
+) -> Comparator {
+    Comparator { number, input, signal, levels }
 }
 
-/// The signals follow the board's pins.rs: PA0 and PB11 show phase a, PA1 and PA3 phase b, PB13 and PB14 the mean.
-const WIRING: [Wiring; 6] = [
-    wiring(1, 0, 1, [(3, 1), (1, 1)]),
-    wiring(2, 1, 1, [(3, 2), (1, 2)]),
-    wiring(3, 0, 0, [(3, 1), (1, 1)]),
-    wiring(5, 0, 2, [(4, 1), (1, 2)]),
-    wiring(6, 0, 0, [(4, 2), (2, 1)]),
-    wiring(7, 0, 2, [(4, 1), (2, 1)]),
+/// The driver's board: PA0 and PB11 show phase a, PA1 and PA3 phase b, PB13 and PB14 the mean.
+pub const G474: [Comparator; 6] = [
+    comparator(1, 0, 1, [(3, 1), (1, 1)]),
+    comparator(2, 1, 1, [(3, 2), (1, 2)]),
+    comparator(3, 0, 0, [(3, 1), (1, 1)]),
+    comparator(5, 0, 2, [(4, 1), (1, 2)]),
+    comparator(6, 0, 0, [(4, 2), (2, 1)]),
+    comparator(7, 0, 2, [(4, 1), (2, 1)]),
+];
+
+/// The B-G431B-ESC1: the shunts of the phases a, b and c at PA1, PA7 and PB0.
+pub const ESC1: [Comparator; 3] = [
+    comparator(1, 0, 0, [(3, 1), (1, 1)]),
+    comparator(2, 0, 1, [(3, 2), (1, 2)]),
+    comparator(4, 0, 2, [(3, 2), (1, 1)]),
 ];
 
 /// Returns true if a write to this plain register may change a level.
@@ -50,18 +63,19 @@ pub const fn changes_levels(address: u32) -> bool {
     matches!(address, 0x4001_0200..=0x4001_021B | 0x5000_0800..=0x5000_17FF)
 }
 
-/// Returns the register of a comparator with its output, for the counts of phases a and b; `None` for another address.
+/// Returns the register of a comparator of the board with its output, for the counts of the signals; `None` for another address.
 /// `unwired` is the number of a comparator whose pin has no signal.
 pub fn status(
+    comparators: &[Comparator],
     plain: &dyn Fn(u32) -> u32,
     address: u32,
-    [a, b]: [u16; 2],
+    signals: [u16; 3],
     unwired: Option<u32>,
 ) -> Option<u32> {
-    let Wiring { input, signal, levels, number } =
-        WIRING.iter().find(|wiring| COMP + 4 * (wiring.number - 1) == address)?;
+    let Comparator { input, signal, levels, number } =
+        comparators.iter().find(|comparator| COMP + 4 * (comparator.number - 1) == address)?;
     let csr = plain(address);
-    let counts = u32::from([a, b, a.midpoint(b)][*signal]);
+    let counts = u32::from(signals[*signal]);
     let source = (csr >> 4 & 0xF).checked_sub(4).and_then(|at| levels.get(at as usize));
     // A pin without a signal is low.
     let is_wired = csr >> 8 & 1 == *input && unwired != Some(*number);
@@ -72,17 +86,21 @@ pub fn status(
     Some(csr & !VALUE | if is_high && csr & ENABLED != 0 { VALUE } else { 0 })
 }
 
-/// Returns true if a comparator that acts signals, for the counts of phases a and b.
-pub fn is_active(levels: &BreakLevels, [a, b]: [u16; 2]) -> bool {
-    levels.iter().zip([a, b, a.midpoint(b)]).any(|([lower, upper], counts)| {
+/// Returns true if a comparator that acts signals, for these counts.
+pub fn is_active(levels: &BreakLevels, signals: [u16; 3]) -> bool {
+    levels.iter().zip(signals).any(|([lower, upper], counts)| {
         lower.is_some_and(|lower| counts < lower) || upper.is_some_and(|upper| counts > upper)
     })
 }
 
 /// Returns the levels that these registers mean; `plain` reads one that is plain memory.
-pub fn break_levels(plain: &dyn Fn(u32) -> u32, af1: u32) -> BreakLevels {
+pub fn break_levels(
+    comparators: &[Comparator],
+    plain: &dyn Fn(u32) -> u32,
+    af1: u32,
+) -> BreakLevels {
     let mut levels = BreakLevels::default();
-    for Wiring { number, input, signal, levels: sources } in WIRING {
+    for &Comparator { number, input, signal, levels: ref sources } in comparators {
         let csr = plain(COMP + 4 * (number - 1));
         let is_connected = af1 >> number & 1 == 1 && csr & ENABLED != 0 && csr >> 8 & 1 == input;
         let source = (csr >> 4 & 0xF).checked_sub(4).and_then(|at| sources.get(at as usize));
@@ -121,9 +139,12 @@ mod tests {
             }
         };
         let (all, connected) = (without(None), 1 << 3 | 1 << 6);
-        assert_eq!(break_levels(&all, connected), [[Some(1000), Some(3000)], [None; 2], [None; 2]]);
-        assert_eq!(break_levels(&all, 1 << 3)[0], [None, Some(3000)]);
-        assert_eq!(break_levels(&without(Some(0)), connected)[0], [Some(1000), None]);
-        assert_eq!(break_levels(&without(Some(4)), connected)[0], [None, Some(3000)]);
+        assert_eq!(
+            break_levels(&G474, &all, connected),
+            [[Some(1000), Some(3000)], [None; 2], [None; 2]]
+        );
+        assert_eq!(break_levels(&G474, &all, 1 << 3)[0], [None, Some(3000)]);
+        assert_eq!(break_levels(&G474, &without(Some(0)), connected)[0], [Some(1000), None]);
+        assert_eq!(break_levels(&G474, &without(Some(4)), connected)[0], [None, Some(3000)]);
     }
 }

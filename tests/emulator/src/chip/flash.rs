@@ -2,10 +2,11 @@
 //!
 //! [`Flash::content`] is what the banks hold. The core executes and reads a plain copy of it, which the machine updates
 //! after each operation ([`Flash::take_change`]). A power cut ends the operation that runs: what it wrote then has wrong
-//! check bits. [`Flash::record_cuts`] records what each operation would leave of the parameter store of the second bank.
+//! check bits. [`Flash::record_cuts`] records what each operation would leave of the parameter store.
 //! [`Flash::record_operations`] records the operations themselves, from which [`Content::apply`] and [`Content::tear`] make
 //! the content of both banks for any cut. So one run of an image shows all cuts.
 
+use super::wiring::ChipTraits;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -40,11 +41,7 @@ const OPTIONS: u32 = 0xFFEF_FCAA;
 const ERASE_CYCLES: u64 = 24_500 * 170;
 const PROGRAM_CYCLES: u64 = 85 * 170;
 
-/// Length of the parameter store, at the end of the bank, bytes.
-pub const STORE_BYTES: usize = 4 * PAGE_BYTES as usize;
-const STORE_AT: usize = FLASH_BYTES as usize - STORE_BYTES;
-
-/// Content of the parameter store in the second bank.
+/// Content of the parameter store at the end of the flash.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoreContent {
     /// Its bytes.
@@ -124,6 +121,8 @@ impl Content {
 pub struct Flash {
     /// Content of the banks.
     pub content: Content,
+    /// Place of the parameter store.
+    store: Range<usize>,
     /// Bank from which the core executes: it waits for the operations there.
     pub own_bank: u32,
     registers: [u32; 32],
@@ -146,6 +145,7 @@ impl Default for Flash {
         registers[OPTR as usize / 4] = OPTIONS;
         Self {
             content: Content::default(),
+            store: 0..0,
             own_bank: 0,
             registers,
             keys_seen: 0,
@@ -188,15 +188,21 @@ impl Flash {
         std::mem::take(&mut self.ecc_error)
     }
 
-    /// Returns the flash with this content after power-on.
-    pub fn with(content: Content) -> Self {
-        Self { content, ..Self::default() }
+    /// Returns the flash of a chip.
+    pub fn of(chip: &ChipTraits) -> Self {
+        let end = chip.flash_bytes as usize;
+        Self { store: end - chip.store_bytes as usize..end, ..Self::default() }
+    }
+
+    /// Replaces the content, before power-on.
+    pub fn with(self, content: Content) -> Self {
+        Self { content, ..self }
     }
 
     /// Returns the flash after a reset, with the content and the records of this one.
     pub fn after_reset(&self) -> Self {
         let (content, operations) = (self.content.clone(), self.operations.clone());
-        Self { content, operations, ..Self::default() }
+        Self { content, operations, store: self.store.clone(), ..Self::default() }
     }
 
     /// Takes a part that changed since the last call.
@@ -227,15 +233,15 @@ impl Flash {
         Rc::clone(self.cuts.insert(Rc::default()))
     }
 
-    /// Returns the content of the parameter store in the second bank.
+    /// Returns the content of the parameter store.
     pub fn store(&self) -> StoreContent {
         let torn = self.content.torn.iter().copied().collect();
-        StoreContent { bytes: self.content.bytes[STORE_AT..].to_vec(), torn }
+        StoreContent { bytes: self.content.bytes[self.store.clone()].to_vec(), torn }
     }
 
-    /// Sets the content of the parameter store in the second bank.
+    /// Sets the content of the parameter store.
     pub fn set_store(&mut self, content: &StoreContent) {
-        self.content.bytes[STORE_AT..].copy_from_slice(&content.bytes);
+        self.content.bytes[self.store.clone()].copy_from_slice(&content.bytes);
         self.content.torn = content.torn.iter().copied().collect();
     }
 
@@ -341,10 +347,11 @@ impl Flash {
 
 #[cfg(test)]
 mod tests {
+    use super::super::wiring::STM32G474;
     use super::*;
 
     fn unlocked() -> Flash {
-        let mut flash = Flash::default();
+        let mut flash = Flash::of(&STM32G474);
         flash.write(KEYR, KEYS[0], 0);
         flash.write(KEYR, KEYS[1], 0);
         flash
@@ -370,7 +377,7 @@ mod tests {
         let mut flash = unlocked();
         let cuts = flash.record_cuts();
         flash.write(CR, 1, 0);
-        let at = BASE + STORE_AT as u32 + 16;
+        let at = BASE + flash.store.start as u32 + 16;
         flash.program(at, 1, 0);
         flash.program(at + 4, 2, 0);
         let cuts = cuts.take();

@@ -20,20 +20,9 @@ const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const PULLED_DOWN: u32 = 2;
 
-/// Input of the touch probe PC12, in both wirings.
-const TOUCH: Pin = (2, 12);
-/// Hall sensors of the motor.
-const HALL: [Pin; 3] = [(2, 3), (2, 4), (2, 5)];
-
-/// Returns true for the register that shows the levels of the Hall sensors.
-pub const fn reads_hall(address: u32) -> bool {
-    address == 0x4800_0800 + IDR
-}
-
-/// TIM20_CH1 to 3: the lines and the index of a quadrature encoder.
-pub const QUADRATURE: Connections = &[((1, 2), 3), ((2, 2), 6), ((2, 8), 6)];
 /// FDCAN1_RX and TX.
 pub const CAN: Connections = &[((0, 11), 9), ((1, 9), 9)];
+
 /// The ports.
 #[derive(Clone, Debug)]
 pub struct Gpio {
@@ -82,6 +71,11 @@ impl Gpio {
         self.register(port, MODER) >> (2 * pin) & 3
     }
 
+    /// Returns true for the register that shows the levels of the Hall sensors.
+    pub fn reads_hall(&self, address: u32) -> bool {
+        address == 0x4800_0000 + 0x400 * self.wiring.hall[0].0 as u32 + IDR
+    }
+
     fn output(&self, (port, pin): Pin) -> Option<bool> {
         let is_output = self.mode((port, pin)) == OUTPUT;
         is_output.then(|| self.register(port, ODR) >> pin & 1 == 1)
@@ -102,17 +96,17 @@ impl Gpio {
 
     /// Returns true if the gate driver is awake. It is asleep while the pin is not driven.
     pub fn is_gate_driver_awake(&self) -> bool {
-        self.output(self.wiring.enable) == Some(true)
+        self.wiring.enable.is_none_or(|pin| self.output(pin) == Some(true))
     }
 
     /// Returns true if the output of the holding brake is high. It is pulled low while the pin is not driven.
     pub fn is_brake_output_high(&self) -> bool {
-        self.output(self.wiring.brake) == Some(true)
+        self.wiring.brake.is_some_and(|pin| self.output(pin) == Some(true))
     }
 
     /// Returns true if software selects the encoder.
     pub fn is_encoder_selected(&self) -> bool {
-        self.output(self.wiring.select) == Some(false)
+        self.wiring.select.is_some_and(|pin| self.output(pin) == Some(false))
     }
 
     /// Sets the fault input of the gate driver.
@@ -142,11 +136,16 @@ impl Gpio {
         let mut levels = (0..16)
             .filter(|pin| pulls >> (2 * pin) & 3 != PULLED_DOWN)
             .fold(0, |word, pin| word | 1 << pin);
-        let fault = (self.wiring.fault, !self.has_gate_fault);
-        let torque = [0, 1].map(|at| (self.wiring.torque_allowed[at], self.torque_allowed[at]));
-        let hall = [0, 1, 2].map(|at| (HALL[at], self.hall.is_none_or(|word| word >> at & 1 == 1)));
-        let touch = (TOUCH, self.is_touched);
-        for ((driven, pin), is_high) in [fault, touch].into_iter().chain(torque).chain(hall) {
+        let fault = self.wiring.fault.map(|pin| (pin, !self.has_gate_fault));
+        let torque = self
+            .wiring
+            .torque_allowed
+            .map(|pins| [0, 1].map(|at| (pins[at], self.torque_allowed[at])));
+        let hall = [0, 1, 2]
+            .map(|at| (self.wiring.hall[at], self.hall.is_none_or(|word| word >> at & 1 == 1)));
+        let touch = self.wiring.touch.map(|pin| (pin, self.is_touched));
+        let driven = fault.into_iter().chain(touch).chain(torque.into_iter().flatten());
+        for ((driven, pin), is_high) in driven.chain(hall) {
             if driven == port {
                 levels = levels & !(1 << pin) | u32::from(is_high) << pin;
             }

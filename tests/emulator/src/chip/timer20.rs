@@ -1,4 +1,4 @@
-//! TIM20 as a counter of a quadrature encoder: encoder mode 3, and the index captured by channel 3 (RM0440, 28).
+//! TIM20 or TIM4 as a counter of a quadrature encoder: encoder mode 3, and the index captured by channel 3 (RM0440, 28).
 //!
 //! The edges come from the surroundings. Mode 3 counts those of both lines; modes 1 and 2 count the edges of one line, so
 //! that two edges are one count. Without the pins' alternate functions no edge arrives.

@@ -1,4 +1,4 @@
-//! TIM5: an upward counter with update and two compare interrupts (RM0440, 29).
+//! TIM5 or TIM2: an upward counter with update and two compare interrupts (RM0440, 29).
 
 const CR1: u32 = 0x00;
 const DIER: u32 = 0x0C;

@@ -5,6 +5,8 @@
 mod access;
 mod board_bus;
 mod bus;
+mod compact;
+mod compact_cost;
 mod cost;
 mod course;
 mod drift;

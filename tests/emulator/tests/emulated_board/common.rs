@@ -21,14 +21,26 @@ pub fn image() -> &'static Image {
     &IMAGE
 }
 
+/// Reads the image that a variable names; by default that which `tests/image/build` made at this path.
+fn read_image(variable: &str, built: &str) -> Image {
+    let path = std::env::var_os(variable).map_or_else(
+        || [env!("CARGO_MANIFEST_DIR"), "../../target/images", built].iter().collect(),
+        PathBuf::from,
+    );
+    Image::read(&path).expect("an image; tests/emulator/run builds it")
+}
+
 /// Returns the image for slot A of a board with the second wiring.
 pub fn second_image() -> &'static Image {
-    static IMAGE: LazyLock<Image> = LazyLock::new(|| {
-        let built = [env!("CARGO_MANIFEST_DIR"), "../../target/images/stm32g474-second/firmware"];
-        let path = std::env::var_os("FIRMWARE_SECOND")
-            .map_or_else(|| built.iter().collect(), PathBuf::from);
-        Image::read(&path).expect("an image; tests/emulator/run builds it")
-    });
+    static IMAGE: LazyLock<Image> =
+        LazyLock::new(|| read_image("FIRMWARE_SECOND", "stm32g474-second/firmware"));
+    &IMAGE
+}
+
+/// Returns the image of the compact node, for the B-G431B-ESC1.
+pub fn compact_image() -> &'static Image {
+    static IMAGE: LazyLock<Image> =
+        LazyLock::new(|| read_image("FIRMWARE_COMPACT", "esc1/firmware-esc1"));
     &IMAGE
 }
 

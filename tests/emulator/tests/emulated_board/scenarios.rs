@@ -10,6 +10,8 @@ mod brake_test;
 mod bus;
 #[path = "../../../../host-sim/rig/tests/closed_loop/commissioning.rs"]
 mod commissioning;
+#[path = "../../../../host-sim/rig/tests/closed_loop/compact.rs"]
+pub mod compact;
 #[path = "../../../../host-sim/rig/tests/closed_loop/current_loop.rs"]
 mod current_loop;
 #[path = "../../../../host-sim/rig/tests/closed_loop/dead_time.rs"]
@@ -65,6 +67,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
         dead_time::rows(),
     ]);
     families.extend([current_loop::rows(), brake_test::rows(), touch_probe::rows()]);
+    families.push(compact::rows());
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);

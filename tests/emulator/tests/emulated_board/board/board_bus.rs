@@ -6,6 +6,7 @@ use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId};
 use emulated_board::chip::clock::reset;
 use emulated_board::chip::flash::{Content, Flash};
+use emulated_board::chip::wiring::STM32G474;
 use emulated_board::chip::{CORE_HZ, Chip};
 use emulated_board::{Machine, StopReason};
 use firmware::node::dictionary::index;
@@ -61,7 +62,7 @@ fn machine(content: Flash, flags: u32) -> Machine<Constant> {
 
 impl BoardBus {
     pub fn power_up(content: Content) -> Self {
-        let flash = Flash::with(content);
+        let flash = Flash::of(&STM32G474).with(content);
         let machine = machine(flash, reset::POWER | reset::PIN);
         Self { machine, before: 0, resets: 0, frames: 0, disturbance: None, cut_at: None }
     }

@@ -6,7 +6,7 @@ use super::start::{Constant, started};
 use crate::common::image;
 use embedded_storage::nor_flash::ReadNorFlash;
 use emulated_board::Machine;
-use emulated_board::chip::flash::{STORE_BYTES, StoreContent};
+use emulated_board::chip::flash::StoreContent;
 use emulated_board::chip::{CORE_HZ, Chip};
 use emulated_board::nvic::FIRST_INTERRUPT;
 use firmware::access::AccessSettings;
@@ -74,8 +74,9 @@ fn store(settings: &NodeSettings) -> StoreContent {
     store
         .save(&emit_block(settings, &ParameterSet::default()), &settings.identity())
         .expect("saved");
-    let mut bytes = vec![0; STORE_BYTES];
-    store.into_flash().read(0, &mut bytes).expect("read");
+    let mut flash = store.into_flash();
+    let mut bytes = vec![0; flash.capacity()];
+    flash.read(0, &mut bytes).expect("read");
     StoreContent { bytes, torn: Vec::new() }
 }
 

@@ -1,0 +1,124 @@
+//! Cycles of the compact image's interrupt on the B-G431B-ESC1, in closed loop: `interrupt-cycles-esc1.tsv`.
+//!
+//! The interrupt executes from flash. The costs are those without a wait state, those with the simulated caches, and those
+//! without any cache and prefetch, which no chip exceeds. `UPDATE_TABLES=1` writes the file.
+
+use crate::common::compact_image;
+use crate::scenarios::compact::{ABZ, HALL, joint, power_up, turn_by_hand};
+use emulated_board::BoardDriver;
+use emulated_board::costs::Costs;
+use emulated_board::cycles::FlashAccess;
+use joint_rig::{JointRig, PERIOD_CYCLES, stage_at_power_up};
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+/// Encoders, with the share of the period that the interrupt may take: with the caches, and without.
+const ENCODERS: [(&str, f32, [f64; 2]); 2] =
+    [("ABZ", ABZ, [0.65, 0.9]), ("Hall sensors", HALL, [0.65, 0.9])];
+
+/// Least share of the period, by the lower estimate: a loop that measures, compensates and drives takes more.
+const LEAST_SHARE: f64 = 0.1;
+
+/// Access to the flash at 170 MHz without caches and prefetch.
+const NO_CACHES: FlashAccess =
+    FlashAccess { wait_states: 4, prefetch: false, code_cache: false, data_cache: false };
+
+/// Deviation from the file that another compiler may cause.
+const TOLERANCE: f64 = 0.03;
+
+const HEAD: &str = "# Worst period\n\
+encoder\tinstructions\tno wait states\tcaches\tno caches\t% of the period, caches\t% of the period, no caches\tend, no caches\n";
+
+/// Runs a course with an encoder of this kind and this access to the flash; returns the costs.
+fn measure(kind: f32, access: Option<FlashAccess>) -> Costs {
+    let mut joint = joint(kind, 0.9);
+    if let Some(set) = &mut joint.set {
+        // The voltage of the dead time is compensated.
+        set.motor.dead_time_s = 0.5e-6;
+    }
+    let start = power_up(&joint);
+    let stage = stage_at_power_up(&start, joint.plant(), &joint.faults);
+    let mut driver = BoardDriver::start_compact(compact_image(), &start, stage).expect("it starts");
+    if let Some(access) = access {
+        driver.machine_mut().chip_mut().flash_access = access;
+    }
+    let costs = driver.record_costs();
+    let mut rig = JointRig::new(Box::new(driver), joint.faults);
+    turn_by_hand(&mut rig);
+    let at = rig.plant().position_rad();
+    rig.arm(at).expect("it arms");
+    let mut integral_a = 0.0;
+    for k in 0..500 {
+        let (sine, cosine) = (TAU * 2.0 * f64::from(k) * 1e-3).sin_cos();
+        let error = 2.0 * sine - f64::from(rig.master_view().velocity_rad_s);
+        integral_a += 1.5e-3 * error;
+        let wanted = 0.12 * 4.0 * TAU * cosine + 1.5 * error + integral_a;
+        rig.step_with_command(wanted as f32, (2.0 * sine) as f32);
+    }
+    assert!(rig.is_armed(), "{:?}", rig.latched_faults());
+    let limits: Vec<_> = rig.active_limits().iter().map(|code| code.info().name).collect();
+    assert!(!limits.contains(&"loop-late"), "{limits:?}");
+    drop(rig);
+    costs.take()
+}
+
+fn path() -> PathBuf {
+    [env!("CARGO_MANIFEST_DIR"), "interrupt-cycles-esc1.tsv"].iter().collect()
+}
+
+fn share(cycles: u32) -> f64 {
+    f64::from(cycles) / f64::from(PERIOD_CYCLES)
+}
+
+fn emit(rows: &[(&str, [Costs; 2])]) -> String {
+    let mut text = HEAD.to_owned();
+    for (name, [cached, uncached]) in rows {
+        let [lower, upper, most] = [cached.worst.lower, cached.worst.upper, uncached.worst.upper];
+        let _ = writeln!(
+            text,
+            "{name}\t{}\t{lower}\t{upper}\t{most}\t{:.0}\t{:.0}\t{}",
+            cached.instructions,
+            100.0 * share(upper),
+            100.0 * share(most),
+            uncached.latest_end,
+        );
+    }
+    text
+}
+
+/// Returns the numbers of the table.
+fn figures(text: &str) -> Vec<f64> {
+    text.split(['\t', '\n']).filter_map(|cell| cell.parse().ok()).collect()
+}
+
+#[test]
+fn compact_interrupt_from_flash_stays_within_its_period() {
+    let rows = ENCODERS
+        .map(|(name, kind, _)| (name, [None, Some(NO_CACHES)].map(|access| measure(kind, access))));
+    let written = emit(&rows);
+    print!("{written}");
+    for ((name, [cached, uncached]), (_, _, [most, most_uncached])) in rows.iter().zip(ENCODERS) {
+        for (costs, limit) in [(cached, most), (uncached, most_uncached)] {
+            let (least, upper) = (share(costs.worst.lower), share(costs.worst.upper));
+            assert!(upper <= limit, "{name}: {upper:.3} of a period");
+            assert!(
+                costs.runs > 10_000 && least > LEAST_SHARE,
+                "{name}: {} runs, {least:.3}",
+                costs.runs
+            );
+        }
+    }
+    if std::env::var_os("UPDATE_TABLES").is_some() {
+        std::fs::write(path(), written).expect("the file can be written");
+        return;
+    }
+    let known = figures(&std::fs::read_to_string(path()).expect("interrupt-cycles-esc1.tsv"));
+    let now = figures(&written);
+    let update = "tests/emulator/run --update writes interrupt-cycles-esc1.tsv";
+    assert_eq!(known.len(), now.len(), "{update}");
+    for (known, now) in known.iter().zip(&now) {
+        let apart = (known - now).abs() / known.max(1.0);
+        assert!(apart <= TOLERANCE, "{known} is now {now}; {update}");
+    }
+}
