@@ -17,7 +17,7 @@
 
 use super::SensorParameters;
 use super::evaluation::Evaluation;
-use super::hall::{SECTOR_UNITS, begin, direction};
+use super::hall::{SECTOR_UNITS, begin};
 use crate::control::MotorParameters;
 use core::f32::consts::TAU;
 
@@ -68,6 +68,7 @@ pub struct QuadratureEncoder {
     is_hall_reversed: bool,
     /// Electrical angle at which the first sector begins, 2^-32 turns.
     hall_begin: u32,
+    /// Sector of the period before.
     last_sector: u8,
     known: Known,
     last_count: u16,
@@ -132,7 +133,9 @@ impl QuadratureEncoder {
         }
         if let Some(sector) = sector {
             let Some(sector) = sector else { return Evaluation::Missing };
-            if !self.follow_hall(sector) {
+            // A level that lasts for one period is a disturbance.
+            let is_confirmed = core::mem::replace(&mut self.last_sector, sector) == sector;
+            if is_confirmed && !self.follow_hall(sector) {
                 self.known = Known::Nothing;
                 return Evaluation::Contradiction;
             }
@@ -216,22 +219,25 @@ impl QuadratureEncoder {
     fn follow_hall(&mut self, sector: u8) -> bool {
         let sector = if self.is_hall_reversed { 5 - sector } else { sector };
         let middle = begin(sector).wrapping_add(self.hall_begin).wrapping_add(SECTOR_UNITS / 2);
-        let last = core::mem::replace(&mut self.last_sector, sector);
+        let off = middle.wrapping_sub(self.best_electrical()) as i32;
+        let outside = off.unsigned_abs().saturating_sub(SECTOR_UNITS / 2);
         match self.known {
             Known::Nothing => {
                 self.aim(middle);
                 self.offset = self.goal;
                 self.known = Known::Electrical;
+                true
             }
-            Known::Electrical => match direction(last, sector) {
-                1 => self.aim(middle.wrapping_sub(SECTOR_UNITS / 2)),
-                -1 => self.aim(middle.wrapping_add(SECTOR_UNITS / 2)),
-                _ => {}
-            },
-            Known::Index => {}
+            Known::Electrical => {
+                // The rotor is at the nearer end of the sector: it has just passed it, or is about to.
+                if outside > 0 {
+                    let half = (SECTOR_UNITS / 2) as i32;
+                    self.aim(middle.wrapping_sub(if off > 0 { half } else { -half } as u32));
+                }
+                outside <= SECTOR_UNITS / 2 + HALL_MARGIN_UNITS
+            }
+            Known::Index => outside <= HALL_MARGIN_UNITS,
         }
-        let off = middle.wrapping_sub(self.best_electrical()) as i32;
-        off.unsigned_abs() <= SECTOR_UNITS / 2 + HALL_MARGIN_UNITS
     }
 }
 

@@ -81,6 +81,8 @@ fn start_by_hall_sensors_is_within_half_a_sector_and_exact_after_index() {
     for start in [0, 40, 95, 300, 570, 3000] {
         for direction in [1, -1] {
             let mut shaft = Shaft::at(start, true);
+            // Levels count from their second period on.
+            shaft.turn(0);
             let error = shaft.electrical_error_of_turn(0);
             assert!(error.abs() <= PI / 6.0 + 0.02, "{start}: {error}");
             let mut last = shaft.turn(0);
@@ -178,6 +180,38 @@ fn hall_sensors_that_contradict_the_counts_are_found_within_a_sector() {
     let mut shaft = Shaft::at(0, true);
     shaft.turn(10);
     assert_eq!(shaft.encoder.evaluate(Quadrature::default(), Some(None)), Evaluation::Missing);
+}
+
+#[test]
+fn counter_that_stands_before_its_index_contradicts_the_second_edge_of_hall_sensors() {
+    for direction in [1, -1] {
+        let mut shaft = Shaft::at(1000, true);
+        (0..2).for_each(|_| _ = shaft.turn(0));
+        let from = shaft.count;
+        let found = (0..40).find(|_| {
+            shaft.lost += 5 * direction;
+            shaft.turn(5 * direction) == Evaluation::Contradiction
+        });
+        assert!(found.is_some() && (shaft.count - from).abs() < 2 * 95 + 10, "{found:?}");
+    }
+}
+
+#[test]
+fn wrong_level_of_a_period_is_ignored() {
+    for turned in [0, 6000] {
+        let mut shaft = Shaft::at(1000, true);
+        (0..turned / 10 + 2).for_each(|_| _ = shaft.turn(10));
+        for wrong in [0b001, 0b010, 0b100] {
+            let shown = sector(shaft.levels() ^ wrong);
+            let count = (shaft.count - shaft.lost) as u16;
+            let read = Quadrature { count, ..Quadrature::default() };
+            let evaluation = shaft.encoder.evaluate(read, Some(shown));
+            assert_eq!(evaluation == Evaluation::Missing, shown.is_none(), "{evaluation:?}");
+            let error =
+                (0..20).map(|_| shaft.electrical_error_of_turn(1).abs()).fold(0.0, f64::max);
+            assert!(error <= PI / 6.0 + 0.02, "{error}");
+        }
+    }
 }
 
 #[test]
