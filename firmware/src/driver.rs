@@ -26,6 +26,7 @@ pub mod profile;
 pub mod received;
 pub mod staging;
 pub mod trajectory;
+mod unseen_turning;
 
 pub use counters::Counters;
 pub use device::{Boot, Identity};

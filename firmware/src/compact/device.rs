@@ -196,6 +196,9 @@ impl<F: NorFlash> Device<F> {
         let proven = self.settings.proven == self.staging.wiring_crc();
         let thresholds = self.supervisor.thresholds();
         self.motor.step(self.current_loop.report(), &set.motor, thresholds, drives, proven);
+        if self.motor.state().is_turning_unseen {
+            self.current_loop.lose_home();
+        }
         if self.motor.state().is_proven {
             self.settings.proven = self.staging.wiring_crc();
         }
@@ -231,6 +234,7 @@ impl<F: NorFlash> Device<F> {
             motor_temperature_c: report.motor_temperature_c,
             winding_temperature_c: motor.winding_c,
             motor_against: motor.is_emf_reversed,
+            turns_unseen: motor.is_turning_unseen,
             motor_stands: motor.is_blocked,
             position_missing: is_position_needed && report.position_rad.is_nan(),
             stalled: motor.is_stalled,

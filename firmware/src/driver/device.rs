@@ -246,6 +246,7 @@ impl<F: NorFlash> Device<F> {
                 motor_temperature_c: report.motor_temperature_c,
                 winding_temperature_c: motor.winding_c,
                 motor_against: motor.is_emf_reversed,
+                turns_unseen: motor.is_turning_unseen,
                 motor_stands: motor.is_blocked,
                 position_missing: self.is_position_missing(),
                 following_error: self.following_state().1,
@@ -320,6 +321,9 @@ impl<F: NorFlash> Device<F> {
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();
         self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
+        if self.motor.state().is_turning_unseen {
+            self.current_loop.lose_home();
+        }
         self.keep_proof();
         self.restore_home();
         self.step_over_compensation();

@@ -13,12 +13,15 @@
 //! its parameters say. The driver keeps this proof with the CRC of these parameters, over disarming and resets. A
 //! proven joint may be armed with a load that its motor must hold.
 //!
+//! *Turning unseen.* The encoder stands, and the current shows that the rotor turns ([`super::unseen_turning`]).
+//!
 //! *Winding.* A winding is warmer than the stator with its thermistor. The difference follows the copper loss
 //! with its own time constant (`rise' = (loss k - rise) / time`). At stall in cold water it reaches 100 K. It survives a
 //! reset ([`crate::driver::Boot::winding_rise_k`]). If it is lost, the winding is assumed to be so hot that half of the
 //! current is left.
 
 use super::loop_data::{LoopReport, REPORT_PERIOD_S};
+use super::unseen_turning::UnseenTurning;
 use crate::control::MotorParameters;
 use crate::supervisor::Thresholds;
 
@@ -47,6 +50,8 @@ const UNMEASURED_STATOR_C: f32 = 40.0;
 pub struct MotorState {
     /// The EMF has the opposite sign of the speed.
     pub is_emf_reversed: bool,
+    /// The rotor turns, and its encoder stands.
+    pub is_turning_unseen: bool,
     /// Current flows, the joint stands, it has not moved since it was armed, and its wiring is not proven.
     pub is_blocked: bool,
     /// The joint has travelled in the direction of its current since it was armed: its wiring is proven.
@@ -64,6 +69,7 @@ pub struct MotorWatch {
     has_moved: bool,
     /// Travel in the direction of the current since the joint was armed, rad.
     driven_rad: f32,
+    unseen: UnseenTurning,
     /// Rise of the winding above the stator, K; `None` until the first report after a start that lost it.
     rise_k: Option<f32>,
 }
@@ -93,7 +99,7 @@ impl MotorWatch {
     ) -> MotorState {
         let winding_c = self.winding_temperature(report, motor, thresholds);
         if !armed {
-            (self.moved_rad, self.has_moved, self.driven_rad) = (0.0, false, 0.0);
+            *self = Self { rise_k: self.rise_k, ..Self::default() };
             return MotorState { winding_c, ..MotorState::default() };
         }
         let travel_rad = report.velocity_rad_s * REPORT_PERIOD_S;
@@ -119,6 +125,7 @@ impl MotorWatch {
         let is_known = self.has_moved || proven;
         MotorState {
             is_emf_reversed: is_fast && agreement < -square,
+            is_turning_unseen: self.unseen.step(report, motor, expected_v),
             is_blocked: held && !is_known,
             is_stalled: held && is_known,
             is_proven: self.driven_rad > PROOF_TRAVEL_RAD,

@@ -13,7 +13,7 @@
 //! angle.
 //!
 //! A sensor that is stuck leads to an illegal level or to a skipped sector within an electrical turn. All of them stuck hold
-//! the field still: the rotor is locked, and the supervisor finds a joint that does not follow.
+//! the field still: `crate::driver::unseen_turning` finds a rotor that turns on.
 
 use super::evaluation::Evaluation;
 use crate::control::MotorParameters;

@@ -112,6 +112,7 @@ pub(super) fn evaluate(
         Code::CurrentSensorInvalid => any_current(&|current| !current.is_finite()),
         Code::PhaseLost => supervisor.is_driving() && phase_is_open(thresholds, observation),
         Code::GateDriverFault => observation.gate_driver_fault,
+        Code::EncoderLost => observation.turns_unseen,
         Code::MotorAgainst => supervisor.is_driving() && observation.motor_against,
         Code::MotorStands => supervisor.is_driving() && observation.motor_stands,
         Code::PositionUnknown => observation.position_missing,
@@ -158,8 +159,7 @@ pub(super) fn evaluate(
         | Code::NotCommissioned
         | Code::StoreReduced => return Reported,
         // Raised by flags alone.
-        Code::EncoderLost
-        | Code::EncoderJump
+        Code::EncoderJump
         | Code::ModelNotFinite
         | Code::Internal
         | Code::VoltageLimited

@@ -105,6 +105,8 @@ pub struct Observation {
     pub winding_temperature_c: Option<f32>,
     /// True if the induced voltage and the speed have opposite signs.
     pub motor_against: bool,
+    /// True if the rotor turns while its encoder stands.
+    pub turns_unseen: bool,
     /// True if the joint carries current, has not moved since it was armed, and its wiring is not proven.
     pub motor_stands: bool,
     /// True if the position is required and unknown, and the drive is not in homing mode.
@@ -160,6 +162,7 @@ impl Default for Observation {
             motor_temperature_c: None,
             winding_temperature_c: None,
             motor_against: false,
+            turns_unseen: false,
             motor_stands: false,
             position_missing: false,
             following_error: false,

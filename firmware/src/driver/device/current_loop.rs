@@ -11,6 +11,8 @@ pub(crate) struct LoopExchange {
     set_number: u32,
     gate_resets: u8,
     home: Home,
+    /// The position is unknown until it is set, whatever the loop reports.
+    is_home_lost: bool,
 }
 
 impl Default for LoopExchange {
@@ -21,6 +23,7 @@ impl Default for LoopExchange {
             set_number: 0,
             gate_resets: 0,
             home: Home::default(),
+            is_home_lost: false,
         }
     }
 }
@@ -30,6 +33,9 @@ impl LoopExchange {
     pub(crate) fn take_report(&mut self, report: &LoopReport) {
         let before = (self.report.loop_flags, self.report.flags);
         self.report = *report;
+        if self.is_home_lost {
+            self.report.position_rad = f32::NAN;
+        }
         if !self.is_report_seen {
             self.report.loop_flags |= before.0;
             self.report.flags |= before.1;
@@ -59,7 +65,13 @@ impl LoopExchange {
 
     /// Makes the loop take the present position as this one, rad.
     pub(crate) fn set_home(&mut self, position_rad: f32) {
+        self.is_home_lost = false;
         self.home = Home { position_rad, number: self.home.number.wrapping_add(1) };
+    }
+
+    /// Makes the position unknown until it is set: the joint has moved without its encoder.
+    pub(crate) fn lose_home(&mut self) {
+        self.is_home_lost = true;
     }
 
     /// Returns the numbers of the set and of the resets, and the position.

@@ -47,13 +47,13 @@ fn observation() -> impl Strategy<Value = Observation> {
     );
     let rarely = || prop::bool::weighted(0.05);
     let motor = (rarely(), rarely(), any::<bool>(), any::<bool>());
-    let motor = (motor, any::<[bool; 2]>(), [rarely(), rarely()]);
+    let motor = (motor, any::<[bool; 2]>(), [rarely(), rarely(), rarely()]);
     let all = (measured, flags, bits, motor, any::<bool>());
     all.prop_map(|(measured, flags, bits, motor, is_healthy)| {
         let (voltage, currents, [a, b, c, d, e, f], age) = measured;
         let (loop_bits, core_bits, can, in_band) = flags;
         let (motor, [radial_force_stuck, pressure_stuck], position) = motor;
-        let [position_missing, following_error] = position;
+        let [position_missing, following_error, turns_unseen] = position;
         if is_healthy {
             return healthy_observation();
         }
@@ -70,6 +70,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             motor_temperature_c: Some(e),
             winding_temperature_c: Some(f),
             motor_against: motor.0,
+            turns_unseen,
             motor_stands: motor.1,
             position_missing,
             following_error,
