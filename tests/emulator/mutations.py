@@ -20,7 +20,8 @@ SINE = "board::course::joint_with_image_follows_sine_of_velocity"
 HANGING = "board::course::joint_with_hanging_loop_is_stopped_at_level_of_its_comparators"
 START = "board::start::image_after_power_on_sends_boot_up_frame_with_open_bridge"
 GATE_FAULT = "board::peripherals::fault_of_gate_driver_is_named_and_overcurrent_is_not"
-KINDS = "scenarios::encoder_kinds::encoders_of_all_kinds_drive_and_their_faults_are_found"
+KINDS = "scenarios::encoder_kinds::encoders_of_all_kinds_drive_and_keep_the_home"
+FAULTS = "scenarios::encoder_faults::faults_of_all_encoders_stop_the_joint_or_are_reported"
 COMPACT = "scenarios::compact::compact_node_on_its_board_drives_stops_and_keeps_its_set"
 DRY_SIDE = "board::dry_side::readings_of_dry_side_are_those_of_its_sensors"
 
@@ -111,16 +112,24 @@ MUTATIONS = [
      "{ self.begin_loaded(if is_moving { velocity_rad_s } else { 0.0 }, 0.0); }",
      "scenarios::modes::profile_modes_ramp_and_change_without_a_jump"),
     ("counts of an ABZ encoder not compared at its index", "firmware/src/sensors/quadrature.rs",
-     "is_checked && lost <= INDEX_TOLERANCE_COUNTS", "is_checked", KINDS),
+     "is_checked && lost <= INDEX_TOLERANCE_COUNTS", "is_checked", FAULTS),
     ("counter of one line for both", FAMILY + "counter.rs", "vals::Sms::ENCODER_MODE_3", "vals::Sms::ENCODER_MODE_1", KINDS),
-    ("CRC of a BiSS frame not compared", "firmware/src/sensors/biss.rs", "crc(frame, self.steps) == self.residue", "true", KINDS),
+    ("CRC of a BiSS frame not compared", "firmware/src/sensors/biss.rs", "crc(frame, self.steps) == self.residue", "true", FAULTS),
     ("home kept over a reset of an armed joint", "firmware/src/driver/device/kept_home.rs",
      "self.is_bridge_in_use() || !self.is_standing()", "false", KINDS),
     ("record of the home not marked at arming", "firmware/src/driver/device/stored_home.rs",
      "is_near && !is_outdated && !self.is_bridge_in_use()", "is_near && !is_outdated", KINDS),
     ("turns of a BiSS encoder not used for the home", "firmware/src/driver/home.rs",
      "(wrapped_turns(whole + part, set), turns_range(set))", "(part, 1.0)", KINDS),
-    ("skipped sector of Hall sensors accepted", "firmware/src/sensors/hall.rs", "direction == 0", "false", KINDS),
+    ("skipped sector of Hall sensors accepted", "firmware/src/sensors/hall.rs", "direction == 0", "false", FAULTS),
+    ("rotor that turns while its encoder stands not reported", "firmware/src/driver/motor_watch.rs",
+     "self.unseen.step(report, motor, expected_v)", "false", FAULTS),
+    ("position kept after a turn that the encoder did not show", "firmware/src/driver/device.rs",
+     "self.current_loop.lose_home();", "{}", FAULTS),
+    ("Hall level of a period compared with the counts", "firmware/src/sensors/quadrature.rs",
+     "is_confirmed && !self.follow_hall(sector)", "!self.follow_hall(sector)", FAULTS),
+    ("Hall edges not compared with the counts before the index", "firmware/src/sensors/quadrature.rs",
+     "outside <= SECTOR_UNITS / 2 + HALL_MARGIN_UNITS", "true", FAULTS),
     ("sign of the dead time's compensation", "firmware/src/control/dead_time.rs",
      "self.share * bus_v", "-self.share * bus_v", "scenarios::dead_time::dead_time_is_measured_and_compensated"),
     ("self-test of the compact node's comparators left out", ESC1 + "overcurrent.rs",

@@ -113,6 +113,12 @@ pub enum EncoderFault {
     None,
     /// Valid frames, but the angle stays at its value when the fault began.
     Frozen,
+    /// The magnet is off its shaft: the angle stands, and its noise goes on.
+    Detached,
+    /// The encoder counts down while the motor turns in its phase sequence.
+    Reversed,
+    /// The angle is off by this number of counts, as where the magnet has slipped.
+    Jump(u16),
     /// Data line shorted to ground: every word is 0.
     Low,
     /// Data line open and pulled up: every word is all ones.
@@ -145,18 +151,24 @@ fn with_even_parity(word: u16) -> u16 {
 const ENCODER_NOISE_COUNTS: f64 = 3.1;
 
 impl EncoderState {
-    fn noisy_angle(&mut self, deviation: f64) -> u16 {
+    fn noisy_angle(&mut self, angle: u16, deviation: f64) -> u16 {
         let noise: f64 = StandardNormal.sample(&mut self.random);
-        self.angle.wrapping_add((deviation * noise).round() as i16 as u16) & DATA_MASK
+        angle.wrapping_add((deviation * noise).round() as i16 as u16) & DATA_MASK
     }
 
     fn exchange(&mut self, command: u16) -> u16 {
         let answer = self.answer;
         // The error register is always empty.
+        let shown = match self.fault {
+            EncoderFault::Detached => *self.frozen_angle.get_or_insert(self.angle),
+            EncoderFault::Reversed => self.angle.wrapping_neg(),
+            EncoderFault::Jump(counts) => self.angle.wrapping_add(counts),
+            _ => self.angle,
+        };
         let angle = match self.fault {
             EncoderFault::Frozen => *self.frozen_angle.get_or_insert(self.angle),
-            EncoderFault::Weak(deviation) => self.noisy_angle(deviation),
-            _ => self.noisy_angle(ENCODER_NOISE_COUNTS),
+            EncoderFault::Weak(deviation) => self.noisy_angle(shown, deviation),
+            _ => self.noisy_angle(shown, ENCODER_NOISE_COUNTS),
         };
         self.answer = with_even_parity(match (command & DATA_MASK, self.fault) {
             (ANGLE_REGISTER, _) => angle,

@@ -19,6 +19,10 @@ pub enum SerialFault {
     Low,
     /// The position is that at the begin of the fault, with a correct CRC.
     Frozen,
+    /// The disc is off its shaft: the position stands, and its noise goes on.
+    Detached,
+    /// The position falls while the motor turns in its phase sequence.
+    Reversed,
     /// Share of the frames with a wrong bit of the position.
     Disturbed(f64),
     /// The encoder reports an error.
@@ -42,6 +46,7 @@ pub struct SerialEncoder {
     pub busy_clocks: u32,
     fault: SerialFault,
     frozen: Option<u64>,
+    stands_at: Option<f64>,
     random: Pcg64,
 }
 
@@ -55,13 +60,14 @@ impl SerialEncoder {
             busy_clocks: 2,
             fault: SerialFault::None,
             frozen: None,
+            stands_at: None,
             random: Pcg64::seed_from_u64(seed ^ 0xb155),
         }
     }
 
     /// Sets the fault from now on.
     pub fn set_fault(&mut self, fault: SerialFault) {
-        (self.fault, self.frozen) = (fault, None);
+        (self.fault, self.frozen, self.stands_at) = (fault, None, None);
     }
 
     /// Latches the position at this angle, turns. Returns the levels of the line at the rising edges of the master's clock,
@@ -72,9 +78,14 @@ impl SerialEncoder {
             SerialFault::Low => return 0,
             _ => {}
         }
-        let off = if let SerialFault::Jump(share) = self.fault { share } else { 0.0 };
+        let turns = match self.fault {
+            SerialFault::Detached => *self.stands_at.get_or_insert(turns),
+            SerialFault::Reversed => -turns,
+            SerialFault::Jump(share) => turns + share,
+            _ => turns,
+        };
         let noise: f64 = StandardNormal.sample(&mut self.random);
-        let counts = (turns + off) * (1u64 << self.bits) as f64 + self.noise_counts * noise;
+        let counts = turns * (1u64 << self.bits) as f64 + self.noise_counts * noise;
         let width = self.bits + self.turn_bits;
         let position = (counts.floor() as i64 as u64) & ((1 << width) - 1);
         let position = match self.fault {

@@ -31,14 +31,14 @@ pub fn rows() -> &'static [ScenarioRow] {
 }
 
 /// Result of a run.
-struct RunOutcome {
+pub(super) struct RunOutcome {
     step: u32,
     seconds: f64,
     resistance: f64,
     inductance: [f64; 2],
     constant: f64,
     pole_pairs: f64,
-    direction: f64,
+    pub direction: f64,
     zero_rad: f64,
     dead_time_s: f64,
     bandwidth_hz: f64,
@@ -46,10 +46,10 @@ struct RunOutcome {
     travel_rad: f64,
     /// Torque-producing current over commanded current afterwards, at +8 A and -8 A; `None` if the driver does not arm, does not
     /// stay armed, or moves in the wrong direction.
-    torque_share: Option<[f64; 2]>,
+    pub torque_share: Option<[f64; 2]>,
 }
 
-fn commission(master: &mut Master) -> RunOutcome {
+pub(super) fn commission(master: &mut Master) -> RunOutcome {
     let run = index::COMMISSIONING_RUN;
     master.rig.unlock().expect("the default key");
     let from = master.rig.plant().position_rad();

@@ -20,6 +20,7 @@ mod current_loop;
 mod dead_time;
 mod driver;
 mod encoder;
+mod encoder_faults;
 mod encoder_kinds;
 mod feed_forward;
 mod friction;
@@ -40,7 +41,7 @@ mod wiring;
 use table::{Driver, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 22] {
+fn families() -> [&'static [ScenarioRow]; 23] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -60,6 +61,7 @@ fn families() -> [&'static [ScenarioRow]; 22] {
         modes::rows(),
         touch_probe::rows(),
         encoder_kinds::rows(),
+        encoder_faults::rows(),
         dead_time::rows(),
         current_loop::rows(),
         brake_test::rows(),

@@ -19,6 +19,8 @@ mod dead_time;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
+#[path = "../../../../host-sim/rig/tests/closed_loop/encoder_faults.rs"]
+mod encoder_faults;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder_kinds.rs"]
 mod encoder_kinds;
 #[path = "../../../../host-sim/rig/tests/closed_loop/feed_forward.rs"]
@@ -64,6 +66,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
         feed_forward::rows(),
         modes::rows(),
         encoder_kinds::rows(),
+        encoder_faults::rows(),
         dead_time::rows(),
     ]);
     families.extend([current_loop::rows(), brake_test::rows(), touch_probe::rows()]);

@@ -8,6 +8,9 @@ use simulated_machines::joint_plant::JointPlant;
 /// Number of random motors in scenario 4: the first ones of the library's.
 pub const MOTORS: usize = 3;
 
+/// Faults of encoders: those that differ on the board.
+pub const ALL_ENCODER_FAULTS: bool = false;
+
 /// Number of sensors that are reported as stuck if side load and pressure on the bus are: the board's own strain gauge
 /// replaces the side load.
 pub const STUCK_SENSORS: f64 = 1.0;
