@@ -37,6 +37,9 @@ use heapless::Deque;
 /// Maximum number of pending events. If the queue is full, the oldest event is dropped.
 pub const MAX_PENDING_EVENTS: usize = 32;
 
+/// Maximum number of overruns of a report that are counted: more would delay the background.
+const MAX_OVERRUNS: u32 = 100;
+
 /// State of the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointState {
@@ -297,6 +300,14 @@ impl Supervisor {
     /// Records that the current loop ended within its period. The loop's interrupt calls it.
     pub fn record_loop_on_time(&mut self) {
         self.overruns_in_a_row = 0;
+    }
+
+    /// Records these overruns in a row, and then a period on time.
+    pub fn record_overruns(&mut self, overruns: u32) {
+        for _ in 0..overruns.min(MAX_OVERRUNS) {
+            self.record_loop_overrun();
+        }
+        self.record_loop_on_time();
     }
 
     /// Latches a fault that cannot wait for the next observation. The bridge must be off from here on, unless

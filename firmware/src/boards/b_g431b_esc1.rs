@@ -29,6 +29,8 @@ mod encoder;
 #[path = "stm32g4/flash.rs"]
 mod flash;
 mod gate_driver;
+#[path = "stm32g4/joint_board.rs"]
+mod joint_board;
 #[path = "stm32g4/motor_stage.rs"]
 mod motor_stage;
 mod overcurrent;
@@ -62,33 +64,29 @@ static BOARD_IDENTITY: [u32; 2] = [u32::from_be_bytes(*b"ESC1"), pins::WIRING];
 
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
-    use super::can::{self, Controller};
+    use super::can::Controller;
     use super::encoder::Encoder;
     use super::flash::ChipFlash;
-    use super::motor_stage::{MotorStage, measure_offsets};
+    use super::joint_board::{JointBoard, Periphery, receive_frames, run_background};
+    use super::motor_stage::{MotorStage, loop_task, measure_offsets, run_period};
     use super::power_stage::Stage;
     use super::{
         clocks, overcurrent, pins, power_stage, prefetch, sampling, scales, start, watchdog,
     };
     use compensator_core::can::Frame;
     use core::mem::MaybeUninit;
-    use cortex_m::peripheral::DWT;
     use embassy_stm32::gpio::{Level, Output, Speed};
-    use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
-    use firmware::background::{Background, Board, BoardState, RoundOutcome};
+    use firmware::background::{Background, BoardState};
     use firmware::compact::CompactNode;
-    use firmware::driver::{Boot, Identity};
-    use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-    use firmware::loop_parts::LoopParts;
+    use firmware::driver::Identity;
+    use firmware::loop_link::{LoopPort, LoopQueues};
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
-    use firmware::parameter_set::ParameterSet;
     use firmware::sensors::SensorParameters;
     use firmware::sensors::encoder::{EncoderKind, MotorEncoder};
     use firmware::sensors::thermistor::Thermistor;
-    use firmware::{heat_memory, panic, stack_guard};
-    use heapless::spsc::{Consumer, Producer, Queue};
+    use heapless::spsc::{Producer, Queue};
 
     /// Capacity of the queue of received frames. The background may be away while it evaluates parameters.
     const RECEIVE_QUEUE_FRAMES: usize = 32;
@@ -109,7 +107,7 @@ mod app {
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
         background: &'static mut Background<Node>,
-        board: JointBoard,
+        board: JointBoard<BridgeThermistor>,
     }
 
     #[init(local = [
@@ -118,20 +116,17 @@ mod app {
         queues: LoopQueues = LoopQueues::new(),
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
-        let is_ram_kept = stack_guard::is_ram_kept();
-        let stack_overflowed = stack_guard::take_overflow();
-        stack_guard::paint();
-        let panicked = panic::take();
-        let cause = start::reset_cause(is_ram_kept);
+        let previous = start::previous_run();
         let peripherals = embassy_stm32::init(clocks::clocks(pins::CRYSTAL));
         let connections = pins::connections(&peripherals);
         let wired = pins::wiring(peripherals);
         prefetch::enable();
         watchdog::start(wired.inside.watchdog);
-        // embassy leaves this interrupt at the highest priority, equal to the loop's.
-        embassy_stm32::interrupt::TIM2.set_priority(Priority::P12);
-        context.core.DCB.enable_trace();
-        context.core.DWT.enable_cycle_counter();
+        start::set_up_clocks(
+            &embassy_stm32::interrupt::TIM2,
+            &mut context.core.DCB,
+            &mut context.core.DWT,
+        );
         // They stay as they are.
         core::mem::forget((
             Output::new(wired.transceiver.shutdown, Level::Low, Speed::Low),
@@ -144,18 +139,11 @@ mod app {
         watchdog::refresh_if_loop_runs();
         start::check_brown_out_level();
 
-        let boot = Boot {
-            cause,
-            panic: panicked.as_deref(),
-            stack_overflowed,
-            self_test_passed: overcurrent::self_test(power_stage::clear_breaks)
-                && are_duties_at_top
-                && pins::wiring::are_connected(connections.as_ref())
-                && shunts.iter().all(Option::is_some),
-            winding_rise_k: heat_memory::kept(),
-            home: None,
-            program: None,
-        };
+        let self_test_passed = overcurrent::self_test(power_stage::clear_breaks)
+            && are_duties_at_top
+            && pins::wiring::are_connected(connections.as_ref())
+            && shunts.iter().all(Option::is_some);
+        let boot = previous.boot(self_test_passed);
         let store = ChipFlash::new(wired.inside.flash);
         let background = place_background(context.local.place, store);
         background.load(&boot, Instant::now().as_micros());
@@ -171,13 +159,13 @@ mod app {
         let sign = set.sensors.shunt_sign;
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
         let encoder = MotorEncoder::new(&set.sensors, &set.motor);
-        let thermistor = set.sensors.bridge_thermistor();
+        let periphery = BridgeThermistor(set.sensors.bridge_thermistor());
         let stage = MotorStage { stage, encoder, inputs, shunts, touch: None };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
-        let board = JointBoard { controller, frames, link, thermistor };
+        let board = JointBoard { controller, frames, link, periphery };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
 
@@ -195,113 +183,36 @@ mod app {
         place.write(Background::new(node, now_us))
     }
 
-    // Not inlined: its stack is free again during the rest of the start.
-    #[inline(never)]
-    fn loop_task(set: &ParameterSet) -> LoopTask {
-        LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)
-    }
-
     /// Runs one period of the current loop.
     #[task(binds = ADC1_2, priority = 15, local = [task, stage, port])]
     fn current_loop(context: current_loop::Context) {
         let local = context.local;
-        let now = DWT::cycle_count();
-        let triggered = now.wrapping_sub(local.stage.stage.since_trigger());
-        if !local.stage.stage.is_due() {
-            return;
-        }
-        watchdog::count_period();
-        local.task.interrupt(local.stage, local.port, triggered, now);
+        run_period(local.task, local.stage, local.port);
     }
 
     /// Moves frames from the controller to the queue, before its FIFO is full.
     #[task(binds = FDCAN1_IT0, priority = 8, local = [frames_out])]
     fn receive(context: receive::Context) {
-        let queue = context.local.frames_out;
-        can::receive(|frame| {
-            if queue.enqueue(frame).is_err() {
-                can::record_lost();
-            }
-        });
+        receive_frames(context.local.frames_out);
     }
 
     /// Runs the background loop.
     #[idle(local = [background, board])]
     fn idle(context: idle::Context) -> ! {
-        let local = context.local;
-        loop {
-            match local.background.round(local.board) {
-                RoundOutcome::Sleep => cortex_m::asm::wfi(),
-                RoundOutcome::Continue => {}
-                // A reset opens the bridge.
-                RoundOutcome::Restart => cortex_m::peripheral::SCB::sys_reset(),
-            }
-        }
+        run_background(context.local.background, context.local.board)
     }
 
-    /// The board as the background loop uses it.
-    pub struct JointBoard {
-        controller: Controller,
-        frames: Consumer<'static, Frame>,
-        link: LoopLink<'static>,
-        thermistor: Thermistor,
-    }
+    /// The thermistor at the bridge.
+    pub struct BridgeThermistor(Thermistor);
 
-    impl Board for JointBoard {
-        const RESTART_FLUSH_US: u64 = 20_000;
-
-        // Not inlined: reading a 64-bit clock from its timer takes 50 bytes.
-        #[inline(never)]
-        fn now_us(&mut self) -> u64 {
-            Instant::now().as_micros()
-        }
-
-        fn receive(&mut self) -> Option<Frame> {
-            self.frames.dequeue()
-        }
-
-        fn has_room_for(&mut self, identifier: u16) -> bool {
-            self.controller.has_room_for(identifier)
-        }
-
-        fn send(&mut self, frame: &Frame) {
-            self.controller.send(frame);
-        }
-
-        fn is_idle(&mut self) -> bool {
-            self.controller.is_idle()
+    impl Periphery for BridgeThermistor {
+        fn state(&mut self, _now_us: u64) -> BoardState {
+            let bridge_c = self.0.temperature_c(sampling::thermistor_share());
+            BoardState { bridge_temperature_c: Some(bridge_c), ..BoardState::default() }
         }
 
         fn apply_sensors(&mut self, sensors: &SensorParameters) {
-            self.thermistor = sensors.bridge_thermistor();
-        }
-
-        fn accept_identifiers(&mut self, identifiers: &[u16; 7]) {
-            self.controller.accept(identifiers);
-        }
-
-        fn state(&mut self, _now_us: u64) -> BoardState {
-            BoardState {
-                bridge_temperature_c: Some(
-                    self.thermistor.temperature_c(sampling::thermistor_share()),
-                ),
-                stack_intact: stack_guard::is_intact(),
-                receiver_overrun: self.controller.take_overrun(),
-                can: self.controller.state(),
-                ..BoardState::default()
-            }
-        }
-
-        fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
-            Some(&mut self.link)
-        }
-
-        fn keep_heat(&mut self, rise_k: f32) {
-            heat_memory::keep(rise_k);
-        }
-
-        fn refresh_watchdog(&mut self) {
-            watchdog::refresh_if_loop_runs();
+            self.0 = sensors.bridge_thermistor();
         }
     }
 }

@@ -32,6 +32,8 @@ mod fast_code;
 mod flash;
 mod gate_driver;
 mod incremental;
+#[path = "stm32g4/joint_board.rs"]
+mod joint_board;
 #[path = "stm32g4/motor_stage.rs"]
 mod motor_stage;
 mod overcurrent;
@@ -69,10 +71,11 @@ static BOARD_IDENTITY: [u32; 2] = [banks::BOARD.number, banks::BOARD.wiring];
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
     use super::banks::PROGRAM;
-    use super::can::{self, Controller};
+    use super::can::Controller;
     use super::encoder::{self, Encoder};
     use super::flash::ChipFlash;
-    use super::motor_stage::{MotorStage, measure_offsets};
+    use super::joint_board::{JointBoard, Periphery, receive_frames, run_background};
+    use super::motor_stage::{MotorStage, loop_task, measure_offsets, run_period};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{
@@ -81,21 +84,16 @@ mod app {
     };
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
-    use cortex_m::peripheral::DWT;
     use embassy_stm32::gpio::{Flex, Input, Pull, Speed};
-    use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
-    use firmware::background::{Background, Board, BoardState, RoundOutcome};
-    use firmware::driver::{Boot, Driver, Identity, KeptHome};
-    use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-    use firmware::loop_parts::LoopParts;
+    use firmware::background::{Background, BoardState};
+    use firmware::driver::{Boot, Driver, Identity};
+    use firmware::loop_link::{LoopPort, LoopQueues};
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
-    use firmware::parameter_set::ParameterSet;
     use firmware::sensors::SensorParameters;
     use firmware::sensors::encoder::{EncoderKind, MotorEncoder};
-    use firmware::{heat_memory, home_memory, panic, stack_guard};
-    use heapless::spsc::{Consumer, Producer, Queue};
+    use heapless::spsc::{Producer, Queue};
 
     /// Capacity of the queue of received frames. The background may be away while it evaluates parameters or saves them.
     const RECEIVE_QUEUE_FRAMES: usize = 64;
@@ -116,7 +114,7 @@ mod app {
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
         background: &'static mut Background<Driver<ChipFlash>>,
-        board: JointBoard,
+        board: JointBoard<DriverPeriphery>,
     }
 
     #[init(local = [
@@ -126,11 +124,7 @@ mod app {
         scope: [f32; SCOPE_VALUES] = [0.0; SCOPE_VALUES],
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
-        let is_ram_kept = stack_guard::is_ram_kept();
-        let stack_overflowed = stack_guard::take_overflow();
-        stack_guard::paint();
-        let panicked = panic::take();
-        let cause = start::reset_cause(is_ram_kept);
+        let previous = start::previous_run();
         let mut config = clocks::clocks(pins::CRYSTAL);
         // Of the converters that the other chips of the family do not have.
         config.rcc.mux.adc345sel = embassy_stm32::rcc::mux::Adcsel::SYS;
@@ -141,10 +135,11 @@ mod app {
         fast_code::protect();
         // Refreshed after each part of the start, of which the longest, the load, takes 30 ms; then by the background.
         watchdog::start(wired.inside.watchdog);
-        // embassy leaves this interrupt at the highest priority, equal to the loop's.
-        embassy_stm32::interrupt::TIM5.set_priority(Priority::P12);
-        context.core.DCB.enable_trace();
-        context.core.DWT.enable_cycle_counter();
+        start::set_up_clocks(
+            &embassy_stm32::interrupt::TIM5,
+            &mut context.core.DCB,
+            &mut context.core.DWT,
+        );
 
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
         // Both are triggered by the timers and therefore set up before these start.
@@ -162,15 +157,7 @@ mod app {
                 && shunts.iter().all(Option::is_some);
         start::check_brown_out_level();
 
-        let boot = Boot {
-            cause,
-            panic: panicked.as_deref(),
-            stack_overflowed,
-            self_test_passed,
-            winding_rise_k: heat_memory::kept(),
-            home: home_memory::kept(),
-            program: Some(PROGRAM),
-        };
+        let boot = Boot { program: Some(PROGRAM), ..previous.boot(self_test_passed) };
         let store = ChipFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
         watchdog::refresh_if_loop_runs();
@@ -205,7 +192,8 @@ mod app {
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
         // Analog since the reset, so that it is not driven.
         let brake = Flex::new(wired.brake.output);
-        let board = JointBoard { controller, slow, frames, link, brake, brake_output: None };
+        let periphery = DriverPeriphery { slow, brake, brake_output: None };
+        let board = JointBoard { controller, frames, link, periphery };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
 
@@ -243,115 +231,49 @@ mod app {
         place.write(Background::new(driver, now_us))
     }
 
-    // Not inlined: its stack is free again during the rest of the start.
-    #[inline(never)]
-    fn loop_task(set: &ParameterSet) -> LoopTask {
-        LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)
-    }
-
     /// Runs one period of the current loop.
     #[task(binds = ADC1_2, priority = 15, local = [task, stage, port])]
     fn current_loop(context: current_loop::Context) {
         let local = context.local;
-        let now = DWT::cycle_count();
-        let triggered = now.wrapping_sub(local.stage.stage.since_trigger());
-        if !local.stage.stage.is_due() {
-            return;
-        }
-        watchdog::count_period();
-        local.task.interrupt(local.stage, local.port, triggered, now);
+        run_period(local.task, local.stage, local.port);
     }
 
     /// Moves frames from the controller to the queue, before its FIFO is full.
     #[task(binds = FDCAN1_IT0, priority = 8, local = [frames_out])]
     fn receive(context: receive::Context) {
-        let queue = context.local.frames_out;
-        can::receive(|frame| {
-            if queue.enqueue(frame).is_err() {
-                can::record_lost();
-            }
-        });
+        receive_frames(context.local.frames_out);
     }
 
     /// Runs the background loop.
     #[idle(local = [background, board])]
     fn idle(context: idle::Context) -> ! {
-        let local = context.local;
-        loop {
-            match local.background.round(local.board) {
-                RoundOutcome::Sleep => cortex_m::asm::wfi(),
-                RoundOutcome::Continue => {}
-                // A reset opens the bridge.
-                RoundOutcome::Restart => cortex_m::peripheral::SCB::sys_reset(),
-            }
-        }
+        run_background(context.local.background, context.local.board)
     }
 
-    /// The board as the background loop uses it.
-    pub struct JointBoard {
-        controller: Controller,
+    /// Slow sensors and holding brake.
+    pub struct DriverPeriphery {
         slow: SlowSensors,
-        frames: Consumer<'static, Frame>,
-        link: LoopLink<'static>,
         /// Output of the holding brake; an input until the joint has one.
         brake: Flex<'static>,
         brake_output: Option<bool>,
     }
 
-    impl Board for JointBoard {
-        const RESTART_FLUSH_US: u64 = 20_000;
-
-        // Not inlined: reading a 64-bit clock from its timer takes 50 bytes.
-        #[inline(never)]
-        fn now_us(&mut self) -> u64 {
-            Instant::now().as_micros()
-        }
-
-        fn receive(&mut self) -> Option<Frame> {
-            self.frames.dequeue()
-        }
-
-        fn has_room_for(&mut self, identifier: u16) -> bool {
-            self.controller.has_room_for(identifier)
-        }
-
-        fn send(&mut self, frame: &Frame) {
-            self.controller.send(frame);
-        }
-
-        fn send_fd(&mut self, frame: &FdTelemetry) {
-            can_fd::send(&mut self.controller, frame);
-        }
-
-        fn is_idle(&mut self) -> bool {
-            self.controller.is_idle()
-        }
-
-        fn apply_sensors(&mut self, sensors: &SensorParameters) {
-            self.slow.constants = *sensors;
-        }
-
-        fn accept_identifiers(&mut self, identifiers: &[u16; 7]) {
-            self.controller.accept(identifiers);
-        }
-
+    impl Periphery for DriverPeriphery {
         fn state(&mut self, now_us: u64) -> BoardState {
             let sensors = self.slow.poll(now_us);
             let [bridge_c, motor_c] = self.slow.temperatures_c();
             BoardState {
                 bridge_temperature_c: Some(bridge_c),
                 motor_temperature_c: Some(motor_c),
-                stack_intact: stack_guard::is_intact(),
-                receiver_overrun: self.controller.take_overrun(),
-                can: self.controller.state(),
                 sensors,
                 enclosure: self.slow.enclosure(now_us),
                 biss: Some(encoder::biss_words()),
+                ..BoardState::default()
             }
         }
 
-        fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
-            Some(&mut self.link)
+        fn apply_sensors(&mut self, sensors: &SensorParameters) {
+            self.slow.constants = *sensors;
         }
 
         fn set_holding_brake(&mut self, output: Option<bool>) {
@@ -370,16 +292,8 @@ mod app {
             }
         }
 
-        fn keep_home(&mut self, home: Option<KeptHome>) {
-            home_memory::keep(home);
-        }
-
-        fn keep_heat(&mut self, rise_k: f32) {
-            heat_memory::keep(rise_k);
-        }
-
-        fn refresh_watchdog(&mut self) {
-            watchdog::refresh_if_loop_runs();
+        fn send_fd(controller: &mut Controller, frame: &FdTelemetry) {
+            can_fd::send(controller, frame);
         }
     }
 }

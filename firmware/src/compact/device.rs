@@ -1,6 +1,6 @@
 //! State of a compact node behind its objects, and its periodic work.
 
-use crate::driver::counters::{Counters, count};
+use crate::driver::counters::Counters;
 use crate::driver::device::compensation_share::CompensationShare;
 use crate::driver::device::current_loop::LoopExchange;
 use crate::driver::device::history::History;
@@ -24,9 +24,6 @@ use embedded_storage::nor_flash::NorFlash;
 
 /// Number of frames at a SYNC.
 pub(super) const SYNC_FRAMES: usize = 5;
-
-/// Maximum number of overruns of a report that are counted: more would delay the background.
-const MAX_OVERRUNS: u32 = 100;
 
 /// All parts of a compact node except its network state and its object server.
 #[derive(Debug)]
@@ -175,12 +172,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
-        if receiver_overrun {
-            count(&mut self.counters.receiver_overrun, 1);
-        }
-        if can == CanState::Off && self.can != CanState::Off {
-            count(&mut self.counters.bus_off, 1);
-        }
+        self.counters.count_bus(receiver_overrun, self.can, can);
         self.can = can;
     }
 
@@ -209,10 +201,7 @@ impl<F: NorFlash> Device<F> {
         };
         let compensates = self.supervisor.is_compensation_allowed();
         self.compensation.step(compensates.then_some(&slid), set.friction.compensator.scale);
-        for _ in 0..report.overruns_in_a_row.min(MAX_OVERRUNS) {
-            self.supervisor.record_loop_overrun();
-        }
-        self.supervisor.record_loop_on_time();
+        self.supervisor.record_overruns(report.overruns_in_a_row);
         if let Some(watch) = &mut self.watch {
             let is_valid = report.residual_torque_nm.is_finite();
             watch.step(report.residual_torque_nm, report.velocity_rad_s, is_valid);
@@ -283,12 +272,8 @@ impl<F: NorFlash> Device<F> {
     /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field.
     pub fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
-        let info = event.code.info();
-        if event.raised {
-            self.history.record_error(info.emergency, u16::from(info.number));
-        }
-        let code = if event.raised { info.emergency } else { 0 };
-        Some((code, self.error_register(), [info.number, 0, 0, 0, 0]))
+        let code = self.history.record_event(event);
+        Some((code, self.error_register(), [event.code.number(), 0, 0, 0, 0]))
     }
 
     pub fn error_register(&self) -> u8 {

@@ -1,6 +1,7 @@
 //! Counters of frames that could not be used or were lost. They never stop the driver.
 
 pub use crate::node::dictionary::records::Counters;
+use crate::supervisor::CanState;
 
 /// Adds to a counter; saturates.
 pub(crate) fn count(counter: &mut u32, by: u32) {
@@ -16,6 +17,16 @@ impl Counters {
     }
     pub(crate) fn count_wrong_content(&mut self) {
         count(&mut self.wrong_content, 1);
+    }
+
+    /// Counts an overrun of the receiver, and a controller that has gone off its bus since `before`.
+    pub(crate) fn count_bus(&mut self, receiver_overrun: bool, before: CanState, now: CanState) {
+        if receiver_overrun {
+            count(&mut self.receiver_overrun, 1);
+        }
+        if now == CanState::Off && before != CanState::Off {
+            count(&mut self.bus_off, 1);
+        }
     }
 
     /// Counts a frame for this node that the present network state does not permit.

@@ -3,7 +3,7 @@
 mod access;
 mod adaptation;
 mod boot;
-mod brake_test;
+mod brake_check;
 mod commissioning;
 pub(crate) mod compensation_share;
 pub(crate) mod current_loop;
@@ -34,7 +34,7 @@ pub(crate) mod values;
 mod velocity;
 
 use super::commissioning::AbortReason;
-use super::counters::{Counters, count};
+use super::counters::Counters;
 use super::home::KeptHome;
 use super::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
 use super::profile::{FaultState, Profile};
@@ -43,7 +43,6 @@ use super::staging::Staging;
 use crate::access::Lock;
 use crate::control::Covariates;
 use crate::level_learner::LevelLearner;
-use crate::log::log;
 use crate::loop_parts::StageTraits;
 use crate::node::Outbox;
 use crate::node::dictionary::records;
@@ -55,7 +54,7 @@ use crate::sensors::enclosure;
 use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
 use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
-use brake_test::BrakeTest;
+use brake_check::BrakeTest;
 use compensation_share::CompensationShare;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use current_loop::LoopExchange;
@@ -77,9 +76,6 @@ use touch_probe::TouchProbes;
 use trend::StoredTrend;
 use turn_readings::TurnReadings;
 use velocity::VelocityControl;
-
-/// Maximum number of overruns of a report that are counted: more would delay the background.
-const MAX_OVERRUNS: u32 = 100;
 
 /// Maximum length of a stored panic text, bytes.
 pub const MAX_PANIC_BYTES: usize = 160;
@@ -333,10 +329,7 @@ impl<F: NorFlash> Device<F> {
         self.step_commissioning();
         self.step_velocity();
         self.step_touch_probes();
-        for _ in 0..report.overruns_in_a_row.min(MAX_OVERRUNS) {
-            self.supervisor.record_loop_overrun();
-        }
-        self.supervisor.record_loop_on_time();
+        self.supervisor.record_overruns(report.overruns_in_a_row);
         if self.settings.source == InputSource::Sensors
             && let Some(watch) = &mut self.watch
         {
@@ -382,12 +375,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(super) fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
-        if receiver_overrun {
-            count(&mut self.counters.receiver_overrun, 1);
-        }
-        if can == CanState::Off && self.can != CanState::Off {
-            count(&mut self.counters.bus_off, 1);
-        }
+        self.counters.count_bus(receiver_overrun, self.can, can);
         self.can = can;
     }
 
@@ -407,13 +395,8 @@ impl<F: NorFlash> Device<F> {
     /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field.
     pub(super) fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
-        let info = event.code.info();
-        let code = if event.raised { info.emergency } else { 0 };
-        log!(warn, "code {=u8}, raised: {=bool}", info.number, event.raised);
-        if event.raised {
-            self.history.record_error(info.emergency, u16::from(info.number));
-        }
-        Some((code, self.error_register(), [info.number, 0, 0, 0, 0]))
+        let code = self.history.record_event(event);
+        Some((code, self.error_register(), [event.code.number(), 0, 0, 0, 0]))
     }
 }
 

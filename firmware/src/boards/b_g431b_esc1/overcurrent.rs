@@ -20,10 +20,12 @@ use firmware::sensors::comparator::break_current_a;
 /// Comparators connected to the break, by their number minus one.
 pub const BREAK_COMPARATORS: [usize; 3] = [0, 1, 3];
 
-const fn watch(number: u8, comparator: Comp, channel: usize) -> Watch {
+const fn watch(number: u8, comparator: Comp, channel: u8) -> Watch<u16> {
     Watch {
         number,
         comparator,
+        // A voltage without a current.
+        signal: scales::comparator_level(0.0),
         is_second_pin: false,
         level: comp::Inm::DACA,
         converter: pac::DAC3,
@@ -33,7 +35,7 @@ const fn watch(number: u8, comparator: Comp, channel: usize) -> Watch {
 }
 
 /// All of them (RM0440, tables 194 and 196): two share a level.
-const WATCHES: [Watch; 3] =
+const WATCHES: [Watch<u16>; 3] =
     [watch(1, pac::COMP1, 0), watch(2, pac::COMP2, 1), watch(4, pac::COMP4, 1)];
 
 /// Sets up levels and comparators, and locks the comparators until the next reset.
@@ -52,7 +54,7 @@ pub fn set_up(wired: pins::Overcurrent) {
 pub fn self_test(clear_breaks: fn()) -> bool {
     let mut are_good = true;
     for watch in &WATCHES {
-        are_good &= watch.sees_signal(const { scales::comparator_level(0.0) });
+        are_good &= watch.sees_signal(watch.signal);
         set_levels(scales::BREAK_CEILING_A);
         clear_breaks();
     }

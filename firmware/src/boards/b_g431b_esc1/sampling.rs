@@ -2,14 +2,11 @@
 //!
 //! The current of the third phase is that of the two others, with the opposite sign.
 
-use super::converters::{self, TOP_TRIGGER, Trigger};
-use super::pins;
+use super::{converters, pins};
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::Flex;
-use embassy_stm32::pac::adc::vals::{Exten, SampleTime};
+use embassy_stm32::pac;
 use embassy_stm32::pac::opamp::{Opamp, vals};
-use embassy_stm32::peripherals::{ADC1, ADC2};
-use embassy_stm32::{pac, rcc};
 use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
 
 /// Converter of the bus voltage, behind a phase.
@@ -18,7 +15,7 @@ pub const BUS_CONVERTER: pac::adc::Adc = pac::ADC2;
 /// Gain 16 with the inverting pin as bias, in the field of the gain (RM0440, OPAMP_CSR PGA_GAIN).
 const GAIN_16_WITH_BIAS: u8 = 0b01011;
 
-/// Sets up amplifiers and converters. At 42.5 MHz a current is sampled for 0.3 us. The slower dividers follow it.
+/// Sets up amplifiers and converters.
 pub fn start(currents: pins::Currents) {
     // Analog inputs: the state after a reset, which must stay, so the pins are never released.
     for mut pin in [
@@ -32,27 +29,9 @@ pub fn start(currents: pins::Currents) {
     }
     start_amplifier(pac::OPAMP1);
     start_amplifier(pac::OPAMP2);
-    rcc::enable_and_reset::<ADC1>();
-    rcc::enable_and_reset::<ADC2>();
-    converters::start(
-        currents.adc_a,
-        pac::ADC1,
-        pac::ADC12_COMMON,
-        [
-            (currents.phase_a.degrade_adc(), SampleTime::CYCLES12_5),
-            (currents.temperature.degrade_adc(), SampleTime::CYCLES24_5),
-        ],
-        Trigger { signal: TOP_TRIGGER, edge: Exten::RISING_EDGE, interrupt: true },
-    );
-    converters::start(
-        currents.adc_b,
-        pac::ADC2,
-        pac::ADC12_COMMON,
-        [
-            (currents.phase_b.degrade_adc(), SampleTime::CYCLES12_5),
-            (currents.bus.degrade_adc(), SampleTime::CYCLES24_5),
-        ],
-        Trigger { signal: TOP_TRIGGER, edge: Exten::RISING_EDGE, interrupt: false },
+    converters::start_at_top(
+        (currents.adc_a, [currents.phase_a.degrade_adc(), currents.temperature.degrade_adc()]),
+        (currents.adc_b, [currents.phase_b.degrade_adc(), currents.bus.degrade_adc()]),
     );
 }
 

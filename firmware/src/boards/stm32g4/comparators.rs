@@ -15,20 +15,21 @@ const TEST_COUNTS: u16 = 60;
 /// Time of a level to settle, and of the break filter, cycles: 3 us (data sheet: 1.7 us; 0.75 us).
 const TEST_CYCLES: u32 = 3 * (super::clocks::CORE_HZ / 1_000_000);
 
-/// A comparator, with its input and the DAC channel of its level.
-pub struct Watch {
+/// A comparator, with its input and the DAC channel of its level. `S` is what a board tells of its signal.
+pub struct Watch<S> {
     pub number: u8,
     pub comparator: Comp,
+    pub signal: S,
     /// Selects the second of its two input pins.
     pub is_second_pin: bool,
     pub level: comp::Inm,
     pub converter: Dac,
-    pub channel: usize,
+    pub channel: u8,
     /// It signals below its level: its output is inverted.
     pub is_lower: bool,
 }
 
-impl Watch {
+impl<S> Watch<S> {
     /// Switches the comparator on, and locks it until the next reset. Its level is set before.
     pub fn set_up(&self) {
         self.comparator.csr().write(|w| {
@@ -46,7 +47,6 @@ impl Watch {
 
     /// Moves the level to both sides of the signal, which has these counts, with an open bridge. Returns true if the comparator
     /// signals on one side only, and reaches the break. The caller restores the level and clears the break.
-    #[inline(never)]
     pub fn sees_signal(&self, counts: u16) -> bool {
         let signals_at = |level: u16| {
             set_level(self.converter, self.channel, level);
@@ -66,7 +66,8 @@ impl Watch {
 
 /// Sets the output of a DAC channel, which it switches on first.
 #[inline(never)]
-pub fn set_level(converter: Dac, channel: usize, counts: u16) {
+pub fn set_level(converter: Dac, channel: u8, counts: u16) {
+    let channel = usize::from(channel);
     if !converter.cr().read().en(channel) {
         converter.mcr().modify(|w| {
             w.set_hfsel(BUS_ABOVE_160_MHZ);

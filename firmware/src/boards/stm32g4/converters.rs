@@ -7,7 +7,8 @@ use embassy_stm32::pac::adc::regs::Jsqr;
 use embassy_stm32::pac::adc::vals::{Adcaldif, Difsel, Exten, SampleTime};
 use embassy_stm32::pac::adc::{Adc, regs::Difsel as Differential};
 use embassy_stm32::pac::adccommon::{AdcCommon, vals::Presc};
-use embassy_stm32::{Peri, PeripheralType};
+use embassy_stm32::peripherals::{ADC1, ADC2};
+use embassy_stm32::{Peri, PeripheralType, pac, rcc};
 
 /// Divider of the processor's clock: 42.5 MHz, at most 60 MHz is allowed.
 const PRESCALER: Presc = Presc::DIV4;
@@ -16,7 +17,7 @@ const PRESCALER: Presc = Presc::DIV4;
 const SETTLING_CYCLES: u32 = super::clocks::CORE_HZ / 50_000;
 
 /// Number of the second trigger of the PWM timer among those of converters 1 and 2: TIM1_TRGO2, at the top of the PWM.
-pub const TOP_TRIGGER: u8 = 8;
+const TOP_TRIGGER: u8 = 8;
 
 /// Start of a sequence.
 pub struct Trigger {
@@ -37,6 +38,28 @@ pub fn start<T: PeripheralType, const N: usize>(
     trigger: Trigger,
 ) {
     set_up(adc, common, &sequence.map(|(channel, time)| (channel.get_hw_channel(), time)), trigger);
+}
+
+/// Channels of a converter at the top of the PWM: a phase current, and a slower divider.
+type TopChannels<T> = [AnyAdcChannel<'static, T>; 2];
+
+/// Starts converters 1 and 2 at the top of the PWM. At 42.5 MHz a current is sampled for 0.3 us. The slower dividers follow it.
+/// The interrupt is that of converter 1.
+#[inline(always)]
+pub fn start_at_top(
+    (adc_a, channels_a): (Peri<'static, ADC1>, TopChannels<ADC1>),
+    (adc_b, channels_b): (Peri<'static, ADC2>, TopChannels<ADC2>),
+) {
+    rcc::enable_and_reset::<ADC1>();
+    rcc::enable_and_reset::<ADC2>();
+    let trigger =
+        |interrupt: bool| Trigger { signal: TOP_TRIGGER, edge: Exten::RISING_EDGE, interrupt };
+    start(adc_a, pac::ADC1, pac::ADC12_COMMON, timed(channels_a), trigger(true));
+    start(adc_b, pac::ADC2, pac::ADC12_COMMON, timed(channels_b), trigger(false));
+}
+
+fn timed<T>([phase, divider]: TopChannels<T>) -> [(AnyAdcChannel<'static, T>, SampleTime); 2] {
+    [(phase, SampleTime::CYCLES12_5), (divider, SampleTime::CYCLES24_5)]
 }
 
 /// Returns the last results of a sequence of `N` channels.

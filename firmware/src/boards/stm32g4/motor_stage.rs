@@ -5,10 +5,14 @@
 
 use super::encoder::Encoder;
 use super::power_stage::{Counts, Stage};
-use super::scales;
+use super::{scales, watchdog};
 use cortex_m::peripheral::DWT;
 use embassy_stm32::gpio::Input;
 use firmware::control::{BridgeFault, PowerStage, StageSample, ValidChannels};
+use firmware::loop_link::LoopPort;
+use firmware::loop_parts::LoopParts;
+use firmware::loop_task::LoopTask;
+use firmware::parameter_set::ParameterSet;
 use firmware::sensors::encoder::MotorEncoder;
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
 
@@ -92,6 +96,25 @@ fn sample(counts: Counts, shunts: &[Option<Shunt>; 2], encoder: Option<u32>) -> 
         encoder: encoder.unwrap_or(0),
         valid,
     }
+}
+
+/// Runs one period of the current loop. The interrupt of the converters calls it.
+#[inline(always)]
+pub fn run_period(task: &mut LoopTask, stage: &mut MotorStage, port: &mut LoopPort<'static>) {
+    let now = DWT::cycle_count();
+    let triggered = now.wrapping_sub(stage.stage.since_trigger());
+    if !stage.stage.is_due() {
+        return;
+    }
+    watchdog::count_period();
+    task.interrupt(stage, port, triggered, now);
+}
+
+/// Returns the task of the current loop with this set.
+// Not inlined: its stack is free again during the rest of the start.
+#[inline(never)]
+pub fn loop_task(set: &ParameterSet) -> LoopTask {
+    LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)
 }
 
 /// Measures the offsets of the amplifiers. The bridge is off, so no current flows.

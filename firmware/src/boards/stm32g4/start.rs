@@ -1,11 +1,58 @@
-//! Reset cause and brown-out level.
+//! The end of the previous run, the clocks of the core, and the brown-out level.
 
+use cortex_m::peripheral::{DCB, DWT};
+use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::pac;
 use embassy_stm32::pac::rcc::regs::Csr;
+use firmware::driver::Boot;
+use firmware::panic_note::MAX_PANIC_TEXT_BYTES;
 use firmware::supervisor::ResetCause;
+use firmware::{heat_memory, home_memory, panic, stack_guard};
+use heapless::String;
+
+/// How the previous run ended.
+pub struct PreviousRun {
+    cause: ResetCause,
+    panic: Option<String<MAX_PANIC_TEXT_BYTES>>,
+    stack_overflowed: bool,
+}
+
+impl PreviousRun {
+    /// Returns what a node is told of the start, without the places of images.
+    #[inline(always)]
+    pub fn boot(&self, self_test_passed: bool) -> Boot<'_> {
+        Boot {
+            cause: self.cause,
+            panic: self.panic.as_deref(),
+            stack_overflowed: self.stack_overflowed,
+            self_test_passed,
+            winding_rise_k: heat_memory::kept(),
+            home: home_memory::kept(),
+            program: None,
+        }
+    }
+}
+
+/// Reads how the previous run ended, and closes the region below the stack. Call it first.
+#[inline(always)]
+pub fn previous_run() -> PreviousRun {
+    let is_ram_kept = stack_guard::is_ram_kept();
+    let stack_overflowed = stack_guard::take_overflow();
+    stack_guard::paint();
+    let panic = panic::take();
+    PreviousRun { cause: reset_cause(is_ram_kept), panic, stack_overflowed }
+}
+
+/// Starts the counter of cycles, and sets the priority of embassy's clock, which is that of the loop before.
+#[inline(always)]
+pub fn set_up_clocks(clock: &impl InterruptExt, trace: &mut DCB, counter: &mut DWT) {
+    clock.set_priority(Priority::P12);
+    trace.enable_trace();
+    counter.enable_cycle_counter();
+}
 
 /// Returns the reset cause and clears its flags. `is_ram_kept`: RAM holds the contents of the previous run.
-pub fn reset_cause(is_ram_kept: bool) -> ResetCause {
+fn reset_cause(is_ram_kept: bool) -> ResetCause {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
     let cause = cause(flags, is_ram_kept);

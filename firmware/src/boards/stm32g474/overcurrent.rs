@@ -40,51 +40,33 @@ enum Signal {
     Mean,
 }
 
-/// A comparator and its signal.
-struct ShuntWatch {
-    watch: Watch,
-    signal: Signal,
-}
-
-const fn above(
+const fn watch(
     number: u8,
     comparator: Comp,
     signal: Signal,
     converter: Dac,
-    channel: usize,
-) -> ShuntWatch {
+    channel: u8,
+) -> Watch<Signal> {
     let (level, is_second_pin, is_lower) = (comp::Inm::DACA, false, false);
-    let watch = Watch { number, comparator, is_second_pin, level, converter, channel, is_lower };
-    ShuntWatch { watch, signal }
-}
-
-const fn below(
-    number: u8,
-    comparator: Comp,
-    signal: Signal,
-    converter: Dac,
-    channel: usize,
-) -> ShuntWatch {
-    let above = above(number, comparator, signal, converter, channel);
-    ShuntWatch { watch: Watch { is_lower: true, ..above.watch }, ..above }
-}
-
-const fn at_second_pin(watch: ShuntWatch) -> ShuntWatch {
-    ShuntWatch { watch: Watch { is_second_pin: true, ..watch.watch }, ..watch }
-}
-
-const fn with_second_level(watch: ShuntWatch) -> ShuntWatch {
-    ShuntWatch { watch: Watch { level: comp::Inm::DACB, ..watch.watch }, ..watch }
+    Watch { number, comparator, signal, is_second_pin, level, converter, channel, is_lower }
 }
 
 /// All of them (RM0440, tables 194 and 196). The pins are those of pins.rs.
-const WATCHES: [ShuntWatch; 6] = [
-    above(3, pac::COMP3, Signal::Shunt(AT_PA0), pac::DAC3, 0),
-    below(6, pac::COMP6, Signal::Shunt(AT_PA0), pac::DAC4, 1),
-    above(1, pac::COMP1, Signal::Shunt(AT_PA1), pac::DAC3, 0),
-    at_second_pin(below(2, pac::COMP2, Signal::Shunt(AT_PA1), pac::DAC3, 1)),
-    above(5, pac::COMP5, Signal::Mean, pac::DAC4, 0),
-    with_second_level(below(7, pac::COMP7, Signal::Mean, pac::DAC2, 0)),
+const WATCHES: [Watch<Signal>; 6] = [
+    watch(3, pac::COMP3, Signal::Shunt(AT_PA0), pac::DAC3, 0),
+    Watch { is_lower: true, ..watch(6, pac::COMP6, Signal::Shunt(AT_PA0), pac::DAC4, 1) },
+    watch(1, pac::COMP1, Signal::Shunt(AT_PA1), pac::DAC3, 0),
+    Watch {
+        is_lower: true,
+        is_second_pin: true,
+        ..watch(2, pac::COMP2, Signal::Shunt(AT_PA1), pac::DAC3, 1)
+    },
+    watch(5, pac::COMP5, Signal::Mean, pac::DAC4, 0),
+    Watch {
+        is_lower: true,
+        level: comp::Inm::DACB,
+        ..watch(7, pac::COMP7, Signal::Mean, pac::DAC2, 0)
+    },
 ];
 
 /// Sets up levels and comparators, and locks the comparators until the next reset.
@@ -103,7 +85,7 @@ pub fn set_up(wired: pins::Overcurrent) {
     rcc::enable_and_reset::<DAC3>();
     rcc::enable_and_reset::<DAC4>();
     set_levels(scales::CEILING_LEVELS);
-    WATCHES.iter().for_each(|at| at.watch.set_up());
+    WATCHES.iter().for_each(Watch::set_up);
 }
 
 /// Moves the level of each comparator to both sides of its signal, with an open bridge. Returns true if each one signals
@@ -112,8 +94,8 @@ pub fn set_up(wired: pins::Overcurrent) {
 #[inline(never)]
 pub fn self_test([phase_a, phase_b]: [u16; 2], clear_breaks: fn()) -> bool {
     let mut are_good = true;
-    for ShuntWatch { watch, signal } in &WATCHES {
-        let counts = match signal {
+    for watch in &WATCHES {
+        let counts = match watch.signal {
             Signal::Shunt(Phase::A) => phase_a,
             Signal::Shunt(Phase::B) => phase_b,
             Signal::Mean => phase_a.midpoint(phase_b),

@@ -1,7 +1,9 @@
 //! The last errors, and the text of a panic before the start.
 
 use super::MAX_PANIC_BYTES;
+use crate::log::log;
 use crate::node::dictionary::ERROR_HISTORY_LENGTH;
+use crate::supervisor::Event;
 use heapless::{Deque, String};
 
 /// What happened, for a tool that asks later.
@@ -14,12 +16,22 @@ pub(crate) struct History {
 
 impl History {
     /// Keeps an error; the oldest one is dropped if there is no room.
-    pub(crate) fn record_error(&mut self, code: u16, detail: u16) {
+    fn record_error(&mut self, code: u16, detail: u16) {
         if self.errors.is_full() {
             self.errors.pop_front();
         }
         // There is room, because one was just removed.
         let _ = self.errors.push_back(u32::from(code) | u32::from(detail) << 16);
+    }
+
+    /// Keeps a code that was raised. Returns the code of its emergency, 0 if it was cleared.
+    pub(crate) fn record_event(&mut self, event: Event) -> u16 {
+        let info = event.code.info();
+        log!(warn, "code {=u8}, raised: {=bool}", info.number, event.raised);
+        if event.raised {
+            self.record_error(info.emergency, u16::from(info.number));
+        }
+        if event.raised { info.emergency } else { 0 }
     }
 
     /// Forgets all errors.
