@@ -52,10 +52,14 @@ impl Outbox {
     /// Removes and returns the oldest frame whose identifier can be sent now. Frames before it keep their order.
     pub fn take(&mut self, mut can_send: impl FnMut(u16) -> bool) -> Option<Frame> {
         let mut found = None;
-        for _ in 0..self.frames.len() {
+        for place in 0..self.frames.len() {
             let frame = self.frames.pop_front()?;
             if found.is_none() && can_send(frame.identifier()) {
                 found = Some(frame);
+                if place == 0 {
+                    // The others are in their order.
+                    break;
+                }
             } else {
                 // There is room: it was just removed.
                 let _ = self.frames.push_back(frame);
