@@ -12,11 +12,13 @@ use std::{env, fs};
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rustc-check-cfg=cfg(wiring, values(any()))");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     if env::var_os("CARGO_FEATURE_BOARD_STM32G474").is_some() {
+        select_wiring();
         link_stm32g474(&out);
     } else if env::var_os("CARGO_FEATURE_BOARD_B_G431B_ESC1").is_some() {
         copy(Path::new("../memory.x"), &out.join("memory.x"));
@@ -24,6 +26,21 @@ fn main() {
         pass_common_arguments(&out);
         println!("cargo::rustc-link-arg-bin=firmware-esc1=-Tdefmt.x");
     }
+}
+
+/// Sets `wiring` to the NAME of the feature `wiring-NAME`, or to `standard`. A feature that pins.rs does not know then leaves
+/// the table without a file, and two of them without a choice.
+fn select_wiring() {
+    const PREFIX: &str = "CARGO_FEATURE_WIRING_";
+    let names = env::vars_os().filter_map(|(name, _)| name.into_string().ok());
+    let names: Vec<_> =
+        names.filter_map(|name| name.strip_prefix(PREFIX).map(str::to_lowercase)).collect();
+    let wiring = match &names[..] {
+        [] => "standard",
+        [name] => name,
+        _ => panic!("features: one wiring at most, found {}", names.join(", ")),
+    };
+    println!("cargo::rustc-cfg=wiring=\"{wiring}\"");
 }
 
 /// Passes the scripts for both slots and the boot program of the STM32G474 board.

@@ -24,6 +24,7 @@ mod clocks;
 mod comparators;
 #[path = "stm32g4/converters.rs"]
 mod converters;
+#[cfg(not(feature = "without-incremental"))]
 #[path = "stm32g4/counter.rs"]
 mod counter;
 mod encoder;
@@ -31,6 +32,7 @@ mod fast_code;
 #[path = "stm32g4/flash.rs"]
 mod flash;
 mod gate_driver;
+#[cfg_attr(feature = "without-incremental", path = "stm32g474/no_incremental.rs")]
 mod incremental;
 #[path = "stm32g4/joint_board.rs"]
 mod joint_board;
@@ -79,12 +81,12 @@ mod app {
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{
-        can_fd, clocks, fast_code, incremental, overcurrent, pins, power_stage, prefetch, random,
-        scales, start, watchdog,
+        can_fd, clocks, fast_code, overcurrent, pins, power_stage, prefetch, random, scales, start,
+        watchdog,
     };
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
-    use embassy_stm32::gpio::{Flex, Input, Pull, Speed};
+    use embassy_stm32::gpio::{Flex, Pull, Speed};
     use embassy_time::Instant;
     use firmware::background::{Background, BoardState};
     use firmware::driver::{Boot, Driver, Identity};
@@ -180,12 +182,16 @@ mod app {
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
         let encoder = MotorEncoder::new(&driver.set().sensors, &driver.set().motor);
         let kind = EncoderKind::of(driver.set().sensors.encoder_kind);
-        incremental::connect(kind, wired.incremental);
+        #[cfg(not(feature = "without-incremental"))]
+        super::incremental::connect(kind, wired.incremental);
         if kind == EncoderKind::Biss {
             inputs.use_biss();
         }
-        let touch = Input::new(wired.touch.input, Pull::Down);
-        let stage = MotorStage { stage, encoder, inputs, shunts, touch: Some(touch) };
+        #[cfg(not(feature = "without-touch"))]
+        let touch = Some(embassy_stm32::gpio::Input::new(wired.touch.input, Pull::Down));
+        #[cfg(feature = "without-touch")]
+        let touch = None;
+        let stage = MotorStage { stage, encoder, inputs, shunts, touch };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();

@@ -1,6 +1,6 @@
 //! The lines of an ABZ encoder or of three Hall sensors, on the same pins. An encoder on SPI has no pins.
 
-use super::pins::{FIRST_LINE, LINE_PORT};
+use super::pins::LINES;
 use super::{counter, pins};
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::peripherals::TIM4;
@@ -63,6 +63,7 @@ impl EncoderInputs for Encoder {
     /// The levels; with an ABZ encoder and Hall sensors they are those of the lines, which contradict the sensors.
     #[inline(always)]
     fn hall(&mut self) -> u8 {
-        (LINE_PORT.idr().read().0 >> FIRST_LINE) as u8 & 7
+        let (port, first) = LINES;
+        (port.idr().read().0 >> first) as u8 & 7
     }
 }

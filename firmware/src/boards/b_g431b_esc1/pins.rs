@@ -8,15 +8,14 @@ use super::clocks::Crystal;
 use embassy_stm32::pac;
 use embassy_stm32::rcc::PllPreDiv;
 
-use wiring::{Connection, identity};
+use wiring::{Connection, identity, is_pin, pin_of};
 
 /// Crystal.
 pub const CRYSTAL: Crystal = Crystal { hz: 8_000_000, divider: PllPreDiv::DIV2 };
 /// Counter of an ABZ encoder.
 pub const COUNTER: pac::timer::TimGp16 = pac::TIM4;
 /// Port of the three lines of an encoder, and the first of their pins.
-pub const LINE_PORT: pac::gpio::Gpio = pac::GPIOB;
-pub const FIRST_LINE: usize = 6;
+pub const LINES: (pac::gpio::Gpio, usize) = pin_of(OPTIONAL, "lines.a");
 
 /// Shunt of a phase, ohm.
 pub const SHUNT_OHM: f32 = 0.003;
@@ -49,6 +48,14 @@ pub const WIRING: u32 = identity(
     ],
 );
 
+/// Inputs of the comparators (RM0440, table 194).
+const _: () = assert!(
+    is_pin(TABLE, "currents.shunt_a", "PA1")
+        && is_pin(TABLE, "currents.shunt_b", "PA7")
+        && is_pin(TABLE, "overcurrent.shunt_c", "PB0"),
+    "the shunts must be at the inputs of COMP1, COMP2 and COMP4"
+);
+
 wiring! {
 required {
     /// Three half bridges. Their drivers (L6387) have neither an enable nor a fault output.
@@ -78,12 +85,6 @@ required {
     overcurrent: Overcurrent {
         shunt_c = PB0, "shunt of phase c: COMP4_INP";
     }
-    /// The lines of the motor's encoder, with pull-ups on the board: ABZ, or three Hall sensors.
-    lines: Lines {
-        a     = PB6, "line A: TIM4_CH1; or the first Hall sensor";
-        b     = PB7, "line B: TIM4_CH2; or the second";
-        index = PB8, "index, captures the count: TIM4_CH3; or the third";
-    }
     /// The CAN transceiver.
     can: Can {
         controller = FDCAN1, "classic frames";
@@ -101,5 +102,12 @@ required {
         flash    = FLASH, "holds the parameters, in its last pages";
     }
 }
-optional {}
+optional {
+    /// The lines of the motor's encoder, with pull-ups on the board: ABZ, or three Hall sensors.
+    lines: Lines {
+        a     = PB6, "line A: TIM4_CH1; or the first Hall sensor";
+        b     = PB7, "line B: TIM4_CH2; or the second";
+        index = PB8, "index, captures the count: TIM4_CH3; or the third";
+    }
+}
 }

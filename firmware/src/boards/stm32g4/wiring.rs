@@ -1,4 +1,7 @@
 //! The table of a board's pins and peripherals, its identity, and the check of the connected pins.
+//!
+//! The table is a text as well, `bridge.fault=PB10[12];`. What the code needs by number, such as the port of a pin for a panic
+//! handler that does not own it, is read from this text by the compiler ([`pin_of`]). So it cannot differ from the table.
 
 use embassy_stm32::gpio::Pin;
 use embassy_stm32::pac;
@@ -20,6 +23,64 @@ pub const fn identity(table: &str, parts: &[f32]) -> u32 {
 /// Ports by their numbers.
 const PORTS: [pac::gpio::Gpio; 6] =
     [pac::GPIOA, pac::GPIOB, pac::GPIOC, pac::GPIOD, pac::GPIOE, pac::GPIOF];
+
+/// Returns the first byte after `name=` in the entries of a table; `None` without such an entry.
+pub const fn find(table: &str, name: &str) -> Option<usize> {
+    let (table, name) = (table.as_bytes(), name.as_bytes());
+    let mut entry = 0;
+    while entry < table.len() {
+        let mut at = 0;
+        while at < name.len() && entry + at < table.len() && table[entry + at] == name[at] {
+            at += 1;
+        }
+        if at == name.len() && table[entry + at] == b'=' {
+            return Some(entry + at + 1);
+        }
+        while table[entry] != b';' {
+            entry += 1;
+        }
+        entry += 1;
+    }
+    None
+}
+
+/// Returns the first byte after `name=` in the entries of a table.
+pub const fn value_at(table: &str, name: &str) -> usize {
+    match find(table, name) {
+        Some(at) => at,
+        None => panic!("the table of pins has no entry of this name"),
+    }
+}
+
+/// Returns the number that begins at a byte, and where it ends.
+pub const fn number_at(table: &[u8], mut at: usize) -> (usize, usize) {
+    let mut number = 0;
+    while table[at].is_ascii_digit() {
+        number = 10 * number + (table[at] - b'0') as usize;
+        at += 1;
+    }
+    (number, at)
+}
+
+/// Returns port and number of the pin at this entry of a table, such as `bridge.enable`.
+pub const fn pin_of(table: &str, name: &str) -> (pac::gpio::Gpio, usize) {
+    let (table, at) = (table.as_bytes(), value_at(table, name));
+    assert!(table[at] == b'P', "the entry is not a pin");
+    (PORTS[(table[at + 1] - b'A') as usize], number_at(table, at + 2).0)
+}
+
+/// Returns true if the entry of a table is this pin, such as `is_pin(TABLE, "currents.phase_a", "PA0")`.
+pub const fn is_pin(table: &str, name: &str, pin: &str) -> bool {
+    let (first, mut at) = (value_at(table, name), 0);
+    let (table, pin) = (table.as_bytes(), pin.as_bytes());
+    while at < pin.len() {
+        if table[first + at] != pin[at] {
+            return false;
+        }
+        at += 1;
+    }
+    !table[first + at].is_ascii_digit()
+}
 
 /// A pin that belongs to a peripheral, with its alternate function.
 #[derive(Clone, Copy, Debug)]
@@ -43,9 +104,15 @@ impl Connection {
     }
 }
 
-/// Returns true if these pins have their functions.
+/// Returns true if these pins have their functions. The log names the others.
 pub fn are_connected(connections: &[Connection]) -> bool {
-    connections.iter().all(|connection| connection.holds())
+    let mut are_connected = true;
+    for connection in connections.iter().filter(|connection| !connection.holds()) {
+        let Connection { port, pin, function } = connection;
+        defmt::error!("port {=u8}, pin {=u8}: not at its function {=u8}", port, pin, function);
+        are_connected = false;
+    }
+    are_connected
 }
 
 /// Defines a struct for each part of a board, with its pins and peripherals, and the whole table. The number in brackets is
@@ -80,9 +147,14 @@ macro_rules! wiring {
 
         /// Names and pins of the table, without those that a board may leave open: an image that can use them also runs on a
         /// board without them.
-        pub const TABLE: &str = concat!(
-            $($(stringify!($field), ".", stringify!($name), "=", stringify!($what), ";",)*)*
-        );
+        pub const TABLE: &str = concat!($($(
+            stringify!($field), ".", stringify!($name), "=", stringify!($what), $("[", $function, "]",)? ";",
+        )*)*);
+
+        /// Names and pins that a board may leave open.
+        pub const OPTIONAL: &str = concat!($($(
+            stringify!($optional), ".", stringify!($optional_name), "=", stringify!($optional_what), ";",
+        )*)*);
 
         /// The whole table.
         pub struct Wiring {

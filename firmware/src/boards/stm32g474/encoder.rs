@@ -33,7 +33,7 @@ use super::scales::{
     BISS_INNER_CYCLES, BISS_OUTER_CYCLES, CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER,
     FAST_CONVERSION_CYCLES, HALF_GAP_CYCLES, LEAD_CYCLES, PWM_TOP, SLOW_START_CYCLES,
 };
-use super::{counter, incremental, pins};
+use super::{incremental, pins};
 use core::sync::atomic::{AtomicU16, Ordering};
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{OutputType, Pull};
@@ -44,6 +44,7 @@ use embassy_stm32::pac::timer::vals;
 use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH2, SPI1, TIM3};
 use embassy_stm32::spi::mode::Master;
 use embassy_stm32::spi::{self, Spi};
+use embassy_stm32::timer::Ch2;
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{pac, rcc};
 use firmware::sensors::as504x::{DESELECTED_NS, FramePairs, RELEASE_NS, SELECT_NS};
@@ -139,7 +140,7 @@ impl Encoder {
         let bus = Spi::new_blocking(wired.spi, wired.clock, wired.out, wired.back, config);
         set_up_timer();
         // Connected once the timer holds it high, and it stays connected.
-        core::mem::forget(PwmPin::<TIM3, _>::new(wired.select, OutputType::PushPull));
+        core::mem::forget(PwmPin::<TIM3, Ch2>::new(wired.select, OutputType::PushPull));
         set_up_bus();
         start_exchange(false);
         Self {
@@ -227,7 +228,7 @@ impl EncoderInputs for Encoder {
 
     #[inline(always)]
     fn quadrature(&mut self) -> Quadrature {
-        counter::read()
+        incremental::counts()
     }
 
     #[inline(always)]

@@ -6,6 +6,7 @@ use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Pull, Speed};
 use embassy_stm32::peripherals::TIM1;
 use embassy_stm32::timer::complementary_pwm::ComplementaryPwmPin;
 use embassy_stm32::timer::simple_pwm::PwmPin;
+use embassy_stm32::timer::{BkIn1, BreakInputPin, Ch1, Ch2, Ch3};
 
 /// A pin reports its fault to the break input.
 pub const HAS_FAULT_INPUT: bool = true;
@@ -24,18 +25,18 @@ impl GateDriver {
     ) -> (Peri<'static, TIM1>, Self) {
         let enable = Output::new(bridge.enable, Level::Low, Speed::Low);
         set_up_timer();
-        let mut break_pin = Flex::new(bridge.fault);
+        let mut break_pin = Flex::new(break_input(bridge.fault));
         break_pin.set_as_af_unchecked(BREAK_FUNCTION, AfType::input(Pull::Up));
         // The pins are connected to the timer only now that it holds them at their idle level, and stay
         // connected.
         let kind = OutputType::PushPull;
         core::mem::forget((
-            PwmPin::<TIM1, _>::new(bridge.a_high, kind),
-            PwmPin::<TIM1, _>::new(bridge.b_high, kind),
-            PwmPin::<TIM1, _>::new(bridge.c_high, kind),
-            ComplementaryPwmPin::<TIM1, _>::new(bridge.a_low, kind),
-            ComplementaryPwmPin::<TIM1, _>::new(bridge.b_low, kind),
-            ComplementaryPwmPin::<TIM1, _>::new(bridge.c_low, kind),
+            PwmPin::<TIM1, Ch1>::new(bridge.a_high, kind),
+            PwmPin::<TIM1, Ch2>::new(bridge.b_high, kind),
+            PwmPin::<TIM1, Ch3>::new(bridge.c_high, kind),
+            ComplementaryPwmPin::<TIM1, Ch1>::new(bridge.a_low, kind),
+            ComplementaryPwmPin::<TIM1, Ch2>::new(bridge.b_low, kind),
+            ComplementaryPwmPin::<TIM1, Ch3>::new(bridge.c_low, kind),
         ));
         (bridge.timer, Self { break_pin, enable })
     }
@@ -51,6 +52,11 @@ impl GateDriver {
     pub fn set_awake(&mut self, awake: bool) {
         self.enable.set_level(awake.into());
     }
+}
+
+/// Returns the pin, which has the break input among its functions.
+fn break_input<P: BreakInputPin<TIM1, BkIn1>>(pin: Peri<'static, P>) -> Peri<'static, P> {
+    pin
 }
 
 /// Puts it to sleep without owning its pin.

@@ -10,7 +10,9 @@ use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::peripherals::TIM20;
 use embassy_stm32::rcc;
 use embassy_stm32::timer::input_capture::CapturePin;
+use embassy_stm32::timer::{Ch1, Ch2, Ch3};
 use firmware::sensors::encoder::EncoderKind;
+use firmware::sensors::quadrature::Quadrature;
 
 /// Connects the inputs that this kind of encoder needs.
 pub fn connect(kind: EncoderKind, wired: pins::Incremental) {
@@ -24,13 +26,19 @@ pub fn connect(kind: EncoderKind, wired: pins::Incremental) {
     }
     if matches!(kind, EncoderKind::Abz | EncoderKind::AbzHall) {
         core::mem::forget((
-            CapturePin::<TIM20, _>::new(wired.a, Pull::Up),
-            CapturePin::<TIM20, _>::new(wired.b, Pull::Up),
-            CapturePin::<TIM20, _>::new(wired.index, Pull::Up),
+            CapturePin::<TIM20, Ch1>::new(wired.a, Pull::Up),
+            CapturePin::<TIM20, Ch2>::new(wired.b, Pull::Up),
+            CapturePin::<TIM20, Ch3>::new(wired.index, Pull::Up),
         ));
         rcc::enable_and_reset::<TIM20>();
         counter::start();
     }
+}
+
+/// Returns what was counted and captured since the last call.
+#[inline(always)]
+pub fn counts() -> Quadrature {
+    counter::read()
 }
 
 /// Returns the levels of the Hall sensors.

@@ -209,7 +209,7 @@ impl<W: World> Chip<W> {
         let was_awake = self.gpio.is_gate_driver_awake();
         self.advance_if_port_changes(address, word);
         self.gpio.write(address, word);
-        self.can.set_connected(self.gpio.connects(gpio::CAN));
+        self.can.set_connected(self.gpio.connects(self.wiring.can));
         if was_awake && !self.gpio.is_gate_driver_awake() {
             self.world.clear_break();
         }

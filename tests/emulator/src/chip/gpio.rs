@@ -20,9 +20,6 @@ const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const PULLED_DOWN: u32 = 2;
 
-/// FDCAN1_RX and TX.
-pub const CAN: Connections = &[((0, 11), 9), ((1, 9), 9)];
-
 /// The ports.
 #[derive(Clone, Debug)]
 pub struct Gpio {
@@ -73,7 +70,8 @@ impl Gpio {
 
     /// Returns true for the register that shows the levels of the Hall sensors.
     pub fn reads_hall(&self, address: u32) -> bool {
-        address == 0x4800_0000 + 0x400 * self.wiring.hall[0].0 as u32 + IDR
+        let port = self.wiring.hall.map(|[first, ..]| first.0 as u32);
+        port.is_some_and(|port| address == 0x4800_0000 + 0x400 * port + IDR)
     }
 
     fn output(&self, (port, pin): Pin) -> Option<bool> {
@@ -141,11 +139,12 @@ impl Gpio {
             .wiring
             .torque_allowed
             .map(|pins| [0, 1].map(|at| (pins[at], self.torque_allowed[at])));
-        let hall = [0, 1, 2]
-            .map(|at| (self.wiring.hall[at], self.hall.is_none_or(|word| word >> at & 1 == 1)));
+        let hall = self.wiring.hall.map(|pins| {
+            [0, 1, 2].map(|at| (pins[at], self.hall.is_none_or(|word| word >> at & 1 == 1)))
+        });
         let touch = self.wiring.touch.map(|pin| (pin, self.is_touched));
         let driven = fault.into_iter().chain(touch).chain(torque.into_iter().flatten());
-        for ((driven, pin), is_high) in driven.chain(hall) {
+        for ((driven, pin), is_high) in driven.chain(hall.into_iter().flatten()) {
             if driven == port {
                 levels = levels & !(1 << pin) | u32::from(is_high) << pin;
             }

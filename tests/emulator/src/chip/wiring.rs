@@ -93,10 +93,12 @@ pub struct Wiring {
     pub torque_allowed: Option<[Pin; 2]>,
     /// Input of the touch probe.
     pub touch: Option<Pin>,
+    /// FDCAN1_RX and TX.
+    pub can: Connections,
     /// Lines and index of a quadrature encoder at its counter.
     pub quadrature: Connections,
     /// Hall sensors of the motor, all at one port.
-    pub hall: [Pin; 3],
+    pub hall: Option<[Pin; 3]>,
     /// TIM1_CH1 to 3 and TIM1_CH1N to 3N.
     pub bridge: Connections,
     /// TIM1_BKIN.
@@ -136,8 +138,9 @@ pub const STANDARD: Wiring = Wiring {
     brake: Some((2, 7)),
     torque_allowed: Some([(2, 10), (2, 11)]),
     touch: Some((2, 12)),
+    can: &[((0, 11), 9), ((1, 9), 9)],
     quadrature: &[((1, 2), 3), ((2, 2), 6), ((2, 8), 6)],
-    hall: [(2, 3), (2, 4), (2, 5)],
+    hall: Some([(2, 3), (2, 4), (2, 5)]),
     bridge: &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((0, 7), 6), ((0, 12), 6), ((1, 15), 4)],
     break_input: &[((1, 10), 12)],
     encoder_select: &[((0, 4), 2)],
@@ -174,14 +177,15 @@ pub const SECOND: Wiring = Wiring {
     select: Some((2, 7)),
     brake: Some((0, 7)),
     torque_allowed: Some([(2, 6), (3, 2)]),
-    touch: Some((2, 12)),
-    quadrature: &[((1, 2), 3), ((2, 2), 6), ((2, 8), 6)],
-    hall: [(2, 3), (2, 4), (2, 5)],
+    touch: None,
+    can: &[((0, 11), 9), ((1, 9), 9)],
+    quadrature: &[],
+    hall: None,
     bridge: &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((2, 13), 4), ((0, 12), 6), ((1, 15), 4)],
     break_input: &[((0, 6), 6)],
     encoder_select: &[((2, 7), 2)],
     encoder_bus: &[((1, 3), 5), ((1, 4), 5), ((1, 5), 5)],
-    sensor_bus: &[((1, 8), 4), ((1, 7), 4)],
+    sensor_bus: &[((0, 15), 4), ((1, 7), 4)],
     channels: &[
         ((1, 2), Quantity::Phase(0)),
         ((2, 1), Quantity::Phase(1)),
@@ -220,8 +224,9 @@ pub const ESC1: Wiring = Wiring {
     brake: None,
     torque_allowed: None,
     touch: None,
+    can: &[((0, 11), 9), ((1, 9), 9)],
     quadrature: &[((1, 6), 2), ((1, 7), 2), ((1, 8), 2)],
-    hall: [(1, 6), (1, 7), (1, 8)],
+    hall: Some([(1, 6), (1, 7), (1, 8)]),
     bridge: &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((2, 13), 4), ((0, 12), 6), ((1, 15), 4)],
     break_input: &[],
     encoder_select: &[],

@@ -1,15 +1,8 @@
 //! A second wiring, which shows what another board has to change: shunts of 0.5 mohm at the other inputs, 100 V switches,
-//! the encoder beside the debug port, and other pins for break, enable, brake and sensors.
+//! the encoder beside the debug port, and other pins for break, enable, brake and sensors. It has no inputs of an ABZ encoder,
+//! of Hall sensors or of a touch probe, which its feature in Cargo.toml says as well.
 
-use super::{Connection, Phase};
-use embassy_stm32::pac;
-
-/// Enable pin of the gate driver by port and number, because a panic handler does not own the pins.
-pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 9);
-/// Clock pin of the pressure sensor's bus, for a manual recovery; see `pressure` in the table.
-pub const PRESSURE_CLOCK: (pac::gpio::Gpio, usize) = (pac::GPIOB, 8);
-/// Data pin of the pressure sensor's bus.
-pub const PRESSURE_DATA: (pac::gpio::Gpio, usize) = (pac::GPIOB, 7);
+use super::Connection;
 
 /// Shunt of a phase, ohm, and gain of its amplifier.
 pub const SHUNT: [f32; 2] = [0.0005, 20.0];
@@ -24,15 +17,6 @@ pub const DEAD_TIME: u8 = 68;
 pub const BREAK_CEILING_A: f32 = 88.0;
 /// Settling time of a shunt's amplifier once its low side conducts, s: 1.5 us to 0.5 % at a gain of 20.
 pub const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
-
-/// Alternate function of the break input, see `fault` in the table.
-pub const BREAK_FUNCTION: u8 = 6;
-/// Phase whose amplifier is at PA0 and PB11, the inputs of COMP3 and COMP6.
-pub const AT_PA0: Phase = Phase::B;
-/// Phase whose amplifier is at PA1 and PA3, the inputs of COMP1 and COMP2.
-pub const AT_PA1: Phase = Phase::A;
-/// Port of the three Hall sensors, and the first of their pins.
-pub const HALL: (pac::gpio::Gpio, usize) = (pac::GPIOC, 3);
 
 wiring! {
 required {
@@ -90,7 +74,7 @@ required {
     /// The pressure sensor's bus.
     pressure: Pressure {
         i2c   = I2C1, "reads it";
-        clock = PB8 [4],  "I2C1_SCL";
+        clock = PA15 [4], "I2C1_SCL";
         data  = PB7 [4],  "I2C1_SDA";
     }
     /// The two channels of safe torque off, high while they allow torque. A broken wire reads as low.
@@ -110,19 +94,5 @@ required {
         flash    = FLASH, "holds the parameters, in its second bank";
     }
 }
-optional {
-    /// Inputs of an ABZ encoder and of Hall sensors, pulled up.
-    incremental: Incremental {
-        a      = PB2,   "line A: TIM20_CH1";
-        b      = PC2,   "line B: TIM20_CH2";
-        index  = PC8,   "index, captures the count: TIM20_CH3";
-        hall_1 = PC3,   "first Hall sensor, beside the two others on one port";
-        hall_2 = PC4,   "second Hall sensor";
-        hall_3 = PC5,   "third Hall sensor";
-    }
-    /// Input of the touch probe, high while it is touched. A broken wire reads as low.
-    touch: Touch {
-        input = PC12, "level that the current loop reads in every period";
-    }
-}
+optional {}
 }

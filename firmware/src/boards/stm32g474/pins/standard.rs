@@ -1,14 +1,6 @@
 //! The standard wiring: shunts of 1 mohm, gate driver with amplifiers, encoder on SPI1.
 
-use super::{Connection, Phase};
-use embassy_stm32::pac;
-
-/// Enable pin of the gate driver by port and number, because a panic handler does not own the pins.
-pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 6);
-/// Clock pin of the pressure sensor's bus, for a manual recovery; see `pressure` in the table.
-pub const PRESSURE_CLOCK: (pac::gpio::Gpio, usize) = (pac::GPIOA, 15);
-/// Data pin of the pressure sensor's bus.
-pub const PRESSURE_DATA: (pac::gpio::Gpio, usize) = (pac::GPIOB, 7);
+use super::Connection;
 
 /// Shunt of a phase, ohm, and gain of its amplifier.
 pub const SHUNT: [f32; 2] = [0.001, 20.0];
@@ -24,15 +16,6 @@ pub const DEAD_TIME: u8 = 85;
 pub const BREAK_CEILING_A: f32 = 44.0;
 /// Settling time of a shunt's amplifier once its low side conducts, s: 1.5 us to 0.5 % at a gain of 20.
 pub const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
-
-/// Alternate function of the break input, see `fault` in the table.
-pub const BREAK_FUNCTION: u8 = 12;
-/// Phase whose amplifier is at PA0 and PB11, the inputs of COMP3 and COMP6.
-pub const AT_PA0: Phase = Phase::A;
-/// Phase whose amplifier is at PA1 and PA3, the inputs of COMP1 and COMP2.
-pub const AT_PA1: Phase = Phase::B;
-/// Port of the three Hall sensors, and the first of their pins.
-pub const HALL: (pac::gpio::Gpio, usize) = (pac::GPIOC, 3);
 
 wiring! {
 required {

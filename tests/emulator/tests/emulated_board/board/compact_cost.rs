@@ -5,26 +5,17 @@
 
 use crate::common::compact_image;
 use crate::scenarios::compact::{ABZ, HALL, joint, power_up, turn_by_hand};
-use compensator_core::LawKind;
 use emulated_board::BoardDriver;
 use emulated_board::costs::Costs;
 use emulated_board::cycles::FlashAccess;
-use firmware::reference_joint::configuration;
-use joint_rig::{JointRig, PERIOD_CYCLES, RigFaults, SealSensorFault, stage_at_power_up};
+use joint_rig::{JointRig, PERIOD_CYCLES, stage_at_power_up};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// Encoders, and faults of the sensors of side load and pressure, which the compensator guards against.
-const CASES: [(&str, f32, SealSensorFault); 4] = [
-    ("ABZ", ABZ, SealSensorFault::None),
-    ("Hall sensors", HALL, SealSensorFault::None),
-    ("ABZ, half of the load and pressure frames lost", ABZ, SealSensorFault::Dropped),
-    ("ABZ, without load and pressure", ABZ, SealSensorFault::Absent),
-];
-
-/// Largest share of the period that the interrupt may take with the caches, and without.
-const MOST_SHARES: [f64; 2] = [0.65, 0.9];
+/// Encoders, with the share of the period that the interrupt may take: with the caches, and without.
+const ENCODERS: [(&str, f32, [f64; 2]); 2] =
+    [("ABZ", ABZ, [0.65, 0.9]), ("Hall sensors", HALL, [0.65, 0.9])];
 
 /// Least share of the period, by the lower estimate: a loop that measures, compensates and drives takes more.
 const LEAST_SHARE: f64 = 0.1;
@@ -37,15 +28,13 @@ const NO_CACHES: FlashAccess =
 const TOLERANCE: f64 = 0.03;
 
 const HEAD: &str = "# Worst period\n\
-case\tinstructions\tno wait states\tcaches\tno caches\t% of the period, caches\t% of the period, no caches\tend, no caches\n";
+encoder\tinstructions\tno wait states\tcaches\tno caches\t% of the period, caches\t% of the period, no caches\tend, no caches\n";
 
-/// Runs a course with an encoder of this kind, this fault, and this access to the flash; returns the costs.
-fn measure(kind: f32, fault: SealSensorFault, access: Option<FlashAccess>) -> Costs {
+/// Runs a course with an encoder of this kind and this access to the flash; returns the costs.
+fn measure(kind: f32, access: Option<FlashAccess>) -> Costs {
     let mut joint = joint(kind, 0.9);
-    joint.faults = RigFaults::seal_sensor(fault);
     if let Some(set) = &mut joint.set {
-        // A law with the levels over load, pressure, temperature and angle; the voltage of the dead time is compensated.
-        set.friction = configuration(LawKind::ImprovedLugre, &[]);
+        // The voltage of the dead time is compensated.
         set.motor.dead_time_s = 0.5e-6;
     }
     let start = power_up(&joint);
@@ -105,13 +94,12 @@ fn figures(text: &str) -> Vec<f64> {
 
 #[test]
 fn compact_interrupt_from_flash_stays_within_its_period() {
-    let rows = CASES.map(|(name, kind, fault)| {
-        (name, [None, Some(NO_CACHES)].map(|access| measure(kind, fault, access)))
-    });
+    let rows = ENCODERS
+        .map(|(name, kind, _)| (name, [None, Some(NO_CACHES)].map(|access| measure(kind, access))));
     let written = emit(&rows);
     print!("{written}");
-    for (name, both) in &rows {
-        for (costs, limit) in both.iter().zip(MOST_SHARES) {
+    for ((name, [cached, uncached]), (_, _, [most, most_uncached])) in rows.iter().zip(ENCODERS) {
+        for (costs, limit) in [(cached, most), (uncached, most_uncached)] {
             let (least, upper) = (share(costs.worst.lower), share(costs.worst.upper));
             assert!(upper <= limit, "{name}: {upper:.3} of a period");
             assert!(
