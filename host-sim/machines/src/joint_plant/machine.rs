@@ -114,10 +114,20 @@ pub struct JointPlant {
 }
 
 /// Motion of motor and gear before a compliant coupling, in joint coordinates.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Rotor {
     position: f64,
     velocity: f64,
+    /// Way that the coupling has slipped, rad, and the torque from which it slips, Nm.
+    slipped: f64,
+    most_nm: f64,
+}
+
+impl Rotor {
+    /// At rest at this position, with a sound coupling.
+    const fn at(position: f64) -> Self {
+        Self { position, velocity: 0.0, slipped: 0.0, most_nm: f64::INFINITY }
+    }
 }
 
 /// Time between two evaluations of the surroundings, s.
@@ -161,7 +171,7 @@ impl JointPlant {
             surroundings: None,
             elapsed_s: 0.0,
             surroundings_due_s: 0.0,
-            rotor: (!rigid).then_some(Rotor { position, velocity: 0.0 }),
+            rotor: (!rigid).then_some(Rotor::at(position)),
             supply: None,
             brake: None,
             winding: None,
@@ -270,7 +280,7 @@ impl JointPlant {
             }
             // Angle at the middle of the sub-step, because the field rotates during the sub-step.
             let turned =
-                self.rotor.unwrap_or(Rotor { position: self.position, velocity: self.velocity });
+                self.rotor.unwrap_or(Rotor { velocity: self.velocity, ..Rotor::at(self.position) });
             let angle = poles * (turned.position + 0.5 * dt * turned.velocity);
             let (sine, cosine) = angle.sin_cos();
             let induced = flux * poles * turned.velocity;
@@ -401,7 +411,7 @@ impl JointPlant {
         if let Some(velocity) = self.turned_rad_s {
             (self.velocity, self.position) = (velocity, self.position + dt * velocity);
             if let Some(rotor) = &mut self.rotor {
-                *rotor = Rotor { position: self.position, velocity };
+                (rotor.position, rotor.velocity) = (self.position + rotor.slipped, velocity);
             }
             return;
         }
@@ -446,7 +456,7 @@ impl JointPlant {
     fn transmitted(&mut self, motor_nm: f64, dt: f64) -> f64 {
         let inertia = self.rotor_inertia();
         let Some(rotor) = &mut self.rotor else { return motor_nm };
-        let twist = rotor.position - self.position;
+        let twist = rotor.position - self.position - rotor.slipped;
         let half = 0.5 * self.p.backlash_rad;
         let strained = twist - twist.clamp(-half, half);
         let coupled = if strained == 0.0 {
@@ -455,6 +465,11 @@ impl JointPlant {
             self.p.output_stiffness_nm_per_rad * strained
                 + self.p.output_damping_nm_s_per_rad * (rotor.velocity - self.velocity)
         };
+        let held = coupled.clamp(-rotor.most_nm, rotor.most_nm);
+        if held != coupled {
+            rotor.slipped += (coupled - held) / self.p.output_stiffness_nm_per_rad;
+        }
+        let coupled = held;
         rotor.velocity += dt * (motor_nm - coupled) / inertia;
         rotor.position += dt * rotor.velocity;
         coupled

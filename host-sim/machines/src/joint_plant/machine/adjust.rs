@@ -67,7 +67,14 @@ impl JointPlant {
     pub fn place(&mut self, position_rad: f64) {
         (self.position, self.velocity) = (position_rad, 0.0);
         if let Some(rotor) = &mut self.rotor {
-            *rotor = Rotor { position: position_rad, velocity: 0.0 };
+            *rotor = Rotor { most_nm: rotor.most_nm, ..Rotor::at(position_rad) };
+        }
+    }
+
+    /// Lets a compliant coupling slip from this torque on, Nm; with 0 it is broken. A rigid coupling does not slip.
+    pub fn limit_coupling(&mut self, most_nm: f64) {
+        if let Some(rotor) = &mut self.rotor {
+            rotor.most_nm = most_nm;
         }
     }
 
@@ -232,7 +239,7 @@ impl JointPlant {
     }
 
     /// Returns the position of motor and gear in joint coordinates, rad.
-    pub(super) fn motor_position_rad(&self) -> f64 {
+    pub fn motor_position_rad(&self) -> f64 {
         self.rotor.map_or(self.position, |rotor| rotor.position)
     }
 
