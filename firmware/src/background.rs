@@ -19,7 +19,7 @@ pub use joint_node::JointNode;
 use crate::access::Key;
 use crate::driver::{Boot, Driver, KeptHome, LoopReport};
 use crate::loop_link::LoopLink;
-use crate::sensors::biss::TURN_WORDS;
+use crate::sensors::biss::{self, TURN_WORDS};
 use crate::sensors::{LocalReadings, SensorParameters, enclosure};
 use crate::supervisor::CanState;
 use compensator_core::can::{FdTelemetry, Frame};
@@ -27,6 +27,10 @@ use embedded_storage::nor_flash::NorFlash;
 
 /// Time between two ticks of the driver, us.
 pub const TICK_US: u64 = 1000;
+
+/// With an encoder at the joint's side, the reports must come in this time before the next tick, us: the tick and its commands
+/// are done by then. Until they do, the ticks are shifted by it.
+const TICK_SHIFT_US: u64 = 300;
 
 /// State of a board and its surroundings.
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +51,9 @@ pub struct BoardState {
     pub enclosure: enclosure::Readings,
     /// First words of the last frame of a BiSS encoder; `None` without one.
     pub biss: Option<[u16; TURN_WORDS]>,
+    /// Words of the encoder at the joint's side of the gear, latched when the last report came, or at this tick; `None` if
+    /// there is no such encoder.
+    pub joint_words: Option<[u16; biss::WORDS]>,
 }
 
 impl Default for BoardState {
@@ -61,6 +68,7 @@ impl Default for BoardState {
             sensors: LocalReadings::default(),
             enclosure: enclosure::Readings::default(),
             biss: None,
+            joint_words: None,
         }
     }
 }
@@ -104,6 +112,12 @@ pub trait Board {
     /// Returns the link to the current loop; `None` for a board without a bridge.
     fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
         None
+    }
+
+    /// Starts to read the encoder at the joint's side of the gear if a report of the current loop has come since the last
+    /// tick, so that both are of the same time. Called whenever the board wakes. Returns true if it has started now.
+    fn read_joint_encoder(&mut self) -> bool {
+        false
     }
 
     /// Sets the output of the holding brake, once per tick. With `None` the output is not driven, and the brake must be
@@ -178,7 +192,12 @@ impl<N: JointNode> Background<N> {
 
     fn tick_if_due(&mut self, board: &mut impl Board) {
         let now_us = board.now_us();
+        let has_read = board.read_joint_encoder();
         if now_us < self.due_us {
+            if has_read && self.due_us - now_us > TICK_SHIFT_US {
+                // The report came during the tick, or its commands delayed it. With other times it does not.
+                self.due_us += TICK_SHIFT_US;
+            }
             return;
         }
         self.due_us += TICK_US;
@@ -243,6 +262,7 @@ impl<N: JointNode> Background<N> {
             self.observe(state, now_us);
             return true;
         };
+        self.driver.set_joint_words(state.joint_words);
         link.reports(now_us, |report| self.report(state, &report));
         link.scope_rows(|row| self.driver.take_scope_row(row));
         self.observe(state, now_us);

@@ -43,7 +43,7 @@ use crate::node::{Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
-use crate::sensors::biss::TURN_WORDS;
+use crate::sensors::biss::{self, TURN_WORDS};
 use crate::sensors::enclosure;
 use crate::supervisor::{CanState, JointState, Supervisor};
 use compensator_core::adaptation::Gains;
@@ -340,6 +340,11 @@ impl<F: NorFlash> Driver<F> {
     /// Sets the last readings of the dry side, before a tick.
     pub fn set_enclosure(&mut self, readings: enclosure::Readings) {
         self.device.set_enclosure(readings);
+    }
+
+    /// Sets the words of the encoder at the joint's side of the gear, before the reports of a tick; `None` without one.
+    pub const fn set_joint_words(&mut self, words: Option<[u16; biss::WORDS]>) {
+        self.device.set_joint_words(words);
     }
 
     /// Returns true if the network requested a restart and the joint has stopped. The board or its simulation performs

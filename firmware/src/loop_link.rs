@@ -177,6 +177,11 @@ impl LoopLink<'_> {
         }
     }
 
+    /// Returns true if a report waits for the next call of [`Self::reports`].
+    pub fn has_report(&self) -> bool {
+        self.reports.statuses.ready()
+    }
+
     /// Ends a tick at this time. Its reports were taken after its begin: if the tick was held up in between, the next one
     /// finds none, and their age must not include the delay of the background.
     pub fn end_tick(&mut self, now_us: u64) {

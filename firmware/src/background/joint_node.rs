@@ -4,7 +4,7 @@ use crate::control::Covariates;
 use crate::driver::{Boot, Driver, KeptHome, LoopCommands, LoopReport};
 use crate::parameter_set::ParameterSet;
 use crate::scope::ScopeRow;
-use crate::sensors::biss::TURN_WORDS;
+use crate::sensors::biss::{self, TURN_WORDS};
 use crate::sensors::enclosure;
 use crate::supervisor::CanState;
 use compensator_core::adaptation::Gains;
@@ -45,6 +45,9 @@ pub trait JointNode {
 
     /// Sets the first words of the last frame of a BiSS encoder, before a tick.
     fn take_biss(&mut self, _words: Option<[u16; TURN_WORDS]>) {}
+
+    /// Sets the words of the encoder at the joint's side of the gear, before the reports.
+    fn set_joint_words(&mut self, _words: Option<[u16; biss::WORDS]>) {}
 
     /// Processes a report of the current loop.
     fn report(&mut self, report: &LoopReport);
@@ -124,6 +127,10 @@ impl<F: NorFlash> JointNode for Driver<F> {
 
     fn take_biss(&mut self, words: Option<[u16; TURN_WORDS]>) {
         Self::take_biss(self, words);
+    }
+
+    fn set_joint_words(&mut self, words: Option<[u16; biss::WORDS]>) {
+        Self::set_joint_words(self, words);
     }
 
     fn report(&mut self, report: &LoopReport) {

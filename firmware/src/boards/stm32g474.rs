@@ -36,6 +36,8 @@ mod gate_driver;
 mod incremental;
 #[path = "stm32g4/joint_board.rs"]
 mod joint_board;
+#[cfg_attr(feature = "without-joint-encoder", path = "stm32g474/no_joint_encoder.rs")]
+mod joint_encoder;
 #[path = "stm32g4/motor_stage.rs"]
 mod motor_stage;
 mod overcurrent;
@@ -77,6 +79,7 @@ mod app {
     use super::encoder::{self, Encoder};
     use super::flash::ChipFlash;
     use super::joint_board::{JointBoard, Periphery, receive_frames, run_background};
+    use super::joint_encoder::JointEncoder;
     use super::motor_stage::{MotorStage, loop_task, measure_offsets, run_period};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
@@ -187,6 +190,11 @@ mod app {
         if kind == EncoderKind::Biss {
             inputs.use_biss();
         }
+        #[cfg(not(feature = "without-joint-encoder"))]
+        let joint_encoder = (driver.set().sensors.has_joint_encoder())
+            .then(|| JointEncoder::connect(wired.joint_encoder));
+        #[cfg(feature = "without-joint-encoder")]
+        let joint_encoder = None;
         #[cfg(not(feature = "without-touch"))]
         let touch = Some(embassy_stm32::gpio::Input::new(wired.touch.input, Pull::Down));
         #[cfg(feature = "without-touch")]
@@ -198,7 +206,7 @@ mod app {
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
         // Analog since the reset, so that it is not driven.
         let brake = Flex::new(wired.brake.output);
-        let periphery = DriverPeriphery { slow, brake, brake_output: None };
+        let periphery = DriverPeriphery { slow, joint_encoder, brake, brake_output: None };
         let board = JointBoard { controller, frames, link, periphery };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
@@ -259,6 +267,7 @@ mod app {
     /// Slow sensors and holding brake.
     pub struct DriverPeriphery {
         slow: SlowSensors,
+        joint_encoder: Option<JointEncoder>,
         /// Output of the holding brake; an input until the joint has one.
         brake: Flex<'static>,
         brake_output: Option<bool>,
@@ -274,6 +283,7 @@ mod app {
                 sensors,
                 enclosure: self.slow.enclosure(now_us),
                 biss: Some(encoder::biss_words()),
+                joint_words: self.joint_encoder.as_mut().map(JointEncoder::read),
                 ..BoardState::default()
             }
         }
@@ -296,6 +306,10 @@ mod app {
                     self.brake.set_as_output(Speed::Low);
                 }
             }
+        }
+
+        fn read_joint_encoder(&mut self) -> bool {
+            self.joint_encoder.as_mut().is_some_and(JointEncoder::start)
         }
 
         fn send_fd(controller: &mut Controller, frame: &FdTelemetry) {

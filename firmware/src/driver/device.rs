@@ -10,6 +10,7 @@ pub(crate) mod current_loop;
 mod drive;
 pub(crate) mod history;
 mod inputs;
+mod joint_encoder;
 mod kept_home;
 mod lss;
 mod memory;
@@ -62,6 +63,7 @@ use drive::Targets;
 use embedded_storage::nor_flash::NorFlash;
 use history::History;
 use inputs::Samples;
+use joint_encoder::JointEncoder;
 use memory::Memory;
 use motor::MotorObservation;
 use network::LiveNetwork;
@@ -159,6 +161,7 @@ pub struct Device<F> {
     modes: ProfileModes,
     brake_test: BrakeTest,
     pub(super) touch: TouchProbes,
+    pub(super) joint_encoder: JointEncoder,
     pub(super) profile: Profile,
     watch: Option<ResidualWatch>,
     pub(super) stopping: Stopping,
@@ -245,7 +248,7 @@ impl<F: NorFlash> Device<F> {
                 turns_unseen: motor.is_turning_unseen,
                 motor_stands: motor.is_blocked,
                 position_missing: self.is_position_missing(),
-                following_error: self.following_state().1,
+                following_error: self.following_state().1 || self.joint_encoder.are_sides_apart(),
                 stalled: motor.is_stalled,
                 brake_test_failed: self.brake_test.has_failed(),
                 over_compensated: self.compensation.is_over_compensated(),
@@ -255,7 +258,7 @@ impl<F: NorFlash> Device<F> {
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
                 bridge_shorted: report.bridge_shorted,
-                magnet_fault: report.magnet_fault,
+                magnet_fault: report.magnet_fault || self.joint_encoder.has_warning(),
                 enclosure: enclosure::assess(&self.enclosure, &self.set().sensors),
                 stack_intact: report.stack_intact,
                 can: self.can,
@@ -329,6 +332,7 @@ impl<F: NorFlash> Device<F> {
         self.step_commissioning();
         self.step_velocity();
         self.step_touch_probes();
+        self.step_joint_encoder();
         self.supervisor.record_overruns(report.overruns_in_a_row);
         if self.settings.source == InputSource::Sensors
             && let Some(watch) = &mut self.watch
@@ -396,7 +400,11 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
         let code = self.history.record_event(event);
-        Some((code, self.error_register(), [event.code.number(), 0, 0, 0, 0]))
+        Some((
+            code,
+            self.error_register(),
+            [event.code.number(), self.joint_encoder.state(), 0, 0, 0],
+        ))
     }
 }
 

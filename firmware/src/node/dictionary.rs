@@ -38,10 +38,10 @@ use entry::{Names, entry};
 use records::{
     AccessObject, AdaptationObject, CommissioningObject, CommissioningRunObject, CommitObject,
     DrivePdoObject, EnclosureObject, HoldingBrakeObject, HomingSpeedsObject, HomingStopObject,
-    IdentityObject, InputsObject, InterpolationTimeObject, MeasuredObject, NetworkObject,
-    OperationObject, OutputsObject, PdoObject, PositionLimitsObject, PositionLoopObject,
-    ProgramObject, ScopeObject, SdoServerObject, StateObject, TraceObject, TransmitPdoObject,
-    TrialObject, TuningObject, WatchObject,
+    IdentityObject, InputsObject, InterpolationTimeObject, JointEncoderObject, MeasuredObject,
+    NetworkObject, OperationObject, OutputsObject, PdoObject, PositionLimitsObject,
+    PositionLoopObject, ProgramObject, ScopeObject, SdoServerObject, StateObject, TraceObject,
+    TransmitPdoObject, TrialObject, TuningObject, WatchObject,
 };
 
 /// Structure of an object.
@@ -245,6 +245,7 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x2029 SENSORS service(numbers("sensors", &SensorParameters::NAMES));
     0x2030 HOLDING_BRAKE service(record("holding_brake", HoldingBrakeObject::ENTRIES));
     0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);
+    0x2032 JOINT_ENCODER record("joint_encoder", JointEncoderObject::ENTRIES);
     0x2040 PROGRAM record("program", ProgramObject::ENTRIES);
     0x2041 ACCESS record("access", AccessObject::ENTRIES);
     0x2042 TRIAL service(record("parameter_trial", TrialObject::ENTRIES));
@@ -310,6 +311,8 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
     0x60C2 INTERPOLATION_TIME record("interpolation_time_period", InterpolationTimeObject::ENTRIES);
     0x60E3 HOMING_METHODS
         array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());
+    0x60E4 ADDITIONAL_POSITION
+        array_of("additional_position_actual_value", entry("joint_encoder_position", Integer32, ReadOnly), 1);
     0x60F4 FOLLOWING_ERROR variable("following_error_actual_value", Integer32, ReadOnly);
     0x60FB POSITION_LOOP service(record("position_control_parameter_set", PositionLoopObject::ENTRIES));
     0x60FF TARGET_VELOCITY armed(variable("target_velocity", Integer32, Input));

@@ -60,6 +60,18 @@ compensator_core::named_fields! {
         biss_bits: f32 = 18.0, 10.0..=32.0, "from the data sheet of the encoder";
         /// Bits of the number of turns of a BiSS encoder, before the position; 0 without.
         biss_turn_bits: f32 = 0.0, 0.0..=24.0, "from the data sheet of the encoder";
+        /// Encoder at the joint's side of the gear: 0 none, 1 BiSS C; used from the next start on.
+        joint_encoder_kind: f32 = 0.0, 0.0..=1.0, "0 or 1";
+        /// Bits of the position within a turn of the joint's encoder.
+        joint_encoder_bits: f32 = 18.0, 10.0..=32.0, "from the data sheet of the encoder";
+        /// Bits of the number of turns of the joint's encoder, before the position; 0 without.
+        joint_encoder_turn_bits: f32 = 0.0, 0.0..=24.0, "from the data sheet of the encoder";
+        /// 1, or -1 if the joint's encoder falls while the joint moves in its positive direction.
+        joint_encoder_direction: f32 = 1.0, -1.0..=1.0, "1 or -1";
+        /// Joint position at the zero of the joint's encoder, rad.
+        joint_encoder_offset_rad: f32 = 0.0, -6.3..=6.3, "within a turn";
+        /// Largest difference of the two sides of the gear since the joint was armed, rad; 0 does not compare them.
+        joint_encoder_window_rad: f32 = 0.05, 0.0..=3.0, "more than play and torsion of the gear";
     }
     /// Defaults: a strain gauge of 2000 N, low-side shunts, thermistors of 10 k (B 3435) below 10 k, and nothing on the
     /// dry side.
@@ -80,6 +92,16 @@ impl SensorParameters {
             (text!("sto_connected"), self.sto_connected),
         ];
         let neither = switches.into_iter().find(|(_, switch)| *switch != 0.0 && *switch != 1.0);
+        let [most, joint_most] =
+            [self.biss_bits, self.joint_encoder_bits].map(|bits| MAX_DATA_BITS as f32 - bits);
+        let long_frame = if self.biss_turn_bits > most {
+            Some((text!("biss_turn_bits"), self.biss_turn_bits, most))
+        } else if self.joint_encoder_turn_bits > joint_most {
+            let field = text!("joint_encoder_turn_bits");
+            Some((field, self.joint_encoder_turn_bits, joint_most))
+        } else {
+            None
+        };
         let refused = if let Some((field, switch)) = neither {
             Some((field, switch, Bound::AtLeast(1.0), text!("0 or 1")))
         } else if self.leak_open_share <= self.leak_wet_share {
@@ -98,12 +120,15 @@ impl SensorParameters {
             Some((text!("shunt_sign"), self.shunt_sign, Bound::AtLeast(1.0), text!("1 or -1")))
         } else if self.hall_order.abs() != 1.0 {
             Some((text!("hall_order"), self.hall_order, Bound::AtLeast(1.0), text!("1 or -1")))
+        } else if self.joint_encoder_direction.abs() != 1.0 {
+            let direction = self.joint_encoder_direction;
+            let why = text!("1 or -1");
+            Some((text!("joint_encoder_direction"), direction, Bound::AtLeast(1.0), why))
         } else if let Some((field, value)) = self.fraction() {
             Some((field, value, Bound::Whole, text!("a kind or a number is whole")))
-        } else if self.biss_bits + self.biss_turn_bits > MAX_DATA_BITS as f32 {
-            let most = Bound::AtMost(MAX_DATA_BITS as f32 - self.biss_bits);
+        } else if let Some((field, turn_bits, most)) = long_frame {
             let why = text!("a frame has 40 bits of turns and position");
-            Some((text!("biss_turn_bits"), self.biss_turn_bits, most, why))
+            Some((field, turn_bits, Bound::AtMost(most), why))
         } else if self.strain_range_n == 0.0 {
             Some((
                 text!("strain_range_n"),
@@ -127,8 +152,16 @@ impl SensorParameters {
             (text!("abz_lines"), self.abz_lines),
             (text!("biss_bits"), self.biss_bits),
             (text!("biss_turn_bits"), self.biss_turn_bits),
+            (text!("joint_encoder_kind"), self.joint_encoder_kind),
+            (text!("joint_encoder_bits"), self.joint_encoder_bits),
+            (text!("joint_encoder_turn_bits"), self.joint_encoder_turn_bits),
         ];
         whole.into_iter().find(|(_, value)| *value != *value as u32 as f32)
+    }
+
+    /// Returns true if there is an encoder at the joint's side of the gear.
+    pub fn has_joint_encoder(&self) -> bool {
+        self.joint_encoder_kind != 0.0
     }
 
     /// Returns the strain gauge; `None` if none is connected.
@@ -179,6 +212,16 @@ mod tests {
             (SensorParameters { hall_order: 0.0, ..sensors }, "hall_order"),
             (SensorParameters { biss_bits: 18.5, ..sensors }, "biss_bits"),
             (SensorParameters { biss_turn_bits: 24.0, ..sensors }, "biss_turn_bits"),
+            (SensorParameters { joint_encoder_kind: 0.5, ..sensors }, "joint_encoder_kind"),
+            (SensorParameters { joint_encoder_bits: 18.5, ..sensors }, "joint_encoder_bits"),
+            (
+                SensorParameters { joint_encoder_turn_bits: 24.0, ..sensors },
+                "joint_encoder_turn_bits",
+            ),
+            (
+                SensorParameters { joint_encoder_direction: 0.0, ..sensors },
+                "joint_encoder_direction",
+            ),
             (SensorParameters { leak_open_share: 0.5, ..sensors }, "leak_open_share"),
             (
                 SensorParameters { housing_pressure_max_pa: 6e4, ..sensors },

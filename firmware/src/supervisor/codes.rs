@@ -352,7 +352,7 @@ codes! {
         "`position_required` is 1, the position is unknown, and the drive is not in homing mode",
         "the position is set (2002h:6, or homing)";
     30 FollowingError "following-error" 0x8611 [PROFILE] Stops Armed 0 0
-        "in mode 1 or 8 the position is farther than 6065h from its demand for 6066h",
+        "in mode 1 or 8 the position is farther than 6065h from its demand for 6066h, or the two sides of the gear differ by more than `joint_encoder_window_rad`",
         "the bridge is off (arming checks again)";
     31 TorqueOff "safe-torque-off" 0xFF1F [MANUFACTURER] Stops Armed 0 100
         "a channel of safe torque off does not allow torque", "both channels allow it";
@@ -414,7 +414,7 @@ codes! {
     57 BrakingLimited "braking-limited" 0xFF1A [VOLTAGE] Limits Always 5 100
         "the bus is nearly full: the winding burns braking power, or braking is reduced", "the bus has room";
     58 EncoderMagnet "encoder-magnet" 0xFF1C [PROFILE] Limits Always 0 100
-        "the encoder warns: a magnet too weak, too strong or misplaced, lost counts, no index, or levels that contradict each other",
+        "an encoder warns: a magnet too weak, too strong or misplaced, lost counts, no index, levels that contradict each other, or missing or jumping frames of the joint's encoder",
         "it reports none at the next reading, a second later";
     59 BrakeTestFailed "brake-test-failed" 0xFF1D [PROFILE] Limits Always 0 0
         "in its last test, the holding brake slipped, or the current did not reach the torque (2030h:12)",

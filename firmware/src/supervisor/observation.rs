@@ -111,7 +111,7 @@ pub struct Observation {
     pub motor_stands: bool,
     /// True if the position is required and unknown, and the drive is not in homing mode.
     pub position_missing: bool,
-    /// True if the position is too far from its demand for too long.
+    /// True if the position is too far from its demand for too long, or the two sides of the gear are too far apart.
     pub following_error: bool,
     /// True if the joint carries current and does not move, and it has moved or its wiring is proven.
     pub stalled: bool,
@@ -129,7 +129,7 @@ pub struct Observation {
     pub gate_driver_fault: bool,
     /// True if the microcontroller opened the bridge by hardware.
     pub system_break: bool,
-    /// True if the encoder reports a fault of its magnet.
+    /// True if an encoder reports a fault of its magnet or its signals.
     pub magnet_fault: bool,
     /// What is wrong with the dry side, and whether safe torque off is active.
     pub enclosure: Findings,

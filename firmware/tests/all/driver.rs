@@ -11,6 +11,7 @@ mod drive;
 mod eds;
 mod fd_telemetry;
 mod hostile;
+mod joint_encoder;
 mod level_trend;
 mod life;
 mod lss;

@@ -22,6 +22,11 @@ pub trait Periphery {
     /// See [`Board::set_holding_brake`].
     fn set_holding_brake(&mut self, _output: Option<bool>) {}
 
+    /// Starts to read the encoder at the joint's side, if there is one. Returns true if it has started now.
+    fn read_joint_encoder(&mut self) -> bool {
+        false
+    }
+
     /// See [`Board::send_fd`].
     fn send_fd(_controller: &mut Controller, _frame: &FdTelemetry) {}
 }
@@ -82,6 +87,10 @@ impl<P: Periphery> Board for JointBoard<P> {
 
     fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
         Some(&mut self.link)
+    }
+
+    fn read_joint_encoder(&mut self) -> bool {
+        self.link.has_report() && self.periphery.read_joint_encoder()
     }
 
     fn set_holding_brake(&mut self, output: Option<bool>) {

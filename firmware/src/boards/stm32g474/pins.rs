@@ -104,6 +104,11 @@ const _: () = {
         has_incremental != cfg!(feature = "without-incremental"),
         "either the table has the group incremental, or the wiring's feature enables without-incremental"
     );
+    let has_joint_encoder = find(OPTIONAL, "joint_encoder.clock").is_some();
+    assert!(
+        has_joint_encoder != cfg!(feature = "without-joint-encoder"),
+        "either the table has the group joint_encoder, or the wiring's feature enables without-joint-encoder"
+    );
     let has_touch = find(OPTIONAL, "touch.input").is_some();
     assert!(
         has_touch != cfg!(feature = "without-touch"),

@@ -75,6 +75,7 @@ impl<F: NorFlash> Device<F> {
             modes: Default::default(),
             brake_test: Default::default(),
             touch: Default::default(),
+            joint_encoder: Default::default(),
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
             lock: Lock::default(),

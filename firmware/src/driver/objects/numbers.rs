@@ -73,6 +73,9 @@ impl<F: NorFlash> Device<F> {
             index::BUS_VOLTAGE => self.bus_millivolts(),
             index::ACTUAL_CURRENT => self.actual_current_permille() as u32,
             index::ACTUAL_POSITION => self.actual_position() as u32,
+            index::ADDITIONAL_POSITION => {
+                return entry(&[self.joint_encoder.position() as u32], place);
+            }
             index::ACTUAL_VELOCITY => self.actual_velocity() as u32,
             index::TARGET_TORQUE => self.profile.target_permille as u32,
             index::MAX_TORQUE => self.profile.max_permille.into(),
@@ -145,6 +148,7 @@ impl<F: NorFlash> Device<F> {
             index::SCOPE => entry(&self.scope_object().words(), place),
             index::SCOPE_SIGNALS => self.scope_signal(place),
             index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
+            index::JOINT_ENCODER => entry(&self.joint_encoder.object().words(), place),
             index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
                 Ok(self.stopping.brake().is_released().into())
             }

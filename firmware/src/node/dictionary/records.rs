@@ -310,6 +310,14 @@ record! {
 }
 
 record! {
+    /// The encoder at the joint's side of the gear: see `crate::driver::device::joint_encoder`.
+    JointEncoderObject {
+        difference_rad: Real32, ReadOnly;
+        state: Unsigned8, ReadOnly;
+    }
+}
+
+record! {
     /// Access to the objects of the service level: see [`crate::access`].
     AccessObject {
         level: Unsigned8, ReadOnly;

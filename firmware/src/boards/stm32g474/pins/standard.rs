@@ -103,6 +103,14 @@ optional {
         hall_2 = PC4,   "second Hall sensor";
         hall_3 = PC5,   "third Hall sensor";
     }
+    /// Encoder at the joint's side of the gear, BiSS C.
+    joint_encoder: JointEncoder {
+        spi     = SPI3,     "clocks its frames";
+        command = DMA1_CH4, "requests the words of a frame";
+        answer  = DMA1_CH5, "stores them";
+        clock   = PB3,     "MA: SPI3_SCK";
+        back    = PB4,     "SLO: SPI3_MISO, pulled up: a broken wire reads as no frame";
+    }
     /// Input of the touch probe, high while it is touched. A broken wire reads as low.
     touch: Touch {
         input = PC12, "level that the current loop reads in every period";
