@@ -23,6 +23,7 @@ GATE_FAULT = "board::peripherals::fault_of_gate_driver_is_named_and_overcurrent_
 KINDS = "scenarios::encoder_kinds::encoders_of_all_kinds_drive_and_keep_the_home"
 FAULTS = "scenarios::encoder_faults::faults_of_all_encoders_stop_the_joint_or_are_reported"
 COMPACT = "scenarios::compact::compact_node_on_its_board_drives_stops_and_keeps_its_set"
+JOINT_SIDE = "scenarios::joint_encoder::encoder_of_the_joint_shows_play_and_its_faults_are_found"
 DRY_SIDE = "board::dry_side::readings_of_dry_side_are_those_of_its_sensors"
 
 # Name, file, an expression or statement of it, what replaces it, and the test that must fail.
@@ -128,6 +129,12 @@ MUTATIONS = [
      "is_confirmed && !self.follow_hall(sector)", "!self.follow_hall(sector)", FAULTS),
     ("Hall edges not compared with the counts before the index", "firmware/src/sensors/quadrature.rs",
      "outside <= SECTOR_UNITS / 2 + HALL_MARGIN_UNITS", "true", FAULTS),
+    ("sides of the gear not compared", "firmware/src/driver/device/joint_encoder.rs",
+     "drives && side.difference_rad.abs() > window_rad", "false", JOINT_SIDE),
+    ("jump of the joint's encoder accepted", "firmware/src/driver/device/joint_encoder.rs",
+     "side.jumps < MOST_JUMPS", "false", JOINT_SIDE),
+    ("joint's encoder taken as of the time of the report", "firmware/src/driver/device/joint_encoder.rs",
+     "LATCHED_AFTER_S * report.velocity_rad_s", "0.0", JOINT_SIDE),
     ("sign of the dead time's compensation", "firmware/src/control/dead_time.rs",
      "self.share * bus_v", "-self.share * bus_v", "scenarios::dead_time::dead_time_is_measured_and_compensated"),
     ("self-test of the compact node's comparators left out", ESC1 + "overcurrent.rs",

@@ -20,7 +20,7 @@ use firmware::sensors::shunt::{
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use simulated_machines::joint_plant::{JointPlant, SerialEncoder, SerialFault};
+use simulated_machines::joint_plant::{JointPlant, OutputEncoder, SerialEncoder, SerialFault};
 use std::cell::RefCell;
 
 /// A chain that shows a phase current as counts: a current into the motor lowers them.
@@ -95,6 +95,10 @@ const LATCH_BEFORE_TOP_S: f32 = 1060.0 / 170e6;
 
 /// Time from the first rising edge of a BiSS frame's clock to the top of the PWM, s: 1649 cycles at 170 MHz.
 const BISS_BEFORE_TOP_S: f32 = 1649.0 / 170e6;
+
+/// Time from the top of the PWM to the latch of the encoder at the joint's side, s: conversion and interrupt, 28 us, then the
+/// background wakes. On the board no commands come while a report is sent. Here they delay it by two periods.
+const AWAKE_AFTER_S: f64 = 28e-6 - 2.0 * PERIOD_S as f64;
 
 /// Stage traits of the board: dead time 0.5 us, amplifier settling 1.5 us, and the encoder age at the top of the
 /// period, which is the time since the end of the first encoder frame.
@@ -222,13 +226,14 @@ impl EncoderInputs for PeriodInputs<'_> {
     fn biss(&mut self) -> Option<[u16; biss::WORDS]> {
         let frame = self.serial.frame(self.serial_turns);
         *self.serial_frame = frame;
-        Some(std::array::from_fn(|at| word_of(frame, at)))
+        Some(words_of(frame))
     }
 }
 
-/// Returns a word of a frame, from 0.
-fn word_of(frame: u64, at: usize) -> u16 {
-    (frame << (at as u32 * biss::WORD_BITS) >> (64 - biss::WORD_BITS)) as u16
+/// Returns the first words of a frame of BiSS C.
+fn words_of<const N: usize>(frame: u64) -> [u16; N] {
+    let word = |at: usize| frame << (at as u32 * biss::WORD_BITS) >> (64 - biss::WORD_BITS);
+    std::array::from_fn(|at| word(at) as u16)
 }
 
 /// Shunts and encoder of the board.
@@ -243,6 +248,9 @@ pub struct BoardSensors {
     is_serial: bool,
     /// The last frame of BiSS C.
     serial_frame: u64,
+    /// Encoder at the joint's side of the gear; without one its line is open.
+    output: RefCell<OutputEncoder>,
+    has_output: bool,
     /// Drift of the amplifiers of phases a and b since start-up, A.
     pub drift_a: [f64; 2],
     scales: BoardScales,
@@ -272,6 +280,8 @@ impl BoardSensors {
             serial: RefCell::new(SerialEncoder::new(seed)),
             serial_frame: 0,
             is_serial: EncoderKind::of(set.sensors.encoder_kind) == EncoderKind::Biss,
+            output: RefCell::new(OutputEncoder::new(seed)),
+            has_output: set.sensors.has_joint_encoder(),
             drift_a: [0.0; 2],
             scales,
         };
@@ -317,7 +327,23 @@ impl BoardSensors {
 
     /// Returns the first words of the last frame of BiSS C; `None` if an AS504x is connected.
     pub fn biss_words(&self) -> Option<[u16; biss::TURN_WORDS]> {
-        self.is_serial.then(|| std::array::from_fn(|at| word_of(self.serial_frame, at)))
+        self.is_serial.then(|| words_of(self.serial_frame))
+    }
+
+    /// The encoder at the joint's side of the gear, for its errors and faults.
+    pub fn output_encoder(&mut self) -> &mut OutputEncoder {
+        self.output.get_mut()
+    }
+
+    /// Returns the levels of the line of the encoder at the joint's side if it latches this position, rad; `None` without one.
+    pub fn output_frame(&self, position_rad: f64) -> Option<u64> {
+        self.has_output.then(|| self.output.borrow_mut().frame(position_rad))
+    }
+
+    /// Returns the words that the driver reads of the encoder at the joint's side when a report has come.
+    pub fn output_words(&self, plant: &JointPlant) -> Option<[u16; biss::WORDS]> {
+        let position_rad = plant.position_rad() + AWAKE_AFTER_S * plant.velocity_rad_s();
+        self.output_frame(position_rad).map(words_of)
     }
 
     /// Sets the fault of the quadrature encoder from now on.

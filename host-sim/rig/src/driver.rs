@@ -14,6 +14,7 @@ use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::node_settings::{NodeSettings, emit_block};
+use firmware::sensors::biss;
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::{Code, CodeSet, ResetCause, Supervisor};
@@ -184,6 +185,8 @@ pub struct LibraryDriver<'q, N = Driver<RigFlash>> {
     /// Remaining time of a stall of the background loop, ms, and the frames received during it.
     stalled_ms: u32,
     deferred_frames: VecDeque<Frame>,
+    /// Words of the encoder at the joint's side, latched when the last report came.
+    joint_words: Option<[u16; biss::WORDS]>,
     /// Time since the watchdog was serviced, ms, and whether the processor was reset.
     watchdog_unserviced_ms: u32,
     is_reset: bool,
@@ -240,6 +243,7 @@ impl<'q, N: RigNode> LibraryDriver<'q, N> {
             now_us: 0,
             stalled_ms: 0,
             deferred_frames: VecDeque::new(),
+            joint_words: None,
             watchdog_unserviced_ms: 0,
             is_reset: false,
             reset_cause: ResetCause::PowerOn,
@@ -258,6 +262,9 @@ impl<'q, N: RigNode> LibraryDriver<'q, N> {
                 let at = self.stage.cycles();
                 let now = at.wrapping_add(200 + delay);
                 self.task.interrupt(&mut self.stage, &mut self.port, at, now);
+                if self.joint_words.is_none() && self.link.has_report() {
+                    self.joint_words = self.stage.output_words();
+                }
             }
             self.stage.step_period();
         }
@@ -291,6 +298,7 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
             }
             let state = BoardState {
                 biss: self.stage.board.as_ref().and_then(BoardSensors::biss_words),
+                joint_words: self.joint_words.take().or_else(|| self.stage.output_words()),
                 ..*state
             };
             if self.background.tick(&state, Some(&mut self.link), self.now_us) {

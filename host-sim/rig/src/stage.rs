@@ -9,6 +9,7 @@ use super::board::BoardSensors;
 use firmware::control::{
     BridgeFault, PERIOD_S, PowerStage, StageSample, ValidChannels, encoder_angle,
 };
+use firmware::sensors::biss;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use simulated_machines::joint_plant::JointPlant;
@@ -118,6 +119,11 @@ impl Stage {
             self.applied = self.pending;
         }
         self.cycles = self.cycles.wrapping_add(PERIOD_CYCLES);
+    }
+
+    /// Returns the words of the encoder at the joint's side, latched now; `None` without one.
+    pub fn output_words(&self) -> Option<[u16; biss::WORDS]> {
+        self.board.as_ref().and_then(|board| board.output_words(&self.plant))
     }
 
     /// Simulates this time with these duties of a timer outside of the rig, s; `None` is an open bridge.

@@ -65,6 +65,7 @@ const AIRCR: u32 = 0xE000_ED0C;
 const VTOR: u32 = 0xE000_ED08;
 const DWT_CYCCNT: u32 = 0xE000_1004;
 const SPI1_DR: u32 = 0x4001_300C;
+const SPI3_DR: u32 = 0x4000_3C0C;
 const FLASH_ACR: u32 = 0x4002_2000;
 /// Flash size, and the 96 bits of the chip's identity.
 const IDENTITY: [(u32, u32); 4] = [
@@ -98,6 +99,10 @@ pub struct Chip<W> {
     pub spi: Spi,
     /// Line of an encoder with BiSS C.
     pub biss: BissLine,
+    /// Bus and line of the encoder at the joint's side of the gear.
+    pub joint_bus: Spi,
+    /// See `joint_bus`.
+    pub joint_line: BissLine,
     /// CAN controller.
     pub can: Fdcan,
     /// Flash controller and both banks.
@@ -157,6 +162,8 @@ impl<W: World> Chip<W> {
             adc: std::array::from_fn(|at| Adc::new(at + 1)),
             spi: Spi::default(),
             biss: BissLine::default(),
+            joint_bus: Spi::default(),
+            joint_line: BissLine::default(),
             can: Fdcan::default(),
             flash: Flash::of(wiring.chip),
             gpio: Gpio::wired(wiring),
@@ -241,6 +248,7 @@ impl<W: World> Chip<W> {
             self.timer1.next_event(),
             self.timer3.next_event(),
             self.spi.next_event(),
+            self.joint_bus.next_event(),
             self.timer5.next_event(),
             converters,
             self.can.next_event(),
@@ -284,6 +292,9 @@ impl<W: World> Chip<W> {
             } else if self.timer3.next_event() > now && self.spi.next_event() > now {
                 break;
             }
+        }
+        while self.joint_bus.next_event() <= now {
+            self.finish_joint_word(self.joint_bus.next_event(), memory);
         }
         self.timer5.process(now);
         for adc in &mut self.adc {
@@ -363,6 +374,39 @@ impl<W: World> Chip<W> {
             }
             _ => 0xFFFF,
         });
+    }
+
+    /// Sends the words of the joint's encoder that DMA has. Nothing but the clock leaves the bus, so they have no content.
+    fn feed_joint_bus(&mut self, at: u64) {
+        while self.joint_bus.wants_word() {
+            let Some(transfer) = self.dma.serve(request::SPI3_TX) else { break };
+            if !(transfer.from_memory && transfer.peripheral == SPI3_DR) {
+                continue;
+            }
+            let is_connected = self.gpio.connects(self.wiring.joint_encoder);
+            let (world, line, trigger) =
+                (&mut self.world, &mut self.joint_line, self.timer1.last_trigger());
+            self.joint_bus.write(SPI3_DR & 0x3FF, 0, at, &mut |frame| match frame {
+                BusFrame::Clocks { begin, bits, clocking } if is_connected => {
+                    let mut latch = |time: u64| {
+                        let seconds = (time as f64 - trigger as f64) / CORE_HZ as f64;
+                        world.joint_frame(seconds).unwrap_or(u64::MAX)
+                    };
+                    line.word(begin, bits, clocking, &mut latch)
+                }
+                _ => 0xFFFF,
+            });
+        }
+    }
+
+    fn finish_joint_word(&mut self, at: u64, memory: &mut dyn Memory) {
+        if self.joint_bus.process(at)
+            && let Some(transfer) = self.dma.serve(request::SPI3_RX)
+        {
+            let answer = self.joint_bus.read(SPI3_DR & 0x3FF, at) as u16;
+            memory.write_half(transfer.memory, answer);
+        }
+        self.feed_joint_bus(at);
     }
 
     /// Time since the last sample of the surroundings, s.

@@ -55,6 +55,8 @@ pub struct JointWorld {
     stage: Stage,
     sampled: Measured,
     sampled_turns: f64,
+    /// Position of the joint's side at the last sample, rad.
+    sampled_rad: f64,
     is_low_side_on: [bool; 2],
     state: BoardState,
     /// Counts of the thermistors of bridge and motor, and the temperatures that they stand for, deg C.
@@ -71,6 +73,7 @@ impl JointWorld {
         let sampled = stage.plant.measure();
         Self {
             sampled_turns: stage.plant.motor_turns(),
+            sampled_rad: stage.plant.position_rad(),
             stage,
             sampled,
             is_low_side_on: [true; 2],
@@ -115,6 +118,7 @@ impl World for JointWorld {
     fn sample(&mut self, is_low_side_on: [bool; 2]) {
         self.sampled = self.stage.plant.measure();
         self.sampled_turns = self.stage.plant.motor_turns();
+        self.sampled_rad = self.stage.plant.position_rad();
         if self.stage.phases_swapped {
             self.sampled.currents_a.swap(1, 2);
         }
@@ -172,6 +176,11 @@ impl World for JointWorld {
     fn biss_frame(&mut self, seconds: f64) -> Option<u64> {
         let turns = self.shaft_turns(seconds);
         self.stage.board.as_ref().and_then(|board| board.serial_frame(turns))
+    }
+
+    fn joint_frame(&mut self, seconds: f64) -> Option<u64> {
+        let position_rad = self.sampled_rad + self.stage.plant.velocity_rad_s() * seconds;
+        self.stage.board.as_ref().and_then(|board| board.output_frame(position_rad))
     }
 
     fn hall_levels(&mut self, seconds: f64) -> Option<u8> {

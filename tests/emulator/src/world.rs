@@ -59,6 +59,12 @@ pub trait World {
         None
     }
 
+    /// Returns the frame of an encoder with BiSS C at the joint's side of the gear that latches `seconds` after the last
+    /// sample; `None` without one.
+    fn joint_frame(&mut self, _seconds: f64) -> Option<u64> {
+        None
+    }
+
     /// Returns what the pressure sensor is in; `None` if there is no sensor.
     fn water(&self) -> Option<Water> {
         None

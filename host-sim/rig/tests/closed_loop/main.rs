@@ -26,6 +26,7 @@ mod feed_forward;
 mod friction;
 mod heat;
 mod holding_brake;
+mod joint_encoder;
 mod modes;
 mod position;
 mod power_up;
@@ -66,6 +67,7 @@ fn families() -> [&'static [ScenarioRow]; 23] {
         current_loop::rows(),
         brake_test::rows(),
         compact::rows(),
+        joint_encoder::rows(),
     ]
 }
 

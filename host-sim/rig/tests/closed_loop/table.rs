@@ -87,7 +87,7 @@ pub fn check(rows: &[ScenarioRow]) {
 }
 
 /// Titles of the scenarios, from 1.
-const TITLES: [&str; 29] = [
+const TITLES: [&str; 30] = [
     "Power-up, arming and disarming",
     "Start from blank flash",
     "Wrong wiring",
@@ -117,6 +117,7 @@ const TITLES: [&str; 29] = [
     "Bandwidth and limits of the current loop",
     "Brake test",
     "Compact node on the B-G431B-ESC1",
+    "Encoder at the joint's side of the gear",
 ];
 
 const COLUMNS: &str = "procedure\tquantity\tlibrary\timage\tlimits\tmet\n";

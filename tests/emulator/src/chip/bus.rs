@@ -28,6 +28,7 @@ impl<W: World> Chip<W> {
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.read(address),
             0x5000_0000..=0x5000_07FF => self.read_converter(address),
             0x4001_3000..=0x4001_33FF => self.spi.read(address & 0x3FF, now),
+            0x4000_3C00..=0x4000_3FFF => self.joint_bus.read(address & 0x3FF, now),
             0x4000_5400..=0x4000_57FF => self.i2c.read(address & 0x3FF, now),
             0x4000_6400..=0x4000_67FF | 0x4000_A400..=0x4000_AFFF => self.can.read(address),
             0x4002_2000..=0x4002_23FF if address != FLASH_ACR => self.flash.read(address & 0x3FF),
@@ -119,7 +120,14 @@ impl<W: World> Chip<W> {
                 self.spi.write(aligned & 0x3FF, word, now, &mut |_| 0xFFFF);
             }
             0x4000_0400..=0x4000_07FF => self.timer3.write(aligned & 0x3FF, word),
-            0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.write(aligned, word),
+            0x4000_3C00..=0x4000_3FFF => {
+                self.joint_bus.write(aligned & 0x3FF, word, now, &mut |_| 0xFFFF);
+                self.feed_joint_bus(now);
+            }
+            0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => {
+                self.dma.write(aligned, word);
+                self.feed_joint_bus(now);
+            }
             0x4000_5400..=0x4000_57FF => {
                 let devices = i2c::Devices {
                     water: self.world.water(),

@@ -17,6 +17,10 @@ const INCREMENTS_MEMORY: u32 = 1 << 7;
 pub mod request {
     /// SPI1 has received.
     pub const SPI1_RX: u32 = 10;
+    /// SPI3 has received, and has room for a word to send.
+    pub const SPI3_RX: u32 = 14;
+    /// See [`SPI3_RX`].
+    pub const SPI3_TX: u32 = 15;
     /// Channel 1 of TIM3.
     pub const TIM3_CH1: u32 = 61;
     /// Channel 3 of TIM3.

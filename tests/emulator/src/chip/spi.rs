@@ -1,4 +1,4 @@
-//! SPI1: frames one after the other, as a master (RM0440, 39.5). Two words wait in its transmit FIFO.
+//! SPI1 and SPI3: frames one after the other, as a master (RM0440, 39.5). Two words wait in its transmit FIFO.
 //!
 //! The encoder changes its bits at rising edges and takes those of the master at falling ones: CPOL = 0, CPHA = 1. In any other
 //! mode an end of the wire looks at the bit before, so its word arrives one bit late. The first bit is then that of the line at
@@ -27,6 +27,7 @@ const LOWEST_FIRST: u32 = 1 << 7;
 const SIZE_16: u32 = 0xF << 8;
 const AT_REST: u16 = 0x8000;
 const RECEIVE_DMA: u32 = 1;
+const SEND_DMA: u32 = 1 << 1;
 /// Words of the transmit FIFO.
 const WAITING_WORDS: usize = 2;
 
@@ -81,6 +82,12 @@ impl Spi {
 
     fn requests_dma(&self) -> bool {
         self.registers[CR2 as usize / 4] & RECEIVE_DMA != 0
+    }
+
+    /// Returns true if it requests a word to send by DMA.
+    pub fn wants_word(&self) -> bool {
+        let [first, second] = [CR1, CR2].map(|at| self.registers[at as usize / 4]);
+        first & ENABLED != 0 && second & SEND_DMA != 0 && self.frames.len() <= WAITING_WORDS
     }
 
     /// Time of the next DMA request, cycles.

@@ -107,6 +107,8 @@ pub struct Wiring {
     pub encoder_select: Connections,
     /// SPI1_SCK, MISO and MOSI.
     pub encoder_bus: Connections,
+    /// SPI3_SCK and MISO.
+    pub joint_encoder: Connections,
     /// I2C1_SCL and SDA.
     pub sensor_bus: Connections,
     /// Channels of the converters: number, channel, and what they show.
@@ -145,6 +147,7 @@ pub const STANDARD: Wiring = Wiring {
     break_input: &[((1, 10), 12)],
     encoder_select: &[((0, 4), 2)],
     encoder_bus: &[((0, 5), 5), ((0, 6), 5), ((1, 5), 5)],
+    joint_encoder: &[((1, 3), 6), ((1, 4), 6)],
     sensor_bus: &[((0, 15), 4), ((1, 7), 4)],
     channels: &[
         ((1, 1), Quantity::Phase(0)),
@@ -185,6 +188,7 @@ pub const SECOND: Wiring = Wiring {
     break_input: &[((0, 6), 6)],
     encoder_select: &[((2, 7), 2)],
     encoder_bus: &[((1, 3), 5), ((1, 4), 5), ((1, 5), 5)],
+    joint_encoder: &[((2, 10), 6), ((2, 11), 6)],
     sensor_bus: &[((0, 15), 4), ((1, 7), 4)],
     channels: &[
         ((1, 2), Quantity::Phase(0)),
@@ -231,6 +235,7 @@ pub const ESC1: Wiring = Wiring {
     break_input: &[],
     encoder_select: &[],
     encoder_bus: &[],
+    joint_encoder: STANDARD.joint_encoder,
     sensor_bus: &[],
     channels: &[
         ((1, 3), Quantity::Phase(0)),

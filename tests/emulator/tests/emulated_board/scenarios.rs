@@ -1,6 +1,6 @@
 //! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
 //!
-//! The short form runs twelve families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
+//! The short form runs fifteen families, `LONG_TESTS=1` all. Of the motors to commission it runs the first ([`driver`]).
 
 #[path = "../../../../host-sim/rig/tests/closed_loop/adaptation.rs"]
 mod adaptation;
@@ -31,6 +31,8 @@ mod friction;
 mod heat;
 #[path = "../../../../host-sim/rig/tests/closed_loop/holding_brake.rs"]
 mod holding_brake;
+#[path = "../../../../host-sim/rig/tests/closed_loop/joint_encoder.rs"]
+mod joint_encoder;
 #[path = "../../../../host-sim/rig/tests/closed_loop/modes.rs"]
 mod modes;
 #[path = "../../../../host-sim/rig/tests/closed_loop/position.rs"]
@@ -71,6 +73,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
     ]);
     families.extend([current_loop::rows(), brake_test::rows(), touch_probe::rows()]);
     families.push(compact::rows());
+    families.push(joint_encoder::rows());
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);
