@@ -24,6 +24,7 @@ use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
 use super::naming::{WeighedCause, confounded, weigh};
 use super::train_test::TrainTest;
+use super::two_positions::TwoPositions;
 use super::{DiagnosisOptions, uncertain_motion, unknown_zero};
 use compensator_core::{LawKind, TermKind};
 use corrected_rows::CorrectedRows;
@@ -61,19 +62,21 @@ pub struct Answer {
     pub weighed: Vec<WeighedCause>,
 }
 
-/// Answers by the contest.
+/// Answers by the contest. `positions` is what positions on both sides of a gear show of its play.
 ///
 /// # Errors
 /// If a model has more terms than the core takes.
 pub fn answer(
     log: TrainTest,
     options: &DiagnosisOptions,
+    positions: Option<&TwoPositions>,
     progress: &dyn Fn(&str),
 ) -> Result<Answer, SpecError> {
     progress("comparing hypotheses");
     let mut rows = Rows::new(&log.train, rigid_body(&log.rigid_body), log.decimate);
     let outcome = contest(&mut rows);
     let mut weighed = weigh(&outcome, &rows);
+    positions.into_iter().for_each(|positions| positions.weigh(&mut weighed));
     let mut log = log;
     let mut log_findings = Vec::new();
     if outcome.is_reversed {

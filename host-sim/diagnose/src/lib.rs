@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! TrainTest      runs to learn from and to judge by, columns that may be blamed    train_test
+//!  -> TwoPositions  play between the encoders on both sides of a gear               two_positions
 //!  -> Outcome    hypotheses compared on the same rows, all linear                  contest
 //!  -> WeighedCause  the evidence for each cause as a probability                   contest_calibration, naming
 //!  -> Answer     the best hypotheses fitted with the driver's law, held out        by_contest, finalist, left_out, evaluation
@@ -77,6 +78,7 @@ pub mod sensitivities;
 pub mod summary;
 pub mod thresholds;
 pub mod train_test;
+pub mod two_positions;
 pub mod uncertain_motion;
 pub mod unknown_zero;
 
@@ -105,6 +107,7 @@ use joint_log::{Dataset, Split};
 use left_out::LeftOut;
 use stochastic_extension::Certificate;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
+use two_positions::TwoPositions;
 
 /// Options of a diagnosis.
 #[derive(Clone, Debug, Default)]
@@ -235,8 +238,9 @@ pub fn diagnose(
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
     let log = TrainTest::new(data, split, question.decimate, &question.rigid_body);
-    let answer = by_contest::answer(log, question, progress)?;
-    let by_contest::Answer { log, mut baseline, mut extended, before, after, .. } = answer;
+    let positions = TwoPositions::of(data);
+    let answer = by_contest::answer(log, question, positions.as_ref(), progress)?;
+    let by_contest::Answer { mut log, mut baseline, mut extended, before, after, .. } = answer;
     baseline.test = before.metrics;
     extended.test = after.metrics;
     let Floors { noise_floor, coloured } = floors(&log, &after);
@@ -244,6 +248,10 @@ pub fn diagnose(
     let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
     let mut findings = answer.findings;
     findings.extend(observed(|cause| cause.in_log(&log)));
+    if let Some(positions) = &positions {
+        positions.add_to(&mut findings);
+        log.notes.extend(positions.note());
+    }
     if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
     {
         let (after, log, seed) = (&after, &log, question.seed);

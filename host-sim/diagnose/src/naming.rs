@@ -19,7 +19,7 @@ pub const NAMED: f64 = 0.5;
 const IMPOSSIBLE: f64 = 0.05;
 
 /// Highest probability of a cause whose size may be none.
-const MAY_BE_NONE: f64 = 0.45;
+pub(crate) const MAY_BE_NONE: f64 = 0.45;
 
 /// Fewest periods of a wave in the range of the positions.
 const MIN_PERIODS: f64 = 1.5;

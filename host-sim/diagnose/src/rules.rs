@@ -41,8 +41,16 @@ pub const SPANS_NO_EFFECT: Rule = Rule {
     reason: "coverage of the interval that must exclude the size of no effect",
 };
 
+/// Positions on both sides of a gear show its play directly.
+pub const NO_PLAY_BETWEEN_POSITIONS: Rule = Rule {
+    name: "no-play-between-positions",
+    limit: 0.5,
+    reason: "probability of play by the positions on both sides of the gear: below it, the torque alone does not name backlash",
+};
+
 /// All rules.
-pub const ALL: [&Rule; 3] = [&SHORT_WAVE, &UNPHYSICAL, &SPANS_NO_EFFECT];
+pub const ALL: [&Rule; 4] =
+    [&SHORT_WAVE, &UNPHYSICAL, &SPANS_NO_EFFECT, &NO_PLAY_BETWEEN_POSITIONS];
 
 /// A rule that rejects, with the figures.
 #[derive(Clone, Debug, PartialEq)]

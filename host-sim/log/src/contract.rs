@@ -16,6 +16,11 @@ pub const TIME: &str = "time_s";
 /// causes.
 pub const DEMAND: &str = "demand_rad";
 
+/// Columns of a second encoder at the joint's side of the gear, by joint kind. Beside a position it is no covariate, because it
+/// is nearly that position; the difference of both shows the play of the gear. Alone it is the position of the joint.
+const JOINT_POSITIONS: [(&str, JointKind); 2] =
+    [("joint_position_rad", JointKind::Revolute), ("joint_position_m", JointKind::Prismatic)];
+
 /// Columns of the target, each with its joint kind.
 pub(super) const TARGETS: [(&str, JointKind); 2] = both_kinds(Quantity::Torque);
 
@@ -43,6 +48,22 @@ pub fn covariates() -> impl Iterator<Item = Quantity> {
     optional().filter(|of| !matches!(of, Quantity::Position | Quantity::Acceleration))
 }
 
+/// Returns the column of the encoder at the joint's side of the gear.
+pub fn joint_position(joint: JointKind) -> &'static str {
+    JOINT_POSITIONS[usize::from(joint == JointKind::Prismatic)].0
+}
+
+/// Returns true if a column is that of an encoder at the joint's side of the gear.
+pub fn is_joint_position(name: &str) -> bool {
+    JOINT_POSITIONS.iter().any(|(own, _)| *own == name)
+}
+
+/// Returns the quantity of which a column is a reading, with its joint kind.
+pub(super) fn quantity_of(name: &str) -> Option<(Quantity, Option<JointKind>)> {
+    let joint = JOINT_POSITIONS.iter().find(|(own, _)| *own == name);
+    joint.map_or_else(|| Quantity::parse(name), |(_, kind)| Some((Quantity::Position, Some(*kind))))
+}
+
 /// Returns the optional quantity with a column name, in the units of a joint kind.
 pub(super) fn parse_optional(name: &str, kind: JointKind) -> Option<Quantity> {
     let (quantity, of) = Quantity::parse(name)?;
@@ -57,7 +78,8 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
         let [turns, slides] = quantity.info().names;
         [Some(turns), (slides != turns).then_some(slides)]
     });
-    [RUN, TIME].into_iter().chain(names.flatten())
+    let joint_positions = JOINT_POSITIONS.iter().map(|(name, _)| *name);
+    [RUN, TIME].into_iter().chain(names.flatten()).chain(joint_positions)
 }
 
 #[cfg(test)]

@@ -185,7 +185,8 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
 
 /// Returns the contract name of a quantity and the unit that `name` ends in, as for `pressure_diff_bar`.
 pub(super) fn quantity_in_unit(name: &str) -> Option<(&'static str, &'static str)> {
-    contract::names().find_map(|contract_name| {
+    let mut names = contract::names().filter(|name| !contract::is_joint_position(name));
+    names.find_map(|contract_name| {
         let unit = unit::in_name(contract_name, name)?;
         let stem = contract_name.split('_').next()?;
         name.to_lowercase().starts_with(stem).then_some((contract_name, unit))

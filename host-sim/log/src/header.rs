@@ -18,7 +18,7 @@ use compensator_core::quantity::{JointKind, Quantity};
 use super::cell::CellReader;
 use super::column_names::ColumnNames;
 use super::columns::is_missing_value;
-use super::contract::{self, DEMAND, RUN, TARGETS, TIME, parse_optional};
+use super::contract::{self, DEMAND, RUN, TARGETS, TIME, is_joint_position, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
@@ -137,7 +137,9 @@ impl Layout {
     /// Keeps only the columns that the contract or `--columns` names, of a file with many others. `own` are the columns that
     /// the file itself does not have.
     pub fn keep_named_columns(&mut self, file: &Path, own: usize) {
-        self.optional.retain(|column| column.is_mapped || column.quantity.is_some());
+        self.optional.retain(|column| {
+            column.is_mapped || column.quantity.is_some() || is_joint_position(&column.name)
+        });
         let optional = &self.optional;
         self.sources.retain(|source| {
             contract::names().any(|name| name == source.name)
@@ -182,7 +184,10 @@ impl Layout {
         if required.iter().filter(is_unit).count() < 2 {
             return Ok(false);
         }
-        let known = self.optional.iter_mut().filter(|column| column.quantity.is_some());
+        let has_unit = |column: &&mut OptionalColumn| {
+            column.quantity.is_some() || is_joint_position(&column.name)
+        };
+        let known = self.optional.iter_mut().filter(has_unit);
         required.extend(known.map(|column| (&mut column.reading, &*column.name)));
         for (reading, name) in
             required.into_iter().filter(|(reading, _)| reading.conversion.is_none())
@@ -390,6 +395,9 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
         why: "the times are those of --rate".into(),
     }));
     layout.notes.extend(naming.hints());
+    layout.notes.extend(naming.only_joint_position().map(|(joint, position)| {
+        format!("{}: {joint} is read as {position}, because the log has no other", file.display())
+    }));
     if let Some(name) =
         run.map(|run| &names[run]).filter(|name| naming.find(RUN).is_none() && *name != RUN)
     {

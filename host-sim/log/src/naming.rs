@@ -20,7 +20,7 @@ use super::servo_torque::{self, ServoTorque};
 use super::torque_scale;
 use super::unit::{self, Conversion, conversion};
 use crate::setting::{Setting, shell_word};
-use compensator_core::quantity::Quantity;
+use compensator_core::quantity::{JointKind, Quantity};
 
 /// The names of a file's columns: those in the file and those given with `--columns`.
 pub(super) struct Naming<'a> {
@@ -28,6 +28,8 @@ pub(super) struct Naming<'a> {
     names: &'a [String],
     /// The pairs of `--columns`.
     mapped: Vec<Mapped<'a>>,
+    /// The column of the joint's position that is read as the position, with its names.
+    only_joint_position: Option<(&'static str, &'static str)>,
 }
 
 /// A pair of `--columns` with its column in the file.
@@ -54,13 +56,41 @@ impl<'a> Naming<'a> {
         options: &'a ReadOptions,
     ) -> Result<Self, DataError> {
         check_names(file, names, mapping.is_empty())?;
-        let mut naming = Naming { names, mapped: mapped_columns(file, names, mapping, options)? };
+        let mapped = mapped_columns(file, names, mapping, options)?;
+        let mut naming = Naming { names, mapped, only_joint_position: None };
         naming.check_torque_constant(file, options)?;
+        naming.read_only_joint_position();
         if let Some(servo) = &options.torque_from {
             let target = naming.servo_target(file, servo, options)?;
             naming.mapped.push(target);
         }
         Ok(naming)
+    }
+
+    /// Reads the position of the joint as the position, if the log has no other: then it is the only angle that is known, and
+    /// everything that follows an angle follows it.
+    fn read_only_joint_position(&mut self) {
+        let is_there = |name: &str| self.find(name).is_some();
+        if POSITIONS.iter().any(|(name, _)| is_there(name)) {
+            return;
+        }
+        let own = |kind: &JointKind| contract::joint_position(*kind);
+        let kinds = [JointKind::Revolute, JointKind::Prismatic];
+        let Some(kind) = kinds.into_iter().find(|kind| is_there(own(kind))) else { return };
+        let (joint, position) = (own(&kind), Quantity::Position.name(kind));
+        if let Some(mapped) = self.mapped.iter_mut().find(|mapped| mapped.name == joint) {
+            mapped.name = position;
+        } else if let Some(reading) = self.find(joint) {
+            let mapped =
+                Mapped { name: position, reading, unit: None, is_current: false, is_step: false };
+            self.mapped.push(mapped);
+        }
+        self.only_joint_position = Some((joint, position));
+    }
+
+    /// Returns the column of the joint's position and the name as which it is read, if the log has no other position.
+    pub fn only_joint_position(&self) -> Option<(&'static str, &'static str)> {
+        self.only_joint_position
     }
 
     /// Returns the target of a servo, which takes the place of the torque while the log is read.

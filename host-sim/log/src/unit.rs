@@ -14,9 +14,10 @@
 //! A unit in a column's own name (`speed_rpm`, `t (ms)`) is neither applied nor ignored. Without an explicit unit the
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
+use super::contract;
 use super::date::DateOrder;
 use crate::setting::Setting;
-use compensator_core::quantity::{JointKind, Quantity};
+use compensator_core::quantity::JointKind;
 
 /// The dimension of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -228,7 +229,7 @@ impl Conversion {
 
 /// Returns the dimension of a contract column, by the unit in its name; `None` for `run`.
 fn dimension(contract_name: &str) -> Option<Dimension> {
-    let (quantity, kind) = Quantity::parse(contract_name)?;
+    let (quantity, kind) = contract::quantity_of(contract_name)?;
     let symbol = normalise(quantity.unit(kind.unwrap_or(JointKind::Revolute)));
     UNITS.iter().find(|unit| unit.symbols.contains(&symbol.as_str())).map(|unit| unit.dimension)
 }

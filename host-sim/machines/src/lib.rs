@@ -12,6 +12,7 @@ pub mod motion;
 pub mod scenarios;
 pub mod simulation;
 pub mod simulations;
+pub mod two_sided_joint;
 pub mod underwater_joint;
 
 pub use log::{Log, LoggedRun};

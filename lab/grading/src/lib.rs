@@ -12,6 +12,7 @@ pub mod contest_figures;
 pub mod contest_logs;
 pub mod contest_verdicts;
 pub mod evidence_table;
+pub mod gear_play;
 pub mod measured;
 pub mod planted;
 pub mod regression;

@@ -8,7 +8,7 @@ use crate::fixtures::{
 use compensator_core::ParameterId as Id;
 
 fn answer_of(log: TrainTest) -> Answer {
-    answer(log, &DiagnosisOptions::default(), &|_| {}).expect("few terms")
+    answer(log, &DiagnosisOptions::default(), None, &|_| {}).expect("few terms")
 }
 
 fn answer_to(torque_nm: impl Fn(&LogRow) -> f64) -> Answer {
@@ -118,7 +118,7 @@ fn answer_with_given_model_judges_it_as_it_is() {
     parameters.set(Id::CoulombTorque, 0.5);
     let given = Some((model.spec, parameters.clone()));
     let options = DiagnosisOptions { given, ..DiagnosisOptions::default() };
-    let found = answer(log, &options, &|_| {}).expect("few terms");
+    let found = answer(log, &options, None, &|_| {}).expect("few terms");
     let given = predict(&parameters, found.log.test_rows(), found.baseline.resolution).metrics;
     let rmse = found.before.metrics.rmse;
     assert!((rmse / given.rmse - 1.0).abs() < 1e-9, "{rmse} {}", given.rmse);

@@ -66,7 +66,9 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
     let mut found: Vec<Covariate> = Vec::new();
     let known = contract::covariates()
         .map(|quantity| (Some(quantity), quantity.name(data.joint).to_owned()));
-    for (quantity, name) in known.chain(data.covariates.iter().map(|name| (None, name.clone()))) {
+    // The position beyond the gear is nearly the position: what follows one of them follows the other.
+    let extras = data.covariates.iter().filter(|name| !contract::is_joint_position(name));
+    for (quantity, name) in known.chain(extras.map(|name| (None, name.clone()))) {
         let Some(values) = long(&name) else { continue };
         let Some(scaled) = scaled(&values) else { continue };
         let is_extra = quantity.is_none();
@@ -142,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn covariates_without_the_torque_in_another_unit_and_copies() {
+    fn covariates_without_the_torque_in_another_unit_copies_and_the_position_beyond_the_gear() {
         let names = [
             "time_s",
             "velocity_rad_s",
@@ -151,6 +153,7 @@ mod tests {
             "current_a",
             "copy",
             "constant",
+            "joint_position_rad",
         ];
         let row = |row: usize| {
             let (t, wave) = (0.01 * row as f64, (0.3 * row as f64).sin());
@@ -162,9 +165,10 @@ mod tests {
                 (wave * 2.0 + t.cos()) / 0.1,
                 20.0 + (7.0 * t).sin(),
                 5.0,
+                0.2 * (0.31 * row as f64).sin(),
             ]
         };
-        let columns = (0..7).map(|column| (0..500).map(|r| row(r)[column]).collect()).collect();
+        let columns = (0..8).map(|column| (0..500).map(|r| row(r)[column]).collect()).collect();
         let data =
             Dataset::from_columns(&names.map(String::from), [("a".to_owned(), columns)]).unwrap();
         let found = covariates(&data);

@@ -46,6 +46,37 @@ fn layout_with_demand_leaves_it_out() {
 }
 
 #[test]
+fn layout_with_position_on_either_side_of_the_gear_keeps_both() {
+    let found =
+        read_header("time_s,velocity_rad_s,torque_nm,joint_position_rad,position_rad", "").unwrap();
+    let kept: Vec<(&str, Option<Quantity>)> =
+        found.optional.iter().map(|c| (c.name.as_str(), c.quantity)).collect();
+    let both = [("joint_position_rad", None), ("position_rad", Some(Quantity::Position))];
+    assert_eq!((kept, found.notes.len()), (both.to_vec(), 0));
+    let mapped = "time_s,velocity_rad_s,torque_nm,position_rad,second";
+    let found = read_header(mapped, "joint_position_rad=second:deg").unwrap();
+    let second = &found.optional[1];
+    assert_eq!((second.name.as_str(), second.quantity), ("joint_position_rad", None));
+    assert!(second.reading.conversion.is_some());
+}
+
+#[test]
+fn layout_with_joint_position_alone_reads_it_as_the_position() {
+    for (names, columns) in [
+        ("time_s,velocity_rad_s,torque_nm,joint_position_rad", ""),
+        ("time_s,velocity_rad_s,torque_nm,enc", "joint_position_rad=enc:deg"),
+    ] {
+        let found = read_header(names, columns).unwrap();
+        assert_eq!(found.optional[0].quantity, Some(Quantity::Position), "{columns}");
+        assert_eq!(found.optional[0].name, "position_rad");
+        assert!(found.notes.iter().any(|note| note.contains("joint_position_rad is read as")));
+        assert!(found.left_out.is_empty(), "{:?}", found.left_out);
+    }
+    let without_velocity = read_header("time_s,torque_nm,joint_position_rad", "").unwrap();
+    assert!(without_velocity.is_position);
+}
+
+#[test]
 fn layout_with_missing_columns_lists_them_with_a_hint() {
     assert_eq!(
         read_header("time_s,dq,tau", "").unwrap_err(),

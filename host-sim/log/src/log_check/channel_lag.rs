@@ -38,7 +38,8 @@ pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
         return Vec::new();
     }
     let longest = ((MAX_SHIFT_S / step_s) as usize).clamp(MIN_SHIFT_ROWS + 1, MAX_SHIFT_ROWS);
-    let others = || log.columns.iter().filter(|column| column.quantity.is_none());
+    let others =
+        || log.columns.iter().filter(|column| column.quantity.is_none() && !column.is_motion());
     let mut found = Vec::new();
     let mut report = |columns: &[&Column], shift: i64| {
         let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();

@@ -24,10 +24,11 @@ impl Column<'_> {
         self.runs.iter().flat_map(|run| run.windows(2).map(|w| (w[0], w[1])))
     }
 
-    /// Returns true if the column is position, velocity or acceleration of the joint.
+    /// Returns true if the column is position, velocity or acceleration of the joint, or the position beyond its gear.
     pub fn is_motion(&self) -> bool {
         use Quantity::{Acceleration, Position, Velocity};
         matches!(self.quantity, Some(Position | Velocity | Acceleration))
+            || contract::is_joint_position(&self.name)
     }
 
     /// Returns the distance between the quantiles `share` and `1 - share`.

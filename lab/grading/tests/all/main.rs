@@ -4,6 +4,7 @@
 
 mod adverse_worlds;
 mod contest_table;
+mod gear_play;
 mod hidden_effects;
 mod planted;
 mod recovery;

@@ -1,0 +1,430 @@
+//! The difference of two positions with its regressors, as sums of products over blocks of rows.
+//!
+//! A block is a stretch of a run with several reversals. Every column is taken less its mean in the block, so a block has an
+//! offset of its own. Blocks are the unit of the comparison.
+
+use crate::contest::operator::stop;
+use joint_log::{Dataset, JointKind, Quantity, Run, segments};
+use nalgebra::DMatrix;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Bins of the angle, between which its error is interpolated. Harmonics of up to a quarter of it are followed.
+pub(super) const ANGLE_BINS: usize = 24;
+
+/// Travels in the grid.
+pub(super) const TRAVELS: usize = 24;
+
+/// Ratio of neighbouring travels.
+const TRAVEL_RATIO: f64 = 1.25;
+
+/// Largest travel, as a share of the range of the difference.
+const LARGEST_TRAVEL: f64 = 1.5;
+
+/// Speed at which the motor's friction is that of motion, as a share of the 95th percentile of the speed.
+const SLOW: f64 = 0.03;
+
+/// Most rows that products are summed over. Of a longer log, the mean of several rows is one.
+const MOST_ROWS: usize = 30_000;
+
+/// Shortest time over which rows are averaged, s. A mean of all columns keeps their relation and has less noise of the torque.
+const AVERAGED_S: f64 = 0.008;
+
+/// Largest share of the torque's squares that is taken for noise.
+const MOST_NOISE: f64 = 0.9;
+
+/// Most blocks.
+const MOST_BLOCKS: usize = 64;
+
+/// Reversals in a block.
+const REVERSALS: usize = 1;
+
+/// Least and greatest slope of the second position over the first.
+const SLOPES: Range<f64> = 0.9..1.1;
+
+/// First columns: the position, velocity, acceleration and bins of the angle.
+pub(super) const NUISANCES: usize = 3 + ANGLE_BINS;
+
+/// Column of the torque.
+pub(super) const TORQUE: usize = NUISANCES;
+
+/// First column of the directions: of all speeds, and of low ones.
+pub(super) const DIRECTION: usize = TORQUE + 1;
+
+/// Speeds below which friction may be higher, as shares of the 95th percentile of the speed.
+const LOW_SPEEDS: [f64; 2] = [0.03, 0.12];
+
+/// Columns of the directions.
+pub(super) const DIRECTIONS: usize = 1 + LOW_SPEEDS.len();
+
+/// Column of the difference.
+pub(super) const DIFFERENCE: usize = DIRECTION + DIRECTIONS;
+
+/// First column of the operators.
+pub(super) const OPERATORS: usize = DIFFERENCE + 1;
+
+/// A function of the travel since the last reversal: a stop operator, without the share of its range that is dead.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Operator {
+    /// Travel from one end to the other, rad or m.
+    pub travel: f64,
+    /// Share of the travel without effect, around its middle.
+    pub dead: f64,
+}
+
+impl Operator {
+    /// Returns the values along positions, from -1 to 1.
+    fn values(&self, position: &[f64]) -> Vec<f64> {
+        let mut values =
+            stop(position, std::slice::from_ref(&(0..position.len())), 0.5 * self.travel);
+        if self.dead > 0.0 {
+            values.iter_mut().for_each(|value| *value = live(*value, self.dead));
+        }
+        values
+    }
+}
+
+/// Sums of products of the columns over blocks.
+pub(super) struct Blocks {
+    /// Products of the columns, each less its mean in the block.
+    pub grams: Vec<DMatrix<f64>>,
+    /// Number of columns.
+    pub columns: usize,
+    /// Operators of the columns from [`OPERATORS`] on.
+    pub operators: Vec<Operator>,
+    /// Number of rows.
+    pub rows: f64,
+    /// Step of the second position, rad or m.
+    pub quantum: f64,
+}
+
+/// An unbroken stretch of a run.
+struct Stretch<'a> {
+    run: &'a Run,
+    rows: Range<usize>,
+    position: &'a [f64],
+    difference: Vec<f64>,
+}
+
+/// Positions of a log, and their difference, in unbroken stretches.
+pub(super) struct Positions<'a> {
+    stretches: Vec<Stretch<'a>>,
+    scale: Scale,
+    /// Largest travel that the difference may hold, rad or m.
+    largest: f64,
+    /// Step of the second position, rad or m.
+    quantum: f64,
+}
+
+impl<'a> Positions<'a> {
+    /// Collects the rows of a log. Returns `None` if a column is missing, nothing moves, or the positions are not of one joint.
+    pub fn new(data: &'a Dataset, column: &str) -> Option<Self> {
+        let mut stretches = Vec::new();
+        for run in &data.runs {
+            let (position, second) = (run.get(Quantity::Position)?, data.column(run, column)?);
+            for rows in segments(run) {
+                let position = &position[rows.clone()];
+                let difference = difference(position, &second[rows.clone()], data.joint);
+                stretches.push(Stretch { run, rows, position, difference });
+            }
+        }
+        Some(Self {
+            largest: largest_travel(&stretches)?,
+            scale: Scale::new(&stretches, data.joint)?,
+            quantum: quantum(data, column),
+            stretches,
+        })
+    }
+
+    /// Returns stop operators of all travels that may be in the difference.
+    pub fn stops(&self) -> Vec<Operator> {
+        let travel = |at: usize| self.largest / TRAVEL_RATIO.powi(at as i32);
+        (0..TRAVELS).map(|at| Operator { travel: travel(at), dead: 0.0 }).collect()
+    }
+}
+
+/// The lag of the second position, from a fit of the difference: without what is no lag, as a share of the lost motion.
+pub(super) struct Lag<'a> {
+    /// Coefficients of the fit.
+    pub coefficients: &'a [f64],
+    /// Lost motion, rad or m.
+    pub lost_motion: f64,
+    /// Dead shares of the columns, which follow those of the operators.
+    pub dead: Vec<f64>,
+}
+
+impl Lag<'_> {
+    /// Fills the columns from `first` on. `stop` holds the values of the operator.
+    fn fill(&self, table: &mut DMatrix<f64>, first: usize, stop: usize) {
+        let half = 0.5 * self.lost_motion;
+        let lag: Vec<f64> = (0..table.nrows())
+            .map(|row| {
+                let shared = (0..NUISANCES).map(|at| self.coefficients[at] * table[(row, at)]);
+                shared.sum::<f64>() - table[(row, DIFFERENCE)]
+            })
+            .collect();
+        let rows = lag.len().max(1) as f64;
+        let middle =
+            (0..lag.len()).map(|row| lag[row] - half * table[(row, stop)]).sum::<f64>() / rows;
+        for (dead, column) in self.dead.iter().zip(first..) {
+            for (row, lag) in lag.iter().enumerate() {
+                table[(row, column)] = live((lag - middle) / half, *dead);
+            }
+        }
+    }
+}
+
+/// Returns a lag from -1 to 1 without a dead share around 0.
+fn live(lag: f64, dead: f64) -> f64 {
+    ((lag.abs() - dead) / (1.0 - dead).max(1e-3)).clamp(0.0, 1.0).copysign(lag)
+}
+
+impl Blocks {
+    /// Sums the products of the columns with these operators, and with the lag if one is given.
+    pub fn new(positions: &Positions, operators: Vec<Operator>, lag: Option<&Lag>) -> Self {
+        let averaged = averaged(&positions.stretches);
+        let mut blocks = Self {
+            grams: Vec::new(),
+            columns: OPERATORS + operators.len() + lag.map_or(0, |lag| lag.dead.len()),
+            operators,
+            rows: 0.0,
+            quantum: positions.quantum,
+        };
+        for stretch in &positions.stretches {
+            blocks.add(stretch, positions, (averaged, lag));
+        }
+        blocks
+    }
+
+    /// Adds the blocks of a stretch. The first rows are left out, in which the flank is unknown.
+    fn add(
+        &mut self,
+        stretch: &Stretch,
+        positions: &Positions,
+        (averaged, lag): (usize, Option<&Lag>),
+    ) {
+        let q = stretch.position;
+        let start = q.iter().scan((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
+            (*low, *high) = (low.min(*q), high.max(*q));
+            Some(*high - *low)
+        });
+        let Some(first) = start.into_iter().position(|swept| swept > positions.largest) else {
+            return;
+        };
+        let operators: Vec<Vec<f64>> = self.operators.iter().map(|own| own.values(q)).collect();
+        let largest = Operator { travel: positions.largest, dead: 0.0 };
+        let turned = reversals(&largest.values(q)[first..]);
+        let count = (turned / REVERSALS).clamp(1, MOST_BLOCKS);
+        if turned < REVERSALS {
+            return;
+        }
+        let acceleration = stretch.run.acceleration_or_derived();
+        let acceleration = &acceleration[stretch.rows.clone()];
+        let rows = (q.len() - first) / averaged;
+        for block in 0..count {
+            let own = rows * block / count..rows * (block + 1) / count;
+            let mut table = DMatrix::zeros(own.len(), self.columns);
+            for (place, row) in own.enumerate() {
+                for at in first + row * averaged..first + (row + 1) * averaged {
+                    positions.scale.add(&mut table, place, (stretch, at, acceleration[at]));
+                    for (values, column) in operators.iter().zip(OPERATORS..) {
+                        table[(place, column)] += values[at];
+                    }
+                }
+            }
+            table /= averaged as f64;
+            if let Some(lag) = lag {
+                lag.fill(&mut table, OPERATORS + operators.len(), OPERATORS);
+            }
+            for mut column in table.column_iter_mut() {
+                let mean = column.mean();
+                column.add_scalar_mut(-mean);
+            }
+            self.rows += table.nrows() as f64;
+            let mut gram = table.tr_mul(&table);
+            // Noise in a regressor lowers its coefficient, and play would take what the torque leaves.
+            let noise = table.nrows() as f64 * noise_variance(table.column(TORQUE).as_slice());
+            gram[(TORQUE, TORQUE)] -= noise.min(MOST_NOISE * gram[(TORQUE, TORQUE)]);
+            self.grams.push(gram);
+        }
+    }
+
+    /// Returns the squared error that coefficients leave in a block.
+    pub fn squared_error(&self, block: usize, coefficients: &[f64]) -> f64 {
+        quadratic(&self.grams[block], coefficients, |_| true)
+    }
+
+    /// Returns the RMS of the torsion that coefficients have.
+    pub fn torsion_rms(&self, coefficients: &[f64]) -> f64 {
+        let is_torsion = |column: usize| (TORQUE..DIFFERENCE).contains(&column);
+        let squares = self.grams.iter().map(|gram| quadratic(gram, coefficients, is_torsion));
+        (squares.sum::<f64>() / self.rows.max(1.0)).sqrt()
+    }
+}
+
+/// Returns the sum of squares of a combination of some columns.
+fn quadratic(gram: &DMatrix<f64>, coefficients: &[f64], is_in: impl Fn(usize) -> bool) -> f64 {
+    let own: Vec<usize> =
+        (0..coefficients.len()).filter(|at| coefficients[*at] != 0.0 && is_in(*at)).collect();
+    let product = |a: &usize, b: &usize| coefficients[*a] * coefficients[*b] * gram[(*a, *b)];
+    own.iter().map(|a| own.iter().map(|b| product(a, b)).sum::<f64>()).sum::<f64>().max(0.0)
+}
+
+/// Units of the columns, and the bins of the angle.
+struct Scale {
+    joint: JointKind,
+    slow: f64,
+    speed: f64,
+    acceleration: f64,
+    torque: f64,
+    first: f64,
+    span: f64,
+    middle: f64,
+}
+
+impl Scale {
+    fn new(stretches: &[Stretch], joint: JointKind) -> Option<Self> {
+        let all = |of: &dyn Fn(&Stretch) -> Vec<f64>| -> Vec<f64> {
+            stretches.iter().flat_map(of).collect()
+        };
+        let velocity = all(&|own| own.run.velocity[own.rows.clone()].to_vec());
+        let torque = all(&|own| own.run.torque[own.rows.clone()].to_vec());
+        let acceleration = all(&|own| own.run.acceleration_or_derived()[own.rows.clone()].to_vec());
+        let positions = stretches.iter().flat_map(|own| own.position.iter().copied());
+        let [low, high] =
+            positions.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| [a.min(q), b.max(q)]);
+        let span = match joint {
+            JointKind::Revolute => (high - low).min(TAU),
+            JointKind::Prismatic => high - low,
+        };
+        let mut speeds: Vec<f64> = velocity.iter().map(|v| v.abs()).collect();
+        let place = (0.95 * (speeds.len().max(1) - 1) as f64) as usize;
+        let top = *speeds.get_mut(..)?.select_nth_unstable_by(place, f64::total_cmp).1;
+        let is_moving = span > 0.0 && top > 0.0;
+        is_moving.then(|| Self {
+            joint,
+            slow: SLOW * top,
+            speed: rms(&velocity),
+            acceleration: rms(&acceleration),
+            torque: rms(&torque),
+            first: low,
+            span,
+            middle: 0.5 * (low + high),
+        })
+    }
+
+    /// Adds the values of a row to a row of the table, except those of the stop operators.
+    fn add(
+        &self,
+        table: &mut DMatrix<f64>,
+        place: usize,
+        (own, row, acceleration): (&Stretch, usize, f64),
+    ) {
+        let (position, at) = (own.position[row], own.rows.start + row);
+        let velocity = own.run.velocity[at];
+        let mut add = |column: usize, value: f64| table[(place, column)] += value;
+        add(0, (position - self.middle) / self.span);
+        add(1, velocity / self.speed);
+        add(2, acceleration / self.acceleration.max(f64::MIN_POSITIVE));
+        let is_whole_turn = self.joint == JointKind::Revolute && self.span >= TAU;
+        let bins = if is_whole_turn { ANGLE_BINS } else { ANGLE_BINS - 1 };
+        let folded = (position - self.first).rem_euclid(if is_whole_turn { TAU } else { f64::MAX });
+        let along = folded / self.span * bins as f64;
+        let (bin, share) = (along.floor() as usize, along.fract());
+        add(3 + bin % ANGLE_BINS, 1.0 - share);
+        add(3 + (bin + 1) % ANGLE_BINS, share);
+        add(TORQUE, own.run.torque[at] / self.torque.max(f64::MIN_POSITIVE));
+        let direction = (velocity / self.slow).clamp(-1.0, 1.0);
+        add(DIRECTION, direction);
+        for (share, column) in LOW_SPEEDS.iter().zip(DIRECTION + 1..) {
+            let low = share * self.slow / SLOW;
+            add(column, direction * (-(velocity / low).powi(2)).exp());
+        }
+        add(DIFFERENCE, own.difference[row]);
+    }
+}
+
+/// Returns the second position less the first. An encoder of one turn wraps: a step of half a turn or more is a wrap.
+fn difference(first: &[f64], second: &[f64], joint: JointKind) -> Vec<f64> {
+    let mut found: Vec<f64> =
+        second.iter().zip(first).map(|(second, first)| second - first).collect();
+    if joint == JointKind::Revolute {
+        for row in 1..found.len() {
+            found[row] -= TAU * ((found[row] - found[row - 1]) / TAU).round();
+        }
+    }
+    found
+}
+
+/// Returns the largest travel that the difference may hold. `None` if the positions are not of one joint.
+fn largest_travel(stretches: &[Stretch]) -> Option<f64> {
+    let mut products = [0.0; 2];
+    let mut rests = Vec::new();
+    for own in stretches {
+        let [q, d] = [own.position, &own.difference].map(less_mean);
+        products[0] += q.iter().map(|q| q * q).sum::<f64>();
+        products[1] += q.iter().zip(&d).map(|(q, d)| q * d).sum::<f64>();
+        rests.push((q, d));
+    }
+    let slope = products[1] / products[0];
+    if !SLOPES.contains(&(1.0 + slope)) {
+        return None;
+    }
+    let rest = |(q, d): &(Vec<f64>, Vec<f64>)| -> Vec<f64> {
+        q.iter().zip(d).map(|(q, d)| d - slope * q).collect()
+    };
+    let mut all: Vec<f64> = rests.iter().flat_map(rest).collect();
+    let mut quantile = |share: f64| {
+        let place = (share * (all.len() - 1) as f64) as usize;
+        *all.select_nth_unstable_by(place, f64::total_cmp).1
+    };
+    let largest = LARGEST_TRAVEL * (quantile(0.995) - quantile(0.005));
+    (largest > 0.0).then_some(largest)
+}
+
+/// Returns the number of rows that are averaged to one.
+fn averaged(stretches: &[Stretch]) -> usize {
+    let steps = stretches.iter().flat_map(|own| own.run.time_s[own.rows.clone()].windows(2));
+    let (count, time) =
+        steps.fold((0usize, 0.0), |(count, time), pair| (count + 1, time + pair[1] - pair[0]));
+    let rate = count as f64 / time.max(f64::MIN_POSITIVE);
+    (count / MOST_ROWS + 1).max((rate * AVERAGED_S).round().min(1e3) as usize)
+}
+
+/// Returns the variance of the white noise in a column: of its second differences, whose median jumps do not change.
+fn noise_variance(values: &[f64]) -> f64 {
+    let mut second: Vec<f64> =
+        values.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
+    if second.is_empty() {
+        return 0.0;
+    }
+    let middle = second.len() / 2;
+    // The median of a normal variable's size is 0.6745 standard deviations.
+    let spread = *second.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
+    spread * spread / 6.0
+}
+
+fn less_mean(values: &[f64]) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter().map(|value| value - mean).collect()
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+/// Returns how often a stop operator goes from one end to the other.
+fn reversals(stop: &[f64]) -> usize {
+    let mut ends = stop.iter().filter(|value| value.abs() >= 1.0).map(|value| *value > 0.0);
+    let Some(mut last) = ends.next() else { return 0 };
+    let turns = ends.filter(|end| std::mem::replace(&mut last, *end) != *end);
+    turns.count()
+}
+
+/// Returns the smallest change of a column between rows; 0 if it never changes.
+fn quantum(data: &Dataset, column: &str) -> f64 {
+    let columns = data.runs.iter().filter_map(|run| data.column(run, column));
+    let steps = columns.flat_map(|values| values.windows(2).map(|w| (w[1] - w[0]).abs()));
+    let least = steps.filter(|step| *step > 1e-9).fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
+}
