@@ -72,8 +72,9 @@ fn identify_on_friction_run_trace_finds_plant_friction() {
     }
     let inertia = fit["models"][0]["params"]["inertia"]["value"].as_f64().expect("a number");
     let truth = JointPlant::new(&Parameters::default(), Load::Free, 1).inertia_kg_m2();
-    // Over ranges from 0.4 to 0.6 rad, the fit finds 5 to 15 % too much inertia; the cause is not known.
-    assert!((0.93..1.2).contains(&(inertia / truth)), "{inertia} of {truth} kg m^2");
+    println!("{inertia:.4} of {truth:.4} kg m^2");
+    // With a torque at each tenth SYNC, the fit finds a tenth too much or more.
+    assert!((0.93..1.05).contains(&(inertia / truth)), "{inertia} of {truth} kg m^2");
 }
 
 #[test]
