@@ -52,12 +52,14 @@ impl Outbox {
     /// Removes and returns the oldest frame whose identifier can be sent now. Frames before it keep their order.
     pub fn take(&mut self, mut can_send: impl FnMut(u16) -> bool) -> Option<Frame> {
         let mut found = None;
-        for place in 0..self.frames.len() {
+        let mut left = self.frames.len();
+        while left > 0 {
             let frame = self.frames.pop_front()?;
+            left -= 1;
             if found.is_none() && can_send(frame.identifier()) {
                 found = Some(frame);
-                if place == 0 {
-                    // The others are in their order.
+                // Without frames before it, the others are in their order.
+                if left == self.frames.len() {
                     break;
                 }
             } else {
