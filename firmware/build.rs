@@ -28,8 +28,8 @@ fn main() {
     }
 }
 
-/// Sets `wiring` to the NAME of the feature `wiring-NAME`, or to `standard`. A feature that pins.rs does not know then leaves
-/// the table without a file, and two of them without a choice.
+/// Sets `wiring` to the NAME of the feature `wiring-NAME`, or to `standard`. Two of them, or one that pins.rs does not know, end
+/// the build: otherwise the image would be that of another board.
 fn select_wiring() {
     const PREFIX: &str = "CARGO_FEATURE_WIRING_";
     let names = env::vars_os().filter_map(|(name, _)| name.into_string().ok());
@@ -40,6 +40,11 @@ fn select_wiring() {
         [name] => name,
         _ => panic!("features: one wiring at most, found {}", names.join(", ")),
     };
+    let pins = fs::read_to_string("src/boards/stm32g474/pins.rs").expect("a source");
+    if !pins.contains(&format!("wiring = \"{wiring}\"")) {
+        panic!("features: wiring-{wiring} has no line in src/boards/stm32g474/pins.rs");
+    }
+    println!("cargo::rerun-if-changed=src/boards/stm32g474/pins.rs");
     println!("cargo::rustc-cfg=wiring=\"{wiring}\"");
 }
 

@@ -19,7 +19,7 @@ from circles import without_tests
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 TABLE = pathlib.Path(__file__).resolve().parent / "lines.tsv"
 # Shipped lines in all; the aim is 100,000.
-MOST = 139_000
+MOST = 140_500
 BAND = 0.05  # of a package's lines, either way; at least 100 lines
 NOT_SHIPPED = re.compile(r"(^|/)(tests|examples|benches|fuzz|fuzz_targets)/")
 

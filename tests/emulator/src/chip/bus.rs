@@ -1,7 +1,7 @@
 //! Reads and writes of registers, by their addresses (RM0440, 2.2).
 
 use super::{
-    AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, VTOR, adc, comparators, flash, gpio, i2c, timer1,
+    AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, VTOR, adc, comparators, flash, i2c, timer1,
 };
 use crate::cycles::{Cost, FlashAccess};
 use crate::world::World;
