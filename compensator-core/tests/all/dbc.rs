@@ -224,6 +224,13 @@ fn every_frame_decoded_with_dbc_gives_encoded_values() {
             used.insert((identifier, signal_name));
         }
     }
+    // A master maps this frame, and the reader of logs alone evaluates it.
+    let sides = [0x60, 0xE3, 0x16, 0, 0x80, 0x7B, 0xE1, 0xFF];
+    for (name, expected) in [("JointPosition", 1.5), ("MotorPosition", -2.0)] {
+        let signal = &frames[&0x261].signals[name];
+        assert!((value(&sides, signal) - expected).abs() < 1e-9 && signal.unit == "rad");
+        used.insert((0x261, name.to_owned()));
+    }
     let declared: BTreeSet<(u16, String)> = frames
         .iter()
         .flat_map(|(identifier, info)| {

@@ -7,6 +7,7 @@
 //! * The driver's answers follow the SYNC, so a sample is complete when the next one begins.
 //! * The assembler follows one joint on one interface: the first joint whose inputs it receives. The [`Summary`] lists
 //!   the others, because each joint is a data set of its own.
+//! * The frame with both sides of the gear (260h + node) gives the position of the joint's side.
 //! * A damaged frame of the joint invalidates its own sample only.
 
 mod sample;
@@ -119,6 +120,14 @@ impl Assembler {
 
     #[inline]
     fn frame(&mut self, number: u64, line: &Line, frame: Option<Frame>) -> Option<TraceSample> {
+        if let Some((node, position_rad)) = frame.as_ref().and_then(sides) {
+            if self.is_own(line.interface, node) {
+                self.open.joint_position_rad = position_rad;
+            } else {
+                self.summary.foreign += 1;
+            }
+            return None;
+        }
         let message = frame.map(|frame| (Message::parse(&frame), frame));
         match message {
             Some((Ok(message), _)) => self.message(number, line, message),
@@ -275,6 +284,7 @@ impl Assembler {
         if has_values {
             self.open.motion = NO_MOTION;
             self.open.torque = NO_TORQUE;
+            self.open.joint_position_rad = f64::NAN;
             self.open.fault = None;
             (self.has_motion, self.has_torque) = (false, false);
         }
@@ -329,6 +339,19 @@ impl Assembler {
             _ => self.summary.foreign += 1,
         }
     }
+}
+
+/// Returns the node and the position of the joint's side, rad, of a frame with both sides of the gear; NaN without a position.
+///
+/// Identifier 260h + node, for the nodes 1 to 31, with 60E4h:1 and 6064h: those that receive the Drive frame of nodes above 95.
+fn sides(frame: &Frame) -> Option<(NodeId, f64)> {
+    const SIDES: u16 = 0x260;
+    const NODES: u16 = 0x1F;
+    let node = NodeId::new((frame.identifier() & NODES) as u8)?;
+    let [a, b, c, d, _, _, _, _] = *frame.data() else { return None };
+    let position = i32::from_le_bytes([a, b, c, d]);
+    let position_rad = if position == i32::MIN { f64::NAN } else { f64::from(position) / 1e6 };
+    (frame.identifier() & !NODES == SIDES).then_some((node, position_rad))
 }
 
 fn named(interface: &[u8], node: NodeId) -> (String, u8) {
@@ -475,6 +498,26 @@ mod tests {
         assert_eq!(of(true), classic);
         assert_eq!(classic.0, 4);
         assert!(log_of_sensors(true).contains("381##1"));
+    }
+
+    #[test]
+    fn assembler_with_both_sides_of_the_gear_returns_the_position_of_the_joints_side() {
+        let pair = format!("(1.0) can0 481#{ONE_TWO}\n(1.0) can0 681#{ONE_TWO}\n");
+        // 1.5 rad and -2 rad, then no valid frame of the encoder, another joint, and none.
+        let (samples, summary) = assemble(&format!(
+            "{pair}(1.0) can0 261#60E3160080841E00
+             (1.0) can0 080#01
+             {pair}(1.0) can0 261#807BE1FF80841E00
+             (1.0) can0 080#02
+             {pair}(1.0) can0 261#0000008080841E00
+             (1.0) can0 080#03
+             {pair}(1.0) can0 262#60E3160080841E00
+             (1.0) can0 080#04"
+        ));
+        let positions: Vec<f64> = samples.iter().map(|sample| sample.joint_position_rad).collect();
+        assert_eq!(positions[..2], [1.5, -2.0]);
+        assert!(positions[2].is_nan() && positions[3].is_nan() && positions.len() == 4);
+        assert_eq!((samples[2].torque.torque_nm, summary.foreign), (1.0, 1));
     }
 
     #[test]

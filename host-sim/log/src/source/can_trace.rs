@@ -22,6 +22,7 @@ use crate::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, is_too_bad, list
 use crate::header::layout;
 use crate::preset::Preset;
 use crate::row::LogRow;
+use compensator_core::can::JointKind;
 use compensator_core::quantity::Quantity;
 use drive_trace::DriveTrace;
 use joint_trace::{
@@ -48,6 +49,8 @@ enum TraceColumn {
     Run,
     Time,
     Measured(Quantity),
+    /// Position at the joint's side of the gear.
+    JointPosition,
 }
 
 /// A sample as a row of that table.
@@ -63,6 +66,7 @@ impl LogRow for TraceRow<'_> {
             TraceColumn::Run => self.sample.run.map(f64::from),
             TraceColumn::Time => Some(self.time_s),
             TraceColumn::Measured(quantity) => Some(f64::from(self.sample.get(*quantity))),
+            TraceColumn::JointPosition => Some(self.sample.joint_position_rad),
         }
     }
 
@@ -126,6 +130,8 @@ fn read(input: Input) -> Result<FileData, DataError> {
         TraceColumn::Run => "run",
         TraceColumn::Time => "time_s",
         TraceColumn::Measured(quantity) => quantity.name(kind),
+        TraceColumn::JointPosition if kind == JointKind::Prismatic => "joint_position_m",
+        TraceColumn::JointPosition => "joint_position_rad",
     };
     let columns = &overview.columns;
     let names: Vec<String> = columns.iter().map(|column| name(column).to_owned()).collect();
@@ -191,7 +197,7 @@ fn scan(
 ) -> Result<TraceOverview, DataError> {
     let (mut bad, mut other_lines) = (BadRows::default(), 0);
     let mut is_measured = [false; Quantity::ALL.len()];
-    let (mut has_runs, mut origin_ns) = (false, None);
+    let (mut has_runs, mut has_joint_position, mut origin_ns) = (false, false, None);
     let count_line = |line: NonFrameLine| match line {
         NonFrameLine::Other => other_lines += 1,
         NonFrameLine::Malformed(malformed) => malformed.add_to(path, format, &mut bad),
@@ -201,6 +207,7 @@ fn scan(
             *is_measured |= !sample.get(*quantity).is_nan();
         }
         has_runs |= sample.run.is_some();
+        has_joint_position |= !sample.joint_position_rad.is_nan();
         origin_ns.get_or_insert(sample.time_ns);
         Ok(())
     })?;
@@ -226,7 +233,9 @@ fn scan(
     };
     let quantities = Quantity::ALL.iter().copied().filter(|of| has(*of)).map(TraceColumn::Measured);
     let run = has_runs.then_some(TraceColumn::Run);
-    let columns = run.into_iter().chain([TraceColumn::Time]).chain(quantities).collect();
+    let joint_position = has_joint_position.then_some(TraceColumn::JointPosition);
+    let columns = run.into_iter().chain([TraceColumn::Time]).chain(quantities);
+    let columns = columns.chain(joint_position).collect();
     let adds_up_stamps = lines.adds_up_stamps();
     Ok(TraceOverview { summary, columns, origin_ns, bad, other_lines, adds_up_stamps })
 }

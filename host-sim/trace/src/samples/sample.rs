@@ -21,6 +21,8 @@ pub struct TraceSample {
     pub sequence: u32,
     /// Motion of the joint.
     pub motion: MotionFrame,
+    /// Position measured at the joint's side of the gear, rad.
+    pub joint_position_rad: f64,
     /// Torque at the joint.
     pub torque: TorqueFrame,
     /// Side load and pressure at the seal.
@@ -51,6 +53,7 @@ impl TraceSample {
         run: None,
         sequence: 0,
         motion: NO_MOTION,
+        joint_position_rad: f64::NAN,
         torque: NO_TORQUE,
         seal: NO_SEAL,
         surroundings: NO_SURROUNDINGS,
