@@ -142,7 +142,7 @@ MUTATIONS = [
      "board::compact::compact_comparator_without_its_shunt_is_found_before_the_first_pwm"),
     ("level of the compact node's comparators half too high", ESC1 + "overcurrent.rs",
      "break_current_a(overcurrent_a, scales::BREAK_CEILING_A)", "1.5 * break_current_a(overcurrent_a, scales::BREAK_CEILING_A)",
-     "board::compact::compact_joint_with_hanging_loop_is_stopped_at_level_of_its_comparators"),
+     "board::compact::compact_comparators_after_start_have_level_of_the_set"),
     ("Hall sensors of the compact node at the next pins", ESC1 + "encoder.rs",
      "LINE_PORT.idr().read().0 >> FIRST_LINE", "LINE_PORT.idr().read().0 >> (FIRST_LINE + 1)", COMPACT),
     ("compensation of the compact node left out", "firmware/src/compact/device.rs",

@@ -1,16 +1,11 @@
-//! The compact node of small chips, in closed loop with the simulated joint.
+//! Faults and refusals of the compact node of small chips. Scenario 29 runs it in closed loop.
 
 use crate::closed_loop::rig::{Joint, Master, set};
 use compensator_core::can::NodeId;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::supervisor::{Code, CodeSet};
 use joint_bus::canopen::Client;
-use joint_bus::parameters::{read_set, write_set};
 use joint_rig::{EncoderFault, RigBus, run_compact_from_power_up};
-use std::f64::consts::TAU;
-
-/// Half of the friction: a compensation of 0.9 whose model is within 20 % leaves less of the error.
-const COMPENSATED_SHARE: f64 = 0.5;
 
 /// Powers a joint with a compact node up.
 fn run<R>(joint: &Joint, work: impl FnOnce(&mut Master) -> R) -> R {
@@ -20,31 +15,6 @@ fn run<R>(joint: &Joint, work: impl FnOnce(&mut Master) -> R) -> R {
         work(&mut Master::new(rig, inertia))
     })
     .expect("a set that builds")
-}
-
-/// Returns the root mean square of the velocity error on a sine of ±1 rad/s with reversals, rad/s.
-fn velocity_error_rad_s(share: f32) -> f64 {
-    run(&Joint::with(set(share)), |master| {
-        master.arm().expect("it arms");
-        let mut sum = 0.0;
-        for k in 0..3000 {
-            let (sine, cosine) = (TAU * 0.5 * f64::from(k) * 1e-3).sin_cos();
-            master.follow(cosine, -TAU * 0.5 * sine);
-            if k >= 1000 {
-                sum += (master.rig.plant().velocity_rad_s() - cosine).powi(2);
-            }
-        }
-        assert!(master.rig.is_armed(), "{:?}", master.faults());
-        (sum / 2000.0).sqrt()
-    })
-}
-
-#[test]
-fn compact_node_compensates_friction_of_a_joint_with_reversals() {
-    let (with, without) = (velocity_error_rad_s(0.9), velocity_error_rad_s(0.0));
-    let share = with / without;
-    println!("compact node: velocity error {with:.4} rad/s, {without:.4} without: {share:.3}");
-    assert!(share < COMPENSATED_SHARE, "{with} {without}");
 }
 
 /// Arms a joint, applies this fault and returns the latched faults and whether the bridge is open.
@@ -61,12 +31,6 @@ fn faults_after(
         let is_open = master.rig.stage_mut().applied_duty().is_none();
         (master.rig.latched_faults(), is_open)
     })
-}
-
-#[test]
-fn compact_node_without_set_points_opens_the_bridge() {
-    let (faults, is_open) = faults_after(&Joint::with(set(0.9)), 200, |_| {});
-    assert!(faults.contains(Code::CommandTimeout) && is_open, "{faults:?}");
 }
 
 #[test]
@@ -93,28 +57,6 @@ fn compact_node_not_commissioned_refuses_to_arm_with_the_reason() {
     let refused = run(&joint, |master| master.arm());
     let reason = refused.expect_err("the wiring is not confirmed");
     assert!(reason.contains("not-commissioned"), "{reason}");
-}
-
-#[test]
-fn compact_node_keeps_a_set_of_the_host_across_a_reset() {
-    let written = set(0.9);
-    let joint = Joint { set: None, commissioned: false, ..Joint::with(set(0.0)) };
-    run(&joint, |master| {
-        let node = NodeId::FIRST;
-        let client = &mut Client::new(RigBus::new(master.rig), node);
-        let crc = write_set(client, &written).expect("the set is accepted");
-        assert_eq!(crc, written.crc());
-        let at = |index, sub_index| canopen_rs::Address::new(index, sub_index);
-        let wiring = client.read_number(at(index::COMMISSIONING, 2)).expect("the wiring");
-        client.write(at(index::COMMISSIONING, 3), &wiring.to_le_bytes()).expect("confirmed");
-        client.write(at(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes()).expect("saved");
-        master.rig.reset();
-        master.rig.restart().expect("a restart");
-        master.current(200, 0.0);
-        let client = &mut Client::new(RigBus::new(master.rig), node);
-        assert_eq!(read_set(client).expect("a set").crc(), written.crc());
-        master.arm().expect("a commissioned joint arms");
-    });
 }
 
 #[test]

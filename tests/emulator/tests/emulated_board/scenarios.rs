@@ -41,7 +41,7 @@ mod position;
 mod power_up;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
 #[path = "../../../../host-sim/rig/tests/closed_loop/rig.rs"]
-mod rig;
+pub mod rig;
 #[path = "../../../../host-sim/rig/tests/closed_loop/stalls.rs"]
 mod stalls;
 #[path = "../../../../host-sim/rig/tests/closed_loop/stops.rs"]
