@@ -238,7 +238,11 @@ pub fn diagnose(
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
     let log = TrainTest::new(data, split, question.decimate, &question.rigid_body);
-    let positions = TwoPositions::of(data);
+    let (positions, unfit) = match TwoPositions::of(data) {
+        Some(Ok(positions)) => (Some(positions), None),
+        Some(Err(note)) => (None, Some(note)),
+        None => (None, None),
+    };
     let answer = by_contest::answer(log, question, positions.as_ref(), progress)?;
     let by_contest::Answer { mut log, mut baseline, mut extended, before, after, .. } = answer;
     baseline.test = before.metrics;
@@ -252,6 +256,7 @@ pub fn diagnose(
         positions.add_to(&mut findings);
         log.notes.extend(positions.note());
     }
+    log.notes.extend(unfit);
     if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
     {
         let (after, log, seed) = (&after, &log, question.seed);

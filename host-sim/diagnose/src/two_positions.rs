@@ -83,18 +83,25 @@ pub struct TwoPositions {
 }
 
 impl TwoPositions {
-    /// Evaluates the positions of a log. Returns `None` if it does not have both, if they are not of one joint, or if too few
-    /// reversals are in it.
-    pub fn of(data: &Dataset) -> Option<Self> {
+    /// Evaluates the positions of a log; `None` if it has no second one.
+    ///
+    /// # Errors
+    /// A note on why they are not compared: they are not of one joint, or too few reversals are in the log.
+    pub fn of(data: &Dataset) -> Option<Result<Self, String>> {
         let column = contract::joint_position(data.joint);
-        if !data.covariates.iter().any(|name| name == column) {
-            return None;
-        }
+        let has_both = data.covariates.iter().any(|name| name == column);
+        has_both.then(|| {
+            let compared = Self::compare(data, column);
+            compared.map_err(|why| format!("{column} is not searched for play: {why}"))
+        })
+    }
+
+    fn compare(data: &Dataset, column: &'static str) -> Result<Self, String> {
         let positions = Positions::new(data, column)?;
         let blocks = Blocks::new(&positions, positions.stops(), None);
         let count = blocks.grams.len();
         if count < MIN_BLOCKS {
-            return None;
+            return Err(format!("the log holds {count} reversals, and {MIN_BLOCKS} are needed"));
         }
         let folds = FOLDS.min(count);
         let part = |fold: usize| Regression::new(&blocks, move |at| at % folds != fold);
@@ -123,7 +130,7 @@ impl TwoPositions {
             behind.by_lag,
         ];
         let is_possible = own.size > 0.0 && play.value > 0.0;
-        Some(Self {
+        Ok(Self {
             column,
             probability: if is_possible {
                 Calibration::current().probability(&figures)
@@ -238,3 +245,6 @@ fn play(lost: f64, behind: &Behind, parts: &[f64], quantum: f64) -> (f64, [f64; 
     let reach = (of_folds + (1.96 * of_share).powi(2)).sqrt();
     (value, [(value - reach).max(0.0), value + reach])
 }
+
+#[cfg(test)]
+mod tests;

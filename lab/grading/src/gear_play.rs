@@ -42,7 +42,7 @@ pub fn cases(first_seed: u64, joints: usize) -> Vec<PlayCase> {
     let drawn: Vec<(GearFault, u64)> = drawn.collect();
     let case = |(fault, seed): &(GearFault, u64)| {
         let joint = draw(*fault, *seed);
-        let found = TwoPositions::of(&log(&joint, *seed).data);
+        let found = TwoPositions::of(&log(&joint, *seed).data).and_then(Result::ok);
         PlayCase { fault: *fault, seed: *seed, joint, found }
     };
     drawn.par_iter().map(case).collect()

@@ -3,7 +3,6 @@
 //! A block is a stretch of a run with several reversals. Every column is taken less its mean in the block, so a block has an
 //! offset of its own. Blocks are the unit of the comparison.
 
-use crate::contest::operator::stop;
 use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -35,6 +34,9 @@ const MOST_NOISE: f64 = 0.9;
 
 /// Most blocks.
 const MOST_BLOCKS: usize = 64;
+
+/// Fewest rows of a block.
+const MIN_BLOCK_ROWS: usize = 8;
 
 /// Reversals in a block.
 const REVERSALS: usize = 1;
@@ -72,15 +74,31 @@ pub(super) struct Operator {
     pub dead: f64,
 }
 
-impl Operator {
-    /// Returns the values along positions, from -1 to 1.
-    fn values(&self, position: &[f64]) -> Vec<f64> {
-        let mut values =
-            stop(position, std::slice::from_ref(&(0..position.len())), 0.5 * self.travel);
-        if self.dead > 0.0 {
-            values.iter_mut().for_each(|value| *value = live(*value, self.dead));
+/// Operators along a stretch, with their states of a row.
+struct Course<'a> {
+    operators: &'a [Operator],
+    states: Vec<f64>,
+    before: f64,
+}
+
+impl<'a> Course<'a> {
+    /// Starts in the middle of each travel.
+    fn new(operators: &'a [Operator], position: f64) -> Self {
+        Self { operators, states: vec![0.0; operators.len()], before: position }
+    }
+
+    /// Moves to the next position.
+    fn advance(&mut self, position: f64) {
+        let step = position - self.before;
+        self.before = position;
+        for (state, own) in self.states.iter_mut().zip(self.operators) {
+            *state = (*state + step * 2.0 / own.travel).clamp(-1.0, 1.0);
         }
-        values
+    }
+
+    /// Returns the values, from -1 to 1.
+    fn values(&self) -> impl Iterator<Item = f64> {
+        self.states.iter().zip(self.operators).map(|(state, own)| live(*state, own.dead))
     }
 }
 
@@ -117,20 +135,33 @@ pub(super) struct Positions<'a> {
 }
 
 impl<'a> Positions<'a> {
-    /// Collects the rows of a log. Returns `None` if a column is missing, nothing moves, or the positions are not of one joint.
-    pub fn new(data: &'a Dataset, column: &str) -> Option<Self> {
+    /// Collects the rows of a log.
+    ///
+    /// # Errors
+    /// Why the positions cannot be compared, as the end of a sentence: one is missing, nothing moves, or they are not of one joint.
+    pub fn new(data: &'a Dataset, column: &str) -> Result<Self, String> {
+        let name = Quantity::Position.name(data.joint);
         let mut stretches = Vec::new();
         for run in &data.runs {
-            let (position, second) = (run.get(Quantity::Position)?, data.column(run, column)?);
+            let both = run.get(Quantity::Position).zip(data.column(run, column));
+            let (position, second) = both.ok_or_else(|| format!("it needs {name} beside it"))?;
             for rows in segments(run) {
                 let position = &position[rows.clone()];
                 let difference = difference(position, &second[rows.clone()], data.joint);
                 stretches.push(Stretch { run, rows, position, difference });
             }
         }
-        Some(Self {
-            largest: largest_travel(&stretches)?,
-            scale: Scale::new(&stretches, data.joint)?,
+        let slope = slope(&stretches);
+        if !SLOPES.contains(&slope) {
+            let slope = joint_log::number::figure(slope);
+            return Err(format!(
+                "it moves by {slope} times {name}, and not with it: correct unit, sign or gear ratio of one of them with --columns"
+            ));
+        }
+        let still = || "nothing moves".to_owned();
+        Ok(Self {
+            largest: largest_travel(&stretches, slope - 1.0).ok_or_else(still)?,
+            scale: Scale::new(&stretches, data.joint).ok_or_else(still)?,
             quantum: quantum(data, column),
             stretches,
         })
@@ -211,30 +242,28 @@ impl Blocks {
         let Some(first) = start.into_iter().position(|swept| swept > positions.largest) else {
             return;
         };
-        let operators: Vec<Vec<f64>> = self.operators.iter().map(|own| own.values(q)).collect();
-        let largest = Operator { travel: positions.largest, dead: 0.0 };
-        let turned = reversals(&largest.values(q)[first..]);
-        let count = (turned / REVERSALS).clamp(1, MOST_BLOCKS);
-        if turned < REVERSALS {
-            return;
-        }
+        let rows = (q.len() - first) / averaged;
+        let turned = reversals(q, positions.largest, first);
+        let count = (turned / REVERSALS).min(MOST_BLOCKS).min(rows / MIN_BLOCK_ROWS);
+        let mut course = Course::new(&self.operators, q[0]);
+        q[..first].iter().for_each(|position| course.advance(*position));
         let acceleration = stretch.run.acceleration_or_derived();
         let acceleration = &acceleration[stretch.rows.clone()];
-        let rows = (q.len() - first) / averaged;
         for block in 0..count {
             let own = rows * block / count..rows * (block + 1) / count;
             let mut table = DMatrix::zeros(own.len(), self.columns);
             for (place, row) in own.enumerate() {
                 for at in first + row * averaged..first + (row + 1) * averaged {
                     positions.scale.add(&mut table, place, (stretch, at, acceleration[at]));
-                    for (values, column) in operators.iter().zip(OPERATORS..) {
-                        table[(place, column)] += values[at];
+                    course.advance(q[at]);
+                    for (value, column) in course.values().zip(OPERATORS..) {
+                        table[(place, column)] += value;
                     }
                 }
             }
             table /= averaged as f64;
             if let Some(lag) = lag {
-                lag.fill(&mut table, OPERATORS + operators.len(), OPERATORS);
+                lag.fill(&mut table, OPERATORS + self.operators.len(), OPERATORS);
             }
             for mut column in table.column_iter_mut() {
                 let mean = column.mean();
@@ -356,24 +385,24 @@ fn difference(first: &[f64], second: &[f64], joint: JointKind) -> Vec<f64> {
     found
 }
 
-/// Returns the largest travel that the difference may hold. `None` if the positions are not of one joint.
-fn largest_travel(stretches: &[Stretch]) -> Option<f64> {
+/// Returns the slope of the second position over the first.
+fn slope(stretches: &[Stretch]) -> f64 {
     let mut products = [0.0; 2];
-    let mut rests = Vec::new();
     for own in stretches {
         let [q, d] = [own.position, &own.difference].map(less_mean);
         products[0] += q.iter().map(|q| q * q).sum::<f64>();
         products[1] += q.iter().zip(&d).map(|(q, d)| q * d).sum::<f64>();
-        rests.push((q, d));
     }
-    let slope = products[1] / products[0];
-    if !SLOPES.contains(&(1.0 + slope)) {
-        return None;
-    }
-    let rest = |(q, d): &(Vec<f64>, Vec<f64>)| -> Vec<f64> {
-        q.iter().zip(d).map(|(q, d)| d - slope * q).collect()
+    1.0 + products[1] / products[0]
+}
+
+/// Returns the largest travel that the difference may hold, without its own slope over the position. `None` if it is constant.
+fn largest_travel(stretches: &[Stretch], slope: f64) -> Option<f64> {
+    let rest = |own: &Stretch| -> Vec<f64> {
+        let [q, d] = [own.position, &own.difference].map(less_mean);
+        q.iter().zip(&d).map(|(q, d)| d - slope * q).collect()
     };
-    let mut all: Vec<f64> = rests.iter().flat_map(rest).collect();
+    let mut all: Vec<f64> = stretches.iter().flat_map(rest).collect();
     let mut quantile = |share: f64| {
         let place = (share * (all.len() - 1) as f64) as usize;
         *all.select_nth_unstable_by(place, f64::total_cmp).1
@@ -413,12 +442,22 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-/// Returns how often a stop operator goes from one end to the other.
-fn reversals(stop: &[f64]) -> usize {
-    let mut ends = stop.iter().filter(|value| value.abs() >= 1.0).map(|value| *value > 0.0);
-    let Some(mut last) = ends.next() else { return 0 };
-    let turns = ends.filter(|end| std::mem::replace(&mut last, *end) != *end);
-    turns.count()
+/// Returns how often the motion takes up a travel in the other direction, from a row on.
+fn reversals(position: &[f64], travel: f64, first: usize) -> usize {
+    let operators = [Operator { travel, dead: 0.0 }];
+    let mut course = Course::new(&operators, position[0]);
+    let mut last = None;
+    let mut turned = 0;
+    for (row, position) in position.iter().enumerate() {
+        course.advance(*position);
+        let state = course.states[0];
+        if row >= first && state.abs() >= 1.0 {
+            let is_turn = last.is_some_and(|last: bool| last != (state > 0.0));
+            turned += usize::from(is_turn);
+            last = Some(state > 0.0);
+        }
+    }
+    turned
 }
 
 /// Returns the smallest change of a column between rows; 0 if it never changes.
