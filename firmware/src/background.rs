@@ -51,6 +51,8 @@ pub struct BoardState {
     pub enclosure: enclosure::Readings,
     /// First words of the last frame of a BiSS encoder; `None` without one.
     pub biss: Option<[u16; TURN_WORDS]>,
+    /// Levels of the Hall sensors, bits 0 to 2; 0 without sensors.
+    pub hall: u8,
     /// Words of the encoder at the joint's side of the gear, latched when the last report came, or at this tick; `None` if
     /// there is no such encoder.
     pub joint_words: Option<[u16; biss::WORDS]>,
@@ -68,6 +70,7 @@ impl Default for BoardState {
             sensors: LocalReadings::default(),
             enclosure: enclosure::Readings::default(),
             biss: None,
+            hall: 0,
             joint_words: None,
         }
     }
@@ -263,6 +266,7 @@ impl<N: JointNode> Background<N> {
             return true;
         };
         self.driver.set_joint_words(state.joint_words);
+        self.driver.take_hall(state.hall);
         link.reports(now_us, |report| self.report(state, &report));
         link.scope_rows(|row| self.driver.take_scope_row(row));
         self.observe(state, now_us);

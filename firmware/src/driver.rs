@@ -321,6 +321,11 @@ impl<F: NorFlash> Driver<F> {
         self.device.take_biss(words);
     }
 
+    /// Sets the levels of Hall sensors, before the reports of a tick; illegal ones if there are no sensors.
+    pub fn take_hall(&mut self, levels: u8) {
+        self.device.take_hall(levels);
+    }
+
     /// Sets the secret of the access challenges: random bytes of the board, new at every start. Without them, the
     /// challenges depend on the key and the time.
     pub const fn seed_challenges(&mut self, seed: [u8; Key::LENGTH]) {

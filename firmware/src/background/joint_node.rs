@@ -46,6 +46,9 @@ pub trait JointNode {
     /// Sets the first words of the last frame of a BiSS encoder, before a tick.
     fn take_biss(&mut self, _words: Option<[u16; TURN_WORDS]>) {}
 
+    /// Sets the levels of Hall sensors, before the reports of a tick.
+    fn take_hall(&mut self, _levels: u8) {}
+
     /// Sets the words of the encoder at the joint's side of the gear, before the reports.
     fn set_joint_words(&mut self, _words: Option<[u16; biss::WORDS]>) {}
 
@@ -127,6 +130,10 @@ impl<F: NorFlash> JointNode for Driver<F> {
 
     fn take_biss(&mut self, words: Option<[u16; TURN_WORDS]>) {
         Self::take_biss(self, words);
+    }
+
+    fn take_hall(&mut self, levels: u8) {
+        Self::take_hall(self, levels);
     }
 
     fn set_joint_words(&mut self, words: Option<[u16; biss::WORDS]>) {

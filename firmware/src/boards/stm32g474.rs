@@ -283,6 +283,7 @@ mod app {
                 sensors,
                 enclosure: self.slow.enclosure(now_us),
                 biss: Some(encoder::biss_words()),
+                hall: super::incremental::hall_levels(),
                 joint_words: self.joint_encoder.as_mut().map(JointEncoder::read),
                 ..BoardState::default()
             }

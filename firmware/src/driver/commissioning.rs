@@ -16,6 +16,7 @@
 
 mod field_rotation;
 pub mod friction_run;
+mod hall_fit;
 mod loss;
 mod progress;
 mod rotation_steps;
@@ -25,6 +26,7 @@ use crate::control::parameters::DEAD_TIME_SHARE_MAX;
 use crate::control::probe::{BLOCK_PERIODS, HALF_WAVE_PERIODS, ProbeCommand, ProbeReport};
 use core::f32::consts::TAU;
 use field_rotation::{FieldRatio, FieldRotation, RotationWindow};
+use hall_fit::HallFit;
 use loss::Level;
 pub use progress::{AbortReason, CommissioningStep};
 use rotation_steps::SLOW_HZ;
@@ -157,6 +159,9 @@ pub struct Commissioning {
     /// Window of the slow forward rotation, and flux of the fast one, Vs.
     forward_window: RotationWindow,
     flux_forward_vs: f32,
+    /// Levels of Hall sensors, and what they show.
+    hall_levels: u8,
+    hall: HallFit,
     /// Last encoder angle, and the rotation since the start of the run, 2^-32 turns.
     encoder: (u32, i64),
 }
@@ -195,6 +200,8 @@ impl Default for Commissioning {
             gear: FieldRatio::default(),
             forward_window: RotationWindow::default(),
             flux_forward_vs: 0.0,
+            hall_levels: 0,
+            hall: HallFit::default(),
             encoder: (0, 0),
         }
     }
@@ -237,6 +244,17 @@ impl Commissioning {
     /// Returns the reason of the end.
     pub const fn reason(&self) -> AbortReason {
         self.reason
+    }
+
+    /// Takes the levels of Hall sensors, before a block; illegal ones if there are no sensors.
+    pub fn take_hall(&mut self, levels: u8) {
+        self.hall_levels = levels;
+    }
+
+    /// Returns the order of the Hall sensors, 1 or -1, and the electrical angle from the encoder's zero at which sector 001
+    /// begins, rad; `None` if they were not seen to turn with the rotor.
+    pub fn found_hall(&self) -> Option<[f32; 2]> {
+        self.hall.found()
     }
 
     /// Returns the results.

@@ -19,7 +19,7 @@ use super::evaluation::Evaluation;
 use crate::control::MotorParameters;
 
 /// A sixth of a turn, in 2^-32 turns.
-pub(super) const SECTOR_UNITS: u32 = ((1u64 << 32) / 6) as u32;
+pub(crate) const SECTOR_UNITS: u32 = ((1u64 << 32) / 6) as u32;
 
 /// Illegal levels in a row from which they are a contradiction. Fewer are a disturbance, during which the observer coasts.
 const ILLEGAL_PERIODS: u8 = 3;
@@ -42,7 +42,7 @@ const NO_SECTOR: u32 = 7;
 
 /// Returns the sector of these levels, 0 to 5; `None` for three low or three high levels.
 #[inline(always)]
-pub(super) const fn sector(levels: u8) -> Option<u8> {
+pub(crate) const fn sector(levels: u8) -> Option<u8> {
     let sector = SECTOR_OF_LEVELS >> (4 * (levels & 7) as u32) & 7;
     if sector == NO_SECTOR { None } else { Some(sector as u8) }
 }
@@ -59,7 +59,7 @@ pub(super) const fn direction(from: u8, to: u8) -> i8 {
 
 /// Returns the begin of a sector, in 2^-32 electrical turns.
 #[inline(always)]
-pub(super) const fn begin(sector: u8) -> u32 {
+pub(crate) const fn begin(sector: u8) -> u32 {
     sector as u32 * SECTOR_UNITS
 }
 

@@ -297,6 +297,7 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
                 self.background.receive(&frame, self.now_us);
             }
             let state = BoardState {
+                hall: self.stage.hall_levels(),
                 biss: self.stage.board.as_ref().and_then(BoardSensors::biss_words),
                 joint_words: self.joint_words.take().or_else(|| self.stage.output_words()),
                 ..*state

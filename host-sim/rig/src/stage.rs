@@ -165,6 +165,11 @@ impl Stage {
         self.touched_rad.is_some_and(|[from, to]| (from..to).contains(&at_rad))
     }
 
+    /// Returns the levels of the Hall sensors; 0 without the driver's board.
+    pub fn hall_levels(&self) -> u8 {
+        self.board.as_ref().map_or(0, |board| board.hall_levels(self.plant.motor_turns()))
+    }
+
     /// Duty cycles in effect; `None` with the bridge open.
     pub fn applied_duty(&self) -> Option<[f64; 3]> {
         self.applied

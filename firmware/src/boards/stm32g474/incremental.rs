@@ -16,7 +16,8 @@ use firmware::sensors::quadrature::Quadrature;
 
 /// Connects the inputs that this kind of encoder needs.
 pub fn connect(kind: EncoderKind, wired: pins::Incremental) {
-    if matches!(kind, EncoderKind::AbzHall | EncoderKind::Hall) {
+    // An ABZ encoder alone has them during commissioning.
+    if matches!(kind, EncoderKind::Abz | EncoderKind::AbzHall | EncoderKind::Hall) {
         // They stay connected.
         core::mem::forget((
             Input::new(wired.hall_1, Pull::Up),

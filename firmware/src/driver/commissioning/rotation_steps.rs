@@ -42,6 +42,10 @@ impl Commissioning {
         let window = self.rotation.window;
         if window.blocks > had {
             self.sums.add(block, 0);
+            if self.gear.signed != 0 {
+                let pole_pairs = u32::from(self.found.pole_pairs);
+                self.hall.add(self.hall_levels, block.encoder.wrapping_mul(pole_pairs));
+            }
         }
         if !self.rotation.is_over() {
             return Ok(());

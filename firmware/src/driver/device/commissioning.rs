@@ -16,6 +16,7 @@ use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun, Fr
 use crate::driver::commissioning::{AbortReason, Commissioning, CommissioningBounds};
 use crate::node::dictionary::records::CommissioningRunObject;
 use crate::node::sdo::Abort;
+use crate::sensors::encoder::EncoderKind;
 use compensator_core::refusal;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
@@ -84,6 +85,11 @@ impl<F: NorFlash> Device<F> {
     /// Returns true during a friction run.
     pub(super) fn is_friction_run(&self) -> bool {
         self.commissioning.friction.is_running()
+    }
+
+    /// Takes the levels of Hall sensors, once per tick.
+    pub(in crate::driver) fn take_hall(&mut self, levels: u8) {
+        self.commissioning.run.take_hall(levels);
     }
 
     /// Returns the command for the measurement in the interrupt.
@@ -277,6 +283,13 @@ impl<F: NorFlash> Device<F> {
         motor.current_bandwidth_hz = motor.current_bandwidth_max_hz(PERIOD_S);
         joint.torque_constant_nm_per_a *= constant / motor.torque_constant_nm_per_a;
         motor.torque_constant_nm_per_a = constant;
+        // The electrical angle of other encoders does not count from an index.
+        let kind = EncoderKind::of(set.sensors.encoder_kind);
+        if let Some([order, begin_rad]) = self.commissioning.run.found_hall()
+            && matches!(kind, EncoderKind::Abz | EncoderKind::AbzHall)
+        {
+            (set.sensors.hall_order, set.sensors.hall_offset_rad) = (order, begin_rad);
+        }
         self.motor.record_measurement(set.wiring_crc());
     }
 

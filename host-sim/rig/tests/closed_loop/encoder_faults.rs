@@ -8,7 +8,10 @@ use super::encoder_kinds::{
 };
 use super::rig::{Joint, Master};
 use super::table::{ScenarioRow, check, outside_row, row};
+use firmware::node::dictionary::index;
+use firmware::sensors::SensorParameters;
 use joint_rig::{EncoderFault, HallFault, LineFault, SerialFault};
+use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
 const AS5047P: f32 = 0.0;
@@ -172,6 +175,12 @@ pub fn rows() -> &'static [ScenarioRow] {
             rows.extend(half_a_turn_off());
             rows.extend(reversed_after_proof());
             rows.extend(commissioned());
+        }
+        // A run takes ten seconds.
+        let is_long = std::env::var_os("LONG_TESTS").is_some();
+        let count = if ALL_ENCODER_FAULTS { 2 } else { usize::from(is_long) };
+        for hall in [HallFault::Reversed, HallFault::Jump].into_iter().take(count) {
+            rows.extend(commissioned_with_hall(hall));
         }
         rows
     });
@@ -461,6 +470,47 @@ fn commissioned() -> Vec<ScenarioRow> {
         }
     }
     rows
+}
+
+/// An ABZ encoder with Hall sensors, commissioned as one without. It finds their order and place, with which kind 3 is driven.
+fn commissioned_with_hall(hall: HallFault) -> Vec<ScenarioRow> {
+    let what = if hall == HallFault::Jump { "half an electrical turn off" } else { "reversed" };
+    let name = format!("Hall sensors {what}, commissioned as ABZ");
+    let abz = Joint { commissioned: false, ..joint(ABZ) };
+    let [order, begin_rad] = started(&abz, ABZ, |master| {
+        Hall(hall).set(master);
+        (0..150).for_each(|_| master.rig.step_idle());
+        commission(master);
+        ["hall_order", "hall_offset_rad"].map(|parameter| {
+            let place = SensorParameters::NAMES.iter().position(|name| *name == parameter);
+            let subindex = place.expect("a parameter") as u8 + 1;
+            f32::from_bits(master.rig.read_object(index::SENSORS, subindex).expect("a number"))
+        })
+    });
+    let mut both = joint(ABZ_HALL);
+    let set = both.set.as_mut().expect("a set");
+    (set.sensors.hall_order, set.sensors.hall_offset_rad) = (order, begin_rad);
+    let armed = both.run(|master| {
+        Hall(hall).set(master);
+        (0..150).for_each(|_| master.rig.step_idle());
+        reach_speed(master);
+        (0..100).for_each(|_| master.follow(SPEED_RAD_S, 0.0));
+        master.rig.is_armed()
+    });
+    let (true_order, true_rad) = if hall == HallFault::Jump { (1.0, PI) } else { (-1.0, PI / 3.0) };
+    let off = (f64::from(begin_rad) - true_rad + PI).rem_euclid(TAU) - PI;
+    vec![
+        row(26, &name, "order of the Hall sensors", order.into(), true_order..=true_order),
+        // The placement of the sensors.
+        row(
+            26,
+            &name,
+            "error of their place, electrical degrees",
+            off.to_degrees().abs(),
+            0.0..=5.0,
+        ),
+        row(26, &name, "at 3 rad/s as ABZ and Hall sensors: stays armed", flag(armed), 1.0..=1.0),
+    ]
 }
 
 /// Returns true if the driver reports a warning of the encoder.
