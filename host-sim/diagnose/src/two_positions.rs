@@ -47,6 +47,9 @@ const SHARE_ERROR: f64 = 0.16;
 /// Least part of [`SHARE_ERROR`], where the lost motion is all play.
 const LEAST_SHARE_ERROR: f64 = 0.15;
 
+/// Least gain of backlash in the torque on held-out rows, in standard errors, with which it is fitted where the positions show it.
+const MIN_GAIN_ERRORS: f64 = 2.0;
+
 /// Number of the figures.
 const FIGURE_COUNT: usize = 7;
 
@@ -177,9 +180,16 @@ impl TwoPositions {
         })
     }
 
-    /// Lowers the probability of backlash in the torque where the positions show no play.
+    /// Lowers the probability of backlash in the torque where the positions show no play. Where they show play, raises it if the
+    /// torque gains by it on held-out rows, so that its compensation is fitted.
     pub fn weigh(&self, weighed: &mut [WeighedCause]) {
         if self.is_named() {
+            let gains = |own: &&mut WeighedCause| {
+                own.cause.name() == BACKLASH && own.figures.last_in_errors > MIN_GAIN_ERRORS
+            };
+            for own in weighed.iter_mut().filter(gains) {
+                own.probability = own.probability.max(self.probability);
+            }
             return;
         }
         for own in weighed.iter_mut().filter(|own| own.is_named() && own.cause.name() == BACKLASH) {
@@ -199,10 +209,10 @@ impl TwoPositions {
         own.probability = self.probability;
         if let Some(at) = findings.iter().position(|other| other.cause.name() == BACKLASH) {
             let of_torque = findings.remove(at);
-            own.in_words += &format!(
-                "; the torque shows it too, with a travel of {}",
-                of_torque.size.in_words()
-            );
+            if of_torque.is_in_model {
+                let travel = of_torque.size.in_words();
+                own.in_words += &format!("; its compensation has a travel of {travel}");
+            }
             own.probability = own.probability.max(of_torque.probability);
             own.share_of_residual = of_torque.share_of_residual;
             own.is_in_model = of_torque.is_in_model;
