@@ -5,7 +5,7 @@
 //!         -> slow rotation, both directions: pole pairs, direction, electrical zero -> fast rotation: flux -> current to 0
 //! ```
 //! Three currents are used because the dead time takes a voltage that does not depend on a large current, and less at
-//! a small one ([`loss`]); the slope is R. Friction makes the field lead the rotor in one direction and lag in the other: the mean is the electrical
+//! a small one (`loss`); the slope is R. Friction makes the field lead the rotor in one direction and lag in the other: the mean is the electrical
 //! zero, and half the difference is the friction. Over a whole motor turn, cogging and eccentricity cancel. Flux
 //! is found *across* the current, where resistance and dead time have no effect: `-v i_across = w L i^2 + w psi
 //! (i_d cos lag - i_q sin lag)`.

@@ -64,7 +64,7 @@ impl KeptHome {
         Self { position_rad, encoder, shaft: shaft as u16, may_move: flags & 1 != 0, turns }
     }
 
-    /// Returns true if a joint with the `present` position has turned by less than [`RECORD_RANGE_TURNS`] since this one.
+    /// Returns true if a joint with the `present` position has turned by less than `RECORD_RANGE_TURNS` since this one.
     pub fn is_near(&self, present: &Self) -> bool {
         let turned = present.encoder.wrapping_sub(self.encoder) as i32;
         self.shaft == present.shaft && turned.unsigned_abs() < RECORD_RANGE

@@ -6,7 +6,7 @@
 //!
 //! Between two edges the angle is extrapolated at the speed of the last sector, but not past the end of the present one:
 //! whatever the motor does, the angle is wrong by 60 degrees at most. The extrapolated angle reaches that of an edge at a
-//! limited rate, so that the placement errors of the sensors do not jump. Without an edge for [`REST_PERIODS`] it moves to the
+//! limited rate, so that the placement errors of the sensors do not jump. Without an edge for `REST_PERIODS` it moves to the
 //! middle of the sector, where it is wrong by 30 degrees at most.
 //!
 //! An edge counts from its second period on, so that a disturbance of one period is none. The delay is part of the age of the

@@ -104,6 +104,7 @@ impl Finding {
         let percent = significant(100.0 * self.share_of_residual, 3);
         match self.is_in_model {
             true => format!("reduces the squared error by {percent} %"),
+            false if self.share_of_residual == 0.0 => "does not show in the torque".to_owned(),
             false => format!("makes {percent} % of the squared error, which the model keeps"),
         }
     }

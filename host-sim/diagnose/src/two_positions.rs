@@ -5,14 +5,14 @@
 //! motion is play and torsion under the friction of the load. Only the torque distinguishes both: a gear that winds up has a torque
 //! in all of the lost motion, and one with play has none until its flanks meet.
 //!
-//! - [`regression`]: the difference of the positions is compared with and without a stop operator of the motion, beside everything
+//! - `regression`: the difference of the positions is compared with and without a stop operator of the motion, beside everything
 //!   else that it may hold: an offset of each block, an error of the scale, any error that repeats with the angle (an
 //!   eccentricity and its harmonics), a delay between the samples (velocity and acceleration), and torsion (the torque behind
 //!   a free share of the motor's friction).
-//! - [`behind`]: the torque is compared with one that follows the lag without a dead share, which is the play.
+//! - `behind`: the torque is compared with one that follows the lag without a dead share, which is the play.
 //!
 //! Both are compared on blocks that the fit has not seen. The standard error is that over blocks, so residuals may be correlated
-//! within a block ([`blocks`]). A [`calibration`] of the figures on simulated joints gives the probability.
+//! within a block (`blocks`). A [`calibration`] of the figures on simulated joints gives the probability.
 
 mod behind;
 mod blocks;
