@@ -52,7 +52,11 @@ impl UnseenTurning {
         if along_a.abs() >= level_a.max(LEVEL_MIN_A)
             && (self.left_ms == 0 || is_positive != self.is_positive)
         {
-            *self = Self { alternations: self.alternations + 1, left_ms: GAP_MS, is_positive };
+            *self = Self {
+                alternations: self.alternations.saturating_add(1),
+                left_ms: GAP_MS,
+                is_positive,
+            };
         }
         self.alternations > ALTERNATIONS
     }

@@ -8,7 +8,8 @@
 //! as by waves, is limited to one record in [`REFILL_US`].
 //!
 //! A cut supply opens the bridge of an armed joint, too. While the bus capacitors still feed the board, the record of a joint
-//! that stands is written after [`FAILING_REST_US`], without an erase.
+//! that stands is written after [`FAILING_REST_US`], without an erase. Only a holding brake makes it stand without power: a joint
+//! without one may begin to fall, by any number of turns.
 
 use super::kept_home::HomeState;
 use super::{Device, InputSource};
@@ -90,7 +91,8 @@ impl<F: NorFlash> Device<F> {
             self.mark_stored_home();
         }
         let is_powered = self.is_powered();
-        let rest_us = if is_powered { REST_US } else { FAILING_REST_US };
+        let is_held = self.settings.drive.brake_output != 0;
+        let rest_us = if is_powered || !is_held { REST_US } else { FAILING_REST_US };
         let (now_us, stored) = (self.now_us, &mut self.stored_home);
         let is_settled = matches!(self.home, HomeState::Settled);
         let is_stored =

@@ -171,9 +171,12 @@ fn home_of_an_armed_joint_is_lost_from_the_tick_of_arming_on() {
 }
 
 #[test]
-fn home_of_an_armed_joint_is_recorded_while_its_supply_fails_if_it_stands() {
-    for (velocity_rad_s, is_known) in [(0.0, true), (0.5, false)] {
+fn home_of_an_armed_joint_is_recorded_while_its_supply_fails_if_its_brake_holds_it() {
+    for (brake_output, velocity_rad_s, is_known) in
+        [(1, 0.0, true), (1, 0.5, false), (0, 0.0, false)]
+    {
         let mut bench = at_rest();
+        bench.write(index::HOLDING_BRAKE, 1, &[brake_output]).unwrap();
         arm(&mut bench);
         pass(&mut bench, 100, 7.2, velocity_rad_s);
         assert!(bench.driver.is_armed());
@@ -181,7 +184,7 @@ fn home_of_an_armed_joint_is_recorded_while_its_supply_fails_if_it_stands() {
         pass_at(20.0, &mut bench, 30, [7.2, velocity_rad_s]);
         assert!(!bench.driver.is_armed());
         let (home, reason) = home_after_power_cut(bench, 0.5);
-        assert_eq!(home.is_some(), is_known, "{velocity_rad_s}: {reason}");
+        assert_eq!(home.is_some(), is_known, "{brake_output} {velocity_rad_s}: {reason}");
         let turned = home.map_or(7.5, |home| (home.position_rad - POSITION_RAD) * 51.0 / TAU);
         assert!((turned - 7.5).abs() < 1e-3, "{turned}");
     }

@@ -4,6 +4,7 @@ use super::driver::ALL_ENCODER_FAULTS;
 use super::rig::{Joint, Master, set};
 use super::table::{ScenarioRow, check, row};
 use super::velocity::{drive, enable};
+use firmware::node::dictionary::index;
 use std::sync::LazyLock;
 
 /// Values of `encoder_kind`.
@@ -183,21 +184,18 @@ fn restart_turned(master: &mut Master, turns: f64) -> (bool, f64) {
 /// Power cuts of a homed joint at 0.3 rad that has rested for a second. It is armed then or not, and its bus falls to 25 V before
 /// or not. Its motor turns by this share of a turn without power.
 fn homes_after_power_cut() -> Vec<ScenarioRow> {
+    const FAILED: &str = "armed after a rest, 40 ms after its bus has fallen to 25 V";
+    let with_brake = format!("{FAILED}, with a holding brake");
     let cases = [
-        ("at rest, motor turned by 0.3 turns meanwhile", 0.0, 0.3, [false, false], true),
-        ("at rest, motor turned by 0.45 turns meanwhile", 0.0, 0.45, [false, false], false),
-        ("armed after a rest, without a warning", 0.0, 0.0, [true, false], false),
-        (
-            "armed after a rest, 40 ms after its bus has fallen to 25 V",
-            0.0,
-            0.3,
-            [true, true],
-            true,
-        ),
-        ("at rest, BiSS C, motor turned by 3.45 turns meanwhile", BISS, 3.45, [false, false], true),
+        ("at rest, motor turned by 0.3 turns meanwhile", 0.0, 0.3, [false; 3], true),
+        ("at rest, motor turned by 0.45 turns meanwhile", 0.0, 0.45, [false; 3], false),
+        ("armed after a rest, without a warning", 0.0, 0.0, [true, false, false], false),
+        (&with_brake, 0.0, 0.3, [true; 3], true),
+        (FAILED, 0.0, 0.3, [true, true, false], false),
+        ("at rest, BiSS C, motor turned by 3.45 turns meanwhile", BISS, 3.45, [false; 3], true),
     ];
     let mut rows = Vec::new();
-    for (what, kind, turns, [is_armed, is_failing], is_kept) in cases {
+    for (what, kind, turns, [is_armed, is_failing, has_brake], is_kept) in cases {
         let name = format!("power cut of a homed joint, {what}");
         let mut joint = joint(kind);
         joint.constants.encoder_zero_rad = 2.0;
@@ -207,6 +205,9 @@ fn homes_after_power_cut() -> Vec<ScenarioRow> {
                 master.arm().expect("it arms");
                 master.rig.request_state(0);
                 (0..1200).for_each(|_| master.rig.step_idle());
+                if has_brake {
+                    master.rig.write_object_byte(index::HOLDING_BRAKE, 1, 1);
+                }
                 if is_armed {
                     // Without homing it again.
                     (0..5).for_each(|_| master.rig.step_with_command(0.0, 0.0));
