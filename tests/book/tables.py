@@ -4,8 +4,8 @@
     tests/book/tables.py                prints all tables
     tests/book/tables.py supports html  exit code 0: the preprocessor serves every renderer
 
-A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects,
-commands, rules, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
+A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects
+and frames, commands, rules, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
 hash, so that a change shows in a diff; `tests/book/run --update` writes it.
 
 The lists in the source are macros of one line per entry. They are found by a name that stands in them, because files and
@@ -13,7 +13,7 @@ types may be renamed while the names on the bus may not.
 
 A file of figures has blocks, separated by empty lines. A block is a title after `# `, a line of column names, and rows,
 with tabs between cells. A line without a tab is a paragraph. `NAME` is such a file without its suffix; `NAME/TITLE` is
-one of its blocks.
+one of its blocks, `NAME?COLUMN=VALUE` the rows of all blocks with this value, each with the title of its block.
 """
 
 import hashlib
@@ -243,6 +243,32 @@ def objects(_):
     return rows(["index", "object", "type, access", "entries"], lines)
 
 
+def record(field):
+    """Entries of the object whose record has this field: sub-index, name and meaning."""
+
+    def made(texts):
+        body = block(texts, "record", f" {field}: ").split("{\n", 1)[1]
+        lines = [[f":{place}", f"`{text.split(':')[0]}`", cell(doc)] for place, (doc, text) in enumerate(entries(body), 1)]
+        assert len(lines) == body.count(";\n"), f"an entry beside {field} has no comment"
+        return rows(["entry", "name", "meaning"], lines)
+
+    return made
+
+
+def frames(_):
+    """Process frames of a joint by its DBC file, which has those of joint 1: identifier, sender, signals and comment."""
+    text = (ROOT / "compensator-core" / "joint.dbc").read_text()
+    comments = dict(re.findall(r'^CM_ BO_ (\d+) "(.*)";$', text, re.M))
+    lines = []
+    for number_, name, sender, body in re.findall(r"^BO_ (\d+) (\w+): \d+ (\w+)\n((?: SG_ .*\n)*)", text, re.M):
+        signals = re.findall(r'^ SG_ (\w+).*? : .* "(.*?)" \w+$', body, re.M)
+        # More than these are the bits of one word of flags, which has its own table.
+        listed = ", ".join(f"{signal} {unit}".strip() for signal, unit in signals) if len(signals) < 8 else "flags, sequence"
+        identifier = f"{int(number_):03X}h" if int(number_) == 0x80 else f"{int(number_) - 1:03X}h + node"
+        lines.append([identifier, name, "to the joint" if sender == "Host" else "from the joint", listed, cell(comments[number_])])
+    return rows(["identifier", "frame", "direction", "content", "meaning"], lines)
+
+
 def frame_bits(data_bytes):
     """Longest classic frame with an 11-bit identifier, bits: 34 bits of head and checksum and the data can be stuffed,
     one bit after every four; 10 bits of trailer and 3 between two frames cannot."""
@@ -314,6 +340,18 @@ MADE = {
     "limits": codes(False),
     "flags": flags,
     "objects": objects,
+    "frames": frames,
+    "object-200Ah": record("wiring_crc"),
+    "object-200Bh": record("outside_count"),
+    "object-200Ch": record("dead_time_current_a"),
+    "object-2027h": record("staged_crc"),
+    "object-2030h": record("release_delay_ms"),
+    "object-2032h": record("difference_rad"),
+    "object-2040h": record("rollback_counter"),
+    "object-2041h": record("wrong_responses"),
+    "object-2042h": record("deadline_ms"),
+    "object-2043h": record("set_before_crc"),
+    "object-2044h": record("least_gain_permille"),
     "commands": commands,
     "options-output": options("OutputArguments"),
     "options-bus": options("BusArguments"),
@@ -340,12 +378,30 @@ def figure_file(name):
 
 def figures(name):
     """Markdown of a file of figures, or of one of its blocks without the title."""
+    name, _, wanted = name.partition("?")
     name, _, title = name.partition("/")
     blocks = [block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")]
     if title:
         blocks = [block[1:] for block in blocks if block[0] == f"# {title}"]
         assert len(blocks) == 1, f"{name}.tsv: {len(blocks)} blocks with the title {title!r}"
+    if wanted:
+        return selected_rows(blocks, *wanted.split("="))
     return "\n\n".join(map(figure_block, blocks))
+
+
+def selected_rows(blocks, column, value):
+    """Rows of all blocks with this value, without the column; an empty first cell repeats the one above."""
+    lines = []
+    for title, head, *data in blocks:
+        names, above = head.split("\t"), ""
+        place = names.index(column)
+        for line in data:
+            cells = line.split("\t")
+            above = cells[0] = cells[0] or above
+            if cells[place].strip("*") == value:
+                lines.append([title.removeprefix("# "), *cells[:place], *cells[place + 1 :]])
+    assert lines, f"no row with {column} = {value}"
+    return rows(["block", *names[:place], *names[place + 1 :]], lines)
 
 
 def figure_block(lines):
