@@ -5,7 +5,7 @@
     tests/book/tables.py supports html  exit code 0: the preprocessor serves every renderer
 
 A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects
-and frames, commands, rules, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
+and frames, commands, rules, JSON Schemas, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
 hash, so that a change shows in a diff; `tests/book/run --update` writes it.
 
 The lists in the source are macros of one line per entry. They are found by a name that stands in them, because files and
@@ -269,6 +269,26 @@ def frames(_):
     return rows(["identifier", "frame", "direction", "content", "meaning"], lines)
 
 
+def schema_keys(name):
+    """Keys of a result file that its JSON Schema describes."""
+
+    def described(node, path):
+        for key, value in node.get("properties", {}).items():
+            place = f"{path}.{key}" if path else key
+            if "description" in value:
+                yield [f"`{place}`", cell(value["description"])]
+            yield from described(value, place)
+        for part, suffix in (("items", "[]"), ("additionalProperties", ".*")):
+            if isinstance(node.get(part), dict):
+                yield from described(node[part], path + suffix)
+
+    def made(_):
+        schema = json.loads((ROOT / "host-sim" / "schemas" / f"{name}.schema.json").read_text())
+        return rows(["key", "meaning"], described(schema, ""))
+
+    return made
+
+
 def frame_bits(data_bytes):
     """Longest classic frame with an 11-bit identifier, bits: 34 bits of head and checksum and the data can be stuffed,
     one bit after every four; 10 bits of trailer and 3 between two frames cannot."""
@@ -364,6 +384,7 @@ MADE = {
     "rules": rules,
     "attacks": attacks,
     "defences": defences,
+    **{f"{name}.json": schema_keys(name) for name in ("compare", "diagnosis", "fleet", "trend", "tune")},
     **{name: bus_load(name) for name in CYCLES | FD_CYCLES},
 }
 
