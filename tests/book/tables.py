@@ -399,21 +399,19 @@ def figure_file(name):
 
 def figures(name):
     """Markdown of a file of figures, or of one of its blocks without the title."""
-    name, _, wanted = name.partition("?")
     name, _, title = name.partition("/")
     blocks = [block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")]
     if title:
         blocks = [block[1:] for block in blocks if block[0] == f"# {title}"]
         assert len(blocks) == 1, f"{name}.tsv: {len(blocks)} blocks with the title {title!r}"
-    if wanted:
-        return selected_rows(blocks, *wanted.split("="))
     return "\n\n".join(map(figure_block, blocks))
 
 
-def selected_rows(blocks, column, value):
-    """Rows of all blocks with this value, without the column; an empty first cell repeats the one above."""
+def selected_rows(place):
+    """Rows of all blocks of `NAME?COLUMN=VALUE`, without the column; an empty first cell repeats the one above."""
+    name, column, value = re.fullmatch(r"(.+)\?(.+)=(.+)", place).groups()
     lines = []
-    for title, head, *data in blocks:
+    for title, head, *data in (block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")):
         names, above = head.split("\t"), ""
         place = names.index(column)
         for line in data:
@@ -443,6 +441,8 @@ def figure_block(lines):
 
 def made(name, texts):
     """Markdown of the table with this name."""
+    if "?" in name:
+        return selected_rows(name)
     return MADE[name](texts) if name in MADE else figures(name)
 
 
