@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Processor times of the stages of tests/run, compared with the table in git.
 
-    tests/stage_times.py compare TARGET FRESH    writes TARGET/stage-times.md from TARGET/stage-times.tsv, and compares
-    tests/stage_times.py update TARGET FRESH     writes tests/stage-times.md
+    tests/stage_times.py compare TARGET FRESH    writes TARGET/stage-times-table.tsv from TARGET/stage-times.tsv, and compares
+    tests/stage_times.py update TARGET FRESH     writes tests/stage-times.tsv
     tests/stage_times.py test                    tests this script
 
 A slower machine must not fail, so a stage is judged by its share of the sum over all stages. The share may differ from that
@@ -14,18 +14,12 @@ that did not run, always fail. A stage that was skipped, because a program could
 import pathlib
 import sys
 
-TABLE = pathlib.Path(__file__).resolve().parent / "stage-times.md"
+TABLE = pathlib.Path(__file__).resolve().parent / "stage-times.tsv"
 # Wide, as the table is assembled from partial runs; 2 and 0.02 hold between whole runs of one machine.
 FACTOR = 4.0
 NEGLIGIBLE = 0.06
 
-HEAD = """# Times of the stages of `tests/run`
-
-Written by `tests/run --update-times` in a fresh target folder. `tests/run` compares the shares of the processor time.
-
-| stage | what | wall, s | processor, s |
-|---|---|---|---|
-"""
+HEAD = "stage\twhat\twall, s\tprocessor, s\n"
 
 
 def read_run(text):
@@ -36,20 +30,20 @@ def read_run(text):
 
 def read_table(text):
     """Returns the processor time of each stage of a table."""
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| `")]
-    return {row[0].strip("`"): int(row[3]) for row in rows}
+    rows = [line.split("\t") for line in text.splitlines()[1:]]
+    return {key: int(used) for key, _, _, used in rows if key != "sum"}
 
 
 def page(run):
-    rows = [f"| `{key}` | {name} | {wall} | {used} |" for key, (name, wall, used, _) in run.items()]
-    total = f"| sum | | {sum(row[1] for row in run.values())} | {sum(row[2] for row in run.values())} |"
+    rows = [f"{key}\t{name}\t{wall}\t{used}" for key, (name, wall, used, _) in run.items()]
+    total = f"sum\t\t{sum(row[1] for row in run.values())}\t{sum(row[2] for row in run.values())}"
     return HEAD + "\n".join([*rows, total]) + "\n"
 
 
 def differences(run, table, is_fresh):
     """Returns one line for each difference."""
-    found = [f"{key}: not in tests/stage-times.md" for key in run if key not in table]
-    found += [f"{key}: in tests/stage-times.md, but it did not run" for key in table if key not in run]
+    found = [f"{key}: not in tests/stage-times.tsv" for key in run if key not in table]
+    found += [f"{key}: in tests/stage-times.tsv, but it did not run" for key in table if key not in run]
     both = [key for key in run if key in table and run[key][3] == "ran"]
     sums = sum(run[key][2] for key in both), sum(table[key] for key in both)
     if not is_fresh or not all(sums):
@@ -57,7 +51,7 @@ def differences(run, table, is_fresh):
     for key in both:
         share, known = run[key][2] / sums[0], table[key] / sums[1]
         if abs(share - known) > NEGLIGIBLE and not known / FACTOR <= share <= known * FACTOR:
-            found.append(f"{key}: {100 * share:.1f} % of the processor time, {100 * known:.1f} % in tests/stage-times.md")
+            found.append(f"{key}: {100 * share:.1f} % of the processor time, {100 * known:.1f} % in tests/stage-times.tsv")
     return found
 
 
@@ -95,7 +89,7 @@ def main():
         return test()
     verb, target, fresh = sys.argv[1:]
     run = read_run((pathlib.Path(target) / "stage-times.tsv").read_text())
-    (pathlib.Path(target) / "stage-times.md").write_text(page(run))
+    (pathlib.Path(target) / "stage-times-table.tsv").write_text(page(run))
     if verb == "update":
         if fresh != "1":
             print("not written: the target folder was not fresh")

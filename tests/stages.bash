@@ -145,7 +145,7 @@ count() {
         >>"$times"
 }
 
-# Runs a stage: `stage KEY NAME COMMAND...`. The key is that of tests/stage-times.md. In a lane, the tests are counted when
+# Runs a stage: `stage KEY NAME COMMAND...`. The key is that of tests/stage-times.tsv. In a lane, the tests are counted when
 # the lane is joined.
 stage() {
     if [ -n "$lane" ]; then

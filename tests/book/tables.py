@@ -407,9 +407,9 @@ def figures(name):
     return "\n\n".join(map(figure_block, blocks))
 
 
-def selected_rows(place):
+def selected_rows(selection):
     """Rows of all blocks of `NAME?COLUMN=VALUE`, without the column; an empty first cell repeats the one above."""
-    name, column, value = re.fullmatch(r"(.+)\?(.+)=(.+)", place).groups()
+    name, column, value = re.fullmatch(r"(.+)\?(.+)=(.+)", selection).groups()
     lines = []
     for title, head, *data in (block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")):
         names, above = head.split("\t"), ""
