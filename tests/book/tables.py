@@ -289,6 +289,23 @@ def schema_keys(name):
     return made
 
 
+def documented_names(entry):
+    """Names of a list whose entries `Type = "name" in file` have a comment: formula and meaning where it has both."""
+
+    def made(texts):
+        body = text_with(texts, entry)
+        lines = []
+        for doc, name in re.findall(r'((?: *///.*\n)+) *\w+ = (?:\d+, )?"([\w-]+)" in ', body):
+            doc = " ".join(line.strip().removeprefix("///").strip() for line in doc.splitlines())
+            formula, _, meaning = doc.partition(": ") if doc.startswith("`") and ": " in doc else ("–", "", doc)
+            lines.append([f"`{name}`", cell(formula), cell(meaning.rstrip("."))])
+        if all(line[1] == "–" for line in lines):
+            return rows(["name", "meaning"], [[name, meaning] for name, _, meaning in lines])
+        return rows(["name", "formula", "meaning"], lines)
+
+    return made
+
+
 def frame_bits(data_bytes):
     """Longest classic frame with an 11-bit identifier, bits: 34 bits of head and checksum and the data can be stuffed,
     one bit after every four; 10 bits of trailer and 3 between two frames cannot."""
@@ -359,6 +376,8 @@ MADE = {
     "faults": codes(True),
     "limits": codes(False),
     "flags": flags,
+    "laws": documented_names('"lugre-asymmetric" in lugre_asymmetric'),
+    "terms": documented_names('"radial-force-coulomb" in radial_force_coulomb'),
     "objects": objects,
     "frames": frames,
     "object-200Ah": record("wiring_crc"),
