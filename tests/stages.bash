@@ -145,8 +145,7 @@ count() {
         >>"$times"
 }
 
-# Runs a stage: `stage KEY NAME COMMAND...`. In a lane, the tests are counted when
-# the lane is joined.
+# Runs a stage: `stage KEY NAME COMMAND...`. In a lane, the tests are counted when the lane is joined.
 stage() {
     if [ -n "$lane" ]; then
         place=$((place + 1))

@@ -17,7 +17,7 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
-TABLE = pathlib.Path(__file__).resolve().parent / "build.md"
+TABLE = pathlib.Path(__file__).resolve().parent / "build.tsv"
 LISTED = 25  # crates in the table
 BAND = 1.5  # of the ratio of our own crates to the libraries, either way
 MORE_CRATES = 3  # crates that may come or go without a new table
@@ -51,7 +51,7 @@ def ratio_of(text):
     return float(re.search(r"([\d.]+) times the libraries", text)[1])
 
 
-def markdown(units, wall, processor):
+def table_text(units, wall, processor):
     seconds = collections.Counter()
     for unit in units:
         seconds[unit["name"]] += unit["duration"]
@@ -61,21 +61,16 @@ def markdown(units, wall, processor):
     crates = len({(unit["name"], unit["version"]) for unit in units})
     lines = [
         "# A fresh build of the first command",
-        "",
-        "Made by `tests/bench build --update`, which compares the count of crates and the ratio; seconds are for orientation.",
-        "",
         f"{crates} crates in {len(units)} units: {sum(seconds.values()):.0f} unit-seconds, {wall:.0f} s of wall, {processor:.0f} s of processor.",
         f"Our own crates take {ours:.0f} s, {ours / libraries:.2f} times the libraries' {libraries:.0f} s.",
-        "",
-        "| crate | unit-seconds |",
-        "|---|---|",
+        "crate\tunit-seconds",
     ]
-    lines += [f"| {name}{' (own)' if name in own else ''} | {value:.1f} |" for name, value in seconds.most_common(LISTED)]
+    lines += [f"{name}{' (own)' if name in own else ''}\t{value:.1f}" for name, value in seconds.most_common(LISTED)]
     return "\n".join(lines) + "\n"
 
 
 def main(update):
-    text = markdown(*build())
+    text = table_text(*build())
     print(text)
     if update:
         TABLE.write_text(text)

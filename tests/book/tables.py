@@ -4,8 +4,8 @@
     tests/book/tables.py                prints all tables
     tests/book/tables.py supports html  exit code 0: the preprocessor serves every renderer
 
-A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects,
-commands, rules, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
+A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects
+and frames, commands, rules, JSON Schemas, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
 hash, so that a change shows in a diff; `tests/book/run --update` writes it.
 
 The lists in the source are macros of one line per entry. They are found by a name that stands in them, because files and
@@ -13,7 +13,7 @@ types may be renamed while the names on the bus may not.
 
 A file of figures has blocks, separated by empty lines. A block is a title after `# `, a line of column names, and rows,
 with tabs between cells. A line without a tab is a paragraph. `NAME` is such a file without its suffix; `NAME/TITLE` is
-one of its blocks.
+one of its blocks, `NAME?COLUMN=VALUE` the rows of all blocks with this value, each with the title of its block.
 """
 
 import hashlib
@@ -243,6 +243,69 @@ def objects(_):
     return rows(["index", "object", "type, access", "entries"], lines)
 
 
+def record(field):
+    """Entries of the object whose record has this field: sub-index, name and meaning."""
+
+    def made(texts):
+        body = block(texts, "record", f" {field}: ").split("{\n", 1)[1]
+        lines = [[f":{place}", f"`{text.split(':')[0]}`", cell(doc)] for place, (doc, text) in enumerate(entries(body), 1)]
+        assert len(lines) == body.count(";\n"), f"an entry beside {field} has no comment"
+        return rows(["entry", "name", "meaning"], lines)
+
+    return made
+
+
+def frames(_):
+    """Process frames of a joint by its DBC file, which has those of joint 1: identifier, sender, signals and comment."""
+    text = (ROOT / "compensator-core" / "joint.dbc").read_text()
+    comments = dict(re.findall(r'^CM_ BO_ (\d+) "(.*)";$', text, re.M))
+    lines = []
+    for number_, name, sender, body in re.findall(r"^BO_ (\d+) (\w+): \d+ (\w+)\n((?: SG_ .*\n)*)", text, re.M):
+        signals = re.findall(r'^ SG_ (\w+).*? : .* "(.*?)" \w+$', body, re.M)
+        # More than these are the bits of one word of flags, which has its own table.
+        listed = ", ".join(f"{signal} {unit}".strip() for signal, unit in signals) if len(signals) < 8 else "flags, sequence"
+        identifier = f"{int(number_):03X}h" if int(number_) == 0x80 else f"{int(number_) - 1:03X}h + node"
+        lines.append([identifier, name, "to the joint" if sender == "Host" else "from the joint", listed, cell(comments[number_])])
+    return rows(["identifier", "frame", "direction", "content", "meaning"], lines)
+
+
+def schema_keys(name):
+    """Keys of a result file that its JSON Schema describes."""
+
+    def described(node, path):
+        for key, value in node.get("properties", {}).items():
+            place = f"{path}.{key}" if path else key
+            if "description" in value:
+                yield [f"`{place}`", cell(value["description"])]
+            yield from described(value, place)
+        for part, suffix in (("items", "[]"), ("additionalProperties", ".*")):
+            if isinstance(node.get(part), dict):
+                yield from described(node[part], path + suffix)
+
+    def made(_):
+        schema = json.loads((ROOT / "host-sim" / "schemas" / f"{name}.schema.json").read_text())
+        return rows(["key", "meaning"], described(schema, ""))
+
+    return made
+
+
+def documented_names(entry):
+    """Names of a list whose entries `Type = "name" in file` have a comment: formula and meaning where it has both."""
+
+    def made(texts):
+        body = text_with(texts, entry)
+        lines = []
+        for doc, name in re.findall(r'((?: *///.*\n)+) *\w+ = (?:\d+, )?"([\w-]+)" in ', body):
+            doc = " ".join(line.strip().removeprefix("///").strip() for line in doc.splitlines())
+            formula, _, meaning = doc.partition(": ") if doc.startswith("`") and ": " in doc else ("–", "", doc)
+            lines.append([f"`{name}`", cell(formula), cell(meaning.rstrip("."))])
+        if all(line[1] == "–" for line in lines):
+            return rows(["name", "meaning"], [[name, meaning] for name, _, meaning in lines])
+        return rows(["name", "formula", "meaning"], lines)
+
+    return made
+
+
 def frame_bits(data_bytes):
     """Longest classic frame with an 11-bit identifier, bits: 34 bits of head and checksum and the data can be stuffed,
     one bit after every four; 10 bits of trailer and 3 between two frames cannot."""
@@ -313,7 +376,21 @@ MADE = {
     "faults": codes(True),
     "limits": codes(False),
     "flags": flags,
+    "laws": documented_names('"lugre-asymmetric" in lugre_asymmetric'),
+    "terms": documented_names('"radial-force-coulomb" in radial_force_coulomb'),
     "objects": objects,
+    "frames": frames,
+    "object-200Ah": record("wiring_crc"),
+    "object-200Bh": record("outside_count"),
+    "object-200Ch": record("dead_time_current_a"),
+    "object-2027h": record("staged_crc"),
+    "object-2030h": record("release_delay_ms"),
+    "object-2032h": record("difference_rad"),
+    "object-2040h": record("rollback_counter"),
+    "object-2041h": record("wrong_responses"),
+    "object-2042h": record("deadline_ms"),
+    "object-2043h": record("set_before_crc"),
+    "object-2044h": record("least_gain_permille"),
     "commands": commands,
     "options-output": options("OutputArguments"),
     "options-bus": options("BusArguments"),
@@ -326,6 +403,7 @@ MADE = {
     "rules": rules,
     "attacks": attacks,
     "defences": defences,
+    **{f"{name}.json": schema_keys(name) for name in ("compare", "diagnosis", "fleet", "trend", "tune")},
     **{name: bus_load(name) for name in CYCLES | FD_CYCLES},
 }
 
@@ -348,6 +426,22 @@ def figures(name):
     return "\n\n".join(map(figure_block, blocks))
 
 
+def selected_rows(selection):
+    """Rows of all blocks of `NAME?COLUMN=VALUE`, without the column; an empty first cell repeats the one above."""
+    name, column, value = re.fullmatch(r"(.+)\?(.+)=(.+)", selection).groups()
+    lines = []
+    for title, head, *data in (block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")):
+        names, above = head.split("\t"), ""
+        place = names.index(column)
+        for line in data:
+            cells = line.split("\t")
+            above = cells[0] = cells[0] or above
+            if cells[place].strip("*") == value:
+                lines.append([title.removeprefix("# "), *cells[:place], *cells[place + 1 :]])
+    assert lines, f"no row with {column} = {value}"
+    return rows(["block", *names[:place], *names[place + 1 :]], lines)
+
+
 def figure_block(lines):
     parts, table = [], []
     for line in lines:
@@ -366,6 +460,8 @@ def figure_block(lines):
 
 def made(name, texts):
     """Markdown of the table with this name."""
+    if "?" in name:
+        return selected_rows(name)
     return MADE[name](texts) if name in MADE else figures(name)
 
 
