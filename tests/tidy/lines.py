@@ -14,7 +14,7 @@ import re
 import subprocess
 import sys
 
-from circles import without_tests
+import rust
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 TABLE = pathlib.Path(__file__).resolve().parent / "lines.tsv"
@@ -40,7 +40,8 @@ def count():
         is_test_file = rest.endswith("/tests.rs") or rest.endswith("/fixtures.rs")
         if NOT_SHIPPED.search(rest) or is_test_file or "/examples/" in folder:
             continue
-        lines[folder] += without_tests((ROOT / name).read_text(encoding="utf-8")).count("\n")
+        text, code = rust.source(ROOT / name)
+        lines[folder] += rust.shipped(code, text).count("\n")
     return lines
 
 
