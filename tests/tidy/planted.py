@@ -11,6 +11,7 @@ import tempfile
 import traceback
 
 import circles
+import method_circles
 import rust
 
 
@@ -98,6 +99,37 @@ def circles_with_ties_of_tests_texts_and_reexports_finds_none(root):
     assert circles_of(root, files) == []
 
 
+def method_figures_of(root, second):
+    plant(root, {
+        "joint/Cargo.toml": "[package]\n",
+        "joint/src/lib.rs": "mod a;\npub struct Machine<const N: usize>;\n",
+        "joint/src/a.rs": "mod b;\nuse crate::Machine;\nimpl<const N: usize> Machine<N> {\n    pub fn a(&mut self) { self.b::<u8>(1) }\n    fn c() {}\n}",
+        "joint/src/a/b.rs": f"use super::*;\nimpl<const N: usize> Machine<N> {{ pub(super) fn b<T>(&mut self, x: impl Into<T>) {{ {second} }} }}",
+    })
+    return method_circles.all_figures(root)
+
+
+def method_circles_with_calls_both_ways_finds_the_type(root):
+    found = method_figures_of(root, "Self::c()")
+    assert found == {"joint: Machine": {"files": 2, "methods": 3}}, found
+
+
+def method_circles_with_calls_one_way_finds_none(root):
+    found = method_figures_of(root, "self.a.c(); other.a()")
+    assert found == {}, found
+
+
+def method_circles_above_and_far_below_the_limit_fail(_):
+    def wrong(files, methods):
+        found = method_circles.violations({"T": {"files": files, "methods": methods}}, {"T": {"files": 6, "methods": 40}})
+        return [text.rsplit(": ", 1)[1] for text in found]
+
+    assert wrong(6, 40) == wrong(4, 32) == []
+    assert wrong(7, 40) == wrong(6, 41) == ["give the method to a part of the type"]
+    assert wrong(3, 40) == ["lower the limit to 3"] and wrong(6, 31) == ["lower the limit to 31"]
+    assert len(list(method_circles.violations({"New": {"files": 2, "methods": 4}}, {"Gone": {"files": 2}}))) == 2
+
+
 TESTS = [
     circles_with_two_files_finds_both,
     circles_with_reexport_of_another_crate_at_the_root_finds_the_children,
@@ -105,6 +137,9 @@ TESTS = [
     circles_with_a_module_outside_of_the_family_finds_it,
     circles_with_parent_and_children_finds_none,
     circles_with_ties_of_tests_texts_and_reexports_finds_none,
+    method_circles_with_calls_both_ways_finds_the_type,
+    method_circles_with_calls_one_way_finds_none,
+    method_circles_above_and_far_below_the_limit_fail,
 ]
 
 
