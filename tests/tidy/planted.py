@@ -8,9 +8,11 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import tomllib
 import traceback
 
 import circles
+import lines
 import method_circles
 import rust
 
@@ -130,6 +132,57 @@ def method_circles_above_and_far_below_the_limit_fail(_):
     assert len(list(method_circles.violations({"New": {"files": 2, "methods": 4}}, {"Gone": {"files": 2}}))) == 2
 
 
+def lines_with_tests_in_files_of_any_name_counts_what_ships(root):
+    plant(root, {
+        "host/Cargo.toml": "[package]\n",
+        "host/src/lib.rs": 'mod kept;\n#[cfg(test)]\nmod checks;\n#[cfg(test)]\n#[path = "odd name.rs"]\nmod odd;\nconst A: &str = "\n#[cfg(test)]\n";\n',
+        "host/src/kept.rs": "fn a() {}\n#[cfg(test)]\nmod tests {\n    const A: char = '{';\n}\n#[cfg(test)]\nmod kept_tests;\nmod fixtures;\n",
+        "host/src/kept/kept_tests.rs": "fn a() {}\n",
+        "host/src/kept/fixtures.rs": "fn this_ships() {}\n",
+        "host/src/checks.rs": "mod deep;\n",
+        "host/src/checks/deep.rs": "fn a() {}\n",
+        "host/src/odd name.rs": "fn a() {}\n",
+        "host/tests/all.rs": "fn a() {}\n",
+    })
+    found = lines.count(root)
+    # lib.rs without both test modules, of which the attribute's line ends stay: 4 + 2; kept.rs: 2 + 2; fixtures.rs: 1.
+    assert found == {"host": 11}, found
+
+
+BUDGETS = '[a]\npackages = ["host"]\nlines = {}\npurpose = "."\n[b]\npackages = ["fit"]\nlines = {}\npurpose = "."\n'
+
+
+def budgets(a, b):
+    return tomllib.loads(BUDGETS.format(a, b))
+
+
+def budgets_exceeded_too_large_or_missing_fail(_):
+    def wrong(counted, a=1000, b=4000):
+        return [text.rsplit(": ", 1)[1] for text in lines.count_violations(counted, budgets(a, b))]
+
+    assert wrong({"host": 1000, "fit": 3900, "lab/papers": 7}) == []
+    assert wrong({"host": 1001, "fit": 3900}) == ["remove lines, or see the head of tests/tidy/budgets.toml"]
+    assert wrong({"host": 899, "fit": 3799}) == ["lower the budget to 899", "lower the budget to 3799"]
+    assert wrong({"host": 1000, "fit": 3900, "log": 1}) == ["0 budgets in tests/tidy/budgets.toml, expected one"]
+
+
+def budgets_raised_by_a_commit_need_a_reason(root):
+    def wrong(a, b, message):
+        plant(root, {lines.BUDGETS: BUDGETS.format(a, b)})
+        git(root, "commit", "-q", "-m", message)
+        change = lines.last_change(root)
+        return change and list(lines.raise_violations(*change))
+
+    assert wrong(100, 200, "Begin") is None
+    (text,) = wrong(110, 205, "Add a feature\n\nIt needs lines.")
+    assert "by 15 lines" in text, text
+    assert wrong(130, 185, "Move lines") == []
+    assert wrong(140, 185, "Add a feature\n\nBudget: a log of the new tool is read") == []
+    assert wrong(140, 100, "Remove a feature") == []
+    git(root, "commit", "-q", "--allow-empty", "-m", "Another change")
+    assert not list(lines.raise_violations(*lines.last_change(root)))
+
+
 TESTS = [
     circles_with_two_files_finds_both,
     circles_with_reexport_of_another_crate_at_the_root_finds_the_children,
@@ -140,6 +193,9 @@ TESTS = [
     method_circles_with_calls_both_ways_finds_the_type,
     method_circles_with_calls_one_way_finds_none,
     method_circles_above_and_far_below_the_limit_fail,
+    lines_with_tests_in_files_of_any_name_counts_what_ships,
+    budgets_exceeded_too_large_or_missing_fail,
+    budgets_raised_by_a_commit_need_a_reason,
 ]
 
 
