@@ -10,11 +10,11 @@
 mod table;
 pub mod trees;
 
-pub use table::CalibrationError;
 use trees::{Tree, category};
 
 use super::contest::{Figures, Outcome};
 use std::sync::OnceLock;
+use thiserror::Error;
 
 /// Table in the repository.
 const TABLE: &str = include_str!("../contest_calibration.toml");
@@ -78,6 +78,20 @@ pub const FIGURES: &[Figure] = &[
 /// Returns the figures of a candidate, in the order of [`FIGURES`].
 pub fn figures(outcome: &Outcome, own: &Figures) -> Vec<f64> {
     FIGURES.iter().map(|figure| (figure.of)(outcome, own)).collect()
+}
+
+/// Invalid table of a calibration.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum CalibrationError {
+    /// The text is not TOML.
+    #[error("calibration: {0}")]
+    Syntax(String),
+    /// A key is missing.
+    #[error("calibration: `{0}` is missing or no list of the right kind")]
+    Missing(String),
+    /// The text of a tree is wrong at a word.
+    #[error("calibration: found {0} in a tree, expected FIGURE<LIMIT, cause=NAME,.. or a number")]
+    Tree(String),
 }
 
 /// A calibration.

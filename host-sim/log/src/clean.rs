@@ -28,9 +28,6 @@ use super::table::Table;
 use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
 
-/// Maximum share of bad rows in a file, unless [`ReadOptions`](super::ReadOptions) gives another. Above it, the file is probably misread and reading fails.
-pub const MAX_BAD_SHARE: f64 = 0.05;
-
 /// Maximum number of runs in a file. More indicate that the run column holds something else.
 pub const MAX_RUNS: usize = 100_000;
 

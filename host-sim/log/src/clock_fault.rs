@@ -3,13 +3,7 @@
 //! Such a column has no error row by row, because stamps may repeat. Without this check, a log without times would be
 //! fitted as if inertia, delays and drift could be judged.
 
-use super::clean::{Cleaner, MAX_BAD_SHARE, OpenRun};
-use super::contract::TIME;
-use super::error::DataError;
-use super::naming::STEP_MARK;
-use super::number::figure;
-use super::unit::conversion;
-use crate::setting::Setting;
+use super::options::MAX_BAD_SHARE;
 
 /// Rows that share a stamp, for the clock to stand still. Fewer may be a coarse clock.
 const MIN_EQUAL_ROWS: usize = 20;
@@ -17,86 +11,19 @@ const MIN_EQUAL_ROWS: usize = 20;
 /// The same in the usual number of rows that share a stamp.
 const MIN_EQUAL_RATIO: usize = 20;
 
-/// Plausible steps between rows, s: rates of 2.5 Hz to 200 kHz.
-const PLAUSIBLE_STEPS_S: std::ops::RangeInclusive<f64> = 5e-6..=0.4;
-
 /// Range of 90 % of the steps between rows, in median steps. Stamps in random order have a tenth to nearly twice the median.
 const STEP_SPREAD: (f64, f64) = (0.3, 3.0);
 
 /// Maximum share of distinct values in a column of steps whose spread is larger. Stamps in random order are distinct.
 const MAX_DISTINCT_STEPS: f64 = 0.5;
 
-/// Units that are tried for steps that have none.
-const STEP_UNITS: [&str; 3] = ["ms", "us", "ns"];
-
-/// A rate in an example.
-const EXAMPLE_RATE: &str = "200Hz";
-
 /// Why a column is no clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum ClockFault {
+pub(super) enum ClockFault {
     /// One stamp, s, is in this number of rows, from the first one on.
     StandsStill { first: usize, rows: usize, stamp_s: f64 },
     /// The values are steps between rows, with this median, s.
     Steps { median_s: f64 },
-}
-
-impl Cleaner<'_> {
-    /// Refuses a time column that is no clock, with the option to type.
-    pub(super) fn check_clock(&self, runs: &[OpenRun]) -> Result<(), DataError> {
-        if !self.clock.reads_stamps() {
-            return Ok(());
-        }
-        let faults = runs.iter().filter_map(|run| Some((run, clock_fault(&run.required[0])?)));
-        let Some((run, fault)) = faults.into_iter().next() else { return Ok(()) };
-        let column = &self.layout.names[self.layout.required[0].index];
-        let all = run.row_numbers.len();
-        let (found, step_s) = match fault {
-            ClockFault::Steps { median_s } => {
-                (format!("times that do not advance in {all} rows"), median_s)
-            }
-            ClockFault::StandsStill { rows, stamp_s, .. } if rows == all => (
-                format!("{} s in all {all} rows: the clock stands still", figure(stamp_s)),
-                stamp_s,
-            ),
-            ClockFault::StandsStill { first, rows, stamp_s } => {
-                let (from, to) = (run.row_numbers[first], run.row_numbers[first + rows - 1]);
-                let stamp = figure(stamp_s);
-                (format!("{stamp} s in the rows {from} to {to}: the clock stands still"), 0.0)
-            }
-        };
-        let rate = Setting::Rate.suggested(EXAMPLE_RATE);
-        let by_rate = format!("{rate} with the rate of the rows in place of {EXAMPLE_RATE}");
-        let (found, expected) = match self.step_pair(column, step_s) {
-            Some((pair, step_s)) => (
-                format!("{found}, it looks like the step between rows"),
-                format!(
-                    "{} if each row is {} ms after the row before, or {by_rate}",
-                    Setting::Columns.suggested(pair),
-                    figure(1e3 * step_s)
-                ),
-            ),
-            None => (found, format!("a clock that advances, or {by_rate}")),
-        };
-        let what = format!("{}: column {column}", self.file.display());
-        Err(DataError::Request { what, found, expected })
-    }
-
-    /// Returns the pair of `--columns` that reads a column as steps, and the step, s. `step_s` is the step as it was read.
-    fn step_pair(&self, column: &str, step_s: f64) -> Option<(String, f64)> {
-        let source = self.layout.sources.iter().find(|source| source.name == TIME);
-        let unit = source.and_then(|source| source.unit.as_deref());
-        let is_plausible = |step_s: &f64| PLAUSIBLE_STEPS_S.contains(step_s);
-        if is_plausible(&step_s) {
-            let unit = unit.map_or_else(String::new, |unit| format!(":{unit}"));
-            return Some((format!("{TIME}={column}{unit}:{STEP_MARK}"), step_s));
-        }
-        STEP_UNITS.iter().filter(|_| unit.is_none_or(|unit| unit == "s")).find_map(|unit| {
-            let step_s = conversion(TIME, unit).ok()?.apply(step_s);
-            let pair = format!("{TIME}={column}:{unit}:{STEP_MARK}");
-            is_plausible(&step_s).then_some((pair, step_s))
-        })
-    }
 }
 
 /// Returns true if the values of a column may be the steps between rows, as the size of a step in any unit of time shows.
@@ -111,7 +38,7 @@ pub(super) fn is_step_column(values: &[f64]) -> bool {
 }
 
 /// Returns why the times of a run, in the order of the file, are no clock.
-fn clock_fault(time: &[f64]) -> Option<ClockFault> {
+pub(super) fn clock_fault(time: &[f64]) -> Option<ClockFault> {
     stands_still(time).or_else(|| steps(time))
 }
 

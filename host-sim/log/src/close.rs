@@ -8,12 +8,13 @@
 //! A file is a merge if velocity or torque occurs in a smaller share of rows than [`MERGED_CHANNEL_SHARE`], at regular
 //! distances. It is a partial merge if rows with neither hold values of columns that are rare elsewhere.
 
+mod clock_check;
 mod notes;
 
 use std::mem::take;
 use std::ops::Range;
 
-use super::clean::{CleanRun, Cleaner, FileData, MAX_BAD_SHARE, OpenRun};
+use super::clean::{CleanRun, Cleaner, FileData, OpenRun};
 use super::columns::{ColumnUse, FINITE};
 use super::counter_wrap::{ClockWrap, unwrap_times};
 use super::dataset::LeftOutColumn;
@@ -22,6 +23,7 @@ use super::error::{DataError, NAMED_BAD_ROWS, asked_rows, is_too_bad};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::number::figure;
+use super::options::MAX_BAD_SHARE;
 use super::order::{check_order, late_rows, recordings, sorting_order};
 use super::segment::{GAP_FACTOR, median_step};
 use super::spread::spread;

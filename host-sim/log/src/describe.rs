@@ -12,7 +12,7 @@ use super::preset::Preset;
 use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey};
-use super::{guess, torque_scale, unit};
+use super::{guess, torque_constant, unit};
 use crate::setting::{Setting, shell_word};
 use std::path::Path;
 
@@ -170,7 +170,7 @@ fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
         format!("{BY_SIZE}{} are by the sizes of their values: check them.", listed(&by_size))
     });
     let current = current.map(|(column, _)| {
-        let constant = Setting::TorqueConstant.suggested(torque_scale::EXAMPLE);
+        let constant = Setting::TorqueConstant.suggested(torque_constant::EXAMPLE);
         format!("{} is a current: add the motor's torque constant, as {constant}.", column.name)
     });
     by_size.into_iter().chain(current).collect()

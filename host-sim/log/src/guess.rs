@@ -5,6 +5,7 @@
 //! of its name.
 
 use super::contract;
+use super::name_words::{is_among, parts};
 use super::other_unit::{OtherUnit, other_unit};
 use super::unit;
 use compensator_core::quantity::Quantity;
@@ -28,20 +29,8 @@ const OTHER_WORDS: [(&str, &str); 4] = [
     ("acceleration_rad_s2", "acceleration accel ddq"),
 ];
 
-/// Words that name a motor's current. The current `i_q` makes the torque.
-const CURRENT_WORDS: &str = "current iq strom motorstrom courant corriente amps ampere amperes";
-
-/// Words beside which `current` means the present value, or a current that makes no torque.
-const NOT_CURRENT_WORDS: &str = "position pos angle velocity vel speed time stamp timestamp temperature temp step state mode \
-                                 voltage d id";
-
 /// Words of a value that is not measured.
 const NOT_MEASURED: &str = "des desired cmd command ref reference target goal setpoint limit max min err error std cov filt";
-
-/// Returns true if a word is one of some words.
-fn is_among(words: &str, word: &str) -> bool {
-    words.split(' ').any(|of| of == word)
-}
 
 /// Minimum length of a word that is recognised inside another word (`ActVelo` has none, `motorspeed` has one).
 const MIN_INNER_CHARS: usize = 4;
@@ -81,34 +70,9 @@ pub(super) fn is_position_target(name: &str) -> bool {
     parts.iter().any(is_position) && parts.iter().any(|part| is_among(TARGETS, part))
 }
 
-/// Returns true if a name is that of a motor's current: `i_q`, `motor_current`, `Strom`.
-pub(super) fn is_motor_current(name: &str) -> bool {
-    let parts = parts(name);
-    let is_iq = parts.windows(2).any(|pair| pair[0] == "i" && pair[1] == "q");
-    let is_named = parts.iter().any(|part| is_among(CURRENT_WORDS, part));
-    (is_iq || is_named) && !parts.iter().any(|part| is_among(NOT_CURRENT_WORDS, part))
-}
-
 /// Returns true if a column is a current by its name or unit.
 pub(super) fn is_current(name: &str) -> bool {
     matches!(other_unit(name), Some(OtherUnit::Ampere | OtherUnit::Milliampere))
-}
-
-/// Returns the words of a name in lower case. A capital inside a word begins another one.
-fn parts(name: &str) -> Vec<String> {
-    let mut parts = vec![String::new()];
-    let mut was_lower = false;
-    for c in name.chars() {
-        if !c.is_alphabetic() && c != '%' || c.is_uppercase() && was_lower {
-            parts.push(String::new());
-        }
-        was_lower = c.is_lowercase();
-        if c.is_alphabetic() || c == '%' {
-            parts.last_mut().into_iter().for_each(|part| part.extend(c.to_lowercase()));
-        }
-    }
-    parts.retain(|part| !part.is_empty());
-    parts
 }
 
 /// Returns the contract name of the quantity that a name fits best; that of a rotary joint.
@@ -228,7 +192,6 @@ mod tests {
         assert_eq!(quantity("current_position"), Some("position_rad"));
         assert_eq!(quantity("currentVelocity"), Some("velocity_rad_s"));
         assert_eq!(quantity("i_d [A]"), Some("torque_nm"), "by its unit");
-        assert!(!is_motor_current("id_current"));
     }
 
     #[test]

@@ -17,8 +17,8 @@ use super::joint_pattern::suggested_map;
 use super::options::ReadOptions;
 use super::other_unit::{OtherUnit, other_unit};
 use super::servo_torque::{self, ServoTorque};
-use super::torque_scale;
 use super::unit::{self, Conversion, conversion};
+use super::{torque_constant, torque_scale};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
 
@@ -261,7 +261,7 @@ fn torque_hint(pairs: &[String], free: &[&str]) -> String {
     let is_target = |pair: &&String| TARGETS.iter().any(|(name, _)| pair.starts_with(name));
     let Some(torque) = pairs.iter().find(is_target) else { return String::new() };
     if torque.ends_with(":A") || torque.ends_with(":mA") {
-        let constant = Setting::TorqueConstant.suggested(torque_scale::EXAMPLE);
+        let constant = Setting::TorqueConstant.suggested(torque_constant::EXAMPLE);
         return format!(" with the motor's torque constant, {constant}");
     }
     match free.iter().find(|name| guess::is_position_target(name)) {

@@ -1,9 +1,12 @@
 //! Options for reading logs.
 
-use super::clean::MAX_BAD_SHARE;
 use super::preset::kind::Preset;
 use super::servo_torque::ServoTorque;
-use super::torque_scale::TorqueConstant;
+use super::torque_constant::TorqueConstant;
+
+/// Maximum share of bad rows in a file, unless [`ReadOptions`] gives another. Above it, the file is probably misread and
+/// reading fails.
+pub const MAX_BAD_SHARE: f64 = 0.05;
 
 /// How files are read.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 //! Such a column is never read without a unit. The message shows how to give the size of one count, or the torque of
 //! 100 %.
 
-use super::guess;
+use super::name_words::is_motor_current;
 use super::torque_scale::expected_constant;
 use super::unit;
 use crate::setting::Setting;
@@ -62,7 +62,7 @@ pub(super) fn other_unit(name: &str) -> Option<OtherUnit> {
         "ma" => OtherUnit::Milliampere,
         _ => OtherUnit::Ampere,
     };
-    let is_current = || guess::is_motor_current(name) && unit::stated("torque_nm", name).is_none();
+    let is_current = || is_motor_current(name) && unit::stated("torque_nm", name).is_none();
     stated.or_else(|| is_current().then(current))
 }
 

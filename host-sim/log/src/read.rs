@@ -16,8 +16,8 @@ use super::describe::with_likely_columns;
 use super::error::DataError;
 use super::join;
 use super::options::ReadOptions;
-use super::source::{file_size, read_content, read_file};
-use super::table::{Table, read_table};
+use super::source::{file_size, read_content, read_file, read_table};
+use super::table::Table;
 use crate::setting::Setting;
 use crate::work::checkpoint;
 

@@ -34,6 +34,7 @@ mod preamble;
 mod records;
 mod scope_preamble;
 mod separator;
+mod table_rows;
 #[cfg(feature = "parquet")]
 mod thrift;
 mod unpack;
@@ -42,6 +43,7 @@ mod windows_1252;
 
 #[cfg(feature = "parquet")]
 pub use parquet_file::parquet_table;
+pub(super) use table_rows::read_table;
 
 use super::clean::FileData;
 use super::error::DataError;

@@ -1,23 +1,9 @@
 //! Tables as named columns of cells: data frames, Parquet files, Arrow files.
 //!
-//! A table is in memory, or its rows come in batches ([`TableHeader`]). They pass the same validation as those of a text, so
-//! that the same log gives the same data however it is held.
+//! `source::table_rows` validates them.
 
-use std::borrow::{Borrow, Cow};
-#[cfg(any(feature = "arrow", feature = "parquet"))]
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::Path;
-
-use super::clean::{Cleaner, FileData};
 use super::clock::format_stamp;
-use super::dataset::LeftOutColumn;
-use super::error::{DataError, at_header};
-use super::header::layout;
-use super::options::ReadOptions;
-use super::row::LogRow;
-#[cfg(any(feature = "arrow", feature = "parquet"))]
-use crate::work::Cancelled;
-use crate::work::checkpoint_at;
+use std::borrow::Cow;
 
 /// The cells of a column, one for each row.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +60,7 @@ impl Cells {
         String::from_utf8_lossy(&self.text(row)).into_owned()
     }
 
-    fn number(&self, row: usize) -> Option<f64> {
+    pub(super) fn number(&self, row: usize) -> Option<f64> {
         match self {
             Self::Numbers(cells) => cells.get(row).copied(),
             Self::Integers(cells) => cells.get(row).map(|cell| cell.map_or(f64::NAN, |n| n as f64)),
@@ -83,7 +69,7 @@ impl Cells {
         }
     }
 
-    fn text(&self, row: usize) -> Cow<'_, [u8]> {
+    pub(super) fn text(&self, row: usize) -> Cow<'_, [u8]> {
         let text = match self {
             Self::Texts(cells) => {
                 return cells.get(row).map_or(&[][..], |cell| cell.trim().as_bytes()).into();
@@ -108,118 +94,4 @@ pub struct Table {
     pub name: String,
     /// Names and cells of the columns, which all have the same number of rows.
     pub columns: Vec<(String, Cells)>,
-}
-
-/// One row of columns.
-struct TableRow<'a, C> {
-    columns: &'a [C],
-    row: usize,
-}
-
-impl<C: Borrow<Cells>> LogRow for TableRow<'_, C> {
-    fn number(&self, column: usize) -> Option<f64> {
-        self.columns[column].borrow().number(self.row)
-    }
-
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        self.columns[column].borrow().text(self.row)
-    }
-}
-
-/// Validates a table in memory.
-///
-/// # Errors
-/// As for a file, and if the columns differ in length.
-pub(super) fn read_table(table: &Table, options: &ReadOptions) -> Result<FileData, DataError> {
-    let path = Path::new(&table.name);
-    let columns = &table.columns;
-    let rows = columns.first().map_or(0, |(_, cells)| cells.len());
-    if let Some((name, cells)) = columns.iter().find(|(_, cells)| cells.len() != rows) {
-        return Err(DataError::File {
-            file: path.into(),
-            found: format!("{} rows in column {name}", cells.len()),
-            expected: format!("{rows} as in column {}", columns[0].0),
-        });
-    }
-    let unreadable = |(_, cells): &(String, Cells)| match cells {
-        Cells::Unreadable { kind, .. } => Some(kind.clone()),
-        _ => None,
-    };
-    let header = TableHeader {
-        names: columns.iter().map(|(name, _)| name.clone()).collect(),
-        unreadable: columns.iter().map(unreadable).collect(),
-    };
-    let cells: Vec<&Cells> = columns.iter().map(|(_, cells)| cells).collect();
-    header.read(path, options, |_| Ok(std::iter::once(Ok(cells))))
-}
-
-/// The columns of a table whose rows follow in batches.
-pub(super) struct TableHeader {
-    pub names: Vec<String>,
-    /// Why each column cannot be read, as the end of "it is ..".
-    pub unreadable: Vec<Option<String>>,
-}
-
-impl TableHeader {
-    /// Validates the batches that `open` returns. It gets whether each column is needed; the cells of another column may be of
-    /// any kind and number. Row numbers are those of the same table as a CSV file, whose header is row 1.
-    ///
-    /// # Errors
-    /// As for a file.
-    pub fn read<C: Borrow<Cells>, B: Iterator<Item = Result<Vec<C>, DataError>>>(
-        self,
-        path: &Path,
-        options: &ReadOptions,
-        open: impl FnOnce(Vec<bool>) -> Result<B, DataError>,
-    ) -> Result<FileData, DataError> {
-        let unreadable = self.unreadable;
-        let mut layout = layout(path, self.names, options)?;
-        let required = layout.required.iter().map(|reading| reading.index).chain(layout.run);
-        for at in required.filter(|_| !layout.is_survey && !layout.collects) {
-            if let Some(kind) = &unreadable[at] {
-                let expected = "a column of plain numbers or text";
-                return Err(at_header(path, &layout.names[at], kind, expected));
-            }
-        }
-        layout.optional.retain(|column| {
-            let name = layout.names[column.reading.index].clone();
-            let why = unreadable[column.reading.index].as_ref().map(|kind| format!("it is {kind}"));
-            layout.left_out.extend(why.clone().map(|why| LeftOutColumn { name, why }));
-            why.is_none()
-        });
-        let mut is_needed = vec![false; unreadable.len()];
-        layout.needed().filter(|at| unreadable[*at].is_none()).for_each(|at| is_needed[at] = true);
-        let mut cleaner = Cleaner::new(path, layout);
-        let mut number = 1;
-        for columns in open(is_needed)? {
-            let columns = columns?;
-            let rows = columns.iter().map(|cells| cells.borrow().len()).max();
-            for row in 0..rows.unwrap_or_default() {
-                checkpoint_at(row);
-                number += 1;
-                cleaner.add_row(number, &TableRow { columns: &columns, row })?;
-            }
-        }
-        cleaner.finish()
-    }
-}
-
-/// Calls `read`, which uses a library that reports a few damaged files with a panic, for example a page that refers to a missing
-/// dictionary. A damaged file must not look like a defect of this program, so a panic becomes an error.
-#[cfg(any(feature = "arrow", feature = "parquet"))]
-pub(super) fn read_damaged<T>(
-    path: &Path,
-    expected: &str,
-    read: impl FnOnce() -> Result<T, DataError>,
-) -> Result<T, DataError> {
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
-        if panic.is::<Cancelled>() {
-            resume_unwind(panic);
-        }
-        Err(DataError::File {
-            file: path.into(),
-            found: "damaged data".into(),
-            expected: expected.into(),
-        })
-    })
 }

@@ -4,40 +4,10 @@
 //! `A` of `--columns` becomes a unit in Nm or N.
 
 use super::options::ReadOptions;
+use super::torque_constant::EXAMPLE;
 use super::unit::{parse_value, split_register};
 use crate::setting::Setting;
 use compensator_core::quantity::{JointKind, Quantity};
-
-/// Torque (or force) of one ampere.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TorqueConstant {
-    /// Nm/A, or N/A for a linear motor.
-    pub value: f64,
-    /// Revolute for Nm/A, prismatic for N/A.
-    pub joint: JointKind,
-}
-
-/// A torque constant as a user may write it, for messages.
-pub(super) const EXAMPLE: &str = "0.105Nm/A";
-
-impl TorqueConstant {
-    /// Parses a torque constant with its unit: `0.105Nm/A`, `85mNm/A`, `40N/A`.
-    ///
-    /// # Errors
-    /// The expected text, as the end of a message.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let expected = || format!("a positive torque of one ampere, such as {EXAMPLE} or 40N/A");
-        let torque = text.trim().strip_suffix(['A', 'a']).map(str::trim_end);
-        let torque = torque.and_then(|torque| torque.strip_suffix('/')).ok_or_else(expected)?;
-        let kinds = [JointKind::Revolute, JointKind::Prismatic].into_iter();
-        let mut parsed = kinds.filter_map(|joint| {
-            let value = parse_value(Quantity::Torque.name(joint), torque).ok()?;
-            Some(Self { value, joint })
-        });
-        let positive = |found: &Self| found.value.is_finite() && found.value > 0.0;
-        parsed.find(positive).ok_or_else(expected)
-    }
-}
 
 /// Returns the amperes in one unit of a column: of `A`, `mA`, `-A`, or `0.00269A` for a count.
 pub(super) fn amperes(unit: &str) -> Option<f64> {
@@ -121,21 +91,8 @@ pub(super) fn expected_constant(contract_name: &str, column: &str, unit: &str) -
 
 #[cfg(test)]
 mod tests {
+    use super::super::torque_constant::TorqueConstant;
     use super::*;
-
-    #[test]
-    fn torque_constant_with_unit_is_parsed() {
-        for (text, value, joint) in [
-            ("0.105Nm/A", 0.105, JointKind::Revolute),
-            ("85 mNm/A", 0.085, JointKind::Revolute),
-            ("40N/A", 40.0, JointKind::Prismatic),
-        ] {
-            assert_eq!(TorqueConstant::parse(text), Ok(TorqueConstant { value, joint }), "{text}");
-        }
-        for text in ["0.105", "0.105Nm", "-1Nm/A", "Nm/A", "0Nm/A", "1rpm/V", ""] {
-            assert!(TorqueConstant::parse(text).is_err(), "{text}");
-        }
-    }
 
     #[test]
     fn expected_lever_of_force_names_a_torque() {

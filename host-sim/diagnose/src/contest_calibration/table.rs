@@ -1,23 +1,8 @@
 //! The table of a calibration, in TOML.
 
-use super::ContestCalibration;
 use super::trees::Tree;
-use thiserror::Error;
+use super::{CalibrationError, ContestCalibration};
 use toml_edit::{Array, DocumentMut, Item, Value};
-
-/// Invalid table of a calibration.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum CalibrationError {
-    /// The text is not TOML.
-    #[error("calibration: {0}")]
-    Syntax(String),
-    /// A key is missing.
-    #[error("calibration: `{0}` is missing or no list of the right kind")]
-    Missing(String),
-    /// The text of a tree is wrong at a word.
-    #[error("calibration: found {0} in a tree, expected FIGURE<LIMIT, cause=NAME,.. or a number")]
-    Tree(String),
-}
 
 impl ContestCalibration {
     /// Parses a table.

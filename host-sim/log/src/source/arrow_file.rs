@@ -6,9 +6,10 @@
 use super::arrow_messages::check_lengths;
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
 use super::format::{ARROW_FILE_MARK as FILE_MARK, Input, LogFormat, is_arrow};
+use super::table_rows::{TableHeader, read_damaged};
 use crate::clean::FileData;
 use crate::error::{DataError, one_line};
-use crate::table::{Cells, TableHeader, read_damaged};
+use crate::table::Cells;
 use arrow_array::cast::AsArray;
 use arrow_array::types as of;
 use arrow_array::{Array, ArrowPrimitiveType, Int64Array};

@@ -4,12 +4,13 @@
 //! `0.Data;` come its samples, one a line: `; time in ms; value`. The samples of all variables are joined by their times.
 
 use super::format::{Input, LogFormat};
+use super::table_rows::read_table;
 use crate::clean::FileData;
 use crate::contract::TIME;
 use crate::error::DataError;
 use crate::join::join_tables;
 use crate::options::ReadOptions;
-use crate::table::{Cells, Table, read_table};
+use crate::table::{Cells, Table};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 

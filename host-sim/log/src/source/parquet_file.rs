@@ -22,9 +22,10 @@ use parquet::schema::types::ColumnDescriptor;
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
 use super::format::{Input, LogFormat, is_parquet};
 use super::parquet_zstd::ZstdPages;
+use super::table_rows::{TableHeader, read_damaged};
 use crate::clean::FileData;
 use crate::error::{DataError, one_line};
-use crate::table::{Cells, Table, TableHeader, read_damaged};
+use crate::table::{Cells, Table};
 
 /// Rows that are decompressed at a time.
 const BATCH_ROWS: usize = 8 * 1024;

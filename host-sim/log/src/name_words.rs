@@ -1,0 +1,49 @@
+//! The words of a column's name.
+
+/// Words that name a motor's current. The current `i_q` makes the torque.
+const CURRENT_WORDS: &str = "current iq strom motorstrom courant corriente amps ampere amperes";
+
+/// Words beside which `current` means the present value, or a current that makes no torque.
+const NOT_CURRENT_WORDS: &str = "position pos angle velocity vel speed time stamp timestamp temperature temp step state mode \
+                                 voltage d id";
+
+/// Returns true if a word is one of some words.
+pub(super) fn is_among(words: &str, word: &str) -> bool {
+    words.split(' ').any(|of| of == word)
+}
+
+/// Returns the words of a name in lower case. A capital inside a word begins another one.
+pub(super) fn parts(name: &str) -> Vec<String> {
+    let mut parts = vec![String::new()];
+    let mut was_lower = false;
+    for c in name.chars() {
+        if !c.is_alphabetic() && c != '%' || c.is_uppercase() && was_lower {
+            parts.push(String::new());
+        }
+        was_lower = c.is_lowercase();
+        if c.is_alphabetic() || c == '%' {
+            parts.last_mut().into_iter().for_each(|part| part.extend(c.to_lowercase()));
+        }
+    }
+    parts.retain(|part| !part.is_empty());
+    parts
+}
+
+/// Returns true if a name is that of a motor's current: `i_q`, `motor_current`, `Strom`.
+pub(super) fn is_motor_current(name: &str) -> bool {
+    let parts = parts(name);
+    let is_iq = parts.windows(2).any(|pair| pair[0] == "i" && pair[1] == "q");
+    let is_named = parts.iter().any(|part| is_among(CURRENT_WORDS, part));
+    (is_iq || is_named) && !parts.iter().any(|part| is_among(NOT_CURRENT_WORDS, part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn is_motor_current_with_current_of_the_flux_axis_returns_false() {
+        assert!(is_motor_current("MotorCurrent"));
+        assert!(!is_motor_current("id_current"));
+    }
+}
