@@ -6,6 +6,11 @@
 //! path of the images, and `boot.x` of the board to that of its boot program. An image also includes the map of
 //! its slot; there is one image for each. A copy of `memory.x` there serves builds from other directories.
 //! Without the board's feature, only the library is built, for another board, which has its own maps.
+//!
+//! For a PC, it collects the texts of refusals.
+
+#[path = "build/texts.rs"]
+mod texts;
 
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -13,10 +18,13 @@ use std::{env, fs};
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rustc-check-cfg=cfg(wiring, values(any()))");
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        let core = env::var_os("DEP_COMPENSATOR_CORE_TEXTS_SOURCES")
+            .expect("the core's build script sets it");
+        texts::write(&[PathBuf::from("src"), core.into()], &out);
         return;
     }
-    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     if env::var_os("CARGO_FEATURE_BOARD_STM32G474").is_some() {
         select_wiring();
         link_stm32g474(&out);

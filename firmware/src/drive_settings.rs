@@ -5,7 +5,7 @@
 //! 1e-6 rad/s^2, ms.
 
 use crate::node::dictionary::index;
-use crate::refusal::SettingError;
+use crate::setting_error::SettingError;
 use compensator_core::parameters::Text;
 use compensator_core::text;
 

@@ -34,6 +34,7 @@ pub mod reference_joint;
 pub mod refusal;
 pub mod scope;
 pub mod sensors;
+pub mod setting_error;
 pub mod stop_brake;
 pub mod store;
 pub mod supervisor;

@@ -9,7 +9,7 @@ use crate::drive_settings::DriveSettings;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
-use crate::refusal::SettingError;
+use crate::setting_error::SettingError;
 use crate::store::{IDENTITY_BYTES, Identity};
 use compensator_core::can::NodeId;
 use compensator_core::parameters::reason::Reason;

@@ -1,51 +1,29 @@
 //! Why the driver refused the last request: object 2028h.
 //!
 //! The object has [`LENGTH`] bytes: the number of a text, then the numbers at its places, as little-endian words
-//! ([`Reason`]). No text is in an image. `refusals.tsv` lists every text with its number; a test compares it with the
-//! sources and writes it anew with `UPDATE_TABLES=1`. [`Explained`] prints a reason with these texts.
+//! ([`Reason`]). No text is in an image. On a PC, `texts` returns every text, and [`Explained`] prints a reason with them;
+//! `cargo run -p firmware --example refusals` prints their numbers.
 //!
 //! Besides the places of the core, a text may have `{faults}` and `{limits}`, sets of codes, and `{conditions}`, further
 //! reasons against arming.
 
+#[cfg(not(target_os = "none"))]
+mod texts;
+
+#[cfg(not(target_os = "none"))]
+pub use texts::texts;
+
 use crate::parameter_set::SetError;
 use crate::store::StoreError;
 use crate::supervisor::ArmRefusal;
-use compensator_core::parameters::Text;
 use compensator_core::parameters::reason::{self, Names, Reason, WORDS};
-use compensator_core::refusal;
 use core::fmt;
 
 /// Length of a reason on the bus, bytes.
 pub const LENGTH: usize = 4 * (1 + WORDS);
 
-/// Texts and their numbers: a line each.
-const TEXTS: &str = include_str!("../refusals.tsv");
-
 /// Conditions against arming, by bit.
 const CONDITIONS: [&str; 2] = ["unobserved", "unmeasured"];
-
-/// A setting is out of range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SettingError {
-    /// Name of the setting.
-    pub name: Text,
-    /// Legal values.
-    pub legal: Text,
-}
-
-impl fmt::Display for SettingError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: must be {}", self.name, self.legal)
-    }
-}
-
-impl From<SettingError> for Reason {
-    fn from(SettingError { name, legal }: SettingError) -> Self {
-        refusal!("{name}: must be {name}", name, legal)
-    }
-}
-
-impl core::error::Error for SettingError {}
 
 /// Returns a reason as it is sent; none is all zeros.
 pub fn emit(reason: Option<&Reason>) -> [u8; LENGTH] {
@@ -116,6 +94,17 @@ fn name_of_code(number: u8) -> Option<&'static str> {
     crate::supervisor::Code::from_number(number).map(|code| code.info().name)
 }
 
+#[cfg(not(target_os = "none"))]
+fn text_of(number: u32) -> Option<&'static str> {
+    texts().find(|text| text.number() == number).map(|text| text.as_str())
+}
+
+/// A board prints no reasons.
+#[cfg(target_os = "none")]
+fn text_of(_: u32) -> Option<&'static str> {
+    None
+}
+
 /// A board prints no reasons.
 #[cfg(target_os = "none")]
 fn name_of_code(_: u8) -> Option<&'static str> {
@@ -127,9 +116,7 @@ struct Table;
 
 impl Names for Table {
     fn text(&self, number: u32) -> Option<&'static str> {
-        TEXTS.lines().filter_map(|line| line.split_once('\t')).find_map(|(found, text)| {
-            (u32::from_str_radix(found, 16) == Ok(number)).then_some(text)
-        })
+        text_of(number)
     }
 
     fn write(&self, place: &str, word: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {

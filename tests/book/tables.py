@@ -5,8 +5,9 @@
     tests/book/tables.py supports html  exit code 0: the preprocessor serves every renderer
 
 A page holds a line `{{table: NAME}}` for each table. A table comes from the source (parameters, faults, CAN objects
-and frames, commands, rules, JSON Schemas, statements of tests, bus load), or from a file of measured figures (`*.tsv`). Of the former, docs/generated.toml stores the number of rows and a
-hash, so that a change shows in a diff; `tests/book/run --update` writes it.
+and frames, commands, rules, JSON Schemas, statements of tests, bus load), or from a file of figures (`NAME.tsv`): of
+target/figures/, where the tests write what they measure (`MEASURED`), else of git. Where a test has not run, the page names the
+command that measures.
 
 The lists in the source are macros of one line per entry. They are found by a name that stands in them, because files and
 types may be renamed while the names on the bus may not.
@@ -16,16 +17,18 @@ with tabs between cells. A line without a tab is a paragraph. `NAME` is such a f
 one of its blocks, `NAME?COLUMN=VALUE` the rows of all blocks with this value, each with the title of its block.
 """
 
-import hashlib
 import json
 import pathlib
 import re
 import subprocess
 import sys
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "eds"))
+import joint_eds
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 BOOK = ROOT / "docs" / "src"
-DIGESTS = ROOT / "docs" / "generated.toml"
+FIGURES = joint_eds.TARGET / "figures"
 PLACE = re.compile(r"^\{\{table: ([^}]+)\}\}$", re.M)
 
 
@@ -208,7 +211,7 @@ def value_kind(values):
 def objects(_):
     """One row for each object of the EDS; its entries are listed, numbered ones together."""
     found = {}
-    for section in (ROOT / "firmware" / "joint.eds").read_text().split("\n\n"):
+    for section in joint_eds.write().read_text().split("\n\n"):
         head = re.search(r"^\[([0-9A-F]{4})(?:sub([0-9A-F]+))?\]", section, re.MULTILINE)
         if not head:
             continue
@@ -408,18 +411,38 @@ MADE = {
 }
 
 
+# Figures that no file of git has: the command that writes them to target/figures/.
+CLOSED_LOOP = "cargo test -p joint-rig --test all closed_loop::"
+MEASURED = {
+    "closed-loop": CLOSED_LOOP,
+    **dict.fromkeys(("interrupt-cycles", "interrupt-cycles-esc1", "pdo-timing"), "tests/emulator/run"),
+    **dict.fromkeys(("tuning", "adaptation"), "tests/emulator/run --all"),
+}
+
+
 def figure_file(name):
-    """Text of the file of measured figures with this name."""
+    """Text of the file of figures with this name; None if they are not measured yet."""
+    if name in MEASURED:
+        path = FIGURES / f"{name}.tsv"
+        return path.read_text() if path.exists() else None
     listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", f"*/{name}.tsv"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     names = listed.split()
     assert len(names) == 1, f"{name}.tsv: expected one file, found {names}"
     return (ROOT / names[0]).read_text()
 
 
+def blocks_of(text):
+    """Lines of each block of a file of figures."""
+    return [block.splitlines() for block in text.strip("\n").split("\n\n")]
+
+
 def figures(name):
     """Markdown of a file of figures, or of one of its blocks without the title."""
     name, _, title = name.partition("/")
-    blocks = [block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")]
+    text = figure_file(name)
+    if text is None:
+        return f"*Not measured in this work tree: `{MEASURED[name]}`. A release has the figures.*"
+    blocks = blocks_of(text)
     if title:
         blocks = [block[1:] for block in blocks if block[0] == f"# {title}"]
         assert len(blocks) == 1, f"{name}.tsv: {len(blocks)} blocks with the title {title!r}"
@@ -429,8 +452,10 @@ def figures(name):
 def selected_rows(selection):
     """Rows of all blocks of `NAME?COLUMN=VALUE`, without the column; an empty first cell repeats the one above."""
     name, column, value = re.fullmatch(r"(.+)\?(.+)=(.+)", selection).groups()
-    lines = []
-    for title, head, *data in (block.splitlines() for block in figure_file(name).strip("\n").split("\n\n")):
+    text, lines = figure_file(name), []
+    if text is None:
+        return figures(name)
+    for title, head, *data in (block.splitlines() for block in text.strip("\n").split("\n\n")):
         names, above = head.split("\t"), ""
         place = names.index(column)
         for line in data:
@@ -458,27 +483,51 @@ def figure_block(lines):
     return "\n\n".join(parts)
 
 
+def closed_loop_rows(text):
+    """Rows of each block by its title: procedure, quantity, result, limits, met. A row without a procedure has that above."""
+    blocks = {}
+    for title, _, *lines in blocks_of(text):
+        above = ""
+        for line in lines:
+            procedure, *rest = line.split("\t")
+            above = procedure or above
+            blocks.setdefault(title, []).append((above, *rest))
+    return blocks
+
+
+def closed_loop():
+    """Results of the library with those of the image beside them, which may have limits of its own."""
+    library = figure_file("closed-loop")
+    if library is None:
+        return figures("closed-loop")
+    image = FIGURES / "closed-loop-image.tsv"
+    by_image = closed_loop_rows(image.read_text()) if image.exists() else {}
+    parts = []
+    for title, lines in closed_loop_rows(library).items():
+        found = {(procedure, quantity): rest for procedure, quantity, *rest in by_image.get(title, [])}
+        table, above = [], None
+        for procedure, quantity, result, limits, met in lines:
+            on_image, own_limits, met_by_image = found.get((procedure, quantity), ("–", limits, met))
+            limits += f"; image {own_limits}" if own_limits != limits else ""
+            met = met if met_by_image == met else f"{met}; image {met_by_image}"
+            table.append(["" if procedure == above else procedure, quantity, result, on_image, limits, met])
+            above = procedure
+        parts += [f"#{title}", rows(["procedure", "quantity", "library", "image", "limits", "met"], table)]
+    return "\n\n".join(parts)
+
+
 def made(name, texts):
     """Markdown of the table with this name."""
     if "?" in name:
         return selected_rows(name)
+    if name == "closed-loop":
+        return closed_loop()
     return MADE[name](texts) if name in MADE else figures(name)
 
 
 def fill(text, texts):
     """Replaces the places of tables in a page."""
     return PLACE.sub(lambda found: made(found[1], texts), text)
-
-
-def digests():
-    """The content of docs/generated.toml."""
-    texts = sources()
-    lines = ["# Rows and hash of each table that the book's build makes from the source. `tests/book/run --update` writes this file."]
-    for name, table in MADE.items():
-        text = table(texts)
-        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-        lines.append(f'{name} = {{ rows = {text.count(chr(10)) - 1}, sha256 = "{digest}" }}')
-    return "\n".join(lines) + "\n"
 
 
 def fill_chapters(items, texts):

@@ -27,16 +27,16 @@ def level_a(counts):
     return (at_input * sum(conductances) - REFERENCE_V * conductances[2]) / conductances[0] / SHUNT_OHM
 
 
-def image_lies_in_front_of_the_store(image, place, is_update):
+def image_lies_in_front_of_the_store(image):
     end = max(at + len(content) for at, content in image.loaded)
     assert image.vectors == FLASH_AT and end <= FLASH_AT + IMAGE_BYTES, f"the image ends at {end:#x}"
     assert IMAGE_BYTES + STORE_BYTES == CHIP_BYTES
     print(f"  measured: image of the B-G431B-ESC1, {end - FLASH_AT} of {IMAGE_BYTES} bytes")
 
 
-def statics_and_worst_stack_fit_the_ram(image, place, is_update):
+def statics_and_worst_stack_fit_the_ram(image):
     assert image.symbols["_stack_start"][0] == 0x2000_0000 + RAM_BYTES
-    used, available = memory.check(image, CallGraph(image), place, is_update, memory.HANDLERS_ESC1)
+    used, available = memory.check(image, CallGraph(image), "esc1", memory.HANDLERS_ESC1)
     print(f"  measured: worst stack of the B-G431B-ESC1 {used} of {available} bytes")
 
 
@@ -46,7 +46,7 @@ def started(image, until):
     return chip
 
 
-def comparators_and_amplifiers_are_on_before_the_bridge_may_close(image, place, is_update):
+def comparators_and_amplifiers_are_on_before_the_bridge_may_close(image):
     chip = started(image, lambda address, value: address == TIM1_BDTR and value & LOCK)
     assert chip.writes[-1][0] == TIM1_BDTR and not chip.writes[-1][1] & MOE, f"the break is never locked: {chip.writes[-4:]}"
     # Without the pin of a gate driver, whose polarity does not matter.
@@ -66,7 +66,7 @@ def comparators_and_amplifiers_are_on_before_the_bridge_may_close(image, place, 
     assert not closed, "the bridge is closed at the start"
 
 
-def hard_fault_opens_the_bridge_first(image, place, is_update):
+def hard_fault_opens_the_bridge_first(image):
     chip = Chip(image)
     for running, content, _ in image.segments:
         chip.core.mem_write(running, content)
@@ -76,7 +76,7 @@ def hard_fault_opens_the_bridge_first(image, place, is_update):
     assert chip.writes[-1][0] == AIRCR, f"the fault does not end with a reset: {chip.writes[-3:]}"
 
 
-def start_reaches_the_background_and_periods_keep_the_bridge_open(image, place, is_update):
+def start_reaches_the_background_and_periods_keep_the_bridge_open(image):
     chip, idle = Chip(image), image.find("3app4idle")[0] & ~1
     core, arm = chip.core, chip.arm
     chip.run(image.word_of_vector(1), stack=image.word_of_vector(0), end=idle)

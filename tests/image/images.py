@@ -85,6 +85,13 @@ def build(name):
     return folder
 
 
+def write_figures(name, text):
+    """Writes what a test measured to a file of target/figures/, from which the book is built."""
+    folder = TARGET_FOLDER / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text)
+
+
 def build_driver(name):
     """Builds the images of this name; returns the path of the driver's."""
     return build(name) / IMAGES[name][1][0]

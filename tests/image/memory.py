@@ -1,4 +1,4 @@
-"""Where the bytes of the image are, and the worst stack: the tables of memory.tsv.
+"""Where the bytes of the image are, and the worst stack. limits.tsv has their limits.
 
 The worst stack is a bound by the call graph. A call through a register may reach every function whose address is stored in
 the image, apart from handlers. Functions that call each other in a circle are formatting of texts; a text contains at most
@@ -6,7 +6,12 @@ the image, apart from handlers. Functions that call each other in a circle are f
 """
 
 import collections
+import pathlib
 import re
+
+import images
+
+LIMITS = pathlib.Path(__file__).resolve().parent / "limits.tsv"
 
 # Bytes that the core stores at an exception: 8 registers, 18 of the floating-point unit, and alignment (ARM DDI 0403, B1.5.6).
 EXCEPTION_FRAME = 4 * (8 + 18) + 4
@@ -16,7 +21,6 @@ HANDLERS = {"receive (FDCAN1_IT0)": 16 + 21, "clock (TIM5)": 16 + 50, "current l
 # The same of the B-G431B-ESC1, which has no TIM5.
 HANDLERS_ESC1 = {name.replace("TIM5", "TIM2"): 16 + 28 if "TIM5" in name else number for name, number in HANDLERS.items()}
 SMALL = 1024
-TOLERANCE_SHARE, TOLERANCE_BYTES = 0.05, 1024
 SUMS = ("start and a fault", "background, all interrupts and a fault")
 PARTS = re.compile(r"compensator_core|embassy\w*|firmware|compiler_builtins|libm|defmt\w*|canopen_rs|crc|cortex_m\w*|micromath|heapless|core")
 
@@ -147,7 +151,7 @@ def ram(image):
 
 
 def page(image, graph, handlers=None):
-    """The lines of memory.tsv: three tables with titles."""
+    """Lines of the three tables with titles."""
     tables = {
         "Flash, bytes": flash(image),
         "RAM, bytes": ram(image),
@@ -164,16 +168,24 @@ def numbers(lines):
     return {name: int(size) for name, size in cells}
 
 
-def check(image, graph, place, is_update, handlers=None):
-    """Compares with the recorded tables, or writes them; returns the worst stack and what is available, bytes."""
+def limits(name):
+    """Limits of an image: figure, least and most."""
+    lines = [line.split("\t") for line in LIMITS.read_text().splitlines()[1:]]
+    found = [(figure, int(least), int(most)) for image, figure, least, most, _ in lines if image == name]
+    assert len(found) > 3, f"{name}: {len(found)} limits"
+    return found
+
+
+def check(image, graph, name, handlers=None):
+    """Compares with the limits of the image of this name and writes the tables to target/figures/; returns the worst stack and
+    what is available, bytes."""
     now = dict(stack(image, graph, handlers))
-    for name in SUMS:
-        assert now[name] <= now["available"], f"{name}: {now[name]} bytes of stack, available {now['available']}"
     lines = page(image, graph, handlers)
-    if is_update:
-        place.write_text("\n".join(lines) + "\n")
-    before = numbers(place.read_text().splitlines())
-    for name, size in numbers(lines).items():
-        known = before.get(name, 0)
-        assert abs(size - known) <= max(TOLERANCE_SHARE * known, TOLERANCE_BYTES), f"{name}: {size} bytes, {known} in {place.name}"
-    return max(now[name] for name in SUMS), now["available"]
+    images.write_figures("memory.tsv" if name == "stm32g474" else f"memory-{name}.tsv", "\n".join(lines) + "\n")
+    for figure in SUMS:
+        assert now[figure] <= now["available"], f"{figure}: {now[figure]} bytes of stack, available {now['available']}"
+    found = numbers(lines)
+    outside = [f"{figure}: {found.get(figure)} bytes, limits {least} to {most}" for figure, least, most in limits(name)
+               if not least <= found.get(figure, -1) <= most]
+    assert not outside, "; ".join(outside)
+    return max(now[figure] for figure in SUMS), now["available"]

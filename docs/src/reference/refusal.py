@@ -3,7 +3,7 @@ import re
 import struct
 
 
-def texts(table="firmware/refusals.tsv"):
+def texts(table="refusals.tsv"):
     """Texts of refusals by their numbers."""
     rows = (line.split("\t") for line in pathlib.Path(table).read_text().splitlines())
     return {int(number, 16): text for number, text in rows}

@@ -11,7 +11,8 @@ use crate::node::dictionary::records::{
 use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
 use crate::node_settings::InputSource;
-use crate::refusal::{self, SettingError};
+use crate::refusal;
+use crate::setting_error::SettingError;
 use canopen_rs::Address;
 use compensator_core::can::{JointKind, Message, NodeId, TraceEntry};
 use compensator_core::network::record as network_record;

@@ -1,7 +1,7 @@
 //! The object dictionary: every object of a joint driver with name, type, access and rights.
 //!
 //! [`OBJECTS`] lists the objects; [`records`] lists the entries of records. The SDO server uses it to check
-//! whether an object exists and may be written. `joint.eds` is generated from it, and a test compares the
+//! whether an object exists and may be written. `examples/joint_eds` prints the EDS from it, and a test compares the
 //! two. `host-sim params` takes names from it. Objects from 1000h are those of CiA 301, from 2000h
 //! manufacturer specific, from 6000h those of CiA 402. Parameters are not listed again: their names come
 //! from the core's tables, and a sub-index is the parameter's number in its table plus one.

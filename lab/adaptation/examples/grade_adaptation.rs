@@ -25,9 +25,12 @@ struct Arguments {
     /// Courses that lie; 0 leaves its tables
     #[arg(long, default_value_t = 1000)]
     lies: u64,
-    /// Folder of the tables
+    /// Folder of the summaries
     #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/graded"))]
     out: PathBuf,
+    /// Folder of the tables of all courses
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/figures"))]
+    courses: PathBuf,
 }
 
 /// Courses per joint of those that lie.
@@ -120,31 +123,37 @@ fn main() {
     if arguments.drifting > 0 {
         let grades = drifts(&arguments);
         let rows = summary::drift_rows(&grades);
-        write_part(&arguments.out, "drifts", &drift_table(&grades), &rows);
+        write_part(&arguments, "drifts", &drift_table(&grades), &rows);
     }
     if arguments.steady > 0 {
         let grades = steady(&arguments);
         let rows = summary::steady_rows(&grades);
-        write_part(&arguments.out, "steady", &steady_table(&grades), &rows);
+        write_part(&arguments, "steady", &steady_table(&grades), &rows);
     }
     if arguments.lies > 0 {
         let grades = lies(&arguments);
         let rows = summary::lie_rows(&grades);
-        write_part(&arguments.out, "lies", &lie_table(&grades), &rows);
+        write_part(&arguments, "lies", &lie_table(&grades), &rows);
     }
 }
 
 /// Writes the courses of a part and its summary, and prints the summary.
-fn write_part(folder: &Path, part: &str, courses: &str, rows: &[summary::Row]) {
-    let mut summary = "what\tcourses\tfigure\tgoal\n".to_owned();
+fn write_part(arguments: &Arguments, part: &str, courses: &str, rows: &[summary::Row]) {
+    let mut summary = format!(
+        "Simulated: seed {0}, by `cargo run --release -p drifting-joints --example grade_adaptation -- --seed {0}`.\n\n\
+         what\tcourses\tfigure\tgoal\n",
+        arguments.seed
+    );
     for row in rows {
         summary += &(row.join("\t") + "\n");
     }
     print!("{summary}");
-    write(folder, &format!("{part}.tsv"), courses);
-    write(folder, &format!("adaptation-{part}.tsv"), &summary);
+    write(&arguments.courses, &format!("adaptation-{part}-courses.tsv"), courses);
+    write(&arguments.out, &format!("adaptation-{part}.tsv"), &summary);
 }
 
 fn write(folder: &Path, name: &str, text: &str) {
-    std::fs::write(folder.join(name), text).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let written =
+        std::fs::create_dir_all(folder).and_then(|()| std::fs::write(folder.join(name), text));
+    written.unwrap_or_else(|error| panic!("{name}: {error}"));
 }

@@ -26,9 +26,12 @@ struct Arguments {
     /// Joints with a fault in the middle
     #[arg(long, default_value_t = 20)]
     faults: u64,
-    /// Folder of sessions.tsv and tuning-benchmark.tsv
+    /// Folder of tuning-benchmark.tsv
     #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/graded"))]
     out: PathBuf,
+    /// Folder of tuning-sessions.tsv, which has every session
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/figures"))]
+    sessions: PathBuf,
 }
 
 fn cases(arguments: &Arguments) -> Vec<Case> {
@@ -119,8 +122,12 @@ fn main() {
             "{seed}\t{fault}\t{at_s:.0}\t{is_noticed}\t{is_safe}\t{is_former}\t{why}"
         );
     }
-    write(&arguments.out, "sessions.tsv", &text);
-    let mut table = "what\tjoints\tfigure\tgoal\n".to_owned();
+    write(&arguments.sessions, "tuning-sessions.tsv", &text);
+    let mut table = format!(
+        "Simulated: seed {0}, by `cargo run --release -p tuned-joints --example grade_tuning -- --seed {0}`.\n\n\
+         what\tjoints\tfigure\tgoal\n",
+        arguments.seed
+    );
     for row in summary::rows(&graded, &faults) {
         table += &(row.join("\t") + "\n");
     }
@@ -129,5 +136,7 @@ fn main() {
 }
 
 fn write(folder: &Path, name: &str, text: &str) {
-    std::fs::write(folder.join(name), text).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let written =
+        std::fs::create_dir_all(folder).and_then(|()| std::fs::write(folder.join(name), text));
+    written.unwrap_or_else(|error| panic!("{name}: {error}"));
 }

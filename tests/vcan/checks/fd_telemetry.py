@@ -1,5 +1,5 @@
 #!/bin/sh
-# needs: host-sim python
+# needs: host-sim eds python
 # limit: 60
 # Telemetry in one frame of CAN FD: on the bus, in host-sim, in logs of three formats, and by joint-fd.dbc.
 ''':'
@@ -8,6 +8,7 @@ exec "$PYTHON" "$0"
 import json
 import logging
 import math
+import os
 import socket
 import struct
 
@@ -37,7 +38,7 @@ def switch_on():
     """Writes 2001h:9 to node 1, as a master does."""
     network = canopen.Network()
     network.connect(interface="socketcan", channel=INTERFACE)
-    node = network.add_node(1, str(REPO / "firmware" / "joint.eds"))
+    node = network.add_node(1, os.environ["JOINT_EDS"])
     program_of_the_book("explanation/unlock.py")["unlock"](node)
     node.sdo["operation"]["fd_telemetry"].raw = 1
     network.disconnect()

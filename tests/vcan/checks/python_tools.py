@@ -1,5 +1,5 @@
 #!/bin/sh
-# needs: host-sim python
+# needs: host-sim eds python
 # limit: 180
 # Python's CAN tools and a joint: python-can and cantools with joint.dbc, canopen with joint.eds.
 ''':'
@@ -7,6 +7,7 @@ exec "$PYTHON" "$0"
 '''
 import csv
 import math
+import os
 import struct
 import time
 
@@ -16,7 +17,7 @@ import cantools
 from bench import FOLDER, INTERFACE, REPO, Candump, Node, equal, host_sim, passed, program_of_the_book, simulate, test, until
 
 DBC = cantools.database.load_file(REPO / "compensator-core" / "joint.dbc")
-EDS = str(REPO / "firmware" / "joint.eds")
+EDS = os.environ["JOINT_EDS"]
 
 LOCKED = 0x0601_0000
 READ_ONLY, TOO_LONG, TOO_SHORT = 0x0601_0002, 0x0607_0012, 0x0607_0013
@@ -318,7 +319,7 @@ def a_blank_joint_gets_its_number_by_fastscan():
 
 
 def last_reason(node):
-    texts = reasons["texts"](REPO / "firmware" / "refusals.tsv")
+    texts = reasons["texts"](os.environ["REFUSALS"])
     return reasons["reason"](node.sdo.upload(0x2028, 0), texts)
 
 

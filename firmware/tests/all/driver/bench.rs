@@ -48,6 +48,15 @@ impl Bench {
         Self::boot(InputSource::Sensors, Flash::new(), &Boot::default())
     }
 
+    /// Starts a driver on its own sensors that has this node number.
+    pub fn numbered(node: NodeId) -> Self {
+        let settings =
+            NodeSettings { node, source: InputSource::Sensors, ..NodeSettings::default() };
+        let identity = Identity { hardware: "bench", serial: 7, stage: StageTraits::NONE };
+        let driver = Driver::boot(settings, Flash::new(), identity, &Boot::default(), 0);
+        Self { driver, node, ..Self::on_sensors() }
+    }
+
     /// Starts a driver on its own sensors, with this power stage.
     pub fn on_stage(stage: StageTraits) -> Self {
         Self::boot_on(stage, InputSource::Sensors, Flash::new(), &Boot::default())

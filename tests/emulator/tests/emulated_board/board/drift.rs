@@ -1,11 +1,11 @@
-//! Joints whose friction drifts, with the adaptation of their levels (2044h) on the image: `adaptation.tsv`.
+//! Joints whose friction drifts, with the adaptation of their levels (2044h) on the image.
 //!
 //! The joints and their sets are those of `lab/adaptation`, here with motor, bridge and encoder. Each follows a drawn motion
 //! in CSP, with its set alone and with the adaptation. Image and library do the same, and the error is that of the true
 //! position of the output. The drifts take 80 s instead of the lab's 20 min, because emulated time is slow. The short form
-//! learns a new seal on one joint; `LONG_TESTS=1` compares five joints with the file, which `UPDATE_TABLES=1` writes.
+//! learns a new seal on one joint; `LONG_TESTS=1` compares five joints with limits and writes `target/figures/adaptation.tsv`.
 
-use crate::common::image;
+use crate::common::{image, write_figures};
 use drifting_joints::joint::Joint;
 use drifting_joints::motion::{Habits, Motion};
 use emulated_board::BoardDriver;
@@ -18,7 +18,6 @@ use simulated_machines::joint_plant::surroundings::Course;
 use simulated_machines::joint_plant::{DrawnJoint, FrictionFamily};
 use std::collections::VecDeque;
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 /// First seed of the joints: others than those of the tables of the lab.
 const FIRST_SEED: u64 = 47_000;
@@ -47,8 +46,6 @@ const MICRO: f64 = 1e6;
 /// Largest difference of image and library: of the gain of the level, and of the error as a share.
 const LARGEST_GAIN_DIFFERENCE: f64 = 0.05;
 const LARGEST_ERROR_SHARE: f64 = 0.15;
-/// Deviation of errors and gains from the file, as a share: another image has another phase of loop and background.
-const TOLERANCE: f64 = 0.1;
 
 const HEAD: &str = "seed\tfamily\tdrift in 80 s\timage fixed, mrad\timage adaptive, mrad\tlibrary fixed, mrad\tlibrary adaptive, mrad\timage level gain\tlibrary level gain\n";
 
@@ -70,17 +67,47 @@ struct Case {
     family: FrictionFamily,
     drift: Drift,
     name: &'static str,
+    /// Limits of the learnt gain of the level on the image, a tenth or more on both sides.
+    level_gain: [f64; 2],
+    /// Error with the adaptation over that with the set alone, at most.
+    most_error: f64,
 }
 
 const CASES: [Case; 5] = [
-    Case { family: FrictionFamily::MaxwellSlip, drift: Drift::Wears, name: "friction x1.6" },
-    Case { family: FrictionFamily::RateAndState, drift: Drift::Cools, name: "15 K colder" },
-    Case { family: FrictionFamily::Iwan, drift: Drift::Dives, name: "dive to 30 bar" },
-    Case { family: FrictionFamily::Iwan, drift: Drift::NewSeal(WEAR), name: "new seal, x1.6" },
+    Case {
+        family: FrictionFamily::MaxwellSlip,
+        drift: Drift::Wears,
+        name: "friction x1.6",
+        level_gain: [1.25, 1.65],
+        most_error: 0.5,
+    },
+    Case {
+        family: FrictionFamily::RateAndState,
+        drift: Drift::Cools,
+        name: "15 K colder",
+        level_gain: [1.02, 1.3],
+        most_error: 0.8,
+    },
+    Case {
+        family: FrictionFamily::Iwan,
+        drift: Drift::Dives,
+        name: "dive to 30 bar",
+        level_gain: [1.3, 1.9],
+        most_error: 0.4,
+    },
+    Case {
+        family: FrictionFamily::Iwan,
+        drift: Drift::NewSeal(WEAR),
+        name: "new seal, x1.6",
+        level_gain: [1.3, 1.8],
+        most_error: 0.45,
+    },
     Case {
         family: FrictionFamily::RateAndState,
         drift: Drift::NewSeal(LOWER_WEAR),
         name: "new seal, x0.65",
+        level_gain: [0.6, 0.85],
+        most_error: 0.97,
     },
 ];
 
@@ -263,23 +290,14 @@ fn emit(drawn: &Drawn, case: &Case, outcomes: &[Outcome; 4]) -> String {
 /// Requires that the adaptation helps, and that image and library agree.
 fn check(case: &Case, outcomes: &[Outcome; 4]) {
     let [fixed, adaptive, library_fixed, library_adaptive] = *outcomes;
-    assert!(adaptive.rms_rad < fixed.rms_rad, "{case:?}: {outcomes:?}");
+    assert!(adaptive.rms_rad < case.most_error * fixed.rms_rad, "{case:?}: {outcomes:?}");
+    let [least, most] = case.level_gain;
+    assert!((least..=most).contains(&adaptive.level_gain), "{case:?}: {outcomes:?}");
     for (own, other) in [(fixed, library_fixed), (adaptive, library_adaptive)] {
         let share = own.rms_rad / other.rms_rad - 1.0;
         assert!(share.abs() < LARGEST_ERROR_SHARE, "{case:?}: {outcomes:?}");
         let gain = own.level_gain - other.level_gain;
         assert!(gain.abs() < LARGEST_GAIN_DIFFERENCE, "{case:?}: {outcomes:?}");
-    }
-}
-
-/// Compares two rows: words exactly, figures within [`TOLERANCE`].
-fn compare(known: &str, now: &str) {
-    for ((place, known_cell), now_cell) in known.split('\t').enumerate().zip(now.split('\t')) {
-        let is_equal = match (place, known_cell.parse::<f64>(), now_cell.parse::<f64>()) {
-            (3.., Ok(known), Ok(now)) => (known - now).abs() <= TOLERANCE * known,
-            _ => known_cell == now_cell,
-        };
-        assert!(is_equal, "{known}\n{now}\nUPDATE_TABLES=1 writes adaptation.tsv");
     }
 }
 
@@ -310,12 +328,5 @@ fn joints_that_drift_adapt_on_image_as_on_library() {
             row
         })
         .collect();
-    let written = HEAD.to_owned() + &rows.concat();
-    let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "adaptation.tsv"].iter().collect();
-    if std::env::var_os("UPDATE_TABLES").is_some() {
-        return std::fs::write(path, written).expect("the file can be written");
-    }
-    let known = std::fs::read_to_string(path).expect("adaptation.tsv");
-    assert_eq!(known.lines().count(), written.lines().count(), "UPDATE_TABLES=1 writes it");
-    known.lines().zip(written.lines()).for_each(|(known, now)| compare(known, now));
+    write_figures("adaptation.tsv", &(HEAD.to_owned() + &rows.concat()));
 }

@@ -1,0 +1,53 @@
+//! Collects the texts of refusals: an image sends their numbers, and a PC that reads them needs all texts of this version.
+//!
+//! A text is the literal of a `text!` or `refusal!`. Texts that macros make of lists of fields are tables of the crates already.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Writes `texts.rs`, the expression of an array of the texts in these folders of sources.
+pub fn write(folders: &[PathBuf], out: &Path) {
+    let mut literals = BTreeSet::new();
+    for folder in folders {
+        println!("cargo::rerun-if-changed={}", folder.display());
+        let before = literals.len();
+        collect(folder, &mut literals);
+        assert!(literals.len() > before, "{}: no text! and no refusal!", folder.display());
+    }
+    let texts: String =
+        literals.iter().map(|text| format!("    compensator_core::text!(\"{text}\"),\n")).collect();
+    fs::write(out.join("texts.rs"), format!("[\n{texts}]\n")).expect("OUT_DIR can be written");
+}
+
+/// Adds the literals of all sources of a folder, without those of tests and of documentation.
+fn collect(folder: &Path, literals: &mut BTreeSet<String>) {
+    let entries =
+        fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    for path in entries.map(|entry| entry.expect("an entry").path()) {
+        if path.is_dir() {
+            collect(&path, literals);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let source = fs::read_to_string(&path).expect("text");
+            let shipped = source.split("#[cfg(test)]").next().unwrap_or_default();
+            let code: Vec<_> =
+                shipped.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+            let code = code.join("\n");
+            for name in ["text!(", "refusal!("] {
+                literals.extend(code.split(name).skip(1).filter_map(literal).map(str::to_owned));
+            }
+        }
+    }
+}
+
+/// Returns what stands between the quotes of the literal at the start of a source, with its escapes; `None` without one.
+fn literal(source: &str) -> Option<&str> {
+    let text = source.trim_start().strip_prefix('"')?;
+    let mut is_escaped = false;
+    let end = text.find(|letter| {
+        let is_end = letter == '"' && !is_escaped;
+        is_escaped = letter == '\\' && !is_escaped;
+        is_end
+    })?;
+    text.get(..end).filter(|text| !text.is_empty())
+}
