@@ -31,11 +31,26 @@ pub fn outside_row(
     value: f64,
     limits: std::ops::RangeInclusive<f64>,
 ) -> ScenarioRow {
-    ScenarioRow { is_outside: true, ..row(scenario, did, figure, value, limits) }
+    ScenarioRow { is_outside: true, ..unchecked(scenario, did, figure, value, limits) }
 }
 
-/// A row with inclusive limits.
+/// A row with inclusive limits. With `STOP_AT_FIRST_ROW`, one outside of them ends the test: a mutation is then found as soon as
+/// it shows.
 pub fn row(
+    scenario: u8,
+    did: &str,
+    figure: &'static str,
+    value: f64,
+    limits: std::ops::RangeInclusive<f64>,
+) -> ScenarioRow {
+    let row = unchecked(scenario, did, figure, value, limits);
+    if std::env::var_os("STOP_AT_FIRST_ROW").is_some() {
+        check(std::slice::from_ref(&row));
+    }
+    row
+}
+
+fn unchecked(
     scenario: u8,
     did: &str,
     figure: &'static str,
