@@ -15,6 +15,9 @@ pub mod cli;
 pub mod demo_joint;
 #[cfg(feature = "cli")]
 mod moving_joint;
+#[cfg(all(test, feature = "cli"))]
+#[path = "../../tests/snapshot.rs"]
+mod snapshot;
 
 pub use joint_rig::simulated;
 pub use joint_tuning::driver_file;

@@ -205,6 +205,7 @@ fn unknown_end() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::snapshot;
 
     fn trend() -> LevelTrend {
         let entry = |number: u32| LevelEntry {
@@ -228,7 +229,8 @@ mod tests {
             assert_eq!(LevelTrend::read(&path), Ok(trend()), "{name}");
         }
         let refused = trend().emit(Path::new("trend.toml")).unwrap_err();
-        assert_eq!(refused, "trend.toml: expected a name with the end .json or .csv");
+        assert!(["trend.toml", ".json", ".csv"].iter().all(|name| refused.contains(name)));
+        snapshot::check("trend", "a file of another kind", &refused);
     }
 
     #[test]
@@ -251,27 +253,22 @@ mod tests {
         let backwards = backwards.emit_csv();
         let header = "learnt_h,level_n,level_gain,level_std_deviation,viscous_gain,changed_term,changed_term_gain";
         let cases = [
-            ("trend.json", "{}", "expected a file of `params trend --write`"),
-            (
-                "trend.json",
-                "{\"schema\":2,\"unit\":\"Nm\",\"entries\":[]}",
-                "found schema 2, expected 1",
-            ),
-            ("trend.csv", "a,b\n1,2\n", "expected learnt_h"),
-            ("trend.csv", &format!("{header}\n1,x,1,0,1,,\n"), "line 2: level: found \"x\""),
-            (
-                "trend.csv",
-                &format!("{header}\n1,-2,1,0,1,,\n"),
-                "entry 1: found learnt_h 1 and level -2",
-            ),
-            ("trend.csv", &backwards, "do not rise"),
+            ("trend.json", "{}", "`params trend --write`"),
+            ("trend.json", "{\"schema\":2,\"unit\":\"Nm\",\"entries\":[]}", "schema 2"),
+            ("trend.csv", "a,b\n1,2\n", "learnt_h"),
+            ("trend.csv", &format!("{header}\n1,x,1,0,1,,\n"), "line 2: level: "),
+            ("trend.csv", &format!("{header}\n1,-2,1,0,1,,\n"), "entry 1: "),
+            ("trend.csv", &backwards, "rise"),
         ];
+        let mut messages = String::new();
         for (name, content, expected) in cases {
             let path = folder.path().join(name);
             std::fs::write(&path, content).unwrap();
             let line = LevelTrend::read(&path).unwrap_err();
             assert!(line.contains(expected) && line.contains(name), "{line}");
             assert_eq!(line.lines().count(), 1);
+            messages += &format!("{line}\n");
         }
+        snapshot::check("trend", "bad files", &messages);
     }
 }

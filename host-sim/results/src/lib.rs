@@ -42,6 +42,9 @@ pub mod report;
 pub mod rows;
 #[cfg(all(feature = "pages", feature = "rows"))]
 pub mod scope;
+#[cfg(all(test, feature = "fleet"))]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
 #[cfg(feature = "rows")]
 pub mod table_file;
 pub mod tune;

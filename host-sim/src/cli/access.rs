@@ -139,7 +139,8 @@ mod tests {
         assert_eq!(require_policy(&mut client, &arguments), Ok(()));
         client.set_locked_by_default(false).expect("unlocks by the default key");
         let words = require_policy(&mut client, &arguments).expect_err("not locked");
-        assert!(words.starts_with("node 1 on loop: not locked"), "{words}");
+        assert!(words.starts_with("node 1 on loop: "), "{words}");
         assert!(words.contains("access policy locked"), "{words}");
+        crate::snapshot::check("units-of-commands", "a lock with an open policy", &words);
     }
 }

@@ -113,7 +113,7 @@ mod tests {
         assert!((range("90deg").unwrap() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
         for wrong in ["", "x", "0", "1e9", "nan", "0.4m"] {
             let error = range(wrong).unwrap_err();
-            assert!(error.contains("expected a number above 0"), "{error}");
+            assert!(error.contains(&format!("{wrong:?}")) && error.contains("rad"), "{error}");
         }
     }
 }

@@ -12,6 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use crate::snapshot;
 use compensator_core::compensator::Compensator;
 use compensator_core::configuration::Configuration;
 use compensator_core::record;
@@ -183,19 +184,20 @@ fn identify_and_compare_with_bad_input_return_one_line_error() {
     fs::create_dir(folder.path("folder")).expect("made");
     folder.write("broken.parquet", "PAR1 and nothing of the kind PAR1");
     folder.write("luger.toml", "schema = 1\njoint = \"revolute\"\nmodel = \"luger\"\n");
+    let mut messages = String::new();
     for (arguments, words) in [
-        ("identify none.csv --model linear", &["none.csv", "No such file"][..]),
-        ("identify empty.csv --model linear", &["empty.csv", "found"]),
-        ("identify header.csv --model linear", &["header.csv", "found"]),
+        ("identify none.csv --model linear", &["none.csv"][..]),
+        ("identify empty.csv --model linear", &["empty.csv"]),
+        ("identify header.csv --model linear", &["header.csv"]),
         ("identify foreign.csv --model linear", &["foreign.csv", "velocity_rad_s", "--columns"]),
         ("identify both.csv --model linear", &["both.csv", "force_n"]),
-        ("identify text.csv --model linear", &["row 42", "velocity_rad_s", "\"off\"", "number"]),
-        ("identify back.csv --model linear", &["row 3", "time_s", "not before"]),
+        ("identify text.csv --model linear", &["row 42", "velocity_rad_s", "\"off\""]),
+        ("identify back.csv --model linear", &["row 3", "time_s"]),
         ("identify one.csv --model linear", &["1 rows"]),
-        ("identify folder --model linear", &["folder", "a directory"]),
+        ("identify folder --model linear", &["folder"]),
         ("identify broken.parquet --model linear", &["broken.parquet"]),
-        ("identify joint.csv joint.csv --model linear", &["joint.csv", "twice"]),
-        ("identify joint.csv --test joint.csv --model linear", &["joint.csv", "twice"]),
+        ("identify joint.csv joint.csv --model linear", &["joint.csv"]),
+        ("identify joint.csv --test joint.csv --model linear", &["joint.csv"]),
         ("identify joint.csv --model luger", &["luger", "lugre-asymmetric"]),
         ("identify joint.csv --model lugre+rust", &["rust", "pressure-coulomb"]),
         ("identify joint.csv --model linear --columns nonsense", &["nonsense", "NAME=COLUMN"]),
@@ -203,11 +205,11 @@ fn identify_and_compare_with_bad_input_return_one_line_error() {
         ("identify joint.csv --model linear --columns speed=velocity_rad_s", &["speed"]),
         ("identify joint.csv --model linear --rigid-body mass", &["mass", "inertia"]),
         ("identify joint.csv --model linear --keep mass", &["--keep", "mass"]),
-        ("identify joint.csv --model linear --hold-out kp=1", &["kp", "expected one of run"]),
+        ("identify joint.csv --model linear --hold-out kp=1", &["kp", "run"]),
         ("identify joint.csv --model linear --hold-out run=7", &["run=7", "0, 1, 2"]),
-        ("identify joint.csv --model linear --tail 1.5", &["1.5", "between 0 and 1"]),
+        ("identify joint.csv --model linear --tail 1.5", &["1.5"]),
         ("identify joint.csv --model linear --skip 1000", &["--skip 1000"]),
-        ("identify joint.csv --model linear --start none.toml", &["none.toml", "No such file"]),
+        ("identify joint.csv --model linear --start none.toml", &["none.toml"]),
         ("identify joint.csv --model linear --start luger.toml", &["luger.toml", "luger"]),
         ("compare joint.csv --models linear,luger", &["luger"]),
         ("compare none.csv", &["none.csv"]),
@@ -216,19 +218,22 @@ fn identify_and_compare_with_bad_input_return_one_line_error() {
         for word in words {
             assert!(message.contains(word), "{arguments}: {message}");
         }
+        let _ = write!(messages, "{arguments}\n{message}");
     }
+    snapshot::check("identify-compare", "bad input", &messages);
 }
 
 #[test]
 fn bad_usage_returns_one_line_error_and_help_succeeds() {
     let folder = Folder::new();
+    let mut messages = String::new();
     for (arguments, word) in [
         ("identify joint.csv --model linear --modle lugre", "'--modle'"),
         ("identify joint.csv", "--model"),
         ("identify --model linear", "<DATA>"),
         ("identify joint.csv --model linear --skip minus", "'minus'"),
         ("identify joint.csv --model linear --decimate 0", "'0'"),
-        ("identify joint.csv --model linear --tail 0.3 --hold-out run=1", "cannot be used with"),
+        ("identify joint.csv --model linear --tail 0.3 --hold-out run=1", "--tail"),
         ("simulate underwater-joint --rate -5", "-5"),
         ("simulate submarine", "underwater-joint"),
         ("simulate underwater-joint --runs 1000 --seconds 1000 --rate 1000", "1e8 rows"),
@@ -236,7 +241,12 @@ fn bad_usage_returns_one_line_error_and_help_succeeds() {
     ] {
         let message = folder.run_rejected(arguments);
         assert!(message.contains(word), "{arguments}: {message}");
+        // Which scenarios a message lists depends on the features.
+        if !arguments.starts_with("simulate submarine") {
+            let _ = write!(messages, "{arguments}\n{message}");
+        }
     }
+    snapshot::check("usage", "bad usage", &messages);
     assert_eq!(folder.run("").0, Some(2));
     for command in ["", "identify", "compare", "simulate"] {
         assert!(folder.run_successfully(&format!("{command} --help")).contains("Usage:"));

@@ -56,6 +56,26 @@ pub fn charts(html: &str) -> Vec<DrawnChart> {
     parts.filter(|part| part.contains("class=\"plot\"")).map(chart).collect()
 }
 
+/// Elements of a page that hold its words. Cells and ticks are figures and names.
+const WORDS: [&str; 11] =
+    ["h1", "h2", "h3", "p", "li", "dt", "dd", "figcaption", "caption", "summary", "th"];
+
+/// Returns the words of a page in their order, one line for each element.
+pub fn sentences(html: &str) -> String {
+    let own = without_scripts(html);
+    let body = own.split_once("<body>").map_or(own.as_str(), |(_, body)| body);
+    let text_of = |(at, _): (usize, &str)| {
+        let rest = &body[at + 1..];
+        let name = &rest[..rest.find(|c: char| !c.is_ascii_alphanumeric())?];
+        let inner = WORDS.contains(&name).then(|| between(rest, ">", &format!("</{name}>")))??;
+        let (first, tagged) = inner.split_once('<').unwrap_or((inner, ""));
+        let others = tagged.split('<').filter_map(|part| Some(part.split_once('>')?.1));
+        let text: String = std::iter::once(first).chain(others).collect();
+        Some(plain(text.trim()) + "\n")
+    };
+    body.match_indices('<').filter_map(text_of).collect()
+}
+
 /// Returns the text from `begin` to the next `end`.
 pub fn between<'a>(text: &'a str, begin: &str, end: &str) -> Option<&'a str> {
     let (_, rest) = text.split_once(begin)?;

@@ -1,6 +1,7 @@
 //! Commissioning and friction run of a simulated joint, and the fit of `identify` to the resulting trace. The reference
 //! is the plant's own friction, which is not a LuGre model.
 
+use crate::snapshot;
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::path::Path;
 use std::process::{Command, Output};
@@ -62,7 +63,7 @@ fn identify_on_friction_run_trace_finds_plant_friction() {
     let out = folder.path().to_str().expect("text");
     let done = commission(&["--measure", "--friction-run", "--range", "0.5", "--out", out]);
     assert!(done.status.success(), "{}", words(&done));
-    assert!(words(&done).contains("no parameter was changed"));
+    snapshot::check("friction-run", "measurement and friction run", &words(&done));
     let fit = identify(folder.path());
     for speed_rad_s in [0.05, 0.1, 0.3, 1.0, 2.0] {
         let (truth, found) = (steady_nm(speed_rad_s), fitted_nm(&fit, speed_rad_s));
@@ -81,13 +82,14 @@ fn identify_on_friction_run_trace_finds_plant_friction() {
 fn friction_run_with_bad_arguments_returns_one_line_error() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().to_str().expect("text");
-    for (arguments, why) in [
-        (&["--friction-run"][..], "is not commissioned"),
+    let mut messages = String::new();
+    for (arguments, found) in [
+        (&["--friction-run"][..], "node 1"),
         (&["--range", "0.5"], "--friction-run"),
-        (&[], "require --measure or --friction-run"),
-        (&["--friction-run", "--confirm"], "cannot be used with"),
-        (&["--measure", "--friction-run", "--range", "9"], "must be 0.001 to 6.3"),
-        (&["--measure", "--friction-run", "--speed", "99"], "must be 0.01 to 12"),
+        (&[], "--measure or --friction-run"),
+        (&["--friction-run", "--confirm"], "--confirm"),
+        (&["--measure", "--friction-run", "--range", "9"], "0.001 to 6.3"),
+        (&["--measure", "--friction-run", "--speed", "99"], "0.01 to 12"),
         // 1.5 A are too small to move the joint, so commissioning ends with an error.
         (&["--measure", "--friction-run", "--current", "1.5"], "ended: "),
     ] {
@@ -95,8 +97,10 @@ fn friction_run_with_bad_arguments_returns_one_line_error() {
         let runs = arguments.contains(&"--friction-run");
         let refused = commission(&[arguments, if runs { &folder } else { &[] }].concat());
         assert_eq!(refused.status.code(), Some(2), "{arguments:?}: {}", words(&refused));
-        assert!(words(&refused).contains(why), "{arguments:?}: {}", words(&refused));
+        assert!(words(&refused).contains(found), "{arguments:?}: {}", words(&refused));
+        messages += &words(&refused);
     }
+    snapshot::check("friction-run", "bad arguments", &messages);
     let no_motor = host_sim(&[
         "params",
         "commission",

@@ -32,6 +32,8 @@ mod report_thin;
 mod scenarios;
 mod scope;
 mod several_joints;
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
 mod stochastic;
 mod tune;
 mod tune_from;

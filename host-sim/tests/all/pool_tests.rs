@@ -24,7 +24,7 @@ fn simulate_replay_diagnose(scenario: &str, seconds: u32) -> (Value, f64) {
     run(folder, &format!("simulate {scenario} --runs 3 --seconds {seconds} --rate 250"));
     let rows = 3 * 250 * seconds;
     let replayed = run(folder, "replay out/trace.log --rate max --out replayed");
-    let all = format!("holds: {rows} of {rows} samples equal bit for bit");
+    let all = format!("holds: {rows} of {rows} samples");
     assert!(replayed.contains(&all), "{scenario}: {replayed}");
     let command = "diagnose out/data.csv --model lugre --rigid-body inertia,load --json";
     let found: Value = serde_json::from_str(&run(folder, command)).expect("JSON");

@@ -4,6 +4,7 @@
 //! have the same noise. The difference of their torques is therefore the effect, and the tests compare it with the
 //! formula of the catalogue.
 
+use crate::snapshot;
 use host_sim::simulated;
 use joint_log::{Dataset, Quantity, ReadOptions, Run, read};
 use rayon::prelude::*;
@@ -423,20 +424,23 @@ fn simulate_into_folder_of_another_run_needs_force() {
 #[test]
 fn simulate_with_invalid_hide_returns_one_line_error() {
     let folder = tempfile::tempdir().unwrap();
+    let mut messages = String::new();
     for (arguments, word) in [
-        ("--hide pressure", "expected one of none, radial-force-coulomb"),
-        ("--hide pressure-coulomb:7", "from 0 to 0.0001 Nm/Pa"),
-        ("--hide none --hide backlash", "none only by itself"),
-        ("--hide backlash --hide backlash", "two different causes"),
-        ("--hide backlash --hide torque-offset --hide time-drift", "at most two"),
-        ("--hide none --unloaded", "cannot be used with"),
-        ("--hide none --runs 1000 --seconds 1000", "more than 2000 s"),
-        ("--hide none --runs 10 --seconds 10 --rate 1e6", "more than 5000000 rows"),
+        ("--hide pressure", "none, radial-force-coulomb"),
+        ("--hide pressure-coulomb:7", "0 to 0.0001 Nm/Pa"),
+        ("--hide none --hide backlash", "none"),
+        ("--hide backlash --hide backlash", "two"),
+        ("--hide backlash --hide torque-offset --hide time-drift", "two"),
+        ("--hide none --unloaded", "--unloaded"),
+        ("--hide none --runs 1000 --seconds 1000", "2000 s"),
+        ("--hide none --runs 10 --seconds 10 --rate 1e6", "5000000 rows"),
     ] {
         let (code, stdout, stderr) = simulate(&folder, arguments);
         assert_eq!((code, stdout.as_str()), (Some(2), ""), "{arguments}");
         assert_eq!(stderr.lines().count(), 1, "{arguments}: {stderr}");
         assert!(stderr.contains(word), "{arguments}: {stderr}");
+        messages += &stderr;
     }
+    snapshot::check("simulate", "bad hidden effects", &messages);
     assert!(!folder.path().join("out").exists(), "an error must leave no file");
 }

@@ -1,5 +1,6 @@
 //! `scope` as a user runs it: the current loop of the simulated joint at 20 kHz, as files and on the terminal.
 
+use crate::snapshot;
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -38,7 +39,10 @@ fn rows_of_several_captures_are_a_log_with_runs() {
     let arguments = ["scope", "--rate", "1000", "--captures", "2", "--out", "runs"];
     let (code, out, stderr) = run(folder.path(), &arguments);
     assert_eq!((code, stderr.as_str()), (Some(0), ""));
-    assert!(out.contains("2 captures of 3072 rows at 1000 Hz, trigger: now"), "{out}");
+    for part in ["2 captures", "3072 rows", "1000 Hz", "trigger: now"] {
+        assert!(out.contains(part), "{part}: {out}");
+    }
+    snapshot::check("scope", "two captures", &out);
     let fit = ["identify", "runs/scope.parquet", "--model", "linear", "--json", "--out", "fit"];
     let (code, out, stderr) = run(folder.path(), &fit);
     assert_eq!(code, Some(0), "{stderr}");
@@ -49,19 +53,22 @@ fn rows_of_several_captures_are_a_log_with_runs() {
 #[test]
 fn scope_that_cannot_be_made_says_why_in_a_line_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    for (arguments, reason) in [
-        (vec!["--signals", "speed"], "expected one of current_a, current_d_a"),
-        (vec!["--signals", "current_a,current_a"], "current_a is given twice"),
-        (vec!["--trigger", "current_a>1"], "current_a is not one of --signals"),
-        (vec!["--trigger", "velocity_rad_s=1"], "expected now, fault, NAME>LEVEL or NAME<LEVEL"),
-        (vec!["--rate", "30000"], "expected 0.3 to 20000"),
-        (vec!["--before", "1"], "expected 0 to 0.95"),
-        (vec!["--trigger", "velocity_rad_s>9", "--timeout", "0.2"], "no trigger within 0.2 s"),
-        (vec!["--node-id", "2"], "the simulated joint is node 1"),
+    let mut messages = String::new();
+    for (arguments, part) in [
+        (vec!["--signals", "speed"], "current_a, current_d_a"),
+        (vec!["--signals", "current_a,current_a"], "current_a"),
+        (vec!["--trigger", "current_a>1"], "--signals"),
+        (vec!["--trigger", "velocity_rad_s=1"], "NAME>LEVEL or NAME<LEVEL"),
+        (vec!["--rate", "30000"], "0.3 to 20000"),
+        (vec!["--before", "1"], "0 to 0.95"),
+        (vec!["--trigger", "velocity_rad_s>9", "--timeout", "0.2"], "0.2 s"),
+        (vec!["--node-id", "2"], "node 1"),
     ] {
         let (code, out, stderr) = run(folder.path(), &[&["scope"][..], &arguments].concat());
         assert_eq!((code, out.as_str()), (Some(2), ""), "{arguments:?}: {stderr}");
-        assert!(stderr.contains(reason) && stderr.lines().count() == 1, "{stderr}");
+        assert!(stderr.contains(part) && stderr.lines().count() == 1, "{stderr}");
+        messages += &stderr;
     }
+    snapshot::check("scope", "bad arguments", &messages);
     assert!(!folder.path().join("out").exists());
 }

@@ -4,6 +4,7 @@
 //! (`host-sim/tune/tests`) have the refusals of a joint, interrupts, and the way back.
 #![cfg(feature = "cli")]
 
+use crate::snapshot;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -71,7 +72,7 @@ fn assert_of_schema(document: &Value) {
 fn tune_of_joint_with_ripple_saves_a_gain_and_writes_all_files() {
     let folder = tempfile::tempdir().expect("a folder");
     let shown = succeed(&folder, "tune --bus loop --motor --hide position-ripple --seed 7");
-    assert!(shown.contains("the new parameters are saved"), "{shown}");
+    snapshot::check("tune", "a gain that is saved", &shown);
     let out = folder.path().join("out/tune");
     for file in FILES {
         assert!(out.join(file).is_file(), "{file}");
@@ -124,36 +125,39 @@ fn tune_that_must_not_move_the_joint_exits_2_with_one_line() {
     write("wide.csv", "time_s,position_rad\n0,0\n9,0.9\n");
     write("fast.csv", "time_s,position_rad\n0,0\n0.1,0.3\n");
     let on_loop = "--bus loop --motor --seed 3";
+    let mut messages = String::new();
     for (arguments, expected) in [
-        ("tune --bus loop", "--bus loop: needs --motor"),
-        ("tune --bus vcan0 --motor", "--motor: requires --bus loop"),
+        ("tune --bus loop", "--motor"),
+        ("tune --bus vcan0 --motor", "--bus loop"),
         ("tune --bus loop --hide position-ripple", "--motor"),
-        ("tune --bus loop --motor --node-id 2", "the simulated joint is node 1"),
+        ("tune --bus loop --motor --node-id 2", "node 1"),
         ("tune --bus loop --motor --hide nonsense", "nonsense"),
-        ("tune --bus loop --motor --minutes 0", "expected 1 to 60"),
-        ("tune --bus loop --motor --range 0", "expected a number above 0"),
-        ("tune --bus loop --motor --range 1.2rad", "leaves 0.980 rad to either side"),
-        ("tune --bus loop --motor --speed 90rad/s", "--speed 90 rad/s: expected at most"),
+        ("tune --bus loop --motor --minutes 0", "1 to 60"),
+        ("tune --bus loop --motor --range 0", "--range"),
+        ("tune --bus loop --motor --range 1.2rad", "0.980 rad"),
+        ("tune --bus loop --motor --speed 90rad/s", "--speed 90 rad/s"),
         ("tune --bus loop --motor --motion missing.csv", "missing.csv"),
-        ("tune --bus loop --motor --motion text.csv", "row 3, column position_rad: found \"x\""),
-        ("tune --bus loop --motor --motion wide.csv", "at most 0.4 rad (--range)"),
-        ("tune --bus loop --motor --motion fast.csv", "at most 1.5 rad/s (--speed)"),
-        ("tune --bus loop --motor --undo", "nothing to undo"),
-        ("tune --bus loop --motor --undo --yes", "cannot be used with"),
-        ("move --bus loop --motor", "required"),
-        ("move --bus loop --motor --to 0 --standard", "cannot be used with"),
-        ("move --bus loop --motor --to 99", "--to 99: expected a position in the window"),
-        ("move --bus loop --motor --sine 0.2", "expected an amplitude in rad"),
-        ("move --bus loop --motor --sine 0.2,-1", "expected an amplitude in rad"),
-        ("move --bus loop --motor --sine 0.3,2", "expected at most 1.5 rad/s (--speed)"),
-        ("move --bus loop --motor --sine 0.5,0.3", "at most 0.4 rad (--range)"),
+        ("tune --bus loop --motor --motion text.csv", "row 3, column position_rad: "),
+        ("tune --bus loop --motor --motion wide.csv", "0.4 rad (--range)"),
+        ("tune --bus loop --motor --motion fast.csv", "1.5 rad/s (--speed)"),
+        ("tune --bus loop --motor --undo", "undo"),
+        ("tune --bus loop --motor --undo --yes", "--yes"),
+        ("move --bus loop --motor", "--to"),
+        ("move --bus loop --motor --to 0 --standard", "--standard"),
+        ("move --bus loop --motor --to 99", "--to 99: "),
+        ("move --bus loop --motor --sine 0.2", "'0.2'"),
+        ("move --bus loop --motor --sine 0.2,-1", "'0.2,-1'"),
+        ("move --bus loop --motor --sine 0.3,2", "1.5 rad/s (--speed)"),
+        ("move --bus loop --motor --sine 0.5,0.3", "0.4 rad (--range)"),
         ("move --bus loop --motor --file text.csv", "row 3, column position_rad"),
-        ("move --bus loop --standard", "--bus loop: needs --motor"),
-        ("move --to 0.1 --dry-run", "--dry-run: not with --to"),
+        ("move --bus loop --standard", "--motor"),
+        ("move --to 0.1 --dry-run", "--dry-run: "),
     ] {
         let line = refused(&folder, &arguments.replace("--bus loop --motor", on_loop));
         assert!(line.contains(expected), "{arguments}: {line}");
+        messages += &line;
     }
+    snapshot::check("tune", "refused commands of tune and move", &messages);
     assert!(!folder.path().join("out").exists(), "nothing is written");
 }
 
@@ -199,15 +203,16 @@ fn move_to_a_position_ends_there() {
     // The position is in the window of a drawn joint: within 1 rad of its start, which a first move finds.
     let joint = "--bus loop --motor --seed 3";
     let line = refused(&folder, &format!("move --to 99 {joint}"));
-    let window = line.split("window of ").nth(1).expect(&line);
-    let least: f64 = window.split(' ').next().expect("a number").parse().expect("a number");
+    // The message has the ends of the window.
+    let least: f64 = line.split(' ').find_map(|word| word.parse().ok()).expect(&line);
     let to = least + 1.3;
     let document = succeed(&folder, &format!("move --to {to} {joint} --json"));
     let document: Value = serde_json::from_str(&document).expect("JSON alone");
     let at = document["position_rad"].as_f64().expect("a position");
     assert!((at - to).abs() < 0.05, "{at}, {to}");
     let shown = succeed(&folder, &format!("move --to {to} {joint}"));
-    assert!(shown.starts_with("node 1 on loop: at "), "{shown}");
+    assert!(shown.starts_with("node 1 on loop: "), "{shown}");
+    snapshot::check("tune", "a move to a position", &shown);
     assert!(!folder.path().join("out").exists());
 }
 

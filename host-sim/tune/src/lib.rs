@@ -25,6 +25,9 @@ pub mod recording;
 pub mod results;
 pub mod score;
 pub mod session;
+#[cfg(test)]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
 pub mod trial_set;
 
 pub use master::{Master, MasterError};

@@ -343,20 +343,20 @@ mod tests {
 
     #[test]
     fn parse_of_bad_file_names_row_and_column() {
-        for (text, expected) in [
-            ("", "file: the file is empty"),
-            (
-                "t,position_rad\n0,0\n",
-                "file: row 1: found \"t,position_rad\", expected a column time_s",
-            ),
-            ("time_s,position_rad\n0,x\n", "file: row 2, column position_rad: found \"x\""),
-            ("time_s,position_rad\n0,0\n0,1\n", "file: row 3, column time_s: found 0 after 0"),
-            ("time_s,position_rad\n0,0\n", "file: found 1 rows"),
-            ("time_s,position_rad\n0,0\n1,9\n", "file: found 9.000 rad from the start"),
-            ("time_s,position_rad\n0,0\n0.1,0.3\n", "file: found 3.000 rad/s"),
+        let mut messages = String::new();
+        for (text, place, found) in [
+            ("", "file: ", ""),
+            ("t,position_rad\n0,0\n", "file: row 1: ", "\"t,position_rad\""),
+            ("time_s,position_rad\n0,x\n", "file: row 2, column position_rad: ", "\"x\""),
+            ("time_s,position_rad\n0,0\n0,1\n", "file: row 3, column time_s: ", " 0 "),
+            ("time_s,position_rad\n0,0\n", "file: ", " 1 "),
+            ("time_s,position_rad\n0,0\n1,9\n", "file: ", " 9.000 rad "),
+            ("time_s,position_rad\n0,0\n0.1,0.3\n", "file: ", " 3.000 rad/s"),
         ] {
             let error = parse("file", text, &LIMITS).unwrap_err();
-            assert!(error.starts_with(expected), "{error}");
+            assert!(error.starts_with(place) && error.contains(found), "{error}");
+            messages += &format!("{error}\n");
         }
+        crate::snapshot::check("session", "bad files of a motion", &messages);
     }
 }

@@ -120,6 +120,7 @@ fn trend_in_words(trend: &Trend) -> String {
 mod tests {
     use super::super::Level;
     use super::*;
+    use crate::snapshot;
 
     fn row(joint: &str, campaign: u32, cause: &str, coulomb: f64) -> FleetRow {
         FleetRow {
@@ -158,11 +159,18 @@ mod tests {
         let found = joints(&rows, &[], &[Limit { level: "coulomb_torque".into(), value: 2.4 }]);
         let names: Vec<&str> = found.iter().map(|of| of.joint.as_str()).collect();
         assert_eq!(names, ["g", "h", "i", "a", "b", "c", "d", "e", "f"]);
-        assert_eq!(attention_in_words(&found), "3 of 9 joints need attention");
-        assert_eq!(found[0].reasons, ["pressure-coulomb in 4 of 5 logs"]);
-        let wear = found[1].reasons.join("; ");
-        assert!(wear.contains("% per campaign") && wear.contains("above the limit 2.4"), "{wear}");
-        assert_eq!(found[2].reasons, ["the latest log has no result"]);
+        let attention = attention_in_words(&found);
+        assert!(attention.starts_with("3 of 9 "), "{attention}");
+        let reasons: Vec<String> = found.iter().map(|of| of.reasons.join("; ")).collect();
+        assert!(reasons[0].contains("pressure-coulomb in 4 of 5"), "{reasons:?}");
+        assert!(reasons[1].contains("% per ") && reasons[1].contains(" 2.4"), "{reasons:?}");
+        assert_eq!(found[2].reasons.len(), 1, "the latest log has no result");
+        assert!(reasons[3..].iter().all(String::is_empty), "{reasons:?}");
+        snapshot::check(
+            "fleet",
+            "reasons for attention",
+            &(attention + "\n" + &reasons.join("\n")),
+        );
         let single = found.iter().find(|of| of.joint == "b").unwrap();
         assert_eq!((single.named, single.diagnosed, single.cause.as_str()), (1, 5, "backlash"));
     }

@@ -251,6 +251,7 @@ fn text(cell: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::snapshot;
 
     /// Returns joint, campaign and content of each piece of a text.
     fn pieces(content: &str) -> Result<Vec<(String, String, String)>, String> {
@@ -279,9 +280,10 @@ mod tests {
             ]
         );
         let error = pieces("time_s,torque_nm\n0,1\n").unwrap_err();
-        assert!(error.contains("table.csv: found no column joint"), "{error}");
-        let error = pieces("joint,torque_nm\nhip,1\n,1\n").unwrap_err();
-        assert!(error.contains("row 3: found no name in column joint"), "{error}");
+        assert!(error.contains("table.csv: ") && error.contains("joint"), "{error}");
+        let unnamed = pieces("joint,torque_nm\nhip,1\n,1\n").unwrap_err();
+        assert!(unnamed.contains("row 3: ") && unnamed.contains("joint"), "{unnamed}");
+        snapshot::check("fleet", "tables without a joint", &(error + "\n" + &unnamed));
     }
 
     #[test]

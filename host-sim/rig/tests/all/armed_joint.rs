@@ -66,7 +66,8 @@ fn parameter_set_written_over_bus_takes_effect_after_disarming() {
         let before = moved(rig);
         let mut client = Client::new(RigBus::new(rig), NodeId::FIRST);
         let refused = write_set(&mut client, &set()).expect_err("it is armed");
-        assert!(refused.to_string().contains("not possible in this state"), "{refused}");
+        // Abort code of CiA 301: not in this state of the device.
+        assert!(refused.to_string().contains("08000022"), "{refused}");
         rig.request_state(0);
         (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
         let mut client = Client::new(RigBus::new(rig), NodeId::FIRST);

@@ -114,7 +114,8 @@ mod tests {
         assert!(matches!(parse("hold"), Ok(Request::Mode(_))));
         assert!(matches!(parse("discard"), Ok(Request::Order(2, "discard"))));
         let refused = parse("yes").err().unwrap();
-        assert!(refused.contains("expected on, hold, off, adopt or discard"), "{refused}");
+        assert!(refused.contains("on, hold, off, adopt or discard"), "{refused}");
+        crate::snapshot::check("units-of-commands", "an unknown mode of the adaptation", &refused);
     }
 
     #[test]
@@ -126,7 +127,12 @@ mod tests {
         let items =
             |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
         let refused = driver.set(&items(&["adapt", "adopt"]), false).unwrap_err();
-        assert!(refused.contains("the adaptation is off"), "{refused}");
+        assert!(refused.contains("2044h:1"), "{refused}");
+        crate::snapshot::check(
+            "units-of-commands",
+            "an order to an adaptation that is off",
+            &refused,
+        );
         let done = driver.set(&items(&["adapt", "on"]), false).expect("a mode");
         assert!(done.contains("drive.adapt 0 -> 1"), "{done}");
         let done = driver.set(&items(&["adapt=hold"]), false).expect("a mode");
@@ -135,6 +141,6 @@ mod tests {
         assert!(done.contains("learnt levels: adopt"), "{done}");
         assert!(driver.diff_learnt(false).is_ok_and(|code| code == ExitCode::SUCCESS));
         let refused = driver.set(&items(&["adapt"]), false).unwrap_err();
-        assert!(refused.contains("expected on, hold, off, adopt or discard"), "{refused}");
+        assert!(refused.contains("on, hold, off, adopt or discard"), "{refused}");
     }
 }

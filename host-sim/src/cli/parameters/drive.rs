@@ -104,8 +104,13 @@ mod tests {
     fn wrong_names_and_values_are_refused_in_one_line() {
         assert!(parse("motor.gear_ratio", "1").is_ok_and(|change| change.is_none()));
         let unknown = parse("drive.gain", "1").err().unwrap();
-        assert!(unknown.contains("did you mean drive.position_gain"), "{unknown}");
+        assert!(
+            unknown.contains("drive.gain") && unknown.contains("drive.position_gain"),
+            "{unknown}"
+        );
         let fraction = parse("drive.position_min", "0.5").err().unwrap();
-        assert!(fraction.contains("expected a whole number"), "{fraction}");
+        assert!(fraction.contains("drive.position_min") && fraction.contains("0.5"), "{fraction}");
+        let lines = unknown + "\n" + &fraction;
+        crate::snapshot::check("units-of-commands", "wrong settings of a drive", &lines);
     }
 }

@@ -2,6 +2,8 @@
 
 mod interrupt;
 mod refusals;
+#[path = "../../../../tests/snapshot.rs"]
+mod snapshot;
 mod undo;
 
 use canopen_rs::Address;

@@ -1,5 +1,6 @@
 //! What a session refuses, with one line, before it asks or moves.
 
+use super::snapshot;
 use super::{Bench, LIMITS, NODE, User, options};
 use canopen_rs::Address;
 use compensator_core::can::{CommandFrame, Frame, Message, SyncFrame, cob_id};
@@ -37,9 +38,11 @@ impl Bench {
         line
     }
 
-    fn assert_refused(&self, expected: &str) {
+    /// Asserts that a session is refused with a line that has this name. `section` of the snapshot holds the line.
+    fn assert_refused(&self, name: &str, section: &str) {
         let line = self.refusal(LIMITS);
-        assert!(line.contains(expected), "{line:?}, expected {expected:?}");
+        assert!(line.contains(name), "{line:?}, expected {name:?}");
+        snapshot::check("refusals", section, &line);
     }
 }
 
@@ -49,21 +52,21 @@ fn joint_without_position_window_is_refused() {
     for side in [1, 2] {
         bench.write(index::POSITION_LIMITS, side, &0i32.to_le_bytes());
     }
-    bench.assert_refused("the joint has no position window: set 607Dh");
+    bench.assert_refused("607Dh", "no window");
 }
 
 #[test]
 fn joint_with_unknown_position_is_refused() {
     let node = MotorNode::commissioned().expect("a start");
     let bench = Bench::with_node(node, ParameterSet::default(), 0);
-    bench.assert_refused("the position is unknown: home the joint first");
+    bench.assert_refused("home", "unknown position");
 }
 
 #[test]
 fn joint_that_is_not_commissioned_is_refused() {
     let node = MotorNode::start().expect("a start");
     let bench = Bench::with_node(node, ParameterSet::default(), 0);
-    bench.assert_refused("the joint is not commissioned");
+    bench.assert_refused("`params commission", "not commissioned");
 }
 
 #[test]
@@ -72,7 +75,7 @@ fn joint_with_a_fault_is_refused_with_its_name() {
     let now_ns = bench.hub.now_ns();
     bench.node.borrow_mut().schedule(now_ns, JointEvent::Supply(70.0));
     bench.run_for_ms(200);
-    bench.assert_refused("the joint has faults: bus-overvoltage");
+    bench.assert_refused("bus-overvoltage", "a fault");
 }
 
 #[test]
@@ -82,7 +85,8 @@ fn node_without_motor_is_refused() {
     let client = Client::new(hub.port(), NODE);
     let mut user = User::default();
     let error = tune(client, &options(300.0, 1), Box::new(|| false), &mut user).expect_err("HIL");
-    assert!(error.to_string().contains("takes its inputs from the bus"), "{error}");
+    snapshot::check("refusals", "no motor", &error.to_string());
+    assert!(error.to_string().contains("2001h:1"), "{error}");
     assert!(user.questions.is_empty());
 }
 
@@ -105,20 +109,22 @@ impl Participant for OtherMaster {
 #[test]
 fn bus_with_another_master_is_refused() {
     let targets = cob_id::RPDO_1 + u16::from(NODE.number());
-    for (frame, expected) in [
-        (Message::Sync(SyncFrame::of(1)).emit(), "another master sends SYNC frames"),
+    for (frame, name, section) in [
+        (Message::Sync(SyncFrame::of(1)).emit(), "SYNC", "another master with SYNC"),
         (
             Message::Command(NODE, CommandFrame::new(0.0, 0.0, 1)).emit(),
-            "another master sends commands to this joint",
+            "commands",
+            "another master with commands",
         ),
         (
             Frame::new(targets, &[0x06, 0, 0, 0, 0, 0]).expect("a frame"),
-            "another master sends targets to this joint",
+            "targets",
+            "another master with targets",
         ),
     ] {
         let bench = Bench::drawn();
         bench.hub.attach(OtherMaster(frame, None));
-        bench.assert_refused(expected);
+        bench.assert_refused(name, section);
     }
 }
 
@@ -126,19 +132,20 @@ fn bus_with_another_master_is_refused() {
 fn joint_without_limits_of_torque_is_refused() {
     let bench = Bench::drawn();
     bench.write(index::MAX_TORQUE, 0, &0u16.to_le_bytes());
-    bench.assert_refused("the limits of torque permit no motion: 6072h = 0");
+    bench.assert_refused("6072h = 0", "limits without motion");
     let bench = Bench::new(3, "none", |set| set.friction.compensator.torque_limit_nm = 500.0);
-    bench.assert_refused("the limit of torque is missing");
+    bench.assert_refused("compensator.torque_limit_nm", "no limit of torque");
 }
 
 #[test]
 fn motion_beyond_window_or_speed_of_the_joint_is_refused() {
     let bench = Bench::drawn();
     let line = bench.refusal(MotionLimits { range_rad: 1.2, ..LIMITS });
-    assert!(line.starts_with("--range 1.2 rad: the joint stands at"), "{line}");
-    assert!(line.contains("leaves 0.980 rad to either side"), "{line}");
+    assert!(line.starts_with("--range 1.2 rad: ") && line.contains(" 0.980 rad"), "{line}");
+    snapshot::check("refusals", "motion beyond the window", &line);
     let line = bench.refusal(MotionLimits { speed_rad_s: 90.0, ..LIMITS });
-    assert!(line.starts_with("--speed 90 rad/s: expected at most"), "{line}");
+    assert!(line.starts_with("--speed 90 rad/s: "), "{line}");
+    snapshot::check("refusals", "motion beyond the speed", &line);
 }
 
 #[test]
