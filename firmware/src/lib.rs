@@ -12,6 +12,13 @@
 //! `compensator_core::network::reference`).
 #![cfg_attr(not(test), no_std)]
 
+#[cfg(test)]
+#[path = "../../tests/message.rs"]
+mod message;
+#[cfg(test)]
+#[path = "../../tests/snapshot.rs"]
+mod snapshot;
+
 pub mod access;
 pub mod background;
 pub mod bridge_guard;

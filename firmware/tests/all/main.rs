@@ -4,7 +4,11 @@
 
 mod closed_loop;
 mod driver;
+#[path = "../../../tests/message.rs"]
+mod message;
 mod refusals;
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
 mod store;
 mod supervisor;
 mod update;

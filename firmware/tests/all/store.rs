@@ -357,7 +357,9 @@ fn oversized_payload_and_invalid_slots_are_refused() {
     assert_eq!(store.max_payload_bytes(), MAX_PAYLOAD);
     assert!(store.save(&payload(1, MAX_PAYLOAD), &IDENTITY).is_ok());
     let error = store.save(&payload(1, MAX_PAYLOAD + 1), &IDENTITY).unwrap_err();
-    assert_eq!(error.to_string(), "a parameter set of 3073 bytes, at most 3072 fit");
+    assert_eq!(error, StoreError::TooLong { length: 3073, max: 3072 });
+    let words = error.to_string();
+    crate::message::check("refusals", "parameter set too long", &words, &["3073", "3072"]);
     let mut small = [0; 3071];
     let error = store.load(&mut small).unwrap_err();
     assert_eq!(error, LoadError::TooSmall { needed: 3072, given: 3071 });

@@ -13,6 +13,13 @@
 //!
 //! The bus defines the time. The time of a hub is virtual, so a minute of traffic takes milliseconds.
 
+#[cfg(test)]
+#[path = "../../../tests/message.rs"]
+mod message;
+#[cfg(test)]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
+
 pub mod bus;
 pub mod canopen;
 pub mod joint;

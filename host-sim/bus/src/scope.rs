@@ -207,6 +207,6 @@ mod tests {
         };
         let mut client = Client::new(hub.port(), NodeId::FIRST);
         let error = capture(&mut client, &request, || false).expect_err("no memory");
-        assert!(error.to_string().contains("no memory for captures"), "{error}");
+        assert!(matches!(error, ScopeError::NoMemory), "{error}");
     }
 }

@@ -167,6 +167,9 @@ fn names<'a>(doubts: impl Iterator<Item = &'a Doubt<'a>>) -> String {
     doubts.map(name).collect::<Vec<_>>().join(" or ")
 }
 
+/// Why a likely cause without a refusal is not named.
+const NO_GAIN: &str = "the extension does not gain by it on held-out rows";
+
 /// Returns sentences on the causes that are not named: below the threshold because they are not likely enough, and from the
 /// threshold on because of what refused them. It is empty if there are none.
 fn unnamed(doubts: &[Doubt], threshold: f64) -> String {
@@ -181,7 +184,7 @@ fn unnamed(doubts: &[Doubt], threshold: f64) -> String {
         );
     }
     for doubt in likely {
-        let why = doubt.refusal.unwrap_or("the extension does not gain by it on held-out rows");
+        let why = doubt.refusal.unwrap_or(NO_GAIN);
         text += &format!(" Refused: {}, because {why}.", names(std::iter::once(doubt)));
     }
     text
@@ -374,12 +377,21 @@ mod tests {
         for refusal in [None, Some("its order is at its bound")] {
             for probability in [0.1, 0.49, 0.5, 0.94, 1.0] {
                 let text = unnamed(&[doubt(probability, refusal)], 0.5);
-                let is_unlikely = text.contains("not likely enough");
-                assert!(!is_unlikely || probability < 0.5, "{text}");
-                assert_eq!(text.contains("Refused"), probability >= 0.5, "{text}");
+                let is_likely = probability >= 0.5;
+                let why = refusal.unwrap_or(NO_GAIN);
+                assert_eq!(text.contains(why), is_likely, "{text}");
+                assert_eq!(text.is_empty(), !is_likely && refusal.is_some(), "{text}");
             }
         }
-        let text = unnamed(&[doubt(0.94, Some("its order is at its bound"))], 0.5);
-        assert!(text.contains("because its order is at its bound"), "{text}");
+        let parts = ["position-ripple", "0.94", "its order is at its bound"];
+        let refused = unnamed(&[doubt(0.94, Some(parts[2]))], 0.5);
+        crate::message::check("summaries", "cause refused", &refused, &parts);
+        let possible = unnamed(&[doubt(0.49, None)], 0.5);
+        crate::message::check(
+            "summaries",
+            "cause possible",
+            &possible,
+            &["position-ripple", "0.49"],
+        );
     }
 }

@@ -19,6 +19,13 @@
 //! [`spec`] parses the name of a model, such as `lugre+pressure-coulomb`. [`params`] writes the parameters in the driver's format,
 //! and [`prediction`] gives the torque of a fitted model on every row of a log. [`mod@network`] trains and reads `lugre-lstm`.
 
+#[cfg(test)]
+#[path = "../../../tests/message.rs"]
+mod message;
+#[cfg(test)]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
+
 pub mod channel;
 pub mod clock;
 pub mod coordinates;

@@ -348,6 +348,7 @@ fn fields(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{message, snapshot};
 
     const GOOD: &str = "schema = 1\njoint = \"revolute\"\nmodel = \"lugre+pressure-coulomb\"\n\
         [parameters]\ncoulomb_torque = { value = 1.5, unit = \"Nm\" }\nstatic_torque = 2\n\
@@ -370,9 +371,9 @@ mod tests {
         let motor = Section { name: "motor", fields: &["pole_pairs", "gear_ratio"] };
         let file = parse(&text, &[motor]).unwrap();
         assert!(file.sections[0][0].is_nan() && file.sections[0][1] == 20.0);
-        assert!(parse(&text, &[]).unwrap_err().contains("unknown key \"motor\""));
+        message::require(&parse(&text, &[]).unwrap_err(), &["\"motor\""]);
         let error = parse(&text.replace("gear_ratio", "gear"), &[motor]).unwrap_err();
-        assert!(error.contains("motor.gear: unknown"), "{error}");
+        message::require(&error, &["motor.gear"]);
     }
 
     #[test]
@@ -391,52 +392,58 @@ mod tests {
             super::read(&toml, &[]).map_err(|error| error.to_string())
         };
         let missing = read(&text).unwrap_err();
-        assert!(
-            missing.contains("network.file: ") && missing.contains("network.json: No such file"),
-            "{missing}"
-        );
+        let parts = ["network.file: ", "network.json: "];
+        message::check("files", "parameters with a missing network", &missing, &parts);
         std::fs::write(&beside, &json).unwrap();
         let file = read(&text).unwrap();
         assert_eq!(file.network.unwrap().for_driver().unwrap(), joint);
-        assert!(parse(&text, &[]).unwrap_err().contains("no folder"));
-        for (from, to, word) in [
-            ("lugre-asymmetric", "lugre", "the model is lugre"),
-            ("crc32 = \"", "crc32 = \"0", "expected 0"),
-            ("crc32", "crc", "network.crc: unknown"),
-            ("file = \"", "file = \"/", "expected a path beside this file"),
+        let mut errors = format!("without a folder: {}\n", parse(&text, &[]).unwrap_err());
+        for (from, to, part) in [
+            ("lugre-asymmetric", "lugre", " lugre"),
+            ("crc32 = \"", "crc32 = \"0", "network.crc32: "),
+            ("crc32", "crc", "network.crc: "),
+            ("file = \"", "file = \"/", "network.file: "),
         ] {
             let error = read(&text.replacen(from, to, 1)).unwrap_err();
-            assert!(error.contains(word) || error.contains("not a parameter of lugre"), "{error}");
+            message::require(&error, &["params.toml", part]);
             assert_eq!(error.lines().count(), 1, "{error}");
+            errors += &format!("{from} -> {to}: {error}\n");
         }
         std::fs::write(&beside, json.replace("0.5", "0.25")).unwrap();
         let changed = read(&text).unwrap_err();
-        assert!(changed.contains("was changed"), "{changed}");
+        let crcs = [checksum(json.replace("0.5", "0.25").as_bytes()), checksum(json.as_bytes())];
+        message::require(&changed, &["network.crc32: ", "network.json", &crcs[0], &crcs[1]]);
+        errors += &format!("changed: {changed}\n");
+        let errors = errors.replace(&crcs[0], "FOUND").replace(&crcs[1], "EXPECTED");
+        snapshot::check("files", "parameters with a wrong network", &errors);
     }
 
     #[test]
     fn parse_with_invalid_file_names_the_error() {
-        for (from, to, word) in [
-            ("schema = 1", "schema = 2", "schema"),
-            ("revolute", "round", "expected revolute or prismatic"),
-            ("lugre+", "luger+", "unknown model"),
-            ("unit = \"Nm\"", "unit = \"mNm\"", "expected \"Nm\""),
-            ("static_torque = 2", "static_torque = 1", "static_torque = 1: must be at least 1.5"),
-            ("static_torque = 2", "static_torque = nan", "parameters.static_torque"),
-            ("pressure_coulomb", "radial_force_coulomb", "not a parameter of lugre+pressure"),
-            ("scale = 0.8", "scale = 1.8", "scale = 1.8: must be at most 1: over-compensation"),
-            ("scale", "scael", "compensator.scael: unknown"),
-            ("[envelope]", "[fit]\nsubsteps = 0\n[envelope]", "fit.substeps: expected an integer"),
-            ("[envelope]", "[fit]\nsteps = 2\n[envelope]", "fit.steps: unknown"),
-            ("[envelope]", "[log_means]\nmood = 2\n[envelope]", "log_means.mood: not a covariate"),
-            ("[envelope]", "[envelop]", "unknown key \"envelop\""),
-            ("= 1.5", "= ", "TOML parse error"),
-            ("\"lugre+pressure-coulomb\"", "\"\"\"lu\ngre\"\"\"", "unknown model"),
-            ("static_torque", "\"static\\ntorque\"", "not a parameter of lugre+pressure"),
+        let mut errors = String::new();
+        for (from, to, parts) in [
+            ("schema = 1", "schema = 2", &["schema"][..]),
+            ("revolute", "round", &["revolute", "prismatic"]),
+            ("lugre+", "luger+", &["luger"]),
+            ("unit = \"Nm\"", "unit = \"mNm\"", &["\"Nm\""]),
+            ("static_torque = 2", "static_torque = 1", &["static_torque = 1", " 1.5"]),
+            ("static_torque = 2", "static_torque = nan", &["parameters.static_torque"]),
+            ("pressure_coulomb", "radial_force_coulomb", &["radial_force", "lugre+pressure"]),
+            ("scale = 0.8", "scale = 1.8", &["scale = 1.8", " 1"]),
+            ("scale", "scael", &["compensator.scael"]),
+            ("[envelope]", "[fit]\nsubsteps = 0\n[envelope]", &["fit.substeps"]),
+            ("[envelope]", "[fit]\nsteps = 2\n[envelope]", &["fit.steps"]),
+            ("[envelope]", "[log_means]\nmood = 2\n[envelope]", &["log_means.mood"]),
+            ("[envelope]", "[envelop]", &["\"envelop\""]),
+            ("= 1.5", "= ", &["TOML", "line"]),
+            ("\"lugre+pressure-coulomb\"", "\"\"\"lu\ngre\"\"\"", &["lu"]),
+            ("static_torque", "\"static\\ntorque\"", &["static", "lugre+pressure"]),
         ] {
             let error = parse(&GOOD.replacen(from, to, 1), &[]).unwrap_err();
-            assert!(error.contains(word), "{from} -> {to}: {error}");
+            message::require(&error, parts);
             assert_eq!(error.lines().count(), 1, "{error}");
+            errors += &format!("{from} -> {}: {error}\n", to.replace('\n', " "));
         }
+        snapshot::check("files", "parameters", &errors);
     }
 }

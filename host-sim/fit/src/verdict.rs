@@ -168,6 +168,7 @@ fn confounded_groups(outcome: &Outcome) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message;
 
     #[test]
     fn extrapolated_level_with_static_torque_above_the_log_returns_note() {
@@ -178,7 +179,7 @@ mod tests {
         };
         assert_eq!(note(Id::StaticTorque, 3.9), None);
         let found = note(Id::StaticTorque, 6.0).unwrap();
-        assert!(found.starts_with("static_torque: 3.0 times the largest logged torque"), "{found}");
+        message::check("verdicts", "level above the log", &found, &["static_torque", "3.0 "]);
         assert_eq!(note(Id::CoulombTorque, 6.0), None);
     }
 }

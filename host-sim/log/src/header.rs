@@ -22,7 +22,7 @@ use super::contract::{self, DEMAND, RUN, TARGETS, TIME, is_joint_position, parse
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
-use super::naming::Naming;
+use super::naming::{Naming, READ_AS_COVARIATE};
 use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::{Preset, PresetColumns};
@@ -145,7 +145,7 @@ impl Layout {
             contract::names().any(|name| name == source.name)
                 || optional.iter().any(|column| column.name == source.name)
         });
-        self.notes.retain(|note| !note.contains("is read as a covariate"));
+        self.notes.retain(|note| !note.contains(READ_AS_COVARIATE));
         let used = self.needed().collect::<HashSet<usize>>().len() - own;
         let count = self.names.len() - own;
         self.notes.push(format!(

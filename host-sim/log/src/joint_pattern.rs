@@ -250,7 +250,8 @@ mod tests {
         let second = found.pairs_of("2");
         assert_eq!(second[0].1, "/j2/tau:raw:mNm");
         assert_eq!(second[2].1, "t");
-        assert_eq!(found.other_motion("v1", "1").as_deref(), Some("velocity of joint 1"));
+        let motion = found.other_motion("v1", "1").expect("a motion");
+        crate::message::check("headers", "motion of a joint", &motion, &["velocity", "1"]);
         assert_eq!(found.other_motion("/j1/tau:raw", "1"), None);
         assert!(found.is_of("i1", "1", "2", &names) && !found.is_of("t", "1", "2", &names));
     }

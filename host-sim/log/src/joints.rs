@@ -178,6 +178,7 @@ fn is_motion(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message;
 
     fn take(header: &str, only: Option<&str>) -> Result<OneJoint, String> {
         let names: Vec<String> = header.split(',').map(str::to_owned).collect();
@@ -192,7 +193,8 @@ mod tests {
     #[test]
     fn one_joint_with_selection_keeps_own_and_common_columns() {
         let second = take(ARM, Some("2")).unwrap();
-        assert_eq!(second.note.unwrap(), "arm.csv: 2 columns belong to other joints (1)");
+        let parts = ["arm.csv", "2 columns", "(1)"];
+        message::check("headers", "columns of other joints", &second.note.unwrap(), &parts);
         assert_eq!(second.names[4..], ["torque_nm", "velocity_rad_s", "tension", "cell_1"]);
         assert_eq!(second.others, [1, 3], "the other joint's velocity stays");
     }
@@ -200,12 +202,10 @@ mod tests {
     #[test]
     fn one_joint_with_several_or_unknown_joint_returns_error() {
         let several = take(ARM, None).unwrap_err();
-        assert!(
-            several.contains("2 joints side by side (1, 2)")
-                && several.contains("one: where joint=1"),
-            "{several}"
-        );
-        assert!(take(ARM, Some("3")).unwrap_err().contains("no joint 3"));
+        let parts = ["arm.csv", "2 joints", "(1, 2)", "where joint=1"];
+        message::check("headers", "joints side by side", &several, &parts);
+        let unknown = take(ARM, Some("3")).unwrap_err();
+        message::check("headers", "unknown joint", &unknown, &["joint=3", "joint 3", "1, 2"]);
     }
 
     #[test]

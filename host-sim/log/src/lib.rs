@@ -18,6 +18,13 @@
 #[macro_use]
 mod named;
 
+#[cfg(test)]
+#[path = "../../../tests/message.rs"]
+mod message;
+#[cfg(test)]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
+
 mod acceleration;
 mod cell;
 mod clean;

@@ -22,6 +22,15 @@ use super::{torque_constant, torque_scale};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
 
+/// What a hint states of a column, after its name. Later steps find the hints by it.
+pub const READ_AS_COVARIATE: &str = "is read as a covariate";
+
+/// Returns the hint that a covariate may be a quantity of the contract. `unit` is empty, or starts with a colon.
+pub fn covariate_hint(name: &str, contract_name: &str, unit: &str) -> String {
+    let pair = shell_word(&format!("{contract_name}={name}{unit}"));
+    format!("{name} {READ_AS_COVARIATE}; --columns {pair} reads it as {contract_name}")
+}
+
 /// The names of a file's columns: those in the file and those given with `--columns`.
 pub(super) struct Naming<'a> {
     /// The names in the file.
@@ -193,12 +202,7 @@ impl<'a> Naming<'a> {
         own.filter_map(|(_, name)| {
             let (contract_name, unit) = guess::quantity_in_unit(name)?;
             let is_there = self.find(contract_name).is_some();
-            (!is_there).then(|| {
-                let pair = shell_word(&format!("{contract_name}={name}:{unit}"));
-                format!(
-                    "{name} is read as a covariate; --columns {pair} reads it as {contract_name}"
-                )
-            })
+            (!is_there).then(|| covariate_hint(name, contract_name, &format!(":{unit}")))
         })
         .collect()
     }

@@ -149,6 +149,7 @@ impl OtherUnit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message;
     use crate::setting::plain;
 
     #[test]
@@ -175,10 +176,16 @@ mod tests {
     #[test]
     fn refusal_names_what_to_type() {
         let (found, expected) = OtherUnit::PerMille.refusal("torque_nm", "T");
-        assert_eq!(found, "a name in per mille, without a unit");
-        let typed = "columns torque_nm=T:0.1% with rated torque 1.2Nm, the torque of 100 %";
-        assert_eq!(plain(&expected), typed);
-        let (_, expected) = OtherUnit::Count.refusal("velocity_rad_s", "v");
-        assert!(plain(&expected).ends_with("columns velocity_rad_s=v:4096counts/s"));
+        let text = format!("found {found}, expected {}", plain(&expected));
+        let parts = ["columns torque_nm=T:0.1%", "rated torque 1.2Nm", "100 %"];
+        message::check("units", "name in per mille", &text, &parts);
+        let (found, expected) = OtherUnit::Count.refusal("velocity_rad_s", "v");
+        let text = format!("found {found}, expected {}", plain(&expected));
+        message::check(
+            "units",
+            "name in counts",
+            &text,
+            &["columns velocity_rad_s=v:4096counts/s"],
+        );
     }
 }

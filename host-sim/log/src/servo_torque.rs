@@ -115,8 +115,13 @@ mod tests {
             ServoTorque::parse("pd, kp=40, kd=1.5, target=q_des:deg, limit=3").expect("a law");
         assert_eq!((servo.kp, servo.kd, servo.limit), (40.0, 1.5, Some(3.0)));
         assert_eq!(servo.target, "q_des:deg");
-        let words = "40 Nm/rad (target - q) - 1.5 Nm s/rad v, at most 3 Nm";
-        assert_eq!(servo.in_words(JointKind::Revolute), words);
+        let parts = ["40 Nm/rad", "1.5 Nm s/rad", "3 Nm"];
+        crate::message::check(
+            "units",
+            "law of a servo",
+            &servo.in_words(JointKind::Revolute),
+            &parts,
+        );
         for text in ["pid,kp=1,target=a", "pd,kp=x,target=a", "pd,kp=1", "pd,target=a", "pd,ki=1"] {
             assert!(ServoTorque::parse(text).is_err_and(|e| e.contains(EXAMPLE)), "{text}");
         }

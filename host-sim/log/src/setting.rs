@@ -133,15 +133,15 @@ mod tests {
     #[test]
     fn worded_replaces_each_reference() {
         let text = format!(
-            "{}: found b, or {}; see {}",
+            "{}/b/{}/{}",
             Setting::Skip.given(3),
             Setting::Columns.suggested("a=b"),
             Setting::Columns.alone()
         );
-        assert_eq!(plain(&text), "skip 3: found b, or columns a=b; see columns");
+        assert_eq!(plain(&text), "skip 3/b/columns a=b/columns");
         let word =
             |own: Reference| format!("<{:?} {} {}>", own.setting, own.value, own.is_suggestion);
-        let expected = "<Skip 3 false>: found b, or <Columns a=b true>; see <Columns  false>";
+        let expected = "<Skip 3 false>/b/<Columns a=b true>/<Columns  false>";
         assert_eq!(worded(&text, &word), expected);
     }
 

@@ -271,6 +271,7 @@ pub(super) fn are_equal(setting: &str, value: &str) -> bool {
 mod tests {
     use super::super::error::BadRows;
     use super::*;
+    use crate::message;
     use compensator_core::quantity::JointKind;
 
     /// Returns `n` runs of ten rows, named by number, in two files; kp is 100 in even runs and 400 in odd ones.
@@ -381,22 +382,20 @@ mod tests {
     #[test]
     fn split_with_unknown_hold_out_lists_available_values() {
         let data = data(4);
-        let message = |text| {
+        let refused = |text| {
             let rule = SplitRule::parse_hold_out(text);
             rule.and_then(|rule| split(&data, &rule, 0)).unwrap_err().to_string()
         };
-        assert_eq!(
-            message("kp=200"),
-            "hold-out kp=200: found no run with kp=200, expected one of 100, 400"
-        );
-        assert_eq!(
-            message("velocity_rad_s=3"),
-            "hold-out velocity_rad_s=3: found no constant value of velocity_rad_s in run 0, expected \
-             one of run, shape, kp"
-        );
-        assert!(message("kp=100,400").contains("no rows left to train on"));
-        assert!(message("kp").contains("expected COLUMN=VALUE"));
-        assert!(message("kp=").contains("expected COLUMN=VALUE"));
+        let parts = ["hold-out kp=200:", "kp=200", "100, 400"];
+        message::check("splits", "unknown value", &refused("kp=200"), &parts);
+        let parts = ["hold-out velocity_rad_s=3:", "velocity_rad_s", "run 0", "run, shape, kp"];
+        message::check("splits", "value that changes", &refused("velocity_rad_s=3"), &parts);
+        message::check("splits", "all rows held out", &refused("kp=100,400"), &[]);
+        for text in ["kp", "kp="] {
+            let parts = ["hold-out", text, "COLUMN=VALUE"];
+            message::require(&refused(text), &parts);
+        }
+        message::check("splits", "no value", &refused("kp"), &[]);
     }
 
     #[test]
@@ -404,7 +403,8 @@ mod tests {
         let data = data(4);
         assert_eq!(test_runs(&data, &SplitRule::Files(vec!["b.csv".into()]), 0), [2, 3]);
         let error = split(&data, &SplitRule::Files(vec!["c.csv".into()]), 0).unwrap_err();
-        assert_eq!(error.to_string(), "test files: found c.csv, expected one of a.csv, b.csv");
+        let parts = ["test files:", "c.csv", "a.csv, b.csv"];
+        message::check("splits", "unknown file", &error.to_string(), &parts);
     }
 
     #[test]

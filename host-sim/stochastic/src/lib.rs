@@ -16,6 +16,13 @@
 //! data do not determine* the parameter, not that its physics is wrong; [`reading`] explains this for each result.
 //! Method, interpretation of the paper and measurements: `docs/src/explanation/stochastic-extension.md`.
 
+#[cfg(test)]
+#[path = "../../../tests/message.rs"]
+mod message;
+#[cfg(test)]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
+
 pub mod calibrate;
 pub mod certificate;
 pub mod classes;

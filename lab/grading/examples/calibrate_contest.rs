@@ -14,7 +14,7 @@
 use clap::Parser;
 use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_grading::calibration_fit::{Case, fit, out_of_fold, probabilities_out_of_fold};
-use friction_grading::contest_figures::{self, FigureRow};
+use friction_grading::contest_figures::{self, FigureRow, LOG_GROUPS};
 use friction_grading::contest_verdicts::Grades;
 use friction_grading::evidence_table::{EvidenceRow, parse};
 use std::collections::{BTreeMap, BTreeSet};
@@ -136,10 +136,11 @@ fn figures(
         .iter()
         .map(|row| calibration.probability_of(&row.cause, &row.follows, &row.figures))
         .collect();
+    let [measured, worlds, fresh_worlds] = LOG_GROUPS;
     let parts = [
-        of("measured, each machine left out", part(true)),
-        of("worlds of the fit, left out", part(false)),
-        of("fresh worlds", (fresh.to_vec(), fresh_probabilities)),
+        of(measured, part(true)),
+        of(worlds, part(false)),
+        of(fresh_worlds, (fresh.to_vec(), fresh_probabilities)),
     ];
     parts.concat()
 }

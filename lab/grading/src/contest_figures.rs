@@ -10,6 +10,13 @@ use std::fmt::Write;
 /// Name of the table in the repository.
 pub const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/graded/contest.tsv");
 
+/// Names of the groups of logs: real machines, the worlds that the calibration saw, and others.
+pub const LOG_GROUPS: [&str; 3] =
+    ["measured, each machine left out", "worlds of the fit, left out", "fresh worlds"];
+
+/// Name of the share of the worlds with two effects of which both are found.
+const BOTH_FOUND: &str = "both of two found, %";
+
 const HEAD: &str = "logs\tfigure\tvalue\tlower\tupper";
 
 /// A row of the table.
@@ -64,7 +71,7 @@ pub fn figures(
             "clean worlds named wrongly, %",
             share(clean.wrong, clean.right + clean.abstained + clean.wrong),
         );
-        add("both of two found, %", share(both_found(rows, probabilities, named), of_two(rows)));
+        add(BOTH_FOUND, share(both_found(rows, probabilities, named), of_two(rows)));
     }
     let judged: Vec<(f64, f64)> = rows
         .iter()
@@ -193,7 +200,7 @@ mod tests {
         ];
         let table = figures("worlds", &rows, &[0.9, 0.6, 0.7, 0.9], 0.5);
         let value = |name: &str| table.iter().find(|row| row.figure == name).map(|row| row.value);
-        assert_eq!(value("both of two found, %"), Some(50.0));
+        assert_eq!(value(BOTH_FOUND), Some(50.0));
         assert_eq!(value("detectable effects found, %"), Some(75.0));
         assert_eq!(value("findings at 0.6 to 0.9"), Some(2.0));
     }

@@ -8,6 +8,13 @@
 //!
 //! To add a paper, write a module that implements [`Paper`] and add it to [`PAPERS`].
 
+#[cfg(test)]
+#[path = "../../../tests/message.rs"]
+mod message;
+#[cfg(test)]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
+
 mod damper;
 mod digest;
 mod goal;

@@ -185,6 +185,12 @@ impl<F: NorFlash> Bench<F> {
         String::from_utf8(self.read(at_index, 0).expect("can be read")).expect("text")
     }
 
+    /// Requires that the last refusal contains the names and figures `parts`, and compares its words.
+    #[track_caller]
+    pub fn check_refusal(&mut self, section: &str, parts: &[&str]) {
+        crate::message::check("refusals", section, &self.text(index::REFUSAL), parts);
+    }
+
     /// Writes an object, or returns the abort code. A locked joint is unlocked with the bench's key.
     pub fn write(&mut self, index: u16, sub_index: u8, value: &[u8]) -> Result<(), u32> {
         match (self.write_once(index, sub_index, value), self.key) {

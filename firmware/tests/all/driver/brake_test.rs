@@ -80,7 +80,7 @@ fn brake_that_slipped_is_tested_at_every_arming_and_named() {
     assert_eq!(bench.number(index::HOLDING_BRAKE, RESULT), 3);
     let forwards = bench.number(index::HOLDING_BRAKE, 13);
     assert!((20_000..22_000).contains(&forwards), "{forwards}");
-    assert!(bench.text(index::REFUSAL).contains("the holding brake slipped"));
+    bench.check_refusal("holding brake slipped", &[]);
     assert!(enable(&mut bench, slipping) > 7.0 && !bench.driver.is_armed());
     assert!(presses(enable(&mut bench, 0.0)) && bench.driver.is_armed(), "it holds again");
     run(&mut bench, 2, Some(0), 0.0);
@@ -91,10 +91,10 @@ fn brake_that_slipped_is_tested_at_every_arming_and_named() {
 fn brake_test_without_brake_or_torque_is_refused_with_the_reason() {
     let mut bench = in_cst();
     assert_eq!(bench.write(index::HOLDING_BRAKE, ORDER, &[1]), Err(0x0800_0022));
-    assert!(bench.text(index::REFUSAL).contains("no holding brake"));
+    bench.check_refusal("no holding brake", &[]);
     bench.write(index::HOLDING_BRAKE, 1, &[1]).unwrap();
     assert_eq!(bench.write(index::HOLDING_BRAKE, ORDER, &[1]), Err(0x0800_0022));
-    assert!(bench.text(index::REFUSAL).contains("2030h:7 = 0"));
+    bench.check_refusal("holding brake without torque", &["2030h:7 = 0"]);
     assert!(!presses(enable(&mut bench, 0.0)), "off by default");
     assert_eq!(bench.number(index::HOLDING_BRAKE, RESULT), 0);
 }

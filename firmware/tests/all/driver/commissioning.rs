@@ -51,7 +51,7 @@ fn motor_measurement_arms_an_uncommissioned_joint_for_itself_only() {
     bench.give(Message::Command(super::NODE, command));
     assert_eq!(bench.driver.loop_commands(bench.now_us).setpoint.current_a, 0.0);
     assert_eq!(bench.write(index::STATE, 1, &[1]), REFUSED);
-    assert!(bench.text(index::REFUSAL).contains("commissioning is running"));
+    bench.check_refusal("commissioning is running", &[]);
     assert_eq!(bench.write(RUN, Run::CURRENT, &5.0f32.to_le_bytes()), REFUSED);
     assert_eq!(bench.write(index::COMMIT, 3, &[0; 4]), REFUSED);
     assert_eq!(order(&mut bench, 1), REFUSED, "it runs already");
@@ -170,7 +170,7 @@ fn motor_measurement_is_refused_like_arming() {
     assert_eq!(order(&mut unmeasured, 1), REFUSED);
     let mut hil = Bench::hil();
     assert_eq!(order(&mut hil, 1), REFUSED);
-    assert!(hil.text(index::REFUSAL).contains("no motor"));
+    hil.check_refusal("commissioning in HIL", &[]);
     // Values outside the limits are refused.
     let mut bench = blank();
     for (place, number) in [(Run::CURRENT, 27.0f32), (Run::CURRENT, f32::NAN), (Run::TRAVEL, 0.0)] {

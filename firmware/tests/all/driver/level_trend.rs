@@ -76,7 +76,7 @@ fn entries(bench: &mut Bench) -> Vec<TrendEntry> {
         Ok(bytes) => bytes.as_chunks().0.iter().map(|at| TrendEntry::parse(at).unwrap()).collect(),
         Err(code) => {
             assert_eq!(code, NO_DATA);
-            assert_eq!(bench.text(index::REFUSAL), "no trend of learnt levels is stored");
+            bench.check_refusal("no trend", &[]);
             vec![]
         }
     }

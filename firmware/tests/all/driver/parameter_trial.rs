@@ -186,7 +186,7 @@ fn fault_or_lost_connection_returns_the_stored_values() {
         ("NMT pre-operational", 6, |bench| {
             bench.driver.receive(&frame(0, &[0x80, 1]), bench.now_us);
         }),
-        ("NMT reset of the communication", 6, |bench| {
+        ("NMT reset", 6, |bench| {
             bench.driver.receive(&frame(0, &[0x82, 0]), bench.now_us);
         }),
         ("bus off", 6, |bench| {
@@ -245,8 +245,7 @@ fn opening_is_refused_with_unsaved_values_an_armed_joint_or_a_fault() {
             }
             change(&mut bench);
             assert_eq!(open(&mut bench, 500), Err(STATE_REFUSED));
-            let why = bench.text(index::REFUSAL);
-            assert!(why.contains("save them first"), "{why}");
+            bench.check_refusal("trial of values that are not saved", &[]);
             assert_eq!(trial_state(&mut bench), 0);
             save(&mut bench).unwrap();
             open(&mut bench, 500).expect("saved");
@@ -328,8 +327,7 @@ fn nothing_is_saved_while_a_trial_is_open() {
     let before = bench.driver.flash().steps();
     for (at, value) in [(index::STORE, SAVE_SIGNATURE), (index::RESTORE, LOAD_SIGNATURE)] {
         assert_eq!(bench.write(at, 1, &value.to_le_bytes()), Err(STATE_REFUSED), "{at:04X}h");
-        let why = bench.text(index::REFUSAL);
-        assert!(why.contains("is on trial"), "{why}");
+        bench.check_refusal("parameters on trial", &[]);
     }
     assert_eq!(bench.driver.flash().steps(), before);
     order(&mut bench, KEEP).unwrap();

@@ -193,7 +193,7 @@ fn position_can_be_set_only_while_disarmed() {
     let mut bench = armed();
     let home = bench.driver.loop_commands(bench.now_us).home;
     assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
-    assert!(bench.text(index::REFUSAL).contains("disarm first"));
+    bench.check_refusal("position of an armed joint", &[]);
     assert_eq!(bench.driver.loop_commands(bench.now_us).home, home);
     assert!(bench.driver.is_armed());
 
@@ -201,7 +201,7 @@ fn position_can_be_set_only_while_disarmed() {
     let mut bench = Bench::hil();
     bench.start();
     assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
-    assert!(bench.text(index::REFUSAL).contains("a joint in HIL"));
+    bench.check_refusal("position in HIL", &["HIL"]);
 }
 
 #[test]

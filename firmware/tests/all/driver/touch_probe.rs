@@ -93,7 +93,7 @@ fn touch_probe_with_another_source_is_refused_with_the_reason() {
     for word in [0x0019u16, 0x1900] {
         let written = bench.write(index::TOUCH_FUNCTION, 0, &word.to_le_bytes());
         assert_eq!(written, Err(0x0609_0030));
-        assert!(bench.text(index::REFUSAL).contains("must be 0 (input) or 1"));
+        bench.check_refusal("source of the touch probe", &["touch_probe_function", " 0 (", " 1 ("]);
     }
     assert_eq!(bench.number(index::TOUCH_FUNCTION, 0), 0);
 }

@@ -94,12 +94,10 @@ fn program_update_key_policy_and_lss_are_refused_while_a_trial_is_open() {
     open(&mut bench, 60_000).unwrap();
     for command in 0..4 {
         assert_eq!(bench.write(index::PROGRAM_CONTROL, 1, &[command]), Err(STATE_REFUSED));
-        let why = bench.text(index::REFUSAL);
-        assert!(why.contains("is on trial"), "{why}");
+        bench.check_refusal("write during a trial", &[]);
     }
     assert_eq!(bench.write(index::PROGRAM_DATA, 1, &[0; 24]), Err(STATE_REFUSED));
-    let why = bench.text(index::REFUSAL);
-    assert!(why.contains("is on trial"), "{why}");
+    bench.check_refusal("program during a trial", &[]);
     for (sub_index, change) in [(5, &[7; 16][..]), (8, &[0])] {
         assert_eq!(bench.write_proven(sub_index, change, &Key::DEFAULT), Err(STATE_REFUSED));
     }

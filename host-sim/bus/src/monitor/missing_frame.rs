@@ -186,6 +186,7 @@ mod tests {
         }
         let adapter = Traffic { bus: "slcan:/dev/ttyACM0", ..traffic };
         let command = missing(Quantity::Current, &adapter).2;
-        assert_eq!(command, "send the frame 605#2F01200501000000");
+        let parts = ["605#2F01200501000000"];
+        crate::message::check("events", "frame for an adapter", &command, &parts);
     }
 }

@@ -62,6 +62,13 @@ pub fn seen(model: &JointView, at_ms: u64) -> View {
     model.view(at_ms * MS, &Lens { window_s: 10.0, columns: 240, events: 500 })
 }
 
+/// Compares the words of a screen, without its charts.
+#[track_caller]
+pub fn check_screen(section: &str, screen: &str) {
+    let is_dot = |sign: char| ('\u{2801}'..='\u{28FF}').contains(&sign);
+    crate::snapshot::check("screens", section, &screen.replace(is_dot, " "));
+}
+
 pub fn assert_shows(screen: &str, words: &[&str]) {
     for word in words {
         assert!(screen.contains(word), "{word:?} is not on\n{screen}");

@@ -249,6 +249,7 @@ fn code_of(data: &[u8]) -> Result<Code, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message;
     use object::elf::{SHT_PROGBITS, SHT_STRTAB};
 
     const BOARD: Board = Board { number: 1, wiring: 2 };
@@ -291,8 +292,9 @@ mod tests {
         let code = parse_image(Path::new("firmware"), &elf(16)).unwrap();
         assert_eq!((code.address, code.bytes), (0x0800_0400, (0..16).collect()));
         assert_eq!(code.board, BOARD);
-        let error = parse_image(Path::new("firmware"), &elf(17)).unwrap_err().to_string();
-        assert_eq!(error, "firmware: a part of it is missing");
+        let error = parse_image(Path::new("firmware"), &elf(17)).unwrap_err();
+        assert!(matches!(&error, PackageError::Elf { path, .. } if path.ends_with("firmware")));
+        message::check("programs", "part of an image missing", &error.to_string(), &[]);
     }
 
     #[test]
@@ -300,8 +302,9 @@ mod tests {
         let mut unnamed = elf(16);
         let place = unnamed.windows(6).position(|part| part == b".board").expect("a name");
         unnamed[place] = b'_';
-        let error = parse_image(Path::new("firmware"), &unnamed).unwrap_err().to_string();
-        assert!(error.starts_with("firmware: it does not state its board"), "{error}");
+        let error = parse_image(Path::new("firmware"), &unnamed).unwrap_err();
+        assert!(matches!(&error, PackageError::Elf { path, .. } if path.ends_with("firmware")));
+        message::check("programs", "image without board", &error.to_string(), &["board"]);
     }
 
     #[test]

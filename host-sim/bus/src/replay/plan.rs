@@ -372,6 +372,7 @@ impl Builder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message;
 
     const LOG: &str = "\
 (10.000000) can0 487#0000803F0000C07F\n\
@@ -424,18 +425,14 @@ mod tests {
     #[test]
     fn parse_without_joint_inputs_returns_one_line_error() {
         let node = NodeId::FIRST;
-        let error = Plan::parse(b"time_s,velocity_rad_s\n0,1\n", node).unwrap_err().to_string();
-        assert!(
-            error.contains("2 of 2 lines are not frames of a CAN log, the first is line 1"),
-            "{error}"
-        );
+        let error = Plan::parse(b"time_s,velocity_rad_s\n0,1\n", node).unwrap_err();
+        assert!(matches!(error, PlanError::Bad { bad: 2, lines: 2, first: 1, .. }), "{error}");
+        message::check("traces", "no CAN log", &error.to_string(), &["2 of 2", "line 1"]);
         // Two SYNCs and commands, but no motion.
         let log = b"(1.0) can0 301#0000000000000000\n(1.0) can0 080#01\n(1.1) can0 080#02\n";
-        let error = Plan::parse(log, node).unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "log: 2 SYNCs (080) and 0 Motion frames (480 + node) of a joint, expected at least 2 and \
-             1; found frames 080 (2), 301 (1)"
-        );
+        let error = Plan::parse(log, node).unwrap_err();
+        assert!(matches!(error, PlanError::Empty { samples: 2, motions: 0, .. }), "{error}");
+        let parts = ["log: ", "080", "480 + node", "2 ", "1;", "080 (2), 301 (1)"];
+        message::check("traces", "no inputs of a joint", &error.to_string(), &parts);
     }
 }

@@ -1,5 +1,6 @@
 //! Tests of the client with a locked joint driver: it unlocks the joint when a write is refused.
 
+use super::message;
 use canopen_rs::Address;
 use compensator_core::can::NodeId;
 use compensator_core::network::{record, reference};
@@ -61,12 +62,12 @@ fn wrong_key_is_reported_with_the_object_and_the_remedy() {
     let mut stranger = Client::new(hub.port(), NodeId::FIRST);
     let error = stranger.write(FOLLOWING_TIME, &[6, 0]).unwrap_err();
     assert!(matches!(error, SdoError::WrongKey { .. }));
+    let parts = ["following_error_time_out (6066h:0)", "node 1", "--key FILE"];
+    message::check("access", "wrong key", &error.to_string(), &parts);
+    let error = stranger.write(FOLLOWING_TIME, &[6, 0]).unwrap_err();
+    assert!(matches!(error, SdoError::UnlockDelayed { node: 1, .. }), "{error}");
     let words = error.to_string();
-    for part in ["following_error_time_out (6066h:0)", "the response is wrong", "--key FILE"] {
-        assert!(words.contains(part), "{words}");
-    }
-    let words = stranger.write(FOLLOWING_TIME, &[6, 0]).unwrap_err().to_string();
-    assert!(words.contains("repeat in up to 60 s"), "{words}");
+    message::check("access", "key given too soon", &words, &["following_error_time_out", "60 s"]);
     assert!(!words.contains("--key"), "the key may be right: {words}");
     assert_eq!(stranger.read_number(FOLLOWING_TIME).unwrap(), 5);
 }

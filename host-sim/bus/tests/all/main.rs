@@ -6,5 +6,9 @@ mod access;
 mod bus;
 mod bus_slcan;
 mod bus_socketcan;
+#[path = "../../../../tests/message.rs"]
+mod message;
 mod program_update;
 mod sdo_blocks;
+#[path = "../../../../tests/snapshot.rs"]
+mod snapshot;

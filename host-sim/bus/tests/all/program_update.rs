@@ -1,6 +1,7 @@
 //! Program updates over a bus in virtual time: the shipped driver and recovery on two banks of flash.
 #![cfg(feature = "update")]
 
+use super::message;
 use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId};
 use ed25519_dalek::SigningKey;
@@ -20,7 +21,7 @@ use firmware::update::recovery::{RECOVERY_STATE, Recovery, identity};
 use firmware::update::session::OtherState;
 use firmware::update::{Board, Program, Slot};
 use joint_bus::bus::{BitRates, Bus, Hub, Participant, Port};
-use joint_bus::canopen::Client;
+use joint_bus::canopen::{Client, SdoError};
 use joint_bus::program::package::{Code, Package, Release};
 use joint_bus::program::update::{Outcome, Update, UpdateError};
 use joint_trace::CanFrame;
@@ -252,17 +253,29 @@ fn parameters_saved_before_each_update_are_in_use_after_it() {
     }
 }
 
+/// Returns the reason that the node gave for refusing a request.
+fn refusal(error: SdoError) -> String {
+    let SdoError::Refused { why, .. } = error else { panic!("{error}") };
+    why
+}
+
 #[test]
 fn update_with_unsuitable_package_is_refused_before_the_transfer() {
     let mut bench = Bench::running();
     let foreign = package_of(Board { number: BOARD.number + 1, ..BOARD }, "2.0.0", &KEY);
-    let error = bench.update(&foreign).unwrap_err().to_string();
-    assert_eq!(error, "the package is for board TESU, but node 1 is board TEST");
+    let error = bench.update(&foreign).unwrap_err();
+    assert!(matches!(error, UpdateError::Board { node: 1, .. }), "{error}");
+    let parts = ["board TESU", "node 1", "board TEST"];
+    message::check("updates", "other board", &error.to_string(), &parts);
     let rewired = package_of(Board { wiring: 0x78, ..BOARD }, "2.0.0", &KEY);
-    let error = bench.update(&rewired).unwrap_err().to_string();
-    assert!(error.contains("with wiring 00000078, but that of node 1 is 00000077"), "{error}");
-    let error = bench.update(&package("0.9.0")).unwrap_err().to_string();
-    assert!(error.contains("0.9.0 is older than 1.0.0 on node 1; sign the older"), "{error}");
+    let error = bench.update(&rewired).unwrap_err();
+    assert!(matches!(error, UpdateError::Wiring { package: 0x78, node: 1, found: 0x77 }));
+    let parts = ["00000078", "node 1", "00000077"];
+    message::check("updates", "other wiring", &error.to_string(), &parts);
+    let error = bench.update(&package("0.9.0")).unwrap_err();
+    assert!(matches!(error, UpdateError::Older { node: 1, .. }), "{error}");
+    let parts = ["0.9.0", "1.0.0", "node 1"];
+    message::check("updates", "older version", &error.to_string(), &parts);
     assert_eq!(bench.version(), "1.0.0");
 }
 
@@ -273,22 +286,24 @@ fn update_of_armed_joint_is_refused_and_joint_is_not_armed_meanwhile() {
     let source = Address::new(index::OPERATION, OperationObject::SOURCE);
     bench.client.write(source, &[1]).unwrap();
     bench.client.write(request, &[1]).unwrap();
-    let error = bench.update(&package("1.1.0")).unwrap_err().to_string();
-    assert!(error.contains("node 1 is armed"), "{error}");
+    let error = bench.update(&package("1.1.0")).unwrap_err();
+    assert!(matches!(error, UpdateError::Armed(1)), "{error}");
     // Another tool that does not ask is refused, too.
-    let error = bench.client.write(CONTROL, &[3]).unwrap_err().to_string();
-    assert!(error.contains("the joint is armed"), "{error}");
+    let error = bench.client.write(CONTROL, &[3]).unwrap_err();
+    let why = refusal(error);
+    message::check("updates", "clear of an armed joint", &why, &[]);
     bench.client.write(request, &[0]).unwrap();
     bench.client.write(CONTROL, &[3]).unwrap();
-    let error = bench.client.write(request, &[1]).unwrap_err().to_string();
-    assert!(error.contains("a program update is in progress"), "{error}");
+    let error = bench.client.write(request, &[1]).unwrap_err();
+    message::check("updates", "arming during an update", &refusal(error), &[]);
 }
 
 #[test]
 fn image_of_another_key_is_not_started() {
     let mut bench = Bench::running();
-    let error = bench.update(&package_of(BOARD, "2.0.0", &[8; 32])).unwrap_err().to_string();
-    assert!(error.contains("the signature of the package is not of its key"), "{error}");
+    let error = bench.update(&package_of(BOARD, "2.0.0", &[8; 32])).unwrap_err();
+    assert!(matches!(error, UpdateError::Returned { node: 1, .. }), "{error}");
+    message::check("updates", "other key", &error.to_string(), &["node 1", "signature"]);
     assert_eq!(bench.version(), "1.0.0");
 }
 
@@ -296,8 +311,9 @@ fn image_of_another_key_is_not_started() {
 fn trial_that_fails_its_self_test_returns_to_the_old_image() {
     let mut bench = Bench::running();
     bench.joint.borrow_mut().fails_in_second_bank = true;
-    let error = bench.update(&package("1.1.0")).unwrap_err().to_string();
-    assert_eq!(error, "node 1 returned to its old program: the trial failed");
+    let error = bench.update(&package("1.1.0")).unwrap_err();
+    assert!(matches!(error, UpdateError::Returned { node: 1, .. }), "{error}");
+    message::check("updates", "trial failed", &error.to_string(), &["node 1"]);
     assert_eq!(bench.version(), "1.0.0");
     // The next update repairs it.
     bench.joint.borrow_mut().fails_in_second_bank = false;
@@ -387,8 +403,8 @@ fn restart_by_object_during_a_trial_is_no_failure_and_clear_is_refused() {
     bench.hub.run_until(bench.hub.now_ns() + 50_000_000).unwrap();
     assert_eq!(bench.version(), "1.1.0");
     // The image before it is the only one that is known to work.
-    let error = bench.client.write(CONTROL, &[3]).unwrap_err().to_string();
-    assert!(error.contains("this program is on trial"), "{error}");
+    let error = bench.client.write(CONTROL, &[3]).unwrap_err();
+    message::check("updates", "clear during a trial", &refusal(error), &[]);
     assert_eq!(bench.entry(ProgramObject::OTHER_STATE), OtherState::Confirmed as u32);
     bench.hub.run_until(bench.hub.now_ns() + 2_100_000_000).unwrap();
     assert_eq!(bench.entry(ProgramObject::STATE), 2);

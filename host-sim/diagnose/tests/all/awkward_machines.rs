@@ -69,7 +69,8 @@ fn diagnose_with_joint_at_rest_evaluates_motion_only() {
     let names = ["time_s", "position_rad", "velocity_rad_s", "torque_nm"];
     let found = diagnose_columns(&names, (1..=4).map(stick_slip).collect());
     let notes = &found.log.notes;
-    assert!(notes.iter().any(|note| note.contains("rows at rest are not evaluated")), "{notes:?}");
+    let at_rest = notes.iter().find(|note| note.contains("rows at rest")).expect("a note");
+    crate::message::check("notes", "rows at rest", at_rest, &[]);
     println!("{} Nm, {}", found.after.metrics.rmse, crate::candidates(&found));
     assert_eq!(found.cause(), "none", "{:?}", found.findings);
     let rmse = found.after.metrics.rmse;

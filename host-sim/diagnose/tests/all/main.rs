@@ -6,6 +6,10 @@ mod awkward_machines;
 mod cancellation;
 mod log_check;
 mod measured_diagnosis;
+#[path = "../../../../tests/message.rs"]
+mod message;
+#[path = "../../../../tests/snapshot.rs"]
+mod snapshot;
 mod tables;
 
 /// Returns the candidates of a diagnosis with their probabilities.

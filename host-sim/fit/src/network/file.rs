@@ -306,6 +306,7 @@ fn set_weights(network: &mut WideNetwork, used: usize, weights: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{message, snapshot};
     use compensator_core::network::reference;
 
     fn file() -> NetworkFile {
@@ -357,31 +358,31 @@ mod tests {
     #[test]
     fn parse_with_invalid_field_names_it() {
         let good = file().emit(Value::Null);
-        for (from, to, word) in [
-            ("\"schema\": 1", "\"schema\": 2", "schema: found 2"),
-            ("\"cells\": 8", "\"cells\": 9", "cells: found 9"),
-            ("\"held\"\n", "\"held\", \"kp\", \"kd\"\n", "inputs: found 5, expected 1 to 4"),
-            ("\"held\"\n", "\"held\", \"kp\"\n", "ranges: found 3, expected 4"),
-            (
-                "\"factor\": \"static\"",
-                "\"factor\": \"viscous\"",
-                "found \"viscous\", expected \"static\"",
-            ),
-            ("\"slew\": 0.5", "\"slew\": 0.0", "network_slew = 0"),
-            ("\"slew\"", "\"slow\"", "unknown field `slow`"),
-            ("\"weights\": [", "\"weights\": [0.5,", "weights: found 412, expected 411"),
-            ("\"weights\"", "\"weights", "line "),
+        let mut errors = String::new();
+        for (from, to, parts) in [
+            ("\"schema\": 1", "\"schema\": 2", &["schema", "2"][..]),
+            ("\"cells\": 8", "\"cells\": 9", &["cells", "9"]),
+            ("\"held\"\n", "\"held\", \"kp\", \"kd\"\n", &["inputs", "5", "1 to 4"]),
+            ("\"held\"\n", "\"held\", \"kp\"\n", &["ranges", "3", "4"]),
+            ("\"factor\": \"static\"", "\"factor\": \"viscous\"", &["\"viscous\"", "\"static\""]),
+            ("\"slew\": 0.5", "\"slew\": 0.0", &["network_slew = 0"]),
+            ("\"slew\"", "\"slow\"", &["`slow`"]),
+            ("\"weights\": [", "\"weights\": [0.5,", &["weights", "412", "411"]),
+            ("\"weights\"", "\"weights", &["line "]),
         ] {
             let error = NetworkFile::parse(&good.replacen(from, to, 1)).unwrap_err();
-            assert!(error.contains(word), "{from} -> {to}: {error}");
+            message::require(&error, parts);
             assert_eq!(error.lines().count(), 1, "{error}");
+            errors += &format!("{} => {error}\n", to.trim_end());
         }
+        snapshot::check("files", "network", &errors);
         let error_for = |names: [&str; 3]| {
             let mut file = file();
             file.inputs = names.map(str::to_owned).into();
             file.for_driver().unwrap_err()
         };
         assert!(error_for(["kp", "kd", "held"]).contains("\"kp\" and \"kd\""));
-        assert!(error_for(["time_s", "velocity", "held"]).contains("does not measure \"time_s\""));
+        let unmeasured = error_for(["time_s", "velocity", "held"]);
+        message::check("files", "network of a time", &unmeasured, &["\"time_s\""]);
     }
 }

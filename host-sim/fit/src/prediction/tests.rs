@@ -3,7 +3,7 @@
 use super::*;
 use crate::params;
 use crate::spec::Spec;
-use crate::{FitOptions, Rows, identify, predict, tracks};
+use crate::{FitOptions, Rows, identify, message, predict, tracks};
 use joint_log::Dataset;
 
 const PERIOD_S: f64 = 0.01;
@@ -98,5 +98,5 @@ fn predict_log_of_other_joint_returns_error() {
     let text = MODEL.replace("revolute", "prismatic");
     let file = params::parse(&text, &[]).unwrap();
     let error = predict_log(&file, &log(), &PredictionOptions::default()).unwrap_err();
-    assert_eq!(error, "joint: found a log of a revolute joint, expected a prismatic one");
+    message::check("files", "log of another joint", &error, &["revolute", "prismatic"]);
 }

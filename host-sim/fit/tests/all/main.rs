@@ -4,4 +4,8 @@
 
 mod coverage;
 mod measured_figures;
+#[path = "../../../../tests/message.rs"]
+mod message;
+#[path = "../../../../tests/snapshot.rs"]
+mod snapshot;
 mod trace;

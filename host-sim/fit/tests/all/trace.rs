@@ -4,6 +4,7 @@
 //! column. Then faults of a bus or a file are put into a valid log, one at a time. The message must name the file, the
 //! line, what was found and what was expected.
 
+use super::message;
 use compensator_core::Flags;
 use compensator_core::can::{AnswerFrame, NodeId, StatusFrame};
 use friction_fit::{tracks, tracks_with};
@@ -222,7 +223,7 @@ fn read_with_driver_answers_leaves_them_out() {
     assert!(data.covariates.is_empty());
     let left_out: Vec<&str> = data.left_out_columns.iter().map(|c| c.name.as_str()).collect();
     assert_eq!(left_out, ["friction_torque_nm", "feed_forward_current_a", "flags"]);
-    assert!(data.left_out_columns[0].why.contains("computed by the driver"));
+    message::check("traces", "answers of the driver", &data.left_out_columns[0].why, &["driver"]);
 }
 
 #[test]
@@ -238,56 +239,41 @@ fn read_with_faulty_log_reports_file_and_line() {
     let first_row = lines.iter().position(|line| line.contains(" 080#02")).unwrap();
     let motion = first_row - 4;
     assert!(lines[motion].contains(" 481#"));
-    for (at, line, bad_row, found, expected) in [
-        (motion, "(0.001000) vcan0 481#00", first_row, "481 with 1 bytes, expected 8", "finite"),
-        (motion, "", first_row, "no frame received", "a finite number"),
-        (motion, "(0.001) vcan0 20#00", motion, "(0.001) vcan0 20#00", "three or eight"),
-        (motion, "(0.001000) vcan0 481#0000C07F00000000", first_row, "no frame received", "finite"),
-        (
-            motion + 2,
-            "(0.001000) vcan0 401#00",
-            first_row,
-            "401 with 1 bytes, expected 8",
-            "finite",
-        ),
+    let mut cells = String::new();
+    let (invalid, nan) = ("(0.001) vcan0 20#00", "(0.001000) vcan0 481#0000C07F00000000");
+    for (at, line, bad_row, parts) in [
+        (motion, "(0.001000) vcan0 481#00", first_row, &["481", "1 ", "8"][..]),
+        (motion, "", first_row, &[]),
+        (motion, invalid, motion, &[invalid]),
+        (motion, nan, first_row, &[]),
+        (motion + 2, "(0.001000) vcan0 401#00", first_row, &["401", "1 ", "8"]),
     ] {
         let data = with(at, line).unwrap();
         let cell = data.bad_rows.first[0].to_string();
         // A line that is no frame is bad, and so is the sample that lacks it.
         let count = if bad_row == motion { 2 } else { 1 };
         assert_eq!(data.bad_rows.count, count, "{cell}");
-        assert!(cell.contains(&format!("trace.log: row {}, column ", bad_row + 1)), "{cell}");
-        assert!(cell.contains(found) && cell.contains(expected), "{cell}");
+        let row = format!("row {}, ", bad_row + 1);
+        message::require(&cell, &[&["trace.log", &row, "column "][..], parts].concat());
+        cells += &format!("{line} => {cell}\n");
     }
+    message::check("traces", "bad rows", &cells, &[]);
     let silent = with(first_row, "(0.001000) vcan0 080#00").unwrap();
-    assert!(silent.notes[0].contains("1 samples are missing"), "{:?}", silent.notes);
+    message::check("traces", "sample missing", &silent.notes[0], &["trace.log", "1 "]);
     let remark =
         with(first_row, "DROPCOUNT: dropped 1 CAN frame on 'vcan0' socket (total drops 1)");
     let notes = remark.unwrap().notes.join("; ");
-    assert!(
-        notes.contains("1 lines are not CAN frames") && notes.contains("1 samples are missing"),
-        "{notes}"
-    );
+    message::check("traces", "remark between the frames", &notes, &[": 1 ", ": 1 "]);
     let other = with(motion, "(0.001000) vcan0 482#0000803F0000803F").unwrap_err();
-    assert!(
-        other.contains("trace.log: found inputs of the joints 1 on vcan0, 2 on vcan0"),
-        "{other}"
-    );
-    for (log, message) in [
-        (
-            "(1.5) can0 123#00\n(1.6) can0 080#01\n",
-            "trace.log: found frames 080 (1), 123 (1) and no joint's velocity and torque, expected \
-             Motion (480 + node), Torque (680 + node) and the SYNC (080) of joint.dbc",
-        ),
-        (
-            "(1.5) can0 123\n",
-            "trace.log: row 1, column (all): found \"(1.5) can0 123\", expected an identifier of \
-             three or eight hexadecimal digits and # (1 of 1 rows are bad, this is the first; at \
-             most 5 % may be)",
-        ),
-    ] {
-        assert_eq!(Log::new(log.as_bytes()).read().unwrap_err(), message);
-    }
+    let parts = ["trace.log", "1 on vcan0", "2 on vcan0"];
+    message::check("traces", "two joints", &other, &parts);
+    let refused = |log: &str| Log::new(log.as_bytes()).read().unwrap_err();
+    let frames = "080 (1), 123 (1)";
+    let parts = ["trace.log", frames, "480 + node", "680 + node", "080", "joint.dbc"];
+    let foreign = refused("(1.5) can0 123#00\n(1.6) can0 080#01\n");
+    message::check("traces", "no frames of a joint", &foreign, &parts);
+    let parts = ["trace.log", "row 1,", "(all)", "\"(1.5) can0 123\"", "1 of 1 ", "5 %"];
+    message::check("traces", "line without data", &refused("(1.5) can0 123\n"), &parts);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 use super::*;
+use crate::message;
 
-fn read_header(header: &str, columns: &str) -> Result<Layout, String> {
+fn read_header(header: &str, columns: &str) -> Result<Layout, DataError> {
     let names: Vec<String> = header.split(',').map(str::to_string).collect();
     let columns: Vec<(String, String)> = columns
         .split(',')
@@ -8,7 +9,12 @@ fn read_header(header: &str, columns: &str) -> Result<Layout, String> {
         .map(|(a, b)| (a.to_string(), b.to_string()))
         .collect();
     let options = ReadOptions { columns, ..ReadOptions::default() };
-    layout(Path::new("f.csv"), names, &options).map_err(|error| error.to_string())
+    layout(Path::new("f.csv"), names, &options)
+}
+
+/// Returns the message of a refused header.
+fn refused(header: &str, columns: &str) -> String {
+    read_header(header, columns).unwrap_err().to_string()
 }
 
 fn required_indices(layout: &Layout) -> [usize; 3] {
@@ -69,7 +75,9 @@ fn layout_with_joint_position_alone_reads_it_as_the_position() {
         let found = read_header(names, columns).unwrap();
         assert_eq!(found.optional[0].quantity, Some(Quantity::Position), "{columns}");
         assert_eq!(found.optional[0].name, "position_rad");
-        assert!(found.notes.iter().any(|note| note.contains("joint_position_rad is read as")));
+        let note = found.notes.iter().find(|note| note.contains("joint_position_rad"));
+        let note = note.expect("a note on the column");
+        message::check("headers", "joint position alone", note, &["f.csv", " position_rad"]);
         assert!(found.left_out.is_empty(), "{:?}", found.left_out);
     }
     let without_velocity = read_header("time_s,torque_nm,joint_position_rad", "").unwrap();
@@ -78,12 +86,12 @@ fn layout_with_joint_position_alone_reads_it_as_the_position() {
 
 #[test]
 fn layout_with_missing_columns_lists_them_with_a_hint() {
-    assert_eq!(
-        read_header("time_s,dq,tau", "").unwrap_err(),
-        "f.csv: found only the columns time_s, dq, tau, expected velocity_rad_s (or \
-         velocity_m_s) and torque_nm (or force_n) in the header, or columns \
-         velocity_rad_s=dq,torque_nm=tau"
-    );
+    let error = read_header("time_s,dq,tau", "").unwrap_err();
+    let DataError::MissingColumns { missing, count, .. } = &error else { panic!("{error}") };
+    assert_eq!((&missing[..], *count), (&["velocity_rad_s".into(), "torque_nm".into()][..], 3));
+    let pairs = "columns velocity_rad_s=dq,torque_nm=tau";
+    let parts = ["f.csv", "time_s, dq, tau", "velocity_m_s", "force_n", pairs];
+    message::check("headers", "missing columns", &error.to_string(), &parts);
 }
 
 #[test]
@@ -92,7 +100,8 @@ fn layout_with_mapped_names_prefers_them() {
     assert_eq!(required_indices(&found), [0, 1, 3]);
     assert!(found.optional.is_empty());
     assert_eq!(found.left_out[0].name, "torque_nm");
-    assert_eq!(found.left_out[0].why, "--columns reads torque_nm from u");
+    let parts = ["--columns", "torque_nm", " u"];
+    message::check("headers", "name read from another column", &found.left_out[0].why, &parts);
 }
 
 #[test]
@@ -112,34 +121,31 @@ fn layout_with_two_swapped_names_swaps_columns() {
 
 #[test]
 fn layout_with_unknown_name_in_pair_returns_error_with_name() {
-    let error = read_header("t,v,f", "time_s=t,velocity_m_s=speed").unwrap_err();
-    assert_eq!(
-        error,
-        "f.csv: columns velocity_m_s=speed: found no column speed, expected one of t, v, f"
-    );
-    let error = read_header("t,v,f", "torque_Nm=f").unwrap_err();
-    assert!(
-        error.starts_with(
-            "columns torque_Nm=f: found the name torque_Nm, expected one of run, time_s"
-        )
-    );
-    let error = read_header("t,v,f", "time_s=t,time_s=v").unwrap_err();
-    assert!(error.contains("found time_s twice"), "{error}");
+    let error = refused("t,v,f", "time_s=t,velocity_m_s=speed");
+    let parts = ["f.csv", "columns velocity_m_s=speed:", " speed,", "t, v, f"];
+    message::check("headers", "unknown column in a pair", &error, &parts);
+    let error = refused("t,v,f", "torque_Nm=f");
+    let parts = ["columns torque_Nm=f:", " torque_Nm,", "run, time_s"];
+    message::check("headers", "unknown name in a pair", &error, &parts);
+    let error = refused("t,v,f", "time_s=t,time_s=v");
+    message::check("headers", "name twice in the pairs", &error, &["columns", "time_s"]);
 }
 
 #[test]
 fn layout_with_duplicate_name_returns_error() {
     let error = read_header("time_s,velocity_rad_s,x,torque_nm,x", "").unwrap_err();
-    assert_eq!(
-        error,
-        "f.csv: row 1, column x: found the name twice (columns 3 and 5), expected each name once"
-    );
+    let DataError::Cell(cell) = &error else { panic!("{error}") };
+    assert_eq!((cell.row, &*cell.column), (1, "x"));
+    message::check("headers", "name twice", &error.to_string(), &["f.csv", "3 and 5"]);
 }
 
 #[test]
 fn layout_with_two_targets_returns_error_unless_mapped() {
     let both = "time_s,velocity_rad_s,torque_nm,force_n";
-    assert!(read_header(both, "").unwrap_err().contains("expected one target"));
+    let error = read_header(both, "").unwrap_err();
+    let DataError::Cell(cell) = &error else { panic!("{error}") };
+    assert_eq!((cell.row, &*cell.column), (1, "force_n"));
+    message::check("headers", "two targets", &error.to_string(), &["torque_nm"]);
     let chosen = read_header("time_s,velocity_rad_s,tau,force_n", "torque_nm=tau").unwrap();
     assert_eq!(chosen.joint, JointKind::Revolute);
     assert_eq!(chosen.left_out[0].name, "force_n");
@@ -147,8 +153,9 @@ fn layout_with_two_targets_returns_error_unless_mapped() {
 
 #[test]
 fn layout_with_mixed_joint_kinds_returns_error_unless_mapped() {
-    let error = read_header("time_s,velocity_rad_s,force_n", "").unwrap_err();
-    assert!(error.contains("expected torque_nm for a joint with velocity_rad_s"), "{error}");
+    let error = refused("time_s,velocity_rad_s,force_n", "");
+    let parts = ["force_n", "torque_nm", "velocity_rad_s"];
+    message::check("headers", "mixed joint kinds", &error, &parts);
     let mixed = read_header("time_s,velocity_m_s,u", "torque_nm=u").unwrap();
     assert_eq!(mixed.joint, JointKind::Revolute);
     assert_eq!(mixed.notes.len(), 1);
@@ -157,7 +164,8 @@ fn layout_with_mixed_joint_kinds_returns_error_unless_mapped() {
 #[test]
 fn layout_with_numbers_or_nameless_columns_reports_them() {
     let error = read_header("0.0,1.5,-3e2", "").unwrap_err();
-    assert!(error.contains("found numbers, expected the columns' names"), "{error}");
+    assert!(!matches!(error, DataError::MissingColumns { .. }));
+    message::check("headers", "numbers", &error.to_string(), &["f.csv", "row 1"]);
     let found = read_header(",time_s,velocity_rad_s,torque_nm", "").unwrap();
     assert_eq!(found.left_out[0].name, "number 1");
 }

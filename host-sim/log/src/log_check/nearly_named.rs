@@ -3,7 +3,7 @@
 //! A column without a name of the contract is tested as any covariate is: by a curve that must gain much. As the
 //! temperature it is tested by the laws of temperature. The name alone does not decide, so the option is suggested.
 
-use crate::setting::shell_word;
+use crate::naming::{READ_AS_COVARIATE, covariate_hint};
 use crate::{Dataset, unit_in_name};
 use compensator_core::quantity::{JointKind, Quantity};
 
@@ -30,7 +30,7 @@ const MAX_SUGGESTIONS: usize = 3;
 pub fn suggestions(data: &Dataset) -> Vec<String> {
     let is_there = |quantity: Quantity| data.runs.iter().all(|run| run.get(quantity).is_some());
     let is_noted = |name: &str| {
-        let start = format!("{name} is read as a covariate");
+        let start = format!("{name} {READ_AS_COVARIATE}");
         data.notes.iter().any(|note| note.starts_with(&start))
     };
     // Several pressures are those of chambers, of which none is the difference across a seal.
@@ -44,8 +44,7 @@ pub fn suggestions(data: &Dataset) -> Vec<String> {
         let contract_name = quantity.name(data.joint);
         let unit = unit_in_name(contract_name, name);
         let unit = unit.map_or_else(String::new, |unit| format!(":{unit}"));
-        let pair = shell_word(&format!("{contract_name}={name}{unit}"));
-        Some(format!("{name} is read as a covariate; --columns {pair} reads it as {contract_name}"))
+        Some(covariate_hint(name, contract_name, &unit))
     };
     let is_varied = |(at, _): &(usize, &String)| {
         data.runs.iter().any(|run| run.extra[*at].iter().any(|value| *value != run.extra[*at][0]))
@@ -102,8 +101,11 @@ mod tests {
         ] {
             let notes = suggestions(&log(&[name]));
             assert_eq!(notes.len(), 1, "{name}");
-            assert!(notes[0].contains(&format!("--columns {pair} reads")), "{notes:?}");
+            let option = format!("--columns {pair} ");
+            crate::message::require(&notes[0], &[name, &option]);
         }
+        let note = &suggestions(&log(&["temp_motor"]))[0];
+        crate::message::check("checks", "nearly named", note, &["temperature_c"]);
     }
 
     #[test]

@@ -127,18 +127,14 @@ mod tests {
     #[test]
     fn impossible_with_days_as_seconds_suggests_units() {
         let error = impossible(&log(|_| 0.005 / 86_400.0, None)).expect("200 Hz in days");
-        assert!(
-            error.to_string().contains(
-                "columns time_s=t:h (4800 rows a second) or columns time_s=t:days (200.0 rows a second)"
-            ),
-            "{error}"
-        );
+        let parts = ["columns time_s=t:h ", "4800 ", "columns time_s=t:days ", "200.0 "];
+        crate::message::check("checks", "days as seconds", &error.to_string(), &parts);
     }
 
     #[test]
     fn impossible_with_unit_given_suggests_units_of_the_file() {
         let error = impossible(&log(|_| 1e-7, Some("us"))).expect("10 MHz");
-        assert!(error.to_string().contains("columns time_s=t:ms (10000 rows a second)"), "{error}");
+        crate::message::require(&error.to_string(), &["columns time_s=t:ms ", "10000 "]);
     }
 
     #[test]

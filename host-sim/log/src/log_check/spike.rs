@@ -334,7 +334,8 @@ mod tests {
     #[test]
     fn spikes_left_in_are_reported_only() {
         let (data, findings) = spikes(log(white(20, 12.0)), false);
-        assert!(findings[0].in_words.ends_with("left in, as asked."));
+        assert!(!findings[0].corrected && spikes(log(white(20, 12.0)), true).1[0].corrected);
+        crate::message::check("checks", "spikes left in", &findings[0].in_words, &[]);
         assert_eq!(data.runs, log(white(20, 12.0)).runs);
     }
 

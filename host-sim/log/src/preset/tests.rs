@@ -1,4 +1,5 @@
 use super::*;
+use crate::message;
 
 fn columns(
     preset: Preset,
@@ -64,11 +65,10 @@ fn columns_with_given_pairs_leave_them_out() {
 fn columns_of_several_joints_are_asked_for() {
     let header = "__time,/js/a/velocity,/js/a/effort,/js/b/velocity,/js/b/effort";
     let error = columns(Preset::PlotJuggler, header, "", None).unwrap_err();
-    assert_eq!(
-        error,
-        "f.csv: preset plotjuggler: found 2 columns for velocity_rad_s (/js/a/velocity, /js/b/velocity), expected \
-         one: columns velocity_rad_s=/js/a/velocity,torque_nm=/js/a/effort"
-    );
+    let pairs = "columns velocity_rad_s=/js/a/velocity,torque_nm=/js/a/effort";
+    let two = "/js/a/velocity, /js/b/velocity";
+    let parts = ["f.csv", "preset plotjuggler", "2 columns", "velocity_rad_s", two, pairs];
+    message::check("presets", "several joints", &error, &parts);
     let chosen =
         columns(Preset::PlotJuggler, header, "velocity_rad_s=/js/b/velocity", None).unwrap();
     assert_eq!(chosen, ["time_s=__time", "torque_nm=/js/b/effort"]);
@@ -80,34 +80,28 @@ fn columns_of_several_joints_are_asked_for() {
 #[test]
 fn columns_with_unknown_unit_are_asked_for() {
     let drive = "time,0x6064:00,0x606C:00,0x6077:00";
-    assert_eq!(
-        columns(Preset::EtherCat, drive, "", Some(1.0)).unwrap_err(),
-        "f.csv: preset ethercat: found velocity_rad_s in 0x606C:00, whose unit is not in the log, expected columns \
-         velocity_rad_s=0x606C:00:UNIT, with UNIT such as rpm or 4096counts/s (object 60A9h)"
-    );
+    let unit = columns(Preset::EtherCat, drive, "", Some(1.0)).unwrap_err();
+    let pair = "columns velocity_rad_s=0x606C:00:UNIT";
+    let parts = ["f.csv", "ethercat", "velocity_rad_s", "0x606C:00", pair, "4096counts/s", "60A9h"];
+    message::check("presets", "velocity in unknown units", &unit, &parts);
     let given = "velocity_rad_s=0x606C:00:rpm";
-    assert_eq!(
-        columns(Preset::EtherCat, drive, given, None).unwrap_err(),
-        "f.csv: preset ethercat: found torque_nm in 0x6077:00, in 0.1 % of a torque that is not in the log, expected \
-         rated torque, such as rated torque 1.2Nm"
-    );
+    let share = columns(Preset::EtherCat, drive, given, None).unwrap_err();
+    let parts = ["f.csv", "ethercat", "torque_nm", "0x6077:00", "0.1 %", "rated torque 1.2Nm"];
+    message::check("presets", "torque as a share", &share, &parts);
     let found = columns(Preset::EtherCat, drive, given, Some(2.0)).unwrap();
     assert_eq!(found, ["time_s=time", "torque_nm=0x6077:00:0.002Nm"]);
     let current = columns(Preset::ODrive, "t,vel_estimate,iq_measured", "", None).unwrap_err();
-    assert_eq!(
-        current,
-        "f.csv: preset odrive: found torque_nm in iq_measured, in amperes, expected the torque constant, from the motor's \
-         data sheet: columns torque_nm=iq_measured:A with torque constant 0.105Nm/A, or columns torque_nm=iq_measured:0.105Nm"
-    );
+    let by_constant = "columns torque_nm=iq_measured:A with torque constant 0.105Nm/A";
+    let by_unit = "columns torque_nm=iq_measured:0.105Nm";
+    let parts = ["f.csv", "odrive", "torque_nm", "iq_measured", by_constant, by_unit];
+    message::check("presets", "torque as a current", &current, &parts);
 }
 
 #[test]
 fn columns_without_a_required_one_name_an_example() {
-    assert_eq!(
-        columns(Preset::Moteus, "timestamp,velocity", "", None).unwrap_err(),
-        "f.csv: preset moteus: found no column for torque_nm, such as \"servo stats torque nm\", expected columns \
-         torque_nm=NAME, or another preset"
-    );
+    let error = columns(Preset::Moteus, "timestamp,velocity", "", None).unwrap_err();
+    let parts = ["f.csv", "moteus", "torque_nm", "columns torque_nm=NAME"];
+    message::check("presets", "no torque", &error, &parts);
 }
 
 #[test]

@@ -37,40 +37,33 @@ fn refuse(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message;
     use crate::options::ReadOptions;
     use std::path::Path;
 
     #[test]
     fn read_with_format_left_out_names_format_and_feature() {
         let stream = [0xff, 0xff, 0xff, 0xff, 0x10, 0, 0, 0, 0x10, 0, 0, 0];
-        for (format, head, expected) in [
-            (
-                MCAP,
-                &b"\x89MCAP0\r\n"[..],
-                "an MCAP recording: not in this build, which lacks the feature mcap",
-            ),
-            (
-                PARQUET,
-                b"PAR1\x15\x04",
-                "a Parquet file: not in this build, which lacks the feature parquet",
-            ),
-            (
-                ARROW,
-                b"ARROW1\0\0",
-                "an Arrow or Feather file: not in this build, which lacks the feature arrow",
-            ),
-            (
-                ARROW,
-                &stream,
-                "an Arrow or Feather file: not in this build, which lacks the feature arrow",
-            ),
+        for (format, head, name, expected) in [
+            (MCAP, &b"\x89MCAP0\r\n"[..], "MCAP", "mcap"),
+            (PARQUET, b"PAR1\x15\x04", "Parquet", "parquet"),
+            (ARROW, b"ARROW1\0\0", "Arrow", "arrow"),
+            (ARROW, &stream, "Arrow", "arrow"),
         ] {
             assert!((format.matches)(head), "{expected}");
             let (options, file) = (ReadOptions::default(), tempfile::tempfile().expect("a file"));
             let path = Path::new("my.log");
             let input = Input { path, file, head, size: 8, options: &options, progress: &|_| {} };
             let Err(error) = (format.read)(input) else { panic!("read") };
-            assert_eq!(error.to_string(), format!("my.log: {expected}"));
+            let DataError::LeftOut { file, format, feature } = &error else { panic!("{error}") };
+            assert_eq!((&**file, *feature), (path, expected));
+            assert!(format.contains(name), "{format}");
+            message::check(
+                "errors",
+                "format left out",
+                &error.to_string().replace(format, "FORMAT").replace(*feature, "FEATURE"),
+                &["my.log"],
+            );
         }
     }
 }

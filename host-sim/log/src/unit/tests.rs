@@ -1,4 +1,5 @@
 use super::*;
+use crate::message;
 use crate::setting::plain;
 
 fn in_si(contract_name: &str, symbol: &str, value: f64) -> f64 {
@@ -63,21 +64,27 @@ fn conversion_ignores_case_unless_ambiguous() {
 #[test]
 fn conversion_with_other_dimension_lists_valid_units() {
     let error = conversion("velocity_rad_s", "Nm").unwrap_err();
-    assert_eq!(error, "one of rad/s, mrad/s, deg/s, rpm, rps");
-    assert!(conversion("run", "s").unwrap_err().contains("no unit"));
+    message::check(
+        "units",
+        "unit of another dimension",
+        &error,
+        &["rad/s, mrad/s, deg/s, rpm, rps"],
+    );
+    let error = conversion("run", "s").unwrap_err();
+    message::check("units", "unit of a name", &error, &[]);
 }
 
 #[test]
 fn conversion_with_invalid_scale_says_what_is_expected() {
-    for (name, symbol, expected) in [
-        ("position_rad", "counts", "the counts of a turn before the unit, as 4096counts"),
-        ("position_rad", "0counts", "one of rad, mrad, deg, rev"),
-        ("position_rad", "1/0deg", "one of rad, mrad, deg, rev"),
-        ("position_rad", "infdeg", "one of rad, mrad, deg, rev"),
-        ("torque_nm", "%", "rated torque, which 100 % stands for"),
-        ("torque_nm", "0.1%", "rated torque, which 100 % stands for"),
-    ] {
-        assert_eq!(plain(&conversion(name, symbol).unwrap_err()), expected, "{symbol}");
+    let expected = |name, symbol| plain(&conversion(name, symbol).unwrap_err());
+    message::check("units", "counts alone", &expected("position_rad", "counts"), &["4096counts"]);
+    for symbol in ["0counts", "1/0deg", "infdeg"] {
+        let units = expected("position_rad", symbol);
+        message::check("units", "invalid scale", &units, &["rad, mrad, deg, rev"]);
+    }
+    for symbol in ["%", "0.1%"] {
+        let share = expected("torque_nm", symbol);
+        message::check("units", "share without rated torque", &share, &["rated torque", "100 %"]);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Logs whose time column is no clock, and logs without one.
 
 use super::folder::{Folder, plain};
+use super::message;
 use joint_log::{Dataset, ReadOptions, read};
 
 const ROWS: u32 = 300;
@@ -32,11 +33,11 @@ fn read_with_step_column_as_time_returns_error_with_option() {
         (&constant, [("time_s", "dt [us]:s")]),
     ] {
         let error = read_log(text, &pairs, None).unwrap_err();
-        assert!(error.starts_with("log.csv: column dt [us]: found "), "{error}");
-        assert!(error.contains("it looks like the step between rows"), "{error}");
-        assert!(error.contains("columns time_s=dt [us]:"), "{error}");
-        assert!(error.contains(":step if each row is 3.500 ms after the row before"), "{error}");
+        let parts = ["log.csv", "dt [us]", "time_s=dt [us]:us:step", "3.500 ms"];
+        message::require(&error, &parts);
     }
+    let error = read_log(&constant, &[("time_s", "dt [us]:us")], None).unwrap_err();
+    message::check("clocks", "step as time", &error, &["300 rows"]);
 }
 
 #[test]
@@ -54,17 +55,12 @@ fn read_with_steps_adds_them_up() {
 #[test]
 fn read_with_clock_that_stands_still_returns_error_with_option() {
     let error = read_log(&log(|_| "0".into()), &[("time_s", "dt [us]:us")], None).unwrap_err();
-    assert_eq!(
-        error,
-        "log.csv: column dt [us]: found 0 s in all 300 rows: the clock stands still, expected a clock that advances, or \
-         rate 200Hz with the rate of the rows in place of 200Hz"
-    );
+    let parts = ["log.csv", "dt [us]", "0 s", "300 rows", "rate 200Hz", "200Hz"];
+    message::check("clocks", "clock stands still", &error, &parts);
     let halts = log(|row| if row < 150 { row } else { 150 + row.saturating_sub(250) }.to_string());
     let error = read_log(&halts, &[("time_s", "dt [us]:ms")], None).unwrap_err();
-    assert!(
-        error.contains("found 0.1500 s in the rows 152 to 252: the clock stands still"),
-        "{error}"
-    );
+    let parts = ["dt [us]", "0.1500 s", "152 to 252", "rate 200Hz"];
+    message::check("clocks", "clock stands still in some rows", &error, &parts);
 }
 
 #[test]
@@ -77,7 +73,8 @@ fn read_with_rate_counts_rows_and_leaves_out_the_time_column() {
     let without = "velocity_rad_s,torque_nm\n1,2\n3,4\n";
     assert_eq!(read_log(without, &[], Some(1000.0)).unwrap().runs[0].time_s, [0.0, 0.001]);
     let error = read_log(&text, &[("time_s", "time_s")], Some(200.0)).unwrap_err();
-    assert_eq!(error, "rate 200Hz: found columns time_s=time_s as well, expected one of the two");
+    let parts = ["rate 200Hz", "columns time_s=time_s"];
+    message::check("clocks", "rate and time column", &error, &parts);
 }
 
 #[test]
@@ -111,14 +108,14 @@ fn read_with_candump_stamps_since_the_frame_before_adds_them_up() {
     let time = &data.runs[0].time_s;
     assert!(time.len() > 190, "{}", time.len());
     assert!(time.windows(2).all(|pair| (pair[1] - pair[0] - 0.001).abs() < 1e-9), "{time:?}");
-    assert!(data.notes.iter().any(|note| note.contains("are added up")), "{:?}", data.notes);
+    message::check("clocks", "stamps since the frame before", &data.notes.join("\n"), &["log.csv"]);
 }
 
 #[test]
 fn read_with_candump_stamps_of_zero_returns_error() {
     let still = trace_with_deltas().replace("(000.001000)", "(000.000000)");
     let error = read_log(&still, &[], None).unwrap_err();
-    assert!(error.contains("column time_s: found 0 s in all"), "{error}");
+    message::check("clocks", "stamps of zero", &error, &["column time_s", "0 s", "rows"]);
 }
 
 #[test]
@@ -131,11 +128,7 @@ fn read_with_clock_that_wraps_continues_it() {
         let length = data.runs[0].time_s[299] - data.runs[0].time_s[0];
         let expected = 299.0 * step as f64 * if unit == "us" { 1e-6 } else { 1e-3 };
         assert!((length - expected).abs() < 1e-6, "{unit}: {length}");
-        assert!(
-            data.notes[0].contains(&format!("counter of {bits} bits and wraps 1 times")),
-            "{:?}",
-            data.notes
-        );
+        message::check("clocks", "clock wraps", &data.notes[0], &[&format!("{bits} bits"), " 1 "]);
     }
 }
 
@@ -161,8 +154,10 @@ fn read_with_rows_written_twice_leaves_them_out() {
     for (text, repeated) in [(twice, 300), (some, 6), (appended, 300), (overlapping, 80)] {
         let data = read_log(&(header.clone() + &text), &[], None).unwrap();
         assert_eq!(data.runs, once.runs, "{repeated}");
-        let note = format!("log.csv: {repeated} of {} rows repeat an earlier row", 300 + repeated);
-        assert!(data.notes.iter().any(|own| own.contains(&note)), "{:?}", data.notes);
+        let note = format!("log.csv: {repeated} of {} rows", 300 + repeated);
+        let own = data.notes.iter().find(|own| own.contains(&note));
+        let own = own.unwrap_or_else(|| panic!("{:?}", data.notes));
+        message::check("clocks", "rows written twice", own, &["log.csv"]);
     }
 }
 

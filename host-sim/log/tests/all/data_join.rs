@@ -1,6 +1,7 @@
 //! Files that hold one channel each, joined by their times.
 
 use super::folder::{Folder, plain};
+use super::message;
 use joint_log::{Cells, Dataset, Quantity, ReadOptions, Table, read, read_tables};
 use std::path::PathBuf;
 
@@ -70,11 +71,8 @@ fn read_with_join_of_channels_with_one_clock_joins_rows() {
         assert!((run.velocity[3] - velocity(3)).abs() < 1e-5);
         assert!((run.get(Quantity::Position).unwrap()[3] - position(3)).abs() < 1e-5);
         assert_eq!(data.files, files);
-        let note = &data.notes[0];
-        assert!(
-            note.contains("effort.csv") && note.ends_with("by their equal times: 200 rows"),
-            "{note}"
-        );
+        let parts = ["effort.csv", "position.csv", "velocity.csv", "200 rows"];
+        message::check("joins", "equal times", &data.notes[0], &parts);
     }
 }
 
@@ -93,7 +91,8 @@ fn read_with_join_of_many_recordings_makes_runs() {
         let names: Vec<&str> = data.runs.iter().map(|run| run.name.as_str()).collect();
         assert_eq!(names, ["01", "02", "03", "04"]);
         assert!(data.runs.iter().all(|run| run.len() == 200));
-        assert!(data.notes.iter().any(|note| note == "1 more recordings are joined alike"));
+        let more = data.notes.iter().find(|note| note.starts_with("1 ")).expect("a note");
+        message::check("joins", "one more recording than is shown", more, &[]);
     }
 }
 
@@ -104,7 +103,7 @@ fn read_with_join_of_channels_with_own_clocks_merges_them() {
     let data = read_with(&folder, &files, &options(PAIRS)).unwrap();
     let run = &data.runs[0];
     assert!(data.rows > 190 && data.bad_rows.count == 0, "{} {:?}", data.rows, data.bad_rows);
-    assert!(data.notes[0].contains("by their times, which differ"), "{}", data.notes[0]);
+    message::check("joins", "different times", &data.notes[0], &["effort.csv", " rows"]);
     // The velocity of a row is interpolated between two stamps that are 3 ms early.
     let expected = |t: f64| 6.0 * (3.0 * (t + 0.003)).cos();
     let off = run.time_s.iter().zip(&run.velocity).map(|(t, v)| (v - expected(*t)).abs());
@@ -116,12 +115,12 @@ fn read_with_join_of_times_apart_returns_error() {
     let folder = Folder::new();
     let files = write(&folder, "time,WORD\n", 5.0, |word| format!("{word}.csv"));
     let error = read_with(&folder, &files, &options(PAIRS)).unwrap_err();
-    let expected = "effort.csv: found times 0 to 1.99, expected times 5 to 6.99 as in position.csv: files of one clock";
-    assert_eq!(error, expected);
+    let parts = ["effort.csv", "0 to 1.99", "5 to 6.99", "position.csv"];
+    message::check("joins", "times apart", &error, &parts);
     let mut files = write(&folder, "", 0.0, |word| format!("{word}/1.csv"));
     files.push(folder.write("effort/2.csv", file("", torque, 0.0)));
     let error = read_with(&folder, &files, &options(PAIRS)).unwrap_err();
-    assert!(error.contains("found 1 of 3 channels of its recording"), "{error}");
+    message::check("joins", "missing channels", &error, &["effort/2.csv", "1 of 3"]);
 }
 
 #[test]
@@ -129,11 +128,9 @@ fn read_with_channels_apart_returns_error_with_the_option() {
     let folder = Folder::new();
     let files = write(&folder, "time,WORD\n", 0.0, |word| format!("{word}.csv"));
     let error = read_with(&folder, &files, &ReadOptions::default()).unwrap_err();
-    assert_eq!(
-        error,
-        "effort.csv: found only the columns time, effort; the files hold one channel each, expected join with columns \
-         time_s=time,velocity_rad_s=velocity,torque_nm=effort, which joins the files by their times"
-    );
+    let pairs = "columns time_s=time,velocity_rad_s=velocity,torque_nm=effort";
+    let parts = ["effort.csv", "time, effort", "join", pairs];
+    message::check("joins", "channels apart without join", &error, &parts);
 }
 
 #[test]
@@ -144,7 +141,7 @@ fn read_with_runs_of_one_channel_suggests_no_join() {
     let error = read_with(&folder, &files, &ReadOptions::default()).unwrap_err();
     assert!(!error.contains("join"), "{error}");
     let error = read_with(&folder, &files, &options(PAIRS)).unwrap_err();
-    assert!(error.contains("found a second channel velocity of its recording"), "{error}");
+    message::check("joins", "channel twice", &error, &["velocity_2.csv", "velocity"]);
 }
 
 #[test]
@@ -157,10 +154,8 @@ fn read_with_join_of_rows_without_times_needs_rate() {
     let files = [one("effort", torque), one("velocity", velocity)];
     let pairs = options("torque_nm=effort,velocity_rad_s=velocity");
     let error = read_with(&folder, &files, &pairs).unwrap_err();
-    assert!(
-        error.contains("expected a column of times, as columns time_s=NAME, or rate 200Hz"),
-        "{error}"
-    );
+    let parts = ["effort.txt", "columns time_s=NAME", "rate 200Hz"];
+    message::check("joins", "rows without times", &error, &parts);
     let data = read_with(&folder, &files, &ReadOptions { rate_hz: Some(100.0), ..pairs }).unwrap();
     assert_eq!((data.rows, data.runs[0].time_s[2]), (200, 0.02));
 }

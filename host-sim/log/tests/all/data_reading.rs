@@ -4,10 +4,13 @@
 //! user sees: runs, the position of bad rows, errors of one line.
 
 use std::cell::RefCell;
-use std::path::{Path, PathBuf};
+use std::path::{MAIN_SEPARATOR, PathBuf};
 
 use super::folder::{Folder, plain};
-use joint_log::{DataError, Dataset, JointKind, Measured, Quantity, ReadOptions, read};
+use super::message;
+use joint_log::{
+    DataError, Dataset, JointKind, LeftOutColumn, Measured, Quantity, ReadOptions, read,
+};
 
 fn read_with(files: &[PathBuf], options: &ReadOptions) -> Result<Dataset, DataError> {
     read(files, options, &|_, _| {})
@@ -37,6 +40,14 @@ fn after_100_rows(rows: &str) -> String {
 fn first_bad(data: &Dataset) -> (u64, &str, &str, &str) {
     let cell = &data.bad_rows.first[0];
     (cell.row, &cell.column, &cell.found, &cell.expected)
+}
+
+/// Compares the message of the first bad row.
+#[track_caller]
+fn check_first_bad(section: &str, data: &Dataset, parts: &[&str]) {
+    let folder = format!("{}{}", data.files[0].parent().unwrap().display(), MAIN_SEPARATOR);
+    let cell = data.bad_rows.first[0].to_string().replace(&folder, "");
+    message::check("reading", section, &cell, parts);
 }
 
 const PLAIN: &str = "time_s,velocity_rad_s,torque_nm\n0.0,1.0,2.0\n0.1,1.5,2.5\n";
@@ -133,34 +144,39 @@ fn read_with_row_of_units_converts_values() {
     let run = &data.runs[0];
     assert!((run.velocity[0] - std::f64::consts::TAU).abs() < 1e-12);
     assert_eq!((run.torque[0], run.extra[0][0], data.bad_rows.count), (1.5, 3.0, 0));
-    assert!(data.notes[0].contains("read as units"));
+    message::check("reading", "row of units", &data.notes[0], &[]);
 }
 
 #[test]
 fn read_with_decimal_comma_converts_and_notes_it() {
     let data = text("time_s;velocity_rad_s;torque_nm\n0,0;1,0;2,0\n0,1;1,5;-2,5e-1\n");
     assert_eq!(data.runs[0].torque, [2.0, -0.25]);
-    assert!(data.notes[0].ends_with("commas inside numbers are decimal points"));
+    message::check("reading", "decimal comma", &data.notes[0], &[]);
 }
 
 #[test]
 fn read_with_unsupported_file_names_its_type() {
-    assert_eq!(refused(""), "log.csv: found an empty file, expected a header and a row per sample");
-    assert_eq!(
-        refused("time_s,velocity_rad_s,torque_nm\r\n\r\n"),
-        "log.csv: found a header and no rows, expected a row per sample"
-    );
-    assert!(refused(b"\xff\xfet\0i\0m\0").contains("found only the columns tim"));
-    assert!(refused(b"\x1f\x8b\x08rest").contains("found a damaged gzip archive"));
-    assert!(refused(b"PAR1nonsensePAR1").contains("expected a Parquet file"));
-    let folder = Folder::new();
-    let error = |path: &Path| {
-        read_with(&[path.to_path_buf()], &ReadOptions::default()).unwrap_err().to_string()
+    let check = |section, content: &[u8], part: &str| {
+        message::check("reading", section, &refused(content), &["log.csv", part]);
     };
-    assert!(error(&folder.0).contains("found a directory"));
-    assert!(error(&folder.0.join("none.csv")).contains("none.csv: cannot be read"));
-    let error = read_with(&[], &ReadOptions::default()).unwrap_err().to_string();
-    assert_eq!(error, "data: found no file, expected one or more CSV or Parquet files");
+    check("empty file", b"", "");
+    check("header without rows", b"time_s,velocity_rad_s,torque_nm\r\n\r\n", "");
+    check("UTF-16 cut off", b"\xff\xfet\0i\0m\0", " tim");
+    check("damaged gzip archive", b"\x1f\x8b\x08rest", "gzip");
+    check("damaged Parquet file", b"PAR1nonsensePAR1", "Parquet");
+    let folder = Folder::new();
+    let error = |files: &[PathBuf]| read_with(files, &ReadOptions::default()).unwrap_err();
+    assert!(matches!(error(&[]), DataError::Request { what, .. } if what == "data"));
+    message::check("reading", "no file", &error(&[]).to_string(), &["CSV", "Parquet"]);
+    let directory = error(std::slice::from_ref(&folder.0));
+    assert!(matches!(&directory, DataError::File { file, .. } if *file == folder.0));
+    let found = directory.to_string().replace(&folder.0.display().to_string(), "FOLDER");
+    message::check("reading", "directory", &found, &["FOLDER"]);
+    let missing = error(&[folder.0.join("none.csv")]);
+    let DataError::Io { file, source } = &missing else { panic!("{missing}") };
+    assert_eq!(source.kind(), std::io::ErrorKind::NotFound);
+    assert_eq!(*file, folder.0.join("none.csv"));
+    message::check("reading", "missing file", &plain(&folder, &missing), &["none.csv"]);
 }
 
 #[test]
@@ -182,7 +198,8 @@ fn read_with_bad_cell_leaves_out_row_and_reports_it() {
 fn read_with_ragged_rows_leaves_them_out() {
     let data = text(after_100_rows("100,1\n101,1,2,3\n102,1,2\n"));
     assert_eq!((data.rows, data.bad_rows.count), (101, 2));
-    assert_eq!(first_bad(&data), (102, "(all)", "2 cells", "3 cells as in the header"));
+    assert_eq!(first_bad(&data).0, 102);
+    check_first_bad("too few cells", &data, &["row 102", "(all)", "2 cells", "3 cells"]);
     assert_eq!(data.bad_rows.first[1].found, "4 cells");
 }
 
@@ -205,11 +222,13 @@ fn read_with_unclosed_quote_reports_one_bad_row() {
     for rows in ["100,1,\"2\n101,1,2\n102,1,2\n", "100,\"1,2\n101,1,2", "100,1,\"2"] {
         let data = text(after_100_rows(rows));
         assert_eq!((data.rows, data.bad_rows.count), (100, 1));
-        let place = (102, "(all)", "a quote that is never closed", "3 cells as in the header");
-        assert_eq!(first_bad(&data), place);
+        let (row, column, found, _) = first_bad(&data);
+        assert_eq!((row, column), (102, "(all)"));
+        assert!(!found.ends_with("cells"), "{found}");
+        check_first_bad("quote never closed", &data, &["row 102", "3 cells"]);
     }
     let data = text(after_100_rows("100,\"1,2\n101,1,2\n102\",1,2\n103,1,2\n"));
-    assert_eq!(first_bad(&data).2, "a quoted cell that ends 2 lines further down");
+    check_first_bad("quoted cell over rows", &data, &["row 102", " 2 lines"]);
     assert_eq!((data.rows, data.bad_rows.count), (101, 1));
 }
 
@@ -217,8 +236,10 @@ fn read_with_unclosed_quote_reports_one_bad_row() {
 fn read_with_time_running_backwards_leaves_out_row() {
     let data = text(after_100_rows("98.5,1,2\n99.0,1,2\n99.5,1,2\n"));
     assert_eq!((data.rows, data.bad_rows.count), (102, 1));
-    assert_eq!(first_bad(&data), (102, "time_s", "98.5", "a time not before 99 of row 101"));
-    assert!(data.notes[0].ends_with("1 rows repeat the time stamp before them and are kept"));
+    let (row, column, found, _) = first_bad(&data);
+    assert_eq!((row, column, found), (102, "time_s", "98.5"));
+    check_first_bad("time backwards", &data, &["98.5", " 99 ", "row 101"]);
+    message::check("reading", "time stamp repeated", &data.notes[0], &["1 rows"]);
 }
 
 #[test]
@@ -237,7 +258,9 @@ fn read_with_interleaved_runs_keeps_separate_clocks() {
 fn read_with_row_without_run_leaves_it_out() {
     let rows: String = (0..50).map(|i| format!("a,{i},1,2\n")).collect();
     let data = text(format!("run,time_s,velocity_rad_s,torque_nm\n{rows},50,1,2\n"));
-    assert_eq!(first_bad(&data), (52, "run", "an empty cell", "the run's name"));
+    let (row, column, found, _) = first_bad(&data);
+    assert_eq!((row, column, found), (52, "run", "an empty cell"));
+    check_first_bad("row without run", &data, &["row 52", "run"]);
 }
 
 #[test]
@@ -245,11 +268,8 @@ fn read_with_over_five_percent_bad_rows_returns_error() {
     let bad = |n: usize| after_100_rows(&"x,1,2\n".repeat(n));
     assert_eq!(text(bad(5)).bad_rows.count, 5);
     assert_eq!(text(bad(5)).bad_rows.first.len(), 5);
-    assert_eq!(
-        refused(bad(6)),
-        "log.csv: row 102, column time_s: found \"x\", expected a finite number \
-         (6 of 106 rows are bad, this is the first; at most 5 % may be; bad rows 6% leaves them out)"
-    );
+    let parts = ["log.csv", "row 102", "column time_s", "\"x\"", "6 of 106", "5 %", "bad rows 6%"];
+    message::check("reading", "too many bad rows", &refused(bad(6)), &parts);
 }
 
 #[test]
@@ -261,15 +281,8 @@ fn read_with_missing_covariate_values_fills_and_notes_them() {
     let run = &data.runs[0];
     assert_eq!(run.get(Quantity::Temperature).unwrap()[39..], [39.0, 41.0, 43.0, 43.0]);
     assert_eq!(run.extra[0][39..], [7.0, 8.0, 8.0, 8.0], "a setting is held");
-    let has_note = |words: &str| data.notes.iter().any(|note| note.ends_with(words));
-    assert!(
-        has_note(
-            "temperature_c is in 41 of 43 rows and is interpolated in time between its values; row 44 holds \"off\""
-        ),
-        "{:?}",
-        data.notes
-    );
-    assert!(has_note("kp is in 42 of 43 rows and is held from each of its values to the next"));
+    let parts = ["temperature_c", "41 of 43", "row 44", "\"off\"", "kp", "42 of 43"];
+    message::check("reading", "covariates filled", &data.notes.join("\n"), &parts);
 }
 
 #[test]
@@ -279,28 +292,24 @@ fn read_with_columns_without_numbers_leaves_them_out() {
          a,0,1,2,sine,,x,\na,1,1,2,sine,nan,y,\nb,0,1,2,step,,z,\n",
     );
     assert_eq!((data.rows, data.bad_rows.count), (3, 0));
-    let left: Vec<(&str, &str)> =
-        data.left_out_columns.iter().map(|c| (c.name.as_str(), c.why.as_str())).collect();
-    assert_eq!(
-        left,
-        [
-            ("number 8", "it has no name"),
-            ("shape", "it is text (kept as a label of each run)"),
-            ("temperature_c", "it holds no value"),
-            ("note", "it is text that changes inside a run"),
-        ]
-    );
+    let left: Vec<&str> = data.left_out_columns.iter().map(|column| &*column.name).collect();
+    assert_eq!(left, ["number 8", "shape", "temperature_c", "note"]);
+    let why = |column: &LeftOutColumn| format!("{}: {}\n", column.name, column.why);
+    let why: String = data.left_out_columns.iter().map(why).collect();
+    message::check("reading", "columns left out", &why, &["label", "temperature_c"]);
     assert_eq!(data.runs[0].labels, [("shape".to_string(), "sine".to_string())]);
     assert_eq!(data.constant_columns(), ["run", "shape"]);
 }
 
 #[test]
 fn read_with_invalid_header_reports_row_one() {
-    assert!(refused("time_s,velocity_rad_s,torque_nm,force_n\n0,1,2,3\n").starts_with(
-        "log.csv: row 1, column force_n: found torque_nm as well, expected one target"
-    ));
-    assert!(refused("time_s,a,a\n").contains("found the name twice"));
-    assert!(refused("t,v,f\n0,1,2\n").contains("columns time_s=t,velocity_rad_s=v,torque_nm=NAME"));
+    let two_targets = refused("time_s,velocity_rad_s,torque_nm,force_n\n0,1,2,3\n");
+    let parts = ["log.csv", "row 1,", "column force_n", "torque_nm"];
+    message::check("reading", "two targets", &two_targets, &parts);
+    let twice = refused("time_s,a,a\n");
+    message::check("reading", "name twice", &twice, &["row 1,", "column a", "2 and 3"]);
+    let guessed = "columns time_s=t,velocity_rad_s=v,torque_nm=NAME";
+    message::check("reading", "short names", &refused("t,v,f\n0,1,2\n"), &["t, v, f", guessed]);
 }
 
 #[test]
@@ -317,7 +326,7 @@ fn read_with_mapped_columns_translates_header() {
     assert_eq!((data.joint, data.runs[0].torque[0]), (JointKind::Revolute, 2.0));
     let options = ReadOptions { columns: vec![pair("torque_nm=tau")], ..Default::default() };
     let error = read_with(&[path], &options).unwrap_err().to_string();
-    assert!(error.contains("columns torque_nm=tau: found no column tau, expected one of time_s"));
+    message::require(&error, &["columns torque_nm=tau:", " tau,", "time_s"]);
 }
 
 #[test]
@@ -337,17 +346,14 @@ fn read_with_several_files_joins_them() {
     assert_eq!(kp, [7.0, 8.0, 9.0]);
     assert_eq!(data.runs[1].get(Quantity::Temperature), Some(&[21.0][..]));
     assert_eq!(data.runs.iter().map(|run| run.file).collect::<Vec<_>>(), [0, 1, 2]);
-    assert!(
-        data.notes.iter().any(|note| note.starts_with("flow is left out: ")),
-        "{:?}",
-        data.notes
-    );
+    message::check("reading", "covariate of one file", &data.notes.join("\n"), &["flow"]);
 
     let slides = folder.write("slides.csv", "time_s,velocity_m_s,force_n\n0,1,2\n");
     let error = read_with(&[first.clone(), slides], &ReadOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("slides.csv: found force_n, expected torque_nm as in"));
+    let parts = ["slides.csv", "force_n", "torque_nm", "log.csv"];
+    message::check("reading", "files of two joint kinds", &plain(&folder, &error), &parts);
     let error = read_with(&[first.clone(), first], &ReadOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("found the file given twice"));
+    message::check("reading", "file twice", &plain(&folder, &error), &["one/log.csv"]);
 }
 
 #[test]
@@ -365,9 +371,9 @@ fn read_with_skip_drops_rows_of_each_run() {
     assert_eq!(data.rows_read, 60);
     let data = with(20).unwrap();
     assert_eq!(data.runs.len(), 1);
-    assert_eq!(data.notes, ["runs shorter than --skip are left out: b"]);
+    message::check("reading", "runs shorter than skip", &data.notes.join("\n"), &["skip", ": b"]);
     let error = with(100).unwrap_err().to_string();
-    assert!(error.starts_with("skip 100: found no run with a row left"), "{error}");
+    message::check("reading", "no row after skip", &error, &["skip 100"]);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! CAN logs of other makers' drives. The frames are written here byte by byte, independently of the reader.
 
 use super::folder::{Folder, plain};
+use super::message;
 use joint_log::{Dataset, Preset, Quantity, ReadOptions, TorqueConstant, read};
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -101,8 +102,11 @@ fn read_of_odrive_trace_returns_si_units_with_and_without_preset() {
     for options in [preset(Preset::ODrive), ReadOptions::default()] {
         let data = read_text(&text, &options).expect("a log");
         assert_is_log(&data, LATER_S, 1.0, 1e-3);
-        let is_named = |note: &String| note.contains("torque_nm from Torque_Estimate");
-        assert!(data.notes.iter().any(is_named), "{:?}", data.notes);
+        message::require(&data.notes.join("\n"), &["torque_nm", "Torque_Estimate"]);
+        if options.preset.is_some() {
+            let parts = ["odrive"];
+            message::check("drives", "trace of an ODrive", &data.notes.join("\n"), &parts);
+        }
     }
 }
 
@@ -130,7 +134,8 @@ fn read_of_odrive_trace_with_currents_needs_torque_constant() {
     let mut text = String::new();
     odrive(&mut text, 5, 0x14);
     let error = read_text(&text, &preset(Preset::ODrive)).expect_err("no constant");
-    assert!(error.contains("found torque_nm in Iq_Measured, in amperes"), "{error}");
+    let parts = ["torque_nm", "Iq_Measured", "torque constant"];
+    message::check("drives", "currents without torque constant", &error, &parts);
     let torque_constant = TorqueConstant::parse("0.05Nm/A").ok();
     let data = read_text(&text, &ReadOptions { torque_constant, ..preset(Preset::ODrive) });
     assert_is_log(&data.expect("a log"), LATER_S, 0.05, 1e-3);
@@ -156,14 +161,12 @@ fn read_of_trace_without_frames_of_drive_names_what_is_missing() {
     let mut estimates = String::new();
     odrive(&mut estimates, 3, 0x02);
     let error = read_text(&estimates, &preset(Preset::ODrive)).expect_err("no torque");
-    assert!(error.starts_with("drive.log: found frames 061"), "{error}");
-    assert!(error.contains("and no velocity and torque of odrive"), "{error}");
-    assert!(error.contains("expected Get_Encoder_Estimates"), "{error}");
+    let parts = ["drive.log", "061", "odrive", "Get_Encoder_Estimates"];
+    message::check("drives", "frames without torque of an ODrive", &error, &parts);
     let error = read_text(&estimates, &preset(Preset::Moteus)).expect_err("another drive");
-    assert!(error.contains("expected replies with the registers 002"), "{error}");
+    message::check("drives", "frames of no moteus", &error, &["moteus", "registers 002"]);
     let error = read_text(&estimates, &ReadOptions::default()).expect_err("no joint");
-    assert!(error.contains("no joint's velocity and torque"), "{error}");
-    assert!(!error.contains('\n'), "{error}");
+    message::check("drives", "frames of no joint", &error, &["drive.log"]);
 }
 
 #[test]

@@ -15,4 +15,8 @@ mod data_reading;
 mod drive_trace;
 mod filtered_velocity;
 mod folder;
+#[path = "../../../../tests/message.rs"]
+mod message;
 mod motion;
+#[path = "../../../../tests/snapshot.rs"]
+mod snapshot;

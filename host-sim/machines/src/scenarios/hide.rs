@@ -88,10 +88,10 @@ mod tests {
     #[test]
     fn parse_of_invalid_text_reports_what_was_expected() {
         for (text, word) in [
-            ("pressure", "expected one of none, radial-force-coulomb"),
-            ("", "expected one of none"),
-            (":", "expected one of none"),
-            ("None", "expected one of none"),
+            ("pressure", "none, radial-force-coulomb"),
+            ("", "none, radial-force-coulomb"),
+            (":", "none, radial-force-coulomb"),
+            ("None", "none, radial-force-coulomb"),
             ("none:1", "none takes no size"),
             ("unknown:1", "unknown takes no size"),
             ("pressure-coulomb:", "from 0 to 0.0001 Nm/Pa"),

@@ -8,7 +8,7 @@
 //! ```
 
 use friction_diagnose::contest_calibration::ContestCalibration;
-use friction_grading::contest_figures::{FigureRow, PATH, parse};
+use friction_grading::contest_figures::{FigureRow, LOG_GROUPS, PATH, parse};
 use friction_grading::contest_logs::worlds;
 use rayon::prelude::*;
 use std::path::Path;
@@ -35,7 +35,7 @@ fn figures_of_the_contest_are_within_their_limits() {
     let table = table();
     let outside: Vec<&FigureRow> = table.iter().filter(|row| !row.is_within()).collect();
     assert!(outside.is_empty(), "{outside:?}");
-    for logs in ["measured, each machine left out", "worlds of the fit, left out", "fresh worlds"] {
+    for logs in LOG_GROUPS {
         let own = table.iter().filter(|row| row.logs == logs);
         assert!(own.clone().count() >= 8, "{logs}");
         let brier = own.clone().find(|row| row.figure == "Brier score").expect("a score");

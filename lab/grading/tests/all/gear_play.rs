@@ -63,7 +63,8 @@ fn diagnose_with_position_beyond_the_gear_names_its_play_with_its_column() {
         "{} for {play}",
         backlash.size.value
     );
-    assert!(backlash.in_words.contains("the gear has play"), "{}", backlash.in_words);
+    let parts = ["joint_position_rad"];
+    crate::message::check("findings", "play beyond the gear", &backlash.in_words, &parts);
     let named = |own: &str| found.findings.iter().any(|f| f.columns.iter().any(|c| c == own));
     assert!(
         !found.candidates.iter().any(|c| c.columns().iter().any(|c| c == "joint_position_rad"))

@@ -6,8 +6,12 @@ mod adverse_worlds;
 mod contest_table;
 mod gear_play;
 mod hidden_effects;
+#[path = "../../../../tests/message.rs"]
+mod message;
 mod planted;
 mod recovery;
+#[path = "../../../../tests/snapshot.rs"]
+mod snapshot;
 
 /// Returns true if the tests run in their long form.
 pub fn is_long() -> bool {
