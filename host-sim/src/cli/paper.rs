@@ -22,8 +22,8 @@ pub struct PaperArguments {
     /// Seed of the random numbers; the same seed gives the same results
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Folder of the measured logs; results that need a missing log are skipped with a message
-    #[arg(long, value_name = "DIR", default_value = "../shared/data")]
+    /// Folder of the measured logs, by default excerpts; results that need a missing log are skipped with a message
+    #[arg(long, value_name = "DIR", default_value = "tests/data/measured")]
     data: PathBuf,
     #[command(flatten)]
     output: OutputArguments,

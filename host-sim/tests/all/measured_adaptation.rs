@@ -4,16 +4,15 @@
 //! the log, and by models that are fitted to these very rows afterwards, with and without drift. Every figure must be
 //! within [`LIMITS`] of that in `measured/adaptation-measured.tsv`.
 //!
-//! Every run checks the logs of [`SHORT`], `LONG_TESTS=1` all. The following command writes the table:
+//! Every run reads the excerpts of [`SHORT`], `LONG_TESTS=1` all full files. The following command writes the table:
 //!
 //! ```text
-//! UPDATE_TABLES=1 cargo test --release -p host-sim --test all measured_adaptation::
+//! LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p host-sim --test all measured_adaptation::
 //! ```
-//!
-//! The logs are not part of the repository: `../shared/data` beside the workspace, or the folder `MEASURED_DATA`. Without them
-//! the test reports that it was skipped.
 #![cfg(feature = "cli")]
 
+use joint_log::{ReadOptions, read};
+use measured_logs::MeasuredLogs;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
@@ -65,7 +64,7 @@ const CASES: [Case; 4] = [
     },
 ];
 
-/// Logs that every run checks.
+/// Logs whose excerpts have all rows, so that they have the figures of the full files.
 const SHORT: [&str; 2] = ["seal-xring-7bar.csv", "robot-axis1.csv"];
 
 /// Models that are fitted to the predicted rows themselves.
@@ -77,11 +76,6 @@ const COLUMNS: [&str; 6] =
 
 /// Errors of a case, RMSE in the unit of the log, in the order of [`COLUMNS`].
 type Figures = [f64; COLUMNS.len()];
-
-fn folder() -> PathBuf {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    std::env::var_os("MEASURED_DATA").map_or(beside, PathBuf::from)
-}
 
 fn table_file() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("measured/adaptation-measured.tsv")
@@ -129,19 +123,12 @@ fn rmse(of: &Value) -> f64 {
 }
 
 fn runs_of(log: &Path) -> Vec<String> {
-    let text = std::fs::read_to_string(log).expect("a log");
-    let mut runs: Vec<String> = Vec::new();
-    for line in text.lines().skip(1) {
-        let run = line.split(',').next().expect("a cell");
-        if runs.last().is_none_or(|last| last != run) {
-            runs.push(run.to_owned());
-        }
-    }
-    runs
+    let data = read(&[log.to_owned()], &ReadOptions::default(), &|_, _| {}).expect("a log");
+    data.runs.into_iter().map(|run| run.name).collect()
 }
 
-fn figures(case: &Case) -> Figures {
-    let log = folder().join(case.log);
+fn figures(case: &Case, logs: &MeasuredLogs) -> Figures {
+    let log = logs.file(case.log);
     let bench = Bench { case, log, folder: tempfile::tempdir().expect("a folder") };
     let runs = runs_of(&bench.log);
     let first = format!("run={}", runs[0]);
@@ -190,16 +177,10 @@ fn known_figures(text: &str, log: &str) -> Option<Figures> {
 
 #[test]
 fn predict_adapted_of_measured_logs_matches_table() {
-    let missing = CASES.iter().map(|case| folder().join(case.log)).find(|file| !file.exists());
-    if let Some(missing) = missing {
-        eprintln!("skipped: {} does not exist (MEASURED_DATA)", missing.display());
-        return;
-    }
-    let is_update = std::env::var_os("UPDATE_TABLES").is_some();
-    let is_long = is_update || std::env::var_os("LONG_TESTS").is_some();
-    let chosen = CASES.iter().filter(|case| is_long || SHORT.contains(&case.log));
-    let all: Vec<(&Case, Figures)> = chosen.map(|case| (case, figures(case))).collect();
-    if is_update {
+    let logs = MeasuredLogs::of_this_run();
+    let chosen = CASES.iter().filter(|case| logs.is_full() || SHORT.contains(&case.log));
+    let all: Vec<(&Case, Figures)> = chosen.map(|case| (case, figures(case, &logs))).collect();
+    if logs.is_full() && std::env::var_os("UPDATE_TABLES").is_some() {
         std::fs::write(table_file(), format_table(&all)).expect("written");
     }
     let text = std::fs::read_to_string(table_file()).expect("the table");
@@ -216,10 +197,6 @@ fn predict_adapted_of_measured_logs_matches_table() {
         if *adapted > case.largest_share * fixed {
             wrong.push(format!("{}: {adapted} of {fixed}", case.log));
         }
-    }
-    if !is_long {
-        let rest = CASES.len() - all.len();
-        println!("skipped: the adaptation to {rest} measured logs: tests/run --all");
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

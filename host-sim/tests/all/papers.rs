@@ -8,13 +8,14 @@ mod damper;
 mod manipulator;
 mod underwater_joint;
 
+use measured_logs::MeasuredLogs;
 use published_experiments::{PAPERS, PaperOutcome, PaperRequest, ResultRow};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Runs the short form of a paper with the command of the book, and returns the results in its `paper.json`. It uses the measured
-/// logs beside the checkout, if they exist. `tests/readme/run` leaves these commands to this test.
+/// logs of this run. `tests/readme/run` leaves these commands to this test.
 pub fn quick(name: &str) -> PaperOutcome {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let command = format!("paper {name} --quick");
@@ -26,7 +27,7 @@ pub fn quick(name: &str) -> PaperOutcome {
     );
     let folder = tempfile::tempdir().expect("a folder");
     let mut program = Command::new(env!("CARGO_BIN_EXE_host-sim"));
-    program.args(command.split(' ')).arg("--data").arg(root.join("../shared/data"));
+    program.args(command.split(' ')).arg("--data").arg(MeasuredLogs::of_this_run().folder());
     let output = program.current_dir(folder.path()).output().expect("runs");
     assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
     let page = std::fs::read_to_string(folder.path().join("out/report.html")).expect("a page");

@@ -8,6 +8,7 @@
 use clap::Parser;
 use friction_grading::contest::{Contest, run_contest};
 use friction_grading::{measured, score};
+use measured_logs::MeasuredLogs;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -144,12 +145,12 @@ fn all(worlds: &[(u64, Family)], rival_only: bool, threads: usize) -> Vec<Contes
 }
 
 fn measured_logs(arguments: &Arguments) -> Result<(), String> {
-    let folder = measured::folder().ok_or("no measured logs: set MEASURED_DATA to their folder")?;
+    let logs = MeasuredLogs::full().ok_or("no measured logs: set MEASURED_DATA to their folder")?;
     println!("| file | rows | known | diagnosis | gain | s | regression | gain | s |");
     println!("|---|---|---|---|---|---|---|---|---|");
     let (mut all, mut right) = (0, [0, 0]);
     for log in measured::MEASURED_LOGS.iter().filter(|log| log.file.contains(&arguments.file)) {
-        let Some((rows, ours, rival)) = log.contest(&folder, arguments.rival_only)? else {
+        let Some((rows, ours, rival)) = log.contest(&logs, arguments.rival_only)? else {
             println!("| {} | not there |", log.file);
             continue;
         };

@@ -1,7 +1,7 @@
 //! Compares the diagnosis with the regression on measured logs with a known answer.
 //!
-//! The logs are not part of the project: they are in `../shared/data` or the folder in `MEASURED_DATA`. Their README states
-//! what is known of each, and by whom. A log can contain several effects, and each of them may be named first.
+//! `tests/data` has excerpts of the logs; `measured_logs` finds them and the full files, whose README states what is known of
+//! each, and by whom. A log can contain several effects, and each of them may be named first.
 
 use super::contest::{self, time_on_one_thread};
 use super::diagnose_log;
@@ -9,7 +9,7 @@ use super::regression::regress;
 use friction_diagnose::DiagnosisOptions;
 use friction_fit::spec::parse_rigid_body;
 use joint_log::{Dataset, ReadOptions, read};
-use std::path::{Path, PathBuf};
+use measured_logs::MeasuredLogs;
 
 /// A log with its reading options and known causes.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +18,7 @@ pub struct MeasuredLog {
     pub file: &'static str,
     columns: &'static [(&'static str, &'static str)],
     rigid_body: &'static str,
+    /// First rows that are skipped and decimation, for the full file. The excerpt has been decimated so.
     skip: usize,
     decimate: usize,
     /// Causes that may be named first; if empty, only `none` is wrong.
@@ -130,24 +131,22 @@ impl MeasuredLog {
     ///
     /// # Errors
     /// Returns one line if the log cannot be read.
-    pub fn read(&self, folder: &Path) -> Result<Option<(Dataset, DiagnosisOptions)>, String> {
-        let path = folder.join(self.file);
+    pub fn read(&self, logs: &MeasuredLogs) -> Result<Option<(Dataset, DiagnosisOptions)>, String> {
+        let path = logs.file(self.file);
         if !path.is_file() {
             return Ok(None);
         }
         let failed = |why: String| format!("{}: {why}", self.file);
         let pair = |(ours, theirs): &(&str, &str)| ((*ours).to_owned(), (*theirs).to_owned());
+        let (skip, decimate) = if logs.is_full() { (self.skip, self.decimate) } else { (0, 1) };
         let options = ReadOptions {
             columns: self.columns.iter().map(pair).collect(),
-            skip: self.skip,
+            skip,
             ..ReadOptions::default()
         };
         let data = read(&[path], &options, &|_, _| {}).map_err(|e| failed(e.to_string()))?;
         let rigid_body = parse_rigid_body(self.rigid_body).map_err(|e| failed(e.to_string()))?;
-        Ok(Some((
-            data,
-            DiagnosisOptions { decimate: self.decimate, rigid_body, ..DiagnosisOptions::default() },
-        )))
+        Ok(Some((data, DiagnosisOptions { decimate, rigid_body, ..DiagnosisOptions::default() })))
     }
 
     /// Returns the number of rows, the answer of the diagnosis unless `rival_only`, and that of the regression; `None` if the
@@ -157,10 +156,10 @@ impl MeasuredLog {
     /// Returns one line if the log cannot be read, split or diagnosed.
     pub fn contest(
         &self,
-        folder: &Path,
+        logs: &MeasuredLogs,
         rival_only: bool,
     ) -> Result<Option<(usize, Option<MeasuredAnswer>, MeasuredAnswer)>, String> {
-        let Some((data, question)) = self.read(folder)? else { return Ok(None) };
+        let Some((data, question)) = self.read(logs)? else { return Ok(None) };
         let failed = |why: String| format!("{}: {why}", self.file);
         let parts: Vec<&str> = self.rigid_body.split(',').filter(|p| !p.is_empty()).collect();
         let (found, seconds) = time_on_one_thread(|| regress(&data, &parts))?;
@@ -191,11 +190,4 @@ impl MeasuredLog {
         };
         Ok(Some((rows, Some(ours), rival)))
     }
-}
-
-/// Returns the folder of the measured logs, if it exists.
-pub fn folder() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("MEASURED_DATA").map_or_else(beside, PathBuf::from);
-    folder.is_dir().then_some(folder)
 }

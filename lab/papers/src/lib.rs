@@ -31,7 +31,7 @@ pub use report::{format_rows, tables};
 pub use row::ResultRow;
 
 use friction_results::report::{Block, Table};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// All papers.
 pub const PAPERS: &[&dyn Paper] =
@@ -88,4 +88,10 @@ pub trait Paper: Sync {
     /// # Errors
     /// Returns one line that states what could not be done.
     fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, String>;
+}
+
+/// Returns the path of a measured log: the CSV file of this name, or an excerpt of it in Parquet. `None` if neither exists.
+pub(crate) fn measured_file(folder: &Path, name: &str) -> Option<PathBuf> {
+    let full = folder.join(name);
+    [full.with_extension("parquet"), full].into_iter().rfind(|path| path.is_file())
 }

@@ -1,23 +1,18 @@
-//! Reading of logs of real machines.
+//! Reading of logs of real machines, and of made-up ones after public bug reports (`tests/data`).
 //!
-//! The logs are not part of the project. They are in `../shared/data`, relative to the workspace root, or in the directory
-//! that the environment variable `MEASURED_DATA` names. Without them the tests print that they are skipped, and pass.
+//! Every run reads the excerpts, `LONG_TESTS=1` the full files (see `measured_logs`).
 
 use std::path::{Path, PathBuf};
 
 use super::message;
 use joint_log::{Dataset, JointKind, Quantity, ReadOptions, SplitRule, read, split};
+use measured_logs::{MeasuredLogs, case_log};
 
-/// Returns the files, or `None` after printing that the test is skipped.
-fn measured(names: &[&str]) -> Option<Vec<PathBuf>> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("MEASURED_DATA").map_or_else(beside, PathBuf::from);
-    let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
-    if let Some(missing) = files.iter().find(|file| !file.exists()) {
-        eprintln!("skipped: {} is not there (MEASURED_DATA)", missing.display());
-        return None;
-    }
-    Some(files)
+/// Returns the paths of some logs, and the number of rows of each: that of the excerpt or that of the full file.
+fn measured<const N: usize>(logs: [(&str, usize, usize); N]) -> ([PathBuf; N], [usize; N]) {
+    let measured = MeasuredLogs::of_this_run();
+    let rows = logs.map(|(_, excerpt, full)| if measured.is_full() { full } else { excerpt });
+    (logs.map(|(name, ..)| measured.file(name)), rows)
 }
 
 fn load(files: &[PathBuf], columns: &[(&str, &str)]) -> Dataset {
@@ -27,20 +22,22 @@ fn load(files: &[PathBuf], columns: &[(&str, &str)]) -> Dataset {
 
 #[test]
 fn read_with_positioning_system_maps_columns() {
-    let Some(files) = measured(&["emps-train.csv", "emps-pulses.csv"]) else { return };
+    let logs = [("emps-train.csv", 2_480, 24_841), ("emps-pulses.csv", 2_480, 24_841)];
+    let (files, rows) = measured(logs);
     let columns =
         [("time_s", "t_s"), ("velocity_m_s", "vel_m_per_s"), ("force_n", "motor_force_N")];
     let data = load(&files, &columns);
     assert_eq!(data.joint, JointKind::Prismatic);
-    assert_eq!((data.rows_read, data.bad_rows.count), (2 * 24_841, 0));
+    assert_eq!((data.rows_read, data.bad_rows.count), (rows.iter().sum(), 0));
     assert_eq!(data.runs[0].name, "emps-train");
 }
 
 #[test]
 fn read_with_seals_returns_all_rows() {
-    for (name, rows) in [("seal-oring.csv", 46_414), ("seal-kdn.csv", 32_439)] {
-        let Some(files) = measured(&[name]) else { return };
-        let data = load(&files, &[]);
+    let (files, rows) =
+        measured([("seal-oring.csv", 17_745, 46_414), ("seal-kdn.csv", 11_719, 32_439)]);
+    for (file, rows) in files.into_iter().zip(rows) {
+        let data = load(&[file], &[]);
         assert_eq!((data.rows, data.bad_rows.count), (rows, 0));
         assert!(data.runs.iter().all(|run| run.get(Quantity::Pressure).is_some()));
     }
@@ -48,15 +45,15 @@ fn read_with_seals_returns_all_rows() {
 
 #[test]
 fn read_with_worm_drive_and_servo_returns_all_rows() {
-    let Some(files) = measured(&["worm-drive.csv"]) else { return };
-    let data = load(&files, &[]);
-    assert_eq!((data.rows, data.bad_rows.count), (22_997, 0));
+    let (files, rows) =
+        measured([("worm-drive.csv", 5_750, 22_997), ("servo-pendulum.csv", 14_910, 14_910)]);
+    let data = load(&files[..1], &[]);
+    assert_eq!((data.rows, data.bad_rows.count), (rows[0], 0));
     let rule = SplitRule::HoldOut { column: "run".into(), values: vec![data.runs[3].name.clone()] };
     assert_eq!(split(&data, &rule, 0).unwrap().test.len(), 1);
 
-    let Some(files) = measured(&["servo-pendulum.csv"]) else { return };
-    let data = load(&files, &[("torque_nm", "drive_voltage_v")]);
-    assert_eq!((data.rows, data.runs.len(), data.bad_rows.count), (14_910, 16, 0));
+    let data = load(&files[1..], &[("torque_nm", "drive_voltage_v")]);
+    assert_eq!((data.rows, data.runs.len(), data.bad_rows.count), (rows[1], 16, 0));
     assert_eq!(data.covariates, ["kp"]);
     assert_eq!(data.runs[0].labels, [("trajectory".to_string(), "sin_sin".to_string())]);
     let rule = SplitRule::parse_hold_out("kp=400").unwrap();
@@ -66,11 +63,7 @@ fn read_with_worm_drive_and_servo_returns_all_rows() {
 #[test]
 fn read_with_reported_logs_without_a_clock_says_what_to_type() {
     let cases = ["clock-stands-still.csv", "step-instead-of-clock.csv", "candump-delta-stamps.log"];
-    let Some(files) =
-        measured(&cases.map(|name| format!("cases/{name}")).each_ref().map(String::as_str))
-    else {
-        return;
-    };
+    let files = cases.map(case_log);
     let pairs = |time: &str| {
         let theirs = [time, "motor_torque [N.m]", "encoder_paddle_pos [deg]:deg"];
         let ours = ["time_s", "torque_nm", "position_rad"];

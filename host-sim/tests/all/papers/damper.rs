@@ -1,23 +1,23 @@
 //! The damper's paper: results of its short form on measured and simulated tests.
 
 use super::{at, documented_goals};
+use measured_logs::MeasuredLogs;
 use published_experiments::{PaperOutcome, ResultRow};
 use std::path::PathBuf;
 
-/// Returns the folder of the measured logs: `MEASURED_DATA`, or beside the checkout. `None` unless `LONG_TESTS` is set, because
-/// about twenty networks are trained on them.
+/// Returns the folder of the full measured logs. `None` unless `LONG_TESTS` is set, because about twenty networks are trained on
+/// them.
 fn folder() -> Option<PathBuf> {
-    if !crate::is_long() {
-        println!("skipped: the damper's networks on measured tests: tests/run --all");
+    if crate::is_left_out("the damper's networks on measured tests") {
         return None;
     }
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data").into();
-    let folder: PathBuf = std::env::var_os("MEASURED_DATA").map_or(beside, PathBuf::from);
-    let is_there = folder.join("damper-2.csv").exists();
-    if !is_there {
-        println!("skipped: measured logs, none at {}", folder.display());
+    let logs = MeasuredLogs::full();
+    if logs.is_none() {
+        println!(
+            "skipped: the damper's networks: the full measured logs are missing (MEASURED_DATA)"
+        );
     }
-    is_there.then_some(folder)
+    logs.map(|logs| logs.folder().to_owned())
 }
 
 fn find<'a>(outcome: &'a PaperOutcome, table: &str, row: &str, column: &str) -> &'a ResultRow {

@@ -1,16 +1,17 @@
 //! Grades the diagnosis on measured logs with an added simulated effect.
 //!
-//! `friction_grading::planted` describes the method. `lab/grading/graded/planted.tsv` holds the answers on all logs. Every run
-//! judges them, and those of the code for a decoy and for one effect in the shortest log; `LONG_TESTS=1` judges all of the
-//! code's. The following command regenerates the table:
+//! `friction_grading::planted` describes the method. `lab/grading/graded/planted.tsv` holds the answers on all full logs. Every
+//! run judges them, and diagnoses a decoy and one effect in an excerpt; `LONG_TESTS=1` judges all of the code's. The following
+//! command regenerates the table:
 //!
 //! ```text
 //! LONG_TESTS=1 UPDATE_TABLES=1 cargo test --release -p friction-grading --test all planted::
 //! ```
 
 use friction_grading::diagnose_log;
-use friction_grading::measured::{MEASURED_LOGS, MeasuredLog, folder};
+use friction_grading::measured::{MEASURED_LOGS, MeasuredLog};
 use friction_grading::planted::{PLANTED_EFFECTS, PlantedEffect};
+use measured_logs::MeasuredLogs;
 use rayon::prelude::*;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -40,8 +41,14 @@ struct Answer {
     gain: f64,
 }
 
-fn answer(folder: &Path, log: &MeasuredLog, planted: PlantedEffect, rms: f64, seed: u64) -> Answer {
-    let (mut data, question) = log.read(folder).expect("a log by the contract").expect("the log");
+fn answer(
+    logs: &MeasuredLogs,
+    log: &MeasuredLog,
+    planted: PlantedEffect,
+    rms: f64,
+    seed: u64,
+) -> Answer {
+    let (mut data, question) = log.read(logs).expect("a log by the contract").expect("the log");
     planted.hide(&mut data, rms, seed);
     let column = planted.covariate.name(data.joint);
     let (found, _) = diagnose_log(data, &question).expect("an answer");
@@ -62,7 +69,19 @@ fn answer(folder: &Path, log: &MeasuredLog, planted: PlantedEffect, rms: f64, se
     }
 }
 
-/// Effects in the shortest log that every run diagnoses: the decoy and the first effect.
+impl Answer {
+    fn verdict(&self) -> &'static str {
+        match (self.planted.cause, self.is_named, self.is_blamed) {
+            (None, _, false) => "not named",
+            (None, _, true) => "named",
+            (Some(_), true, _) => "named",
+            (Some(_), false, true) => "column found, other cause",
+            (Some(_), false, false) => "missed",
+        }
+    }
+}
+
+/// Effects in the first log that every run diagnoses: the decoy and the first effect.
 const SHORT: usize = 2;
 
 fn path() -> PathBuf {
@@ -71,33 +90,33 @@ fn path() -> PathBuf {
 
 #[test]
 fn diagnose_finds_planted_effects_and_ignores_decoys() {
-    let Some(folder) = folder() else {
-        println!("skipped: effects planted in measured logs: the logs are missing");
-        return;
-    };
+    let logs = MeasuredLogs::of_this_run();
     let all = LOG_SIZES
         .iter()
         .flat_map(|(file, rms)| PLANTED_EFFECTS.iter().map(move |planted| (*file, *rms, *planted)));
-    let cases: Vec<_> = all.take(if crate::is_long() { usize::MAX } else { SHORT }).collect();
+    let cases: Vec<_> = all.take(if logs.is_full() { usize::MAX } else { SHORT }).collect();
     let answers: Vec<Answer> = cases
         .par_iter()
         .enumerate()
         .map(|(place, (file, rms, planted))| {
             let log = MEASURED_LOGS.iter().find(|log| log.file == *file).expect("a known log");
-            answer(&folder, log, *planted, *rms, SEED + place as u64)
+            answer(&logs, log, *planted, *rms, SEED + place as u64)
         })
         .collect();
     for answer in &answers {
         assert!(answer.gain >= 0.0, "{}: {:?} gains {}", answer.log, answer.named, answer.gain);
     }
     let table = table(&answers);
-    if crate::is_long() && std::env::var_os("UPDATE_TABLES").is_some() {
+    if !logs.is_full() {
+        let verdicts: Vec<&str> = answers.iter().map(Answer::verdict).collect();
+        assert_eq!(verdicts, ["not named", "named"], "{table}");
+        return;
+    }
+    if std::env::var_os("UPDATE_TABLES").is_some() {
         std::fs::write(path(), &table).expect("the table is written");
     }
     judge(&table);
-    let rows = table.lines().count() - 1;
-    let expected = if crate::is_long() { LOG_SIZES.len() * PLANTED_EFFECTS.len() } else { SHORT };
-    assert_eq!(rows, expected, "{table}");
+    assert_eq!(table.lines().count() - 1, LOG_SIZES.len() * PLANTED_EFFECTS.len(), "{table}");
 }
 
 #[test]
@@ -127,13 +146,7 @@ fn table(answers: &[Answer]) -> String {
     let mut text = "log\thidden\tverdict\tnamed\n".to_owned();
     for answer in answers {
         let hidden = answer.planted.cause.unwrap_or("decoy (no effect)");
-        let verdict = match (answer.planted.cause, answer.is_named, answer.is_blamed) {
-            (None, _, false) => "not named",
-            (None, _, true) => "named",
-            (Some(_), true, _) => "named",
-            (Some(_), false, true) => "column found, other cause",
-            (Some(_), false, false) => "missed",
-        };
+        let verdict = answer.verdict();
         let _ = writeln!(text, "{}\t{hidden}\t{verdict}\t{}", answer.log, answer.named.join("; "));
     }
     text

@@ -7,6 +7,7 @@
 use super::printed::MODELS;
 use super::study::{TorqueStudy, fit_by_both_protocols};
 use super::torques::Joint;
+use crate::measured_file;
 use friction_fit::spec::parse_rigid_body;
 use joint_log::{ReadOptions, read};
 use rayon::prelude::*;
@@ -30,10 +31,9 @@ pub const HELD_OUT: &str = "C";
 pub fn axes(folder: &Path) -> Result<Vec<Option<RobotAxis>>, String> {
     let rigid_body = parse_rigid_body("inertia,load,offset").map_err(|error| error.to_string())?;
     let axis = |number: usize| {
-        let file = folder.join(format!("robot-axis{number}.csv"));
-        if !file.is_file() {
+        let Some(file) = measured_file(folder, &format!("robot-axis{number}.csv")) else {
             return Ok(None);
-        }
+        };
         let data = read(&[file], &ReadOptions::default(), &|_, _| {}).map_err(|e| e.to_string())?;
         let joint = Joint::new(data, &[HELD_OUT], &rigid_body)?;
         let models = MODELS.par_iter().map(|model| fit_by_both_protocols(&joint, model.law));
