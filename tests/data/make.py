@@ -9,7 +9,7 @@ Needs pyarrow in the version of requirements.txt:
     target/data-venv/bin/pip install -r tests/data/requirements.txt
     target/data-venv/bin/python tests/data/make.py ../shared/data
 
-NOTICE.md states the source and the licence of each file, and what was changed. The decimation keeps every n-th row of each run
+NOTICE states the source and the licence of each file, and what was changed. The decimation keeps every n-th row of each run
 without a filter, as a slower logger does. Every effect for which a file is known must remain visible: the tests that read the
 excerpts diagnose them.
 """

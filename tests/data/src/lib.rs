@@ -84,10 +84,10 @@ mod tests {
 
     #[test]
     fn notice_names_every_excerpt() {
-        let notice = std::fs::read_to_string(data_folder().join("NOTICE.md")).expect("the notice");
+        let notice = std::fs::read_to_string(data_folder().join("NOTICE")).expect("the notice");
         for entry in std::fs::read_dir(MeasuredLogs::excerpts().folder()).expect("the folder") {
             let name = entry.expect("an entry").file_name().into_string().expect("UTF-8");
-            assert!(notice.contains(&format!("`{name}`")), "NOTICE.md lacks {name}");
+            assert!(notice.contains(&format!("`{name}`")), "NOTICE lacks {name}");
         }
     }
 }
