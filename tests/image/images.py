@@ -23,6 +23,8 @@ IMAGES = {
     "esc1": ("firmware", ["firmware-esc1"], "board-b-g431b-esc1"),
     # As it ships, but with networks.
     "stm32g474-network": ("firmware", ["firmware"], "board-stm32g474,network,terms"),
+    # The core alone, in each number type and with networks.
+    "core": ("core-image", ["core-image"], ""),
     "qemu": (BOARDS, ["qemu-board"], "qemu,network,terms"),
     "stm32f405": (BOARDS, ["stm32f405-board"], "terms"),
     "cost": (BOARDS, ["cost"], "c-reference,terms"),
