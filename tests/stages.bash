@@ -22,10 +22,6 @@ has_libclang() {
 missing() {
     has cc && has c++ || echo build-essential
     has python3 || echo python3
-    has qemu-system-arm || echo qemu-system-arm
-    has arm-none-eabi-gcc || echo gcc-arm-none-eabi
-    { has arm-none-eabi-gcc && echo '#include <math.h>' | arm-none-eabi-gcc -E - >/dev/null 2>&1; } \
-        || echo libnewlib-arm-none-eabi
     has linux.uml || echo user-mode-linux
     has insmod || [ -x /usr/sbin/insmod ] || echo kmod
     has ip || [ -x /usr/sbin/ip ] || echo iproute2

@@ -178,7 +178,7 @@ impl<T: Real> Compensator<T> {
     /// Computes the compensation for one sample.
     ///
     /// A fast path serves laws without terms whose readings need no guard. A general path handles all other cases. Both
-    /// paths give identical bits. `tests/cost/core-cost.tsv` lists the cost of each guard.
+    /// paths give identical bits. `tests/emulator/core-cost.tsv` bounds the instructions of both.
     ///
     /// The function is inlined because an image calls it once, in its current loop.
     #[inline(always)]

@@ -2,7 +2,7 @@
 //!
 //! A driver does all work that is not done in every period of the current loop. It processes frames, serves its
 //! objects, keeps the parameters, supervises the joint and commands the current loop. Time is passed in with
-//! every call, so that a PC runs the same code in virtual time. The STM32 and QEMU boards and `host-sim node`
+//! every call, so that a PC runs the same code in virtual time. The boards and `host-sim node`
 //! own a [`Driver`] each and add only hardware access.
 //!
 //! ```text

@@ -8,7 +8,7 @@
 //! binary `firmware`, and only boards access registers. Time is passed in everywhere, so a PC runs all of this in
 //! virtual time.
 //!
-//! Measurements of the core on its processor, which `tests/boards` has, use [`reference_joint`] (its network is
+//! Measurements of the core on its processor, which `tests/emulator` has, use [`reference_joint`] (its network is
 //! `compensator_core::network::reference`).
 #![cfg_attr(not(test), no_std)]
 

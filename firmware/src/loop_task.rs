@@ -194,7 +194,7 @@ impl LoopTask {
     /// Swaps in other parameters between two periods.
     ///
     /// `parts` is passed by reference and copied in place: a swap costs 1000 instructions of the interrupt this
-    /// way, 2200 by value (`tests/cost/core-cost.tsv`).
+    /// way, 2200 by value.
     pub fn swap(&mut self, parts: &LoopParts) {
         parts.model.set_current_share(self.commands.current_share);
         parts.model.set_compensation_share(self.commands.compensation_share);

@@ -11,7 +11,6 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 TARGET_FOLDER = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
 IMAGES_FOLDER = TARGET_FOLDER / "images"
 TARGET = "thumbv7em-none-eabihf"
-BOARDS = "test-boards"
 
 # Name of each image or set of images: its package, its programs and its features.
 IMAGES = {
@@ -23,16 +22,8 @@ IMAGES = {
     "esc1": ("firmware", ["firmware-esc1"], "board-b-g431b-esc1"),
     # As it ships, but with networks.
     "stm32g474-network": ("firmware", ["firmware"], "board-stm32g474,network,terms"),
-    "qemu": (BOARDS, ["qemu-board"], "qemu,network,terms"),
-    "stm32f405": (BOARDS, ["stm32f405-board"], "terms"),
-    "cost": (BOARDS, ["cost"], "c-reference,terms"),
-    "cost-bare": (BOARDS, ["cost"], ""),
-    # Images that differ by the core alone.
-    "footprint": (BOARDS, ["footprint"], ""),
-    "footprint-loop": (BOARDS, ["footprint"], "footprint-loop"),
-    "footprint-loop-terms": (BOARDS, ["footprint"], "footprint-loop,terms"),
-    "footprint-core": (BOARDS, ["footprint"], "footprint-core"),
-    "footprint-core-terms": (BOARDS, ["footprint"], "footprint-core,terms"),
+    # The core alone, in each number type and with networks.
+    "core": ("core-image", ["core-image"], ""),
 }
 
 

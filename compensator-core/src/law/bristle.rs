@@ -21,7 +21,7 @@
 //! The step is computed through the rate `z'`, which is exactly 0 at rest. The bristle torque then does not
 //! drift by rounding. The form with `g (y + s v)` in the numerator would drift.
 //!
-//! The step has no data-dependent branches. `tests/cost/core-cost.tsv` lists its instruction counts.
+//! The step has no data-dependent branches. `tests/emulator/core-cost.tsv` bounds its instructions.
 
 use super::written::{LawParameters, LawRange, stribeck_axis};
 use crate::effect::Effect;

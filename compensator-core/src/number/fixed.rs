@@ -6,7 +6,7 @@
 //! Sums saturate (one `qadd` instruction). Products and [`Real::plus_product`] do not check for overflow,
 //! because a check would double the cost of a step. No product of a step can overflow:
 //! [`crate::parameters::Parameters::build`] returns an error if one could within the declared envelope.
-//! `tests/cost/core-cost.tsv` lists the instruction counts on a Cortex-M4.
+//! `tests/emulator/core-cost.tsv` bounds the instructions on a Cortex-M4.
 //!
 //! `exp`, `ln`, `sin`, `atan` and `pow` convert to `f32`, which is emulated on these processors. Only the
 //! extension terms and the atan law use them.

@@ -1,5 +1,6 @@
 //! State of the execution, and what Unicorn calls: registers, blocks, faults.
 
+use crate::calls::{Call, CallCounter};
 use crate::chip::dma::Memory;
 use crate::chip::{Chip, REGISTER_REGIONS};
 use crate::cycles::{self, Block, Cost};
@@ -67,6 +68,8 @@ pub(crate) struct Context<W> {
     pub blocks_of_run: Vec<(usize, Cost)>,
     pub blocks_of_worst: Vec<(usize, Cost)>,
     pub worst: u32,
+    /// Calls of the functions that are counted.
+    pub calls: Vec<CallCounter>,
 }
 
 /// The core's memory as DMA accesses it.
@@ -246,6 +249,14 @@ pub(crate) fn add_hooks<W: World>(core: &mut Unicorn<'static, Context<W>>) -> Re
         if is_due || ready.is_some_and(|exception| is_allowed(core, exception)) {
             let _ = core.emu_stop();
             return;
+        }
+        if core.get_data().calls.iter().any(|calls| calls.is_at(address as u32)) {
+            let link = core.reg_read(RegisterARM::LR).unwrap_or(0) as u32;
+            let Context { calls, runs, .. } = core.get_data_mut();
+            let (depth, run) = (runs.len(), runs.last().copied().unwrap_or_default());
+            let taken = Call { instructions: run.instructions, cost: run.cost };
+            let reached = calls.iter_mut().filter(|calls| calls.is_at(address as u32));
+            reached.for_each(|calls| calls.reach(address as u32, link, depth, taken));
         }
         let context = core.get_data_mut();
         if let Some(place) = context.known_block(address as u32, size) {

@@ -35,6 +35,8 @@ pub struct Image {
     pub segments: Vec<Segment>,
     /// Symbols in ascending order of their addresses.
     pub symbols: Vec<Symbol>,
+    /// Names without a size, as those that a linker script defines, with their addresses.
+    pub labels: Vec<(String, u32)>,
 }
 
 impl Image {
@@ -62,16 +64,22 @@ impl Image {
             .symbols()
             .filter(|symbol| symbol.size() > 0)
             .filter_map(|symbol| {
+                let is_function = symbol.kind() == object::SymbolKind::Text;
                 Some(Symbol {
                     name: symbol.name().ok()?.to_owned(),
-                    address: symbol.address() as u32 & !1,
+                    // The address of a function has the Thumb bit.
+                    address: symbol.address() as u32 & if is_function { !1 } else { !0 },
                     size: symbol.size() as u32,
-                    is_function: symbol.kind() == object::SymbolKind::Text,
+                    is_function,
                 })
             })
             .collect();
         symbols.sort_by_key(|symbol| symbol.address);
-        Ok(Self { segments, symbols })
+        let labels = file.symbols().filter(|symbol| symbol.size() == 0);
+        let labels = labels
+            .filter_map(|label| Some((label.name().ok()?.to_owned(), label.address() as u32)))
+            .collect();
+        Ok(Self { segments, symbols, labels })
     }
 
     /// Writes the image to a flash, as a debugger does.
@@ -82,6 +90,11 @@ impl Image {
     /// Returns the first symbol whose name contains this text.
     pub fn find(&self, part: &str) -> Option<&Symbol> {
         self.symbols.iter().find(|symbol| symbol.name.contains(part))
+    }
+
+    /// Returns the address of a label.
+    pub fn label(&self, name: &str) -> Option<u32> {
+        self.labels.iter().find(|(known, _)| known == name).map(|(_, address)| *address)
     }
 
     /// Returns the function at an address.

@@ -16,6 +16,7 @@
 
 #![cfg(feature = "unicorn")]
 
+pub mod calls;
 pub mod chip;
 pub mod costs;
 pub mod cycles;

@@ -4,6 +4,7 @@
 //! follows. An event or an exception is taken between two basic blocks. Stacking, the return values and the priorities
 //! are those of the ARMv7-M architecture (DDI 0403, B1.5); only the main stack is used, as by the image.
 
+use crate::calls::{Call, CallCounter};
 use crate::chip::Chip;
 use crate::cycles::{self, Cost};
 pub use crate::execution::{CCM, FLASH, HandlerRun, RAM};
@@ -116,6 +117,7 @@ impl<W: World + 'static> Machine<W> {
             blocks_of_run: Vec::new(),
             blocks_of_worst: Vec::new(),
             worst: 0,
+            calls: Vec::new(),
         };
         let failed = |error: uc_error| format!("emulator: {error:?}");
         let mut core = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, context)
@@ -228,6 +230,22 @@ impl<W: World + 'static> Machine<W> {
         let context = self.core.get_data();
         let blocks = context.blocks_of_worst.iter();
         blocks.map(|&(place, cost)| (context.blocks[place].address, cost)).collect()
+    }
+
+    /// Counts the calls of the functions at these addresses, from now on.
+    pub fn count_calls(&mut self, functions: &[u32]) {
+        self.core.get_data_mut().calls = functions.iter().copied().map(CallCounter::of).collect();
+    }
+
+    /// Takes the calls of each of these functions that ended since the last call.
+    pub fn take_calls(&mut self) -> Vec<Vec<Call>> {
+        self.core.get_data_mut().calls.iter_mut().map(CallCounter::take).collect()
+    }
+
+    /// Continues at this address, as a jump to a wrong place does.
+    pub fn jump(&mut self, address: u32) {
+        self.pc = address;
+        self.core.get_data_mut().sleeps = false;
     }
 
     /// Moves the stack, as a chain of calls does.

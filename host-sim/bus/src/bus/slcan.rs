@@ -328,8 +328,8 @@ impl Drop for Slcan {
             let Ok(Some(written)) = self.link.write(&self.outbox) else { return };
             self.outbox.drain(..written);
         }
-        // The answer shows that the adapter has read everything. QEMU discards unread input when the
-        // connection closes.
+        // The answer shows that the adapter has read everything. A serial line may discard unread
+        // input when the connection closes.
         self.read_in();
         self.decoder.answer = None;
         let _ = self.wait_for_answer();

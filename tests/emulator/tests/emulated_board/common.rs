@@ -58,3 +58,10 @@ pub fn boot_program() -> &'static Image {
     });
     &IMAGE
 }
+
+/// Returns the image of the core alone.
+pub fn core_image() -> &'static Image {
+    static IMAGE: LazyLock<Image> =
+        LazyLock::new(|| read_image("FIRMWARE_CORE", "core/core-image"));
+    &IMAGE
+}

@@ -19,6 +19,8 @@ const MICROSECOND: u64 = CORE_HZ / 1_000_000;
 pub const MILLISECOND: u64 = CORE_HZ / 1000;
 /// Time of a frame of eight bytes at 1 Mbit/s, with stuffing.
 const FRAME_US: u64 = 130;
+/// Most quarters of a frame for which a sender waits until its last frame is on the bus.
+const LONGEST_WAIT_FRAMES: u32 = 100;
 /// Longest start of an image, with the check of its signature, ms.
 const START_MS: usize = 3000;
 
@@ -63,7 +65,10 @@ fn machine(content: Flash, flags: u32) -> Machine<Constant> {
 impl BoardBus {
     pub fn power_up(content: Content) -> Self {
         let flash = Flash::of(&STM32G474).with(content);
-        let machine = machine(flash, reset::POWER | reset::PIN);
+        Self::of_machine(machine(flash, reset::POWER | reset::PIN))
+    }
+
+    fn of_machine(machine: Machine<Constant>) -> Self {
         Self { machine, before: 0, resets: 0, frames: 0, disturbance: None, cut_at: None }
     }
 
@@ -101,9 +106,21 @@ impl BoardBus {
     fn restart(&mut self) {
         self.before += self.machine.now();
         self.resets += 1;
-        let chip = self.machine.chip();
-        let cause = if chip.is_watchdog_reset() { reset::WATCHDOG } else { reset::SOFTWARE };
-        self.machine = machine(chip.flash.after_reset(), cause | reset::PIN);
+        let is_watchdog = self.machine.chip().is_watchdog_reset();
+        let cause = if is_watchdog { reset::WATCHDOG } else { reset::SOFTWARE };
+        self.start_again(cause | reset::PIN, true);
+    }
+
+    /// Cuts the power and restores it: the flash keeps its content, and RAM has any.
+    pub fn cut_power(&mut self) {
+        self.before += self.machine.now();
+        self.start_again(reset::POWER | reset::PIN, false);
+    }
+
+    fn start_again(&mut self, flags: u32, has_memory: bool) {
+        let mut chip = Chip::new(Constant::default());
+        chip.clock.set_reset_flags(flags);
+        self.machine = self.machine.restarted(chip, has_memory).expect("a machine");
     }
 
     /// Runs until the node sends its boot-up frame.
@@ -123,6 +140,13 @@ impl BoardBus {
 impl Bus for BoardBus {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         self.run(FRAME_US * MICROSECOND);
+        // A sender sends its frames in order, though a later one may have a lower identifier.
+        for _ in 0..LONGEST_WAIT_FRAMES {
+            if self.machine.chip().can.waiting_frames() == 0 {
+                break;
+            }
+            self.run(FRAME_US * MICROSECOND / 4);
+        }
         self.frames += 1;
         let mut frames: Vec<Frame> = frame.to_joint().into_iter().collect();
         if let Some(disturb) = &mut self.disturbance {
@@ -160,6 +184,14 @@ impl Bus for BoardBus {
 /// Powers a board up and waits for its boot-up frame.
 pub fn started(content: Content) -> Client<BoardBus> {
     let mut bus = BoardBus::power_up(content);
+    bus.await_boot_up();
+    Client::new(bus, NODE)
+}
+
+/// Starts the image without the boot program, as a debugger does, and waits for its boot-up frame.
+pub fn started_image() -> Client<BoardBus> {
+    let machine = Machine::new(image(), Chip::new(Constant::default())).expect("a machine");
+    let mut bus = BoardBus::of_machine(machine);
     bus.await_boot_up();
     Client::new(bus, NODE)
 }

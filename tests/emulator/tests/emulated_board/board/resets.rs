@@ -1,15 +1,18 @@
-//! What leads to a reset, and what it leaves: the watchdog of boot program and recovery, the guard of the stack, and the heat
-//! of the winding.
+//! What leads to a reset, and what it leaves: the watchdog of boot program and recovery, a hard fault, the guard of the stack,
+//! and the heat of the winding.
 
-use super::board_bus::{BoardBus, MILLISECOND, blank_board};
+use super::board_bus::{BoardBus, MILLISECOND, blank_board, started_image};
 use super::start::{Constant, started};
 use super::update::trial_beginning_with;
 use crate::common::image;
+use canopen_rs::{Address, NmtCommand};
 use emulated_board::chip::clock::reset;
 use emulated_board::chip::{CORE_HZ, Chip};
 use emulated_board::machine::RAM;
 use emulated_board::{HEAT_MEMORY, Machine, StopReason, kept_heat};
+use firmware::node::dictionary::index;
 use firmware::supervisor::Code;
+use joint_bus::canopen::Client;
 
 /// Longest time until the watchdog resets a boot program that hangs, s.
 const TIMEOUT_S: u64 = 9;
@@ -114,4 +117,51 @@ fn heat_of_the_winding_survives_a_reset_and_is_assumed_without_one() {
     machine.write_memory(kept, &damaged);
     let damaged_k = rise_k(&mut after_reset(&machine));
     assert!((114.0..115.0).contains(&damaged_k), "{damaged_k} K");
+}
+
+/// Returns the faults (2002h:3), and the text of the last panic.
+fn faults(client: &mut Client<BoardBus>) -> (u32, String) {
+    let faults = client.read_number(Address::new(index::STATE, 3)).expect("an answer");
+    (faults, client.read_text(Address::new(index::LAST_PANIC, 0)).expect("a text"))
+}
+
+const fn bit(code: Code) -> u32 {
+    1 << (code.number() - 1)
+}
+
+/// Clears the faults, and resets the node over its bus.
+fn clear_and_reset(client: &mut Client<BoardBus>) {
+    client.write(Address::new(index::STATE, 1), &[2]).expect("they are cleared");
+    assert_eq!(faults(client).0, 0);
+    client.command(NmtCommand::ResetNode).expect("a bus");
+    client.bus().await_boot_up();
+}
+
+#[test]
+fn hard_fault_is_reported_once_after_the_restart() {
+    let mut client = started_image();
+    // The image never causes one: it continues at an address without memory.
+    client.bus().machine().jump(0x7000_0000);
+    client.bus().await_boot_up();
+    assert_eq!(client.bus().resets, 1);
+    let (found, panic) = faults(&mut client);
+    assert!(found & bit(Code::PanicBeforeReset) != 0 && panic.contains("hard fault"), "{panic}");
+    clear_and_reset(&mut client);
+    assert_eq!(faults(&mut client), (0, String::new()));
+}
+
+#[test]
+fn overwritten_guard_of_the_stack_is_reported_until_the_next_but_one_start() {
+    let mut client = started_image();
+    let guard = image().label("_stack_end").expect("a label of the linker");
+    client.bus().machine().write_memory(guard, &[0; 4]);
+    client.bus().run(200 * MILLISECOND);
+    assert_eq!(faults(&mut client).0, bit(Code::StackOverflow));
+    // The cause is still there.
+    client.write(Address::new(index::STATE, 1), &[2]).expect_err("it is present");
+    client.command(NmtCommand::ResetNode).expect("a bus");
+    client.bus().await_boot_up();
+    assert_eq!(faults(&mut client).0, bit(Code::StackOverflow));
+    clear_and_reset(&mut client);
+    assert_eq!(faults(&mut client).0, 0);
 }
