@@ -3,7 +3,7 @@
 //! `tests/emulator/core-cost.tsv` bounds the instructions of the compensator without terms and with each term alone, on an
 //! emulated processor. The cost of a model is the sum of the interrupt without terms, the overhead of the term list, and for
 //! each term its own cost and its overhead in the list. The sum of upper limits is more than the emulated interrupt takes:
-//! `tests/emulator/interrupt-cycles.tsv` has three models.
+//! target/figures/interrupt-cycles.tsv has three models.
 //!
 //! If the loop takes more than 90 % of its period, the driver switches the compensation off (`loop-late`). This module
 //! warns of such a model before it is written to a driver. Every law is counted as improved LuGre, which is the most
@@ -86,12 +86,12 @@ mod tests {
     #[test]
     fn share_of_the_period_is_known_for_every_term() {
         for term in TermKind::ALL {
-            let percent = loop_share_percent(&[*term]).expect(term.name());
+            let percent = loop_share_percent(&[*term]).unwrap_or_else(|| panic!("{}", term.name()));
             assert!((35.0..60.0).contains(&percent), "{}: {percent}", term.name());
         }
     }
 
-    /// The interrupt with these models takes 49 and 59 % (`tests/emulator/interrupt-cycles.tsv`).
+    /// The interrupt with these models takes 49 and 59 % (target/figures/interrupt-cycles.tsv).
     #[test]
     fn share_of_several_terms_is_a_little_more_than_the_interrupt_takes() {
         let mut dearest: Vec<TermKind> = TermKind::ALL.to_vec();
