@@ -20,9 +20,7 @@ fn main() {
     println!("cargo::rustc-check-cfg=cfg(wiring, values(any()))");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
-        let core = env::var_os("DEP_COMPENSATOR_CORE_TEXTS_SOURCES")
-            .expect("the core's build script sets it");
-        texts::write(&[PathBuf::from("src"), core.into()], &out);
+        texts::write(&["src", "../compensator-core/src"].map(PathBuf::from), &out);
         return;
     }
     if env::var_os("CARGO_FEATURE_BOARD_STM32G474").is_some() {
