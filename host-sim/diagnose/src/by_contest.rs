@@ -20,6 +20,7 @@ use super::finalist::{
     FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters, resolved,
 };
 use super::finding::Finding;
+use super::hand_over::{HandOver, HandedOver, Judged, linear_on, simplest_of_best};
 use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
 use super::naming::{WeighedCause, confounded, weigh};
@@ -60,6 +61,8 @@ pub struct Answer {
     pub findings: Vec<Finding>,
     /// All causes of the contest with their probabilities.
     pub weighed: Vec<WeighedCause>,
+    /// What is handed over.
+    pub hand_over: HandOver,
 }
 
 /// Answers by the contest. `positions` is what positions on both sides of a gear show of its play.
@@ -77,6 +80,7 @@ pub fn answer(
     let outcome = contest(&mut rows);
     let mut weighed = weigh(&outcome, &rows);
     positions.into_iter().for_each(|positions| positions.weigh(&mut weighed));
+    let original = log.clone();
     let mut log = log;
     let mut log_findings = Vec::new();
     if outcome.is_reversed {
@@ -121,14 +125,21 @@ pub fn answer(
     };
     set_shortfall(&mut weighed, &outcome.finalists, &chosen, (&before, offer.as_ref()));
     let findings = findings(&weighed, &chosen, offer.as_ref(), &outcome);
+    progress("comparing the models on held-out rows");
+    let extended = offer.as_ref().map(|offer| &offer.after);
+    let hand_over = search.hand_over(&chosen, &original, (&before, extended))?;
     let judged = chosen.corrected.judged.clone();
     let follows =
         offer.as_ref().and_then(|offer| offer.model.follows.clone()).filter(|own| own.extra);
     let log = judged.following(follows.as_ref()).into_owned();
-    let (extended, after, gain) = match offer {
+    let (extended, mut after, mut gain) = match offer {
         Some(Offer { outcome, after, gain, .. }) => (outcome, after, gain),
         None => (baseline.clone(), before.clone(), Gain::default()),
     };
+    if let Some(linear) = hand_over.linear.as_ref().filter(|_| hand_over.is_linear) {
+        after = linear.held_out.clone();
+        gain = self::gain(&before, &after, options.seed);
+    }
     Ok(Answer {
         log_findings: log_findings.into_iter().chain(chosen.corrected.findings).collect(),
         left_out: log.leaves_each_out.then(|| unit(&log)),
@@ -141,6 +152,7 @@ pub fn answer(
         gain,
         findings,
         weighed,
+        hand_over,
     })
 }
 
@@ -305,6 +317,49 @@ impl Search<'_> {
             }
         }
         Ok(Chosen { place, corrected, excerpt, base, finalist: own })
+    }
+
+    /// Chooses what is handed over. A model that was asked for is not replaced by a plain one.
+    fn hand_over(
+        &self,
+        chosen: &Chosen,
+        original: &TrainTest,
+        (before, extended): (&Predicted, Option<&Predicted>),
+    ) -> Result<HandOver, SpecError> {
+        let corrected = &chosen.corrected;
+        let mut spec = Spec::law(LawKind::Linear).on(&self.log.rigid_body);
+        if spec.rigid_body.is_empty() {
+            spec = spec.on(&[TermKind::TorqueOffset]);
+        }
+        let model = corrected.identify(&fitted(&corrected.fitted, &spec, None, &[], None)?)?;
+        let start = FittedModel { spec, follows: None, fixed: Vec::new(), ..chosen.base.clone() };
+        let mut plain = Judged { held_out: corrected.held_out(&model_of(&model, &start)), model };
+        plain.model.test = plain.held_out.metrics;
+        let linear = self.outcome.linear.as_ref().map(|answer| Judged {
+            held_out: linear_on(&corrected.judged, original, answer),
+            model: answer.clone(),
+        });
+        let mut candidates = vec![(HandedOver::Baseline, before)];
+        candidates.extend(extended.map(|own| (HandedOver::Extended, own)));
+        if self.is_law_free() {
+            candidates.insert(0, (HandedOver::Plain, &plain.held_out));
+        }
+        let choose = |candidates: &[(HandedOver, &Predicted)]| {
+            let own: Vec<&Predicted> = candidates.iter().map(|(_, own)| *own).collect();
+            simplest_of_best(&own)
+        };
+        let in_driver = candidates[choose(&candidates)].0;
+        if let Some(linear) = linear.as_ref().filter(|_| self.is_law_free()) {
+            candidates.push((HandedOver::Extended, &linear.held_out));
+        }
+        let place = choose(&candidates);
+        let is_linear = self.is_law_free() && linear.is_some() && place + 1 == candidates.len();
+        let on_pc = candidates[place].0;
+        let measurement = match &linear {
+            Some(linear) if is_linear => linear.model.measurement.clone(),
+            _ => corrected.measurement(self.rows.is_reversed),
+        };
+        Ok(HandOver { on_pc, in_driver, plain, linear, is_linear, measurement })
     }
 
     /// Returns the chosen hypothesis with the causes that are still named.

@@ -21,7 +21,7 @@ mod entry;
 pub mod kernel;
 pub mod law;
 pub mod ledger;
-pub mod operator;
+pub mod linear;
 pub mod outcome;
 pub mod rows;
 pub mod run;
@@ -30,6 +30,7 @@ pub mod solve;
 pub mod weights;
 
 pub use law::LawStart;
+pub use linear::LinearAnswer;
 pub use outcome::{Figures, Finalist, FinalistCause, Outcome};
 pub use rows::{RigidBody, Rows};
 pub use run::contest;

@@ -73,6 +73,7 @@ pub mod experiment;
 pub mod extended;
 pub mod finalist;
 pub mod finding;
+pub mod hand_over;
 pub mod late_channel;
 pub mod leading_fault;
 pub mod left_out;
@@ -96,6 +97,7 @@ pub use cause::{Cause, Remedy};
 pub use evaluation::Gain;
 pub use extended::Size;
 pub use finding::{ConfoundedCause, Finding};
+pub use hand_over::{HandOver, HandedOver};
 pub use naming::WeighedCause;
 pub use regime::Share;
 pub use train_test::TrainTest;
@@ -158,6 +160,8 @@ pub struct Diagnosis {
     pub findings: Vec<Finding>,
     /// What the extension gains on held-out rows.
     pub gain: Gain,
+    /// What is handed over.
+    pub hand_over: HandOver,
     /// What a flexible model with the same columns leaves.
     pub ceiling: Ceiling,
     /// Where in the motion the base model is wrong, held-out rows.
@@ -191,11 +195,15 @@ impl Diagnosis {
         leading_fault::leading_fault(&self.log_findings, &self.after.metrics)
     }
 
-    /// Returns the extended model for use on other logs and in a driver. If each run's position was shifted to a phase of its
-    /// own ([`unknown_zero`]), the phase on another log is unknown, and a ripple with a wrong phase is worse than none.
-    /// Its amplitudes are then 0, and a verdict reports this.
+    /// Returns the model for a driver, the one of the driver's models that is handed over. If each run's position was shifted to
+    /// a phase of its own ([`unknown_zero`]), the phase on another log is unknown, and a ripple with a wrong phase is worse than
+    /// none. Its amplitudes are then 0, and a verdict reports this.
     pub fn transferable_model(&self) -> Outcome {
-        let mut outcome = self.extended.clone();
+        let mut outcome = match self.hand_over.in_driver {
+            HandedOver::Plain => self.hand_over.plain.model.clone(),
+            HandedOver::Baseline => self.baseline.clone(),
+            HandedOver::Extended => self.extended.clone(),
+        };
         if self.log.aligned_order.is_none() {
             return outcome;
         }
@@ -253,7 +261,9 @@ pub fn diagnose(
     let answer = by_contest::answer(log, question, positions.as_ref(), progress)?;
     let by_contest::Answer { mut log, mut baseline, mut extended, before, after, .. } = answer;
     baseline.test = before.metrics;
-    extended.test = after.metrics;
+    if !answer.hand_over.is_linear {
+        extended.test = after.metrics;
+    }
     let Floors { noise_floor, coloured } = floors(&log, &after);
     let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
     let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
@@ -299,6 +309,7 @@ pub fn diagnose(
         after,
         findings,
         gain: answer.gain,
+        hand_over: answer.hand_over,
         unexplained_memory_rows,
         seconds: begin.elapsed().as_secs_f64(),
     })

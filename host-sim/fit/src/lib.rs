@@ -37,6 +37,8 @@ pub mod identify;
 pub mod initial_heat;
 pub mod initial_state;
 mod legal;
+pub mod linear;
+pub mod measurement;
 pub mod metrics;
 pub mod minimise;
 pub mod network;

@@ -20,6 +20,12 @@
 //! [network]                               # optional: supplies levels and stiffness
 //! file = "network.json"                   # in the same directory
 //! crc32 = "9ae0daaf"                      # of its bytes: another network is an error
+//! [measurement]                           # optional: between shaft and log, see [`Measurement`]
+//! torque_delay_s = 0.004
+//! [[linear.term]]                         # optional: what a PC computes in place of the law, see [`LinearModel`]
+//! part = "viscous"
+//! size = 0.2
+//! factors = [{ kind = "velocity" }]
 //! ```
 //!
 //! `identify` writes the file, and the core uses it unchanged. The caller defines further sections ([`Section`]), for
@@ -30,6 +36,8 @@ mod fit_record;
 
 pub use fit_record::FitRecord;
 
+use crate::linear::LinearModel;
+use crate::measurement::Measurement;
 use crate::network::{BASE, NetworkFile, checksum};
 use crate::spec::Spec;
 use crate::{DriverForm, Outcome};
@@ -58,6 +66,10 @@ pub struct ParameterFile {
     pub fit: FitRecord,
     /// The network that supplies levels and stiffness, if there is one.
     pub network: Option<NetworkFile>,
+    /// What lies between the shaft and a log of the same rig.
+    pub measurement: Measurement,
+    /// The model that a PC computes in place of the driver's, if it errs less.
+    pub linear: Option<LinearModel>,
     /// The values of each requested [`Section`], in order; NaN for a missing value.
     pub sections: Vec<Vec<f32>>,
 }
@@ -233,7 +245,7 @@ fn understand(
 ) -> Result<ParameterFile, String> {
     let document = Document::parse(text).map_err(|error| error.to_string())?;
     let root = document.as_table();
-    const OWN: [&str; 10] = [
+    const OWN: [&str; 12] = [
         "schema",
         "joint",
         "model",
@@ -244,6 +256,8 @@ fn understand(
         "fit",
         "log_means",
         "network",
+        "measurement",
+        "linear",
     ];
     let known: Vec<&str> = OWN.into_iter().chain(sections.iter().map(|more| more.name)).collect();
     if let Some((key, _)) = root.iter().find(|(key, _)| !known.contains(key)) {
@@ -295,7 +309,18 @@ fn understand(
     let sections = sections.iter().map(further).collect::<Result<_, _>>()?;
     let fit = FitRecord::parse(root, joint)?;
     let network = network(root, &spec, folder)?;
-    Ok(ParameterFile { joint, spec, parameters, compensator, fit, network, sections })
+    let (measurement, linear) = (Measurement::parse(root)?, LinearModel::parse(text)?);
+    Ok(ParameterFile {
+        joint,
+        spec,
+        parameters,
+        compensator,
+        fit,
+        network,
+        measurement,
+        linear,
+        sections,
+    })
 }
 
 fn string(root: &toml_edit::Table, key: &str) -> Result<String, String> {

@@ -41,8 +41,8 @@ fn bridge_spikes(residual: &mut [f64], is_spike: &[bool]) {
 
 /// Simulates a model along rows.
 pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution) -> Predicted {
-    let (mut torques, mut residuals, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut saturation, mut between, mut count) = (0.0f64, 0usize, 0usize);
+    let (mut torques, mut saturation, mut between, mut count) =
+        (Vec::new(), 0.0f64, 0usize, 0usize);
     let level = parameters.get(Id::CoulombTorque);
     for track in rows.tracks {
         let mut torque = Vec::with_capacity(track.len());
@@ -55,27 +55,36 @@ pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution)
             count += 1;
             true
         });
-        let error = |row: usize| track.weight(row).sqrt() * (track.torque[row] - torque[row]);
-        let mut residual: Vec<f64> = (0..track.len()).map(error).collect();
-        bridge_spikes(&mut residual, &track.torque_spikes);
-        if rows.decimate > 1 {
-            let filter = AntiAlias::new(rows.decimate);
-            residual = filter.thin(residual);
-            let measured = filter.thin(track.torque.clone());
-            pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e, 1.0)));
-        } else {
-            let rows = (0..track.len()).filter(|row| track.is_included(*row));
-            pairs.extend(rows.map(|row| (track.torque[row], torque[row], track.weight(row))));
-        }
-        residuals.push(residual);
         torques.push(torque);
     }
     let bristles = parameters.law.has_bristles();
     Predicted {
-        torque: torques,
-        residuals,
-        metrics: Metrics::of(pairs.into_iter()),
         saturation: if bristles { saturation } else { 0.0 },
         presliding: if bristles { between as f64 / count.max(1) as f64 } else { 0.0 },
+        ..Predicted::of_torque(rows, torques)
+    }
+}
+
+impl Predicted {
+    /// Compares torques, track by track at the full rate, with the measured ones.
+    pub fn of_torque(rows: Rows, torques: Vec<Vec<f64>>) -> Self {
+        let (mut residuals, mut pairs) = (Vec::new(), Vec::new());
+        for (track, torque) in rows.tracks.iter().zip(&torques) {
+            let error = |row: usize| track.weight(row).sqrt() * (track.torque[row] - torque[row]);
+            let mut residual: Vec<f64> = (0..track.len()).map(error).collect();
+            bridge_spikes(&mut residual, &track.torque_spikes);
+            if rows.decimate > 1 {
+                let filter = AntiAlias::new(rows.decimate);
+                residual = filter.thin(residual);
+                let measured = filter.thin(track.torque.clone());
+                pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e, 1.0)));
+            } else {
+                let rows = (0..track.len()).filter(|row| track.is_included(*row));
+                pairs.extend(rows.map(|row| (track.torque[row], torque[row], track.weight(row))));
+            }
+            residuals.push(residual);
+        }
+        let metrics = Metrics::of(pairs.into_iter());
+        Self { torque: torques, residuals, metrics, saturation: 0.0, presliding: 0.0 }
     }
 }

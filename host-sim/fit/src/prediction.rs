@@ -41,12 +41,17 @@ pub struct PredictionOptions {
     pub start: PredictionStart,
     /// Step size; `None` for that of the parameter file.
     pub resolution: Option<Resolution>,
+    /// The driver's law, also if the file has a model that errs less on a PC.
+    pub of_driver: bool,
 }
 
 impl PredictionOptions {
     /// One step per row from the first measured torque, as an exported model computes it.
-    pub const AS_EXPORTED: Self =
-        Self { start: PredictionStart::FirstTorque, resolution: Some(Resolution::PLAIN) };
+    pub const AS_EXPORTED: Self = Self {
+        start: PredictionStart::FirstTorque,
+        resolution: Some(Resolution::PLAIN),
+        of_driver: true,
+    };
 }
 
 /// Prediction of one run, one value per row. A row without a prediction has NaN.
@@ -133,9 +138,19 @@ pub fn predict_tracks(
         let run = &mut runs[track.run];
         match &file.network {
             Some(network) => predict_with_network(file, network, data, track, run)?,
-            None => predict_track(file, track, options, run),
+            None => predict_logged(file, data, track, options, run),
         }
         set_flags(file, track, run);
+    }
+    let linear = file.linear.as_ref().filter(|_| !options.of_driver);
+    if let Some(linear) = linear {
+        let torque = linear.predict(data, &file.measurement);
+        let mut rest = torque.as_slice();
+        for run in &mut runs {
+            let (own, others) = rest.split_at(run.torque.len());
+            run.torque.copy_from_slice(own);
+            rest = others;
+        }
     }
     let metrics = metrics_of(data, &runs);
     Ok(LogPrediction { metrics, remarks: remarks(file, data, &runs), runs })
@@ -161,6 +176,25 @@ fn pairs<'a>(run: &'a Run, predicted: &'a [f64]) -> impl Iterator<Item = (f64, f
     let both = run.torque.iter().zip(predicted).enumerate();
     both.filter(|(row, (_, predicted))| predicted.is_finite() && !run.is_spike(*row))
         .map(|(_, (measured, predicted))| (*measured, *predicted, 1.0))
+}
+
+/// Predicts the torque of a track as the log has it.
+fn predict_logged(
+    file: &ParameterFile,
+    data: &Dataset,
+    track: &Track,
+    options: &PredictionOptions,
+    run: &mut RunPrediction,
+) {
+    let measurement = &file.measurement;
+    if measurement.is_exact() {
+        return predict_track(file, track, options, run);
+    }
+    predict_track(file, &measurement.shaft_track(data, track), options, run);
+    let torque = &mut run.torque[track.first_row..track.first_row + track.len()];
+    for (torque, share) in torque.iter_mut().zip(measurement.shares_along(data, track)) {
+        *torque = measurement.torque_sign * *torque + share;
+    }
 }
 
 fn predict_track(
@@ -219,7 +253,8 @@ fn set_flags(file: &ParameterFile, track: &Track, run: &mut RunPrediction) {
 /// Returns what a user must know of the prediction: missing columns, rows without a prediction and rows outside the range.
 fn remarks(file: &ParameterFile, data: &Dataset, runs: &[RunPrediction]) -> Vec<String> {
     let mut remarks = Vec::new();
-    let mut missing: Vec<&str> = Vec::new();
+    let mut missing: Vec<&str> =
+        file.linear.as_ref().map(|linear| linear.missing_columns(data)).unwrap_or_default();
     for (_, quantity) in file.spec.needs() {
         let name = quantity.name(data.joint);
         let is_absent = data.runs.iter().all(|run| run.get(quantity).is_none());
@@ -231,7 +266,7 @@ fn remarks(file: &ParameterFile, data: &Dataset, runs: &[RunPrediction]) -> Vec<
     }
     if !missing.is_empty() {
         remarks.push(format!(
-            "the model has terms for {}, which the log does not have: they count as 0",
+            "the model has terms for {}, which the log does not have: they add nothing",
             missing.join(", ")
         ));
     }

@@ -22,6 +22,20 @@ impl LowPassShape {
     /// All shapes.
     pub const ALL: [Self; 3] = [Self::FirstOrder, Self::SecondOrder, Self::RunningMean];
 
+    /// Returns the name in `params.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FirstOrder => "first-order",
+            Self::SecondOrder => "second-order",
+            Self::RunningMean => "running-mean",
+        }
+    }
+
+    /// Returns the shape with a name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|shape| shape.name() == name)
+    }
+
     /// Returns the number of first-order stages; 0 for the moving average.
     pub(super) fn stages(self) -> usize {
         match self {

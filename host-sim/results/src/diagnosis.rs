@@ -181,7 +181,13 @@ fn document_text(
 
 /// Returns `params.toml`.
 pub fn parameter_text(found: &Diagnosis, input: &Prepared) -> String {
-    parameter_file("diagnose", input, &transferable_model(found), found.auxiliary.as_deref())
+    let model = transferable_model(found);
+    let mut text = parameter_file("diagnose", input, &model, found.auxiliary.as_deref());
+    found.hand_over.measurement.emit(&mut text);
+    if let Some(linear) = found.hand_over.linear_model() {
+        linear.model.emit(&mut text);
+    }
+    text
 }
 
 /// Returns the model that a diagnosis hands out, with a warning if a driver's current loop may be too slow for it.
@@ -279,6 +285,8 @@ pub fn document(
         "cause": found.cause(),
         "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),
         "extended": extended,
+        "plain": { "test_rmse": finite(found.hand_over.plain.held_out.metrics.rmse) },
+        "handed_over": found.hand_over.on_pc.name(),
         "ceiling": {
             "rmse": finite(found.ceiling.rmse),
             "std_error": finite(found.ceiling.std_error),

@@ -43,6 +43,9 @@ pub struct PredictArguments {
     /// The steps are without extrapolation. 1 as in a driver or an exported model.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     substeps: Option<u32>,
+    /// Computes the driver's model, also if the file has a linear model that errs less
+    #[arg(long)]
+    driver: bool,
     #[command(flatten)]
     adapt: AdaptArguments,
     #[command(flatten)]
@@ -87,6 +90,7 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
         resolution: arguments
             .substeps
             .map(|steps| Resolution { substeps: steps as usize, extrapolated: false }),
+        of_driver: arguments.driver,
     };
     let with_path = |error| format!("{}: {error}", arguments.params.display());
     let results = in_stages(arguments.log.threads, || {

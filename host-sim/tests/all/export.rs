@@ -372,7 +372,7 @@ fn export_gives_the_same_error_on_a_log_in_every_form() {
         let file = driver_file::parse(&params::emit(&fit, &data, None)).expect("a legal model");
         let predicted = predict_log(&file, &data, &PredictionOptions::AS_EXPORTED).expect("rows");
         let from_zero =
-            PredictionOptions { start: PredictionStart::Rest, resolution: Some(Resolution::PLAIN) };
+            PredictionOptions { start: PredictionStart::Rest, ..PredictionOptions::AS_EXPORTED };
         let from_zero = predict_log(&file, &data, &from_zero).expect("rows").metrics.rmse;
         let expected = predicted.metrics.rmse;
         assert!(from_zero > 1.05 * expected, "a start of no use: {from_zero} {expected}");

@@ -11,11 +11,12 @@ use crate::late_channel::{LateChannel, LateChannelKind};
 use crate::left_out::one_step_left_out;
 use crate::model::FittedModel;
 use crate::train_test::TrainTest;
+use friction_fit::measurement::{ChannelGain, Measurement};
 use friction_fit::predict::{Predicted, predict};
 use friction_fit::robust::Weighting;
 use friction_fit::solve::COMPARISON_TOLERANCE;
 use friction_fit::spec::SpecError;
-use friction_fit::torque_low_pass::LowPassShape;
+use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
 use friction_fit::{FitOptions, Outcome, identify};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{JointKind, Quantity, contract};
@@ -32,6 +33,12 @@ pub(super) struct CorrectedRows {
     pub(super) judged: TrainTest,
     /// Delay of the torque that the model has as a cause, s.
     pub(super) delay_s: Option<f64>,
+    /// Time by which the torque is late beside what is fitted, s.
+    torque_delay_s: f64,
+    /// Low-pass of the torque channel.
+    low_pass: TorqueLowPass,
+    /// Shares of other channels in the torque.
+    shares: Vec<ChannelShare>,
     /// The corrections as faults of the log.
     pub(super) findings: Vec<LogFinding>,
     /// Autocorrelation time of the residual in rows: so many rows are one observation for a fit.
@@ -49,16 +56,18 @@ impl CorrectedRows {
         let joint = log.train.joint;
         let step_s = rows.step_s;
         let (mut judged, mut delay_s, mut findings) = (log.clone(), None, Vec::new());
+        let (mut torque_delay_s, mut low_pass) = (0.0, TorqueLowPass::default());
         let (mut late_channel, mut shape) = (None, LowPassShape::FirstOrder);
         match finalist.correction {
             Correction::None => {}
             Correction::TorqueLate(late) if late > 1.0 => delay_s = Some(late * step_s),
             Correction::TorqueLate(late) if late >= -1.0 => {
-                judged = judged.with_later_velocity(-late * step_s);
+                torque_delay_s = late * step_s;
+                judged = judged.with_later_velocity(-torque_delay_s);
             }
             Correction::TorqueLate(late) => late_channel = Some((LateChannelKind::Velocity, -late)),
-            Correction::TorqueLowPass(late, low_pass) => {
-                (late_channel, shape) = (Some((LateChannelKind::LowPassedTorque, late)), low_pass);
+            Correction::TorqueLowPass(late, own) => {
+                (late_channel, shape) = (Some((LateChannelKind::LowPassedTorque, late)), own);
             }
         }
         if let Some((late, rows)) =
@@ -67,10 +76,18 @@ impl CorrectedRows {
             let share_left = finalist.share_left;
             let channel = LateChannel { late, time_s: rows * step_s, shape, share_left };
             judged = channel.lag_compensated(judged);
+            match late {
+                LateChannelKind::Velocity => torque_delay_s = -channel.time_s,
+                LateChannelKind::LowPassedTorque => {
+                    low_pass = TorqueLowPass { time_s: channel.time_s, shape };
+                }
+            }
             findings.push(channel.finding(joint));
         }
+        let mut shares = Vec::new();
         if !options.as_logged.contains(&LogFindingKind::ChannelGain) {
-            for share in &finalist.shares {
+            shares.clone_from(&finalist.shares);
+            for share in &shares {
                 judged = judged.without_share(share);
                 findings.push(share_finding(share, joint));
             }
@@ -80,7 +97,24 @@ impl CorrectedRows {
             let first = rows.runs[track.run].start + track.first_row;
             track.scale_weights(|row| rows.weights[first + row].powi(2));
         }
-        Self { fitted, judged, delay_s, findings, memory_rows: 1.0 }
+        let memory_rows = 1.0;
+        Self { fitted, judged, delay_s, torque_delay_s, low_pass, shares, findings, memory_rows }
+    }
+
+    /// Returns what lies between the shaft and the log.
+    pub(super) fn measurement(&self, is_reversed: bool) -> Measurement {
+        let torque_sign = if is_reversed { -1.0 } else { 1.0 };
+        let gain = |share: &ChannelShare| ChannelGain {
+            column: share.column.clone(),
+            gain: torque_sign * share.torque_per_unit,
+            mean: share.mean,
+        };
+        Measurement {
+            torque_delay_s: self.torque_delay_s,
+            torque_low_pass: self.low_pass,
+            torque_sign,
+            channel_gains: self.shares.iter().map(gain).collect(),
+        }
     }
 
     /// Fits a model to all rows, from its parameters, until it converges.

@@ -27,6 +27,8 @@ const ROWS_AT_ONCE: usize = 128;
 #[derive(Clone, Debug)]
 pub struct Bank {
     scale: Vec<f64>,
+    /// True for a column whose coefficient cannot be negative, such as a friction level.
+    non_negative: Vec<bool>,
     blocks: Vec<DMatrix<f64>>,
     total: DMatrix<f64>,
     /// Products over the rows of each fold, [`LANES`] folds side by side. At least one lane has no rows.
@@ -64,7 +66,15 @@ impl Bank {
         };
         let folds = (0..=fold_count / LANES).map(group).collect();
         let fold_of = rows.fold_of_block.clone();
-        Self { scale, blocks, total, folds, fold_count, fold_of }
+        let non_negative = vec![false; columns.len()];
+        Self { scale, non_negative, blocks, total, folds, fold_count, fold_of }
+    }
+
+    /// Sets which of the first columns cannot have a negative coefficient. A column that would have one is left out.
+    #[must_use]
+    pub fn with_non_negative(mut self, first: impl IntoIterator<Item = bool>) -> Self {
+        self.non_negative.iter_mut().zip(first).for_each(|(own, value)| *own = value);
+        self
     }
 
     /// Returns the held-out squared error of some columns. Their coefficients are then those of [`Self::sizes`].
@@ -112,8 +122,36 @@ impl Bank {
         self.total.nrows()
     }
 
-    /// Solves for the coefficients of some columns without each fold.
+    /// Solves for the coefficients of some columns without each fold. Those that would be negative and cannot be are 0: the
+    /// most negative column is left out of all folds, and the rest is solved again.
     fn solve(&self, columns: &[usize], work: &mut Workspace) {
+        self.solve_all(columns, work);
+        if !columns.iter().any(|column| self.non_negative[*column]) {
+            return;
+        }
+        let mut kept: Vec<usize> = (0..columns.len()).collect();
+        let (group, lane) = (self.fold_count / LANES, self.fold_count % LANES);
+        loop {
+            let own = &work.coefficients[group];
+            let size = |at: &usize| own[*at][lane];
+            let negative = (0..kept.len())
+                .filter(|at| self.non_negative[columns[kept[*at]]] && size(at) < 0.0);
+            let Some(most) = negative.min_by(|a, b| size(a).total_cmp(&size(b))) else { break };
+            kept.remove(most);
+            let columns: Vec<usize> = kept.iter().map(|at| columns[*at]).collect();
+            self.solve_all(&columns, work);
+        }
+        if kept.len() < columns.len() {
+            for own in &mut work.coefficients {
+                let mut all = vec![lanes(|_| 0.0); columns.len()];
+                kept.iter().zip(own.iter()).for_each(|(at, value)| all[*at] = *value);
+                *own = all;
+            }
+        }
+    }
+
+    /// Solves for the coefficients of some columns of any sign without each fold.
+    fn solve_all(&self, columns: &[usize], work: &mut Workspace) {
         checkpoint();
         let (size, stride) = (columns.len(), self.stride());
         let total = self.total.as_slice();

@@ -17,6 +17,7 @@ mod unknown;
 use super::law::Shapes;
 use super::rows::Rows;
 use backlash::GapGrid;
+use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::work::checkpoint;
 use rayon::prelude::*;
 use ripple::RippleOrders;
@@ -30,6 +31,8 @@ pub struct Variant {
     pub follows: String,
     /// What distinguishes the variant: orders, rows of delay, shape.
     pub detail: String,
+    /// What its columns are, where they mean the same on another log; empty for columns of a simulation.
+    pub regressors: Vec<Regressor>,
     /// Its columns in all rows.
     pub columns: Vec<Vec<f64>>,
     /// Prior cost: the share of the error that the variant must take to be worth its place.
@@ -92,7 +95,7 @@ struct CauseRow {
 pub(crate) struct Columns {
     follows: String,
     detail: String,
-    columns: Vec<Vec<f64>>,
+    regressors: Vec<Regressor>,
 }
 
 /// Name of the variants that correct the gain or the sign of a channel: an added torque in proportion to it. They are faults of
@@ -188,37 +191,42 @@ pub fn variants(context: &Context) -> Vec<Variant> {
     let is_usable = |column: &Vec<f64>| {
         column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0)
     };
+    let find = |name: &str| context.rows.column(name);
+    let inputs = Inputs { motion: &context.rows.motion, level: context.level, column: &find };
     let of_cause = |row: &CauseRow| -> Vec<Variant> {
         checkpoint();
-        let made = (row.build)(context).into_iter();
-        let usable =
-            made.filter(|own| !own.columns.is_empty() && own.columns.iter().all(is_usable));
-        let variant = |own: Columns| Variant {
-            cause: row.name,
-            follows: own.follows,
-            detail: own.detail,
-            price: row.price + COLUMN_PRICE * (own.columns.len() - 1) as f64,
-            columns: own.columns,
-            sign: row.sign,
+        let variant = |own: Columns| {
+            let columns = own.regressors.iter().map(|regressor| regressor.values(&inputs));
+            let columns: Vec<Vec<f64>> = columns.collect::<Option<_>>()?;
+            let is_usable = !columns.is_empty() && columns.iter().all(is_usable);
+            is_usable.then(|| Variant {
+                cause: row.name,
+                follows: own.follows,
+                detail: own.detail,
+                price: row.price + COLUMN_PRICE * (columns.len() - 1) as f64,
+                regressors: own.regressors,
+                columns,
+                sign: row.sign,
+            })
         };
-        usable.map(variant).collect()
+        (row.build)(context).into_iter().filter_map(variant).collect()
     };
     CAUSES.par_iter().flat_map_iter(of_cause).collect()
 }
 
 impl Context<'_> {
-    /// Returns a function of each row's friction level and index.
-    fn with_level(&self, mut of: impl FnMut(usize) -> f64) -> Vec<f64> {
-        self.rows.map(|row| self.level[row] * of(row))
-    }
-
-    /// Returns the main stop.
-    fn stop(&self) -> &[f64] {
-        &self.shapes.stops[self.travel]
+    /// Returns the travel of the main stop.
+    fn travel(&self) -> f64 {
+        self.shapes.travels[self.travel]
     }
 }
 
-/// Returns columns without a covariate.
-fn plain(detail: &str, columns: Vec<Vec<f64>>) -> Columns {
-    Columns { detail: detail.into(), columns, ..Columns::default() }
+/// Returns the friction level times another factor.
+fn of_level(factor: Factor) -> Regressor {
+    Regressor::from([Factor::Level, factor])
+}
+
+/// Returns regressors without a covariate.
+fn plain(detail: &str, regressors: Vec<Regressor>) -> Columns {
+    Columns { detail: detail.into(), regressors, ..Columns::default() }
 }

@@ -4,9 +4,8 @@
 //! explained by columns moved later, a torque that passed a filter by columns that pass the same filter. So every hypothesis
 //! is judged on the same numbers.
 
-use super::operator::{later, low_pass, running_mean};
 use super::rows::Rows;
-use friction_fit::torque_low_pass::LowPassShape;
+use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
 
 /// A correction of the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,20 +60,21 @@ impl Correction {
         }
     }
 
+    /// Returns the delay of the torque, s, and its low-pass, for a sample period.
+    pub fn of_torque(self, step_s: f64) -> (f64, TorqueLowPass) {
+        match self {
+            Correction::None => (0.0, TorqueLowPass::default()),
+            Correction::TorqueLate(rows) => (rows * step_s, TorqueLowPass::default()),
+            Correction::TorqueLowPass(rows, shape) => {
+                (0.0, TorqueLowPass { time_s: rows * step_s, shape })
+            }
+        }
+    }
+
     /// Returns a column as the torque channel would have logged it.
     pub fn apply(self, rows: &Rows, column: &[f64]) -> Vec<f64> {
-        match self {
-            Correction::None => column.to_vec(),
-            Correction::TorqueLate(by) => later(column, &rows.runs, by),
-            Correction::TorqueLowPass(by, shape) => match shape {
-                LowPassShape::FirstOrder => low_pass(column, &rows.runs, by),
-                LowPassShape::SecondOrder => {
-                    let first = low_pass(column, &rows.runs, 0.5 * by);
-                    low_pass(&first, &rows.runs, 0.5 * by)
-                }
-                LowPassShape::RunningMean => running_mean(column, &rows.runs, 2.0 * by),
-            },
-        }
+        let (late_s, low_pass) = self.of_torque(rows.step_s);
+        rows.motion.as_logged(column, late_s, low_pass)
     }
 
     /// Returns the correction with its size in seconds, for a report.

@@ -3,6 +3,7 @@
 //! A motor current is the torque in another unit and holds every error of the model, so a column that follows the torque from
 //! row to row explains nothing. A copy of another column would make both of them useless. Neither is a covariate.
 
+use friction_fit::linear::Factor;
 use joint_log::{Dataset, Quantity, contract};
 
 /// Correlation of values above which a column is another reading of the torque.
@@ -91,6 +92,17 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
 }
 
 impl Covariate {
+    /// Returns the values less their mean, over their spread, as a factor.
+    pub fn factor(&self) -> Factor {
+        self.late(0.0)
+    }
+
+    /// Returns the same of a column that is `late_s` after the motion.
+    pub fn late(&self, late_s: f64) -> Factor {
+        let (mean, spread) = self.mean_and_spread();
+        Factor::Column { name: self.name.clone(), mean, spread, late_s }
+    }
+
     /// Returns the mean of the values, and their spread.
     pub fn mean_and_spread(&self) -> (f64, f64) {
         mean_and_spread(&self.values)

@@ -51,6 +51,10 @@ pub(crate) struct Base {
     pub(crate) columns: Vec<Vec<f64>>,
     /// Friction torque over its RMS, positive in forward sliding.
     pub(crate) level: Vec<f64>,
+    /// Factor from the friction torque to the level.
+    pub(crate) level_scale: f64,
+    /// True for a column whose coefficient cannot be negative.
+    non_negative: Vec<bool>,
     /// What the law leaves, fitted to all rows.
     pub(crate) residual: Vec<f64>,
     /// True if the friction drives the motion: the sign of the torque is reversed.
@@ -73,19 +77,28 @@ impl Base {
     /// Returns a law of stops and falling functions.
     pub(crate) fn of_shapes(rows: &Rows, shapes: &Shapes, law: &Law) -> Self {
         let columns = shapes.columns(rows, law);
-        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
+        let non_negative = shapes.non_negative(rows, law);
+        let free = Self::with_signs(rows, law, columns.clone(), vec![false; columns.len()]);
+        // A torque of the wrong sign has negative levels, which are to be seen.
+        if free.is_driving { free } else { Self::with_signs(rows, law, columns, non_negative) }
+    }
+
+    fn with_signs(rows: &Rows, law: &Law, columns: Vec<Vec<f64>>, non_negative: Vec<bool>) -> Self {
+        let Fitted { sizes, residual } = Fitted::new(rows, &columns, &non_negative);
         let stops = law.stops.len();
         let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
         let own = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
         let own: Vec<usize> = own.collect();
         let level = rows.map(|row| own.iter().map(|at| columns[*at][row] * sizes[*at]).sum());
-        let (level, is_driving) = scaled_level(rows, level);
+        let (level, level_scale) = scaled_level(rows, level);
         Self {
             name: law.name,
             columns,
             level,
+            level_scale,
+            non_negative,
             residual,
-            is_driving,
+            is_driving: level_scale < 0.0,
             sizes,
             has_slip: law.stops.len() > 1,
             origin: Origin::Shapes(law.clone()),
@@ -111,16 +124,19 @@ impl Base {
             columns.extend(shapes.falls.iter().map(|fall| product(&shapes.stops[travel], fall)));
             price = law.price();
         }
-        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
-        let (level, is_driving) = scaled_level(rows, kernel.level.clone());
+        let non_negative = vec![false; columns.len()];
+        let Fitted { sizes, residual } = Fitted::new(rows, &columns, &non_negative);
+        let (level, level_scale) = scaled_level(rows, kernel.level.clone());
         let name = if free.is_some() { "lugre with slip" } else { "lugre" };
         let simulated = kernel.simulated.clone();
         Self {
             name,
             columns,
             level,
+            level_scale,
+            non_negative,
             residual,
-            is_driving,
+            is_driving: level_scale < 0.0,
             sizes,
             has_slip: free.is_some(),
             origin: Origin::Kernel(Box::new(kernel.parameters.clone())),
@@ -138,23 +154,25 @@ struct Fitted {
 }
 
 impl Fitted {
-    fn new(rows: &Rows, columns: &[Vec<f64>]) -> Self {
+    fn new(rows: &Rows, columns: &[Vec<f64>], non_negative: &[bool]) -> Self {
         let all: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let indices: Vec<usize> = (0..all.len()).collect();
-        let sizes = Bank::new(rows, &all).fit(&indices, &mut Workspace::default());
+        let bank = Bank::new(rows, &all).with_non_negative(non_negative.iter().copied());
+        let sizes = bank.fit(&indices, &mut Workspace::default());
         let model = |row: usize| all.iter().zip(&sizes).map(|(c, size)| c[row] * size).sum::<f64>();
         let residual = rows.map(|row| rows.torque[row] - model(row));
         Self { sizes, residual }
     }
 }
 
-/// Returns a friction torque over its RMS, positive in forward sliding and whether it drives the motion.
-fn scaled_level(rows: &Rows, mut level: Vec<f64>) -> (Vec<f64>, bool) {
+/// Returns a friction torque over its RMS, positive in forward sliding, and the factor to it: negative if the torque drives
+/// the motion.
+fn scaled_level(rows: &Rows, mut level: Vec<f64>) -> (Vec<f64>, f64) {
     let squares: f64 = level.iter().map(|v| v * v).sum();
     let along: f64 = level.iter().zip(&rows.velocity).map(|(a, b)| a * b).sum();
     let scale = along.signum() / ((squares / level.len().max(1) as f64).sqrt() + 1e-300);
     level.iter_mut().for_each(|v| *v *= scale);
-    (level, along < 0.0)
+    (level, scale)
 }
 
 /// Columns and products of one correction and law.
@@ -184,7 +202,8 @@ impl Entry {
         let columns =
             base.columns.iter().chain(variants.iter().flat_map(|variant| &variant.columns));
         let columns: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
-        let bank = Bank::new(rows, &columns);
+        let signs = base.non_negative.iter().copied();
+        let bank = Bank::new(rows, &columns).with_non_negative(signs);
         Self { base, correction, variants, bank, orders }
     }
 

@@ -12,11 +12,11 @@
 use super::cause::{Variant, simulated};
 use super::correction::Correction;
 use super::law::LawStart;
-use super::operator::later;
 use super::rows::Rows;
 use crate::sensitivities::{Sensitivities, TrackSensitivities, sensitivities};
 use crate::uncertain_motion;
 use compensator_core::{LawKind, ParameterId, Parameters};
+use friction_fit::linear::operator::later;
 use friction_fit::scales::Scales;
 use friction_fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE};
 use friction_fit::spec::Spec;

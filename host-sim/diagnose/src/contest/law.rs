@@ -9,8 +9,9 @@
 //! in for a backlash.
 
 use super::bank::{Bank, Workspace};
-use super::operator::stop;
 use super::rows::Rows;
+use friction_fit::linear::operator::stop;
+use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::Quantity;
 
 /// Number of travels that are tried.
@@ -44,6 +45,8 @@ pub struct Shapes {
     pub travels: Vec<f64>,
     /// The stop of each travel.
     pub stops: Vec<Vec<f64>>,
+    /// Speeds over which the falling functions fall.
+    pub widths: [f64; 3],
     /// Falling functions of speed, one for each width.
     pub falls: Vec<Vec<f64>>,
     /// Rigid-body columns.
@@ -79,10 +82,10 @@ impl Shapes {
         let travels: Vec<f64> = (0..TRAVELS).map(|at| least * ratio.powi(at as i32)).collect();
         let stops =
             travels.iter().map(|travel| stop(&rows.position, &rows.runs, *travel)).collect();
-        let fall = |width: &f64| {
-            rows.map(|row| (-rows.smooth_velocity[row].abs() / (width * rows.top_speed)).exp())
-        };
-        Self { travels, stops, falls: WIDTHS.iter().map(fall).collect(), rigid: rigid(rows) }
+        let widths = WIDTHS.map(|width| width * rows.top_speed);
+        let fall = |width: &f64| rows.map(|row| (-rows.smooth_velocity[row].abs() / width).exp());
+        let falls = widths.iter().map(fall).collect();
+        Self { travels, stops, widths, falls, rigid: rigid(rows) }
     }
 
     /// Returns the columns of a law.
@@ -97,11 +100,37 @@ impl Shapes {
         columns
     }
 
+    /// Returns what the columns of a law are, in the order of [`Self::columns`], each with its name.
+    pub fn regressors(&self, rows: &Rows, law: &Law) -> Vec<(&'static str, Regressor)> {
+        let stop = |at: &usize| Regressor::from([Factor::Stop { travel: self.travels[*at] }]);
+        let mut found: Vec<_> = law.stops.iter().map(|at| (COULOMB, stop(at))).collect();
+        found.push((VISCOUS, Regressor::from([Factor::Velocity])));
+        if law.has_falls {
+            let main = stop(&law.stops[0]);
+            let fall = |width: &f64| main.clone().times(Factor::Falling { velocity: *width });
+            found.extend(self.widths.iter().map(|width| (STRIBECK, fall(width))));
+        }
+        found.extend(rigid_regressors(rows));
+        found
+    }
+
+    /// Returns for each column of a law whether its coefficient cannot be negative: friction levels, their fall with the speed,
+    /// viscous friction and inertia.
+    pub fn non_negative(&self, rows: &Rows, law: &Law) -> Vec<bool> {
+        let signed = [COULOMB, VISCOUS, STRIBECK, INERTIA];
+        self.regressors(rows, law).iter().map(|(name, _)| signed.contains(name)).collect()
+    }
+
     /// Returns the index of the travel that is nearest to a displacement, as a ratio.
     pub fn nearest_travel(&self, displacement: f64) -> usize {
         let distance = |at: &usize| (self.travels[*at] / displacement).ln().abs();
         let all = 0..self.travels.len();
         all.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or_default()
+    }
+
+    /// Returns Coulomb and viscous friction.
+    pub fn plain_law() -> Law {
+        Law { name: "linear", stops: vec![0], has_falls: false, error: f64::INFINITY }
     }
 
     /// Returns the competing laws, the best first: the static ones, those with one stop, and Maxwell slip.
@@ -132,23 +161,42 @@ impl Shapes {
     }
 }
 
-fn rigid(rows: &Rows) -> Vec<Vec<f64>> {
-    let mut columns = Vec::new();
+/// Name of a stop in a law.
+pub const COULOMB: &str = "coulomb";
+
+/// Name of the viscous part of a law.
+pub const VISCOUS: &str = "viscous";
+
+/// Name of a part that falls with the speed.
+pub const STRIBECK: &str = "stribeck";
+
+/// Name of the inertia among the rigid-body parts.
+pub const INERTIA: &str = "inertia";
+
+/// Returns the rigid-body parts of the torque column, each with its name.
+fn rigid_regressors(rows: &Rows) -> Vec<(&'static str, Regressor)> {
     let parts = rows.rigid_body;
+    let mut found = Vec::new();
     if parts.offset {
-        columns.push(vec![1.0; rows.len()]);
+        found.push(("offset", Factor::One));
     }
     if parts.inertia {
-        columns.push(rows.acceleration.clone());
+        found.push((INERTIA, Factor::Acceleration));
     }
     if parts.gravity {
-        columns.push(rows.position.iter().map(|q| q.sin()).collect());
-        columns.push(rows.position.iter().map(|q| q.cos()).collect());
+        let order = 1.0;
+        found.extend([("gravity", Factor::Sine { order }), ("gravity", Factor::Cosine { order })]);
     }
     if let Some(load) = rows.quantity(Quantity::LoadTorque).filter(|_| parts.load) {
-        columns.push(load.values.clone());
+        found.push(("load", Factor::of_column(&load.name)));
     }
-    columns
+    found.into_iter().map(|(name, factor)| (name, Regressor::from([factor]))).collect()
+}
+
+fn rigid(rows: &Rows) -> Vec<Vec<f64>> {
+    let find = |name: &str| rows.column(name);
+    let inputs = Inputs { motion: &rows.motion, level: &[], column: &find };
+    rigid_regressors(rows).iter().filter_map(|(_, own)| own.values(&inputs)).collect()
 }
 
 /// Returns the product of two columns.
@@ -174,14 +222,19 @@ impl LawTable {
         all.push(&rows.smooth_velocity);
         all.extend(shapes.rigid.iter().map(Vec::as_slice));
         all.extend(falling.iter().map(Vec::as_slice));
+        // As in `non_negative`.
+        let rigid = rigid_regressors(rows);
+        let signs = shapes.stops.iter().map(|_| true).chain([true]);
+        let signs = signs.chain(rigid.iter().map(|(name, _)| *name == INERTIA));
+        let signs = signs.chain(falling.iter().map(|_| true));
         Self {
-            bank: Bank::new(rows, &all),
+            bank: Bank::new(rows, &all).with_non_negative(signs),
             travels: shapes.travels.len(),
             rigid: shapes.rigid.len(),
         }
     }
 
-    /// Returns a law with its held-out error; `None` if a stop has a negative size.
+    /// Returns a law with its held-out error; `None` if one of several stops has no size.
     fn law(&self, stops: &[usize], has_falls: bool) -> Option<Law> {
         let mut columns = stops.to_vec();
         columns.extend(self.travels..=self.travels + self.rigid);
@@ -191,7 +244,7 @@ impl LawTable {
         }
         let mut work = Workspace::default();
         let sizes = self.bank.fit(&columns, &mut work);
-        if stops.len() > 1 && sizes[..stops.len()].iter().any(|size| *size < 0.0) {
+        if stops.len() > 1 && sizes[..stops.len()].iter().any(|size| *size <= 0.0) {
             return None;
         }
         let name = match (stops.len(), stops[0] == 0, has_falls) {

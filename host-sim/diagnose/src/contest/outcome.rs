@@ -6,6 +6,7 @@ use super::draws::{self, DRAWS, Draws};
 use super::entry::{Entry, Origin};
 use super::law::{LawStart, Shapes};
 use super::ledger::{CauseKey, Hypothesis, Ledger};
+use super::linear::LinearAnswer;
 use super::rows::Rows;
 use crate::channel_share::ChannelShare;
 use compensator_core::ParameterId;
@@ -96,6 +97,8 @@ pub struct Outcome {
     pub hypotheses: usize,
     /// Hypotheses to be fitted with the driver's law: the best one first, then those that win draws.
     pub finalists: Vec<Finalist>,
+    /// The best hypothesis that is a model for other logs.
+    pub linear: Option<LinearAnswer>,
     /// Each entry's law and correction, with its error without a cause and its least error, as ratios to the base error.
     pub entries: Vec<(String, f64, f64)>,
 }
@@ -147,6 +150,7 @@ impl Outcome {
                 .map(|hypothesis| table.finalist(rows, hypothesis))
                 .collect(),
             entries: table.entries(rows, base.error),
+            linear: None,
         }
     }
 }

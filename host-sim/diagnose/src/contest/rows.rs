@@ -7,12 +7,12 @@
 //! each run can still be judged.
 
 use super::covariate::{Covariate, covariates};
-use super::operator::{slope, smooth};
 use compensator_core::TermKind;
 use friction_fit::Track;
+use friction_fit::linear::Motion;
 use friction_fit::scales::white_noise;
-use joint_log::{Dataset, JointKind, Quantity, Run, segments};
-use std::ops::Range;
+use joint_log::{Dataset, Quantity, segments};
+use std::ops::{Deref, DerefMut, Range};
 
 /// Fewest runs that are left out whole.
 const MIN_RUNS_FOR_FOLDS: usize = 3;
@@ -64,26 +64,10 @@ impl RigidBody {
 /// A log in long columns, with what every hypothesis shares. Units are those of the log; a linear joint has N for Nm.
 #[derive(Clone, Debug)]
 pub struct Rows {
-    /// Kind of the joint.
-    pub joint: JointKind,
+    /// Time and motion.
+    pub motion: Motion,
     /// Rigid-body parts of the base law.
     pub rigid_body: RigidBody,
-    /// Rows of each run.
-    pub runs: Vec<Range<usize>>,
-    /// Median sample period, s.
-    pub step_s: f64,
-    /// Time, s.
-    pub time_s: Vec<f64>,
-    /// Position: logged, or integrated from the velocity within each run.
-    pub position: Vec<f64>,
-    /// True if the position is logged.
-    pub has_position: bool,
-    /// Velocity.
-    pub velocity: Vec<f64>,
-    /// Velocity without its noise of single rows, for columns that bend near zero speed.
-    pub smooth_velocity: Vec<f64>,
-    /// Acceleration, measured or derived.
-    pub acceleration: Vec<f64>,
     /// Measured torque: the target.
     pub torque: Vec<f64>,
     /// Other columns that may explain the torque.
@@ -96,8 +80,6 @@ pub struct Rows {
     pub swing: f64,
     /// Range of the positions of all runs.
     pub span: f64,
-    /// True if time continues from run to run, as on the clock of a campaign.
-    pub has_campaign_clock: bool,
     /// Weight of each row.
     pub weights: Vec<f64>,
     /// Judged rows, in order.
@@ -121,33 +103,21 @@ pub struct Rows {
 impl Rows {
     /// Collects the rows of a log. `decimate` is the number of rows that are averaged to one.
     pub fn new(data: &Dataset, rigid_body: RigidBody, decimate: usize) -> Self {
-        let runs = run_ranges(data);
-        let long =
-            |of: &dyn Fn(&Run) -> Vec<f64>| data.runs.iter().flat_map(of).collect::<Vec<_>>();
-        let time_s = long(&|run| run.time_s.clone());
-        let velocity = long(&|run| run.velocity.clone());
-        let has_position = data.runs.iter().all(|run| run.get(Quantity::Position).is_some());
-        let position = long(&|run| match run.get(Quantity::Position).filter(|_| has_position) {
-            Some(position) => position.to_vec(),
-            None => integrated(run),
-        });
-        let smooth_velocity =
-            if has_position { smooth(&velocity, &runs, 5) } else { velocity.clone() };
+        let motion = Motion::new(data);
+        let Motion { velocity, position, runs, .. } = &motion;
+        let of_runs = data.runs.iter();
+        let weights = of_runs
+            .clone()
+            .flat_map(|run| (0..run.len()).map(|row| f64::from(u8::from(!run.is_spike(row)))));
         let mut rows = Self {
-            joint: data.joint,
             rigid_body,
-            step_s: median_step(&time_s, &runs),
-            acceleration: long(&|run| run.acceleration_or_derived().into_owned()),
-            torque: long(&|run| run.torque.clone()),
+            torque: of_runs.flat_map(|run| run.torque.iter().copied()).collect(),
             covariates: covariates(data),
             top_speed: quantile(velocity.iter().map(|v| v.abs()).collect(), TOP_SPEED).max(1e-12),
-            least_step: least_step(&position, &runs),
-            swing: swing(&position, &runs),
-            span: range(&position),
-            has_campaign_clock: has_campaign_clock(&data.runs),
-            weights: long(&|run| {
-                (0..run.len()).map(|row| f64::from(u8::from(!run.is_spike(row)))).collect()
-            }),
+            least_step: least_step(position, runs),
+            swing: swing(position, runs),
+            span: range(position),
+            weights: weights.collect(),
             judged: Vec::new(),
             averaged: decimate.max(1),
             blocks: Vec::new(),
@@ -156,12 +126,7 @@ impl Rows {
             noise_floor: noise(data, decimate.max(1)),
             is_reversed: false,
             tracks: friction_fit::tracks(data),
-            runs,
-            time_s,
-            position,
-            has_position,
-            velocity,
-            smooth_velocity,
+            motion,
         };
         rows.divide();
         rows
@@ -179,7 +144,7 @@ impl Rows {
         let whole = count >= fewest;
         let parts = if whole { 1 } else { FOLDS.div_ceil(count) };
         let blocks = parts * MIN_BLOCKS.div_ceil(count * parts);
-        for (run, range) in self.runs.iter().enumerate() {
+        for (run, range) in self.motion.runs.iter().enumerate() {
             let first = self.judged.len();
             let last = (range.end + 1).saturating_sub(self.averaged);
             self.judged
@@ -227,16 +192,6 @@ impl Rows {
         self.fold_of_block.iter().max().map_or(0, |most| most + 1)
     }
 
-    /// Returns the number of rows.
-    pub fn len(&self) -> usize {
-        self.time_s.len()
-    }
-
-    /// Returns true if there are no rows.
-    pub fn is_empty(&self) -> bool {
-        self.time_s.is_empty()
-    }
-
     /// Returns the value of a column that is judged from this row on.
     pub fn judged_value(&self, column: &[f64], row: usize) -> f64 {
         if self.averaged == 1 {
@@ -258,19 +213,34 @@ impl Rows {
         (0..self.len()).map(of).collect()
     }
 
-    /// Returns the time derivative of a column within runs.
-    pub fn slope(&self, column: &[f64]) -> Vec<f64> {
-        slope(column, &self.time_s, &self.runs)
-    }
-
     /// Returns a covariate by its quantity.
     pub fn quantity(&self, quantity: Quantity) -> Option<&Covariate> {
         self.covariates.iter().find(|covariate| covariate.quantity == Some(quantity))
     }
 
+    /// Returns the values of a covariate by its name.
+    pub fn column(&self, name: &str) -> Option<&[f64]> {
+        let own = self.covariates.iter().find(|covariate| covariate.name == name)?;
+        Some(&own.values)
+    }
+
     /// Returns the sum of the squared weights of the judged rows.
     pub fn weight(&self) -> f64 {
         self.judged.iter().map(|row| self.weights[*row].powi(2)).sum()
+    }
+}
+
+impl Deref for Rows {
+    type Target = Motion;
+
+    fn deref(&self) -> &Motion {
+        &self.motion
+    }
+}
+
+impl DerefMut for Rows {
+    fn deref_mut(&mut self) -> &mut Motion {
+        &mut self.motion
     }
 }
 
@@ -282,34 +252,6 @@ fn within_runs(scaled: &[f64], runs: &[Range<usize>]) -> f64 {
         values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
     };
     runs.iter().map(within).sum::<f64>() / scaled.len().max(1) as f64
-}
-
-fn run_ranges(data: &Dataset) -> Vec<Range<usize>> {
-    let mut at = 0;
-    let range = |run: &Run| {
-        at += run.len();
-        at - run.len()..at
-    };
-    data.runs.iter().map(range).collect()
-}
-
-/// Returns the displacement of a run without a position, by the trapezoid sum of its velocity over unbroken stretches.
-fn integrated(run: &Run) -> Vec<f64> {
-    let mut position = vec![0.0; run.len()];
-    for stretch in segments(run) {
-        for row in stretch {
-            let before = row.saturating_sub(1);
-            let seconds = run.time_s[row] - run.time_s[before];
-            let mean = 0.5 * (run.velocity[row] + run.velocity[before]);
-            position[row] = position[before] + mean * seconds;
-        }
-    }
-    position
-}
-
-fn median_step(time_s: &[f64], runs: &[Range<usize>]) -> f64 {
-    let steps = runs.iter().flat_map(|run| time_s[run.clone()].windows(2).map(|w| w[1] - w[0]));
-    quantile(steps.filter(|step| *step > 0.0).collect(), 0.5).max(1e-9)
 }
 
 fn least_step(position: &[f64], runs: &[Range<usize>]) -> f64 {
@@ -335,13 +277,6 @@ pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     }
     let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
     *values.select_nth_unstable_by(at, f64::total_cmp).1
-}
-
-fn has_campaign_clock(runs: &[Run]) -> bool {
-    let mut ends: Vec<(f64, f64)> =
-        runs.iter().filter_map(|run| Some((*run.time_s.first()?, *run.time_s.last()?))).collect();
-    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ends.windows(2).all(|pair| pair[0].1 <= pair[1].0)
 }
 
 /// Returns the noise of the torque after an average of some rows, from its second differences.

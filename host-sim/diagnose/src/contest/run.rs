@@ -13,6 +13,7 @@ use super::entry::{Base, Entry, Origin, Waves};
 use super::kernel::{KernelLaw, KernelStart};
 use super::law::{Law, LawStart, Shapes};
 use super::ledger::{Hypothesis, Ledger};
+use super::linear::{self, transferable};
 use super::outcome::{Outcome, Table, finalists};
 use super::rows::Rows;
 use super::weights::weigh;
@@ -81,7 +82,13 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     {
         entries[hypothesis.bank].restore_columns(rows, &shapes, &waves, &hypothesis.set);
     }
-    Outcome::new(rows, Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws })
+    let linear = transferable(&entries, &ledger).and_then(|hypothesis| {
+        let entry = &mut entries[hypothesis.bank];
+        entry.restore_columns(rows, &shapes, &waves, &hypothesis.set);
+        linear::answer(rows, &shapes, entry, hypothesis)
+    });
+    let table = Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws };
+    Outcome { linear, ..Outcome::new(rows, table) }
 }
 
 /// A contest on the way.
@@ -194,16 +201,15 @@ impl Contest<'_> {
 /// Reverses a torque of the wrong sign, fits the driver's law without a cause and weighs the rows by what it leaves. Returns
 /// `None` if there is no law at all.
 fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
-    let laws = shapes.laws(rows);
-    let law = laws.first()?;
-    let mut base = Base::of_shapes(rows, shapes, law);
     // A load that is lowered drives the motion as well, one way.
     let pairs =
         rows.torque.iter().zip(&rows.velocity).map(|(torque, velocity)| (*torque, *velocity));
-    if base.is_driving && drives_both_ways(pairs) {
+    if drives_both_ways(pairs) && Base::of_shapes(rows, shapes, &Shapes::plain_law()).is_driving {
         rows.reverse_torque();
-        base = Base::of_shapes(rows, shapes, law);
     }
+    let laws = shapes.laws(rows);
+    let law = laws.first()?;
+    let base = Base::of_shapes(rows, shapes, law);
     let start = |law: &Law| {
         let sizes = Base::of_shapes(rows, shapes, law).sizes;
         KernelStart::of_shapes(rows, &LawStart::of_shapes(rows, shapes, law, &sizes))

@@ -192,6 +192,7 @@ mod tests {
             cause,
             follows: String::new(),
             detail: String::new(),
+            regressors: Vec::new(),
             columns: vec![column],
             price: 0.02,
             sign: 1.0,

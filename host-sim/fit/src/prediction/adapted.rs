@@ -94,6 +94,8 @@ pub fn predict_adapted(
     if file.network.is_some() {
         return Err("a network supplies the levels, expected a model without one".into());
     }
+    // Gains follow the driver's law.
+    let options = &PredictionOptions { of_driver: true, ..*options };
     let fixed = predict_tracks(file, data, tracks, options)?;
     let order = order_of_time(tracks);
     let settings = settings(file, data, tracks, &fixed, &order, adapt);

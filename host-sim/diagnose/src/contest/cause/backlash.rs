@@ -4,11 +4,12 @@
 //! nonlinearly, so a grid of both is computed once, and the pairs that explain most become variants: beside the law's own stop,
 //! beside it and an asymmetry, and in place of it.
 
-use super::{Columns, Context};
+use super::{Columns, Context, plain};
 use crate::contest::bank::{Bank, Workspace};
-use crate::contest::law::{Shapes, product};
-use crate::contest::operator::{play, stop};
+use crate::contest::law::Shapes;
 use crate::contest::rows::Rows;
+use friction_fit::linear::operator::{play, stop};
+use friction_fit::linear::{Factor, Regressor};
 use joint_log::work::checkpoint;
 use rayon::prelude::*;
 
@@ -90,17 +91,12 @@ impl GapGrid {
 }
 
 pub(super) fn backlash(context: &Context) -> Vec<Columns> {
+    let width = context.shapes.widths[1];
     let variant = |pair: usize| {
-        // Computed again: the columns of the whole grid would be a quarter of the memory.
         let (gap, travel) = context.gaps.pairs[pair];
-        let moved = play(&context.rows.position, &context.rows.runs, 0.5 * gap);
-        let column = stop(&moved, &context.rows.runs, travel);
-        let falling = product(&column, &context.shapes.falls[1]);
-        Columns {
-            detail: format!("gap {gap:.3e}, travel {travel:.3e}"),
-            columns: vec![column, falling],
-            ..Columns::default()
-        }
+        let behind = Regressor::from([Factor::StopBehindGap { gap, travel }]);
+        let falling = behind.clone().times(Factor::Falling { velocity: width });
+        plain(&format!("gap {gap:.3e}, travel {travel:.3e}"), vec![behind, falling])
     };
     context.gaps.best(context.travel).into_iter().map(variant).collect()
 }

@@ -3,10 +3,9 @@
 //! A covariate may be logged late or early. The delay in rows that explains most of what the law leaves is a variant of its
 //! own beside the column as logged.
 
-use super::{Columns, Context};
+use super::{Columns, Context, of_level};
 use crate::contest::covariate::{Covariate, OtherMotion, correlation};
-use crate::contest::law::product;
-use crate::contest::operator::{low_pass, shift};
+use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::Quantity;
 
 /// Delays of a covariate that are tried, rows.
@@ -18,68 +17,74 @@ const MIN_DELAY_GAIN: f64 = 1.1;
 /// Most columns of other joints.
 const MOST_COUPLED: usize = 8;
 
-/// Returns a known covariate, with the delay that explains most in the given form.
-fn forms(context: &Context, quantity: Quantity, form: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Columns> {
-    let Some(covariate) = context.rows.quantity(quantity) else { return Vec::new() };
-    with_delays(context, covariate, form)
-}
+/// Rows over which the bristles follow a changing side load.
+const RATE_ROWS: f64 = 3.0;
 
-fn with_delays(
+/// Returns a known covariate in the given form, as logged and with the delay that explains most.
+fn forms(
     context: &Context,
-    covariate: &Covariate,
-    form: impl Fn(&[f64]) -> Vec<f64>,
+    quantity: Quantity,
+    form: impl Fn(Factor) -> Regressor,
 ) -> Vec<Columns> {
-    let variant = |detail: String, column| Columns {
+    let rows = context.rows;
+    let Some(covariate) = rows.quantity(quantity) else { return Vec::new() };
+    let variant = |detail: String, late_s: f64| Columns {
         follows: covariate.name.clone(),
         detail,
-        columns: vec![column],
+        regressors: vec![form(covariate.late(late_s))],
     };
-    let own = form(&covariate.scaled);
-    let explains = |column: &[f64]| correlation(column, context.residual).powi(2);
-    let base = explains(&own);
-    let mut found = vec![variant(String::new(), own)];
+    let find = |name: &str| rows.column(name);
+    let inputs = Inputs { motion: &rows.motion, level: context.level, column: &find };
+    let explains = |late_s: f64| {
+        let column = form(covariate.late(late_s)).values(&inputs).unwrap_or_default();
+        correlation(&column, context.residual).powi(2)
+    };
+    let mut found = vec![variant(String::new(), 0.0)];
     // A column with a few levels does not say when it changed within a level.
     if covariate.levels < 12 {
         return found;
     }
-    let late = |rows: i32| form(&shift(&covariate.scaled, &context.rows.runs, -rows));
-    let best = DELAYS
-        .into_iter()
-        .map(|rows| (explains(&late(rows)), rows))
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    if let Some((gain, rows)) =
+    let base = explains(0.0);
+    let late = DELAYS.map(|rows_late| (explains(f64::from(rows_late) * rows.step_s), rows_late));
+    let best = late.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    if let Some((_, rows_late)) =
         best.filter(|(gain, _)| *gain > MIN_DELAY_GAIN * base && *gain > 0.01)
     {
-        let _ = gain;
-        found.push(variant(format!("column {rows} rows late"), late(rows)));
+        let detail = format!("column {rows_late} rows late");
+        found.push(variant(detail, f64::from(rows_late) * rows.step_s));
     }
     found
 }
 
 pub(super) fn pressure_coulomb(context: &Context) -> Vec<Columns> {
-    forms(context, Quantity::Pressure, |p| product(p, context.level))
+    forms(context, Quantity::Pressure, of_level)
 }
 
 pub(super) fn radial_force_coulomb(context: &Context) -> Vec<Columns> {
-    forms(context, Quantity::RadialForce, |f| product(f, context.level))
+    forms(context, Quantity::RadialForce, of_level)
 }
 
 pub(super) fn radial_force_rate(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
-    forms(context, Quantity::RadialForce, |force| {
-        let rate = rows.slope(force);
-        let bends = rows.map(|row| rate[row] * (1.0 - context.stop()[row].abs()));
-        low_pass(&bends, &rows.runs, 3.0)
-    })
-    .into_iter()
-    .take(1)
-    .collect()
+    let Some(force) = rows.quantity(Quantity::RadialForce) else { return Vec::new() };
+    let factor = Factor::BendingRate {
+        name: force.name.clone(),
+        spread: force.mean_and_spread().1,
+        travel: context.travel(),
+        time_constant_s: RATE_ROWS * rows.step_s,
+    };
+    vec![following(force, vec![Regressor::from([factor])])]
+}
+
+/// Returns regressors that follow a covariate.
+fn following(covariate: &Covariate, regressors: Vec<Regressor>) -> Columns {
+    Columns { follows: covariate.name.clone(), regressors, ..Columns::default() }
 }
 
 pub(super) fn load_torque_coulomb(context: &Context) -> Vec<Columns> {
     let Some(load) = context.rows.quantity(Quantity::LoadTorque) else { return Vec::new() };
-    let column = context.with_level(|row| load.values[row].abs());
-    vec![Columns { follows: load.name.clone(), columns: vec![column], ..Columns::default() }]
+    let magnitude = Factor::ColumnMagnitude { name: load.name.clone() };
+    vec![following(load, vec![of_level(magnitude)])]
 }
 
 /// A torque in proportion to a known channel: its gain or sign is wrong where it was used to compute the torque.
@@ -91,20 +96,15 @@ pub(super) fn gain(context: &Context) -> Vec<Columns> {
         .iter()
         .filter(|quantity| is_free(quantity))
         .filter_map(|quantity| rows.quantity(*quantity));
-    let columns = |channel: &Covariate| Columns {
-        follows: channel.name.clone(),
-        columns: vec![channel.scaled.clone()],
-        ..Columns::default()
-    };
-    channels.map(columns).collect()
+    channels.map(|channel| following(channel, vec![Regressor::from([channel.factor()])])).collect()
 }
 
 pub(super) fn temperature_viscous(context: &Context) -> Vec<Columns> {
-    forms(context, Quantity::Temperature, |t| product(t, &context.rows.smooth_velocity))
+    forms(context, Quantity::Temperature, |t| Regressor::from([t, Factor::Velocity]))
 }
 
 pub(super) fn temperature_coulomb(context: &Context) -> Vec<Columns> {
-    forms(context, Quantity::Temperature, |t| product(t, context.level))
+    forms(context, Quantity::Temperature, of_level)
 }
 
 /// A column that scales gravity or inertia, such as the mass that the joint carries.
@@ -113,15 +113,15 @@ pub(super) fn payload(context: &Context) -> Vec<Columns> {
     let is_load = |own: &&Covariate| own.quantity.is_none() && own.motion.is_none();
     let extras = rows.covariates.iter().filter(is_load);
     let scales = |covariate: &Covariate| {
-        let mut columns = Vec::new();
+        let mut scaled = Vec::new();
         if rows.rigid_body.gravity {
-            columns.push(rows.map(|row| covariate.scaled[row] * rows.position[row].sin()));
-            columns.push(rows.map(|row| covariate.scaled[row] * rows.position[row].cos()));
+            scaled.extend([Factor::Sine { order: 1.0 }, Factor::Cosine { order: 1.0 }]);
         }
         if rows.rigid_body.inertia {
-            columns.push(product(&covariate.scaled, &rows.acceleration));
+            scaled.push(Factor::Acceleration);
         }
-        Columns { follows: covariate.name.clone(), columns, ..Columns::default() }
+        let times = |factor| Regressor::from([covariate.factor(), factor]);
+        following(covariate, scaled.into_iter().map(times).collect())
     };
     extras.map(scales).collect()
 }
@@ -140,29 +140,33 @@ pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
         return Vec::new();
     }
     let follows = all.iter().map(|other| other.name.as_str()).collect::<Vec<_>>().join(", ");
-    let values = |own: &[&Covariate]| own.iter().map(|one| one.values.clone()).collect();
-    let speeds: Vec<Vec<f64>> = values(&velocities);
-    let mut inertial: Vec<Vec<f64>> = values(&accelerations);
-    if inertial.is_empty() {
-        inertial = speeds.iter().map(|speed| rows.slope(speed)).collect();
-    }
-    let mut products = Vec::new();
+    let factor = |own: &&Covariate| Factor::of_column(&own.name);
+    let speeds: Vec<Factor> = velocities.iter().map(factor).collect();
+    let inertial: Vec<Factor> = match accelerations.is_empty() {
+        true => {
+            let slope = |own: &&Covariate| Factor::ColumnSlope { name: own.name.clone() };
+            velocities.iter().map(slope).collect()
+        }
+        false => accelerations.iter().map(factor).collect(),
+    };
+    let mut products: Vec<Regressor> = Vec::new();
     for (at, a) in speeds.iter().enumerate() {
-        products.extend(speeds[at..].iter().map(|b| product(a, b)));
-        products.push(product(a, &rows.velocity));
+        products.extend(speeds[at..].iter().map(|b| Regressor::from([a.clone(), b.clone()])));
+        products.push(Regressor::from([a.clone(), Factor::Velocity]));
     }
-    let linear: Vec<Vec<f64>> = speeds.iter().chain(&inertial).cloned().collect();
-    let quadratic = inertial.iter().chain(&products).cloned().collect();
-    let variant = |detail: &str, columns: Vec<Vec<f64>>| Columns {
+    let single = |own: &[Factor]| -> Vec<Regressor> {
+        own.iter().map(|factor| Regressor::from([factor.clone()])).collect()
+    };
+    let variant = |detail: &str, regressors: Vec<Regressor>| Columns {
         follows: follows.clone(),
         detail: detail.into(),
-        columns,
+        regressors,
     };
     let found = [
-        ("accelerations", inertial),
-        ("velocities", speeds),
-        ("velocities and accelerations", linear),
-        ("accelerations and products", quadratic),
+        ("accelerations", single(&inertial)),
+        ("velocities", single(&speeds)),
+        ("velocities and accelerations", [single(&speeds), single(&inertial)].concat()),
+        ("accelerations and products", [single(&inertial), products].concat()),
     ];
-    found.map(|(detail, columns)| variant(detail, columns)).into()
+    found.map(|(detail, regressors)| variant(detail, regressors)).into()
 }

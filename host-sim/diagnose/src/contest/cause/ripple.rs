@@ -9,6 +9,7 @@ use super::{Columns, Context, plain};
 use crate::contest::bank::{Bank, Workspace};
 use crate::contest::rows::Rows;
 use crate::contest::solve::{dot, lanes, solve_in_place};
+use friction_fit::linear::{Factor, Regressor};
 use joint_log::JointKind;
 use joint_log::work::{checkpoint, checkpoint_at};
 use std::f64::consts::TAU;
@@ -418,7 +419,7 @@ pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
         let mut sets: Vec<&[f64]> = counts.iter().map(|count| &orders[..*count]).collect();
         sets.dedup();
         sets.retain(|set| !set.is_empty());
-        let variant = |set: &&[f64]| plain(&name(set), waves(context.rows, set, |_| 1.0));
+        let variant = |set: &&[f64]| plain(&name(set), regressors(set, &[]));
         sets.iter().map(variant).collect::<Vec<Columns>>()
     };
     let all = context.orders.iter().flat_map(whole).chain(free_phase(context));
@@ -436,38 +437,43 @@ fn transmission_error(context: &Context) -> Vec<Columns> {
     let orders = context.orders.iter().filter_map(|found| found.torque.first());
     let orders = orders.filter(|order| **order > highest);
     orders
-        .map(|order| {
-            plain(&format!("{}, as of the speed", name(&[*order])), of_motion(rows, *order))
-        })
+        .map(|order| plain(&format!("{}, as of the speed", name(&[*order])), of_motion(*order)))
         .collect()
 }
 
-/// Returns the columns of a wave of the motion: in proportion to the squared speed and to the acceleration.
-fn of_motion(rows: &Rows, order: f64) -> Vec<Vec<f64>> {
-    let mut columns = waves(rows, &[order], |row| rows.velocity[row].powi(2));
-    columns.extend(waves(rows, &[order], |row| rows.acceleration[row]));
-    columns
+/// Returns the waves of some orders, times factors.
+fn regressors(orders: &[f64], times: &[Factor]) -> Vec<Regressor> {
+    let pair = |order: &f64| {
+        let order = *order;
+        [Factor::Sine { order }, Factor::Cosine { order }]
+            .map(|wave| times.iter().cloned().fold(Regressor::from([wave]), Regressor::times))
+    };
+    orders.iter().flat_map(pair).collect()
+}
+
+/// Returns a wave of the motion: in proportion to the squared speed and to the acceleration.
+fn of_motion(order: f64) -> Vec<Regressor> {
+    let mut waves = regressors(&[order], &[Factor::Velocity, Factor::Velocity]);
+    waves.extend(regressors(&[order], &[Factor::Acceleration]));
+    waves
 }
 
 /// The wave whose phase differs between the runs, and its first harmonic.
 fn free_phase(context: &Context) -> Option<Columns> {
     let (order, phases) = context.orders.first()?.by_run.as_ref()?;
-    let rows = context.rows;
-    let mut shifted = rows.clone();
-    for (run, phase) in rows.runs.iter().zip(phases) {
-        shifted.position[run.clone()].iter_mut().for_each(|q| *q += phase / order);
-    }
+    let waves = [1.0, 2.0].map(|multiple| {
+        let order = multiple * order;
+        let phases: Vec<f64> = phases.iter().map(|phase| multiple * phase).collect();
+        let sine = Factor::SineByRun { order, phases: phases.clone() };
+        [sine, Factor::CosineByRun { order, phases }].map(|wave| Regressor::from([wave]))
+    });
     let orders = [*order, 2.0 * order];
-    Some(plain(
-        &format!("{}, another phase in each run", name(&orders)),
-        waves(&shifted, &orders, |_| 1.0),
-    ))
+    Some(plain(&format!("{}, another phase in each run", name(&orders)), waves.concat()))
 }
 
 pub(super) fn position_ripple(context: &Context) -> Vec<Columns> {
     let orders = context.orders.iter().flat_map(|found| found.level.iter().take(2));
-    let of_level = |row: usize| context.level[row];
-    let variant = |order: &f64| plain(&name(&[*order]), waves(context.rows, &[*order], of_level));
+    let variant = |order: &f64| plain(&name(&[*order]), regressors(&[*order], &[Factor::Level]));
     orders.map(variant).collect()
 }
 
@@ -477,7 +483,7 @@ pub(super) fn encoder_error(context: &Context) -> Vec<Columns> {
     if !rows.rigid_body.inertia || !rows.has_position || rows.joint != JointKind::Revolute {
         return Vec::new();
     }
-    let variant = |order: &f64| plain(&name(&[*order]), of_motion(rows, *order));
+    let variant = |order: &f64| plain(&name(&[*order]), of_motion(*order));
     ENCODER_ORDERS.iter().map(variant).collect()
 }
 

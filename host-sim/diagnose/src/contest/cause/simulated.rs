@@ -56,6 +56,7 @@ pub(crate) fn variants(
             cause: wanted.cause,
             follows: wanted.follows.into(),
             detail: wanted.detail,
+            regressors: Vec::new(),
             columns: vec![column],
             price: super::MIMIC,
             sign: wanted.sign,

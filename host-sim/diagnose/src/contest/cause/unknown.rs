@@ -3,9 +3,9 @@
 //! The friction level may follow a column (straight or with a bend), or the column adds a torque of its own. The shape is part
 //! of the variant, so that the report says how the torque follows the column.
 
-use super::{Columns, Context};
+use super::{Columns, Context, of_level};
 use crate::contest::covariate::Covariate;
-use crate::contest::law::product;
+use friction_fit::linear::{Factor, Regressor};
 use joint_log::Quantity;
 
 /// Pairs of quantities whose product may scale the friction level.
@@ -21,23 +21,23 @@ pub(super) fn columns(context: &Context) -> Vec<Columns> {
     // Motions of other joints are a cause of their own.
     let is_free = |own: &&Covariate| own.quantity.is_none() && own.motion.is_none();
     for covariate in rows.covariates.iter().filter(is_free) {
-        let x = &covariate.scaled;
-        let level = product(x, context.level);
-        let bent = product(x, &level);
+        let x = covariate.factor();
+        let level = of_level(x.clone());
         let mut shapes = vec![("level", vec![level.clone()])];
         if covariate.levels > 2 {
-            shapes.push(("level, bent", vec![level, bent]));
+            shapes.push(("level, bent", vec![level.clone(), level.times(x.clone())]));
         }
-        shapes.push(("torque", vec![x.clone(), product(x, &rows.smooth_velocity)]));
-        let variant = |(detail, columns): (&str, Vec<Vec<f64>>)| Columns {
+        let torque = vec![Regressor::from([x.clone()]), Regressor::from([x, Factor::Velocity])];
+        shapes.push(("torque", torque));
+        let variant = |(detail, regressors): (&str, Vec<Regressor>)| Columns {
             follows: covariate.name.clone(),
             detail: detail.into(),
-            columns,
+            regressors,
         };
         found.extend(shapes.into_iter().map(variant));
     }
     let pair = |(a, b): &(Quantity, Quantity)| Some((rows.quantity(*a)?, rows.quantity(*b)?));
-    found.extend(PAIRS.iter().filter_map(pair).map(|(a, b)| together(context, a, b)));
+    found.extend(PAIRS.iter().filter_map(pair).map(|(a, b)| together(a, b)));
     found
 }
 
@@ -47,24 +47,21 @@ fn place(context: &Context) -> Vec<Columns> {
     if !rows.has_position {
         return Vec::new();
     }
-    let ends = rows
-        .position
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(*q), b.max(*q)));
-    let half = (0.5 * (ends.1 - ends.0)).max(1e-12);
-    let at = rows.map(|row| (rows.position[row] - ends.0) / half - 1.0);
-    // Legendre polynomials, which are nearly independent over the travel.
-    let square: Vec<f64> = at.iter().map(|x| 1.5 * x * x - 0.5).collect();
-    let cube: Vec<f64> = at.iter().map(|x| 2.5 * x.powi(3) - 1.5 * x).collect();
-    let curve = [at, square, cube];
-    let level = curve.each_ref().map(|column| product(column, context.level)).to_vec();
+    let ends = (f64::INFINITY, f64::NEG_INFINITY);
+    let ends = rows.position.iter().fold(ends, |(a, b), q| (a.min(*q), b.max(*q)));
+    let curve = [1, 2, 3].map(|degree| Factor::Curve { degree, from: ends.0, to: ends.1 });
     let name = Quantity::Position.name(rows.joint);
-    let variant =
-        |detail: &str, columns| Columns { follows: name.into(), detail: detail.into(), columns };
-    vec![variant("level, curve", level), variant("torque, curve", curve.to_vec())]
+    let variant = |detail: &str, regressors| Columns {
+        follows: name.into(),
+        detail: detail.into(),
+        regressors,
+    };
+    let level = curve.clone().map(of_level).to_vec();
+    let torque = curve.map(|factor| Regressor::from([factor])).to_vec();
+    vec![variant("level, curve", level), variant("torque, curve", torque)]
 }
 
-fn together(context: &Context, a: &Covariate, b: &Covariate) -> Columns {
-    let columns = vec![context.with_level(|row| a.scaled[row] * b.scaled[row])];
-    Columns { follows: format!("{} x {}", a.name, b.name), detail: "level".into(), columns }
+fn together(a: &Covariate, b: &Covariate) -> Columns {
+    let regressors = vec![of_level(a.factor()).times(b.factor())];
+    Columns { follows: format!("{} x {}", a.name, b.name), detail: "level".into(), regressors }
 }

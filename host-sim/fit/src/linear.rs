@@ -1,0 +1,182 @@
+//! A torque as a sum of regressors, with their coefficients: what a diagnosis fits by linear least squares.
+//!
+//! ```text
+//! Dataset -> Motion -> Factor, Regressor -> torque of each term -> as the torque channel logs it
+//!            motion    factor               here                   measurement
+//! ```
+//!
+//! A driver runs a law of the core. On a PC, a model may hold more: several causes at once, columns that no driver has, friction
+//! that builds up over several travels. Such a model is exact and convex to fit, and it is the model that was judged on held-out
+//! rows: [`LinearModel`] is written to `params.toml` beside the law for the driver, and `predict` computes it.
+
+pub mod factor;
+pub mod motion;
+pub mod operator;
+
+pub use factor::{Factor, Inputs, Regressor};
+pub use motion::Motion;
+
+use crate::measurement::Measurement;
+use joint_log::Dataset;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// A regressor with its coefficient.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinearTerm {
+    /// Part of the law, as `coulomb`, or a cause, as `pressure-coulomb`.
+    pub part: String,
+    /// Coefficient: torque per unit of the regressor.
+    pub size: f64,
+    /// The regressor.
+    pub factors: Regressor,
+}
+
+/// A torque as a sum of regressors.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinearModel {
+    /// Friction level that scales other terms: the law's friction part over its RMS.
+    #[serde(default)]
+    pub level: Vec<LinearTerm>,
+    /// All terms.
+    #[serde(rename = "term", default)]
+    pub terms: Vec<LinearTerm>,
+}
+
+impl LinearModel {
+    /// Returns the columns that it follows and a log lacks.
+    pub fn missing_columns<'a>(&'a self, data: &Dataset) -> Vec<&'a str> {
+        let mut missing: Vec<&str> =
+            self.columns().filter(|name| long(data, name).is_none()).collect();
+        missing.sort_unstable();
+        missing.dedup();
+        missing
+    }
+
+    fn columns(&self) -> impl Iterator<Item = &str> {
+        let factors = self.level.iter().chain(&self.terms).flat_map(|term| &term.factors.factors);
+        factors.filter_map(Factor::column_name)
+    }
+
+    /// Returns the logged torque in all rows, run after run. A term whose column the log lacks adds nothing.
+    pub fn predict(&self, data: &Dataset, measurement: &Measurement) -> Vec<f64> {
+        let motion = Motion::new(data);
+        let columns: BTreeMap<&str, Vec<f64>> =
+            self.columns().filter_map(|name| Some((name, long(data, name)?))).collect();
+        let find = |name: &str| columns.get(name).map(Vec::as_slice);
+        let law = Inputs { motion: &motion, level: &[], column: &find };
+        let level = sum(&self.level, &law);
+        let shaft = sum(&self.terms, &Inputs { level: &level, ..law });
+        measurement.logged(data, &motion, &shaft)
+    }
+
+    /// Appends the section `linear` of a parameter file.
+    pub fn emit(&self, text: &mut String) {
+        for (name, terms) in [("level", &self.level), ("term", &self.terms)] {
+            for LinearTerm { part, size, factors } in terms {
+                let factors = factors.factors.iter().map(inline).collect::<Vec<_>>().join(", ");
+                // Writing to a string does not fail.
+                let _ = write!(
+                    text,
+                    "\n[[linear.{name}]]\npart = {part:?}\nsize = {size:?}\nfactors = [{factors}]\n"
+                );
+            }
+        }
+    }
+
+    /// Parses the section of a parameter file; `None` if it has none.
+    ///
+    /// # Errors
+    /// One line that names the key.
+    pub fn parse(text: &str) -> Result<Option<Self>, String> {
+        #[derive(Deserialize)]
+        struct File {
+            linear: Option<LinearModel>,
+        }
+        let file: File =
+            toml_edit::de::from_str(text).map_err(|error| format!("linear: {error}"))?;
+        Ok(file.linear)
+    }
+}
+
+/// Returns a factor as an inline table.
+fn inline(factor: &Factor) -> String {
+    let value = factor.serialize(toml_edit::ser::ValueSerializer::new());
+    value.map_or_else(|_| String::new(), |value| value.to_string())
+}
+
+fn sum(terms: &[LinearTerm], inputs: &Inputs) -> Vec<f64> {
+    let mut total = vec![0.0; inputs.motion.len()];
+    for term in terms {
+        if let Some(values) = term.factors.values(inputs) {
+            total.iter_mut().zip(values).for_each(|(total, value)| *total += term.size * value);
+        }
+    }
+    total
+}
+
+/// Returns a column of a log in all rows; `None` if a run lacks it.
+pub(crate) fn long(data: &Dataset, name: &str) -> Option<Vec<f64>> {
+    let columns = data.runs.iter().map(|run| data.column(run, name));
+    Some(columns.collect::<Option<Vec<&[f64]>>>()?.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model() -> LinearModel {
+        let stop = Regressor::from([Factor::Stop { travel: 0.01 }]);
+        let pressure =
+            Factor::Column { name: "pressure_diff_pa".into(), mean: 2e5, spread: 1e5, late_s: 0.0 };
+        let term = |part: &str, size, factors| LinearTerm { part: part.into(), size, factors };
+        LinearModel {
+            level: vec![term("coulomb", 1.0, stop.clone())],
+            terms: vec![
+                term("coulomb", 1.5, stop),
+                term("viscous", 0.2, Regressor::from([Factor::Velocity])),
+                term("pressure-coulomb", 0.3, Regressor::from([Factor::Level, pressure])),
+                term(
+                    "warm-up",
+                    -0.1,
+                    Regressor::from([Factor::Warmth { scale: 2.0, cooling_s: f64::INFINITY }]),
+                ),
+            ],
+        }
+    }
+
+    fn log(with_pressure: bool) -> Dataset {
+        let mut names: Vec<String> =
+            ["time_s", "velocity_rad_s", "torque_nm"].map(String::from).into();
+        let time: Vec<f64> = (0..200).map(|row| 0.01 * f64::from(row)).collect();
+        let mut columns = vec![time, vec![1.0; 200], vec![0.0; 200]];
+        if with_pressure {
+            names.push("pressure_diff_pa".into());
+            columns.push(vec![3e5; 200]);
+        }
+        Dataset::from_columns(&names, [("a".to_owned(), columns)]).expect("a log")
+    }
+
+    #[test]
+    fn emit_then_parse_returns_the_model() {
+        let mut text = "schema = 1\n".to_owned();
+        model().emit(&mut text);
+        assert_eq!(LinearModel::parse(&text).unwrap(), Some(model()));
+        assert_eq!(LinearModel::parse("schema = 1").unwrap(), None);
+        assert!(LinearModel::parse(&text.replace("travel", "way")).is_err());
+    }
+
+    #[test]
+    fn predict_of_sliding_joint_sums_the_terms_and_leaves_out_those_without_a_column() {
+        let mut model = model();
+        model.terms.pop();
+        let torque = |data: &Dataset| model.predict(data, &Measurement::default())[100];
+        assert!((torque(&log(true)) - 2.0).abs() < 1e-12);
+        assert!((torque(&log(false)) - 1.7).abs() < 1e-12);
+        assert_eq!(model.missing_columns(&log(false)), ["pressure_diff_pa"]);
+        assert!(model.missing_columns(&log(true)).is_empty());
+    }
+}

@@ -1,0 +1,252 @@
+//! What lies between the torque at the shaft and the logged torque: a delay, a low-pass, a sign, shares of other channels.
+//!
+//! ```text
+//! logged = sign * low-pass(shaft, late by a delay) + sum of gain * (channel - mean)
+//! ```
+//!
+//! A diagnosis finds it on one log of a rig, and it holds for the next log of the same rig. So it is written to `params.toml`, and
+//! `predict` and `compare` apply it. It says nothing of the joint: a driver and an export ignore it.
+
+use crate::linear::{Motion, long};
+use crate::torque_low_pass::{LowPassShape, TorqueLowPass};
+use crate::track::Track;
+use joint_log::Dataset;
+use std::f64::consts::TAU;
+use std::fmt::Write;
+use toml_edit::{Item, Table, TableLike};
+
+/// A share of another channel in the logged torque, whichever way the joint moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelGain {
+    /// The channel's column.
+    pub column: String,
+    /// Torque per unit of the column.
+    pub gain: f64,
+    /// Mean of the column, at which the share is taken as 0: a constant torque belongs to the model.
+    pub mean: f64,
+}
+
+/// How a log's torque column comes from the torque at the shaft.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measurement {
+    /// Time by which the logged torque is late, s; negative if it is early, as beside a velocity that is late.
+    pub torque_delay_s: f64,
+    /// Low-pass that it passed.
+    pub torque_low_pass: TorqueLowPass,
+    /// 1, or -1 for a torque that is logged with the other sign.
+    pub torque_sign: f64,
+    /// Shares of other channels.
+    pub channel_gains: Vec<ChannelGain>,
+}
+
+impl Default for Measurement {
+    fn default() -> Self {
+        Self {
+            torque_delay_s: 0.0,
+            torque_low_pass: TorqueLowPass::default(),
+            torque_sign: 1.0,
+            channel_gains: Vec::new(),
+        }
+    }
+}
+
+/// Keys of the section, in order.
+const KEYS: [&str; 6] = [
+    "torque_delay_s",
+    "torque_lowpass_hz",
+    "torque_lowpass_shape",
+    "torque_sign",
+    "channel_gains",
+    "channel_means",
+];
+
+impl Measurement {
+    /// Returns true if the logged torque is that at the shaft.
+    pub fn is_exact(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Returns the logged torque in all rows of a log from that at the shaft.
+    pub fn logged(&self, data: &Dataset, motion: &Motion, shaft: &[f64]) -> Vec<f64> {
+        let mut torque = motion.as_logged(shaft, self.torque_delay_s, self.torque_low_pass);
+        torque.iter_mut().for_each(|torque| *torque *= self.torque_sign);
+        for (torque, share) in torque.iter_mut().zip(self.shares(data)) {
+            *torque += share;
+        }
+        torque
+    }
+
+    /// Returns the shares of other channels in all rows. A channel that the log lacks has none.
+    fn shares(&self, data: &Dataset) -> Vec<f64> {
+        let mut shares = vec![0.0; data.runs.iter().map(|run| run.len()).sum()];
+        for ChannelGain { column, gain, mean } in &self.channel_gains {
+            for (share, value) in shares.iter_mut().zip(long(data, column).unwrap_or_default()) {
+                *share += gain * (value - mean);
+            }
+        }
+        shares
+    }
+
+    /// Returns the shares of other channels along a track.
+    pub(crate) fn shares_along(&self, data: &Dataset, track: &Track) -> Vec<f64> {
+        let mut shares = vec![0.0; track.len()];
+        for ChannelGain { column, gain, mean } in &self.channel_gains {
+            let values = data.column(&data.runs[track.run], column).unwrap_or_default();
+            for (share, value) in shares.iter_mut().zip(values.iter().skip(track.first_row)) {
+                *share += gain * (value - mean);
+            }
+        }
+        shares
+    }
+
+    /// Returns a track whose torque is that at the shaft, through the low-pass, and whose velocity has the time of the torque.
+    pub(crate) fn shaft_track(&self, data: &Dataset, track: &Track) -> Track {
+        let mut own = track.clone();
+        let shares = self.shares_along(data, track);
+        for (torque, share) in own.torque.iter_mut().zip(shares) {
+            *torque = self.torque_sign * (*torque - share);
+        }
+        own.torque_low_pass = self.torque_low_pass;
+        if self.torque_delay_s != 0.0 {
+            own.advance_velocity(-self.torque_delay_s);
+        }
+        own
+    }
+
+    /// Appends the section of a parameter file, if there is anything between the shaft and the log.
+    pub fn emit(&self, text: &mut String) {
+        if self.is_exact() {
+            return;
+        }
+        // Writing to a string does not fail.
+        text.push_str("\n[measurement]\n");
+        let _ = writeln!(text, "torque_delay_s = {:?}", self.torque_delay_s);
+        if self.torque_low_pass.time_s > 0.0 {
+            let hz = 1.0 / (TAU * self.torque_low_pass.time_s);
+            let shape = self.torque_low_pass.shape.name();
+            let _ = write!(text, "torque_lowpass_hz = {hz:?}\ntorque_lowpass_shape = {shape:?}\n");
+        }
+        let _ = writeln!(text, "torque_sign = {}", self.torque_sign);
+        let table = |of: &dyn Fn(&ChannelGain) -> f64| {
+            let entries =
+                self.channel_gains.iter().map(|own| format!("{:?} = {:?}", own.column, of(own)));
+            entries.collect::<Vec<_>>().join(", ")
+        };
+        if !self.channel_gains.is_empty() {
+            let _ = writeln!(text, "channel_gains = {{ {} }}", table(&|own| own.gain));
+            let _ = writeln!(text, "channel_means = {{ {} }}", table(&|own| own.mean));
+        }
+    }
+
+    /// Parses the section of a parameter file.
+    ///
+    /// # Errors
+    /// One line that names the key, what was found and what was expected.
+    pub(crate) fn parse(root: &Table) -> Result<Self, String> {
+        let mut own = Self::default();
+        let Some(item) = root.get("measurement") else { return Ok(own) };
+        let table = item.as_table_like().ok_or("measurement: expected a table")?;
+        if let Some((key, _)) = table.iter().find(|(key, _)| !KEYS.contains(key)) {
+            return Err(format!("measurement.{key}: unknown, expected of {}", KEYS.join(", ")));
+        }
+        let number = |key: &str| match table.get(key) {
+            None => Ok(None),
+            Some(item) => finite(item).map(Some).ok_or_else(|| expected_number(key)),
+        };
+        own.torque_delay_s = number("torque_delay_s")?.unwrap_or_default();
+        if let Some(hz) = number("torque_lowpass_hz")? {
+            if hz <= 0.0 {
+                return Err(format!(
+                    "measurement.torque_lowpass_hz: found {hz}, expected more than 0"
+                ));
+            }
+            own.torque_low_pass.time_s = 1.0 / (TAU * hz);
+        }
+        if let Some(item) = table.get("torque_lowpass_shape") {
+            let shape = item.as_str().and_then(LowPassShape::parse);
+            own.torque_low_pass.shape = shape.ok_or_else(|| {
+                let known = LowPassShape::ALL.map(LowPassShape::name).join(", ");
+                format!("measurement.torque_lowpass_shape: found {item}, expected of {known}")
+            })?;
+        }
+        match number("torque_sign")? {
+            None | Some(1.0) => {}
+            Some(-1.0) => own.torque_sign = -1.0,
+            Some(found) => {
+                return Err(format!("measurement.torque_sign: found {found}, expected 1 or -1"));
+            }
+        }
+        own.channel_gains = channel_gains(table)?;
+        Ok(own)
+    }
+}
+
+fn channel_gains(table: &dyn TableLike) -> Result<Vec<ChannelGain>, String> {
+    let entries = |key: &'static str| -> Result<Vec<(String, f64)>, String> {
+        let Some(item) = table.get(key) else { return Ok(Vec::new()) };
+        let own =
+            item.as_table_like().ok_or_else(|| format!("measurement.{key}: expected a table"))?;
+        let entry = |(name, item): (&str, &Item)| {
+            let value = finite(item).ok_or_else(|| expected_number(&format!("{key}.{name}")))?;
+            Ok((name.to_owned(), value))
+        };
+        own.iter().map(entry).collect()
+    };
+    let means = entries("channel_means")?;
+    let of = |(column, gain): (String, f64)| {
+        let mean = means.iter().find(|(name, _)| *name == column).map_or(0.0, |(_, mean)| *mean);
+        ChannelGain { column, gain, mean }
+    };
+    Ok(entries("channel_gains")?.into_iter().map(of).collect())
+}
+
+fn finite(item: &Item) -> Option<f64> {
+    item.as_float().or_else(|| item.as_integer().map(|i| i as f64)).filter(|x| x.is_finite())
+}
+
+fn expected_number(key: &str) -> String {
+    format!("measurement.{key}: expected a finite number")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use toml_edit::Document;
+
+    fn parse(text: &str) -> Result<Measurement, String> {
+        Measurement::parse(Document::parse(text).expect("a document").as_table())
+    }
+
+    #[test]
+    fn emit_then_parse_returns_the_measurement() {
+        let gain = ChannelGain { column: "pressure_diff_pa".into(), gain: 1e-6, mean: 2e5 };
+        let own = Measurement {
+            torque_delay_s: -0.004,
+            torque_low_pass: TorqueLowPass { time_s: 0.25, shape: LowPassShape::RunningMean },
+            torque_sign: -1.0,
+            channel_gains: vec![gain],
+        };
+        let mut text = String::new();
+        own.emit(&mut text);
+        let parsed = parse(&text).unwrap();
+        assert!((parsed.torque_low_pass.time_s - 0.25).abs() < 1e-12);
+        assert_eq!(Measurement { torque_low_pass: own.torque_low_pass, ..parsed }, own);
+        let mut none = String::new();
+        Measurement::default().emit(&mut none);
+        assert!(none.is_empty() && parse(&none).unwrap().is_exact());
+    }
+
+    #[test]
+    fn parse_of_impossible_values_names_the_key() {
+        for (line, key) in [
+            ("torque_sign = 2", "torque_sign"),
+            ("torque_lowpass_hz = -1", "torque_lowpass_hz"),
+            ("torque_lowpass_shape = \"box\"", "torque_lowpass_shape"),
+            ("torque_delay_ms = 2", "torque_delay_ms"),
+            ("channel_gains = { a = \"x\" }", "channel_gains.a"),
+        ] {
+            let error = parse(&format!("[measurement]\n{line}\n")).unwrap_err();
+            assert!(error.contains(&format!("measurement.{key}")), "{error}");
+        }
+    }
+}
