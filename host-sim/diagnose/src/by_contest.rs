@@ -12,7 +12,8 @@ mod corrected_rows;
 use super::contest::correction::Correction;
 use super::contest::ledger::CauseKey;
 use super::contest::{
-    Finalist, FinalistCause, LawStart, Outcome as ContestOutcome, RigidBody, Rows, contest,
+    Finalist, FinalistCause, LawStart, LinearAnswer, Outcome as ContestOutcome, RigidBody, Rows,
+    contest,
 };
 use super::evaluation::{Gain, gain};
 use super::extended::{Extended, Size};
@@ -20,7 +21,7 @@ use super::finalist::{
     FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters, resolved,
 };
 use super::finding::Finding;
-use super::hand_over::{HandOver, HandedOver, Judged, linear_on, simplest_of_best};
+use super::hand_over::{HandOver, HandedOver, Judged, is_possible, linear_on, simplest_of_best};
 use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
 use super::naming::{WeighedCause, confounded, weigh};
@@ -127,7 +128,11 @@ pub fn answer(
     let findings = findings(&weighed, &chosen, offer.as_ref(), &outcome);
     progress("comparing the models on held-out rows");
     let extended = offer.as_ref().map(|offer| &offer.after);
-    let hand_over = search.hand_over(&chosen, &original, (&before, extended))?;
+    let extended = extended.filter(|_| {
+        offer.as_ref().is_some_and(|offer| is_possible(&offer.outcome, &chosen.corrected.judged))
+    });
+    let base = is_possible(&baseline, &chosen.corrected.judged).then_some(&before);
+    let hand_over = search.hand_over(&chosen, &original, [base, extended])?;
     let judged = chosen.corrected.judged.clone();
     let follows =
         offer.as_ref().and_then(|offer| offer.model.follows.clone()).filter(|own| own.extra);
@@ -136,7 +141,7 @@ pub fn answer(
         Some(Offer { outcome, after, gain, .. }) => (outcome, after, gain),
         None => (baseline.clone(), before.clone(), Gain::default()),
     };
-    if let Some(linear) = hand_over.linear.as_ref().filter(|_| hand_over.is_linear) {
+    if let Some(linear) = hand_over.linear_model() {
         after = linear.held_out.clone();
         gain = self::gain(&before, &after, options.seed);
     }
@@ -319,47 +324,55 @@ impl Search<'_> {
         Ok(Chosen { place, corrected, excerpt, base, finalist: own })
     }
 
-    /// Chooses what is handed over. A model that was asked for is not replaced by a plain one.
+    /// Chooses what is handed over. A model that was asked for is not replaced by another one.
     fn hand_over(
         &self,
         chosen: &Chosen,
         original: &TrainTest,
-        (before, extended): (&Predicted, Option<&Predicted>),
+        own: [Option<&Predicted>; 2],
     ) -> Result<HandOver, SpecError> {
-        let corrected = &chosen.corrected;
+        let (corrected, rows) = (&chosen.corrected, chosen.corrected.judged.judged_rows());
+        let on_rows = |answer: &LinearAnswer| Judged {
+            held_out: linear_on(&corrected.judged, original, answer),
+            model: answer.clone(),
+        };
+        let plain = on_rows(&self.outcome.plain);
+        let linear = self.outcome.linear.as_ref().map(on_rows);
+        let [base, extended] = own;
+        // The phase of a ripple that differs from run to run is unknown on another log.
+        let extended = extended.filter(|_| corrected.judged.aligned_order.is_none());
+        let mut candidates: Vec<(HandedOver, &Predicted)> = Vec::new();
+        if self.is_law_free() || (base.is_none() && extended.is_none()) {
+            candidates.push((HandedOver::Plain, &plain.held_out));
+        }
+        candidates.extend(base.map(|own| (HandedOver::Baseline, own)));
+        candidates.extend(extended.map(|own| (HandedOver::Extended, own)));
+        let in_driver = simplest_of_best(rows.tracks, &candidates);
+        if let Some(linear) = linear.as_ref().filter(|_| self.is_law_free()) {
+            candidates.push((HandedOver::Linear, &linear.held_out));
+        }
+        let on_pc = simplest_of_best(rows.tracks, &candidates);
+        let in_driver = if on_pc == HandedOver::Plain { on_pc } else { in_driver };
+        let measurement = match (on_pc, &linear) {
+            (HandedOver::Linear, Some(linear)) => linear.model.measurement.clone(),
+            (HandedOver::Plain, _) => plain.model.measurement.clone(),
+            _ => corrected.measurement(self.rows.is_reversed),
+        };
+        let driver_plain = match in_driver {
+            HandedOver::Plain => Some(self.driver_plain()?),
+            _ => None,
+        };
+        Ok(HandOver { on_pc, in_driver, plain, driver_plain, linear, measurement })
+    }
+
+    /// Returns the plain model as a driver's law.
+    fn driver_plain(&self) -> Result<Outcome, SpecError> {
         let mut spec = Spec::law(LawKind::Linear).on(&self.log.rigid_body);
         if spec.rigid_body.is_empty() {
             spec = spec.on(&[TermKind::TorqueOffset]);
         }
-        let model = corrected.identify(&fitted(&corrected.fitted, &spec, None, &[], None)?)?;
-        let start = FittedModel { spec, follows: None, fixed: Vec::new(), ..chosen.base.clone() };
-        let mut plain = Judged { held_out: corrected.held_out(&model_of(&model, &start)), model };
-        plain.model.test = plain.held_out.metrics;
-        let linear = self.outcome.linear.as_ref().map(|answer| Judged {
-            held_out: linear_on(&corrected.judged, original, answer),
-            model: answer.clone(),
-        });
-        let mut candidates = vec![(HandedOver::Baseline, before)];
-        candidates.extend(extended.map(|own| (HandedOver::Extended, own)));
-        if self.is_law_free() {
-            candidates.insert(0, (HandedOver::Plain, &plain.held_out));
-        }
-        let choose = |candidates: &[(HandedOver, &Predicted)]| {
-            let own: Vec<&Predicted> = candidates.iter().map(|(_, own)| *own).collect();
-            simplest_of_best(&own)
-        };
-        let in_driver = candidates[choose(&candidates)].0;
-        if let Some(linear) = linear.as_ref().filter(|_| self.is_law_free()) {
-            candidates.push((HandedOver::Extended, &linear.held_out));
-        }
-        let place = choose(&candidates);
-        let is_linear = self.is_law_free() && linear.is_some() && place + 1 == candidates.len();
-        let on_pc = candidates[place].0;
-        let measurement = match &linear {
-            Some(linear) if is_linear => linear.model.measurement.clone(),
-            _ => corrected.measurement(self.rows.is_reversed),
-        };
-        Ok(HandOver { on_pc, in_driver, plain, linear, is_linear, measurement })
+        let start = fitted(self.log, &spec, None, &[], None)?;
+        CorrectedRows::uncorrected(self.log).identify(&start)
     }
 
     /// Returns the chosen hypothesis with the causes that are still named.

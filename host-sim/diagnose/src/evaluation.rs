@@ -8,6 +8,7 @@ use friction_fit::channel::noise_autocorrelation;
 use friction_fit::predict::Predicted;
 use friction_fit::scales::{Scales, white_noise};
 use friction_fit::statistics::autocorrelation_time;
+use friction_fit::track::run_count;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -125,6 +126,18 @@ fn blocks(before: &Predicted, after: &Predicted) -> Vec<[f64; 2]> {
     blocks
 }
 
+/// Returns the squared errors of two models in each run, Nm^2.
+fn of_runs(tracks: &[Track], before: &Predicted, after: &Predicted) -> Vec<[f64; 2]> {
+    let mut sums = std::collections::BTreeMap::new();
+    let residuals = before.residuals.iter().zip(&after.residuals);
+    for (track, (before, after)) in tracks.iter().zip(residuals) {
+        let own: &mut [f64; 2] = sums.entry(track.run).or_default();
+        own[0] += before.iter().map(|r| r * r).sum::<f64>();
+        own[1] += after.iter().map(|r| r * r).sum::<f64>();
+    }
+    sums.into_values().collect()
+}
+
 /// Returns the RMS errors of a model in logs that are drawn block by block from its own, sorted, Nm.
 pub fn resampled_errors(model: &Predicted, seed: u64) -> Vec<f64> {
     let blocks = blocks(model, model);
@@ -140,10 +153,17 @@ pub fn resampled_errors(model: &Predicted, seed: u64) -> Vec<f64> {
     drawn
 }
 
-/// Returns the difference between the squared errors of `before` and `after`, in standard errors
-/// over blocks.
-pub fn paired(before: &Predicted, after: &Predicted) -> f64 {
-    let blocks = blocks(before, after);
+/// Fewest runs that are the units of a comparison. What a model misses lasts for a run, so runs are independent, and blocks of
+/// one run are not.
+const MIN_RUNS: usize = 5;
+
+/// Returns the difference between the squared errors of `before` and `after` along some tracks, in standard errors over runs if
+/// there are enough, else over blocks.
+pub fn paired(tracks: &[Track], before: &Predicted, after: &Predicted) -> f64 {
+    let blocks = match run_count(tracks) >= MIN_RUNS {
+        true => of_runs(tracks, before, after),
+        false => blocks(before, after),
+    };
     let n = blocks.len() as f64;
     let falls = || blocks.iter().map(|[before, after]| before - after);
     let mean = falls().sum::<f64>() / n.max(1.0);

@@ -12,12 +12,17 @@
 use super::contest::LinearAnswer;
 use super::evaluation::paired;
 use super::train_test::TrainTest;
+use ParameterId as Id;
+use compensator_core::ParameterId;
 use friction_fit::measurement::Measurement;
 use friction_fit::predict::Predicted;
 use friction_fit::{Outcome, Rows, Track};
 
 /// Difference of the squared errors, in standard errors, within which the simpler of two models is handed over.
 const AS_GOOD: f64 = 1.0;
+
+/// Share of the error that a model must take from a simpler one.
+const MIN_GAIN: f64 = 0.03;
 
 /// Which model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,26 +32,28 @@ pub enum HandedOver {
     /// The base model.
     #[default]
     Baseline,
-    /// The model with causes.
+    /// The base model with causes.
     Extended,
+    /// The linear model of the contest with all its causes, on a PC.
+    Linear,
 }
 
 impl HandedOver {
-    /// Returns the name in a report.
+    /// Returns the name in a report: the linear model is an extended one.
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "plain",
             Self::Baseline => "baseline",
-            Self::Extended => "extended",
+            Self::Extended | Self::Linear => "extended",
         }
     }
 }
 
-/// A model of a diagnosis with its errors on held-out rows.
+/// A linear model with its errors on held-out rows.
 #[derive(Clone, Debug)]
-pub struct Judged<M> {
+pub struct Judged {
     /// The model.
-    pub model: M,
+    pub model: LinearAnswer,
     /// It on held-out rows.
     pub held_out: Predicted,
 }
@@ -59,29 +66,68 @@ pub struct HandOver {
     /// What a driver gets.
     pub in_driver: HandedOver,
     /// The plain model.
-    pub plain: Judged<Outcome>,
-    /// The linear model, if there is one; `is_linear` says whether it is handed over.
-    pub linear: Option<Judged<LinearAnswer>>,
-    /// True if the linear model is the extended one that a PC gets.
-    pub is_linear: bool,
+    pub plain: Judged,
+    /// The plain model as a driver's law, if a driver gets it.
+    pub driver_plain: Option<Outcome>,
+    /// The linear model, if there is one.
+    pub linear: Option<Judged>,
     /// What lies between the shaft and the log.
     pub measurement: Measurement,
 }
 
 impl HandOver {
     /// Returns the linear model if it is handed over.
-    pub fn linear_model(&self) -> Option<&LinearAnswer> {
-        self.linear.as_ref().filter(|_| self.is_linear).map(|judged| &judged.model)
+    pub fn linear_model(&self) -> Option<&Judged> {
+        self.linear.as_ref().filter(|_| self.on_pc == HandedOver::Linear)
+    }
+
+    /// Returns what `params.toml` has for a PC beside the driver's law.
+    pub fn for_pc(&self) -> Option<&LinearAnswer> {
+        match self.on_pc {
+            HandedOver::Plain => Some(&self.plain.model),
+            _ => self.linear_model().map(|own| &own.model),
+        }
     }
 }
 
-/// Returns the place of the simplest candidate that errs no more than the best one within a standard error.
-pub(super) fn simplest_of_best(candidates: &[&Predicted]) -> usize {
-    let error = |at: &usize| candidates[*at].metrics.rmse;
-    let best =
-        (0..candidates.len()).min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or_default();
-    let is_as_good = |at: &usize| paired(candidates[*at], candidates[best]) < AS_GOOD;
-    (0..best).find(is_as_good).unwrap_or(best)
+/// Largest ratio of the static level to the level in sliding that a seal or a bearing has.
+const MAX_STATIC_RATIO: f64 = 5.0;
+
+/// Largest ratio of a level to the largest torque of the log.
+const MAX_LEVEL_RATIO: f64 = 1.5;
+
+/// Returns true if a law has levels that the log can show and no friction that drives.
+pub(super) fn is_possible(outcome: &Outcome, log: &TrainTest) -> bool {
+    let torques = log.train_tracks.iter().flat_map(|track| &track.torque);
+    let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
+    let value = |id| outcome.parameters.get(id);
+    let levels = [
+        (Id::CoulombTorque, Id::StaticTorque),
+        (Id::CoulombTorqueNegative, Id::StaticTorqueNegative),
+    ];
+    let is_active = |id| outcome.parameters.active().any(|own| own == id);
+    let has_possible_level = |(coulomb, excess): (Id, Id)| {
+        let level = value(if is_active(excess) { excess } else { coulomb });
+        !is_active(coulomb)
+            || (level <= MAX_LEVEL_RATIO * most && level <= MAX_STATIC_RATIO * value(coulomb))
+    };
+    value(Id::ViscousFriction) >= 0.0 && levels.into_iter().all(has_possible_level)
+}
+
+/// Returns the simplest candidate that errs no more than the best one within a standard error, or that errs little more. The
+/// simplest stands first.
+pub(super) fn simplest_of_best(
+    tracks: &[Track],
+    candidates: &[(HandedOver, &Predicted)],
+) -> HandedOver {
+    let error = |own: &Predicted| own.metrics.rmse;
+    let best = candidates.iter().min_by(|a, b| error(a.1).total_cmp(&error(b.1)));
+    let Some((_, best)) = best else { return HandedOver::default() };
+    let is_as_good = |own: &Predicted| {
+        error(best) >= (1.0 - MIN_GAIN) * error(own) || paired(tracks, own, best) < AS_GOOD
+    };
+    let simplest = candidates.iter().find(|(_, own)| is_as_good(own));
+    simplest.map_or(HandedOver::default(), |(what, _)| *what)
 }
 
 /// Returns the linear model on the held-out rows of a log. `original` is the log before its torque was corrected.

@@ -35,7 +35,7 @@ pub enum LeftOut {
 pub const STRETCHES: usize = 8;
 
 /// Largest number of fits of a model with whole runs held out.
-const MOST_FITS: usize = 8;
+pub const MOST_FITS: usize = 8;
 
 /// Ratio of speeds above which a run cannot be predicted by a fit to the others. Slower runs do not
 /// determine the law at its speed.

@@ -200,10 +200,11 @@ impl Diagnosis {
     /// none. Its amplitudes are then 0, and a verdict reports this.
     pub fn transferable_model(&self) -> Outcome {
         let mut outcome = match self.hand_over.in_driver {
-            HandedOver::Plain => self.hand_over.plain.model.clone(),
-            HandedOver::Baseline => self.baseline.clone(),
-            HandedOver::Extended => self.extended.clone(),
-        };
+            HandedOver::Plain => self.hand_over.driver_plain.as_ref().unwrap_or(&self.baseline),
+            HandedOver::Baseline => &self.baseline,
+            HandedOver::Extended | HandedOver::Linear => &self.extended,
+        }
+        .clone();
         if self.log.aligned_order.is_none() {
             return outcome;
         }
@@ -261,7 +262,7 @@ pub fn diagnose(
     let answer = by_contest::answer(log, question, positions.as_ref(), progress)?;
     let by_contest::Answer { mut log, mut baseline, mut extended, before, after, .. } = answer;
     baseline.test = before.metrics;
-    if !answer.hand_over.is_linear {
+    if answer.hand_over.linear_model().is_none() {
         extended.test = after.metrics;
     }
     let Floors { noise_floor, coloured } = floors(&log, &after);

@@ -278,6 +278,11 @@ impl TrainTest {
         self.train.runs.iter().any(|run| self.train.column(run, name).is_some())
     }
 
+    /// Returns the rows that models are compared on: the held-out ones, or all where each is left out once.
+    pub fn judged_rows(&self) -> Rows<'_> {
+        if self.leaves_each_out { self.train_rows() } else { self.test_rows() }
+    }
+
     /// Returns true if the runs have a column with this name and it is not constant.
     pub fn varies(&self, name: &str) -> bool {
         let column = |run| self.train.column(run, name).unwrap_or_default();

@@ -61,6 +61,11 @@ const KEYS: [&str; 6] = [
 ];
 
 impl Measurement {
+    /// Returns a measurement with nothing but a sign.
+    pub fn of_sign(is_reversed: bool) -> Self {
+        Self { torque_sign: if is_reversed { -1.0 } else { 1.0 }, ..Self::default() }
+    }
+
     /// Returns true if the logged torque is that at the shaft.
     pub fn is_exact(&self) -> bool {
         *self == Self::default()

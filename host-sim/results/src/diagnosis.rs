@@ -184,7 +184,7 @@ pub fn parameter_text(found: &Diagnosis, input: &Prepared) -> String {
     let model = transferable_model(found);
     let mut text = parameter_file("diagnose", input, &model, found.auxiliary.as_deref());
     found.hand_over.measurement.emit(&mut text);
-    if let Some(linear) = found.hand_over.linear_model() {
+    if let Some(linear) = found.hand_over.for_pc() {
         linear.model.emit(&mut text);
     }
     text

@@ -103,7 +103,8 @@ impl CorrectedRows {
 
     /// Returns what lies between the shaft and the log.
     pub(super) fn measurement(&self, is_reversed: bool) -> Measurement {
-        let torque_sign = if is_reversed { -1.0 } else { 1.0 };
+        let signed = Measurement::of_sign(is_reversed);
+        let torque_sign = signed.torque_sign;
         let gain = |share: &ChannelShare| ChannelGain {
             column: share.column.clone(),
             gain: torque_sign * share.torque_per_unit,
@@ -112,8 +113,22 @@ impl CorrectedRows {
         Measurement {
             torque_delay_s: self.torque_delay_s,
             torque_low_pass: self.low_pass,
-            torque_sign,
             channel_gains: self.shares.iter().map(gain).collect(),
+            ..signed
+        }
+    }
+
+    /// Returns a log as it is.
+    pub(super) fn uncorrected(log: &TrainTest) -> Self {
+        Self {
+            fitted: log.clone(),
+            judged: log.clone(),
+            delay_s: None,
+            torque_delay_s: 0.0,
+            low_pass: TorqueLowPass::default(),
+            shares: Vec::new(),
+            findings: Vec::new(),
+            memory_rows: 1.0,
         }
     }
 

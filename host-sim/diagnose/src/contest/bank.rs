@@ -48,14 +48,26 @@ pub struct Workspace {
 impl Bank {
     /// Computes the products of columns, given in all rows of the log, over the judged rows.
     pub fn new(rows: &Rows, columns: &[&[f64]]) -> Self {
+        Self::of_target(rows, columns, &rows.torque, &rows.fold_of_block)
+    }
+
+    /// Computes the products for another target, in all rows, and other folds of the blocks.
+    pub fn of_target(
+        rows: &Rows,
+        columns: &[&[f64]],
+        target: &[f64],
+        fold_of_block: &[usize],
+    ) -> Self {
         let size = columns.len() + 1;
         let scale: Vec<f64> = columns.par_iter().map(|column| rms(rows, column)).collect();
-        let block = |judged: &Range<usize>| products(rows, columns, &scale, judged.clone());
+        let scaled: Vec<(&[f64], f64)> =
+            columns.iter().copied().zip(scale.iter().copied()).chain([(target, 1.0)]).collect();
+        let block = |judged: &Range<usize>| products(rows, &scaled, judged.clone());
         let blocks: Vec<DMatrix<f64>> = rows.blocks.par_iter().map(block).collect();
-        let fold_count = rows.fold_count();
+        let fold_count = fold_of_block.iter().max().map_or(0, |most| most + 1);
         let mut total = DMatrix::zeros(size, size);
         let mut sums = vec![DMatrix::zeros(size, size); fold_count];
-        for (fold, block) in rows.fold_of_block.iter().zip(&blocks) {
+        for (fold, block) in fold_of_block.iter().zip(&blocks) {
             total += block;
             sums[*fold] += block;
         }
@@ -65,7 +77,7 @@ impl Bank {
             (0..size * size).map(lane).collect()
         };
         let folds = (0..=fold_count / LANES).map(group).collect();
-        let fold_of = rows.fold_of_block.clone();
+        let fold_of = fold_of_block.to_vec();
         let non_negative = vec![false; columns.len()];
         Self { scale, non_negative, blocks, total, folds, fold_count, fold_of }
     }
@@ -204,10 +216,10 @@ fn rms(rows: &Rows, column: &[f64]) -> f64 {
     (squares / rows.judged.len().max(1) as f64).sqrt() + 1e-300
 }
 
-fn products(rows: &Rows, columns: &[&[f64]], scale: &[f64], judged: Range<usize>) -> DMatrix<f64> {
-    let size = columns.len() + 1;
+/// Returns the products of columns, each divided by its scale.
+fn products(rows: &Rows, columns: &[(&[f64], f64)], judged: Range<usize>) -> DMatrix<f64> {
+    let size = columns.len();
     let mut sum = DMatrix::zeros(size, size);
-    let torque = (rows.torque.as_slice(), 1.0);
     let mut values = Vec::new();
     for from in judged.clone().step_by(ROWS_AT_ONCE) {
         checkpoint();
@@ -216,7 +228,7 @@ fn products(rows: &Rows, columns: &[&[f64]], scale: &[f64], judged: Range<usize>
         let weights: Vec<f64> = own.iter().map(|row| rows.weights[*row]).collect();
         let range = rows.judged_range(part);
         values.clear();
-        for (column, scale) in columns.iter().copied().zip(scale.iter().copied()).chain([torque]) {
+        for (column, scale) in columns.iter().copied() {
             let scale = 1.0 / scale;
             match &range {
                 Some(range) => {

@@ -1,16 +1,21 @@
 //! Columns beside the motion that may explain the torque.
 //!
 //! A motor current is the torque in another unit and holds every error of the model, so a column that follows the torque from
-//! row to row explains nothing. A copy of another column would make both of them useless. Neither is a covariate.
+//! row to row explains nothing. A copy of another column would make both of them useless. Neither is a covariate, nor is
+//! a second reading of the own motion.
 
 use friction_fit::linear::Factor;
-use joint_log::{Dataset, Quantity, contract};
+use joint_log::{Dataset, Quantity, Run, contract};
 
 /// Correlation of values above which a column is another reading of the torque.
 const SAME_VALUES: f64 = 0.95;
 
 /// Correlation of differences from row to row above which a column is another reading of the torque.
 const SAME_STEPS: f64 = 0.5;
+
+/// Correlation above which a column is another reading of the joint's own motion, such as a set-point or the speed of the other
+/// end of its shaft.
+const SAME_MOTION: f64 = 0.9;
 
 /// Correlation above which two columns are one.
 const SAME_COLUMN: f64 = 0.9999;
@@ -64,6 +69,12 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
         [Quantity::CampaignTime, Quantity::Velocity, Quantity::Position, Quantity::Acceleration];
     let motion: Vec<Vec<f64>> =
         motion.iter().filter_map(|quantity| long(quantity.name(data.joint))).collect();
+    let slope = |run: &Run| run.acceleration_or_derived().into_owned();
+    let own_motion: Vec<Vec<f64>> = [
+        data.runs.iter().flat_map(|run| run.velocity.iter().copied()).collect(),
+        data.runs.iter().flat_map(slope).collect(),
+    ]
+    .into();
     let mut found: Vec<Covariate> = Vec::new();
     let known = contract::covariates()
         .map(|quantity| (Some(quantity), quantity.name(data.joint).to_owned()));
@@ -83,6 +94,11 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
         let is_copy =
             || others.clone().any(|other| correlation(&values, other).abs() > SAME_COLUMN);
         if is_torque || (is_extra && is_copy()) {
+            continue;
+        }
+        let is_own_motion =
+            is_extra && own_motion.iter().any(|own| correlation(&values, own).abs() > SAME_MOTION);
+        if is_own_motion {
             continue;
         }
         let levels = levels(&values);

@@ -54,7 +54,7 @@ pub(crate) struct Base {
     /// Factor from the friction torque to the level.
     pub(crate) level_scale: f64,
     /// True for a column whose coefficient cannot be negative.
-    non_negative: Vec<bool>,
+    pub(crate) non_negative: Vec<bool>,
     /// What the law leaves, fitted to all rows.
     pub(crate) residual: Vec<f64>,
     /// True if the friction drives the motion: the sign of the torque is reversed.
@@ -78,13 +78,8 @@ impl Base {
     pub(crate) fn of_shapes(rows: &Rows, shapes: &Shapes, law: &Law) -> Self {
         let columns = shapes.columns(rows, law);
         let non_negative = shapes.non_negative(rows, law);
-        let free = Self::with_signs(rows, law, columns.clone(), vec![false; columns.len()]);
-        // A torque of the wrong sign has negative levels, which are to be seen.
-        if free.is_driving { free } else { Self::with_signs(rows, law, columns, non_negative) }
-    }
-
-    fn with_signs(rows: &Rows, law: &Law, columns: Vec<Vec<f64>>, non_negative: Vec<bool>) -> Self {
-        let Fitted { sizes, residual } = Fitted::new(rows, &columns, &non_negative);
+        // With any sign: a level that rises with the speed and a torque of the wrong sign are to be seen.
+        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
         let stops = law.stops.len();
         let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
         let own = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
@@ -125,7 +120,7 @@ impl Base {
             price = law.price();
         }
         let non_negative = vec![false; columns.len()];
-        let Fitted { sizes, residual } = Fitted::new(rows, &columns, &non_negative);
+        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
         let (level, level_scale) = scaled_level(rows, kernel.level.clone());
         let name = if free.is_some() { "lugre with slip" } else { "lugre" };
         let simulated = kernel.simulated.clone();
@@ -154,11 +149,10 @@ struct Fitted {
 }
 
 impl Fitted {
-    fn new(rows: &Rows, columns: &[Vec<f64>], non_negative: &[bool]) -> Self {
+    fn new(rows: &Rows, columns: &[Vec<f64>]) -> Self {
         let all: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let indices: Vec<usize> = (0..all.len()).collect();
-        let bank = Bank::new(rows, &all).with_non_negative(non_negative.iter().copied());
-        let sizes = bank.fit(&indices, &mut Workspace::default());
+        let sizes = Bank::new(rows, &all).fit(&indices, &mut Workspace::default());
         let model = |row: usize| all.iter().zip(&sizes).map(|(c, size)| c[row] * size).sum::<f64>();
         let residual = rows.map(|row| rows.torque[row] - model(row));
         Self { sizes, residual }

@@ -13,6 +13,7 @@ use super::rows::Rows;
 use friction_fit::linear::operator::stop;
 use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::Quantity;
+use std::ops::Range;
 
 /// Number of travels that are tried.
 const TRAVELS: usize = 10;
@@ -79,7 +80,9 @@ impl Shapes {
         let least = rows.least_step;
         let most = (LARGEST_TRAVEL * rows.swing).max(4.0 * least);
         let ratio = (most / least).powf(1.0 / (TRAVELS - 1) as f64);
-        let travels: Vec<f64> = (0..TRAVELS).map(|at| least * ratio.powi(at as i32)).collect();
+        // Without a reversal no travel shows: a long one would only follow how each run begins.
+        let count = if reverses(rows) { TRAVELS } else { 1 };
+        let travels: Vec<f64> = (0..count).map(|at| least * ratio.powi(at as i32)).collect();
         let stops =
             travels.iter().map(|travel| stop(&rows.position, &rows.runs, *travel)).collect();
         let widths = WIDTHS.map(|width| width * rows.top_speed);
@@ -114,10 +117,10 @@ impl Shapes {
         found
     }
 
-    /// Returns for each column of a law whether its coefficient cannot be negative: friction levels, their fall with the speed,
-    /// viscous friction and inertia.
+    /// Returns for each column of a law whether its coefficient cannot be negative: friction levels, viscous friction and
+    /// inertia.
     pub fn non_negative(&self, rows: &Rows, law: &Law) -> Vec<bool> {
-        let signed = [COULOMB, VISCOUS, STRIBECK, INERTIA];
+        let signed = [COULOMB, VISCOUS, INERTIA];
         self.regressors(rows, law).iter().map(|(name, _)| signed.contains(name)).collect()
     }
 
@@ -161,6 +164,18 @@ impl Shapes {
     }
 }
 
+/// Share of the top speed that a run must reach both ways to have a reversal.
+const BOTH_WAYS: f64 = 0.1;
+
+/// Returns true if a run moves both ways.
+fn reverses(rows: &Rows) -> bool {
+    let fastest = |run: &Range<usize>, sign: f64| {
+        rows.smooth_velocity[run.clone()].iter().fold(0.0f64, |most, v| most.max(sign * v))
+    };
+    let least = BOTH_WAYS * rows.top_speed;
+    rows.runs.iter().any(|run| fastest(run, 1.0) > least && fastest(run, -1.0) > least)
+}
+
 /// Name of a stop in a law.
 pub const COULOMB: &str = "coulomb";
 
@@ -174,7 +189,7 @@ pub const STRIBECK: &str = "stribeck";
 pub const INERTIA: &str = "inertia";
 
 /// Returns the rigid-body parts of the torque column, each with its name.
-fn rigid_regressors(rows: &Rows) -> Vec<(&'static str, Regressor)> {
+pub(crate) fn rigid_regressors(rows: &Rows) -> Vec<(&'static str, Regressor)> {
     let parts = rows.rigid_body;
     let mut found = Vec::new();
     if parts.offset {
@@ -226,7 +241,6 @@ impl LawTable {
         let rigid = rigid_regressors(rows);
         let signs = shapes.stops.iter().map(|_| true).chain([true]);
         let signs = signs.chain(rigid.iter().map(|(name, _)| *name == INERTIA));
-        let signs = signs.chain(falling.iter().map(|_| true));
         Self {
             bank: Bank::new(rows, &all).with_non_negative(signs),
             travels: shapes.travels.len(),

@@ -4,17 +4,18 @@
 //! its coefficients are those of one least squares on all rows, in which friction levels, viscous friction and inertia are not
 //! negative.
 
-use super::bank::Workspace;
+use super::bank::{Bank, Workspace};
 use super::cause::CHANNEL_GAIN;
 use super::entry::{Entry, Origin};
-use super::law::{COULOMB, STRIBECK, Shapes};
+use super::law::{COULOMB, STRIBECK, Shapes, VISCOUS, rigid_regressors};
 use super::ledger::{Hypothesis, Ledger};
-use super::rows::Rows;
-use friction_fit::linear::{LinearModel, LinearTerm};
+use super::rows::{MAX_CONSTANT_SHARE, Rows, within_runs};
+use crate::left_out::{FEWEST_RUNS, MOST_FITS};
+use friction_fit::linear::{Factor, Inputs, LinearModel, LinearTerm, Regressor};
 use friction_fit::measurement::{ChannelGain, Measurement};
 
 /// The best hypothesis that is a model for other logs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct LinearAnswer {
     /// Name of its law.
     pub law: &'static str,
@@ -56,8 +57,11 @@ pub(crate) fn answer(
         let own = variant.regressors.iter().cloned();
         parts.extend(own.map(|own| (variant.cause, term(variant.cause, own))));
     }
-    let sizes = entry.bank.fit(&entry.indices(&hypothesis.set), &mut Workspace::default());
-    let held_out = held_out(rows, entry, hypothesis);
+    let falls: Vec<usize> = (0..law_columns).filter(|at| parts[*at].0 == STRIBECK).collect();
+    let judged = JudgedByRun::new(rows, entry, hypothesis, (law_columns, &falls));
+    let kept = judged.best_columns();
+    let sizes = judged.sizes(&kept);
+    let held_out = judged.held_out(rows, &kept);
     let level = parts[..law_columns].iter().zip(&entry.base.sizes);
     let level = level.filter(|((name, _), _)| [COULOMB, STRIBECK].contains(name));
     let level = level.map(|((_, term), size)| LinearTerm {
@@ -74,7 +78,7 @@ pub(crate) fn answer(
         channel_gains: Vec::new(),
     };
     let mut terms = Vec::new();
-    for ((name, term), size) in parts.iter().zip(sizes) {
+    for ((name, term), size) in kept.iter().map(|at| &parts[*at]).zip(sizes) {
         match *name {
             CHANNEL_GAIN => measurement.channel_gains.extend(channel_gain(term, sign * size)),
             _ if size == 0.0 => {}
@@ -85,31 +89,195 @@ pub(crate) fn answer(
     Some(LinearAnswer { law: entry.base.name, model, measurement, held_out })
 }
 
-/// Returns what fits without a row's fold leave of each row. The rows between two judged ones belong to the block of the first.
-fn held_out(rows: &Rows, entry: &Entry, hypothesis: &Hypothesis) -> Vec<f64> {
-    let indices = entry.indices(&hypothesis.set);
-    let columns = entry.columns(&hypothesis.set);
-    let fits = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
-    let mut left = rows.torque.clone();
-    for (block, judged) in rows.blocks.iter().enumerate() {
-        let run = &rows.runs[rows.run_of_block[block]];
-        let is_first = block == 0 || rows.run_of_block[block - 1] != rows.run_of_block[block];
-        let is_last = rows.run_of_block.get(block + 1) != Some(&rows.run_of_block[block]);
-        let from = if is_first { run.start } else { rows.judged[judged.start] };
-        let to = if is_last { run.end } else { rows.judged[judged.end] };
-        let sizes = &fits[rows.fold_of_block[block]];
-        for (column, size) in columns.iter().zip(sizes) {
-            for (left, value) in left[from..to].iter_mut().zip(&column[from..to]) {
-                *left -= size * value;
-            }
+/// Share of the top speed up to which plain friction has no direction.
+const NO_DIRECTION: f64 = 0.01;
+
+/// Returns Coulomb and viscous friction and the rigid-body parts, or an offset where there are none, by least squares: what any
+/// other model must beat.
+pub(crate) fn plain(rows: &Rows) -> LinearAnswer {
+    let direction = Factor::Direction { above: NO_DIRECTION * rows.top_speed };
+    let mut parts = vec![
+        (COULOMB, Regressor::from([direction])),
+        (VISCOUS, Regressor::from([Factor::Velocity])),
+    ];
+    parts.extend(rigid_regressors(rows));
+    if parts.len() == 2 {
+        parts.push(("offset", Regressor::from([Factor::One])));
+    }
+    let find = |name: &str| rows.column(name);
+    let inputs = Inputs { motion: &rows.motion, level: &[], column: &find };
+    let columns: Vec<Vec<f64>> = parts.iter().filter_map(|(_, own)| own.values(&inputs)).collect();
+    let judged = JudgedByRun::of_law(rows, columns.iter().map(Vec::as_slice).collect());
+    let all: Vec<usize> = (0..columns.len()).collect();
+    let term = |((part, factors), size): ((&'static str, Regressor), f64)| LinearTerm {
+        part: part.into(),
+        size,
+        factors,
+    };
+    let terms = parts.into_iter().zip(judged.sizes(&all)).map(term).collect();
+    LinearAnswer {
+        law: "linear",
+        model: LinearModel { level: Vec::new(), terms },
+        measurement: Measurement::of_sign(rows.is_reversed),
+        held_out: judged.held_out(rows, &all),
+    }
+}
+
+/// Prior cost of the parts of a law that fall with the speed.
+const FALLS_PRICE: f64 = 0.02;
+
+/// The columns of a hypothesis, judged on runs that a fit has not seen.
+///
+/// The contest leaves out parts of runs where a column is constant in each of a few runs. What varies within a run may then
+/// follow what is peculiar to a run. So the causes that vary are chosen again with whole runs left out, beside those constant
+/// ones at their fitted size.
+struct JudgedByRun<'a> {
+    columns: Vec<&'a [f64]>,
+    /// Columns of each group with its prior cost: the law without its falls, these, and each cause.
+    groups: Vec<(Vec<usize>, f64)>,
+    /// True for a group of columns that are constant in each run.
+    is_constant: Vec<bool>,
+    non_negative: Vec<bool>,
+    fold_of_block: Vec<usize>,
+    bank: Bank,
+    /// The same with the part of the constant columns taken from the torque, so that they are never refitted.
+    beside_constants: Option<Bank>,
+}
+
+impl<'a> JudgedByRun<'a> {
+    fn new(
+        rows: &Rows,
+        entry: &'a Entry,
+        hypothesis: &Hypothesis,
+        (law, falls): (usize, &[usize]),
+    ) -> Self {
+        let columns = entry.columns(&hypothesis.set);
+        let mut groups = vec![((0..law).filter(|at| !falls.contains(at)).collect(), 0.0)];
+        groups.push((falls.to_vec(), FALLS_PRICE));
+        let mut is_constant = vec![false; 2];
+        let mut next = law;
+        for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
+            let own = next..next + variant.columns.len();
+            next = own.end;
+            groups.push((own.collect(), variant.price));
+            let covariate = rows.covariates.iter().find(|own| own.name == variant.follows);
+            is_constant.push(
+                covariate
+                    .is_some_and(|own| within_runs(&own.scaled, &rows.runs) < MAX_CONSTANT_SHARE),
+            );
+        }
+        let fold_of_block = folds(rows);
+        let non_negative = entry.base.non_negative.clone();
+        let bank = Bank::of_target(rows, &columns, &rows.torque, &fold_of_block)
+            .with_non_negative(non_negative.iter().copied());
+        let beside_constants = None;
+        let mut own = Self {
+            columns,
+            groups,
+            is_constant,
+            non_negative,
+            fold_of_block,
+            bank,
+            beside_constants,
+        };
+        if own.is_constant.contains(&true) {
+            own.beside_constants = Some(own.without_constants(rows));
+        }
+        own
+    }
+
+    /// Returns the columns of a law of any sign, without groups.
+    fn of_law(rows: &Rows, columns: Vec<&'a [f64]>) -> Self {
+        let fold_of_block = folds(rows);
+        Self {
+            bank: Bank::of_target(rows, &columns, &rows.torque, &fold_of_block),
+            groups: Vec::new(),
+            is_constant: Vec::new(),
+            non_negative: vec![false; columns.len()],
+            fold_of_block,
+            columns,
+            beside_constants: None,
         }
     }
-    left
+
+    fn without_constants(&self, rows: &Rows) -> Bank {
+        let all: Vec<usize> = (0..self.columns.len()).collect();
+        let sizes = self.bank.fit(&all, &mut Workspace::default());
+        let mut target = rows.torque.clone();
+        for ((group, _), _) in self.groups.iter().zip(&self.is_constant).filter(|(_, own)| **own) {
+            for at in group {
+                for (target, value) in target.iter_mut().zip(self.columns[*at]) {
+                    *target -= sizes[*at] * value;
+                }
+            }
+        }
+        Bank::of_target(rows, &self.columns, &target, &self.fold_of_block)
+            .with_non_negative(self.non_negative.iter().copied())
+    }
+
+    /// Returns the columns of the set of groups with the least cost. The law and the constant groups stay.
+    fn best_columns(&self) -> Vec<usize> {
+        let optional: Vec<usize> =
+            (1..self.groups.len()).filter(|at| !self.is_constant[*at]).collect();
+        let mut work = Workspace::default();
+        let bank = self.beside_constants.as_ref().unwrap_or(&self.bank);
+        let mut cost = |set: usize| {
+            let has = |at: &usize| set >> at & 1 == 1;
+            let own = (0..optional.len()).filter(has).map(|at| &self.groups[optional[at]]);
+            let price: f64 = own.clone().map(|(_, price)| price).sum();
+            let law = self.groups[0].0.iter();
+            let columns: Vec<usize> = law.chain(own.flat_map(|(own, _)| own)).copied().collect();
+            bank.error(&columns, &mut work) * price.exp()
+        };
+        let sets = (0..1usize << optional.len()).map(|set| (cost(set), set));
+        let best = sets.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, set)| set);
+        let is_kept = |at: usize| match optional.iter().position(|own| *own == at) {
+            Some(place) => best >> place & 1 == 1,
+            None => true,
+        };
+        let kept = (0..self.groups.len()).filter(|at| is_kept(*at));
+        let mut columns: Vec<usize> =
+            kept.flat_map(|at| self.groups[at].0.iter().copied()).collect();
+        columns.sort_unstable();
+        columns
+    }
+
+    /// Returns the coefficients of some columns, fitted to all rows.
+    fn sizes(&self, columns: &[usize]) -> Vec<f64> {
+        self.bank.fit(columns, &mut Workspace::default())
+    }
+
+    /// Returns what fits without a row's fold leave of each row. The rows between two judged ones belong to the block of the
+    /// first.
+    fn held_out(&self, rows: &Rows, columns: &[usize]) -> Vec<f64> {
+        let fits = self.bank.fits_without_fold(columns, &mut Workspace::default());
+        let mut left = rows.torque.clone();
+        for (block, judged) in rows.blocks.iter().enumerate() {
+            let run = &rows.runs[rows.run_of_block[block]];
+            let is_first = block == 0 || rows.run_of_block[block - 1] != rows.run_of_block[block];
+            let is_last = rows.run_of_block.get(block + 1) != Some(&rows.run_of_block[block]);
+            let from = if is_first { run.start } else { rows.judged[judged.start] };
+            let to = if is_last { run.end } else { rows.judged[judged.end] };
+            for (at, size) in columns.iter().zip(&fits[self.fold_of_block[block]]) {
+                for (left, value) in left[from..to].iter_mut().zip(&self.columns[*at][from..to]) {
+                    *left -= size * value;
+                }
+            }
+        }
+        left
+    }
+}
+
+/// Returns the folds of the blocks: whole runs if there are enough.
+fn folds(rows: &Rows) -> Vec<usize> {
+    match rows.runs.len() >= FEWEST_RUNS {
+        true => rows.run_of_block.iter().map(|run| run % MOST_FITS).collect(),
+        false => rows.fold_of_block.clone(),
+    }
 }
 
 /// Returns the share of a channel whose values less their mean, over their spread, have this coefficient.
 fn channel_gain(term: &LinearTerm, size: f64) -> Option<ChannelGain> {
-    use friction_fit::linear::Factor;
     match term.factors.factors.first()? {
         Factor::Column { name, mean, spread, .. } => {
             Some(ChannelGain { column: name.clone(), gain: size / spread, mean: *mean })

@@ -97,6 +97,8 @@ pub struct Outcome {
     pub hypotheses: usize,
     /// Hypotheses to be fitted with the driver's law: the best one first, then those that win draws.
     pub finalists: Vec<Finalist>,
+    /// Coulomb and viscous friction with the rigid-body parts.
+    pub plain: LinearAnswer,
     /// The best hypothesis that is a model for other logs.
     pub linear: Option<LinearAnswer>,
     /// Each entry's law and correction, with its error without a cause and its least error, as ratios to the base error.
@@ -151,6 +153,7 @@ impl Outcome {
                 .collect(),
             entries: table.entries(rows, base.error),
             linear: None,
+            plain: LinearAnswer::default(),
         }
     }
 }

@@ -21,7 +21,7 @@ const MIN_RUNS_FOR_FOLDS: usize = 3;
 const MIN_RUNS_OF_LEVELS: usize = 8;
 
 /// Share of a covariate's variance within runs below which it is constant in each run.
-const MAX_CONSTANT_SHARE: f64 = 0.05;
+pub(crate) const MAX_CONSTANT_SHARE: f64 = 0.05;
 
 /// Number of folds, or of runs if there are fewer and each is left out whole.
 const FOLDS: usize = 12;
@@ -245,7 +245,7 @@ impl DerefMut for Rows {
 }
 
 /// Returns the share of the variance of a column of variance one that lies within runs.
-fn within_runs(scaled: &[f64], runs: &[Range<usize>]) -> f64 {
+pub(crate) fn within_runs(scaled: &[f64], runs: &[Range<usize>]) -> f64 {
     let within = |run: &Range<usize>| {
         let values = &scaled[run.clone()];
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;

@@ -48,17 +48,22 @@ const MOST_SHAPED: usize = 3;
 /// Runs the contest. It sets the weights of the rows first.
 pub fn contest(rows: &mut Rows) -> Outcome {
     let shapes = Shapes::new(rows);
-    let Some(kernel) = prepare(rows, &shapes) else { return Outcome::default() };
+    reverse_driving_torque(rows, &shapes);
+    let plain = linear::plain(rows);
+    let Some(kernel) = prepare(rows, &shapes) else {
+        return Outcome { plain, is_reversed: rows.is_reversed, ..Outcome::default() };
+    };
     let rows = &*rows;
     let laws = shapes.laws(rows);
-    let Some(first) = laws.first() else { return Outcome::default() };
+    let Some(first) = laws.first() else { return Outcome { plain, ..Outcome::default() } };
     let waves = Waves { orders: Vec::new(), gaps: GapGrid::new(rows, &shapes) };
     let mut contest =
         Contest { rows, shapes: &shapes, free: first, waves, found: Found::default() };
     let bases: Vec<Base> =
         laws.iter().take(MOST_SHAPED).map(|law| Base::of_shapes(rows, &shapes, law)).collect();
-    let plain = kernel.as_ref().map(|kernel| Base::of_kernel(rows, &shapes, kernel, Some(first)));
-    contest.find_first_orders(plain.as_ref().unwrap_or(&bases[0]));
+    let without_causes =
+        kernel.as_ref().map(|kernel| Base::of_kernel(rows, &shapes, kernel, Some(first)));
+    contest.find_first_orders(without_causes.as_ref().unwrap_or(&bases[0]));
     contest.add(bases.iter().cloned().map(|base| (base, Correction::None)).collect());
     let mut kernels: Vec<(Correction, KernelLaw)> = Vec::new();
     if let Some(kernel) = kernel {
@@ -88,7 +93,7 @@ pub fn contest(rows: &mut Rows) -> Outcome {
         linear::answer(rows, &shapes, entry, hypothesis)
     });
     let table = Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws };
-    Outcome { linear, ..Outcome::new(rows, table) }
+    Outcome { plain, linear, ..Outcome::new(rows, table) }
 }
 
 /// A contest on the way.
@@ -198,15 +203,17 @@ impl Contest<'_> {
     }
 }
 
-/// Reverses a torque of the wrong sign, fits the driver's law without a cause and weighs the rows by what it leaves. Returns
-/// `None` if there is no law at all.
-fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
-    // A load that is lowered drives the motion as well, one way.
+/// Reverses a torque with which friction drives the motion. A load that is lowered drives it as well, one way.
+fn reverse_driving_torque(rows: &mut Rows, shapes: &Shapes) {
     let pairs =
         rows.torque.iter().zip(&rows.velocity).map(|(torque, velocity)| (*torque, *velocity));
     if drives_both_ways(pairs) && Base::of_shapes(rows, shapes, &Shapes::plain_law()).is_driving {
         rows.reverse_torque();
     }
+}
+
+/// Fits the driver's law without a cause and weighs the rows by what it leaves. Returns `None` if there is no law at all.
+fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
     let laws = shapes.laws(rows);
     let law = laws.first()?;
     let base = Base::of_shapes(rows, shapes, law);

@@ -25,6 +25,8 @@ pub enum Factor {
     Velocity,
     /// Magnitude of the velocity.
     Speed,
+    /// Sign of the velocity; 0 up to a speed.
+    Direction { above: f64 },
     /// Acceleration, rad/s^2 or m/s^2.
     Acceleration,
     /// Elastic up to a travel (rad or m), then sliding; -1 to 1. Zero at the start of a run.
@@ -113,6 +115,10 @@ impl Factor {
             Self::One => map(&|_| 1.0),
             Self::Velocity => Cow::Borrowed(velocity),
             Self::Speed => map(&|row| velocity[row].abs()),
+            Self::Direction { above } => map(&|row| {
+                let own = motion.velocity[row];
+                if own.abs() > *above { own.signum() } else { 0.0 }
+            }),
             Self::Acceleration => Cow::Borrowed(&motion.acceleration),
             Self::Stop { travel } => Cow::Owned(stop(position, &motion.runs, *travel)),
             Self::StopBehindGap { gap, travel } => {
