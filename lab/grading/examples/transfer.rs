@@ -172,13 +172,12 @@ fn judge(host_sim: &Path, machine: &Machine) -> Result<Judged, String> {
         renamed.map(|(ours, theirs)| (ours.to_owned(), plain_name(theirs))).collect();
     let log = TransferLog::read(&machine.path, &renamed)?;
     let parts: Vec<&str> = machine.argument("--rigid-body").split(',').collect();
-    let all = log.judging_rows();
     let product = hand_over(host_sim, &log, &machine.arguments);
     let is_predicted = |row: &usize| match &product {
         Ok(product) => product.predicted[*row].is_finite(),
         Err(_) => true,
     };
-    let rows: Vec<usize> = all.into_iter().filter(is_predicted).collect();
+    let rows: Vec<usize> = log.judging_rows().into_iter().filter(is_predicted).collect();
     let own = plain(&log, &parts);
     let of_trees = trees(&log, &rows);
     Ok(Judged {
