@@ -16,9 +16,13 @@ pub mod gear_play;
 pub mod measured;
 pub mod planted;
 pub mod regression;
+mod regression_trees;
 mod regressors;
 pub mod score;
 mod stop_operator;
+pub mod transfer_log;
+pub mod transfer_product;
+pub mod transfer_rivals;
 
 use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
 use joint_log::log_check::{self, Corrections};
