@@ -63,7 +63,7 @@ def diagnose(
     test: Data | None = None,
     hold_out: Mapping[str, object] | None = None,
     tail: float | None = None,
-    motion: Literal["smoothed", "logged"] = "smoothed",
+    motion: Literal["smoothed", "logged"] | None = None,
     as_logged: Iterable[str] = (),
     skip: int = 0,
     decimate: int = 1,
@@ -96,7 +96,8 @@ def diagnose(
         test: Data to hold out, of the same kind as ``data``. By default each run is held out once.
         hold_out: A column with values that selects the held-out runs.
         tail: Share of each run's end to hold out, between 0 and 1.
-        motion: ``"smoothed"`` reconstructs the motion from position and velocity, ``"logged"`` uses the velocity unchanged.
+        motion: ``"smoothed"`` reconstructs the motion from position and velocity, ``"logged"`` uses the velocity unchanged;
+            ``None`` takes the one that the torque follows more closely.
         as_logged: Kinds of log problems to report without correction.
         skip: Samples to drop at the start of each run.
         decimate: Use every N-th sample of the residual, after an anti-aliasing filter.
@@ -162,7 +163,7 @@ def identify(
     test: Data | None = None,
     hold_out: Mapping[str, object] | None = None,
     tail: float | None = None,
-    motion: Literal["smoothed", "logged"] = "smoothed",
+    motion: Literal["smoothed", "logged"] | None = None,
     as_logged: Iterable[str] = (),
     skip: int = 0,
     decimate: int = 1,
@@ -248,7 +249,7 @@ def compare(
     test: Data | None = None,
     hold_out: Mapping[str, object] | None = None,
     tail: float | None = None,
-    motion: Literal["smoothed", "logged"] = "smoothed",
+    motion: Literal["smoothed", "logged"] | None = None,
     as_logged: Iterable[str] = (),
     skip: int = 0,
     decimate: int = 1,

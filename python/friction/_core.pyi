@@ -55,7 +55,7 @@ class Log:
         skip: int = 0,
         decimate: int = 1,
         rigid_body: str = "",
-        motion: str = "smoothed",
+        motion: str | None = None,
         as_logged: Sequence[str] = ...,
         seed: int = 0,
         hold_out: tuple[str, Sequence[str]] | None = None,

@@ -27,7 +27,7 @@ def log(
     rigid_body: str | Iterable[str] = (),
     skip: int = 0,
     decimate: int = 1,
-    motion: Literal["smoothed", "logged"] = "smoothed",
+    motion: Literal["smoothed", "logged"] | None = None,
     as_logged: Iterable[str] = (),
     hold_out: Mapping[str, object] | None = None,
     tail: float | None = None,

@@ -93,14 +93,14 @@ class Model:
         *,
         columns: Mapping[str, str] | None = None,
         rigid_body: str | Sequence[str] = (),
-        motion: Literal["smoothed", "logged"] = "smoothed",
+        motion: Literal["smoothed", "logged"] | None = None,
         starts: int = 3,
         threads: int = 0,
     ) -> None:
         self.name = name
         self.columns = columns
         self.rigid_body = rigid_body
-        self.motion: Literal["smoothed", "logged"] = motion
+        self.motion: Literal["smoothed", "logged"] | None = motion
         self.starts = starts
         self.threads = threads
         self._own: _core.Model | None = None

@@ -57,20 +57,24 @@ impl Diagnosis {
     #[getter]
     fn model(&self) -> Model {
         let outcome = diagnosis::transferable_model(&self.found);
-        Model::of_fit("diagnose", &outcome, &self.input, self.found.auxiliary.clone())
+        let toml = diagnosis::parameter_text(&self.found, &self.input);
+        Model::of_fit(toml, &outcome, &self.input, self.found.auxiliary.clone())
     }
 
     /// The extended model as it was evaluated on this log.
     #[getter]
     fn extended(&self) -> Model {
-        let auxiliary = self.found.auxiliary.clone();
-        Model::of_fit("diagnose", &self.found.extended, &self.input, auxiliary)
+        let (fit, auxiliary) = (&self.found.extended, self.found.auxiliary.clone());
+        let toml = diagnosis::law_text(&self.found, &self.input, fit, auxiliary.as_deref());
+        Model::of_fit(toml, fit, &self.input, auxiliary)
     }
 
     /// The base model, without extension.
     #[getter]
     fn baseline(&self) -> Model {
-        Model::of_fit("diagnose", &self.found.baseline, &self.input, None)
+        let fit = &self.found.baseline;
+        let toml = diagnosis::law_text(&self.found, &self.input, fit, None);
+        Model::of_fit(toml, fit, &self.input, None)
     }
 }
 

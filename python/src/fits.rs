@@ -7,10 +7,12 @@ use crate::model::Model;
 use compensator_core::parameters::Choices;
 use compensator_core::{LawKind, ParameterId};
 use friction_diagnose::prepare::{Error, Prepared, identify_each};
+use friction_fit::measurement::Measurement;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Outcome};
 use friction_results::Files;
 use friction_results::fits::{ComparisonFiles, comparison_files, fit_files, fit_json, fit_page};
+use friction_results::provenance::parameter_file;
 use joint_log::SplitRule;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -66,7 +68,13 @@ impl Fits {
     #[getter]
     fn models(&self) -> Vec<Model> {
         let command = if self.comparison.is_some() { "compare" } else { "identify" };
-        self.fits.iter().map(|fit| Model::of_fit(command, fit, &self.input, None)).collect()
+        self.fits
+            .iter()
+            .map(|fit| {
+                let toml = parameter_file(command, &self.input, fit, None, &Measurement::default());
+                Model::of_fit(toml, fit, &self.input, None)
+            })
+            .collect()
     }
 
     /// Index of the recommended model.

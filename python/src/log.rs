@@ -30,7 +30,7 @@ pub struct Log {
 #[pymethods]
 impl Log {
     #[new]
-    #[pyo3(signature = (sources, *, test=vec![], columns=vec![], only=vec![], skip=0, decimate=1, rigid_body="", motion="smoothed",
+    #[pyo3(signature = (sources, *, test=vec![], columns=vec![], only=vec![], skip=0, decimate=1, rigid_body="", motion=None,
         as_logged=vec![], seed=0, hold_out=None, tail=None, rated_torque_nm=None,
         torque_constant=None, torque_from=None, bad_rows=None, preset=None, skip_lines=0, loss=None, rate_hz=None,
         join=false))]
@@ -44,7 +44,7 @@ impl Log {
         skip: usize,
         decimate: usize,
         rigid_body: &str,
-        motion: &str,
+        motion: Option<&str>,
         as_logged: Vec<String>,
         seed: u64,
         hold_out: Option<(String, Vec<String>)>,
@@ -62,9 +62,10 @@ impl Log {
         let error = |error: Error| crate::error::to_python(py, error);
         let rigid_body = parse_rigid_body(rigid_body).map_err(|e| error(e.into()))?;
         let motion = match motion {
-            "smoothed" => true,
-            "logged" => false,
-            other => {
+            None => None,
+            Some("smoothed") => Some(true),
+            Some("logged") => Some(false),
+            Some(other) => {
                 let line = format!("motion={other:?}: expected \"smoothed\" or \"logged\"");
                 return Err(refused(py, &line));
             }

@@ -7,15 +7,14 @@ use crate::table::Table;
 use compensator_core::{ParameterId, Parameters};
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::dataset_tracks::tracks_with;
-use friction_fit::initial_state::initial_state;
 use friction_fit::params::{self, ParameterFile};
 use friction_fit::prediction::adapted::{AdaptationOptions, predict_adapted};
-use friction_fit::prediction::{PredictionOptions, log_tracks};
-use friction_fit::simulate::{Resolution, simulate};
+use friction_fit::prediction::{
+    LogPrediction, PredictionOptions, PredictionStart, log_tracks, predict_tracks,
+};
 use friction_fit::spec::Spec;
-use friction_fit::{DriverForm, Outcome, Track};
+use friction_fit::{DriverForm, Outcome};
 use friction_results::export::{ExportFormat, export};
-use friction_results::provenance::parameter_file;
 use joint_log::log_check::{Corrections, check};
 use joint_log::{Cells, Dataset, JointKind, Quantity, ReadOptions, read_tables};
 use pyo3::prelude::*;
@@ -30,13 +29,16 @@ pub struct Model {
     spec: Spec,
     parameters: Parameters<f64>,
     joint: JointKind,
-    resolution: Resolution,
     /// Text of params.toml.
     toml: String,
     /// Standard error and state of each parameter; empty for a model from a file.
     estimates: Vec<(ParameterId, Option<f64>, &'static str)>,
     /// The covariate that an auxiliary term follows.
     auxiliary: Option<String>,
+    /// True if the model was fitted to the motion as logged.
+    is_motion_logged: bool,
+    /// Columns that its linear model follows.
+    columns: Vec<String>,
 }
 
 #[pymethods]
@@ -46,10 +48,11 @@ impl Model {
     fn from_toml(py: Python<'_>, text: String) -> PyResult<Self> {
         let file = params::parse(&text, &[]).map_err(|error| wrong_model(py, &error))?;
         Ok(Self {
+            is_motion_logged: file.measurement.is_motion_logged,
+            columns: columns(&file),
             spec: file.spec,
             parameters: file.parameters,
             joint: file.joint,
-            resolution: file.fit.resolution(),
             toml: text,
             estimates: Vec::new(),
             auxiliary: file.fit.auxiliary,
@@ -123,7 +126,7 @@ impl Model {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Vec<f64>> {
         let log = log.get();
-        compute(py, threads, progress, || self.predict(&dataset(log)?, rows, has_torque))
+        compute(py, threads, progress, || self.predict(&self.dataset(log)?, rows, has_torque))
     }
 
     /// Returns the torque of each row of a log's only table, with gains that follow the log; NaN for rows that cannot be used.
@@ -142,7 +145,7 @@ impl Model {
     ) -> PyResult<Vec<f64>> {
         let log = log.get();
         let adapt = AdaptationOptions { memory_s: memory, range };
-        compute(py, threads, progress, || self.predict_adapted(&dataset(log)?, rows, &adapt))
+        compute(py, threads, progress, || self.predict_adapted(&self.dataset(log)?, rows, &adapt))
     }
 
     /// Returns the coefficient of determination of a log's torque.
@@ -156,10 +159,14 @@ impl Model {
     ) -> PyResult<f64> {
         let log = log.get();
         compute(py, threads, progress, || {
-            let mut pairs = Vec::new();
-            self.simulate(&dataset(log)?, true, |track, row, simulated| {
-                pairs.push((track.torque[row], simulated));
-            })?;
+            let data = self.dataset(log)?;
+            let found = self.predict_runs(&data, true)?;
+            let runs = data.runs.iter().zip(&found.runs);
+            let rows = runs.flat_map(|(run, own)| run.torque.iter().zip(&own.torque));
+            let pairs: Vec<(f64, f64)> = rows
+                .map(|(measured, own)| (*measured, *own))
+                .filter(|(_, own)| own.is_finite())
+                .collect();
             let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / pairs.len() as f64;
             let squares = |of: fn(f64, f64, f64) -> f64| -> f64 {
                 pairs
@@ -187,7 +194,8 @@ impl Model {
     fn needs(&self) -> Vec<String> {
         let mut names: Vec<String> =
             self.spec.needs().map(|(_, quantity)| quantity.name(self.joint).to_owned()).collect();
-        names.extend(self.auxiliary.clone());
+        names.extend(self.auxiliary.iter().chain(&self.columns).cloned());
+        names.sort_unstable();
         names.dedup();
         names
     }
@@ -196,7 +204,7 @@ impl Model {
 impl Model {
     /// Returns the model of a fit.
     pub fn of_fit(
-        command: &str,
+        toml: String,
         outcome: &Outcome,
         input: &Prepared,
         auxiliary: Option<String>,
@@ -207,8 +215,9 @@ impl Model {
             spec: outcome.spec.clone(),
             parameters,
             joint: input.data.joint,
-            resolution: outcome.resolution,
-            toml: parameter_file(command, input, outcome, auxiliary.as_deref()),
+            columns: params::parse(&toml, &[]).map(|file| columns(&file)).unwrap_or_default(),
+            toml,
+            is_motion_logged: input.is_motion_logged,
             estimates: estimates.iter().map(|of| (of.id, of.std_error, of.state.name())).collect(),
             auxiliary,
         }
@@ -220,16 +229,32 @@ impl Model {
     }
 
     fn predict(&self, data: &Dataset, rows: usize, has_torque: bool) -> Result<Vec<f64>, Error> {
-        let place = data.covariates.iter().position(|name| name == ROW);
-        let mut torque = vec![f64::NAN; rows];
-        self.simulate(data, has_torque, |track, row, simulated| {
-            let numbers = place.map(|place| &track.covariates[place]);
-            let own = numbers.map_or(track.first_row + row, |numbers| numbers[row] as usize);
-            if let Some(torque) = torque.get_mut(own) {
-                *torque = simulated;
-            }
-        })?;
-        Ok(torque)
+        Ok(by_row(data, &self.predict_runs(data, has_torque)?, rows))
+    }
+
+    /// Reads a log for a prediction: without leaving out rows, with the motion as the fit used it.
+    fn dataset(&self, log: &Log) -> Result<Dataset, Error> {
+        let correct = Corrections {
+            motion: log.smooths_motion() && !self.is_motion_logged,
+            motion_by_evidence: false,
+            outliers: false,
+            held: false,
+            ..Corrections::default()
+        };
+        Ok(check(log.dataset()?, correct).data)
+    }
+
+    /// Predicts all runs as the command line does: with the linear model, if the file has one.
+    fn predict_runs(&self, data: &Dataset, has_torque: bool) -> Result<LogPrediction, Error> {
+        if data.joint != self.joint {
+            let [model, log] = [self.joint, data.joint].map(|of| Quantity::Torque.name(of));
+            return Err(format!("data: found a log with {log}, expected one with {model}").into());
+        }
+        let file = params::parse(&self.toml, &[])?;
+        let start = if has_torque { PredictionStart::Fitted } else { PredictionStart::Rest };
+        let options = PredictionOptions { start, ..PredictionOptions::default() };
+        let tracks = tracks_with(data, self.auxiliary.as_deref());
+        Ok(predict_tracks(&file, data, &tracks, &options)?)
     }
 
     fn predict_adapted(
@@ -241,51 +266,29 @@ impl Model {
         let file = params::parse(&self.toml, &[])?;
         let tracks = log_tracks(&file, data)?;
         let found = predict_adapted(&file, data, &tracks, &PredictionOptions::default(), adapt)?;
-        let place = data.covariates.iter().position(|name| name == ROW);
-        let mut torque = vec![f64::NAN; rows];
-        for (run, predicted) in data.runs.iter().zip(&found.prediction.runs) {
-            for (row, predicted) in predicted.torque.iter().enumerate() {
-                let own = place.map_or(row, |place| run.extra[place][row] as usize);
-                if let Some(torque) = torque.get_mut(own) {
-                    *torque = *predicted;
-                }
-            }
-        }
-        Ok(torque)
-    }
-
-    /// Simulates the model along all tracks, and passes track, row in the track and torque to `sink`.
-    fn simulate(
-        &self,
-        data: &Dataset,
-        has_torque: bool,
-        mut sink: impl FnMut(&Track, usize, f64),
-    ) -> Result<(), Error> {
-        if data.joint != self.joint {
-            let [model, log] = [self.joint, data.joint].map(|of| Quantity::Torque.name(of));
-            return Err(format!("data: found a log with {log}, expected one with {model}").into());
-        }
-        for track in &tracks_with(data, self.auxiliary.as_deref()) {
-            let held = has_torque.then(|| initial_state(&self.parameters, track, self.resolution));
-            let held = held.flatten().map(|start| start.held);
-            simulate(&self.parameters, track, held, self.resolution, |row, simulated, _| {
-                sink(track, row, simulated);
-                true
-            });
-        }
-        Ok(())
+        Ok(by_row(data, &found.prediction, rows))
     }
 }
 
-/// Reads a log for a prediction: without leaving out rows, with the motion as a fit uses it.
-fn dataset(log: &Log) -> Result<Dataset, Error> {
-    let correct = Corrections {
-        motion: log.smooths_motion(),
-        outliers: false,
-        held: false,
-        ..Corrections::default()
-    };
-    Ok(check(log.dataset()?, correct).data)
+/// Returns the columns that the linear model of a file follows.
+fn columns(file: &ParameterFile) -> Vec<String> {
+    let linear = file.linear.as_ref();
+    linear.into_iter().flat_map(|own| own.columns()).map(str::to_owned).collect()
+}
+
+/// Returns the torques by the rows of the user's table; NaN for rows that cannot be used.
+fn by_row(data: &Dataset, prediction: &LogPrediction, rows: usize) -> Vec<f64> {
+    let place = data.covariates.iter().position(|name| name == ROW);
+    let mut torque = vec![f64::NAN; rows];
+    for (run, predicted) in data.runs.iter().zip(&prediction.runs) {
+        for (row, predicted) in predicted.torque.iter().enumerate() {
+            let own = place.map_or(row, |place| run.extra[place][row] as usize);
+            if let Some(torque) = torque.get_mut(own) {
+                *torque = *predicted;
+            }
+        }
+    }
+    torque
 }
 
 /// Adds the number of each row to a table.

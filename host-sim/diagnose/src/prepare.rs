@@ -98,6 +98,8 @@ pub struct Prepared {
     pub skip: usize,
     /// Every N-th sample of the residual is used.
     pub decimate: usize,
+    /// True if the motion is used as logged.
+    pub is_motion_logged: bool,
     /// Loss of the fits.
     pub loss: Loss,
     /// Seed of the choice of held-out runs.
@@ -181,8 +183,9 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
     };
     work::report_stage("checking the log");
     log_check::refuse(&data)?;
-    let CheckedLog { data, findings: log_findings, overview, suspected_unit, .. } =
-        log_check::check(data, options.corrections);
+    let checked = log_check::check(data, options.corrections);
+    let is_motion_logged = checked.is_motion_logged || !options.corrections.motion;
+    let CheckedLog { data, findings: log_findings, overview, suspected_unit, .. } = checked;
     if let Some(suspicion) = suspected_unit {
         return Err(suspicion.error(&data).into());
     }
@@ -224,6 +227,7 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         columns: options.columns.clone(),
         skip: options.read.skip,
         decimate: options.decimate,
+        is_motion_logged,
         loss: options.loss.unwrap_or(automatic),
         seed: options.seed,
     })
@@ -250,12 +254,17 @@ pub fn identify_each(
     specs.iter().map(fit).collect()
 }
 
-/// Returns the corrections of a log without those of some kinds. `motion` selects the reconstructed motion.
+/// Returns the corrections of a log without those of some kinds. `motion` selects the reconstructed motion; `None` that to
+/// which the torque is closer.
 ///
 /// # Errors
 /// Returns the first name that is no kind, or a kind that is never corrected, as the end of a message.
-pub fn corrections(motion: bool, as_logged: &[String]) -> Result<Corrections, String> {
-    let mut correct = Corrections { motion, ..Corrections::default() };
+pub fn corrections(motion: Option<bool>, as_logged: &[String]) -> Result<Corrections, String> {
+    let mut correct = Corrections {
+        motion: motion.unwrap_or(true),
+        motion_by_evidence: motion.is_none(),
+        ..Corrections::default()
+    };
     for name in as_logged {
         match LogFindingKind::parse(name.trim()) {
             Some(

@@ -56,7 +56,8 @@ impl LinearModel {
         missing
     }
 
-    fn columns(&self) -> impl Iterator<Item = &str> {
+    /// Returns the columns that it follows.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
         let factors = self.level.iter().chain(&self.terms).flat_map(|term| &term.factors.factors);
         factors.filter_map(Factor::column_name)
     }

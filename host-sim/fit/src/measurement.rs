@@ -35,6 +35,8 @@ pub struct Measurement {
     pub torque_low_pass: TorqueLowPass,
     /// 1, or -1 for a torque that is logged with the other sign.
     pub torque_sign: f64,
+    /// True if the model was fitted to the motion as logged, false for the reconstructed motion.
+    pub is_motion_logged: bool,
     /// Shares of other channels.
     pub channel_gains: Vec<ChannelGain>,
 }
@@ -45,17 +47,19 @@ impl Default for Measurement {
             torque_delay_s: 0.0,
             torque_low_pass: TorqueLowPass::default(),
             torque_sign: 1.0,
+            is_motion_logged: false,
             channel_gains: Vec::new(),
         }
     }
 }
 
 /// Keys of the section, in order.
-const KEYS: [&str; 6] = [
+const KEYS: [&str; 7] = [
     "torque_delay_s",
     "torque_lowpass_hz",
     "torque_lowpass_shape",
     "torque_sign",
+    "motion",
     "channel_gains",
     "channel_means",
 ];
@@ -132,6 +136,9 @@ impl Measurement {
             let _ = write!(text, "torque_lowpass_hz = {hz:?}\ntorque_lowpass_shape = {shape:?}\n");
         }
         let _ = writeln!(text, "torque_sign = {}", self.torque_sign);
+        if self.is_motion_logged {
+            text.push_str("motion = \"logged\"\n");
+        }
         let table = |of: &dyn Fn(&ChannelGain) -> f64| {
             let entries =
                 self.channel_gains.iter().map(|own| format!("{:?} = {:?}", own.column, of(own)));
@@ -181,6 +188,15 @@ impl Measurement {
                 return Err(format!("measurement.torque_sign: found {found}, expected 1 or -1"));
             }
         }
+        own.is_motion_logged = match table.get("motion").map(|item| item.as_str()) {
+            None | Some(Some("smoothed")) => false,
+            Some(Some("logged")) => true,
+            Some(found) => {
+                return Err(format!(
+                    "measurement.motion: found {found:?}, expected smoothed or logged"
+                ));
+            }
+        };
         own.channel_gains = channel_gains(table)?;
         Ok(own)
     }
@@ -229,6 +245,7 @@ mod tests {
             torque_delay_s: -0.004,
             torque_low_pass: TorqueLowPass { time_s: 0.25, shape: LowPassShape::RunningMean },
             torque_sign: -1.0,
+            is_motion_logged: true,
             channel_gains: vec![gain],
         };
         let mut text = String::new();
@@ -248,6 +265,7 @@ mod tests {
             ("torque_lowpass_hz = -1", "torque_lowpass_hz"),
             ("torque_lowpass_shape = \"box\"", "torque_lowpass_shape"),
             ("torque_delay_ms = 2", "torque_delay_ms"),
+            ("motion = \"raw\"", "motion"),
             ("channel_gains = { a = \"x\" }", "channel_gains.a"),
         ] {
             let error = parse(&format!("[measurement]\n{line}\n")).unwrap_err();

@@ -79,9 +79,14 @@ pub struct CheckedLog {
     pub suspected_unit: Option<UnitSuspicion>,
     /// Properties of the motion sensors.
     pub sensors: Sensors,
+    /// True if the motion is used as logged because the torque follows it more closely.
+    pub is_motion_logged: bool,
     /// Summary of the log, after a position was unwrapped and before any other correction.
     pub overview: Overview,
 }
+
+const MOTION_AS_LOGGED: &str = "the velocity is used as logged: the torque follows it more closely than the motion that is \
+                                reconstructed from position and velocity; --motion smoothed uses that one";
 
 /// Refuses a log to which no model can be fitted: an impossible rate, a constant torque, swapped columns.
 ///
@@ -125,8 +130,14 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     if let Some(fresh) = fresh.filter(|fresh| !fresh.is_motion_held) {
         (data, smoothed) = (fresh.select(&data), fresh.select(&smoothed));
     }
-    let data = if correct.motion { smoothed } else { data };
-    CheckedLog { data, findings, suspected_unit, sensors, overview }
+    let by_evidence = correct.motion && correct.motion_by_evidence;
+    let is_motion_logged = by_evidence && motion::choice::logged_is_better(&data, &smoothed);
+    let is_reconstructed = correct.motion && !is_motion_logged;
+    let mut data = if is_reconstructed { smoothed } else { data };
+    if is_motion_logged {
+        data.notes.push(MOTION_AS_LOGGED.to_owned());
+    }
+    CheckedLog { data, findings, suspected_unit, sensors, overview, is_motion_logged }
 }
 
 /// Returns the pair of `--columns` that reads a column in this unit, as a shell takes it.

@@ -12,6 +12,7 @@
 //! torque ripple over the angle stays aligned with the torque.
 
 pub mod agreement;
+pub mod choice;
 pub mod columns;
 pub mod filter;
 pub mod levels;

@@ -182,12 +182,21 @@ fn document_text(
 /// Returns `params.toml`.
 pub fn parameter_text(found: &Diagnosis, input: &Prepared) -> String {
     let model = transferable_model(found);
-    let mut text = parameter_file("diagnose", input, &model, found.auxiliary.as_deref());
-    found.hand_over.measurement.emit(&mut text);
+    let mut text = law_text(found, input, &model, found.auxiliary.as_deref());
     if let Some(linear) = found.hand_over.for_pc() {
         linear.model.emit(&mut text);
     }
     text
+}
+
+/// Returns the parameter file of one of the laws of a diagnosis.
+pub fn law_text(
+    found: &Diagnosis,
+    input: &Prepared,
+    law: &Outcome,
+    auxiliary: Option<&str>,
+) -> String {
+    parameter_file("diagnose", input, law, auxiliary, &found.hand_over.measurement)
 }
 
 /// Returns the model that a diagnosis hands out, with a warning if a driver's current loop may be too slow for it.

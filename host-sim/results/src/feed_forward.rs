@@ -25,6 +25,7 @@ use compensator_core::{LawKind, ParameterId as Id, TermKind};
 use drive::TableUnits;
 use friction_diagnose::evaluation;
 use friction_diagnose::prepare::{Error, Prepared, identify_each};
+use friction_fit::measurement::Measurement;
 use friction_fit::predict::predict;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Outcome, State};
@@ -199,7 +200,10 @@ impl FeedForward {
         if self.judged.has_gain() {
             others.push(("feed-forward.csv", document::csv(self).into_bytes()));
             others.push(("feed_forward.py", script::script(self).into_bytes()));
-            others.push(("params.toml", parameter_file("tune", input, fit, None).into_bytes()));
+            others.push((
+                "params.toml",
+                parameter_file("tune", input, fit, None, &Measurement::default()).into_bytes(),
+            ));
             if let (Drive::Moteus, Some((inertia, _))) = (self.drive, self.inertia) {
                 let line = format!("conf set servo.inertia_feedforward {inertia:.9}\n");
                 others.push(("moteus.cfg", line.into_bytes()));

@@ -6,6 +6,7 @@ use crate::provenance::parameter_file;
 use crate::{Comparison, FitReport, compare_fits, document, page};
 use friction_diagnose::prepare::Prepared;
 use friction_fit::Outcome;
+use friction_fit::measurement::Measurement;
 use std::slice::from_ref;
 
 /// Result files of a comparison, and what a terminal shows of it.
@@ -57,7 +58,7 @@ fn fit_document_text(
 
 /// Returns `params.toml` of a fit.
 pub fn fit_parameter_text(fit: &Outcome, input: &Prepared) -> String {
-    parameter_file("identify", input, fit, None)
+    parameter_file("identify", input, fit, None, &Measurement::default())
 }
 
 /// Returns `fit.html` of a fit.
@@ -91,7 +92,7 @@ pub fn comparison_files(fits: &[Outcome], input: &Prepared) -> Result<Comparison
     let best = &fits[chosen];
     document.choose(&best.spec);
     let html = page.render().into_bytes();
-    let toml = parameter_file("compare", input, best, None);
+    let toml = parameter_file("compare", input, best, None, &Measurement::default());
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
     document.set_prediction(predicted.summary.clone());
     let others = vec![("compare.html", html), ("params.toml", toml.into_bytes())];

@@ -5,6 +5,7 @@ use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use friction_diagnose::prepare::Prepared;
+use friction_fit::measurement::Measurement;
 use friction_fit::network::{BASE, NetworkFile};
 use friction_fit::params;
 use friction_fit::{Metrics, Outcome};
@@ -57,7 +58,7 @@ pub fn network_files(
         "file": gains.then_some("network.json"), "inputs": names, "passes": training.epochs,
         "share_of_test_rows_outside": training.outside_share,
     });
-    let mut toml = parameter_file("identify", input, fit, None);
+    let mut toml = parameter_file("identify", input, fit, None, &Measurement::default());
     let mut file = params::parse(&toml, &[])?;
     if gains {
         file.network = Some(NetworkFile::parse(&training.network)?);

@@ -5,6 +5,7 @@
 use friction_diagnose::prepare::Prepared;
 use friction_fit::Outcome;
 use friction_fit::clock::since_epoch;
+use friction_fit::measurement::Measurement;
 use friction_fit::params;
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, utc_minute};
@@ -48,12 +49,13 @@ impl Provenance<'_> {
     }
 }
 
-/// Returns the text of `params.toml`: the parameters of a fit, and their origin as comments.
+/// Returns the text of `params.toml`: the parameters of a fit, what lies between shaft and log, and their origin as comments.
 pub fn parameter_file(
     command: &str,
     input: &Prepared,
     fit: &Outcome,
     auxiliary: Option<&str>,
+    measurement: &Measurement,
 ) -> String {
     let from = Provenance {
         command,
@@ -62,5 +64,8 @@ pub fn parameter_file(
         log_findings: &input.log_findings,
         verdicts: &fit.verdicts,
     };
-    from.comments() + &params::emit(fit, &input.data, auxiliary)
+    let mut text = from.comments() + &params::emit(fit, &input.data, auxiliary);
+    let is_motion_logged = input.is_motion_logged;
+    Measurement { is_motion_logged, ..measurement.clone() }.emit(&mut text);
+    text
 }

@@ -69,8 +69,11 @@ pub struct LogArguments {
     #[arg(long, value_name = "N", default_value_t = 0, hide_short_help = true)]
     pub skip: usize,
     /// Source of the motion: reconstructed from position and velocity, or the unchanged velocity column
-    #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed, hide_short_help = true)]
-    pub motion: MotionFrom,
+    ///
+    /// By default the reconstructed motion, unless the torque follows the logged one more closely. `predict` uses that of the
+    /// model.
+    #[arg(long, value_name = "WHICH", value_enum, hide_short_help = true)]
+    pub motion: Option<MotionFrom>,
     /// Log problems to report without correction
     ///
     /// velocity-noise, velocity-lag, quantised (for these the motion is used as logged), wrapped-angle, outlier, held-channel,
@@ -222,8 +225,9 @@ impl DataArguments {
 impl LogArguments {
     /// Returns how a log is read and checked.
     fn options(&self) -> Result<PrepareOptions, String> {
-        let corrections = corrections(self.motion == MotionFrom::Smoothed, &self.as_logged)
-            .map_err(|end| format!("--as-logged: {end}"))?;
+        let corrections =
+            corrections(self.motion.map(|own| own == MotionFrom::Smoothed), &self.as_logged)
+                .map_err(|end| format!("--as-logged: {end}"))?;
         Ok(PrepareOptions {
             read: self.read_options()?,
             columns: self.columns.clone(),

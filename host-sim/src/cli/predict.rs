@@ -1,7 +1,7 @@
 //! `predict`: the torque of a fitted model on every row of a log.
 
 use super::fit_arguments::FitArguments;
-use super::input::{DataArguments, LogArguments, LogInputs};
+use super::input::{DataArguments, LogArguments, LogInputs, MotionFrom};
 use super::output::{OutputArguments, pretty, print_formatted, print_text, write_file};
 use super::predict_adapted::{self, AdaptArguments};
 use super::progress::in_stages;
@@ -70,7 +70,12 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
     let file = arguments.out.clone().unwrap_or_else(|| default.folder().join(ROWS_FILE));
     let format = row_format(&file)?;
     let model = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
-    let log = DataArguments { log: arguments.log.clone(), fit: FitArguments::without_fit() };
+    let mut log = arguments.log.clone();
+    log.motion = log.motion.or(Some(match model.measurement.is_motion_logged {
+        true => MotionFrom::Logged,
+        false => MotionFrom::Smoothed,
+    }));
+    let log = DataArguments { log, fit: FitArguments::without_fit() };
     let input = match log.read(&SplitRule::LeaveOneRunOut)? {
         LogInputs::One(input) => input,
         LogInputs::Several(joints) => {

@@ -79,7 +79,7 @@ impl ForeignArguments {
             torque_from: None,
             bad_rows: None,
             skip: 0,
-            motion: MotionFrom::Smoothed,
+            motion: Some(MotionFrom::Smoothed),
             // A table with a sign that was guessed would drive the joint instead of helping it.
             as_logged: vec![LogFindingKind::SignSuspect.name().to_owned()],
             threads: 0,

@@ -69,18 +69,16 @@ pub(crate) fn answer(
         ..term.clone()
     });
     let level = level.collect();
-    let sign = if rows.is_reversed { -1.0 } else { 1.0 };
     let (torque_delay_s, torque_low_pass) = entry.correction.of_torque(rows.step_s);
     let mut measurement = Measurement {
         torque_delay_s,
         torque_low_pass,
-        torque_sign: sign,
-        channel_gains: Vec::new(),
+        ..Measurement::of_sign(rows.is_reversed)
     };
     let mut terms = Vec::new();
     for ((name, term), size) in kept.iter().map(|at| &parts[*at]).zip(sizes) {
         match *name {
-            CHANNEL_GAIN => measurement.channel_gains.extend(channel_gain(term, sign * size)),
+            CHANNEL_GAIN => measurement.channel_gains.extend(channel_gain(term, measurement.torque_sign * size)),
             _ if size == 0.0 => {}
             _ => terms.push(LinearTerm { size, ..term.clone() }),
         }

@@ -10,6 +10,8 @@ use compensator_core::quantity::Quantity;
 pub struct Corrections {
     /// Reconstruct the motion ([`crate::motion::reconstruct`]).
     pub motion: bool,
+    /// Keep the logged motion if the torque follows it more closely ([`crate::motion::choice`]).
+    pub motion_by_evidence: bool,
     /// Unwrap a position that wraps.
     pub wrapped: bool,
     /// Leave out rows with impossible values, and give weight 0 to spikes of the torque.
@@ -24,7 +26,15 @@ pub struct Corrections {
 
 impl Default for Corrections {
     fn default() -> Self {
-        Self { motion: true, wrapped: true, outliers: true, sign: true, units: true, held: true }
+        Self {
+            motion: true,
+            motion_by_evidence: true,
+            wrapped: true,
+            outliers: true,
+            sign: true,
+            units: true,
+            held: true,
+        }
     }
 }
 
