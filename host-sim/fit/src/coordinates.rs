@@ -2,12 +2,12 @@
 //!
 //! The optimiser itself has no bounds. A stiffness or a Stribeck velocity is represented by its logarithm, so that 1e3
 //! and 1e6 are equally far from 3e4. `F_S = F_C sqrt(1 + u^2)` cannot fall below `F_C`. A parameter that cannot be
-//! negative is `scale (cosh u - 1)`, which can reach 0 and is logarithmic for large values. All others are their own
-//! coordinate. The change of coordinates uses dual numbers, so that its derivative is exact.
+//! negative is `scale (cosh u - 1)`, which can reach 0 and is logarithmic for large values; a factor of a regressor is the
+//! branch of a hyperbola, which is straight for large values. All others are their own coordinate. The change of
+//! coordinates uses dual numbers, so that its derivative is exact.
 //!
-//! An undetermined parameter would diverge along its valley. A weak prior keeps it near its start: one additional row
-//! per coordinate, equivalent to one measured row, with a width of one decade. For a parameter with an error of one
-//! percent, the prior causes a shift of less than a hundredth of that error.
+//! An undetermined parameter would diverge along its valley. A weak prior keeps it near the middle of its range: one row per
+//! coordinate, with a width of one decade, that counts as one independent observation ([`Scales::observation`]).
 
 use super::scales::Scales;
 use super::treatment::{self, Values};
@@ -22,6 +22,10 @@ enum Scale {
     NotBelow(ParameterId),
     /// `p = scale (cosh u - 1)`.
     NotNegative(f64),
+    /// `p = (u + sqrt(u^2 + size^2)) / 2`.
+    FactorNotNegative(f64),
+    /// `p = bound u / sqrt(1 + u^2)`.
+    Below(f64),
     /// `p = u`.
     Plain,
 }
@@ -31,21 +35,30 @@ enum Scale {
 pub struct Coordinates {
     base: Parameters<f64>,
     free: Vec<(ParameterId, Scale)>,
-    /// Centre of the prior: the start.
+    /// Centre of the prior: the middle of the range, or the start where the log has no range.
     centre: Vec<f64>,
-    /// Noise of a row, Nm: the residual of the prior at one width.
-    noise: f64,
+    /// Error of an observation, Nm: the residual of the prior at one width.
+    observation: f64,
 }
 
 /// Largest argument of the hyperbolic cosine, a factor of 1e17.
 const MAX_COSH_ARGUMENT: f64 = 40.0;
+
+/// Bend of the hyperbola of a factor, as a share of its typical size: far below any effect in a log.
+const FACTOR_BEND: f64 = 1e-4;
+
+/// Share of the bound beyond which a parameter that approaches it counts as at its bound.
+const BOUND_SHARE: f64 = 0.98;
+
+/// Coordinate of a typical size.
+const TYPICAL_COSH: f64 = 1.317;
 
 impl Coordinates {
     /// Creates coordinates for `free`, with every other parameter as in `base`.
     ///
     /// `scales` determine the typical size of parameters that cannot be negative, and the bounds of positive ones.
     pub fn new(base: &Parameters<f64>, free: &[ParameterId], scales: &Scales) -> Self {
-        let scale = |id: ParameterId| match treatment::of(id).values {
+        let scale = |id: ParameterId| match treatment::values(base.law, id) {
             Values::Any => Scale::Plain,
             Values::Positive(range) => {
                 let (least, most) = treatment::bounds(id, range, scales);
@@ -54,16 +67,43 @@ impl Coordinates {
             Values::NotNegative(typical) => {
                 Scale::NotNegative(typical(scales).max(f64::MIN_POSITIVE))
             }
+            Values::FactorNotNegative(typical) => {
+                Scale::FactorNotNegative((FACTOR_BEND * typical(scales)).max(f64::MIN_POSITIVE))
+            }
+            Values::Below(bound) => Scale::Below(bound),
             Values::NotBelow(other) => Scale::NotBelow(other),
         };
         let mut coordinates = Self {
             base: base.clone(),
             free: free.iter().map(|id| (*id, scale(*id))).collect(),
             centre: Vec::new(),
-            noise: scales.noise,
+            observation: scales.observation,
         };
         coordinates.centre = coordinates.point(base);
+        for (centre, (id, scale)) in coordinates.centre.iter_mut().zip(&coordinates.free) {
+            match (treatment::of(*id).values, scale) {
+                (Values::Positive(range), Scale::Logarithmic(least, most))
+                    if range(scales).1.is_finite() =>
+                {
+                    *centre = 0.5 * (least + most);
+                }
+                (_, Scale::NotNegative(_)) => *centre = TYPICAL_COSH,
+                (_, Scale::NotBelow(_)) => *centre = 0.0,
+                _ => {}
+            }
+        }
         coordinates
+    }
+
+    /// Returns the error of an observation that the prior has, Nm.
+    pub fn observation(&self) -> f64 {
+        self.observation
+    }
+
+    /// Replaces the error of an observation, Nm.
+    #[must_use]
+    pub fn with_observation(self, observation: f64) -> Self {
+        Self { observation, ..self }
     }
 
     /// Returns the rows of the prior: index of the coordinate, derivative, residual.
@@ -73,9 +113,9 @@ impl Coordinates {
                 Scale::Logarithmic(..) | Scale::NotNegative(_) => std::f64::consts::LN_10,
                 // F_S / F_C up to 1.8, rarely to 3.
                 Scale::NotBelow(_) => 1.5,
-                Scale::Plain => return None,
+                Scale::FactorNotNegative(_) | Scale::Below(_) | Scale::Plain => return None,
             };
-            let slope = self.noise / width;
+            let slope = self.observation / width;
             Some((index, -slope, slope * (self.centre[index] - point[index])))
         })
     }
@@ -114,6 +154,11 @@ impl Coordinates {
                         let cosh = (u.exp() + (-u).exp()) * half;
                         T::from_f64(*size) * (cosh - T::one())
                     }
+                    Scale::FactorNotNegative(size) => {
+                        let size = T::from_f64(*size);
+                        (*u + (*u * *u + size * size).pow(half)) * half
+                    }
+                    Scale::Below(bound) => T::from_f64(*bound) * *u / root(*u),
                     // Limited to its legal range, whose ends only a degenerate log reaches.
                     Scale::Plain => {
                         let info = id.info();
@@ -144,6 +189,14 @@ impl Coordinates {
                         inverse_root(value / parameters.get(*other).max(f64::MIN_POSITIVE))
                     }
                     Scale::NotNegative(size) => (1.0 + (value / size).max(5e-5)).acosh(),
+                    Scale::FactorNotNegative(size) => {
+                        let value = value.max(0.5 * size);
+                        value - 0.25 * size * size / value
+                    }
+                    Scale::Below(bound) => {
+                        let share = (value / bound).clamp(-BOUND_SHARE, BOUND_SHARE);
+                        share / (1.0 - share * share).sqrt()
+                    }
                     Scale::Plain => value,
                 }
             })
@@ -156,18 +209,39 @@ impl Coordinates {
         matches!(self.free[index].1, Scale::Logarithmic(..) | Scale::NotNegative(_))
     }
 
+    /// Returns true if 0 fits best for a free parameter that is not negative.
+    pub fn is_at_zero(&self, index: usize, point: &[f64]) -> bool {
+        match self.free[index].1 {
+            Scale::NotNegative(_) => point[index].abs() < 2e-2,
+            Scale::FactorNotNegative(_) => point[index] <= 0.0,
+            _ => false,
+        }
+    }
+
+    /// Returns true if a free parameter is at an end of the range that is searched. There the log has a better value outside,
+    /// unlike at a bound where an effect is absent.
+    pub fn is_at_end(&self, index: usize, point: &[f64], parameters: &Parameters<f64>) -> bool {
+        let is_absent = match self.free[index].1 {
+            Scale::NotBelow(_) => point[index].abs() < 2e-2,
+            _ => self.is_at_zero(index, point),
+        };
+        !is_absent && self.is_at_bound(index, point, parameters)
+    }
+
     /// Returns true if a free parameter is at a bound of its coordinate or of its legal range.
     pub fn is_at_bound(&self, index: usize, point: &[f64], parameters: &Parameters<f64>) -> bool {
         let (id, scale) = self.free[index];
         let value = parameters.get(id);
         let info = id.info();
         let coordinate = match scale {
-            Scale::NotBelow(_) | Scale::NotNegative(_) => point[index].abs() < 2e-2,
+            _ if self.is_at_zero(index, point) => true,
+            Scale::NotBelow(_) => point[index].abs() < 2e-2,
+            Scale::Below(bound) => value.abs() > BOUND_SHARE * bound,
             // Within one percent, because a bound is approached but rarely reached.
             Scale::Logarithmic(least, most) => {
                 point[index] < least + 0.01 || point[index] > most - 0.01
             }
-            Scale::Plain => false,
+            _ => false,
         };
         // Values at the end of the legal range are moved inside it by a rounding.
         let rounding = |bound: f64| 2e-6 * bound.abs();
@@ -185,10 +259,14 @@ mod tests {
     const SCALES: Scales = Scales {
         speed: 1.0,
         torque: 2.0,
+        slow_speed: 0.01,
+        acceleration: 1.0,
         travel: 3.0,
+        swing: 1.0,
         campaign_s: 100.0,
         temperature_c: 20.0,
         noise: 0.01,
+        observation: 0.01,
         period_s: 1e-3,
     };
 
@@ -200,7 +278,7 @@ mod tests {
             .with(Id::StribeckVelocity, 0.07)
             .with(Id::BristleStiffness, 3e4)
             .with(Id::BristleDamping, 12.0)
-            .with(Id::ViscousFriction, -0.3);
+            .with(Id::ViscousFriction, 0.3);
         let free: Vec<_> = LawKind::Lugre.parameters().to_vec();
         let coordinates = Coordinates::new(&base, &free, &SCALES);
         let back: Parameters<f64> = coordinates.parameters(&coordinates.point(&base));
@@ -218,6 +296,7 @@ mod tests {
             assert!(parameters.get(Id::CoulombTorque) > 0.0);
             assert!(parameters.get(Id::StaticTorque) >= parameters.get(Id::CoulombTorque));
             assert!(parameters.get(Id::BristleDamping) >= 0.0);
+            assert!(parameters.get(Id::ViscousFriction) >= 0.0);
         }
     }
 }

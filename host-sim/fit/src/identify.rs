@@ -1,31 +1,18 @@
 //! Identification: a fit with estimates, standard errors, metrics and verdicts.
 
+use super::determined::{Evidence, Reason};
 use super::legal::fit_legal;
 use super::outcome::{Estimate, Outcome, State};
 use super::passive::{passive_fit, reported};
 use super::predict::{Predicted, predict};
-use super::scales::Scales;
 use super::solve::{FitOptions, Solution, unobserved_parameters};
-use super::statistics::{autocorrelation_time, inverse_information};
+use super::statistics::autocorrelation_time;
 use super::track::Rows;
 use super::verdict::verdicts;
 use crate::clock::Instant;
-use crate::dual::Dual;
 use crate::spec::{Spec, SpecError};
-use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters};
 use nalgebra::DMatrix;
-
-/// Relative standard error of a positive parameter above which it is "not determined": values from half to twice as large
-/// are then within two standard errors. The prior alone gives 2.3.
-const MAX_RELATIVE_ERROR: f64 = 0.5;
-
-/// Effect of two standard errors on the torque, as a share of its RMS, above which any other parameter is "not determined",
-/// unless its value differs from 0 by three standard errors.
-const MAX_ERROR_EFFECT: f64 = 0.2;
-
-/// Derivative that counts as 0, as a share of the torque's RMS.
-const NEGLIGIBLE_EFFECT: f64 = 1e-9;
 
 /// Fits a model to the training rows and evaluates it on the test rows.
 ///
@@ -91,7 +78,7 @@ fn evaluate(
         driver_form: None,
         parameters,
     };
-    outcome.verdicts = verdicts(&outcome, &unobserved, &predicted, train.tracks);
+    outcome.verdicts = verdicts(&outcome, &predicted, train.tracks);
     (outcome, held_out)
 }
 
@@ -123,70 +110,20 @@ fn estimates(
     time: f64,
     unobserved: &[ParameterId],
 ) -> (Vec<Estimate>, DMatrix<f64>) {
-    let reduced = &solution.reduced;
-    let count = solution.coordinates.len();
-    let free: Vec<Id> = solution.coordinates.ids().collect();
-    let spare = reduced.rows.saturating_sub(count).max(1) as f64;
-    let variance = time * reduced.sum_of_squares() / spare;
-    let covariance = inverse_information(reduced) * variance;
-    // d(parameter)/d(coordinate), exact to rounding, from the same dual numbers as the fit.
-    let seeded: Vec<Dual<40>> =
-        solution.point.iter().enumerate().map(|(i, u)| Dual::parameter(*u, i)).collect();
-    let natural = solution.coordinates.parameters(&seeded);
-    let change = DMatrix::from_fn(count, count, |i, j| natural.get(free[i]).gradient[j]);
-    let natural_covariance = &change * &covariance * change.transpose();
-    let torque = Scales::of(rows.tracks).torque;
-    let norm = |j: usize| -> f64 {
-        let squares = (0..count).map(|i| reduced.factor[i * count + j].powi(2)).sum::<f64>();
-        (squares / reduced.rows.max(1) as f64).sqrt()
-    };
-    let state = |index: usize, id: Id, error: f64| {
-        let (point, start) =
-            (solution.point[index], solution.coordinates.point(&solution.start)[index]);
+    let evidence = Evidence::of(solution, parameters, rows, time);
+    let estimate = |id| {
         let value = parameters.get(id);
-        if solution.coordinates.is_at_bound(index, &solution.point, parameters) {
-            return State::AtBound;
-        }
-        let moved = (point - start).abs() > 1e-6 * (1.0 + start.abs());
-        if !moved && norm(index) < NEGLIGIBLE_EFFECT * torque {
-            return State::AtStart;
-        }
-        let positive = id.info().lower > 0.0;
-        // RMS change of the torque per unit of the parameter.
-        let effect = norm(index) / change[(index, index)].abs().max(f64::MIN_POSITIVE);
-        let is_loose = if solution.coordinates.is_held_by_prior(index) {
-            covariance[(index, index)].sqrt() > MAX_RELATIVE_ERROR
-        } else if positive {
-            error > MAX_RELATIVE_ERROR * value.abs()
-        } else {
-            // Not significantly different from 0, or with a large effect of its error.
-            value.abs() < 2.0 * error
-                || 2.0 * error * effect > MAX_ERROR_EFFECT * torque && value.abs() < 3.0 * error
-        };
-        if is_loose || !error.is_finite() { State::NotDetermined } else { State::Determined }
-    };
-    let estimates = parameters
-        .active()
-        .map(|id| {
-            let value = parameters.get(id);
-            match free.iter().position(|free| *free == id) {
-                Some(index) => {
-                    let error = natural_covariance[(index, index)].max(0.0).sqrt();
-                    let state = state(index, id, error);
-                    Estimate { id, value, std_error: Some(error.min(f64::MAX)), state }
-                }
-                None => {
-                    let lost = unobserved.contains(&id) || solution.collinear.contains(&id);
-                    let state = if lost { State::NotDetermined } else { State::AtStart };
-                    Estimate { id, value, std_error: None, state }
-                }
+        let (std_error, (state, reason)) = match evidence.position(id) {
+            Some(index) => (Some(evidence.error(index).min(f64::MAX)), evidence.state(index)),
+            None if unobserved.contains(&id) => {
+                (None, (State::NotDetermined, Some(Reason::NoColumn)))
             }
-        })
-        .collect();
-    let errors: Vec<f64> =
-        (0..count).map(|i| natural_covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt()).collect();
-    let correlation = DMatrix::from_fn(count, count, |i, j| {
-        (natural_covariance[(i, j)] / (errors[i] * errors[j])).clamp(-1.0, 1.0)
-    });
-    (estimates, correlation)
+            None if solution.collinear.contains(&id) => {
+                (None, (State::NotDetermined, Some(Reason::Combination)))
+            }
+            None => (None, (State::AtStart, None)),
+        };
+        Estimate { id, value, std_error, state, reason }
+    };
+    (parameters.active().map(estimate).collect(), evidence.correlation())
 }

@@ -16,6 +16,11 @@ pub(super) fn fit_legal(
 ) -> (Solution, Parameters<f64>) {
     let solution = fit(spec, base, train, options);
     let mut parameters = solution.parameters();
+    for (index, id) in solution.coordinates.ids().enumerate() {
+        if solution.coordinates.is_at_zero(index, &solution.point) {
+            parameters.set(id, 0.0);
+        }
+    }
     keep_legal(&mut parameters, solution.coordinates.ids());
     declare_envelope(&mut parameters, train.tracks, test.tracks);
     (solution, parameters)

@@ -9,7 +9,7 @@
 //!         -> bounded Levenberg-Marquardt from several starts         scales, coordinates, start, minimise, solve
 //!            (repeated with Huber's weights for a robust loss)       robust
 //!         -> on held-out rows                                        predict, metrics
-//!         -> parameters, errors, verdicts                            statistics, identify, outcome, verdict
+//!         -> parameters, errors, verdicts                            statistics, determined, identify, outcome, verdict
 //!            (with the passive form for a driver)                    passive
 //! ```
 //!
@@ -31,6 +31,7 @@ pub mod clock;
 pub mod coordinates;
 pub mod dataset_tracks;
 mod delayed;
+pub mod determined;
 pub mod dual;
 pub mod gradient;
 pub mod identify;

@@ -4,6 +4,7 @@
 //! [`Outcome::verdicts`] explains the result in sentences. "Not determined" does not mean "wrong": in steady sliding
 //! the bristle stiffness does not affect the output, so any value fits.
 
+use super::determined::Reason;
 use super::metrics::Metrics;
 use super::simulate::Resolution;
 use crate::spec::Spec;
@@ -13,9 +14,9 @@ use nalgebra::DMatrix;
 /// Whether the data determine a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// The error is small enough.
+    /// The error is small enough, and the value is possible, shown by the log and repeated ([`super::determined`]).
     Determined,
-    /// Very different values fit equally well.
+    /// Very different values fit equally well, or the value is not one of the joint: [`Estimate::reason`].
     NotDetermined,
     /// The value did not change from its start, because no row depends on it.
     AtStart,
@@ -46,6 +47,8 @@ pub struct Estimate {
     pub std_error: Option<f64>,
     /// Whether the data determine it.
     pub state: State,
+    /// Why the data do not determine it; `None` in any other state, and where the passive form moved it.
+    pub reason: Option<Reason>,
 }
 
 /// Complete result of a fit.

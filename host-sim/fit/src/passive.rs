@@ -84,16 +84,6 @@ fn towards_passivity(
     if parameters.choices.allow_active {
         return None;
     }
-    let viscous = parameters.get(Id::ViscousFriction);
-    if parameters.law.has_bristles() && viscous < 0.0 {
-        parameters.set(Id::ViscousFriction, 0.0);
-        options.fixed.push(Id::ViscousFriction);
-        let note = format!(
-            "viscous_friction: at its bound, 0: the rows alone give {}, and a negative value drives the joint instead of braking it",
-            significant(viscous, 3)
-        );
-        return Some(PassivityChange { id: Some(Id::ViscousFriction), note });
-    }
     let largest = f64::from(parameters.active_damping()?);
     let damping = significant(parameters.get(Id::BristleDamping), 3);
     if !parameters.choices.damping_fades && !options.fixed.contains(&Id::BristleDamping) {

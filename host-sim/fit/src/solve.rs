@@ -43,6 +43,9 @@ pub const COMPARISON_STAGNATION: f64 = 3e-4;
 /// Maximum number of simulations per parameter of a fit that continues at a finer resolution, or only if it is the best.
 const INTERMEDIATE_PATIENCE: usize = 5;
 
+/// Ratio of the error of an observation in the prior to that of the fit above which the fit is continued with its own.
+const MAX_PRIOR_RATIO: f64 = 1.2;
+
 /// Options of a fit.
 #[derive(Clone, Debug)]
 pub struct FitOptions {
@@ -124,7 +127,7 @@ impl Solution {
 ///
 /// If there are several starts, or if the resolution is still to be chosen, all fits but the last one stop early.
 pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions) -> Solution {
-    let scales = Scales::of(rows.tracks);
+    let mut scales = Scales::of(rows.tracks);
     let base = &without_speed_limit(base.clone());
     let free = free_parameters(spec, base, rows.tracks, options);
     let is_given = options.substeps.is_some() || options.resolution.is_some();
@@ -139,6 +142,9 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
         }
         None => start::candidates(spec, base, &free, rows, &scales, resolution, options.starts),
     };
+    if let Some(start) = candidates.first() {
+        scales = scales.beside(start, rows, resolution);
+    }
     let (collinear, at_first) = match candidates.first() {
         Some(start) => collinear(start, &free, rows, &scales, resolution),
         None => Default::default(),
@@ -160,7 +166,14 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
     if refines {
         best = refine(best, rows, intermediate);
     }
-    if is_last { best } else { converge(best, rows, last) }
+    let observation = scales.beside(&best.parameters(), rows, best.resolution).observation;
+    // A start that erred much more than its fit made the prior too strong.
+    let is_outdated = best.coordinates.observation() > MAX_PRIOR_RATIO * observation;
+    if is_outdated {
+        best.coordinates = best.coordinates.with_observation(observation);
+        best.reduced = reduce(&best.coordinates, &best.point, rows, best.resolution);
+    }
+    if is_last && !is_outdated { best } else { converge(best, rows, last) }
 }
 
 /// Starting points of a fit.

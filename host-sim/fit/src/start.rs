@@ -153,6 +153,10 @@ pub fn candidates(
     };
     let mut evaluated: Vec<_> = grid.into_par_iter().map(|start| (cost(&start), start)).collect();
     evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let scales = &match evaluated.first() {
+        Some((_, best)) => scales.beside(best, trial, resolution),
+        None => *scales,
+    };
     evaluated.truncate(2 * count.max(1));
     let mut improved: Vec<TrialFit> = evaluated
         .into_par_iter()

@@ -6,7 +6,7 @@
 
 use super::scales::Scales;
 use ParameterId as Id;
-use compensator_core::ParameterId;
+use compensator_core::{LawKind, ParameterId};
 
 /// Values that a fit may choose.
 #[derive(Clone, Copy)]
@@ -18,6 +18,10 @@ pub enum Values {
     Positive(fn(&Scales) -> (f64, f64)),
     /// Values from 0, with this typical size.
     NotNegative(fn(&Scales) -> f64),
+    /// Values from 0 of a factor of a regressor, with this typical size. The rows determine it like any other factor.
+    FactorNotNegative(fn(&Scales) -> f64),
+    /// Values whose magnitude is below this.
+    Below(f64),
     /// Values from that of another parameter.
     NotBelow(ParameterId),
 }
@@ -62,13 +66,16 @@ const fn not_below(other: ParameterId, at_bound: &'static str) -> Treatment {
 /// No restriction besides the legal range.
 const LEGAL_RANGE: fn(&Scales) -> (f64, f64) = |_| (0.0, f64::INFINITY);
 
+/// Largest asymmetry: the level of the smaller direction is then close to 0, and beyond 1 it would drive the joint.
+const MAX_ASYMMETRY: f64 = 0.99;
+
 const NO_EFFECT: &str = "0 fits best, the effect is absent";
 
 /// Returns the treatment of a parameter.
 pub fn of(id: ParameterId) -> Treatment {
     match id {
         Id::CoulombTorque | Id::CoulombTorqueNegative => Treatment {
-            values: Values::Positive(|scales| (1e-4 * scales.torque, 1e3 * scales.torque)),
+            values: Values::Positive(|scales| (1e-4 * scales.torque, 1e1 * scales.torque)),
             ..LEVEL
         },
         Id::StaticTorque => {
@@ -78,11 +85,30 @@ pub fn of(id: ParameterId) -> Treatment {
             Id::CoulombTorqueNegative,
             "F_S = F_C backwards, the data show no Stribeck effect",
         ),
-        Id::StribeckVelocity => positive(|scales| (1e-3 * scales.speed, 1e1 * scales.speed)),
-        // Presliding travel from a millionth to a hundred times the travel of a track.
+        // A speed that several rows do not exceed, and several do.
+        Id::StribeckVelocity => {
+            positive(|scales| ((1e-3 * scales.speed).max(scales.slow_speed), 2.0 * scales.speed))
+        }
+        // A presliding travel between the motion from row to row and the swing, for levels from a hundredth of the torque.
         Id::BristleStiffness => positive(|scales| {
-            (0.01 * scales.torque / scales.travel, 1e6 * scales.torque / scales.travel)
+            let step = scales.slow_speed * scales.period_s;
+            (0.01 * scales.torque / scales.swing, 3.0 * scales.torque / step)
         }),
+        Id::ViscousFriction => Treatment {
+            values: Values::FactorNotNegative(|scales| scales.torque / scales.speed),
+            at_bound: "0 fits best: friction does not grow with speed over this range",
+            ..FREE
+        },
+        Id::Inertia => Treatment {
+            values: Values::FactorNotNegative(|scales| scales.torque / scales.acceleration),
+            at_bound: NO_EFFECT,
+            ..FREE
+        },
+        Id::CoulombAsymmetry | Id::ViscousAsymmetry => Treatment {
+            values: Values::Below(MAX_ASYMMETRY),
+            at_bound: "one direction has no friction",
+            ..FREE
+        },
         Id::BristleDamping => {
             not_negative(|scales| 0.1 * scales.torque / scales.speed, "0 fits best")
         }
@@ -113,6 +139,14 @@ pub fn of(id: ParameterId) -> Treatment {
     }
 }
 
+/// Returns the values that a fit of a law may choose. In a curve of several parts the sign of one coefficient is free.
+pub fn values(law: LawKind, id: ParameterId) -> Values {
+    match (law, id) {
+        (LawKind::Extended | LawKind::Atan, Id::ViscousFriction) => Values::Any,
+        _ => of(id).values,
+    }
+}
+
 /// Returns the range in which a positive parameter is searched, inside its legal range.
 pub fn bounds(id: ParameterId, range: fn(&Scales) -> (f64, f64), scales: &Scales) -> (f64, f64) {
     let (least, most) = range(scales);
@@ -124,7 +158,7 @@ pub fn bounds(id: ParameterId, range: fn(&Scales) -> (f64, f64), scales: &Scales
 /// Returns the typical size of a parameter that cannot be negative, and 1 for any other.
 pub fn typical(id: ParameterId, scales: &Scales) -> f64 {
     match of(id).values {
-        Values::NotNegative(typical) => typical(scales),
+        Values::NotNegative(typical) | Values::FactorNotNegative(typical) => typical(scales),
         _ => 1.0,
     }
 }

@@ -1,22 +1,16 @@
 //! Interpretation of a fit in sentences.
 
-use super::outcome::{Estimate, Outcome, State};
+use super::determined::Reason;
+use super::outcome::{Outcome, State};
 use super::predict::Predicted;
 use super::track::Track;
 use super::treatment;
-use ParameterId as Id;
-use compensator_core::{LawKind, ParameterId};
 
 /// Absolute correlation above which two parameters are reported as confounded: the data determine a combination only.
 const CONFOUNDED_CORRELATION: f64 = 0.98;
 
 /// Returns the notes that a user should read before using the estimates.
-pub(super) fn verdicts(
-    outcome: &Outcome,
-    unobserved: &[ParameterId],
-    predicted: &Predicted,
-    tracks: &[Track],
-) -> Vec<String> {
+pub(super) fn verdicts(outcome: &Outcome, predicted: &Predicted, tracks: &[Track]) -> Vec<String> {
     let mut notes = Vec::new();
     if !outcome.converged {
         notes.push("the fit reached its iteration limit before it converged".to_owned());
@@ -27,24 +21,10 @@ pub(super) fn verdicts(
     for estimate in &outcome.estimates {
         let name = estimate.id.name();
         match estimate.state {
-            State::Determined => notes.extend(extrapolated_level(estimate, tracks)),
-            State::NotDetermined if unobserved.contains(&estimate.id) => {
-                notes.push(format!(
-                    "{name}: not determined: its column is absent or zero in all rows"
-                ));
-            }
-            State::NotDetermined if estimate.std_error.is_none() => {
-                notes.push(format!(
-                    "{name}: not determined: on these rows its effect is a combination of other parameters"
-                ));
-            }
-            State::NotDetermined if is_positive(estimate.id) || is_significant(estimate) => {
-                notes.push(format!("{name}: not determined by this data"));
-            }
+            State::Determined => {}
             State::NotDetermined => {
-                notes.push(format!(
-                    "{name}: not determined by this data: not significantly different from 0"
-                ));
+                let why = estimate.reason.unwrap_or(Reason::Loose).in_words();
+                notes.push(format!("{name}: not determined{why}"));
             }
             State::AtStart if estimate.std_error.is_none() => {}
             State::AtStart => {
@@ -56,13 +36,6 @@ pub(super) fn verdicts(
         }
     }
     notes.extend(confounded_groups(outcome));
-    if outcome.parameters.get(Id::ViscousFriction) < 0.0 && outcome.spec.law != LawKind::Extended {
-        notes.push(
-            "viscous_friction is negative: friction falls with speed over this range, as on a \
-             Stribeck curve"
-                .to_owned(),
-        );
-    }
     if outcome.autocorrelation_time > 3.0 {
         notes.push(format!(
             "the residual is autocorrelated: about {:.0} neighbouring rows count as one observation, and \
@@ -72,39 +45,6 @@ pub(super) fn verdicts(
         ));
     }
     notes
-}
-
-/// Largest plausible ratio of a static level to the largest logged torque. A level above it is not reached in the log.
-const MAX_STATIC_RATIO: f64 = 2.0;
-
-/// Returns a note if a static level is far above every logged torque.
-fn extrapolated_level(estimate: &Estimate, tracks: &[Track]) -> Option<String> {
-    if estimate.id != Id::StaticTorque {
-        return None;
-    }
-    let included = |track: &'_ Track| {
-        let rows = (0..track.len()).filter(|row| track.is_included(*row));
-        rows.map(|row| track.torque[row].abs()).fold(0.0, f64::max)
-    };
-    let largest = tracks.iter().map(included).fold(0.0, f64::max);
-    (largest > 0.0 && estimate.value > MAX_STATIC_RATIO * largest).then(|| {
-        format!(
-            "{}: {:.1} times the largest logged torque: the log does not reach it, and the value is an extrapolation \
-             to standstill",
-            estimate.id.name(),
-            estimate.value / largest
-        )
-    })
-}
-
-/// Returns true if the parameter cannot be 0.
-fn is_positive(id: ParameterId) -> bool {
-    id.info().lower > 0.0
-}
-
-/// Returns true if a value differs from 0 by at least two standard errors.
-fn is_significant(estimate: &Estimate) -> bool {
-    estimate.std_error.is_none_or(|error| estimate.value.abs() >= 2.0 * error)
 }
 
 /// Returns a note if the bristles never saturate, or never move.
@@ -163,23 +103,4 @@ fn confounded_groups(outcome: &Outcome) -> Vec<String> {
         )
     });
     notes.collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::message;
-
-    #[test]
-    fn extrapolated_level_with_static_torque_above_the_log_returns_note() {
-        let track = Track::even(vec![Default::default(); 3], vec![1.0, -2.0, 0.5], 0.01);
-        let note = |id, value| {
-            let estimate = Estimate { id, value, std_error: Some(0.1), state: State::Determined };
-            extrapolated_level(&estimate, std::slice::from_ref(&track))
-        };
-        assert_eq!(note(Id::StaticTorque, 3.9), None);
-        let found = note(Id::StaticTorque, 6.0).unwrap();
-        message::check("verdicts", "level above the log", &found, &["static_torque", "3.0 "]);
-        assert_eq!(note(Id::CoulombTorque, 6.0), None);
-    }
 }

@@ -38,7 +38,7 @@ const MODEL: &str = "schema = 1\njoint = \"revolute\"\nmodel = \"lugre\"\n[param
     viscous_friction = 0.4\n";
 
 fn start_at(start: PredictionStart) -> PredictionOptions {
-    PredictionOptions { start, resolution: None }
+    PredictionOptions { start, resolution: None, of_driver: false }
 }
 
 #[test]

@@ -82,7 +82,7 @@ fn sentence(verdict: &str) -> String {
 
 fn values(view: &View, index: usize) -> Table {
     let row = |estimate: &Estimate| {
-        let Estimate { id, value, std_error, state } = estimate;
+        let Estimate { id, value, std_error, state, .. } = estimate;
         let (value, state) = match std_error {
             Some(std_error) => {
                 (Cell::Estimate { value: *value, std_error: *std_error }, state.name())
