@@ -7,13 +7,13 @@
 //!           -> Offer                                fitted to all rows, held out        here
 //! ```
 
+mod choice;
 mod corrected_rows;
 
 use super::contest::correction::Correction;
 use super::contest::ledger::CauseKey;
 use super::contest::{
-    Finalist, FinalistCause, LawStart, LinearAnswer, Outcome as ContestOutcome, RigidBody, Rows,
-    contest,
+    Finalist, FinalistCause, LawStart, Outcome as ContestOutcome, RigidBody, Rows, contest,
 };
 use super::evaluation::{Gain, gain};
 use super::extended::{Extended, Size};
@@ -21,10 +21,11 @@ use super::finalist::{
     FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters, resolved,
 };
 use super::finding::Finding;
-use super::hand_over::{HandOver, HandedOver, Judged, is_possible, linear_on, simplest_of_best};
+use super::hand_over::{HandOver, is_possible};
 use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
-use super::naming::{WeighedCause, confounded, weigh};
+use super::naming::{IMPOSSIBLE, WeighedCause, confounded, weigh};
+use super::rules::{self, Rejection};
 use super::train_test::TrainTest;
 use super::two_positions::TwoPositions;
 use super::{DiagnosisOptions, uncertain_motion, unknown_zero};
@@ -36,6 +37,7 @@ use friction_fit::statistics::autocorrelation_time;
 use friction_fit::{Loss, Outcome};
 use joint_log::Quantity;
 use joint_log::log_check::{LogFinding, LogFindingKind};
+use joint_log::number::figure;
 
 /// What a diagnosis by the contest answers.
 #[derive(Clone, Debug)]
@@ -80,6 +82,7 @@ pub fn answer(
     let mut rows = Rows::new(&log.train, rigid_body(&log.rigid_body), log.decimate);
     let outcome = contest(&mut rows);
     let mut weighed = weigh(&outcome, &rows);
+    check_torques(&mut weighed, &outcome, &rows);
     positions.into_iter().for_each(|positions| positions.weigh(&mut weighed));
     let original = log.clone();
     let mut log = log;
@@ -324,57 +327,6 @@ impl Search<'_> {
         Ok(Chosen { place, corrected, excerpt, base, finalist: own })
     }
 
-    /// Chooses what is handed over. A model that was asked for is not replaced by another one.
-    fn hand_over(
-        &self,
-        chosen: &Chosen,
-        original: &TrainTest,
-        own: [Option<&Predicted>; 2],
-    ) -> Result<HandOver, SpecError> {
-        let (corrected, rows) = (&chosen.corrected, chosen.corrected.judged.judged_rows());
-        let on_rows = |answer: &LinearAnswer| Judged {
-            held_out: linear_on(&corrected.judged, original, answer),
-            model: answer.clone(),
-        };
-        let plain = on_rows(&self.outcome.plain);
-        let linear = self.outcome.linear.as_ref().map(on_rows);
-        let [base, extended] = own;
-        // The phase of a ripple that differs from run to run is unknown on another log.
-        let extended = extended.filter(|_| corrected.judged.aligned_order.is_none());
-        let mut candidates: Vec<(HandedOver, &Predicted)> = Vec::new();
-        if self.is_law_free() || (base.is_none() && extended.is_none()) {
-            candidates.push((HandedOver::Plain, &plain.held_out));
-        }
-        candidates.extend(base.map(|own| (HandedOver::Baseline, own)));
-        candidates.extend(extended.map(|own| (HandedOver::Extended, own)));
-        let in_driver = simplest_of_best(rows.tracks, &candidates);
-        if let Some(linear) = linear.as_ref().filter(|_| self.is_law_free()) {
-            candidates.push((HandedOver::Linear, &linear.held_out));
-        }
-        let on_pc = simplest_of_best(rows.tracks, &candidates);
-        let in_driver = if on_pc == HandedOver::Plain { on_pc } else { in_driver };
-        let measurement = match (on_pc, &linear) {
-            (HandedOver::Linear, Some(linear)) => linear.model.measurement.clone(),
-            (HandedOver::Plain, _) => plain.model.measurement.clone(),
-            _ => corrected.measurement(self.rows.is_reversed),
-        };
-        let driver_plain = match in_driver {
-            HandedOver::Plain => Some(self.driver_plain()?),
-            _ => None,
-        };
-        Ok(HandOver { on_pc, in_driver, plain, driver_plain, linear, measurement })
-    }
-
-    /// Returns the plain model as a driver's law.
-    fn driver_plain(&self) -> Result<Outcome, SpecError> {
-        let mut spec = Spec::law(LawKind::Linear).on(&self.log.rigid_body);
-        if spec.rigid_body.is_empty() {
-            spec = spec.on(&[TermKind::TorqueOffset]);
-        }
-        let start = fitted(self.log, &spec, None, &[], None)?;
-        CorrectedRows::uncorrected(self.log).identify(&start)
-    }
-
     /// Returns the chosen hypothesis with the causes that are still named.
     fn again(
         &self,
@@ -415,6 +367,29 @@ impl Search<'_> {
         }
         let again = fit(law, None)?;
         Ok(if again.0 <= linear.0 { again.1 } else { linear.1 })
+    }
+}
+
+/// Largest p value and least stability of a finding that may be likely: both must hold.
+const MAX_P_VALUE: f64 = 0.05;
+
+/// See [`MAX_P_VALUE`].
+const MIN_STABILITY: f64 = 0.5;
+
+/// Highest probability of a finding that few resampled logs show.
+const UNSTABLE: f64 = 0.59;
+
+/// Lowers the probability of causes that would make more torque than the log holds.
+fn check_torques(weighed: &mut [WeighedCause], outcome: &ContestOutcome, rows: &Rows) {
+    let most = rows.torque.iter().fold(0.0f64, |most, torque| most.max(torque.abs()));
+    let causes = outcome.finalists.iter().flat_map(|finalist| &finalist.causes);
+    for own in causes.filter(|own| own.torque_rms.0 > most) {
+        let cause = weighed.iter_mut().find(|weighed| weighed.figures.key == own.key);
+        if let Some(cause) = cause {
+            let (made, held) = (figure(own.torque_rms.0), figure(most));
+            let why = format!("it would make a torque of {made} RMS in a log of {held} at most");
+            cause.reject(IMPOSSIBLE, Rejection::new(&rules::UNPHYSICAL, why));
+        }
     }
 }
 
@@ -483,10 +458,12 @@ fn findings(
             None => outside_model(own, outcome, &chosen.corrected.judged),
         };
         let figures = &own.figures;
-        finding.probability = own.probability;
         finding.p_value = (1.0 - figures.inclusion).max(1.0 / super::contest::draws::DRAWS as f64);
         finding.stability = figures.inclusion;
+        let is_sure = finding.p_value <= MAX_P_VALUE && finding.stability >= MIN_STABILITY;
+        finding.probability = if is_sure { own.probability } else { own.probability.min(UNSTABLE) };
         finding.share_of_residual = figures.last.clamp(0.0, 1.0);
+        finding.gain = figures.gain;
         finding.confusable_with = confounded(weighed, figures);
         let rivals: Vec<&str> =
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();

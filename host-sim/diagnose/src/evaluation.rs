@@ -173,7 +173,11 @@ pub fn paired(tracks: &[Track], before: &Predicted, after: &Predicted) -> f64 {
 
 /// Returns the gain of `after` over `before`. `seed` initialises the random sampler.
 pub fn gain(before: &Predicted, after: &Predicted, seed: u64) -> Gain {
-    let blocks = blocks(before, after);
+    gain_of_units(&blocks(before, after), seed)
+}
+
+/// Returns the gain from the squared errors before and after in independent parts of a log.
+pub fn gain_of_units(blocks: &[[f64; 2]], seed: u64) -> Gain {
     let of = |sums: [f64; 2]| {
         if sums[0] > 0.0 { 1.0 - (sums[1] / sums[0]).sqrt() } else { 0.0 }
     };

@@ -9,6 +9,7 @@
 //!
 //! A driver takes the best of the first three. On a PC the linear model competes as well: `params.toml` then has both.
 
+use super::Diagnosis;
 use super::contest::LinearAnswer;
 use super::evaluation::paired;
 use super::train_test::TrainTest;
@@ -17,6 +18,7 @@ use compensator_core::ParameterId;
 use friction_fit::measurement::Measurement;
 use friction_fit::predict::Predicted;
 use friction_fit::{Outcome, Rows, Track};
+use joint_log::number::significant;
 
 /// Difference of the squared errors, in standard errors, within which the simpler of two models is handed over.
 const AS_GOOD: f64 = 1.0;
@@ -73,6 +75,8 @@ pub struct HandOver {
     pub linear: Option<Judged>,
     /// What lies between the shaft and the log.
     pub measurement: Measurement,
+    /// RMS errors on the way from the law of the linear model to all its causes, the one that takes most first.
+    pub steps: Vec<(&'static str, f64)>,
 }
 
 impl HandOver {
@@ -88,6 +92,30 @@ impl HandOver {
             _ => self.linear_model().map(|own| &own.model),
         }
     }
+}
+
+/// Describes what `params.toml` holds for a PC and for a driver, with the held-out errors.
+pub fn in_words(found: &Diagnosis) -> String {
+    let own = &found.hand_over;
+    let unit = found.log.train.joint.torque_unit();
+    let rmse = |predicted: &Predicted| format!("{} {unit}", significant(predicted.metrics.rmse, 3));
+    let driver = found.transferable_model().spec;
+    let plain = rmse(&own.plain.held_out);
+    let on_pc = match own.on_pc {
+        HandedOver::Plain => {
+            return format!(
+                "params.toml has plain friction ({driver} for a driver): on held-out rows no other model errs clearly less \
+                 than its {plain}."
+            );
+        }
+        HandedOver::Baseline | HandedOver::Extended => format!("params.toml has {driver}"),
+        HandedOver::Linear => format!(
+            "params.toml has {} for predict on a PC, and {driver} for a driver",
+            own.linear.as_ref().map(|linear| linear.model.model.name()).unwrap_or_default()
+        ),
+    };
+    let error = if own.on_pc == HandedOver::Baseline { &found.before } else { &found.after };
+    format!("{on_pc}: {} on held-out rows, plain friction {plain}.", rmse(error))
 }
 
 /// Largest ratio of the static level to the level in sliding that a seal or a bearing has.
@@ -156,6 +184,20 @@ pub(super) fn linear_on(
     };
     let torques = tracks.iter().map(torque).collect();
     Predicted::of_torque(Rows { tracks, decimate: judged.decimate }, torques)
+}
+
+/// Returns the RMS error of each step of a linear model. Where runs are set apart, the steps are judged on the training rows.
+pub(super) fn steps_on(
+    judged: &TrainTest,
+    original: &TrainTest,
+    answer: &LinearAnswer,
+) -> Vec<(&'static str, f64)> {
+    let judged = &TrainTest { leaves_each_out: true, ..judged.clone() };
+    let rmse = |(name, left): &(&'static str, Vec<f64>)| {
+        let step = LinearAnswer { held_out: left.clone(), ..LinearAnswer::default() };
+        (*name, linear_on(judged, original, &step).metrics.rmse)
+    };
+    answer.steps.iter().map(rmse).collect()
 }
 
 /// Returns the first row of each run in long columns.

@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 pub const NAMED: f64 = 0.5;
 
 /// Highest probability of what is physically impossible.
-const IMPOSSIBLE: f64 = 0.05;
+pub(crate) const IMPOSSIBLE: f64 = 0.05;
 
 /// Highest probability of a cause whose size may be none.
 pub(crate) const MAY_BE_NONE: f64 = 0.45;

@@ -34,6 +34,10 @@ pub struct LinearTerm {
     pub factors: Regressor,
 }
 
+/// Names of the parts that are no causes: friction, and the rigid body in the torque column.
+const LAW_PARTS: [&str; 7] =
+    ["coulomb", "viscous", "stribeck", "inertia", "gravity", "load", "offset"];
+
 /// A torque as a sum of regressors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -47,6 +51,19 @@ pub struct LinearModel {
 }
 
 impl LinearModel {
+    /// Returns the name in a report: Maxwell slip, stops of several travels, with its causes in the order of the terms.
+    pub fn name(&self) -> String {
+        let mut name = "maxwell-slip".to_owned();
+        let mut causes: Vec<&str> = Vec::new();
+        for part in self.terms.iter().map(|term| term.part.as_str()) {
+            if !LAW_PARTS.contains(&part) && !causes.contains(&part) {
+                causes.push(part);
+                name += &format!("+{part}");
+            }
+        }
+        name
+    }
+
     /// Returns the columns that it follows and a log lacks.
     pub fn missing_columns<'a>(&'a self, data: &Dataset) -> Vec<&'a str> {
         let mut missing: Vec<&str> =
@@ -167,6 +184,7 @@ mod tests {
         model().emit(&mut text);
         assert_eq!(LinearModel::parse(&text).unwrap(), Some(model()));
         assert_eq!(LinearModel::parse("schema = 1").unwrap(), None);
+        assert_eq!(model().name(), "maxwell-slip+pressure-coulomb+warm-up");
         assert!(LinearModel::parse(&text.replace("travel", "way")).is_err());
     }
 

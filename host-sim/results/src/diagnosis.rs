@@ -7,6 +7,7 @@ use super::json::{parameter, sources};
 use super::ranking::{RankedCandidate, left_out, ranking};
 #[cfg(feature = "pages")]
 use crate::Files;
+use crate::budget::{BudgetStep, budget};
 #[cfg(feature = "pages")]
 use crate::diagnosis_page::{self, DiagnosisReport};
 use crate::files::pretty;
@@ -17,10 +18,12 @@ use crate::provenance::parameter_file;
 use friction_diagnose::ceiling;
 use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_diagnose::finding::Finding;
+use friction_diagnose::hand_over::Judged;
 use friction_diagnose::naming::NAMED;
 use friction_diagnose::prepare::Prepared;
 use friction_diagnose::{Diagnosis, Share, WeighedCause, summary};
 use friction_fit::Outcome;
+use friction_fit::linear::LinearTerm;
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, Split};
 use serde::Serialize;
@@ -67,6 +70,9 @@ fn finding(finding: &Finding) -> Value {
         "stability": finite(finding.stability).clamp(0.0, 1.0),
         "share_of_residual": finite(finding.share_of_residual),
         "confusable_with": confusable,
+        "gain": finite(finding.gain.value),
+        "gain_ci95": finding.gain.ci95.map(finite),
+        "deployable": finding.is_in_model,
         "in_words": finding.in_words,
     });
     if let Some((order, error)) = finding.order {
@@ -90,6 +96,30 @@ fn model(outcome: &Outcome, data: &Dataset) -> Map<String, Value> {
     );
     object.insert("verdicts".into(), json!(outcome.verdicts));
     object
+}
+
+/// Sets name and errors of an extended model to those of the linear model if it is handed over.
+fn of_linear(extended: &mut Map<String, Value>, found: &Diagnosis) {
+    let Some(Judged { model, held_out }) = found.hand_over.linear_model() else { return };
+    extended.insert("model".into(), json!(model.model.name()));
+    extended.insert("test_rmse".into(), json!(finite(held_out.metrics.rmse)));
+    extended.insert("test_nrmse".into(), json!(finite(held_out.metrics.nrmse_std)));
+    extended.insert(
+        "test_relative_error_percent".into(),
+        json!(finite(held_out.metrics.relative_error_percent)),
+    );
+    let term = |own: &LinearTerm| json!({ "part": own.part, "size": finite(own.size) });
+    let terms: Vec<Value> = model.model.terms.iter().map(term).collect();
+    extended.insert("terms".into(), json!(terms));
+}
+
+/// The error budget.
+fn budget_rows(found: &Diagnosis) -> Vec<Value> {
+    let row = |step: BudgetStep| {
+        let (name, rmse) = (step.name, finite(step.rmse));
+        json!({ "step": name, "test_rmse": rmse, "deployable": step.deployable })
+    };
+    budget(found).into_iter().map(row).collect()
 }
 
 fn share(share: &Share) -> Value {
@@ -280,6 +310,7 @@ pub fn document(
     about["naming_threshold"] = json!(NAMED);
     about["left_out"] = json!(left_out(found));
     let mut extended = model(&found.extended, data);
+    of_linear(&mut extended, found);
     extended.insert("gain".into(), json!(finite(found.gain.value)));
     extended.insert("gain_ci95".into(), json!(found.gain.ci95.map(finite)));
     if let Some(auxiliary) = &found.auxiliary {
@@ -296,6 +327,11 @@ pub fn document(
         "extended": extended,
         "plain": { "test_rmse": finite(found.hand_over.plain.held_out.metrics.rmse) },
         "handed_over": found.hand_over.on_pc.name(),
+        "driver": {
+            "handed_over": found.hand_over.in_driver.name(),
+            "model": found.transferable_model().spec.to_string(),
+        },
+        "budget": budget_rows(found),
         "ceiling": {
             "rmse": finite(found.ceiling.rmse),
             "std_error": finite(found.ceiling.std_error),

@@ -76,7 +76,8 @@ struct Scene<'a> {
 impl Scene<'_> {
     /// Returns true if the extended model differs from the base model.
     fn is_extended(&self) -> bool {
-        self.about.found.extended.spec != self.about.found.baseline.spec
+        let found = self.about.found;
+        found.extended.spec != found.baseline.spec || found.hand_over.linear_model().is_some()
     }
 
     /// Returns the name of the base model in legends: "before", or "base model" if there is no extended model.
@@ -197,6 +198,7 @@ fn gain(scene: &Scene) -> Vec<Block> {
     vec![
         Block::heading("Prediction error on held-out rows"),
         Block::paragraph(left_out_in_words(scene.about.found)),
+        figures::budget(scene).into(),
         figures::errors(scene).into(),
     ]
 }

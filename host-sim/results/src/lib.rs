@@ -12,6 +12,7 @@
 //! - `rows`: every row of a log with the prediction of a model, as Parquet or CSV.
 //! - [`write_atomically`]: writes a file completely or not at all.
 
+pub mod budget;
 pub mod diagnosis;
 #[cfg(feature = "pages")]
 pub mod diagnosis_page;

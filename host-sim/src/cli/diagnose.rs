@@ -10,7 +10,7 @@ use crate::driver_file;
 use compensator_core::Parameters;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_diagnose::summary::summary;
-use friction_diagnose::{DiagnosisOptions, diagnose};
+use friction_diagnose::{DiagnosisOptions, diagnose, hand_over};
 use friction_fit::params::ParameterFile;
 use friction_fit::spec::Spec;
 use friction_results::diagnosis;
@@ -84,6 +84,7 @@ fn diagnose_joint(
         text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
     }
     text += &table::numbered(&summary(&found));
+    text += &format!("Handed over: {}\n", hand_over::in_words(&found));
     if let Some(late) = late_loop_warning(&found.transferable_model().spec.terms) {
         text += &format!("Computing time on the joint driver: {late}.\n");
     }

@@ -25,6 +25,8 @@ pub struct LinearAnswer {
     pub measurement: Measurement,
     /// What a fit without a row's fold leaves of the row, for all rows.
     pub held_out: Vec<f64>,
+    /// The same for the law alone, and with each of its causes added in turn, the one that takes most first.
+    pub steps: Vec<(&'static str, Vec<f64>)>,
 }
 
 /// Returns the hypothesis of the least cost that is a model for other logs, with the law of its entry.
@@ -62,6 +64,9 @@ pub(crate) fn answer(
     let kept = judged.best_columns();
     let sizes = judged.sizes(&kept);
     let held_out = judged.held_out(rows, &kept);
+    let names: Vec<&'static str> =
+        hypothesis.set.iter().map(|at| entry.variants[*at as usize].cause).collect();
+    let steps = judged.steps(rows, &kept, (entry.base.name, &names));
     let level = parts[..law_columns].iter().zip(&entry.base.sizes);
     let level = level.filter(|((name, _), _)| [COULOMB, STRIBECK].contains(name));
     let level = level.map(|((_, term), size)| LinearTerm {
@@ -70,21 +75,20 @@ pub(crate) fn answer(
     });
     let level = level.collect();
     let (torque_delay_s, torque_low_pass) = entry.correction.of_torque(rows.step_s);
-    let mut measurement = Measurement {
-        torque_delay_s,
-        torque_low_pass,
-        ..Measurement::of_sign(rows.is_reversed)
-    };
+    let mut measurement =
+        Measurement { torque_delay_s, torque_low_pass, ..Measurement::of_sign(rows.is_reversed) };
     let mut terms = Vec::new();
     for ((name, term), size) in kept.iter().map(|at| &parts[*at]).zip(sizes) {
         match *name {
-            CHANNEL_GAIN => measurement.channel_gains.extend(channel_gain(term, measurement.torque_sign * size)),
+            CHANNEL_GAIN => {
+                measurement.channel_gains.extend(channel_gain(term, measurement.torque_sign * size))
+            }
             _ if size == 0.0 => {}
             _ => terms.push(LinearTerm { size, ..term.clone() }),
         }
     }
     let model = LinearModel { level, terms };
-    Some(LinearAnswer { law: entry.base.name, model, measurement, held_out })
+    Some(LinearAnswer { law: entry.base.name, model, measurement, held_out, steps })
 }
 
 /// Share of the top speed up to which plain friction has no direction.
@@ -118,6 +122,7 @@ pub(crate) fn plain(rows: &Rows) -> LinearAnswer {
         model: LinearModel { level: Vec::new(), terms },
         measurement: Measurement::of_sign(rows.is_reversed),
         held_out: judged.held_out(rows, &all),
+        steps: Vec::new(),
     }
 }
 
@@ -238,6 +243,34 @@ impl<'a> JudgedByRun<'a> {
             kept.flat_map(|at| self.groups[at].0.iter().copied()).collect();
         columns.sort_unstable();
         columns
+    }
+
+    /// Returns what each step from the law to some columns leaves: causes are added in the order in which they take most. The
+    /// names are those of the law and of the groups after its two.
+    fn steps(
+        &self,
+        rows: &Rows,
+        kept: &[usize],
+        (law, names): (&'static str, &[&'static str]),
+    ) -> Vec<(&'static str, Vec<f64>)> {
+        let is_kept = |group: &usize| self.groups[*group].0.iter().all(|at| kept.contains(at));
+        let of_law = self.groups[..2].iter().flat_map(|(own, _)| own);
+        let mut columns: Vec<usize> = of_law.filter(|at| kept.contains(at)).copied().collect();
+        let mut open: Vec<usize> = (2..self.groups.len()).filter(is_kept).collect();
+        let mut steps = vec![(law, self.held_out(rows, &columns))];
+        let mut work = Workspace::default();
+        while !open.is_empty() {
+            let mut error = |place: &usize| {
+                let next = [columns.as_slice(), &self.groups[open[*place]].0].concat();
+                self.bank.error(&next, &mut work)
+            };
+            let errors: Vec<f64> = (0..open.len()).map(|place| error(&place)).collect();
+            let best = (0..open.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b]));
+            let group = open.remove(best.unwrap_or_default());
+            columns.extend(&self.groups[group].0);
+            steps.push((names[group - 2], self.held_out(rows, &columns)));
+        }
+        steps
     }
 
     /// Returns the coefficients of some columns, fitted to all rows.

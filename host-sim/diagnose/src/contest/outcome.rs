@@ -9,6 +9,7 @@ use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::linear::LinearAnswer;
 use super::rows::Rows;
 use crate::channel_share::ChannelShare;
+use crate::evaluation::{self, Gain};
 use compensator_core::ParameterId;
 use std::collections::BTreeSet;
 
@@ -47,6 +48,8 @@ pub struct Figures {
     pub last_in_errors: f64,
     /// Share of the blocks or runs in which the error falls when it is taken last.
     pub units_gained: f64,
+    /// Share of the RMS error that it takes last, with its interval over the blocks or runs.
+    pub gain: Gain,
     /// RMS of what it takes last, as a share of the RMS torque.
     pub torque_share: f64,
     /// Share of the error that it takes alone beside a law that also has slip of a free shape; `alone` without such a law.
@@ -188,8 +191,8 @@ impl Table<'_> {
         let pair = with.zip(without);
         let alone_share = alone.map_or(0.0, |alone| (base - alone.error) / base);
         let last = pair.map_or(0.0, |(with, without)| (without.error - with.error) / base);
-        let (last_in_errors, units_gained) =
-            pair.map_or((0.0, 0.0), |(with, without)| self.over_units(rows, with, without));
+        let (last_in_errors, units_gained, gain) = pair
+            .map_or_else(Default::default, |(with, without)| self.over_units(rows, with, without));
         let squares =
             rows.judged.iter().map(|row| (rows.weights[*row] * rows.torque[*row]).powi(2));
         let torque = squares.sum::<f64>().max(f64::MIN_POSITIVE);
@@ -212,6 +215,7 @@ impl Table<'_> {
             irreplaceable: (without - with) / base,
             last_in_errors,
             units_gained,
+            gain,
             torque_share: (last.max(0.0) * base / torque).sqrt(),
             beside_slip: self.beside_slip(key).unwrap_or(alone_share),
             size_in_errors: pair.map_or(0.0, |(with, _)| self.size_in_errors(key, with)),
@@ -236,9 +240,9 @@ impl Table<'_> {
         found
     }
 
-    /// Returns the fall of the error from one hypothesis to another, in standard errors over blocks or runs, and the share of
-    /// those in which it falls.
-    fn over_units(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
+    /// Returns the fall of the error from one hypothesis to another, in standard errors over blocks or runs, the share of those
+    /// in which it falls, and the gain.
+    fn over_units(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> (f64, f64, Gain) {
         let [with, without] = [with, without].map(|hypothesis| {
             let entry = &self.entries[hypothesis.bank];
             let indices = entry.indices(&hypothesis.set);
@@ -250,7 +254,9 @@ impl Table<'_> {
         let mean = falls.iter().sum::<f64>() / count;
         let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let gained = falls.iter().filter(|fall| **fall > 0.0).count() as f64 / count;
-        (mean / (variance / count).sqrt().max(f64::MIN_POSITIVE), gained)
+        let pairs: Vec<[f64; 2]> = without.into_iter().zip(with).map(|(a, b)| [a, b]).collect();
+        let gain = evaluation::gain_of_units(&pairs, 0);
+        (mean / (variance / count).sqrt().max(f64::MIN_POSITIVE), gained, gain)
     }
 
     /// Returns what a cause takes alone, as a share, beside the best law with slip of a free shape.

@@ -4,6 +4,7 @@ use super::Scene;
 use super::bins::{Bins, Mean, Spacing};
 use super::rows::Stretch;
 use super::rows::times;
+use crate::budget::{BudgetStep, budget as budget_of};
 use crate::page::words::quantity;
 use crate::ranking::RankedCandidate;
 use crate::report::{Axis, Chart, Series, rounded};
@@ -41,6 +42,34 @@ pub(super) fn fitting_range(before: &[Mean], after: &[Mean], quarters: bool) -> 
     }
     let margin = 0.06 * (high - low);
     (high > low).then_some((low - margin, high + margin))
+}
+
+/// Returns the chart of the error budget: from plain friction, step by step, to what a flexible model and the noise leave.
+pub(super) fn budget(scene: &Scene) -> Chart {
+    let steps = budget_of(scene.about.found);
+    let places: Vec<f64> = (0..steps.len()).map(|place| place as f64).collect();
+    let name = |step: &BudgetStep| match step.deployable {
+        true => step.name.to_owned(),
+        false => format!("{} (PC)", step.name),
+    };
+    let bars = |is_own: fn(&BudgetStep) -> bool| -> Vec<f64> {
+        steps.iter().map(|step| if is_own(step) { step.rmse } else { f64::NAN }).collect()
+    };
+    let model = bars(|step| !step.is_limit);
+    let limit = bars(|step| step.is_limit);
+    Chart {
+        title: "Error budget".into(),
+        caption: "The held-out error of plain friction, then of a law with one cause more in each row, the one that takes most \
+                  first. The ceiling is what a flexible model of the same columns leaves, the noise what no model can take. \
+                  A step with (PC) has no term in a driver."
+            .into(),
+        x: Axis::new(format!("RMSE ({})", scene.unit())),
+        y: Axis::of_names("", steps.iter().map(name).collect::<Vec<_>>()),
+        series: vec![
+            Series::bars("model", model, places.clone()),
+            Series::bars("limit", limit, places),
+        ],
+    }
 }
 
 /// Returns the chart of the held-out errors with the noise floor.

@@ -12,7 +12,7 @@ use compensator_core::Quantity;
 use friction_diagnose::cause::definition::Remedy;
 use friction_diagnose::finding::probability_in_words;
 use friction_diagnose::summary::above_floor;
-use friction_diagnose::{Finding, summary};
+use friction_diagnose::{Finding, hand_over, summary};
 use joint_log::number::significant;
 use maud::html;
 
@@ -58,6 +58,7 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
         "The error of the base model is already at the noise floor.".into()
     };
     facts.push(("Gain on held-out rows", gain));
+    facts.push(("Handed over", hand_over::in_words(found)));
     facts.push(("Remaining error", remaining(scene)));
     facts.extend(next_step(scene).map(|how| ("Next step", how)));
     facts.push(("Next experiment", summary::next_experiment(found)));
@@ -89,7 +90,7 @@ fn next_step(scene: &Scene) -> Option<String> {
         format!(
             "params.toml contains the model {}. Write it to the driver: `host-sim params set params.toml --bus can0` Or \
              export it: `host-sim export params.toml --to c`",
-            found.extended.spec
+            found.transferable_model().spec
         )
     })
 }
