@@ -7,7 +7,7 @@
 //! coordinates uses dual numbers, so that its derivative is exact.
 //!
 //! An undetermined parameter would diverge along its valley. A weak prior keeps it near the middle of its range: one row per
-//! coordinate, with a width of one decade, that counts as one independent observation ([`Scales::observation`]).
+//! coordinate, with a width of one decade, that counts as a part of an independent observation ([`Scales::observation`]).
 
 use super::scales::Scales;
 use super::treatment::{self, Values};

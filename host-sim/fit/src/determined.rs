@@ -9,7 +9,7 @@
 
 use super::outcome::State;
 use super::reduce::reduce;
-use super::scales::{SEVERAL_ROWS, Scales};
+use super::scales::{SEVERAL_ROWS, Scales, quantile};
 use super::solve::Solution;
 use super::statistics::inverse_information;
 use super::streaming_qr::Reduced;
@@ -104,23 +104,16 @@ struct Shown {
 
 impl Shown {
     fn of(tracks: &[Track], scales: &Scales) -> Self {
-        let included =
-            |track: &Track| (0..track.len()).filter(|row| track.is_included(*row)).collect();
-        let rows = |track| -> Vec<usize> { included(track) };
-        let mut speeds = Vec::new();
-        let (mut least, mut most) = (0.0f64, 0.0f64);
-        for track in tracks {
-            for row in rows(track) {
-                (least, most) = (least.min(track.torque[row]), most.max(track.torque[row]));
-                speeds.push(track.samples[row].velocity_rad_s.abs());
-            }
-        }
-        let several = SEVERAL_ROWS.min(speeds.len());
-        speeds.sort_unstable_by(|a, b| b.total_cmp(a));
-        let fastest = several.checked_sub(1).map_or(0.0, |last| speeds[last]);
+        let included = tracks.iter().flat_map(|track| {
+            let rows = (0..track.len()).filter(|row| track.is_included(*row));
+            rows.map(|row| (track.torque[row], track.samples[row].velocity_rad_s.abs()))
+        });
+        let (torques, speeds): (Vec<f64>, Vec<f64>) = included.unzip();
+        let slower = 1.0 - SEVERAL_ROWS as f64 / speeds.len().max(1) as f64;
         Self {
-            torque: most - least,
-            speeds: [scales.slow_speed, fastest],
+            torque: torques.iter().copied().fold(0.0, f64::max)
+                - torques.iter().copied().fold(0.0, f64::min),
+            speeds: [scales.slow_speed, quantile(speeds, slower.max(0.0)).unwrap_or_default()],
             travels: [scales.slow_speed * scales.period_s, scales.swing],
         }
     }
@@ -158,8 +151,10 @@ pub(super) struct Evidence<'a> {
     covariance: DMatrix<f64>,
     /// Derivatives of the parameters by the coordinates.
     change: DMatrix<f64>,
-    /// Covariance of the parameters.
-    natural: DMatrix<f64>,
+    /// Standard errors of the parameters.
+    errors: Vec<f64>,
+    /// Correlation of the parameters.
+    pub correlation: DMatrix<f64>,
     /// Change of each parameter from the first to the second half, and its standard error.
     halves: Vec<[f64; 2]>,
     shown: Shown,
@@ -184,11 +179,26 @@ impl<'a> Evidence<'a> {
         let dual = solution.coordinates.parameters(&seeded);
         let change = DMatrix::from_fn(count, count, |i, j| dual.get(free[i]).gradient[j]);
         let natural = &change * &covariance * change.transpose();
+        let errors: Vec<f64> = natural.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
+        let correlation = DMatrix::from_fn(count, count, |i, j| {
+            (natural[(i, j)] / (errors[i] * errors[j]).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0)
+        });
         let scales = Scales::of(rows.tracks);
         let halves = halves_differ(solution, &change, rows, time);
         let shown = Shown::of(rows.tracks, &scales);
         let torque = scales.torque;
-        Self { solution, parameters, free, covariance, change, natural, halves, shown, torque }
+        Self {
+            solution,
+            parameters,
+            free,
+            covariance,
+            change,
+            errors,
+            correlation,
+            halves,
+            shown,
+            torque,
+        }
     }
 
     /// Returns the index of a free parameter.
@@ -198,16 +208,7 @@ impl<'a> Evidence<'a> {
 
     /// Returns the standard error of a free parameter.
     pub fn error(&self, index: usize) -> f64 {
-        self.natural[(index, index)].max(0.0).sqrt()
-    }
-
-    /// Returns the correlation matrix of the free parameters.
-    pub fn correlation(&self) -> DMatrix<f64> {
-        let count = self.free.len();
-        let error = |i: usize| self.natural[(i, i)].max(f64::MIN_POSITIVE).sqrt();
-        DMatrix::from_fn(count, count, |i, j| {
-            (self.natural[(i, j)] / (error(i) * error(j))).clamp(-1.0, 1.0)
-        })
+        self.errors[index]
     }
 
     /// Returns whether the data determine a free parameter, and why not.
@@ -280,7 +281,7 @@ impl<'a> Evidence<'a> {
         let is_partner = |other: &usize| {
             *other != index
                 && (are_of_one_part(self.free[index], self.free[*other])
-                    || self.correlation_of(index, *other).abs() > PARTNER_CORRELATION)
+                    || self.correlation[(index, *other)].abs() > PARTNER_CORRELATION)
         };
         let mut partners = (0..self.free.len()).filter(is_partner);
         partners.find(|other| is_at_end(*other)).map(|other| self.free[other])
@@ -291,7 +292,7 @@ impl<'a> Evidence<'a> {
         let size = |index: usize| self.parameters.get(self.free[index]).abs() * self.effect(index);
         let cancels = |other: &usize| {
             let smaller = size(index).min(size(*other));
-            let correlation = self.correlation_of(index, *other).abs();
+            let correlation = self.correlation[(index, *other)].abs();
             *other != index
                 && is_additive(self.free[index])
                 && is_additive(self.free[*other])
@@ -299,10 +300,6 @@ impl<'a> Evidence<'a> {
                     || smaller > self.torque && correlation > CANCELLING_CORRELATION)
         };
         (0..self.free.len()).find(cancels).map(|other| self.free[other])
-    }
-
-    fn correlation_of(&self, i: usize, j: usize) -> f64 {
-        self.natural[(i, j)] / (self.error(i) * self.error(j)).max(f64::MIN_POSITIVE)
     }
 
     /// Returns the RMS change of the torque per unit of a coordinate.

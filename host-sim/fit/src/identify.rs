@@ -125,5 +125,5 @@ fn estimates(
         };
         Estimate { id, value, std_error, state, reason }
     };
-    (parameters.active().map(estimate).collect(), evidence.correlation())
+    (parameters.active().map(estimate).collect(), evidence.correlation)
 }

@@ -28,8 +28,7 @@ pub struct Scales {
     /// Noise of the torque, Nm, from its second differences, which are small for a smooth torque. If the motion is smooth,
     /// the estimate is at most slightly too large.
     pub noise: f64,
-    /// Error of one independent observation of the torque, Nm: the unit of the prior. It is the noise until the residual of a
-    /// model is known ([`Scales::beside`]).
+    /// Error of the prior at one width, Nm. It is the noise until the residual of a model is known ([`Scales::beside`]).
     pub observation: f64,
     /// Median sample period, s.
     pub period_s: f64,
@@ -37,7 +36,11 @@ pub struct Scales {
 
 /// Rows that count as several, and their minimum share of the moving rows.
 pub(crate) const SEVERAL_ROWS: usize = 10;
-const SEVERAL_SHARE: f64 = 2e-3;
+const SEVERAL_SHARE: f64 = 5e-3;
+
+/// Weight of the prior in independent observations. A whole one would move laws of logs whose error is a model's, because the
+/// number of their observations is uncertain.
+const PRIOR_WEIGHT: f64 = 0.1;
 
 /// Minimum number of independent observations that a log counts as.
 const MIN_OBSERVATIONS: f64 = 30.0;
@@ -77,8 +80,8 @@ impl Scales {
         }
     }
 
-    /// Returns the magnitudes with the error of an observation that a model leaves: its RMS error times the square root of the
-    /// number of rows that count as one observation.
+    /// Returns the magnitudes with the error of the prior beside what a model leaves. An independent observation has the
+    /// model's RMS error times the square root of the number of rows that count as one.
     #[must_use]
     pub fn beside(self, model: &Parameters<f64>, rows: Rows, resolution: Resolution) -> Self {
         let predicted = predict(model, rows, resolution);
@@ -87,7 +90,7 @@ impl Scales {
         let time = (time.min(longest) / rows.decimate.max(1) as f64).max(1.0);
         // A model that errs more than none does not say more.
         let error = predicted.metrics.rmse.min(self.torque) * time.sqrt();
-        Self { observation: error.max(self.noise), ..self }
+        Self { observation: (PRIOR_WEIGHT.sqrt() * error).max(self.noise), ..self }
     }
 }
 

@@ -74,8 +74,9 @@ const NO_EFFECT: &str = "0 fits best, the effect is absent";
 /// Returns the treatment of a parameter.
 pub fn of(id: ParameterId) -> Treatment {
     match id {
+        // At most the largest torque of a log whose joint often rests.
         Id::CoulombTorque | Id::CoulombTorqueNegative => Treatment {
-            values: Values::Positive(|scales| (1e-4 * scales.torque, 1e1 * scales.torque)),
+            values: Values::Positive(|scales| (1e-4 * scales.torque, 4.0 * scales.torque)),
             ..LEVEL
         },
         Id::StaticTorque => {
@@ -87,7 +88,7 @@ pub fn of(id: ParameterId) -> Treatment {
         ),
         // A speed that several rows do not exceed, and several do.
         Id::StribeckVelocity => {
-            positive(|scales| ((1e-3 * scales.speed).max(scales.slow_speed), 2.0 * scales.speed))
+            positive(|scales| ((3e-3 * scales.speed).max(scales.slow_speed), 2.0 * scales.speed))
         }
         // A presliding travel between the motion from row to row and the swing, for levels from a hundredth of the torque.
         Id::BristleStiffness => positive(|scales| {
