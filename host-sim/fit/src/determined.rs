@@ -8,6 +8,7 @@
 //! - both halves of the runs, or of the log, agree with it: one Gauss-Newton step from the optimum on each half.
 
 use super::outcome::State;
+use super::reason::Reason;
 use super::reduce::reduce;
 use super::scales::{SEVERAL_ROWS, Scales, quantile};
 use super::solve::Solution;
@@ -42,54 +43,6 @@ const CANCELLING_CORRELATION: f64 = 0.98;
 /// Difference of the halves above which they disagree: in standard errors, and as a share of the value.
 const MAX_HALVES_ERRORS: f64 = 3.0;
 const MAX_HALVES_SHARE: f64 = 0.25;
-
-/// Why the data do not determine a parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reason {
-    /// The log does not have its column, or it is 0.
-    NoColumn,
-    /// Its effect is a combination of others.
-    Combination,
-    /// Its error is large.
-    Loose,
-    /// It does not differ from 0.
-    Insignificant,
-    /// Its sign would drive the joint.
-    ImpossibleSign,
-    /// This parameter, which compensates it, is at an end of its range.
-    PartnerAtBound(Id),
-    /// Its interval exceeds what the log can show.
-    BeyondLog,
-    /// Its part of the torque and that of this parameter cancel.
-    Cancels(Id),
-    /// Both halves of the log give different values.
-    HalvesDisagree,
-}
-
-impl Reason {
-    /// Returns the words after "not determined".
-    pub fn in_words(self) -> String {
-        match self {
-            Self::NoColumn => ": its column is absent or zero in all rows".to_owned(),
-            Self::Combination => {
-                ": on these rows its effect is a combination of other parameters".to_owned()
-            }
-            Self::Loose => " by this data".to_owned(),
-            Self::Insignificant => " by this data: not significantly different from 0".to_owned(),
-            Self::ImpossibleSign => ": with this sign it would drive the joint".to_owned(),
-            Self::PartnerAtBound(id) => {
-                format!(": {}, which compensates it, is at its bound", id.name())
-            }
-            Self::BeyondLog => ": its interval exceeds what the log can show".to_owned(),
-            Self::Cancels(id) => {
-                format!(": it cancels {}, and both exceed the logged torque", id.name())
-            }
-            Self::HalvesDisagree => {
-                ": the two halves of the runs, or of the log, give different values".to_owned()
-            }
-        }
-    }
-}
 
 /// Range of the values that a log can show.
 #[derive(Clone, Copy, Debug)]

@@ -1,10 +1,11 @@
 //! Identification: a fit with estimates, standard errors, metrics and verdicts.
 
-use super::determined::{Evidence, Reason};
+use super::determined::Evidence;
 use super::legal::fit_legal;
 use super::outcome::{Estimate, Outcome, State};
 use super::passive::{passive_fit, reported};
 use super::predict::{Predicted, predict};
+use super::reason::Reason;
 use super::solve::{FitOptions, Solution, unobserved_parameters};
 use super::statistics::autocorrelation_time;
 use super::track::Rows;

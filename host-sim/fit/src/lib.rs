@@ -48,6 +48,7 @@ pub mod params;
 mod passive;
 pub mod predict;
 pub mod prediction;
+pub mod reason;
 pub mod reduce;
 pub mod robust;
 pub mod scales;

@@ -18,6 +18,7 @@ pub use motion::Motion;
 
 use crate::measurement::Measurement;
 use joint_log::Dataset;
+use motion::long;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -134,12 +135,6 @@ fn sum(terms: &[LinearTerm], inputs: &Inputs) -> Vec<f64> {
         }
     }
     total
-}
-
-/// Returns a column of a log in all rows; `None` if a run lacks it.
-pub(crate) fn long(data: &Dataset, name: &str) -> Option<Vec<f64>> {
-    let columns = data.runs.iter().map(|run| data.column(run, name));
-    Some(columns.collect::<Option<Vec<&[f64]>>>()?.concat())
 }
 
 #[cfg(test)]

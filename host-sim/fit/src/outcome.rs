@@ -4,8 +4,8 @@
 //! [`Outcome::verdicts`] explains the result in sentences. "Not determined" does not mean "wrong": in steady sliding
 //! the bristle stiffness does not affect the output, so any value fits.
 
-use super::determined::Reason;
 use super::metrics::Metrics;
+use super::reason::Reason;
 use super::simulate::Resolution;
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Parameters};

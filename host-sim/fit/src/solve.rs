@@ -64,6 +64,9 @@ pub struct FitOptions {
     /// If true, fits a passive law, one that dissipates energy only, as a joint driver requires. If false, the rows alone
     /// determine the law.
     pub passive: bool,
+    /// If true, the prior counts as one row with the noise of the sensor: for fits beside which the causes are still missing,
+    /// whose residual says little of a prior.
+    pub has_weak_prior: bool,
     /// Maximum number of simulations per parameter.
     pub patience: usize,
     /// The fit ends if a step would lower the sum of squares by less than this share of one row's.
@@ -82,6 +85,7 @@ impl Default for FitOptions {
             fixed: Vec::new(),
             freed: Vec::new(),
             passive: false,
+            has_weak_prior: false,
             patience: DEFAULT_PATIENCE,
             tolerance: DEFAULT_TOLERANCE,
             stagnation: 0.0,
@@ -142,7 +146,7 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
         }
         None => start::candidates(spec, base, &free, rows, &scales, resolution, options.starts),
     };
-    if let Some(start) = candidates.first() {
+    if let Some(start) = candidates.first().filter(|_| !options.has_weak_prior) {
         scales = scales.beside(start, rows, resolution);
     }
     let (collinear, at_first) = match candidates.first() {
@@ -168,7 +172,8 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
     }
     let observation = scales.beside(&best.parameters(), rows, best.resolution).observation;
     // A start that erred much more than its fit made the prior too strong.
-    let is_outdated = best.coordinates.observation() > MAX_PRIOR_RATIO * observation;
+    let is_outdated =
+        !options.has_weak_prior && best.coordinates.observation() > MAX_PRIOR_RATIO * observation;
     if is_outdated {
         best.coordinates = best.coordinates.with_observation(observation);
         best.reduced = reduce(&best.coordinates, &best.point, rows, best.resolution);

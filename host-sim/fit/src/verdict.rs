@@ -1,8 +1,8 @@
 //! Interpretation of a fit in sentences.
 
-use super::determined::Reason;
 use super::outcome::{Outcome, State};
 use super::predict::Predicted;
+use super::reason::Reason;
 use super::track::Track;
 use super::treatment;
 

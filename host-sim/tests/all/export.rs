@@ -13,7 +13,7 @@ use compensator_core::{
 use friction_fit::params::{self, ParameterFile, emit_model};
 use friction_fit::prediction::{PredictionOptions, PredictionStart, predict_log};
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Resolution, Rows, identify, tracks};
+use friction_fit::{FitOptions, Rows, identify, tracks};
 use friction_results::export::{ExportFormat, export};
 use host_sim::driver_file;
 use joint_log::setting::plain;

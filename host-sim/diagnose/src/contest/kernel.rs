@@ -118,6 +118,7 @@ impl KernelLaw {
             start: Some(start.parameters.clone()),
             resolution: start.resolution,
             patience,
+            has_weak_prior: true,
             tolerance: COMPARISON_TOLERANCE,
             stagnation: COMPARISON_STAGNATION,
             ..FitOptions::default()

@@ -133,3 +133,9 @@ fn has_campaign_clock(runs: &[Run]) -> bool {
     ends.sort_by(|a, b| a.0.total_cmp(&b.0));
     ends.windows(2).all(|pair| pair[0].1 <= pair[1].0)
 }
+
+/// Returns a column of a log in all rows; `None` if a run lacks it.
+pub(crate) fn long(data: &Dataset, name: &str) -> Option<Vec<f64>> {
+    let columns = data.runs.iter().map(|run| data.column(run, name));
+    Some(columns.collect::<Option<Vec<&[f64]>>>()?.concat())
+}
