@@ -144,7 +144,8 @@ pub fn answer(
         Some(Offer { outcome, after, gain, .. }) => (outcome, after, gain),
         None => (baseline.clone(), before.clone(), Gain::default()),
     };
-    if let Some(linear) = hand_over.linear_model() {
+    // Without a cause nothing is extended: a linear law in place of the base law is no gain of a cause.
+    if let Some(linear) = hand_over.linear_model().filter(|_| !findings.is_empty()) {
         after = linear.held_out.clone();
         gain = self::gain(&before, &after, options.seed);
     }
@@ -376,6 +377,9 @@ const MAX_P_VALUE: f64 = 0.05;
 /// See [`MAX_P_VALUE`].
 const MIN_STABILITY: f64 = 0.5;
 
+/// Step of probabilities within which two causes are equally likely: the calibration is not more accurate.
+const SAME_PROBABILITY: f64 = 0.05;
+
 /// Highest probability of a finding that few resampled logs show.
 const UNSTABLE: f64 = 0.59;
 
@@ -475,7 +479,8 @@ fn findings(
     };
     let mut findings: Vec<Finding> = named.map(finding).collect();
     // Of equally likely causes the more material one stays first.
-    findings.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let rank = |own: &Finding| (own.probability / SAME_PROBABILITY).floor();
+    findings.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
     findings
 }
 

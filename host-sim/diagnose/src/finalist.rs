@@ -140,6 +140,7 @@ pub fn resolved(log: &TrainTest, model: &FittedModel) -> FittedModel {
         start: Some(model.parameters.clone()),
         fixed: model.fixed.clone(),
         patience: PATIENCE,
+        has_weak_prior: true,
         tolerance: COMPARISON_TOLERANCE,
         stagnation: STAGNATION,
         ..FitOptions::default()
@@ -168,6 +169,7 @@ pub fn fitted(
         fixed: fixed.to_vec(),
         resolution: Some(Resolution::PLAIN),
         patience: PATIENCE,
+        has_weak_prior: true,
         tolerance: COMPARISON_TOLERANCE,
         stagnation: STAGNATION,
         ..FitOptions::default()

@@ -114,7 +114,11 @@ pub fn in_words(found: &Diagnosis) -> String {
             own.linear.as_ref().map(|linear| linear.model.model.name()).unwrap_or_default()
         ),
     };
-    let error = if own.on_pc == HandedOver::Baseline { &found.before } else { &found.after };
+    let error = match own.linear_model() {
+        Some(linear) => &linear.held_out,
+        None if own.on_pc == HandedOver::Baseline => &found.before,
+        None => &found.after,
+    };
     format!("{on_pc}: {} on held-out rows, plain friction {plain}.", rmse(error))
 }
 

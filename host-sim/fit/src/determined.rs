@@ -4,7 +4,7 @@
 //!
 //! - its error is small against it, and its sign is possible;
 //! - no parameter that compensates it is at an end of its range;
-//! - its interval lies within what the log can show ([`Shown`]), and it does not cancel another part of the torque;
+//! - its interval lies within what the log can show, and it does not cancel another part of the torque;
 //! - both halves of the runs, or of the log, agree with it: one Gauss-Newton step from the optimum on each half.
 
 use super::outcome::State;

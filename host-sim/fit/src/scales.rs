@@ -42,6 +42,9 @@ const SEVERAL_SHARE: f64 = 5e-3;
 /// number of their observations is uncertain.
 const PRIOR_WEIGHT: f64 = 0.1;
 
+/// Motion from row to row that limits the stiffness of a wide range, as a share of the travel.
+const STIFFEST_TRAVEL: f64 = 3e-6;
+
 /// Minimum number of independent observations that a log counts as.
 const MIN_OBSERVATIONS: f64 = 30.0;
 
@@ -78,6 +81,13 @@ impl Scales {
             observation: noise,
             period_s: tracks.first().map_or(1e-3, |t| t.period_s),
         }
+    }
+
+    /// Returns the magnitudes with wider ranges of stiffness and Stribeck velocity, for fits that held-out rows judge.
+    #[must_use]
+    pub fn widened(self) -> Self {
+        let slow_speed = self.slow_speed.min(STIFFEST_TRAVEL * self.travel / self.period_s);
+        Self { slow_speed, swing: self.swing.max(self.travel), ..self }
     }
 
     /// Returns the magnitudes with the error of the prior beside what a model leaves. An independent observation has the

@@ -64,8 +64,8 @@ pub struct FitOptions {
     /// If true, fits a passive law, one that dissipates energy only, as a joint driver requires. If false, the rows alone
     /// determine the law.
     pub passive: bool,
-    /// If true, the prior counts as one row with the noise of the sensor: for fits beside which the causes are still missing,
-    /// whose residual says little of a prior.
+    /// If true, the prior counts as one row with the noise of the sensor: for fits that held-out rows judge, some of which lack
+    /// causes, so that their residual says little of a prior.
     pub has_weak_prior: bool,
     /// Maximum number of simulations per parameter.
     pub patience: usize,
@@ -132,6 +132,9 @@ impl Solution {
 /// If there are several starts, or if the resolution is still to be chosen, all fits but the last one stop early.
 pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions) -> Solution {
     let mut scales = Scales::of(rows.tracks);
+    if options.has_weak_prior {
+        scales = scales.widened();
+    }
     let base = &without_speed_limit(base.clone());
     let free = free_parameters(spec, base, rows.tracks, options);
     let is_given = options.substeps.is_some() || options.resolution.is_some();

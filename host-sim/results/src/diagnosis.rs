@@ -100,7 +100,8 @@ fn model(outcome: &Outcome, data: &Dataset) -> Map<String, Value> {
 
 /// Sets name and errors of an extended model to those of the linear model if it is handed over.
 fn of_linear(extended: &mut Map<String, Value>, found: &Diagnosis) {
-    let Some(Judged { model, held_out }) = found.hand_over.linear_model() else { return };
+    let linear = found.hand_over.linear_model().filter(|_| !found.findings.is_empty());
+    let Some(Judged { model, held_out }) = linear else { return };
     extended.insert("model".into(), json!(model.model.name()));
     extended.insert("test_rmse".into(), json!(finite(held_out.metrics.rmse)));
     extended.insert("test_nrmse".into(), json!(finite(held_out.metrics.nrmse_std)));

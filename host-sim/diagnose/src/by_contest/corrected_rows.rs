@@ -140,6 +140,7 @@ impl CorrectedRows {
             start: Some(model.parameters.clone()),
             fixed: model.fixed.clone(),
             resolution: Some(model.resolution),
+            has_weak_prior: true,
             tolerance: COMPARISON_TOLERANCE * self.memory_rows,
             stagnation: STAGNATION,
             ..FitOptions::default()

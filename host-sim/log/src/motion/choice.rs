@@ -61,7 +61,7 @@ fn plain_error(data: &Dataset) -> Option<f64> {
         products[(at, at)] += RIDGE * products[(at, at)] + f64::MIN_POSITIVE;
     }
     // Neither may be negative: a controller feeds the noise of a velocity back, as friction that drives.
-    for kept in [[true, true], [true, false], [false, true]] {
+    for kept in [[true, true], [true, false], [false, true], [false, false]] {
         let mut own = products;
         for at in (0..2).filter(|at| !kept[*at]) {
             own.row_mut(at).fill(0.0);
@@ -69,7 +69,7 @@ fn plain_error(data: &Dataset) -> Option<f64> {
             own[(at, at)] = FIXED;
         }
         let sizes = Cholesky::new(own)?.solve(&right);
-        if sizes[0] >= 0.0 && sizes[1] >= 0.0 {
+        if (0..2).all(|at| !kept[at] || sizes[at] >= 0.0) {
             return (rows > 0.0).then(|| ((squares - right.dot(&sizes)).max(0.0) / rows).sqrt());
         }
     }
