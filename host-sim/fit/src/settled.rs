@@ -88,8 +88,11 @@ impl Pilot {
     pub fn fine_share<T: Real>(&mut self, row: &TrackRow<T>) -> f64 {
         let Some(stepper) = &mut self.stepper else { return 0.0 };
         let TrackRow { track, index, before, sample, ratio, .. } = *row;
-        let delayed = row.delayed.map(|velocities| velocities.map(Real::value));
-        let [from, to] = delayed.unwrap_or([before.velocity_rad_s, sample.velocity_rad_s]);
+        let delayed = row.delayed.map(|motions| motions.map(|motion| motion.value()));
+        let [from, to] = match delayed {
+            Some(motions) => motions.map(|motion| motion.velocity_rad_s),
+            None => [before.velocity_rad_s, sample.velocity_rad_s],
+        };
         let held = stepper.state.bristle_torque_nm;
         stepper.step(&TrackRow { track, index, before, sample, delayed, ratio });
         let now = stepper.state.bristle_torque_nm;

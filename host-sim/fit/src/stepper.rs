@@ -1,5 +1,6 @@
 //! Stepping a model along a track, with one or more steps of the core per row.
 
+use super::delayed::Motion;
 use super::initial_heat::initial_heat;
 use super::track::Track;
 use compensator_core::{FrictionModel, LawKind, ModelState, Parameters, Quantity, Real, Sample};
@@ -78,16 +79,16 @@ pub struct TrackRow<'a, T> {
     pub before: &'a Sample<f64>,
     /// Sample of the row.
     pub sample: &'a Sample<f64>,
-    /// Velocities of both rows for a model with a channel delay, rad/s; `None` to use the samples' own.
-    pub delayed: Option<[T; 2]>,
+    /// Motion of both rows for a model with a channel delay; `None` to use the samples' own.
+    pub delayed: Option<[Motion<T>; 2]>,
     /// Time since the row before, in periods of the track.
     pub ratio: f64,
 }
 
-/// Returns the rows of a track, with these delayed velocities, rad/s, if there are any.
+/// Returns the rows of a track, with this delayed motion, if there is any.
 pub fn track_rows<'a, T: Real>(
     track: &'a Track,
-    delayed: Option<&'a [T]>,
+    delayed: Option<&'a [Motion<T>]>,
 ) -> impl Iterator<Item = TrackRow<'a, T>> {
     let before = track.samples.iter().take(1).chain(&track.samples);
     before.zip(&track.samples).enumerate().map(move |(index, (before, sample))| TrackRow {
@@ -162,7 +163,10 @@ impl<T: Real<Setting = T>> Stepper<T> {
             self.interpolate_input(before, sample, step);
             let share = step as f64 / self.substeps as f64;
             if let Some([from, to]) = delayed {
-                self.input.velocity_rad_s = from + (to - from) * T::from_f64(share);
+                let motion = from.towards(&to, T::from_f64(share));
+                self.input.velocity_rad_s = motion.velocity_rad_s;
+                self.input.acceleration_rad_s2 = motion.acceleration_rad_s2;
+                self.input.position_rad = motion.position_rad;
             } else if let Some([at_start, at_end]) = curve {
                 let rest = 1.0 - share;
                 let above_line = share * rest * (at_start * rest - at_end * share);
