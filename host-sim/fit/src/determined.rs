@@ -76,10 +76,13 @@ impl Shown {
         let value = parameters.get(id);
         let inside = |[least, most]: [f64; 2], value: f64| least <= value && value <= most;
         match id {
+            // A level that only slower motion than the log's reaches is not shown.
+            Id::StaticTorque | Id::StaticTorqueNegative => {
+                value.abs() + INTERVAL * error <= self.torque
+                    && parameters.get(Id::StribeckVelocity) >= self.speeds[0]
+            }
             Id::CoulombTorque
             | Id::CoulombTorqueNegative
-            | Id::StaticTorque
-            | Id::StaticTorqueNegative
             | Id::TorqueOffset
             | Id::GravitySine
             | Id::GravityCosine => value.abs() + INTERVAL * error <= self.torque,

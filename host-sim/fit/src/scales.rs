@@ -100,7 +100,9 @@ impl Scales {
         let time = (time.min(longest) / rows.decimate.max(1) as f64).max(1.0);
         // A model that errs more than none does not say more.
         let error = predicted.metrics.rmse.min(self.torque) * time.sqrt();
-        Self { observation: (PRIOR_WEIGHT.sqrt() * error).max(self.noise), ..self }
+        // Spikes raise the noise of the torque above what a model leaves of rows that count less for it.
+        let noise = self.noise.min(predicted.metrics.rmse);
+        Self { observation: (PRIOR_WEIGHT.sqrt() * error).max(noise), ..self }
     }
 }
 

@@ -87,9 +87,9 @@ pub fn of(id: ParameterId) -> Treatment {
             "F_S = F_C backwards, the data show no Stribeck effect",
         ),
         // A speed that several rows do not exceed, and several do.
-        Id::StribeckVelocity => {
-            positive(|scales| ((3e-3 * scales.speed).max(scales.slow_speed), 2.0 * scales.speed))
-        }
+        Id::StribeckVelocity => positive(|scales| {
+            ((1e-3 * scales.speed).max(0.3 * scales.slow_speed), 2.0 * scales.speed)
+        }),
         // A presliding travel between the motion from row to row and the swing, for levels from a hundredth of the torque.
         Id::BristleStiffness => positive(|scales| {
             let step = scales.slow_speed * scales.period_s;
