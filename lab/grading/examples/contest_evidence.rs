@@ -19,9 +19,9 @@ use std::time::Instant;
 struct Arguments {
     /// Folders of worlds, each a pair of NAME.csv and NAME.json
     folders: Vec<PathBuf>,
-    /// Folder of the measured logs
+    /// Folders of measured logs
     #[arg(long)]
-    measured: Option<PathBuf>,
+    measured: Vec<PathBuf>,
     /// Most worlds of each folder
     #[arg(long, default_value_t = usize::MAX)]
     worlds: usize,
@@ -42,7 +42,7 @@ fn main() -> Result<(), String> {
     for folder in &arguments.folders {
         logs.extend(contest_logs::worlds(folder)?.into_iter().take(arguments.worlds));
     }
-    if let Some(folder) = &arguments.measured {
+    for folder in &arguments.measured {
         logs.extend(contest_logs::measured(folder)?);
     }
     logs.retain(|log| log.name.contains(&arguments.only));

@@ -64,13 +64,15 @@ fn world(path: &Path) -> Result<KnownLog, String> {
     })
 }
 
-/// Returns the measured logs of a folder, with the arguments and answers of its `right-answers.json`, and those logs of
-/// [`MEASURED_LOGS`] that are missing there.
+/// Returns the measured logs of a folder, with the arguments and answers of its `right-answers.json` or `answers.json`, and
+/// those logs of [`MEASURED_LOGS`] that are missing there.
 ///
 /// # Errors
 /// Returns one line if the answers cannot be read.
 pub fn measured(folder: &Path) -> Result<Vec<KnownLog>, String> {
-    let answers = json(&folder.join("right-answers.json"))?;
+    let names = ["right-answers.json", "answers.json"].map(|name| folder.join(name));
+    let path = names.iter().find(|path| path.is_file()).unwrap_or(&names[0]);
+    let answers = json(path)?;
     let mut logs = Vec::new();
     for (file, answer) in answers.as_object().into_iter().flatten() {
         let mut log = KnownLog {

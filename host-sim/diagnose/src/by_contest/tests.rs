@@ -38,8 +38,8 @@ fn answer_to_pressure_names_it_alone_with_size_and_gain() {
 
 #[test]
 fn answer_to_pressure_and_temperature_names_both() {
-    // The level falls by 0.02 Nm for each kelvin, or by half of that. Three quarters of the temperature follow the pressure.
-    for slope in [0.02, 0.01] {
+    // The level falls by 0.04 Nm for each kelvin, or by three quarters of that. Three quarters of the temperature follow the pressure.
+    for slope in [0.04, 0.03] {
         let found = answer_to(|row| {
             pressure_torque(row) - slope * (row.temperature_c - 30.0) * row.direction()
         });

@@ -37,14 +37,22 @@ pub fn tried() -> Vec<Correction> {
 impl Correction {
     /// Returns the corrections beside this one, nearer to it than its neighbours in [`tried`].
     pub fn nearer(self) -> Vec<Self> {
-        let sizes = |size: f64| [0.7 * size, 0.85 * size, 1.2 * size, 1.45 * size];
-        match self {
-            Correction::None => Vec::new(),
-            Correction::TorqueLate(by) => sizes(by).map(Correction::TorqueLate).into(),
-            Correction::TorqueLowPass(by, shape) => {
-                sizes(by).map(|by| Correction::TorqueLowPass(by, shape)).into()
-            }
-        }
+        self.times(&[0.7, 0.85, 1.2, 1.45])
+    }
+
+    /// Returns the corrections between this one and those of [`Correction::nearer`]. What an inaccurate correction leaves
+    /// resembles an inertia.
+    pub fn finer(self) -> Vec<Self> {
+        self.times(&[0.9, 0.95, 1.05, 1.1])
+    }
+
+    fn times(self, factors: &[f64]) -> Vec<Self> {
+        let scaled = |factor: &f64| match self {
+            Correction::None => Correction::None,
+            Correction::TorqueLate(by) => Correction::TorqueLate(factor * by),
+            Correction::TorqueLowPass(by, shape) => Correction::TorqueLowPass(factor * by, shape),
+        };
+        factors.iter().map(scaled).collect()
     }
 
     /// Returns true if the other correction is of the same kind and of nearly the same size.

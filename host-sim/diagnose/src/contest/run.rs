@@ -284,10 +284,12 @@ fn screen(rows: &Rows, entry: &Entry, best: &Hypothesis) -> Vec<Correction> {
         if kept.iter().any(|own| std::mem::discriminant(own) == kind) {
             continue;
         }
-        let near = correction.nearer();
-        let nearer = near.par_iter().map(error).min_by(|a, b| a.0.total_cmp(&b.0));
-        let nearer = nearer.filter(|(error, _)| *error < own_error).map(|(_, own)| own);
-        kept.push(nearer.unwrap_or(correction));
+        let better_of = |best: (f64, Correction), near: Vec<Correction>| {
+            let found = near.par_iter().map(error).min_by(|a, b| a.0.total_cmp(&b.0));
+            found.filter(|found| found.0 < best.0).unwrap_or(best)
+        };
+        let best = better_of((own_error, correction), correction.nearer());
+        kept.push(better_of(best, best.1.finer()).1);
     }
     kept.truncate(MOST_CORRECTIONS);
     kept
