@@ -237,6 +237,11 @@ class Fit(_Result):
         return dict(self._document["models"][0]["test"])
 
     @property
+    def handed_over(self) -> str:
+        """What ``params.toml`` holds: ``baseline``, the fitted model, or ``plain`` if plain friction errs clearly less."""
+        return str(self._document["handed_over"])
+
+    @property
     def verdicts(self) -> tuple[str, ...]:
         """Remarks on the fit, for example parameters that the log does not determine."""
         return tuple(self._document["models"][0]["verdicts"])

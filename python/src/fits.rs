@@ -6,6 +6,7 @@ use crate::log::Log;
 use crate::model::Model;
 use compensator_core::parameters::Choices;
 use compensator_core::{LawKind, ParameterId};
+use friction_diagnose::hand_over::BesidePlain;
 use friction_diagnose::prepare::{Error, Prepared, identify_each};
 use friction_fit::measurement::Measurement;
 use friction_fit::spec::Spec;
@@ -16,6 +17,7 @@ use friction_results::provenance::parameter_file;
 use joint_log::SplitRule;
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// Fits to one log. A comparison has files and a recommended model.
 #[pyclass(frozen, module = "friction._core")]
@@ -24,13 +26,25 @@ pub struct Fits {
     input: Prepared,
     /// `None` for the fit of one model.
     comparison: Option<ComparisonFiles>,
+    /// The fit of one model beside plain friction, once it was needed.
+    beside: OnceLock<BesidePlain>,
 }
 
 impl Fits {
+    /// Returns the first fit beside plain friction.
+    fn beside(&self) -> Result<BesidePlain, Error> {
+        if let Some(beside) = self.beside.get() {
+            return Ok(beside.clone());
+        }
+        let beside = BesidePlain::of(&self.fits[0], &self.input)?;
+        Ok(self.beside.get_or_init(|| beside).clone())
+    }
+
     fn files(&self) -> Result<Files, Error> {
         match &self.comparison {
             Some(comparison) => Ok(comparison.files.clone()),
-            None => fit_files(&self.fits[0], &self.input).map_err(|e| e.to_string().into()),
+            None => fit_files(&self.fits[0], &self.beside()?, &self.input)
+                .map_err(|e| e.to_string().into()),
         }
     }
 }
@@ -38,10 +52,13 @@ impl Fits {
 #[pymethods]
 impl Fits {
     /// Returns the text of fit.json or compare.json.
-    fn json(&self) -> PyResult<String> {
+    fn json(&self, py: Python<'_>) -> PyResult<String> {
         match &self.comparison {
             Some(comparison) => Ok(comparison.files.document.1.clone()),
-            None => fit_json(&self.fits[0], &self.input).map_err(unserialised),
+            None => {
+                let beside = self.beside().map_err(|error| to_python(py, error))?;
+                fit_json(&self.fits[0], &beside, &self.input).map_err(unserialised)
+            }
         }
     }
 
@@ -141,7 +158,7 @@ pub fn fit(
         let fits = identify_each(&specs, &input, choices, &options)?;
         let files = || comparison_files(&fits, &input).map_err(|e| Error::from(e.to_string()));
         let comparison = compares.then(files).transpose()?;
-        Ok(Fits { fits, input, comparison })
+        Ok(Fits { fits, input, comparison, beside: OnceLock::new() })
     })
 }
 

@@ -22,6 +22,7 @@ use super::finalist::{
 };
 use super::finding::Finding;
 use super::hand_over::{HandOver, is_possible};
+use super::leading_fault::Corrected;
 use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
 use super::naming::{IMPOSSIBLE, WeighedCause, confounded, weigh};
@@ -46,6 +47,8 @@ pub struct Answer {
     pub log: TrainTest,
     /// What the contest has found wrong with the log.
     pub log_findings: Vec<LogFinding>,
+    /// What the correction of a late channel takes.
+    pub corrected: Option<Corrected>,
     /// The base model, fitted to all rows.
     pub baseline: Outcome,
     /// The extended model; the base model if none is offered.
@@ -130,11 +133,9 @@ pub fn answer(
     set_shortfall(&mut weighed, &outcome.finalists, &chosen, (&before, offer.as_ref()));
     let findings = findings(&weighed, &chosen, offer.as_ref(), &outcome);
     progress("comparing the models on held-out rows");
-    let extended = offer.as_ref().map(|offer| &offer.after);
-    let extended = extended.filter(|_| {
-        offer.as_ref().is_some_and(|offer| is_possible(&offer.outcome, &chosen.corrected.judged))
-    });
-    let base = is_possible(&baseline, &chosen.corrected.judged).then_some(&before);
+    let possible = |outcome: &Outcome| is_possible(&outcome.parameters, &chosen.corrected.judged);
+    let extended = offer.as_ref().map(|offer| (&offer.after, possible(&offer.outcome)));
+    let base = Some((&before, possible(&baseline)));
     let hand_over = search.hand_over(&chosen, &original, [base, extended])?;
     let judged = chosen.corrected.judged.clone();
     let follows =
@@ -150,6 +151,7 @@ pub fn answer(
         gain = self::gain(&before, &after, options.seed);
     }
     Ok(Answer {
+        corrected: chosen.corrected.late,
         log_findings: log_findings.into_iter().chain(chosen.corrected.findings).collect(),
         left_out: log.leaves_each_out.then(|| unit(&log)),
         log,
@@ -383,14 +385,16 @@ const SAME_PROBABILITY: f64 = 0.05;
 /// Highest probability of a finding that few resampled logs show.
 const UNSTABLE: f64 = 0.59;
 
-/// Lowers the probability of causes that would make more torque than the log holds.
+/// Lowers the probability of causes that make more torque than the log holds in every finalist that has them. In one of several
+/// a cause may only cancel another.
 fn check_torques(weighed: &mut [WeighedCause], outcome: &ContestOutcome, rows: &Rows) {
     let most = rows.torque.iter().fold(0.0f64, |most, torque| most.max(torque.abs()));
-    let causes = outcome.finalists.iter().flat_map(|finalist| &finalist.causes);
-    for own in causes.filter(|own| own.torque_rms.0 > most) {
-        let cause = weighed.iter_mut().find(|weighed| weighed.figures.key == own.key);
-        if let Some(cause) = cause {
-            let (made, held) = (figure(own.torque_rms.0), figure(most));
+    let causes = || outcome.finalists.iter().flat_map(|finalist| &finalist.causes);
+    for cause in weighed {
+        let own = causes().filter(|own| own.key == cause.figures.key);
+        let least = own.map(|own| own.torque_rms.0).reduce(f64::min);
+        if let Some(least) = least.filter(|least| *least > most) {
+            let (made, held) = (figure(least), figure(most));
             let why = format!("it would make a torque of {made} RMS in a log of {held} at most");
             cause.reject(IMPOSSIBLE, Rejection::new(&rules::UNPHYSICAL, why));
         }

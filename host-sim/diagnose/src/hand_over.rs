@@ -12,16 +12,26 @@
 use super::Diagnosis;
 use super::contest::LinearAnswer;
 use super::evaluation::paired;
+use super::prepare::Prepared;
 use super::train_test::TrainTest;
 use ParameterId as Id;
-use compensator_core::ParameterId;
+use compensator_core::{LawKind, ParameterId, Parameters};
 use friction_fit::measurement::Measurement;
-use friction_fit::predict::Predicted;
-use friction_fit::{Outcome, Rows, Track};
+use friction_fit::predict::{Predicted, predict};
+use friction_fit::scales::Scales;
+use friction_fit::spec::{Spec, SpecError};
+use friction_fit::{FitOptions, Outcome, Rows, Track, identify_robustly};
 use joint_log::number::significant;
 
 /// Difference of the squared errors, in standard errors, within which the simpler of two models is handed over.
 const AS_GOOD: f64 = 1.0;
+
+/// Difference of the squared errors, in standard errors, above which plain friction is handed over in place of a model that was
+/// asked for.
+const CLEARLY_LESS: f64 = 2.0;
+
+/// Held-out rows, as a share of the fitted ones, below which a model that was asked for is not compared.
+const MIN_HELD_OUT: f64 = 0.05;
 
 /// Share of the error that a model must take from a simpler one.
 const MIN_GAIN: f64 = 0.03;
@@ -122,26 +132,95 @@ pub fn in_words(found: &Diagnosis) -> String {
     format!("{on_pc}: {} on held-out rows, plain friction {plain}.", rmse(error))
 }
 
+/// A fitted model beside plain friction on the same rows.
+#[derive(Clone, Debug)]
+pub struct BesidePlain {
+    /// Coulomb and viscous friction with the rigid-body parts of the log.
+    pub plain: Outcome,
+    /// What a parameter file holds: the fitted model, unless plain friction errs clearly less on held-out rows.
+    pub handed_over: HandedOver,
+}
+
+impl BesidePlain {
+    /// Fits plain friction to the rows of a fit and compares. With hardly any held-out rows the fitted model is handed over.
+    ///
+    /// # Errors
+    /// If the model has more terms than the core takes.
+    pub fn of(fit: &Outcome, input: &Prepared) -> Result<Self, SpecError> {
+        let spec = Spec::law(LawKind::Linear).on(&input.rigid_body);
+        if fit.spec == spec {
+            return Ok(Self { plain: fit.clone(), handed_over: HandedOver::Baseline });
+        }
+        let base = spec.parameters()?;
+        let options = FitOptions { passive: true, ..FitOptions::default() };
+        let (train, test) = (input.train_rows(), input.test_rows());
+        let plain = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
+        let on_test = |own: &Outcome| predict(&own.parameters, test, own.resolution);
+        let is_judged = fit.test.rows as f64 >= MIN_HELD_OUT * fit.train.rows as f64;
+        let gains = is_judged && plain.test.rmse <= (1.0 - MIN_GAIN) * fit.test.rmse;
+        let is_better =
+            gains && paired(test.tracks, &on_test(fit), &on_test(&plain)) >= CLEARLY_LESS;
+        let handed_over = if is_better { HandedOver::Plain } else { HandedOver::Baseline };
+        Ok(Self { plain, handed_over })
+    }
+
+    /// Returns the model that is handed over.
+    pub fn model<'a>(&'a self, fit: &'a Outcome) -> &'a Outcome {
+        if self.handed_over == HandedOver::Plain { &self.plain } else { fit }
+    }
+
+    /// Describes the choice in a sentence.
+    pub fn in_words(&self, fit: &Outcome, unit: &str) -> String {
+        let rmse = |own: &Outcome| format!("{} {unit}", significant(own.test.rmse, 3));
+        let (plain, own) = (rmse(&self.plain), rmse(fit));
+        match self.handed_over {
+            HandedOver::Plain => format!(
+                "params.toml has plain friction ({}): {plain} on held-out rows, {} {own}.",
+                self.plain.spec, fit.spec
+            ),
+            _ => format!(
+                "params.toml has {}: {own} on held-out rows, plain friction {plain}.",
+                fit.spec
+            ),
+        }
+    }
+}
+
 /// Largest ratio of the static level to the level in sliding that a seal or a bearing has.
 const MAX_STATIC_RATIO: f64 = 5.0;
+
+/// Excess of the static level, as a share of the level in sliding, that needs no slow rows to show it.
+const SMALL_EXCESS: f64 = 0.2;
 
 /// Largest ratio of a level to the largest torque of the log.
 const MAX_LEVEL_RATIO: f64 = 1.5;
 
+/// Columns that carry the level in sliding beside the Coulomb torque.
+const CARRYING: [Id; 3] = [Id::PressureCoulomb, Id::RadialForceCoulomb, Id::LoadCoulomb];
+
 /// Returns true if a law has levels that the log can show and no friction that drives.
-pub(super) fn is_possible(outcome: &Outcome, log: &TrainTest) -> bool {
-    let torques = log.train_tracks.iter().flat_map(|track| &track.torque);
-    let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
-    let value = |id| outcome.parameters.get(id);
+///
+/// A static level is shown at speeds up to the Stribeck velocity, which several rows must have. Where a column carries the level
+/// in sliding, the Coulomb torque is no measure of it, and the RMS torque of the log is.
+pub(super) fn is_possible(law: &Parameters<f64>, log: &TrainTest) -> bool {
+    let torques = || log.train_tracks.iter().flat_map(|track| &track.torque);
+    let most = torques().fold(0.0f64, |most, torque| most.max(torque.abs()));
+    let scales = Scales::of(&log.train_tracks);
+    let value = |id| law.get(id);
     let levels = [
         (Id::CoulombTorque, Id::StaticTorque),
         (Id::CoulombTorqueNegative, Id::StaticTorqueNegative),
     ];
-    let is_active = |id| outcome.parameters.active().any(|own| own == id);
-    let has_possible_level = |(coulomb, excess): (Id, Id)| {
-        let level = value(if is_active(excess) { excess } else { coulomb });
+    let is_active = |id| law.active().any(|own| own == id);
+    let carried = if CARRYING.into_iter().any(is_active) { scales.torque } else { 0.0 };
+    let is_shown = value(Id::StribeckVelocity) >= scales.slow_speed;
+    let has_possible_level = |(coulomb, breakaway): (Id, Id)| {
+        let level = value(if is_active(breakaway) { breakaway } else { coulomb });
+        let (sliding, excess) = (value(coulomb).max(carried), level - value(coulomb));
+        let is_small = excess <= SMALL_EXCESS * sliding;
         !is_active(coulomb)
-            || (level <= MAX_LEVEL_RATIO * most && level <= MAX_STATIC_RATIO * value(coulomb))
+            || (level <= MAX_LEVEL_RATIO * most
+                && (is_small || (is_shown && excess <= (MAX_STATIC_RATIO - 1.0) * sliding)))
     };
     value(Id::ViscousFriction) >= 0.0 && levels.into_iter().all(has_possible_level)
 }

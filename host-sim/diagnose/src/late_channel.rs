@@ -4,6 +4,7 @@
 //! The contest finds both ([`super::contest::correction`]). The model's torque then passes the low-pass wherever it is compared
 //! with the measured one, and the velocity is that of the later time. The fitted friction is that of the shaft.
 
+use super::leading_fault::Corrected;
 use super::train_test::TrainTest;
 use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
 use joint_log::log_check::{LogFinding, LogFindingKind};
@@ -65,6 +66,11 @@ impl LateChannel {
                 format!("a moving average over {} ms", figure(2e3 * self.time_s))
             }
         }
+    }
+
+    /// Returns what its correction takes of the error.
+    pub fn gain(&self) -> Corrected {
+        Corrected { kind: self.late.kind(), gain: 1.0 - self.share_left.max(0.0).sqrt() }
     }
 
     /// It as a finding about the log.

@@ -144,6 +144,8 @@ pub struct DiagnosisOptions {
 pub struct Diagnosis {
     /// What is wrong with the log itself.
     pub log_findings: Vec<LogFinding>,
+    /// What the correction of a late channel takes.
+    pub corrected: Option<leading_fault::Corrected>,
     /// The log as it was looked at, following what the extended model follows.
     pub log: TrainTest,
     /// Error the torque's noise alone would make on the held-out rows, Nm.
@@ -192,7 +194,8 @@ impl Diagnosis {
 
     /// Returns the fault of the log that explains most of the error, if one does.
     pub fn leading_fault(&self) -> Option<&LogFinding> {
-        leading_fault::leading_fault(&self.log_findings, &self.after.metrics)
+        let most = most_of_causes(&self.findings);
+        leading_fault::leading_fault(&self.log_findings, &self.after.metrics, self.corrected, most)
     }
 
     /// Returns the model for a driver, the one of the driver's models that is handed over. If each run's position was shifted to
@@ -283,7 +286,7 @@ pub fn diagnose(
     }
     let log_findings: Vec<LogFinding> =
         question.log_findings.iter().cloned().chain(answer.log_findings).collect();
-    limit_probabilities(&mut findings, &log_findings, &after);
+    limit_probabilities(&mut findings, &log_findings, &after, answer.corrected);
     progress("fitting a flexible model");
     let ceiling = ceiling_of(&log, answer.left_out, &after, &extended);
     progress("certifying");
@@ -294,6 +297,7 @@ pub fn diagnose(
     let at = sensitivities::sensitivities(&baseline.parameters, &[], tracks, resolution);
     Ok(Diagnosis {
         log_findings,
+        corrected: answer.corrected,
         noise_floor,
         ceiling,
         by_regime: regime::by_regime(&log.test_tracks, &at),
@@ -317,13 +321,24 @@ pub fn diagnose(
 }
 
 /// Limits the probabilities of findings beside a fault of the log that explains the error as well.
-fn limit_probabilities(findings: &mut [Finding], log: &[LogFinding], after: &Predicted) {
-    let fault = leading_fault::leading_fault(log, &after.metrics);
+fn limit_probabilities(
+    findings: &mut [Finding],
+    log: &[LogFinding],
+    after: &Predicted,
+    corrected: Option<leading_fault::Corrected>,
+) {
+    let most = most_of_causes(findings);
+    let fault = leading_fault::leading_fault(log, &after.metrics, corrected, most);
     if fault.is_some_and(|fault| !fault.corrected) {
         for finding in findings {
             finding.probability = finding.probability.min(leading_fault::UNDECIDED);
         }
     }
+}
+
+/// Returns the largest share of the error that a cause takes.
+fn most_of_causes(findings: &[Finding]) -> f64 {
+    findings.iter().map(|finding| finding.gain.value).fold(0.0, f64::max)
 }
 
 /// Base and extended model, fitted to the whole log and evaluated on held-out rows.

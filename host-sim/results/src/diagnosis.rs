@@ -181,8 +181,10 @@ fn candidate(ranked: &RankedCandidate) -> Value {
     value
 }
 
-fn log_finding(finding: &LogFinding) -> Value {
+fn log_finding(finding: &LogFinding, found: &Diagnosis) -> Value {
+    let gain = found.corrected.filter(|own| own.kind == finding.kind && finding.corrected);
     json!({
+        "gain": gain.map(|own| finite(own.gain)),
         "kind": finding.kind.name(),
         "columns": finding.columns,
         "size": { "value": finite(finding.value), "unit": finding.unit },
@@ -320,7 +322,7 @@ pub fn document(
     DiagnosisDocument(json!({
         "schema": 1,
         "data": about,
-        "log": found.log_findings.iter().map(log_finding).collect::<Vec<_>>(),
+        "log": found.log_findings.iter().map(|own| log_finding(own, found)).collect::<Vec<_>>(),
         "leading_fault": found.leading_fault().map(|fault| fault.kind.name()),
         "baseline": model(&found.baseline, data),
         "cause": found.cause(),

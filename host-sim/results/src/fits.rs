@@ -4,6 +4,7 @@ use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use crate::{Comparison, FitReport, compare_fits, document, page};
+use friction_diagnose::hand_over::BesidePlain;
 use friction_diagnose::prepare::Prepared;
 use friction_fit::Outcome;
 use friction_fit::measurement::Measurement;
@@ -37,22 +38,25 @@ pub(crate) fn recommended(fits: &[Outcome], input: &Prepared) -> usize {
     compare_fits(&report(input, fits)).chosen
 }
 
-/// Returns `fit.json` of a fit.
+/// Returns `fit.json` of a fit beside plain friction.
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON, or the core rejects the model.
-pub fn fit_json(fit: &Outcome, input: &Prepared) -> Result<String, String> {
-    let predicted = PredictedLog::of_text(&fit_parameter_text(fit, input), &input.data)?;
-    fit_document_text(fit, input, &predicted)
+pub fn fit_json(fit: &Outcome, beside: &BesidePlain, input: &Prepared) -> Result<String, String> {
+    let toml = fit_parameter_text(beside.model(fit), input);
+    let predicted = PredictedLog::of_text(&toml, &input.data)?;
+    fit_document_text(fit, beside, input, &predicted)
 }
 
 fn fit_document_text(
     fit: &Outcome,
+    beside: &BesidePlain,
     input: &Prepared,
     predicted: &PredictedLog,
 ) -> Result<String, String> {
     let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
     document.set_prediction(predicted.summary.clone());
+    document.set_plain(beside);
     pretty(&document)
 }
 
@@ -66,16 +70,16 @@ pub fn fit_page(fit: &Outcome, input: &Prepared) -> String {
     page(&report(input, from_ref(fit))).render()
 }
 
-/// Returns the result files of one fit: `fit.json`, `params.toml`, `fit.html`, `rows.parquet`.
+/// Returns the result files of one fit: `fit.json`, `fit.html`, and `params.toml` and `rows.parquet` of what is handed over.
 ///
 /// # Errors
 /// See [`fit_json`].
-pub fn fit_files(fit: &Outcome, input: &Prepared) -> Result<Files, String> {
-    let toml = fit_parameter_text(fit, input);
+pub fn fit_files(fit: &Outcome, beside: &BesidePlain, input: &Prepared) -> Result<Files, String> {
+    let toml = fit_parameter_text(beside.model(fit), input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
     let html = fit_page(fit, input).into_bytes();
     let others = vec![("params.toml", toml.into_bytes()), ("fit.html", html)];
-    let document = ("fit.json", fit_document_text(fit, input, &predicted)?);
+    let document = ("fit.json", fit_document_text(fit, beside, input, &predicted)?);
     let mut files = Files { document, others };
     predicted.add_rows(&input.data, &mut files)?;
     Ok(files)

@@ -4,6 +4,7 @@
 //! column. `nrmse_std` and `nrmse_range` are the RMSE divided by the standard deviation and by the range of the measured
 //! torque on the same rows. `driver_form` is the passive form in `params.toml`, if `params` give an active law. `bic` is `n ln(SSE/n) + k ln n` on the training rows.
 
+use friction_diagnose::hand_over::BesidePlain;
 use friction_fit::params::unit;
 use friction_fit::spec::Spec;
 use friction_fit::{Estimate, Outcome};
@@ -21,6 +22,12 @@ impl FitDocument {
     /// Sets the errors of the model of `params.toml` on all rows, and the file with each row.
     pub fn set_prediction(&mut self, summary: Value) {
         self.0["prediction"] = summary;
+    }
+
+    /// Sets the error of plain friction on the held-out rows, and whether `params.toml` has plain friction or the fitted model.
+    pub fn set_plain(&mut self, beside: &BesidePlain) {
+        self.0["plain"] = json!({ "test_rmse": beside.plain.test.rmse });
+        self.0["handed_over"] = json!(beside.handed_over.name());
     }
 
     /// Sets the recommended model, if there are several.

@@ -13,6 +13,7 @@ use super::words::in_options;
 use crate::driver_file;
 use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
+use friction_diagnose::hand_over::BesidePlain;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, identify_robustly};
@@ -163,9 +164,11 @@ fn fit_joint(
     let (train, test) = (input.train_rows(), input.test_rows());
     let fit = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
     work::report_stage("writing the report");
-    let files = fit_files(&fit, input)?;
+    let beside = BesidePlain::of(&fit, input)?;
+    let files = fit_files(&fit, &beside, input)?;
     let models = table::models(std::slice::from_ref(&fit), &input.data);
-    let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
+    let handed_over = beside.in_words(&fit, input.data.joint.torque_unit());
+    let mut text = format!("{handed_over}\n\n{}\n{models}\n", table::parameters(&fit, &input.data));
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     Ok(JointResult { files, text })
 }

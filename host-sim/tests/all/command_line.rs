@@ -311,6 +311,28 @@ fn json_output_follows_schema_and_equals_the_file() {
 }
 
 #[test]
+fn identify_hands_over_plain_friction_where_the_model_errs_clearly_more() {
+    let folder = Folder::new();
+    folder.write_joint();
+    let fitted = folder.json("identify joint.csv --model stribeck --out good");
+    assert_eq!(fitted["handed_over"], "baseline");
+    let good = folder.path("good/params.toml");
+    assert!(fs::read_to_string(&good).expect("written").contains("model = \"stribeck\""));
+    // A static level of five times the friction, at all speeds.
+    let wrong = "schema = 1\njoint = \"revolute\"\nmodel = \"stribeck\"\n[parameters]\ncoulomb_torque = 0.5\n\
+                 static_torque = 2.5\nstribeck_velocity = 50.0\nviscous_friction = 0.2\n";
+    folder.write("wrong.toml", wrong);
+    let kept = "--start wrong.toml --keep static_torque,stribeck_velocity --out bad";
+    let fitted = folder.json(&format!("identify joint.csv --model stribeck {kept}"));
+    assert_eq!(fitted["handed_over"], "plain");
+    let error = |at: &str| number(&fitted, at).as_f64().expect("a number");
+    assert!(error("/plain/test_rmse") < 0.5 * error("/models/0/test/rmse"), "{fitted}");
+    let written = fs::read_to_string(folder.path("bad/params.toml")).expect("written");
+    assert!(written.contains("model = \"linear\""), "{written}");
+    assert!(error("/prediction/rmse") < error("/models/0/train/rmse"), "{fitted}");
+}
+
+#[test]
 fn closed_standard_output_is_not_an_error() {
     let folder = Folder::new();
     folder.write_joint();

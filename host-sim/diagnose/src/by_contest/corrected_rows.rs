@@ -8,6 +8,7 @@ use crate::channel_share::ChannelShare;
 use crate::contest::correction::Correction;
 use crate::contest::{Finalist, Rows};
 use crate::late_channel::{LateChannel, LateChannelKind};
+use crate::leading_fault::Corrected;
 use crate::left_out::one_step_left_out;
 use crate::model::FittedModel;
 use crate::train_test::TrainTest;
@@ -41,6 +42,8 @@ pub(super) struct CorrectedRows {
     shares: Vec<ChannelShare>,
     /// The corrections as faults of the log.
     pub(super) findings: Vec<LogFinding>,
+    /// What the correction of a late channel takes.
+    pub(super) late: Option<Corrected>,
     /// Autocorrelation time of the residual in rows: so many rows are one observation for a fit.
     pub(super) memory_rows: f64,
 }
@@ -57,6 +60,7 @@ impl CorrectedRows {
         let step_s = rows.step_s;
         let (mut judged, mut delay_s, mut findings) = (log.clone(), None, Vec::new());
         let (mut torque_delay_s, mut low_pass) = (0.0, TorqueLowPass::default());
+        let mut late = None;
         let (mut late_channel, mut shape) = (None, LowPassShape::FirstOrder);
         match finalist.correction {
             Correction::None => {}
@@ -70,19 +74,20 @@ impl CorrectedRows {
                 (late_channel, shape) = (Some((LateChannelKind::LowPassedTorque, late)), own);
             }
         }
-        if let Some((late, rows)) =
-            late_channel.filter(|(late, _)| !options.as_logged.contains(&late.kind()))
+        if let Some((which, rows)) =
+            late_channel.filter(|(which, _)| !options.as_logged.contains(&which.kind()))
         {
             let share_left = finalist.share_left;
-            let channel = LateChannel { late, time_s: rows * step_s, shape, share_left };
+            let channel = LateChannel { late: which, time_s: rows * step_s, shape, share_left };
             judged = channel.lag_compensated(judged);
-            match late {
+            match which {
                 LateChannelKind::Velocity => torque_delay_s = -channel.time_s,
                 LateChannelKind::LowPassedTorque => {
                     low_pass = TorqueLowPass { time_s: channel.time_s, shape };
                 }
             }
             findings.push(channel.finding(joint));
+            late = Some(channel.gain());
         }
         let mut shares = Vec::new();
         if !options.as_logged.contains(&LogFindingKind::ChannelGain) {
@@ -98,7 +103,17 @@ impl CorrectedRows {
             track.scale_weights(|row| rows.weights[first + row].powi(2));
         }
         let memory_rows = 1.0;
-        Self { fitted, judged, delay_s, torque_delay_s, low_pass, shares, findings, memory_rows }
+        Self {
+            fitted,
+            judged,
+            delay_s,
+            torque_delay_s,
+            low_pass,
+            shares,
+            findings,
+            late,
+            memory_rows,
+        }
     }
 
     /// Returns what lies between the shaft and the log.
@@ -128,6 +143,7 @@ impl CorrectedRows {
             low_pass: TorqueLowPass::default(),
             shares: Vec::new(),
             findings: Vec::new(),
+            late: None,
             memory_rows: 1.0,
         }
     }
