@@ -1,7 +1,7 @@
 //! Causes of the motion and the time alone: asymmetry, offset, drag, inertia, gravity, dwell, drift, warm-up, shape.
 
 use super::{Columns, Context, of_level, plain};
-use crate::contest::rows::quantile;
+use crate::contest::rows::{Rows, quantile};
 use friction_fit::linear::factor::{heat, mean_growth};
 use friction_fit::linear::{Factor, Regressor};
 use joint_log::JointKind;
@@ -21,19 +21,38 @@ const COOLING_S: [f64; 3] = [f64::INFINITY, 300.0, 30.0];
 /// Time constants of a run-in, as shares of the campaign.
 const DRIFTS: [f64; 2] = [0.15, 0.4];
 
+/// Speed from which a row shows a direction of motion, as a share of the usual high speed.
+const MOVING_SPEED: f64 = 0.02;
+
+/// Fewest moving rows of the rarer direction, as a share of all moving rows.
+const MIN_REVERSE: f64 = 0.01;
+
+/// Returns true if the log moves in both directions. In one direction, a constant and a level that differs by direction are
+/// the friction level itself.
+fn moves_both_ways(rows: &Rows) -> bool {
+    let least = MOVING_SPEED * rows.top_speed;
+    let count = |sign: f64| rows.velocity.iter().filter(|v| sign * **v > least).count() as f64;
+    let (forward, reverse) = (count(1.0), count(-1.0));
+    forward.min(reverse) > MIN_REVERSE * (forward + reverse)
+}
+
 /// Returns a variant of one factor.
 fn single(factor: Factor) -> Vec<Columns> {
     vec![plain("", vec![Regressor::from([factor])])]
 }
 
-pub(super) fn direction_asymmetry(_: &Context) -> Vec<Columns> {
+pub(super) fn direction_asymmetry(context: &Context) -> Vec<Columns> {
+    if !moves_both_ways(context.rows) {
+        return Vec::new();
+    }
     let [level, viscous] =
         [Factor::LevelMagnitude, Factor::Speed].map(|factor| Regressor::from([factor]));
     vec![plain("level", vec![level.clone()]), plain("level and viscous", vec![level, viscous])]
 }
 
 pub(super) fn torque_offset(context: &Context) -> Vec<Columns> {
-    if context.rows.rigid_body.offset { Vec::new() } else { single(Factor::One) }
+    let rows = context.rows;
+    if rows.rigid_body.offset || !moves_both_ways(rows) { Vec::new() } else { single(Factor::One) }
 }
 
 pub(super) fn quadratic_drag(_: &Context) -> Vec<Columns> {
