@@ -195,7 +195,7 @@ class Diagnosis(_Result):
 
     @cached_property
     def model(self) -> Model:
-        """The model to use elsewhere: the extended one, or the base model if nothing was extended."""
+        """The model to use elsewhere, as ``params.toml`` has it. ``to_dict()["handed_over"]`` says which one."""
         return Model._of(self._own.model, self._columns)
 
     @cached_property
@@ -205,9 +205,9 @@ class Diagnosis(_Result):
 
     @cached_property
     def extended(self) -> Model:
-        """The extended model as it was evaluated on this log.
+        """The driver's law with the causes found, as it was evaluated on this log.
 
-        It differs from ``model`` only if the log has no homed zero: the phase of a ripple is then that of this log alone.
+        ``model`` may be another one, which errs less or needs no phase of a ripple.
         """
         return Model._of(self._own.extended, self._columns)
 

@@ -58,7 +58,8 @@ impl Diagnosis {
     fn model(&self) -> Model {
         let outcome = diagnosis::transferable_model(&self.found);
         let toml = diagnosis::parameter_text(&self.found, &self.input);
-        Model::of_fit(toml, &outcome, &self.input, self.found.auxiliary.clone())
+        let auxiliary = self.found.auxiliary_of_driver().map(str::to_owned);
+        Model::of_fit(toml, &outcome, &self.input, auxiliary)
     }
 
     /// The extended model as it was evaluated on this log.

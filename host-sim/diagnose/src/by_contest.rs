@@ -21,7 +21,7 @@ use super::finalist::{
     FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters, resolved,
 };
 use super::finding::Finding;
-use super::hand_over::{HandOver, is_possible};
+use super::hand_over::{HandOver, HandedOver, is_possible};
 use super::leading_fault::Corrected;
 use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
@@ -32,6 +32,7 @@ use super::two_positions::TwoPositions;
 use super::{DiagnosisOptions, uncertain_motion, unknown_zero};
 use compensator_core::{LawKind, TermKind};
 use corrected_rows::CorrectedRows;
+use friction_fit::metrics::Metrics;
 use friction_fit::predict::{Predicted, predict};
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::statistics::autocorrelation_time;
@@ -53,6 +54,8 @@ pub struct Answer {
     pub baseline: Outcome,
     /// The extended model; the base model if none is offered.
     pub extended: Outcome,
+    /// Its errors on held-out rows, also if a linear model stands for it.
+    pub extended_test: Metrics,
     /// The column that the extended model follows besides those that the core knows.
     pub auxiliary: Option<String>,
     /// The base model on held-out rows.
@@ -136,7 +139,7 @@ pub fn answer(
     let possible = |outcome: &Outcome| is_possible(&outcome.parameters, &chosen.corrected.judged);
     let extended = offer.as_ref().map(|offer| (&offer.after, possible(&offer.outcome)));
     let base = Some((&before, possible(&baseline)));
-    let hand_over = search.hand_over(&chosen, &original, [base, extended])?;
+    let mut hand_over = search.hand_over(&chosen, &original, [base, extended])?;
     let judged = chosen.corrected.judged.clone();
     let follows =
         offer.as_ref().and_then(|offer| offer.model.follows.clone()).filter(|own| own.extra);
@@ -145,8 +148,10 @@ pub fn answer(
         Some(Offer { outcome, after, gain, .. }) => (outcome, after, gain),
         None => (baseline.clone(), before.clone(), Gain::default()),
     };
+    let extended_test = after.metrics;
     // Without a cause nothing is extended: a linear law in place of the base law is no gain of a cause.
-    if let Some(linear) = hand_over.linear_model().filter(|_| !findings.is_empty()) {
+    hand_over.linear_extends = hand_over.on_pc == HandedOver::Linear && !findings.is_empty();
+    if let Some(linear) = hand_over.extending() {
         after = linear.held_out.clone();
         gain = self::gain(&before, &after, options.seed);
     }
@@ -157,6 +162,7 @@ pub fn answer(
         log,
         baseline,
         extended,
+        extended_test,
         auxiliary: follows.map(|follows| follows.column),
         before,
         after,
@@ -204,7 +210,8 @@ struct Offer {
 }
 
 impl CorrectedRows {
-    /// Fits the finalist to all rows. Returns `None` if it has no term or does not gain on held-out rows.
+    /// Fits the finalist to all rows. Returns `None` if it has no term, does not gain on held-out rows, or is no model that the
+    /// core takes: two amplitudes may each be within their bounds and turn friction round together.
     fn offer(
         &self,
         (finalist, excerpt): (&FittedFinalist, &TrainTest),
@@ -215,6 +222,10 @@ impl CorrectedRows {
             return Ok(None);
         }
         let outcome = self.identify(&resolved(excerpt, &finalist.model))?;
+        let handed_over = outcome.for_driver().parameters;
+        if handed_over.validate().and_then(|()| handed_over.convert::<f32>().validate()).is_err() {
+            return Ok(None);
+        }
         let model = model_of(&outcome, &finalist.model);
         let after = self.held_out(&model);
         let gain = gain(before, &after, seed);
@@ -373,16 +384,14 @@ impl Search<'_> {
     }
 }
 
-/// Largest p value and least stability of a finding that may be likely: both must hold.
+/// Largest p value of a finding that may be likely. The p value is the share of resampled logs without the cause, so that a
+/// finding within the limit is stable.
 const MAX_P_VALUE: f64 = 0.05;
-
-/// See [`MAX_P_VALUE`].
-const MIN_STABILITY: f64 = 0.5;
 
 /// Step of probabilities within which two causes are equally likely: the calibration is not more accurate.
 const SAME_PROBABILITY: f64 = 0.05;
 
-/// Highest probability of a finding that few resampled logs show.
+/// Highest probability of a finding above [`MAX_P_VALUE`].
 const UNSTABLE: f64 = 0.59;
 
 /// Lowers the probability of causes that make more torque than the log holds in every finalist that has them. In one of several
@@ -468,7 +477,7 @@ fn findings(
         let figures = &own.figures;
         finding.p_value = (1.0 - figures.inclusion).max(1.0 / super::contest::draws::DRAWS as f64);
         finding.stability = figures.inclusion;
-        let is_sure = finding.p_value <= MAX_P_VALUE && finding.stability >= MIN_STABILITY;
+        let is_sure = finding.p_value <= MAX_P_VALUE;
         finding.probability = if is_sure { own.probability } else { own.probability.min(UNSTABLE) };
         finding.share_of_residual = figures.last.clamp(0.0, 1.0);
         finding.gain = figures.gain;

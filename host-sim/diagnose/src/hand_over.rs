@@ -17,6 +17,7 @@ use super::train_test::TrainTest;
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId, Parameters};
 use friction_fit::measurement::Measurement;
+use friction_fit::metrics::Metrics;
 use friction_fit::predict::{Predicted, predict};
 use friction_fit::scales::Scales;
 use friction_fit::spec::{Spec, SpecError};
@@ -83,8 +84,12 @@ pub struct HandOver {
     pub driver_plain: Option<Outcome>,
     /// The linear model, if there is one.
     pub linear: Option<Judged>,
-    /// What lies between the shaft and the log.
+    /// What lies between the shaft and the log for the laws of the diagnosis.
     pub measurement: Measurement,
+    /// The driver's model on held-out rows.
+    pub held_out_of_driver: Metrics,
+    /// True if the linear model stands for the base law with causes: it is handed over, and a cause is found.
+    pub linear_extends: bool,
     /// RMS errors on the way from the law of the linear model to all its causes, the one that takes most first.
     pub steps: Vec<(&'static str, f64)>,
 }
@@ -93,6 +98,19 @@ impl HandOver {
     /// Returns the linear model if it is handed over.
     pub fn linear_model(&self) -> Option<&Judged> {
         self.linear.as_ref().filter(|_| self.on_pc == HandedOver::Linear)
+    }
+
+    /// Returns the linear model if it stands for the base law with causes.
+    pub fn extending(&self) -> Option<&Judged> {
+        self.linear_model().filter(|_| self.linear_extends)
+    }
+
+    /// Returns what lies between the shaft and the log for the driver's law.
+    pub fn measurement_of_driver(&self) -> &Measurement {
+        match self.in_driver {
+            HandedOver::Plain => &self.plain.model.measurement,
+            _ => &self.measurement,
+        }
     }
 
     /// Returns what `params.toml` has for a PC beside the driver's law.
@@ -114,8 +132,8 @@ pub fn in_words(found: &Diagnosis) -> String {
     let on_pc = match own.on_pc {
         HandedOver::Plain => {
             return format!(
-                "params.toml has plain friction ({driver} for a driver): on held-out rows no other model errs clearly less \
-                 than its {plain}."
+                "params.toml has plain friction ({driver} for a driver): on held-out rows no other possible model errs clearly \
+                 less than its {plain}."
             );
         }
         HandedOver::Baseline | HandedOver::Extended => format!("params.toml has {driver}"),
@@ -155,9 +173,10 @@ impl BesidePlain {
         let options = FitOptions { passive: true, ..FitOptions::default() };
         let (train, test) = (input.train_rows(), input.test_rows());
         let plain = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
-        let on_test = |own: &Outcome| predict(&own.parameters, test, own.resolution);
+        // What a file holds is the form for a driver.
+        let on_test = |own: &Outcome| predict(&own.for_driver().parameters, test, own.resolution);
         let is_judged = fit.test.rows as f64 >= MIN_HELD_OUT * fit.train.rows as f64;
-        let gains = is_judged && plain.test.rmse <= (1.0 - MIN_GAIN) * fit.test.rmse;
+        let gains = is_judged && plain.test.rmse <= (1.0 - MIN_GAIN) * fit.for_driver().test.rmse;
         let is_better =
             gains && paired(test.tracks, &on_test(fit), &on_test(&plain)) >= CLEARLY_LESS;
         let handed_over = if is_better { HandedOver::Plain } else { HandedOver::Baseline };
@@ -171,7 +190,7 @@ impl BesidePlain {
 
     /// Describes the choice in a sentence.
     pub fn in_words(&self, fit: &Outcome, unit: &str) -> String {
-        let rmse = |own: &Outcome| format!("{} {unit}", significant(own.test.rmse, 3));
+        let rmse = |own: &Outcome| format!("{} {unit}", significant(own.for_driver().test.rmse, 3));
         let (plain, own) = (rmse(&self.plain), rmse(fit));
         match self.handed_over {
             HandedOver::Plain => format!(
@@ -267,20 +286,6 @@ pub(super) fn linear_on(
     };
     let torques = tracks.iter().map(torque).collect();
     Predicted::of_torque(Rows { tracks, decimate: judged.decimate }, torques)
-}
-
-/// Returns the RMS error of each step of a linear model. Where runs are set apart, the steps are judged on the training rows.
-pub(super) fn steps_on(
-    judged: &TrainTest,
-    original: &TrainTest,
-    answer: &LinearAnswer,
-) -> Vec<(&'static str, f64)> {
-    let judged = &TrainTest { leaves_each_out: true, ..judged.clone() };
-    let rmse = |(name, left): &(&'static str, Vec<f64>)| {
-        let step = LinearAnswer { held_out: left.clone(), ..LinearAnswer::default() };
-        (*name, linear_on(judged, original, &step).metrics.rmse)
-    };
-    answer.steps.iter().map(rmse).collect()
 }
 
 /// Returns the first row of each run in long columns.

@@ -207,17 +207,22 @@ fn metrics(log: &TrainTest, whole: &Predicted) -> Metrics {
 
 /// Returns the rows that are held out of a log at a time.
 pub fn unit(log: &TrainTest) -> LeftOut {
-    let runs = track::run_count(&log.train_tracks);
-    if runs >= FEWEST_RUNS && !goes_beyond(log) { LeftOut::Runs } else { LeftOut::Stretches }
+    unit_of(&log.train_tracks)
+}
+
+/// As [`unit`], given the tracks.
+pub(crate) fn unit_of(tracks: &[Track]) -> LeftOut {
+    let runs = track::run_count(tracks);
+    if runs >= FEWEST_RUNS && !goes_beyond(tracks) { LeftOut::Runs } else { LeftOut::Stretches }
 }
 
 /// Returns true if runs that are held out together are more than `FASTER` times as fast as all
 /// others.
-pub fn goes_beyond(log: &TrainTest) -> bool {
+fn goes_beyond(tracks: &[Track]) -> bool {
     let mut fastest = [0.0f64; MOST_FITS];
-    for track in &log.train_tracks {
+    for track in tracks {
         let speeds = track.samples.iter().map(|sample| sample.velocity_rad_s.abs());
-        let own = &mut fastest[group(log, track, 0, LeftOut::Runs)];
+        let own = &mut fastest[track.run % MOST_FITS];
         *own = speeds.fold(*own, f64::max);
     }
     fastest.sort_by(f64::total_cmp);

@@ -198,6 +198,20 @@ impl Diagnosis {
         leading_fault::leading_fault(&self.log_findings, &self.after.metrics, self.corrected, most)
     }
 
+    /// Returns the name of the extended model, or `None` if the base model is not extended.
+    pub fn extension(&self) -> Option<String> {
+        match self.hand_over.extending() {
+            Some(linear) => Some(linear.model.model.name()),
+            None if self.extended.spec == self.baseline.spec => None,
+            None => Some(self.extended.spec.to_string()),
+        }
+    }
+
+    /// Returns the column that the driver's model follows besides those that the core knows.
+    pub fn auxiliary_of_driver(&self) -> Option<&str> {
+        self.auxiliary.as_deref().filter(|_| self.hand_over.in_driver == HandedOver::Extended)
+    }
+
     /// Returns the model for a driver, the one of the driver's models that is handed over. If each run's position was shifted to
     /// a phase of its own ([`unknown_zero`]), the phase on another log is unknown, and a ripple with a wrong phase is worse than
     /// none. Its amplitudes are then 0, and a verdict reports this.
@@ -265,9 +279,7 @@ pub fn diagnose(
     let answer = by_contest::answer(log, question, positions.as_ref(), progress)?;
     let by_contest::Answer { mut log, mut baseline, mut extended, before, after, .. } = answer;
     baseline.test = before.metrics;
-    if answer.hand_over.linear_model().is_none() {
-        extended.test = after.metrics;
-    }
+    extended.test = answer.extended_test;
     let Floors { noise_floor, coloured } = floors(&log, &after);
     let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
     let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);

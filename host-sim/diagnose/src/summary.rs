@@ -317,9 +317,7 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
     let place = place(diagnosis);
     let why = why(diagnosis);
     let gain = &diagnosis.gain;
-    let better = if diagnosis.extended.spec == diagnosis.baseline.spec {
-        "No extension is proposed, so the error stays the same.".to_owned()
-    } else {
+    let better = if let Some(extension) = diagnosis.extension() {
         let [before, after] = [before, diagnosis.after.metrics.rmse]
             .map(|rmse| above_floor(rmse, diagnosis.noise_floor));
         let above = match before > 0.0 {
@@ -332,13 +330,14 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
             false => String::new(),
         };
         format!(
-            "With {} the held-out error falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %){above}.",
-            diagnosis.extended.spec,
+            "With {extension} the held-out error falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %){above}.",
             figure(diagnosis.after.metrics.rmse),
             100.0 * gain.value,
             100.0 * gain.ci95[0],
             100.0 * gain.ci95[1]
         )
+    } else {
+        "No extension is proposed, so the error stays the same.".to_owned()
     };
     let better = format!("{better} {}", remaining_error(diagnosis));
     vec![wrong, place, why, better, next_experiment(diagnosis)]

@@ -21,7 +21,7 @@ use compensator_core::{ParameterId, Parameters, TermKind};
 use nalgebra::{DMatrix, DVector};
 
 /// Relative standard error of a positive parameter above which it is "not determined": values from half to twice as large
-/// are then within two standard errors. The prior alone gives 2.3.
+/// are then within two standard errors. The prior alone gives 7.
 const MAX_RELATIVE_ERROR: f64 = 0.5;
 
 /// Effect of two standard errors on the torque, as a share of its RMS, above which any other parameter is "not determined",

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A diagnosis finds it on one log of a rig, and it holds for the next log of the same rig. So it is written to `params.toml`, and
-//! `predict` and `compare` apply it. It says nothing of the joint: a driver and an export ignore it.
+//! `predict` applies it. It says nothing of the joint: a driver and an export ignore it.
 
 use crate::linear::motion::{Motion, long};
 use crate::torque_low_pass::{LowPassShape, TorqueLowPass};
@@ -122,13 +122,16 @@ impl Measurement {
         own
     }
 
-    /// Appends the section of a parameter file, if there is anything between the shaft and the log.
-    pub fn emit(&self, text: &mut String) {
-        if self.is_exact() {
-            return;
-        }
+    /// The section of a parameter file for what `predict` computes.
+    pub const OF_FILE: &'static str = "measurement";
+
+    /// The section for the driver's law, where that was fitted beside another measurement than the file's linear model.
+    pub const OF_DRIVER: &'static str = "driver_measurement";
+
+    /// Appends a section of a parameter file.
+    pub fn emit(&self, section: &str, text: &mut String) {
         // Writing to a string does not fail.
-        text.push_str("\n[measurement]\n");
+        let _ = writeln!(text, "\n[{section}]");
         let _ = writeln!(text, "torque_delay_s = {:?}", self.torque_delay_s);
         if self.torque_low_pass.time_s > 0.0 {
             let hz = 1.0 / (TAU * self.torque_low_pass.time_s);
@@ -154,12 +157,17 @@ impl Measurement {
     ///
     /// # Errors
     /// One line that names the key, what was found and what was expected.
-    pub(crate) fn parse(root: &Table) -> Result<Self, String> {
+    pub(crate) fn parse(root: &Table, section: &str) -> Result<Option<Self>, String> {
+        let Some(item) = root.get(section) else { return Ok(None) };
+        let own = item.as_table_like().ok_or(": expected a table".to_owned());
+        let own = own.and_then(Self::of_table);
+        own.map(Some).map_err(|why| format!("{section}{why}"))
+    }
+
+    fn of_table(table: &dyn TableLike) -> Result<Self, String> {
         let mut own = Self::default();
-        let Some(item) = root.get("measurement") else { return Ok(own) };
-        let table = item.as_table_like().ok_or("measurement: expected a table")?;
         if let Some((key, _)) = table.iter().find(|(key, _)| !KEYS.contains(key)) {
-            return Err(format!("measurement.{key}: unknown, expected of {}", KEYS.join(", ")));
+            return Err(format!(".{key}: unknown, expected of {}", KEYS.join(", ")));
         }
         let number = |key: &str| match table.get(key) {
             None => Ok(None),
@@ -168,9 +176,7 @@ impl Measurement {
         own.torque_delay_s = number("torque_delay_s")?.unwrap_or_default();
         if let Some(hz) = number("torque_lowpass_hz")? {
             if hz <= 0.0 {
-                return Err(format!(
-                    "measurement.torque_lowpass_hz: found {hz}, expected more than 0"
-                ));
+                return Err(format!(".torque_lowpass_hz: found {hz}, expected more than 0"));
             }
             own.torque_low_pass.time_s = 1.0 / (TAU * hz);
         }
@@ -178,22 +184,24 @@ impl Measurement {
             let shape = item.as_str().and_then(LowPassShape::parse);
             own.torque_low_pass.shape = shape.ok_or_else(|| {
                 let known = LowPassShape::ALL.map(LowPassShape::name).join(", ");
-                format!("measurement.torque_lowpass_shape: found {item}, expected of {known}")
+                format!(".torque_lowpass_shape: found {item}, expected of {known}")
             })?;
         }
         match number("torque_sign")? {
             None | Some(1.0) => {}
             Some(-1.0) => own.torque_sign = -1.0,
             Some(found) => {
-                return Err(format!("measurement.torque_sign: found {found}, expected 1 or -1"));
+                return Err(format!(".torque_sign: found {found}, expected 1 or -1"));
             }
         }
-        own.is_motion_logged = match table.get("motion").map(|item| item.as_str()) {
-            None | Some(Some("smoothed")) => false,
-            Some(Some("logged")) => true,
-            Some(found) => {
+        own.is_motion_logged = match table.get("motion").map(|item| (item, item.as_str())) {
+            None | Some((_, Some("smoothed"))) => false,
+            Some((_, Some("logged"))) => true,
+            Some((found, _)) => {
+                let found = found.to_string();
                 return Err(format!(
-                    "measurement.motion: found {found:?}, expected smoothed or logged"
+                    ".motion: found {}, expected smoothed or logged",
+                    found.trim()
                 ));
             }
         };
@@ -205,8 +213,7 @@ impl Measurement {
 fn channel_gains(table: &dyn TableLike) -> Result<Vec<ChannelGain>, String> {
     let entries = |key: &'static str| -> Result<Vec<(String, f64)>, String> {
         let Some(item) = table.get(key) else { return Ok(Vec::new()) };
-        let own =
-            item.as_table_like().ok_or_else(|| format!("measurement.{key}: expected a table"))?;
+        let own = item.as_table_like().ok_or_else(|| format!(".{key}: expected a table"))?;
         let entry = |(name, item): (&str, &Item)| {
             let value = finite(item).ok_or_else(|| expected_number(&format!("{key}.{name}")))?;
             Ok((name.to_owned(), value))
@@ -226,7 +233,7 @@ fn finite(item: &Item) -> Option<f64> {
 }
 
 fn expected_number(key: &str) -> String {
-    format!("measurement.{key}: expected a finite number")
+    format!(".{key}: expected a finite number")
 }
 
 #[cfg(test)]
@@ -235,7 +242,8 @@ mod tests {
     use toml_edit::Document;
 
     fn parse(text: &str) -> Result<Measurement, String> {
-        Measurement::parse(Document::parse(text).expect("a document").as_table())
+        let document = Document::parse(text).expect("a document");
+        Measurement::parse(document.as_table(), Measurement::OF_FILE).map(Option::unwrap_or_default)
     }
 
     #[test]
@@ -249,13 +257,11 @@ mod tests {
             channel_gains: vec![gain],
         };
         let mut text = String::new();
-        own.emit(&mut text);
+        own.emit(Measurement::OF_FILE, &mut text);
         let parsed = parse(&text).unwrap();
         assert!((parsed.torque_low_pass.time_s - 0.25).abs() < 1e-12);
         assert_eq!(Measurement { torque_low_pass: own.torque_low_pass, ..parsed }, own);
-        let mut none = String::new();
-        Measurement::default().emit(&mut none);
-        assert!(none.is_empty() && parse(&none).unwrap().is_exact());
+        assert!(parse("").unwrap().is_exact());
     }
 
     #[test]
@@ -265,7 +271,7 @@ mod tests {
             ("torque_lowpass_hz = -1", "torque_lowpass_hz"),
             ("torque_lowpass_shape = \"box\"", "torque_lowpass_shape"),
             ("torque_delay_ms = 2", "torque_delay_ms"),
-            ("motion = \"raw\"", "motion"),
+            ("motion = \"raw\"", "motion: found \"raw\","),
             ("channel_gains = { a = \"x\" }", "channel_gains.a"),
         ] {
             let error = parse(&format!("[measurement]\n{line}\n")).unwrap_err();

@@ -22,6 +22,8 @@
 //! crc32 = "9ae0daaf"                      # of its bytes: another network is an error
 //! [measurement]                           # optional: between shaft and log, see [`Measurement`]
 //! torque_delay_s = 0.004
+//! [driver_measurement]                    # optional: the same for the driver's law, where it differs
+//! torque_delay_s = 0
 //! [[linear.term]]                         # optional: what a PC computes in place of the law, see [`LinearModel`]
 //! part = "viscous"
 //! size = 0.2
@@ -68,6 +70,8 @@ pub struct ParameterFile {
     pub network: Option<NetworkFile>,
     /// What lies between the shaft and a log of the same rig.
     pub measurement: Measurement,
+    /// The same for the driver's law, where it was fitted beside another one than the linear model.
+    pub driver_measurement: Option<Measurement>,
     /// The model that a PC computes in place of the driver's, if it errs less.
     pub linear: Option<LinearModel>,
     /// The values of each requested [`Section`], in order; NaN for a missing value.
@@ -84,6 +88,11 @@ pub struct Section {
 }
 
 impl ParameterFile {
+    /// Returns what lies between the shaft and the log for the driver's law.
+    pub fn measurement_of_driver(&self) -> &Measurement {
+        self.driver_measurement.as_ref().unwrap_or(&self.measurement)
+    }
+
     /// Returns the friction model for a driver.
     pub fn friction(&self) -> Configuration {
         Configuration { model: self.parameters.convert(), compensator: self.compensator }
@@ -245,7 +254,7 @@ fn understand(
 ) -> Result<ParameterFile, String> {
     let document = Document::parse(text).map_err(|error| error.to_string())?;
     let root = document.as_table();
-    const OWN: [&str; 12] = [
+    const OWN: [&str; 13] = [
         "schema",
         "joint",
         "model",
@@ -256,7 +265,8 @@ fn understand(
         "fit",
         "log_means",
         "network",
-        "measurement",
+        Measurement::OF_FILE,
+        Measurement::OF_DRIVER,
         "linear",
     ];
     let known: Vec<&str> = OWN.into_iter().chain(sections.iter().map(|more| more.name)).collect();
@@ -309,7 +319,9 @@ fn understand(
     let sections = sections.iter().map(further).collect::<Result<_, _>>()?;
     let fit = FitRecord::parse(root, joint)?;
     let network = network(root, &spec, folder)?;
-    let (measurement, linear) = (Measurement::parse(root)?, LinearModel::parse(text)?);
+    let measurement = Measurement::parse(root, Measurement::OF_FILE)?.unwrap_or_default();
+    let driver_measurement = Measurement::parse(root, Measurement::OF_DRIVER)?;
+    let linear = LinearModel::parse(text)?;
     Ok(ParameterFile {
         joint,
         spec,
@@ -318,6 +330,7 @@ fn understand(
         fit,
         network,
         measurement,
+        driver_measurement,
         linear,
         sections,
     })

@@ -15,12 +15,14 @@ mod network;
 use crate::dataset_tracks::tracks_with;
 use crate::initial_heat::initial_heat;
 use crate::initial_state::initial_state;
+use crate::linear::LinearModel;
 use crate::params::ParameterFile;
 use crate::simulate::simulate;
 use crate::{Metrics, Resolution, Track};
 use compensator_core::{Flags, ModelState, Parameters, Quantity};
 use joint_log::{Dataset, JointKind, Run};
 use network::predict_with_network;
+use std::borrow::Cow;
 
 /// State of the model at the start of each segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -144,16 +146,15 @@ pub fn predict_tracks(
     }
     let linear = file.linear.as_ref().filter(|_| !options.of_driver);
     if let Some(linear) = linear {
-        let torque = linear.predict(data, &file.measurement);
-        let mut rest = torque.as_slice();
-        for run in &mut runs {
-            let (own, others) = rest.split_at(run.torque.len());
-            run.torque.copy_from_slice(own);
-            rest = others;
+        let mut torque = linear.predict(data, &file.measurement).into_iter();
+        for own in runs.iter_mut().flat_map(|run| &mut run.torque) {
+            let predicted = torque.next().unwrap_or(f64::NAN);
+            // A row that stands alone has no prediction, whichever model it is.
+            *own = if own.is_nan() { f64::NAN } else { predicted };
         }
     }
     let metrics = metrics_of(data, &runs);
-    Ok(LogPrediction { metrics, remarks: remarks(file, data, &runs), runs })
+    Ok(LogPrediction { metrics, remarks: remarks(file, linear, data, &runs), runs })
 }
 
 /// Returns the errors over all rows with a prediction.
@@ -186,11 +187,22 @@ fn predict_logged(
     options: &PredictionOptions,
     run: &mut RunPrediction,
 ) {
-    let measurement = &file.measurement;
+    predict_track(file, &shaft_track(file, data, track), options, run);
+    as_logged(file, data, track, run);
+}
+
+/// Returns a track as the driver's law was fitted to it.
+fn shaft_track<'a>(file: &ParameterFile, data: &Dataset, track: &'a Track) -> Cow<'a, Track> {
+    let measurement = file.measurement_of_driver();
     if measurement.is_exact() {
-        return predict_track(file, track, options, run);
+        return Cow::Borrowed(track);
     }
-    predict_track(file, &measurement.shaft_track(data, track), options, run);
+    Cow::Owned(measurement.shaft_track(data, track))
+}
+
+/// Makes the logged torque from that at the shaft.
+fn as_logged(file: &ParameterFile, data: &Dataset, track: &Track, run: &mut RunPrediction) {
+    let measurement = file.measurement_of_driver();
     let torque = &mut run.torque[track.first_row..track.first_row + track.len()];
     for (torque, share) in torque.iter_mut().zip(measurement.shares_along(data, track)) {
         *torque = measurement.torque_sign * *torque + share;
@@ -251,10 +263,15 @@ fn set_flags(file: &ParameterFile, track: &Track, run: &mut RunPrediction) {
 }
 
 /// Returns what a user must know of the prediction: missing columns, rows without a prediction and rows outside the range.
-fn remarks(file: &ParameterFile, data: &Dataset, runs: &[RunPrediction]) -> Vec<String> {
+fn remarks(
+    file: &ParameterFile,
+    linear: Option<&LinearModel>,
+    data: &Dataset,
+    runs: &[RunPrediction],
+) -> Vec<String> {
     let mut remarks = Vec::new();
     let mut missing: Vec<&str> =
-        file.linear.as_ref().map(|linear| linear.missing_columns(data)).unwrap_or_default();
+        linear.map(|linear| linear.missing_columns(data)).unwrap_or_default();
     for (_, quantity) in file.spec.needs() {
         let name = quantity.name(data.joint);
         let is_absent = data.runs.iter().all(|run| run.get(quantity).is_none());

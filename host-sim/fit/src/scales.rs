@@ -97,7 +97,7 @@ impl Scales {
         let predicted = predict(model, rows, resolution);
         let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
         let longest = (predicted.metrics.rows as f64 / MIN_OBSERVATIONS).max(1.0);
-        let time = (time.min(longest) / rows.decimate.max(1) as f64).max(1.0);
+        let time = time.min(longest).max(1.0);
         // A model that errs more than none does not say more.
         let error = predicted.metrics.rmse.min(self.torque) * time.sqrt();
         // Spikes raise the noise of the torque above what a model leaves of rows that count less for it.

@@ -19,7 +19,7 @@ pub fn budget(found: &Diagnosis) -> Vec<BudgetStep<'_>> {
     let model = |name, rmse, deployable| BudgetStep { name, rmse, deployable, is_limit: false };
     let limit = |name, rmse| BudgetStep { name, rmse, deployable: false, is_limit: true };
     let has_term =
-        |name: &str| cause::named(name).is_none_or(|cause| cause.remedy().term().is_some());
+        |name: &str| cause::named(name).is_some_and(|cause| cause.remedy().term().is_some());
     let mut steps = vec![model("plain", found.hand_over.plain.held_out.metrics.rmse, true)];
     let own = found.hand_over.steps.iter();
     steps.extend(own.map(|(name, rmse)| model(*name, *rmse, has_term(name))));

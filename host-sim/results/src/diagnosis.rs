@@ -24,6 +24,7 @@ use friction_diagnose::prepare::Prepared;
 use friction_diagnose::{Diagnosis, Share, WeighedCause, summary};
 use friction_fit::Outcome;
 use friction_fit::linear::LinearTerm;
+use friction_fit::measurement::Measurement;
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, Split};
 use serde::Serialize;
@@ -72,7 +73,7 @@ fn finding(finding: &Finding) -> Value {
         "confusable_with": confusable,
         "gain": finite(finding.gain.value),
         "gain_ci95": finding.gain.ci95.map(finite),
-        "deployable": finding.is_in_model,
+        "deployable": finding.cause.remedy().term().is_some(),
         "in_words": finding.in_words,
     });
     if let Some((order, error)) = finding.order {
@@ -100,8 +101,7 @@ fn model(outcome: &Outcome, data: &Dataset) -> Map<String, Value> {
 
 /// Sets name and errors of an extended model to those of the linear model if it is handed over.
 fn of_linear(extended: &mut Map<String, Value>, found: &Diagnosis) {
-    let linear = found.hand_over.linear_model().filter(|_| !found.findings.is_empty());
-    let Some(Judged { model, held_out }) = linear else { return };
+    let Some(Judged { model, held_out }) = found.hand_over.extending() else { return };
     extended.insert("model".into(), json!(model.model.name()));
     extended.insert("test_rmse".into(), json!(finite(held_out.metrics.rmse)));
     extended.insert("test_nrmse".into(), json!(finite(held_out.metrics.nrmse_std)));
@@ -214,11 +214,25 @@ fn document_text(
 
 /// Returns `params.toml`.
 pub fn parameter_text(found: &Diagnosis, input: &Prepared) -> String {
-    let model = transferable_model(found);
-    let mut text = law_text(found, input, &model, found.auxiliary.as_deref());
-    if let Some(linear) = found.hand_over.for_pc() {
-        linear.model.emit(&mut text);
+    handed_over_text(found, |model, auxiliary, measurement| {
+        parameter_file("diagnose", input, model, auxiliary, measurement)
+    })
+}
+
+/// Returns `params.toml`, given how the file of a driver's model is written.
+pub fn handed_over_text(
+    found: &Diagnosis,
+    file: impl Fn(&Outcome, Option<&str>, &Measurement) -> String,
+) -> String {
+    let (model, auxiliary) = (transferable_model(found), found.auxiliary_of_driver());
+    let of_driver = found.hand_over.measurement_of_driver();
+    let file = |measurement| file(&model, auxiliary, measurement);
+    let Some(linear) = found.hand_over.for_pc() else { return file(of_driver) };
+    let mut text = file(&linear.measurement);
+    if *of_driver != linear.measurement {
+        of_driver.emit(Measurement::OF_DRIVER, &mut text);
     }
+    linear.model.emit(&mut text);
     text
 }
 

@@ -76,9 +76,7 @@ struct Scene<'a> {
 impl Scene<'_> {
     /// Returns true if the extended model differs from the base model.
     fn is_extended(&self) -> bool {
-        let found = self.about.found;
-        let is_linear = found.hand_over.linear_model().is_some() && !found.findings.is_empty();
-        found.extended.spec != found.baseline.spec || is_linear
+        self.about.found.extension().is_some()
     }
 
     /// Returns the name of the base model in legends: "before", or "base model" if there is no extended model.

@@ -66,6 +66,9 @@ pub fn parameter_file(
     };
     let mut text = from.comments() + &params::emit(fit, &input.data, auxiliary);
     let is_motion_logged = input.is_motion_logged;
-    Measurement { is_motion_logged, ..measurement.clone() }.emit(&mut text);
+    let measurement = Measurement { is_motion_logged, ..measurement.clone() };
+    if !measurement.is_exact() {
+        measurement.emit(Measurement::OF_FILE, &mut text);
+    }
     text
 }

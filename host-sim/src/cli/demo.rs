@@ -17,6 +17,7 @@ use crate::simulated;
 use compensator_core::can::NodeId;
 use friction_diagnose::prepare::{Error, file_sha256};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_fit::measurement::Measurement;
 use friction_fit::params;
 use friction_results::diagnosis;
 use friction_results::diagnosis_page::{self, DiagnosisReport};
@@ -107,7 +108,11 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     let bar = spinner("writing the report".into());
     let document = diagnosis::document(&found, &data, &parts, std::slice::from_ref(&hash));
     let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
-    let toml = params::emit(&found.extended, &data, found.auxiliary.as_deref());
+    let toml = diagnosis::handed_over_text(&found, |model, auxiliary, measurement| {
+        let mut text = params::emit(model, &data, auxiliary);
+        measurement.emit(Measurement::OF_FILE, &mut text);
+        text
+    });
     let about = DiagnosisReport {
         found: &found,
         data: &data,
@@ -183,12 +188,9 @@ fn read_recording(file: &Path) -> Result<(Dataset, Split, String), String> {
 
 /// Describes the extended model and its gain, as the end of a sentence.
 fn describe_extension(found: &Diagnosis) -> String {
-    if found.extended.spec == found.baseline.spec {
-        return "; all were rejected".to_owned();
-    }
+    let Some(extension) = found.extension() else { return "; all were rejected".to_owned() };
     format!(
-        "; the extended model {} reduces the error on held-out runs by {:.1} %",
-        found.extended.spec,
+        "; the extended model {extension} reduces the error on held-out runs by {:.1} %",
         100.0 * found.gain.value
     )
 }

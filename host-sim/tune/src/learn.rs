@@ -150,7 +150,7 @@ impl Learnt {
         if let Some(inertia) = self.inertia_kg_m2() {
             set.motor.inertia_kg_m2 = inertia as f32;
         }
-        set.watch.band_nm = (2.0 * self.found.after.metrics.rmse) as f32;
+        set.watch.band_nm = (2.0 * self.found.hand_over.held_out_of_driver.rmse) as f32;
         set
     }
 }

@@ -47,6 +47,14 @@ fn answer_to_pressure_and_temperature_names_both() {
         both.sort_unstable();
         assert_eq!(both, ["pressure-coulomb", "temperature-coulomb"], "{slope}");
     }
+    // Half as large a slope is too little to be named beside the pressure, which takes its part, but it is the next candidate.
+    let found = answer_to(|row| {
+        pressure_torque(row) - 0.015 * (row.temperature_c - 30.0) * row.direction()
+    });
+    assert_eq!(names(&found), ["pressure-coulomb"]);
+    let next = &found.weighed[1];
+    assert_eq!(next.cause.name(), "temperature-coulomb");
+    assert!(next.probability > 0.2, "{}", next.probability);
 }
 
 #[test]

@@ -10,23 +10,21 @@ use super::entry::{Entry, Origin};
 use super::law::{COULOMB, STRIBECK, Shapes, VISCOUS, rigid_regressors};
 use super::ledger::{Hypothesis, Ledger};
 use super::rows::{MAX_CONSTANT_SHARE, Rows, within_runs};
-use crate::left_out::{FEWEST_RUNS, MOST_FITS};
+use crate::left_out::{LeftOut, MOST_FITS, STRETCHES, unit_of};
 use friction_fit::linear::{Factor, Inputs, LinearModel, LinearTerm, Regressor};
 use friction_fit::measurement::{ChannelGain, Measurement};
 
 /// The best hypothesis that is a model for other logs.
 #[derive(Clone, Debug, Default)]
 pub struct LinearAnswer {
-    /// Name of its law.
-    pub law: &'static str,
     /// The model of the torque at the shaft.
     pub model: LinearModel,
     /// What lies between the shaft and the log.
     pub measurement: Measurement,
     /// What a fit without a row's fold leaves of the row, for all rows.
     pub held_out: Vec<f64>,
-    /// The same for the law alone, and with each of its causes added in turn, the one that takes most first.
-    pub steps: Vec<(&'static str, Vec<f64>)>,
+    /// The law alone, and with each of its causes added in turn, the one that takes most first.
+    pub steps: Vec<(&'static str, LinearAnswer)>,
 }
 
 /// Returns the hypothesis of the least cost that is a model for other logs, with the law of its entry.
@@ -62,33 +60,38 @@ pub(crate) fn answer(
     let falls: Vec<usize> = (0..law_columns).filter(|at| parts[*at].0 == STRIBECK).collect();
     let judged = JudgedByRun::new(rows, entry, hypothesis, (law_columns, &falls));
     let kept = judged.best_columns();
-    let sizes = judged.sizes(&kept);
-    let held_out = judged.held_out(rows, &kept);
     let names: Vec<&'static str> =
         hypothesis.set.iter().map(|at| entry.variants[*at as usize].cause).collect();
-    let steps = judged.steps(rows, &kept, (entry.base.name, &names));
+    let steps = judged.steps(&kept, (entry.base.name, &names));
     let level = parts[..law_columns].iter().zip(&entry.base.sizes);
     let level = level.filter(|((name, _), _)| [COULOMB, STRIBECK].contains(name));
     let level = level.map(|((_, term), size)| LinearTerm {
         size: size * entry.base.level_scale,
         ..term.clone()
     });
-    let level = level.collect();
+    let level: Vec<LinearTerm> = level.collect();
     let (torque_delay_s, torque_low_pass) = entry.correction.of_torque(rows.step_s);
-    let mut measurement =
-        Measurement { torque_delay_s, torque_low_pass, ..Measurement::of_sign(rows.is_reversed) };
-    let mut terms = Vec::new();
-    for ((name, term), size) in kept.iter().map(|at| &parts[*at]).zip(sizes) {
-        match *name {
-            CHANNEL_GAIN => {
-                measurement.channel_gains.extend(channel_gain(term, measurement.torque_sign * size))
+    let of_columns = |columns: &[usize]| {
+        let signed = Measurement::of_sign(rows.is_reversed);
+        let mut measurement = Measurement { torque_delay_s, torque_low_pass, ..signed };
+        let mut terms = Vec::new();
+        let own = columns.iter().map(|at| &parts[*at]);
+        for ((name, term), size) in own.zip(judged.sizes(columns)) {
+            match *name {
+                CHANNEL_GAIN => {
+                    let gain = channel_gain(term, measurement.torque_sign * size);
+                    measurement.channel_gains.extend(gain);
+                }
+                _ if size == 0.0 => {}
+                _ => terms.push(LinearTerm { size, ..term.clone() }),
             }
-            _ if size == 0.0 => {}
-            _ => terms.push(LinearTerm { size, ..term.clone() }),
         }
-    }
-    let model = LinearModel { level, terms };
-    Some(LinearAnswer { law: entry.base.name, model, measurement, held_out, steps })
+        let model = LinearModel { level: level.clone(), terms };
+        let held_out = judged.held_out(rows, columns);
+        LinearAnswer { model, measurement, held_out, steps: Vec::new() }
+    };
+    let steps = steps.into_iter().map(|(name, columns)| (name, of_columns(&columns))).collect();
+    Some(LinearAnswer { steps, ..of_columns(&kept) })
 }
 
 /// Share of the top speed up to which plain friction has no direction.
@@ -118,7 +121,6 @@ pub(crate) fn plain(rows: &Rows) -> LinearAnswer {
     };
     let terms = parts.into_iter().zip(judged.sizes(&all)).map(term).collect();
     LinearAnswer {
-        law: "linear",
         model: LinearModel { level: Vec::new(), terms },
         measurement: Measurement::of_sign(rows.is_reversed),
         held_out: judged.held_out(rows, &all),
@@ -245,19 +247,18 @@ impl<'a> JudgedByRun<'a> {
         columns
     }
 
-    /// Returns what each step from the law to some columns leaves: causes are added in the order in which they take most. The
+    /// Returns the columns of each step from the law to some columns: causes are added in the order in which they take most. The
     /// names are those of the law and of the groups after its two.
     fn steps(
         &self,
-        rows: &Rows,
         kept: &[usize],
         (law, names): (&'static str, &[&'static str]),
-    ) -> Vec<(&'static str, Vec<f64>)> {
+    ) -> Vec<(&'static str, Vec<usize>)> {
         let is_kept = |group: &usize| self.groups[*group].0.iter().all(|at| kept.contains(at));
         let of_law = self.groups[..2].iter().flat_map(|(own, _)| own);
         let mut columns: Vec<usize> = of_law.filter(|at| kept.contains(at)).copied().collect();
         let mut open: Vec<usize> = (2..self.groups.len()).filter(is_kept).collect();
-        let mut steps = vec![(law, self.held_out(rows, &columns))];
+        let mut steps = vec![(law, columns.clone())];
         let mut work = Workspace::default();
         while !open.is_empty() {
             let mut error = |place: &usize| {
@@ -268,7 +269,7 @@ impl<'a> JudgedByRun<'a> {
             let best = (0..open.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b]));
             let group = open.remove(best.unwrap_or_default());
             columns.extend(&self.groups[group].0);
-            steps.push((names[group - 2], self.held_out(rows, &columns)));
+            steps.push((names[group - 2], columns.clone()));
         }
         steps
     }
@@ -299,12 +300,17 @@ impl<'a> JudgedByRun<'a> {
     }
 }
 
-/// Returns the folds of the blocks: whole runs if there are enough.
+/// Returns the folds of the blocks: whole runs or stretches, as the driver's law is held out, so that both err on equal rows.
 fn folds(rows: &Rows) -> Vec<usize> {
-    match rows.runs.len() >= FEWEST_RUNS {
-        true => rows.run_of_block.iter().map(|run| run % MOST_FITS).collect(),
-        false => rows.fold_of_block.clone(),
+    if unit_of(&rows.tracks) == LeftOut::Runs {
+        return rows.run_of_block.iter().map(|run| run % MOST_FITS).collect();
     }
+    let stretch = |(block, run): (usize, &usize)| {
+        let first = rows.run_of_block.partition_point(|own| own < run);
+        let after = rows.run_of_block.partition_point(|own| own <= run);
+        (block - first) * STRETCHES / (after - first)
+    };
+    rows.run_of_block.iter().enumerate().map(stretch).collect()
 }
 
 /// Returns the share of a channel whose values less their mean, over their spread, have this coefficient.

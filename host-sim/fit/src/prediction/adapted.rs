@@ -7,8 +7,8 @@
 //! from the log, and the noise from the fit.
 
 use super::{
-    LogPrediction, PredictionOptions, empty, held_at_start, metrics_of, predict_tracks, remarks,
-    set_flags,
+    LogPrediction, PredictionOptions, as_logged, empty, held_at_start, metrics_of, predict_tracks,
+    remarks, set_flags, shaft_track,
 };
 use crate::Track;
 use crate::initial_heat::initial_heat;
@@ -105,7 +105,8 @@ pub fn predict_adapted(
         .map_err(|error| error.to_string())?;
     let mut runs: Vec<_> = data.runs.iter().map(|run| empty(run.len())).collect();
     let mut rows: Vec<_> = data.runs.iter().map(|run| vec![None; run.len()]).collect();
-    for track in order.into_iter().map(|at| &tracks[at]) {
+    for logged in order.into_iter().map(|at| &tracks[at]) {
+        let track: &Track = &shaft_track(file, data, logged);
         let learnt = learn_track(&mut adaptation, file, data, track);
         let gains = |row: usize| Gains::from_array(&learnt[row].gains).convert::<f64>();
         let scaled = file.parameters.with_gains(&gains(0));
@@ -118,13 +119,14 @@ pub fn predict_adapted(
             run.bristle_torque[first + row] = bristle;
         };
         simulate_with_gains(&file.parameters, track, held, resolution, gains, sink);
-        set_flags(file, track, run);
+        as_logged(file, data, track, run);
+        set_flags(file, logged, run);
         let own = rows[track.run][first..].iter_mut();
         own.zip(learnt).for_each(|(row, learnt)| *row = Some(learnt));
     }
     let metrics = metrics_of(data, &runs);
     Ok(AdaptedPrediction {
-        prediction: LogPrediction { metrics, remarks: remarks(file, data, &runs), runs },
+        prediction: LogPrediction { metrics, remarks: remarks(file, None, data, &runs), runs },
         fixed,
         rows,
         names: names(file),
@@ -271,7 +273,11 @@ mod tests {
     }
 
     fn predict(data: &Dataset, adapt: &AdaptationOptions) -> AdaptedPrediction {
-        let file = params::parse(MODEL, &[]).expect("a valid file");
+        predict_with(MODEL, data, adapt)
+    }
+
+    fn predict_with(text: &str, data: &Dataset, adapt: &AdaptationOptions) -> AdaptedPrediction {
+        let file = params::parse(text, &[]).expect("a valid file");
         let tracks = log_tracks(&file, data).expect("tracks");
         predict_adapted(&file, data, &tracks, &PredictionOptions::default(), adapt)
             .expect("a prediction")
@@ -280,11 +286,27 @@ mod tests {
     #[test]
     fn predict_adapted_with_gains_of_one_returns_the_fixed_prediction() {
         let adapt = AdaptationOptions { range: Some([1.0, 1.0]), ..Default::default() };
-        let found = predict(&log([0.0, 40.0]), &adapt);
-        assert!(found.learnt_s > 10.0);
-        for (adapted, fixed) in found.prediction.runs.iter().zip(&found.fixed.runs) {
-            assert_eq!(adapted.torque, fixed.torque);
+        let measured = "\n[measurement]\ntorque_sign = -1\ntorque_delay_s = 0.02\n";
+        for text in [MODEL.to_owned(), format!("{MODEL}{measured}")] {
+            let found = predict_with(&text, &log([0.0, 40.0]), &adapt);
+            assert!(found.learnt_s > 10.0);
+            for (adapted, fixed) in found.prediction.runs.iter().zip(&found.fixed.runs) {
+                assert_eq!(adapted.torque, fixed.torque);
+            }
         }
+    }
+
+    #[test]
+    fn predict_adapted_learns_the_torque_of_the_shaft() {
+        let mut reversed = log([0.0, 40.0]);
+        let torques = reversed.runs.iter_mut().flat_map(|run| &mut run.torque);
+        torques.for_each(|torque| *torque = -*torque);
+        let text = format!("{MODEL}\n[measurement]\ntorque_sign = -1\n");
+        let adapt = AdaptationOptions::default();
+        let (found, expected) =
+            (predict_with(&text, &reversed, &adapt), predict(&log([0.0, 40.0]), &adapt));
+        assert_eq!(found.last, expected.last);
+        assert!(found.last[0] > 1.3, "{:?}", found.last);
     }
 
     #[test]

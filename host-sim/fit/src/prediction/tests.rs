@@ -100,3 +100,17 @@ fn predict_log_of_other_joint_returns_error() {
     let error = predict_log(&file, &log(), &PredictionOptions::default()).unwrap_err();
     message::check("files", "log of another joint", &error, &["revolute", "prismatic"]);
 }
+
+#[test]
+fn predict_log_applies_to_each_model_its_own_measurement() {
+    let data = log();
+    let linear = "\n[[linear.term]]\npart = \"viscous\"\nsize = 0.5\nfactors = [{ kind = \"velocity\" }]\n";
+    let measured = "\n[measurement]\ntorque_sign = -1\n\n[driver_measurement]\ntorque_sign = 1\n";
+    let file = params::parse(&format!("{MODEL}{measured}{linear}"), &[]).unwrap();
+    let of_driver = predict_log(&file, &data, &PredictionOptions::AS_EXPORTED).unwrap();
+    assert!(of_driver.metrics.rmse < 1e-9, "{}", of_driver.metrics.rmse);
+    let own = predict_log(&file, &data, &PredictionOptions::default()).unwrap();
+    for (row, torque) in own.runs[0].torque.iter().enumerate() {
+        assert_eq!(*torque, -0.5 * data.runs[0].velocity[row]);
+    }
+}

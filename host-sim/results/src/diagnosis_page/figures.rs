@@ -48,7 +48,7 @@ pub(super) fn fitting_range(before: &[Mean], after: &[Mean], quarters: bool) -> 
 pub(super) fn budget(scene: &Scene) -> Chart {
     let steps = budget_of(scene.about.found);
     let places: Vec<f64> = (0..steps.len()).map(|place| place as f64).collect();
-    let name = |step: &BudgetStep| match step.deployable {
+    let name = |step: &BudgetStep| match step.deployable || step.is_limit {
         true => step.name.to_owned(),
         false => format!("{} (PC)", step.name),
     };

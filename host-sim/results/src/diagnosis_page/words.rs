@@ -102,9 +102,9 @@ pub(super) fn subtitle(scene: &Scene) -> String {
 /// Names the models before and after.
 fn models(scene: &Scene) -> String {
     let found = scene.about.found;
-    match scene.is_extended() {
-        true => format!("Before: {}. After: {}.", found.baseline.spec, found.extended.spec),
-        false => format!("The model is {}; no extension is proposed.", found.baseline.spec),
+    match found.extension() {
+        Some(extension) => format!("Before: {}. After: {extension}.", found.baseline.spec),
+        None => format!("The model is {}; no extension is proposed.", found.baseline.spec),
     }
 }
 

@@ -236,7 +236,7 @@ const MAX_NAME_BYTES: usize = 100;
 fn row(job: &FleetJob, joint: &str, input: &Prepared, found: &Diagnosis) -> FleetRow {
     let finding = found.findings.first();
     FleetRow {
-        model: found.extended.spec.to_string(),
+        model: found.extension().unwrap_or_else(|| found.baseline.spec.to_string()),
         cause: found.cause().into(),
         leading_fault: found.leading_fault().map_or("", |fault| fault.kind.name()).into(),
         columns: finding.map(|finding| finding.columns.clone()).unwrap_or_default(),
@@ -246,7 +246,7 @@ fn row(job: &FleetJob, joint: &str, input: &Prepared, found: &Diagnosis) -> Flee
         size_ci95: finding.map(|finding| finding.size.ci95()),
         gain: Some(found.gain.value),
         gain_ci95: Some(found.gain.ci95),
-        test_rmse: Some(found.extended.test.rmse),
+        test_rmse: Some(found.after.metrics.rmse),
         noise_floor: Some(found.noise_floor),
         unit: input.data.joint.torque_unit().into(),
         rows: Some(input.data.rows as u64),

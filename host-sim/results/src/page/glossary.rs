@@ -47,7 +47,7 @@ pub(crate) fn methods(view: &View) -> Vec<String> {
         "The free parameters minimise the sum of squared residuals (Levenberg-Marquardt with exact derivatives by dual \
          numbers), from several starting points; the best result is kept. Bounds are enforced by a change of coordinates."
             .into(),
-        "A weak prior (weight of one row per parameter, width of one decade) keeps parameters that the data do not determine \
+        "A weak prior (weight of a tenth of an observation per parameter, width of one decade) keeps parameters that the data do not determine \
          near their start values. It does not affect determined parameters."
             .into(),
         format!(

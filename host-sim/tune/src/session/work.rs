@@ -376,7 +376,7 @@ impl<'a, B: Bus> Work<'a, B> {
         let track = learnt.input.train.last()?;
         let at = track.samples.last()?;
         let at = compensator_core::Sample { position_rad: self.before.position_rad, ..*at };
-        let noise = learnt.found.after.metrics.rmse;
+        let noise = learnt.found.hand_over.held_out_of_driver.rmse;
         let seed = self.options.seed;
         let best = most_informative(left, [&first, &second], &at, noise, WORTHWHILE_NATS, seed);
         best.map(|(place, _)| left.remove(place))
