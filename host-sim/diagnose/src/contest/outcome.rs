@@ -181,9 +181,11 @@ impl Table<'_> {
         let alone = self.ledger.with_causes(&BTreeSet::from([key.clone()]));
         let beside_none = alone.zip(self.ledger.with_causes(&BTreeSet::new()));
         let mut others = best.causes.clone();
+        // Without it, a coefficient of another cause may be impossible. Such a set is no hypothesis, but shows what the cause takes.
+        let reduced = self.without(key, best);
         let (with, without) = if is_in_best {
             others.remove(key);
-            (Some(best), self.ledger.with_causes(&others))
+            (Some(best), self.ledger.with_causes(&others).or(reduced.as_ref()))
         } else {
             others.insert(key.clone());
             (self.ledger.with_causes(&others), Some(best))
@@ -222,6 +224,21 @@ impl Table<'_> {
             laws: self.laws_with(key),
             confusable_with: self.stand_ins(key, best, last * base),
         }
+    }
+
+    /// Returns a hypothesis without one of its causes; `None` if it has the cause by its correction or not at all.
+    fn without(&self, key: &CauseKey, hypothesis: &Hypothesis) -> Option<Hypothesis> {
+        let entry = &self.entries[hypothesis.bank];
+        let is_other = |at: &u16| {
+            let own = &entry.variants[*at as usize];
+            own.cause != key.cause || own.follows != key.follows
+        };
+        let set: Vec<u16> = hypothesis.set.iter().copied().filter(is_other).collect();
+        if set.len() == hypothesis.set.len() {
+            return None;
+        }
+        let error = entry.bank.error(&entry.indices(&set), &mut Workspace::default());
+        Some(Hypothesis { set, error, ..hypothesis.clone() })
     }
 
     /// Returns the causes that stand in for one: those that win the draws where it does not, and those that the best
