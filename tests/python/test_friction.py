@@ -64,9 +64,9 @@ def test_diagnosis_properties_equal_its_document(found):
     reasons = [one.get("rejected_because", "") for one in document["candidates"]]
     assert [one.rejected_because for one in found.candidates] == reasons
     assert all(not one.rejected_because for one in found.candidates if one.cause == found.cause)
-    for model, name in ((found.baseline, "baseline"), (found.extended, "extended"), (found.model, "extended")):
+    for model, name in ((found.baseline, "baseline"), (found.extended, "extended"), (found.model, "driver")):
         assert model.name == document[name]["model"]
-        for parameter, value in document[name]["params"].items():
+        for parameter, value in document[name].get("params", {}).items():
             assert model.parameters[parameter].value == value["value"]
     assert "pressure-coulomb" in found.extended.name and "pressure-coulomb" not in found.baseline.name
 
@@ -140,11 +140,11 @@ def test_model_predict_with_adaptation_follows_rising_friction(found, plain):
 def test_model_predict_of_samples_follows_the_law(found):
     velocity = numpy.full(2000, 1.0)
     pressure = numpy.linspace(0.0, 1e6, 2000)
-    torque = found.model.predict(velocity, 1e-3, pressure_diff_pa=pressure)
+    torque = found.extended.predict(velocity, 1e-3, pressure_diff_pa=pressure)
     slope = (torque[-1] - torque[1000]) / (pressure[-1] - pressure[1000])
     assert slope == pytest.approx(found.findings[0].size.value, rel=0.05)
     with pytest.raises(friction.FrictionError, match="needs the columns pressure_diff_pa"):
-        found.model.predict(velocity, 1e-3)
+        found.extended.predict(velocity, 1e-3)
     with pytest.raises(ValueError, match="dt"):
         found.model.predict(velocity, 0.0)
 
