@@ -104,7 +104,8 @@ fn predict_log_of_other_joint_returns_error() {
 #[test]
 fn predict_log_applies_to_each_model_its_own_measurement() {
     let data = log();
-    let linear = "\n[[linear.term]]\npart = \"viscous\"\nsize = 0.5\nfactors = [{ kind = \"velocity\" }]\n";
+    let linear =
+        "\n[[linear.term]]\npart = \"viscous\"\nsize = 0.5\nfactors = [{ kind = \"velocity\" }]\n";
     let measured = "\n[measurement]\ntorque_sign = -1\n\n[driver_measurement]\ntorque_sign = 1\n";
     let file = params::parse(&format!("{MODEL}{measured}{linear}"), &[]).unwrap();
     let of_driver = predict_log(&file, &data, &PredictionOptions::AS_EXPORTED).unwrap();
