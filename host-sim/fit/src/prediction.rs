@@ -148,9 +148,8 @@ pub fn predict_tracks(
     if let Some(linear) = linear {
         let mut torque = linear.predict(data, &file.measurement).into_iter();
         for own in runs.iter_mut().flat_map(|run| &mut run.torque) {
-            let predicted = torque.next().unwrap_or(f64::NAN);
-            // A row that stands alone has no prediction, whichever model it is.
-            *own = if own.is_nan() { f64::NAN } else { predicted };
+            // A model without a state predicts a row that stands alone too.
+            *own = torque.next().unwrap_or(f64::NAN);
         }
     }
     let metrics = metrics_of(data, &runs);
