@@ -23,7 +23,12 @@
 //! 2. The bristle rate `(g v - |v| y) / (g + s |v|)` with `|y| <= L` is at most `2 L / s`, and at most `2 L |v| / g`. The
 //!    law's torque is then at most `L + sigma1 2 L / s + sigma2 |v|` with the largest `sigma2` of `B`.
 //! 3. The compensator limits torque and slew after the model. So its output has the bounds of the tuned set.
-//! 4. While it learns, the gains in use move by at most `slew_per_s`. Only *off* jumps to the set, which 1 to 3 cover.
+//! 4. While it learns, the gains in use rise by at most `slew_per_s`, and fall by [`FALL_FACTOR`] times as much. Only *off*
+//!    jumps to the set, which 1 to 3 cover.
+//!
+//! Torque is bounded, work is not: gains above the friction of the joint let it drive itself. So they fall faster than they
+//! rise, also where nothing is learnt: beyond the envelope, and in a contact after which the joint needs less torque. The
+//! driver bounds the work (`firmware::driver::passivity`).
 //!
 //! The tests draw paths and check 1 to 3 in `f32` and fixed point.
 
@@ -101,6 +106,9 @@ const LEVEL_ZONE: [f32; 2] = [0.05, 0.02];
 
 /// Standard deviation of a gain that is kept.
 const FIXED_DEVIATION: f32 = 1e-3;
+
+/// Fall of a gain in use per rise: too little compensation costs accuracy, too much moves the joint.
+const FALL_FACTOR: f32 = 10.0;
 
 /// Result of one sample of the joint.
 #[derive(Clone, Copy, Debug)]
@@ -279,7 +287,8 @@ impl Adaptation {
             if !matches!(reason, Frozen::Inputs) {
                 self.advance(sample);
             }
-            return false;
+            let is_held = matches!(reason, Frozen::Off | Frozen::Hold | Frozen::NotArmed);
+            return !is_held && self.is_too_fast(sample) && self.retreat(self.period_s);
         }
         self.free_s += self.period_s;
         let dynamic_nm = self.advance(sample);
@@ -297,13 +306,15 @@ impl Adaptation {
 
     #[inline(never)]
     fn implausible(&self, observation: &Observation) -> Option<Frozen> {
-        let envelope = &self.written.envelope;
         let sample = &observation.sample;
         let mut is_finite = observation.torque_nm.is_finite();
         let _ = sample.map(|value| is_finite &= value.is_finite());
-        let is_plausible =
-            is_finite && Real::abs(sample.velocity_rad_s) <= envelope.velocity_max_rad_s;
-        (!is_plausible).then_some(Frozen::Inputs)
+        (!is_finite || self.is_too_fast(sample)).then_some(Frozen::Inputs)
+    }
+
+    /// Returns true beyond the speeds of the set.
+    fn is_too_fast(&self, sample: &Sample<f32>) -> bool {
+        Real::abs(sample.velocity_rad_s) > self.written.envelope.velocity_max_rad_s
     }
 
     fn freeze(&mut self, reason: Frozen) {
@@ -380,7 +391,7 @@ impl Adaptation {
         let contact = &mut self.contacts[usize::from(self.direction > 0.0)];
         if contact.step(error_nm, window.level_nm * share, noise_nm, duration_s) {
             self.frozen = Frozen::Contact;
-            return false;
+            return error_nm * self.direction < 0.0 && self.retreat(duration_s);
         }
         let scatter_nm = libm::sqrtf(self.scatter_nm2);
         let limited_nm = error_nm.within(MAX_ERROR * scatter_nm);
@@ -435,20 +446,32 @@ impl Adaptation {
         kept.map(|gain| gain.at_least(least).at_most(most))
     }
 
-    /// Moves the gains in use towards the estimate, by at most `step`.
+    /// Moves the gains in use towards the estimate, by at most `step` upwards.
     #[inline(never)]
     fn follow(&mut self, step: f32) -> bool {
         let target = gains_of(&self.guarded_estimate()).to_array();
+        self.frozen = Frozen::None;
+        self.move_towards(&target, step)
+    }
+
+    /// Lets the gains in use that are above the tuned set fall for this time, s.
+    #[inline(never)]
+    fn retreat(&mut self, duration_s: f32) -> bool {
+        let target = self.gains.to_array().map(|gain| gain.at_most(1.0));
+        self.move_towards(&target, self.parameters.slew_per_s * duration_s)
+    }
+
+    /// Moves the gains in use. Returns true if they have changed.
+    fn move_towards(&mut self, target: &[f32; MAX_GAINS], step: f32) -> bool {
         let mut next = self.gains.to_array();
         for (gain, target) in next.iter_mut().zip(target) {
-            *gain += (target - *gain).within(step);
+            *gain += (target - *gain).at_least(-FALL_FACTOR * step).at_most(step);
         }
         let next = Gains::from_array(&next);
         if self.written.with_gains(&next).validate().is_err() {
             self.frozen = Frozen::Refused;
             return false;
         }
-        self.frozen = Frozen::None;
         let has_changed = next != self.gains;
         self.gains = next;
         has_changed

@@ -3,7 +3,11 @@
 //! A user writes it as a file. A driver stores it as a [record](crate::record). The
 //! [compensator](crate::compensator) is built from it for a sample period.
 
-use crate::parameters::{ParameterError, Parameters, check_ranges};
+use crate::number::Real;
+use crate::parameter::ParameterId;
+use crate::parameters::{ParameterError, Parameters, Text, check_ranges};
+use crate::term::TermKind;
+use crate::text;
 
 crate::named_fields! {
     /// Settings of the compensator in the current loop, in the units of a configuration file.
@@ -55,5 +59,27 @@ impl Configuration {
     pub fn validate(&self) -> Result<(), ParameterError> {
         self.model.validate()?;
         self.compensator.validate()
+    }
+
+    /// Returns the first quantity with which this set may compensate more friction than another one: a level, a viscous
+    /// coefficient or the size of a term, times the scale; the law, a term or `allow_active` if the other set does not have it.
+    #[must_use]
+    pub fn larger_quantity(&self, other: &Self) -> Option<Text> {
+        let (own, former) = (&self.model, &other.model);
+        if own.law != former.law {
+            return Some(text!("law"));
+        }
+        if own.choices.allow_active && !former.choices.allow_active {
+            return Some(text!("allow_active"));
+        }
+        let is_new = |kind: &&TermKind| !former.terms.contains(kind);
+        if let Some(kind) = own.terms.iter().find(is_new) {
+            return Some(kind.text());
+        }
+        let compensated = |set: &Self, id| set.compensator.scale * Real::abs(set.model.get(id));
+        let is_larger = |id: &ParameterId| compensated(self, *id) > compensated(other, *id);
+        let of_terms = own.terms.iter().flat_map(|kind| kind.sizes().iter().copied());
+        let sizes = own.law.levels().chain(own.law.viscous()).chain(of_terms);
+        sizes.into_iter().find(is_larger).map(ParameterId::text)
     }
 }

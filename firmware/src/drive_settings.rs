@@ -133,8 +133,8 @@ drive_settings! {
     INTERPOLATION_TIME 2 interpolation_index: i8 = -3, -3..=-2, "-3 (ms) or -2 (10 ms)";
     /// 60FBh:1: gain of the position loop, 1e-3 1/s. It must be below half of the crossover of the velocity loop, rad/s.
     POSITION_LOOP 1 position_gain: u32 = 10_000, 100..=200_000, "100 to 200000 (0.1 to 200 per s)";
-    /// 2044h:1: adaptation of the friction levels: 0 off, 1 on, 2 hold.
-    ADAPTATION 1 adapt: u8 = 0, 0..=2, "0 (off), 1 (on) or 2 (hold)";
+    /// 2044h:1: adaptation of the friction levels: 0 off, 1 on, 2 hold, 3 on with gains above 1 in torque modes.
+    ADAPTATION 1 adapt: u8 = 0, 0..=3, "0 (off), 1 (on), 2 (hold) or 3 (on in every mode)";
     /// 2044h:2: least learnt gain, thousandths.
     ADAPTATION 2 adapt_least_permille: u16 = 400, 50..=1000, "50 to 1000";
     /// 2044h:3: largest learnt gain, thousandths.

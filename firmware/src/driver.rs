@@ -22,6 +22,7 @@ pub mod loop_data;
 pub(crate) mod motor_watch;
 pub(crate) mod objects;
 pub mod over_compensation;
+pub mod passivity;
 pub mod profile;
 pub mod received;
 pub mod staging;

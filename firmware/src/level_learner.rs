@@ -21,8 +21,10 @@ const FRESH_S: f32 = 0.5;
 
 /// Mode of 2044h:1: the set applies.
 pub const OFF: u8 = 0;
-/// Mode of 2044h:1: the joint learns, and what it learnt applies.
+/// Mode of 2044h:1: the joint learns, and what it learnt applies; in torque modes up to the set.
 pub const ON: u8 = 1;
+/// Mode of 2044h:1: the same, with gains above the set in torque modes, too.
+pub const ON_IN_EVERY_MODE: u8 = 3;
 
 /// Limits that hold the torque back, so that it is not that of friction.
 const LIMITING: LoopFlags = LoopFlags::CURRENT_LIMITED

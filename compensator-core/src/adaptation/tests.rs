@@ -256,6 +256,85 @@ fn step_with_lying_inputs_stays_frozen_or_in_the_box() {
     }
 }
 
+/// Learns a level of 1.5 times the tuned one.
+fn learnt(tuned: &Parameters<f32>) -> Adaptation {
+    let mut adaptation = build(tuned);
+    let truth = Gains { level: 1.5, ..Gains::default() };
+    run(&mut adaptation, &tuned.with_gains(&truth), 120.0, unchanged);
+    assert!((adaptation.gains().level - 1.5).abs() < 0.02, "{:?}", adaptation.gains());
+    adaptation
+}
+
+/// Steps a joint that slides back and forth with this level, s. `each` receives the level's gain after each step.
+fn slide(adaptation: &mut Adaptation, level_nm: f32, seconds: f32, mut each: impl FnMut(f32)) {
+    for index in 0..(seconds / PERIOD_S) as usize {
+        let direction = if index % 400 < 200 { 1.0 } else { -1.0 };
+        let sample = Sample { velocity_rad_s: direction, ..Sample::default() };
+        let torque_nm = level_nm * direction;
+        adaptation.step(&Observation { sample, torque_nm, followed: [None; 3], blocked: None });
+        each(adaptation.gains().level);
+    }
+}
+
+#[test]
+fn gains_rise_by_their_slew_and_fall_ten_times_as_fast() {
+    let mut adaptation = learnt(&joint(&[]));
+    let step = AdaptationParameters::default().slew_per_s * WINDOW_S;
+    let mut last = adaptation.gains().level;
+    for (level_nm, bound) in [(4.5f32, step), (1.0, -FALL_FACTOR * step)] {
+        let mut fastest = 0.0f32;
+        slide(&mut adaptation, level_nm, 60.0, |level| {
+            let change = level - last;
+            last = level;
+            assert!((-1.001 * FALL_FACTOR * step..=1.001 * step).contains(&change), "{change}");
+            fastest = if bound > 0.0 { fastest.max(change) } else { fastest.min(change) };
+        });
+        assert!(fastest / bound > 0.5, "{fastest} {bound}");
+    }
+}
+
+#[test]
+fn gains_above_the_set_fall_beyond_its_speeds_and_in_a_contact_that_needs_less_torque() {
+    let mut tuned = joint(&[]);
+    tuned.envelope.velocity_max_rad_s = 2.0;
+    let level_after = |torque_nm: f32, velocity_rad_s: f32, blocked| {
+        let mut adaptation = learnt(&tuned);
+        let before = adaptation.gains().level;
+        let sample = Sample { velocity_rad_s, ..Sample::default() };
+        // A second of sliding, then the torque steps.
+        for index in 0..1000 {
+            let torque_nm = if index < 200 { 1.5 * 1.5 + 0.4 * velocity_rad_s } else { torque_nm };
+            let observation = Observation { sample, torque_nm, followed: [None; 3], blocked };
+            adaptation.step(&observation);
+        }
+        adaptation.gains().level - before
+    };
+    assert!(level_after(0.0, 3.0, None) < -0.4, "too fast");
+    assert!(level_after(0.0, 3.0, Some(Frozen::Saturated)) < -0.4, "too fast, and at a limit");
+    assert_eq!(level_after(0.0, 3.0, Some(Frozen::Hold)), 0.0);
+    assert!(level_after(0.9, 1.0, None) < -0.4, "a drag has ended");
+    assert!(level_after(4.0, 1.0, None).abs() < 0.02, "a contact");
+}
+
+#[test]
+fn gains_that_make_a_set_invalid_are_not_used() {
+    // A lower level allows for less bristle damping.
+    let mut tuned = joint(&[]).with(Id::BristleDamping, 1e3).with(Id::ViscousFriction, 0.05);
+    tuned.envelope.velocity_max_rad_s = 3.0;
+    tuned.choices.damping_fades = false;
+    let lower = Gains { level: 0.6, ..Gains::default() };
+    let limit = tuned.with_gains(&lower).active_damping().unwrap();
+    tuned.set(Id::BristleDamping, 1.1 * limit);
+    let half = tuned.with_gains(&lower);
+    assert!(half.validate().is_err());
+    assert_eq!(tuned.validate(), Ok(()));
+    let mut adaptation = build(&tuned);
+    slide(&mut adaptation, 0.6 * 1.55, 200.0, |_| {});
+    assert!(adaptation.gains().level < 0.97, "{:?}", adaptation.gains());
+    assert!(adaptation.learnt_parameters().validate().is_ok());
+    assert_eq!(adaptation.frozen(), Frozen::Refused);
+}
+
 /// The recursion in double precision, by the matrix itself.
 struct Reference {
     information: Vec<Vec<f64>>,

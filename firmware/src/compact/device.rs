@@ -7,7 +7,6 @@ use crate::driver::device::history::History;
 use crate::driver::device::motor::MotorObservation;
 use crate::driver::device::seal_sensors::SealSensors;
 use crate::driver::device::watch;
-use crate::driver::over_compensation::SlidingSample;
 use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
 use crate::driver::{Boot, Identity, LoopCommands, LoopReport};
@@ -194,13 +193,8 @@ impl<F: NorFlash> Device<F> {
         if self.motor.state().is_proven {
             self.settings.proven = self.staging.wiring_crc();
         }
-        let slid = SlidingSample {
-            residual_nm: report.residual_torque_nm,
-            friction_nm: report.friction_torque_nm,
-            velocity_rad_s: report.velocity_rad_s,
-        };
-        let compensates = self.supervisor.is_compensation_allowed();
-        self.compensation.step(compensates.then_some(&slid), set.friction.compensator.scale);
+        let is_compensated = self.supervisor.is_compensation_allowed();
+        self.compensation.step(report, set, is_compensated, Some(0.0));
         self.supervisor.record_overruns(report.overruns_in_a_row);
         if let Some(watch) = &mut self.watch {
             let is_valid = report.residual_torque_nm.is_finite();

@@ -4,9 +4,10 @@ use super::device::Device;
 use crate::control::PERIOD_S;
 use crate::loop_parts::LoopParts;
 use crate::node::sdo::Abort;
-use crate::node_settings::{NodeSettings, emit_block};
+use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, emit_block, split_block};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::{Code, CodeSet, ParameterSource};
+use compensator_core::parameters::Text;
 use compensator_core::parameters::reason::Reason;
 use compensator_core::refusal;
 use embedded_storage::nor_flash::NorFlash;
@@ -19,10 +20,7 @@ impl<F: NorFlash> Device<F> {
                 self.disarm();
                 Ok(())
             }
-            1 => self.supervisor.arm(self.now_us).map_err(|refusal| {
-                self.blocking = refusal.causes.fault_bits();
-                self.staging.refuse(Abort::State, refusal)
-            }),
+            1 => self.arm(),
             2 => self.supervisor.clear_faults().map_err(|left| {
                 self.blocking = left.fault_bits();
                 if left.contains(Code::GateDriverFault) {
@@ -38,6 +36,34 @@ impl<F: NorFlash> Device<F> {
                 Err(self.staging.refuse(Abort::Value, why))
             }
         }
+    }
+
+    /// Arms the joint. A compact node has torque modes only, and no lock: it compensates at most what someone has saved, while
+    /// disarmed, for every later start.
+    fn arm(&mut self) -> Result<(), Abort> {
+        if let Some(larger) = self.larger_than_stored() {
+            let why = refusal!("{name}: larger than stored: save the set first (1010h:1)", larger);
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        self.supervisor.arm(self.now_us).map_err(|refusal| {
+            self.blocking = refusal.causes.fault_bits();
+            self.staging.refuse(Abort::State, refusal)
+        })
+    }
+
+    /// Returns the first quantity of the active set with which it compensates more than the set in the flash.
+    // Not inlined: the stack of the stored set is free again afterwards.
+    #[inline(never)]
+    fn larger_than_stored(&mut self) -> Option<Text> {
+        let mut stored = ParameterSet::default();
+        let mut block = [0; MAX_BLOCK_BYTES];
+        let loaded = self.store.load(&mut block).ok();
+        let parameters =
+            loaded.and_then(|loaded| Some(split_block(block.get(..loaded.length)?).ok()?.1));
+        if parameters.is_none_or(|bytes| stored.read(bytes).is_err()) {
+            stored = ParameterSet::default();
+        }
+        self.staging.active().friction.larger_quantity(&stored.friction)
     }
 
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.

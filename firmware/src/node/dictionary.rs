@@ -10,7 +10,7 @@
 //! *Service* objects need the service level ([`crate::access`]). What bounds the harm of open objects is not open itself:
 //! motor and wiring, limits, watches, stop reactions, gains, the settings in flash, the node's number, the program. What a
 //! master writes at every start is open: process data, communication times, modes, targets, limits below those of the
-//! parameters. The friction model is open, too, because the watches and limits of the service level bound it.
+//! parameters. The friction model is open, too, but only up to the stored one: more friction than the joint has drives it.
 //!
 //! *Armed* objects can be written while the joint is armed: a request to disarm, entries of a trace, inputs that also come
 //! in frames, a move between two set-points, limits within those of the parameters, the deadline and the end of a trial,

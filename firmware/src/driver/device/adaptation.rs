@@ -7,7 +7,7 @@
 
 use super::{Device, InputSource};
 use crate::driver::loop_data::REPORT_PERIOD_S;
-use crate::level_learner::{LearningSample, OFF, ON};
+use crate::level_learner::{LearningSample, OFF, ON, ON_IN_EVERY_MODE};
 use crate::node::dictionary::records::AdaptationObject;
 use crate::node::sdo::Abort;
 use compensator_core::adaptation::{Adaptation, FOLLOWED, Frozen, Gains, MAX_GAINS};
@@ -41,8 +41,8 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the reason of settings and trials to learn nothing.
     pub(super) const fn learning_blocked_by(&self) -> Option<Frozen> {
-        let is_learning = self.settings.drive.adapt == ON && !self.trial.is_open();
-        if is_learning { None } else { Some(Frozen::Hold) }
+        let is_on = matches!(self.settings.drive.adapt, ON | ON_IN_EVERY_MODE);
+        if is_on && !self.trial.is_open() { None } else { Some(Frozen::Hold) }
     }
 
     /// Starts the adaptation at the active set.
@@ -77,9 +77,16 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Returns the gains in use, and their number.
+    /// Returns the gains for the loop, and their number. In a torque mode no loop of this driver bounds the speed of a joint
+    /// whose friction has ended since it was learnt, so that the set is the most that applies.
     pub(in crate::driver) fn learnt(&self) -> (u32, Gains<f32>) {
-        self.adaptation.gains()
+        let (number, gains) = self.adaptation.gains();
+        let is_bounded = self.is_torque_mode() && self.settings.drive.adapt != ON_IN_EVERY_MODE;
+        if !is_bounded {
+            return (number.wrapping_mul(2), gains);
+        }
+        let bounded = gains.to_array().map(|gain| gain.min(1.0));
+        (number.wrapping_mul(2).wrapping_add(1), Gains::from_array(&bounded))
     }
 
     /// Returns the gains in use as words.

@@ -1,65 +1,109 @@
 //! Share of the compensation in use, reduced if the model has more friction than the joint.
 
 use super::{Device, InputSource};
+use crate::driver::LoopReport;
 use crate::driver::over_compensation::{OverCompensationWatch, SlidingSample};
+use crate::driver::passivity::{PassivityGuard, PassivityParameters, TorqueSample};
+use crate::driver::profile;
+use crate::parameter_set::ParameterSet;
 use embedded_storage::nor_flash::NorFlash;
 
-/// Maximum change of the share per report: from 1 to 0 in a second, to avoid torque steps.
+/// Maximum change of the share per report by the two-sided detection: from 1 to 0 in a second, to avoid torque steps.
 const MAX_CHANGE_PER_REPORT: f32 = 1e-3;
 
-/// The detection of over-compensation, and the share that it leaves.
+/// The detections of over-compensation, and the share that they leave.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CompensationShare {
     watch: OverCompensationWatch,
-    /// Share in use, 0..=1.
+    guard: PassivityGuard,
+    /// Share of the two-sided detection, 0..=1.
     share: f32,
 }
 
 impl Default for CompensationShare {
     fn default() -> Self {
-        Self { watch: OverCompensationWatch::default(), share: 1.0 }
+        Self {
+            watch: OverCompensationWatch::default(),
+            guard: PassivityGuard::default(),
+            share: 1.0,
+        }
     }
 }
 
 impl CompensationShare {
     /// Returns the share of the compensation in use, 0..=1.
-    pub(crate) const fn share(&self) -> f32 {
-        self.share
+    pub(crate) fn share(&self) -> f32 {
+        self.share.min(self.guard.share())
     }
 
     /// Returns true if the model has more friction than the joint.
-    pub(crate) const fn is_over_compensated(&self) -> bool {
-        self.watch.is_detected()
+    pub(crate) fn is_over_compensated(&self) -> bool {
+        self.watch.is_detected() || self.guard.is_detected()
     }
 
-    /// Resets the detection after a change of parameters.
+    /// Resets the detections after a change of parameters.
     pub(crate) fn reset(&mut self) {
         self.watch = OverCompensationWatch::default();
+        self.guard = PassivityGuard::default();
     }
 
-    /// Evaluates a sliding joint, if it is one, and moves the share in use towards the wanted one.
-    pub(crate) fn step(&mut self, slid: Option<&SlidingSample>, scale: f32) {
-        if let Some(slid) = slid {
-            self.watch.step(slid, scale);
+    /// Evaluates a report. `is_compensated`: the joint is compensated; `offset_nm`: part of the command that balances a load
+    /// and moves nothing, in a torque mode; `None` in any other.
+    pub(crate) fn step(
+        &mut self,
+        report: &LoopReport,
+        set: &ParameterSet,
+        is_compensated: bool,
+        offset_nm: Option<f32>,
+    ) {
+        let joint = &set.friction.compensator;
+        if is_compensated {
+            let slid = SlidingSample {
+                residual_nm: report.residual_torque_nm,
+                friction_nm: report.friction_torque_nm,
+                velocity_rad_s: report.velocity_rad_s,
+            };
+            self.watch.step(&slid, joint.scale);
         }
-        let change = self.watch.share(scale) - self.share;
+        let change = self.watch.share(joint.scale) - self.share;
         self.share += change.clamp(-MAX_CHANGE_PER_REPORT, MAX_CHANGE_PER_REPORT);
+        let Some(offset_nm) = offset_nm.filter(|_| is_compensated) else {
+            self.guard.interrupt();
+            return;
+        };
+        let by_a = joint.torque_constant_nm_per_a;
+        let compensation_nm = by_a * report.feed_forward_current_a;
+        let sample = TorqueSample {
+            velocity_rad_s: report.velocity_rad_s,
+            command_nm: by_a * report.current_reference_a - compensation_nm - offset_nm,
+            compensation_nm,
+            friction_nm: report.friction_torque_nm,
+        };
+        let parameters = PassivityParameters {
+            inertia_kg_m2: set.motor.inertia_kg_m2,
+            velocity_max_rad_s: set.motor.velocity_max_rad_s,
+            scale: joint.scale,
+        };
+        self.guard.step(&sample, &parameters);
     }
 }
 
 impl<F: NorFlash> Device<F> {
     /// Evaluates a report for over-compensation.
     pub(super) fn step_over_compensation(&mut self) {
-        let scale = self.set().friction.compensator.scale;
-        let sees = self.settings.source == InputSource::Sensors
+        let is_compensated = self.settings.source == InputSource::Sensors
             && self.supervisor.is_compensation_allowed()
             && !self.is_commissioning();
-        let report = self.current_loop.report();
-        let slid = SlidingSample {
-            residual_nm: report.residual_torque_nm,
-            friction_nm: report.friction_torque_nm,
-            velocity_rad_s: report.velocity_rad_s,
-        };
-        self.compensation.step(sees.then_some(&slid), scale);
+        let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
+        let is_offset = self.profile.mode == profile::CST;
+        let offset_nm = if is_offset { by_a * self.offset_current_a() } else { 0.0 };
+        let offset_nm = self.is_torque_mode().then_some(offset_nm);
+        let (report, set) = (self.current_loop.report(), self.staging.active());
+        self.compensation.step(report, set, is_compensated, offset_nm);
+    }
+
+    /// Returns true if a master gives the torque: no loop above the current loop of this driver holds the speed.
+    pub(super) fn is_torque_mode(&self) -> bool {
+        !(self.is_friction_run() || self.is_in_velocity_loop() || self.holds_joint())
     }
 }

@@ -434,7 +434,8 @@ record! {
 record! {
     /// Adaptation of the friction levels: settings, order, and what it knows.
     AdaptationObject {
-        /// 0 off: the set applies. 1 on. 2 hold: what was learnt applies, and nothing more is learnt.
+        /// 0 off: the set applies. 1 on. 2 hold: what was learnt applies, and nothing more is learnt. 3 on in every mode:
+        /// otherwise no gain above 1 applies in the torque modes.
         mode: Unsigned8, ReadWrite, MODE [armed];
         /// Least gain, thousandths; 1000 is the tuned set.
         least_gain_permille: Unsigned16, ReadWrite;

@@ -1,9 +1,11 @@
 //! Adaptation of the friction levels (2044h): modes, orders, and what keeps them from acting.
 
 use super::STATE_REFUSED;
-use super::bench::Bench;
+use super::bench::{Bench, NODE};
 use super::parameter_trial::{RETURN, open, order as end_trial, save};
 use compensator_core::adaptation::Frozen;
+use compensator_core::can::{CommandFrame, Message};
+use compensator_core::{Flags, ParameterId};
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
@@ -13,6 +15,7 @@ const OUT_OF_RANGE: u32 = 0x0609_0030;
 const OFF: u8 = 0;
 const ON: u8 = 1;
 const HOLD: u8 = 2;
+const ON_IN_EVERY_MODE: u8 = 3;
 const ADOPT: u8 = 1;
 const DISCARD: u8 = 2;
 
@@ -40,7 +43,7 @@ fn adaptation_reports_why_it_learns_nothing() {
     assert_eq!(state(&mut bench), Frozen::NotArmed as u32);
     mode(&mut bench, HOLD).unwrap();
     assert_eq!(state(&mut bench), Frozen::Hold as u32);
-    assert_eq!(mode(&mut bench, 3), Err(OUT_OF_RANGE));
+    assert_eq!(mode(&mut bench, 4), Err(OUT_OF_RANGE));
     for place in 1..=10 {
         assert_eq!(bench.number(index::LEARNT_GAINS, place), 1f32.to_bits());
     }
@@ -75,4 +78,51 @@ fn adaptation_mode_is_kept_by_a_save_and_orders_need_what_was_learnt() {
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.sent();
     assert_eq!(bench.number(index::ADAPTATION, AdaptationObject::MODE), u32::from(ON));
+}
+
+/// Reports of a joint that slides back and forth with this torque against its motion, under Command frames, for a time in s.
+fn slide(bench: &mut Bench, torque_nm: f32, seconds: usize) {
+    for ms in 0..1000 * seconds {
+        let direction = if ms % 1000 < 500 { 1.0 } else { -1.0 };
+        bench.give(Message::Command(NODE, CommandFrame::new(1.0, 0.0, ms as u8)));
+        if ms == 20 {
+            bench.write(index::STATE, 1, &[1]).unwrap();
+        }
+        bench.driver.report(&LoopReport {
+            bus_voltage_v: Some(48.0),
+            phase_currents_a: Some([0.0; 3]),
+            velocity_rad_s: direction,
+            residual_torque_nm: torque_nm * direction,
+            flags: Flags::empty(),
+            ..LoopReport::default()
+        });
+        bench.pass_ms(1);
+        bench.sent();
+    }
+}
+
+#[test]
+fn gains_above_the_set_apply_in_torque_modes_on_request_only() {
+    let mut bench = Bench::on_sensors();
+    bench.write(index::COMPENSATOR, 1, &0.8f32.to_le_bytes()).unwrap();
+    let staged = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    bench.commission();
+    bench.start();
+    mode(&mut bench, ON_IN_EVERY_MODE).unwrap();
+    let coulomb_nm = bench.driver.set().friction.model.get(ParameterId::CoulombTorque);
+    slide(&mut bench, 1.6 * coulomb_nm, 40);
+    let learnt = f32::from_bits(bench.number(index::LEARNT_GAINS, 1));
+    let (number, gains) = bench.driver.learnt_gains();
+    assert!(learnt > 1.2 && gains.level == learnt, "{learnt} {gains:?}");
+    mode(&mut bench, ON).unwrap();
+    let (bounded_number, bounded) = bench.driver.learnt_gains();
+    assert_eq!(bounded.level, 1.0, "what is in use");
+    assert_ne!(bounded_number, number, "the loop receives them");
+    assert!(f32::from_bits(bench.number(index::LEARNT_GAINS, 1)) > 1.2, "what is learnt stays");
+    bench.write(index::STATE, 1, &[0]).unwrap();
+    bench.write(index::MODE, 0, &[9]).unwrap();
+    assert_eq!(bench.driver.learnt_gains().1.level, learnt, "its own loop holds the speed");
+    bench.write(index::MODE, 0, &[10]).unwrap();
+    assert_eq!(bench.driver.learnt_gains().1.level, 1.0);
 }

@@ -5,7 +5,7 @@
 
 use super::bench::{Bench, Flash, LOCKED, NODE, frame};
 use compensator_core::can::{CommandFrame, Frame, Message, SealFrame};
-use compensator_core::{Flags, LawKind, ParameterId};
+use compensator_core::{Flags, LawKind, ParameterId, TermKind};
 use firmware::access::Key;
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::{Access, DataType, OBJECTS, SAVE_SIGNATURE, index};
@@ -195,7 +195,7 @@ fn attacker_shifts_the_position_and_with_it_its_limits() {
     assert_eq!(bench.write(index::POSITION_LIMITS, 2, &[0; 4]), Err(LOCKED));
 }
 
-/// Attack: change the friction model of a disarmed joint. Bound: the watches; the stored model is back after a restart.
+/// Attack: change the friction model of a disarmed joint. Bound: no more friction than stored; it is back after a restart.
 #[test]
 fn attacker_changes_the_friction_model_until_the_next_start() {
     let mut bench = installed();
@@ -205,7 +205,31 @@ fn attacker_changes_the_friction_model_until_the_next_start() {
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
     assert_ne!(bench.number(index::COMMIT, 1), stored);
-    // It is not stored, and the watch that bounds it stays.
+    // More than stored is refused, each quantity that raises the compensation by its name; less may be undone.
+    let write = |bench: &mut Bench, at: u16, place: u8, value: &[u8]| {
+        bench.write(at, place, value).unwrap();
+        let staged = bench.number(index::COMMIT, 2);
+        bench.write(index::COMMIT, 3, &staged.to_le_bytes())
+    };
+    let level = ParameterId::StaticTorque as u8 + 1;
+    let viscous = ParameterId::ViscousFriction as u8 + 1;
+    let level_nm = bench.driver.set().friction.model.get(ParameterId::StaticTorque);
+    for (at, place, value, name) in [
+        (index::COMPENSATOR, 1, &1.0f32.to_le_bytes()[..], "coulomb_torque"),
+        (index::PARAMETERS, level, &(2.0 * level_nm).to_le_bytes(), "static_torque"),
+        (index::PARAMETERS, viscous, &9f32.to_le_bytes(), "viscous_friction"),
+        (index::MODEL, 1, &[LawKind::ImprovedLugre as u8], "law"),
+        (index::MODEL, 3, &[TermKind::PositionRipple as u8], "position-ripple"),
+        (index::MODEL, 2, &[5], "allow_active"),
+    ] {
+        assert_eq!(write(&mut bench, at, place, value), Err(LOCKED), "{name}");
+        let refusal = bench.text(index::REFUSAL);
+        assert!(refusal.contains(name) && refusal.contains("service"), "{refusal}");
+        bench.write(index::COMMIT, 4, &[1]).unwrap();
+    }
+    write(&mut bench, index::COMPENSATOR, 1, &0.9f32.to_le_bytes()).unwrap();
+    write(&mut bench, index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
+    // It is not stored, and the watch stays.
     assert_eq!(bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()), Err(LOCKED));
     assert_eq!(bench.write(index::THRESHOLDS, 1, &[0; 4]), Err(LOCKED));
     assert_eq!(restarted(bench).number(index::COMMIT, 1), stored);

@@ -26,6 +26,7 @@ mod modes;
 mod position;
 mod power_up;
 pub mod rig;
+mod self_drive;
 mod stalls;
 mod stops;
 mod table;
@@ -37,7 +38,7 @@ mod wiring;
 use table::{LIBRARY_FILE, ScenarioRow};
 
 /// Results of every family, computed once.
-fn families() -> [&'static [ScenarioRow]; 24] {
+fn families() -> [&'static [ScenarioRow]; 25] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -63,6 +64,7 @@ fn families() -> [&'static [ScenarioRow]; 24] {
         brake_test::rows(),
         compact::rows(),
         joint_encoder::rows(),
+        self_drive::rows(),
     ]
 }
 

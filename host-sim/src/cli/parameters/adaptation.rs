@@ -14,7 +14,7 @@ use std::process::ExitCode;
 pub(super) const ITEM: &str = "adapt";
 
 /// Modes, in the order of 2044h:1, and orders, from 1 in that of 2044h:5.
-const MODES: [&str; 3] = ["off", "on", "hold"];
+const MODES: [&str; 4] = ["off", "on", "hold", "on-in-every-mode"];
 const ORDERS: [&str; 2] = ["adopt", "discard"];
 
 /// What `params set adapt` changes.
@@ -36,7 +36,9 @@ pub(super) fn parse(word: &str) -> Result<Request, String> {
         return change.map(Request::Mode).ok_or_else(|| "drive.adapt: no such setting".to_owned());
     }
     let order = place(&ORDERS).ok_or_else(|| {
-        format!("{ITEM}: found {word:?}, expected on, hold, off, adopt or discard")
+        format!(
+            "{ITEM}: found {word:?}, expected on, hold, off, on-in-every-mode, adopt or discard"
+        )
     })?;
     Ok(Request::Order(order as u8 + 1, ORDERS[order]))
 }
