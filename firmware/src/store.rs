@@ -301,6 +301,12 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
+    /// Inspects both slots, and returns the sequence number of the newest set that this firmware can read.
+    pub fn newest_sequence(&mut self) -> Option<u32> {
+        self.inspect();
+        self.current().map(|(_, sequence, _)| sequence)
+    }
+
     /// Inspects both slots and copies the newest intact set into `into`. If reading fails during the copy,
     /// the other set is used.
     ///

@@ -1,14 +1,13 @@
 //! The trial of a parameter set (2042h), and the record of the tuning (2043h).
 //!
-//! While a trial is open, the active set and the settings of the drive are those of the master, and nothing is saved. The
-//! master renews the deadline. Without it, after a fault or if the connection is lost, the joint stops and returns
+//! While a trial is open, active set, settings of the drive and record are those of the master. Only the order that ends
+//! the trial saves them. The master renews the deadline. Without it, after a fault or if the connection is lost, the joint stops and returns
 //! to what its flash holds. There is no other copy, so a trial begins only with the stored values in use, and a reset ends
 //! it by itself.
 
 use super::Device;
 use super::memory::StoredBlock;
 use super::requests::remaining;
-use crate::drive_settings::DriveSettings;
 use crate::driver::profile::stop::{StopCause, fault_cause};
 use crate::node::dictionary::records::{TrialObject, TuningObject};
 use crate::node::sdo::Abort;
@@ -23,6 +22,7 @@ use embedded_storage::nor_flash::NorFlash;
 /// Orders of 2042h:2.
 const KEEP: u8 = 1;
 const RETURN: u8 = 2;
+const KEEP_AND_SAVE: u8 = 3;
 /// Order of 2043h:7.
 const UNDO: u8 = 1;
 
@@ -56,6 +56,9 @@ pub(super) struct ParameterTrial {
     deadline_us: u64,
     /// CRC of the stored set.
     stored_crc: u32,
+    /// Sequence number of the newest block before a save that failed.
+    sequence: Option<u32>,
+    has_failed_save: bool,
 }
 
 impl ParameterTrial {
@@ -98,18 +101,39 @@ impl<F: NorFlash> Device<F> {
         }
         match (number as u8, self.trial.state) {
             (KEEP, TrialState::Open) => self.trial.state = TrialState::Kept,
+            (KEEP_AND_SAVE, TrialState::Open) => return self.keep_and_save(),
             (RETURN, TrialState::Open) => self.end_trial(TrialState::Requested),
             (RETURN, TrialState::Returning) => {}
-            (KEEP | RETURN, _) => {
+            (KEEP | RETURN | KEEP_AND_SAVE, _) => {
                 let why = text!("no parameter set is on trial");
                 return Err(self.staging.refuse(Abort::State, why));
             }
             (order, _) => {
-                let why = refusal!("order = {u32}: must be 1 (keep) or 2 (return)", order);
+                let why = refusal!(
+                    "order = {u32}: must be 1 (keep), 2 (return) or 3 (keep and save)",
+                    order
+                );
                 return Err(self.staging.refuse(Abort::Value, why));
             }
         }
         Ok(())
+    }
+
+    /// Stores what is on trial, and ends the trial. If the store refuses, the trial stays open: a host that is lost then
+    /// leaves the stored values.
+    fn keep_and_save(&mut self) -> Result<(), Abort> {
+        if self.is_bridge_in_use() {
+            return Err(self.refuse_armed());
+        }
+        if !self.trial.has_failed_save {
+            self.trial.sequence = self.memory.store_mut().newest_sequence();
+        }
+        let saved = self.store_in_use();
+        self.trial.has_failed_save = saved.is_err();
+        if saved.is_ok() {
+            self.trial.state = TrialState::Kept;
+        }
+        saved
     }
 
     /// Opens the trial, or renews it.
@@ -137,24 +161,26 @@ impl<F: NorFlash> Device<F> {
             self.blocking = faults.fault_bits();
             return Err(self.staging.refuse(Abort::State, remaining(faults)));
         }
-        let (active_crc, _) = self.staging.crcs();
-        if self.stored() != Some((active_crc, self.settings.drive)) {
+        if !self.is_newest_in_use() {
             let why = text!(
                 "parameters or drive settings are not those in the flash: save them first (1010h:1)"
             );
             return Err(self.staging.refuse(Abort::State, why));
         }
-        self.trial.state = TrialState::Open;
-        self.trial.stored_crc = active_crc;
+        let stored_crc = self.staging.crcs().0;
+        self.trial =
+            ParameterTrial { state: TrialState::Open, stored_crc, ..ParameterTrial::default() };
         Ok(())
     }
 
-    /// Returns the CRC of the stored set, and the stored settings of the drive.
+    /// Returns true if the active set and the settings of the drive are those that a start would load.
     #[inline(never)]
-    fn stored(&mut self) -> Option<(u32, DriveSettings)> {
+    fn is_newest_in_use(&mut self) -> bool {
         let mut set = ParameterSet::default();
-        let settings = self.memory.recall(StoredBlock::Newest, &mut set)?;
-        Some((set.crc(), settings.drive))
+        let stored = self.memory.recall(StoredBlock::Newest, &mut set);
+        stored.is_some_and(|stored| {
+            set.crc() == self.staging.crcs().0 && stored.drive == self.settings.drive
+        })
     }
 
     /// Refuses what would bring a trial into the flash, or interrupt it.
@@ -201,7 +227,14 @@ impl<F: NorFlash> Device<F> {
             return;
         }
         self.trial.state = self.trial.cause;
-        if self.adopt(StoredBlock::Newest, self.trial.stored_crc) {
+        // A save that failed late has written the values on trial: the stored ones are in the former block.
+        let is_newest_on_trial = self.trial.has_failed_save
+            && self.memory.store_mut().newest_sequence() != self.trial.sequence;
+        let block = if is_newest_on_trial { StoredBlock::Former } else { StoredBlock::Newest };
+        if self.adopt(block, self.trial.stored_crc) {
+            if is_newest_on_trial {
+                self.memory.mark_undone();
+            }
             if self.memory.store().health() == StoreHealth::Empty {
                 self.supervisor.set_parameter_source(ParameterSource::Default);
             }
@@ -210,13 +243,14 @@ impl<F: NorFlash> Device<F> {
         // The flash has lost the set since the trial began: the defaults, as at a start.
         let _ = self.staging.load(&[]);
         self.settings.drive = self.memory.defaults().drive;
+        self.settings.tuning = TuningRecord::default();
         self.build_hil();
         let _ = self.supervisor.configure(&self.staging.active().thresholds);
         self.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
         self.follow_set();
     }
 
-    /// Makes a stored set active, with the settings of the drive beside it, if it has this CRC. Otherwise nothing changes
+    /// Makes a stored set active, with the settings of the drive and the record of the tuning beside it, if it has this CRC. Otherwise nothing changes
     /// but the staged set. Returns true if it is active.
     #[inline(never)]
     fn adopt(&mut self, from: StoredBlock, crc: u32) -> bool {
@@ -224,7 +258,7 @@ impl<F: NorFlash> Device<F> {
         let is_adopted = match self.memory.recall(from, self.staging.staged_mut()) {
             Some(stored) => {
                 let wiring = self.staging.staged().wiring_crc();
-                self.settings.drive = stored.drive;
+                (self.settings.drive, self.settings.tuning) = (stored.drive, stored.tuning);
                 // A confirmation of this wiring since the save stays.
                 if before.commissioned != wiring {
                     self.settings.commissioned = stored.commissioned;

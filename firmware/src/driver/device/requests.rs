@@ -265,6 +265,12 @@ impl<F: NorFlash> Device<F> {
 
     /// Stores settings and the active set.
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
+        self.refuse_in_trial()?;
+        self.store_in_use()
+    }
+
+    /// Stores settings and the active set, on trial or not.
+    pub(super) fn store_in_use(&mut self) -> Result<(), Abort> {
         let settings = self.settings;
         let block = emit_block(&settings, self.staging.active());
         self.write_block(&block, &settings)?;
@@ -274,13 +280,13 @@ impl<F: NorFlash> Device<F> {
 
     /// Stores the defaults; they apply from the next start, as in CiA 301. Key and policy stay: they change by proof only.
     pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
+        self.refuse_in_trial()?;
         let settings = NodeSettings { access: self.settings.access, ..*self.memory.defaults() };
         self.write_block(&emit_block(&settings, &ParameterSet::default()), &settings)
     }
 
     /// Stores a block that has these settings.
     fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
-        self.refuse_in_trial()?;
         let saved = self.memory.save(block, &settings.identity());
         self.supervisor.set_store_health(self.memory.store().health());
         match saved {

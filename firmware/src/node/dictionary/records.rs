@@ -400,7 +400,8 @@ record! {
     TrialObject {
         /// Write 100 to 60000: opens the trial, or renews its deadline. Reads the time left, 0 if none is open.
         deadline_ms: Unsigned16, ReadWrite, DEADLINE [armed];
-        /// 1 keeps what is active, in RAM; 1010h:1 then stores it. 2 returns to the flash.
+        /// 1 keeps what is active, in RAM; 1010h:1 then stores it. 2 returns to the flash. 3, disarmed only, stores what
+        /// is active and keeps it; if that fails, the trial stays open.
         order: Unsigned8, WriteOnly, ORDER [armed];
         /// 0 none since the start, 1 open, 2 kept. Returned: 3 by request, 4 at the deadline, 5 after a fault,
         /// 6 because the connection was lost or the network stopped. 7: the joint stops, then it returns.

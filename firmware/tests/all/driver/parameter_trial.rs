@@ -17,6 +17,7 @@ pub const STATE: u8 = 3;
 pub const STORED_CRC: u8 = 4;
 pub const KEEP: u8 = 1;
 pub const RETURN: u8 = 2;
+pub const KEEP_AND_SAVE: u8 = 3;
 /// Gain of the position loop: default, and on trial.
 const STORED_GAIN: u32 = 10_000;
 const TRIAL_GAIN: u32 = 4_000;
@@ -153,11 +154,33 @@ fn trial_that_is_kept_stays_and_can_be_saved() {
 }
 
 #[test]
+fn order_to_keep_and_save_ends_the_trial_with_the_values_in_the_flash() {
+    let mut bench = in_cst();
+    assert_eq!(order(&mut bench, KEEP_AND_SAVE), Err(STATE_REFUSED), "no trial");
+    let mut bench = armed(500);
+    let before = bench.driver.flash().steps();
+    assert_eq!(order(&mut bench, KEEP_AND_SAVE), Err(STATE_REFUSED), "armed");
+    bench.check_refusal("keep and save while armed", &[]);
+    assert_eq!((trial_state(&mut bench), bench.driver.flash().steps()), (1, before));
+    super::drive::control(&mut bench, 0, 0);
+    order(&mut bench, KEEP_AND_SAVE).expect("the trial is open");
+    assert_eq!((trial_state(&mut bench), bench.number(index::TRIAL, DEADLINE)), (2, 0));
+    pass(&mut bench, 1000);
+    assert_on_trial(&mut bench, "after the deadline");
+    assert_eq!(order(&mut bench, KEEP_AND_SAVE), Err(STATE_REFUSED), "the trial is over");
+    open(&mut bench, 200).expect("the stored values are in use");
+    let mut bench = Bench::boot(InputSource::Sensors, bench.driver.into_flash(), &Boot::default());
+    bench.sent();
+    assert_on_trial(&mut bench, "after a restart");
+}
+
+#[test]
 fn order_to_return_stops_the_joint_and_returns_the_stored_values() {
     let mut bench = in_cst();
     assert_eq!(order(&mut bench, RETURN), Err(STATE_REFUSED), "no trial");
     on_trial(&mut bench, 60_000);
-    assert_eq!(order(&mut bench, 3), Err(OUT_OF_RANGE));
+    assert_eq!(order(&mut bench, 4), Err(OUT_OF_RANGE));
+    bench.check_refusal("order of no meaning to a trial", &[]);
     order(&mut bench, RETURN).unwrap();
     assert_returned(&mut bench, 3, "disarmed");
     let mut bench = armed(60_000);

@@ -4,7 +4,9 @@
 use super::STATE_REFUSED;
 use super::bench::{Bench, frame};
 use super::drive::{control, in_cst, pass};
-use super::parameter_trial::{KEEP, RETURN, commit_scale, open, order, save, trial_state};
+use super::parameter_trial::{
+    KEEP, KEEP_AND_SAVE, RETURN, commit_scale, open, order, save, trial_state,
+};
 use crate::update::bench as update;
 use firmware::access::Key;
 use firmware::control::LoopFlags;
@@ -37,11 +39,13 @@ fn with_banks(flash: BankFlash, own: u32) -> Bench<BankFlash> {
     bench
 }
 
-/// Signature that makes a write of 1010h or 1011h effective, or a small number.
+/// Signature that makes a write of 1010h or 1011h effective, or a small number. The order that saves a trial is not among
+/// them.
 fn words(at_index: u16) -> [u32; 4] {
     match at_index {
         index::STORE => [SAVE_SIGNATURE; 4],
         index::RESTORE => [LOAD_SIGNATURE; 4],
+        index::TRIAL => [0, KEEP.into(), RETURN.into(), 4],
         _ => [0, 1, 2, 3],
     }
 }
@@ -239,6 +243,13 @@ fn step(bench: &mut Bench, random: &mut Random, expected: &mut Expected) {
             if order(bench, KEEP).is_ok() {
                 assert!(expected.is_open);
                 expected.is_open = false;
+            }
+        }
+        8 if random.below(3) == 0 => {
+            if order(bench, KEEP_AND_SAVE).is_ok() {
+                assert!(expected.is_open);
+                expected.is_open = false;
+                expected.stored = expected.active;
             }
         }
         8 => drop(order(bench, RETURN)),

@@ -2,7 +2,9 @@
 
 use super::STATE_REFUSED;
 use super::bench::{Bench, Flash};
-use super::parameter_trial::{KEEP, commit_scale, open, order, save};
+use super::parameter_trial::{
+    KEEP, KEEP_AND_SAVE, RETURN, commit_scale, open, order, save, trial_state,
+};
 use firmware::driver::Boot;
 use firmware::node::dictionary::index;
 use firmware::node_settings::InputSource;
@@ -64,11 +66,27 @@ fn before() -> Flash {
 
 /// Tries other values, keeps them and writes the record.
 fn tune(bench: &mut Bench) {
+    let crc_before = begin(bench);
+    order(bench, KEEP).unwrap();
+    write_record(bench, crc_before);
+}
+
+/// Tries other values. Returns the CRC of the former set.
+fn begin(bench: &mut Bench) -> u32 {
     let crc_before = bench.number(index::COMMIT, 1);
     open(bench, 1000).expect("the stored values are in use");
     commit_scale(bench, TUNED).unwrap();
     set_gain(bench, NEW.1);
-    order(bench, KEEP).unwrap();
+    crc_before
+}
+
+/// Tries other values, and writes the record while they are on trial.
+fn record_on_trial(bench: &mut Bench) {
+    let crc_before = begin(bench);
+    write_record(bench, crc_before);
+}
+
+fn write_record(bench: &mut Bench, crc_before: u32) {
     let crcs = [(3, crc_before), (4, bench.number(index::COMMIT, 1))];
     for (sub, word) in RECORD.into_iter().chain(crcs) {
         let length = [4, 4, 4, 4, 2, 1][usize::from(sub) - 1];
@@ -112,10 +130,42 @@ fn undo_after_a_save_brings_the_former_set_and_gain_back() {
     assert_eq!(in_use(&mut bench), OLD);
 }
 
+#[test]
+fn record_written_in_a_trial_is_stored_by_its_end_and_returns_with_the_set() {
+    let mut bench = start(before());
+    record_on_trial(&mut bench);
+    assert_eq!(record(&mut bench)[0], RECORD[0].1);
+    order(&mut bench, RETURN).unwrap();
+    assert_eq!((in_use(&mut bench), record(&mut bench)), (OLD, [0; 6]));
+
+    record_on_trial(&mut bench);
+    order(&mut bench, KEEP_AND_SAVE).unwrap();
+    let found = record(&mut bench);
+    let mut bench = start(bench.driver.into_flash());
+    assert_eq!((in_use(&mut bench), record(&mut bench)), (NEW, found));
+    // A later trial that returns leaves the stored record.
+    open(&mut bench, 1000).unwrap();
+    bench.write(index::TUNING, 1, &7u32.to_le_bytes()).unwrap();
+    bench.pass_ms(1000);
+    assert_eq!((trial_state(&mut bench), record(&mut bench)), (4, found));
+    undo(&mut bench).expect("the set before is in the former block");
+    assert_eq!(in_use(&mut bench), OLD);
+}
+
 /// Saves with the power cut at every step, and passes what a restart finds to `check`.
 fn cut_everywhere(
     flash: &Flash,
     prepare: impl Fn(&mut Bench),
+    check: impl FnMut(&mut Bench, bool, &str),
+) {
+    cut_everywhere_in(flash, prepare, save, check);
+}
+
+/// The same for another way to save.
+fn cut_everywhere_in(
+    flash: &Flash,
+    prepare: impl Fn(&mut Bench),
+    save: impl Fn(&mut Bench) -> Result<(), u32>,
     mut check: impl FnMut(&mut Bench, bool, &str),
 ) {
     for torn in torn_steps() {
@@ -154,6 +204,63 @@ fn power_cut_in_the_save_of_a_tuning_leaves_the_old_or_the_new_set_with_its_undo
         assert_eq!(in_use(bench), OLD, "{case}");
     });
     assert!(found.iter().all(|count| *count > 5), "{found:?}");
+}
+
+#[test]
+fn power_cut_while_a_trial_is_kept_and_saved_leaves_the_old_or_the_new_set_with_its_undo() {
+    let mut found = [0; 2];
+    let keep = |bench: &mut Bench| order(bench, KEEP_AND_SAVE);
+    cut_everywhere_in(&before(), record_on_trial, keep, |bench, was_cut, case| {
+        let is_new = in_use(bench) == NEW;
+        found[usize::from(is_new)] += 1;
+        assert!(was_cut || is_new, "{case}");
+        if is_new {
+            assert_eq!(record(bench)[0], RECORD[0].1, "{case}");
+            undo(bench).expect(case);
+        }
+        assert_eq!((in_use(bench), record(bench)), (OLD, [0; 6]), "{case}");
+    });
+    assert!(found.iter().all(|count| *count > 5), "{found:?}");
+}
+
+/// Orders to keep and save on a flash that fails at this step, and requires that the trial stays open. Returns true if the
+/// order needs fewer steps.
+fn save_on_failing_flash(step: u32, torn: TornStep, is_repeated: bool) -> bool {
+    let case = format!("{torn:?} at step {step}, repeated: {is_repeated}");
+    let mut flash = before();
+    flash.cut_power(step, torn);
+    let mut bench = start(flash);
+    record_on_trial(&mut bench);
+    if order(&mut bench, KEEP_AND_SAVE).is_ok() {
+        return true;
+    }
+    bench.driver.flash_mut().power_on();
+    assert_eq!((trial_state(&mut bench), in_use(&mut bench)), (1, NEW), "{case}");
+    let expected = if is_repeated {
+        order(&mut bench, KEEP_AND_SAVE).expect(&case);
+        NEW
+    } else {
+        bench.pass_ms(1000);
+        assert_eq!(trial_state(&mut bench), 4, "{case}");
+        assert_eq!((in_use(&mut bench), record(&mut bench)), (OLD, [0; 6]), "{case}");
+        save(&mut bench).expect(&case);
+        OLD
+    };
+    assert_eq!(in_use(&mut start(bench.driver.into_flash())), expected, "{case}");
+    false
+}
+
+/// The flash fails, and the driver does not: the deadline or a second order ends the trial.
+#[test]
+fn flash_that_fails_while_a_trial_is_kept_and_saved_leaves_the_trial_open() {
+    for torn in torn_steps() {
+        let steps = (0..).take_while(|step| {
+            !([false, true].map(|is_repeated| save_on_failing_flash(*step, torn, is_repeated)))
+                .contains(&true)
+        });
+        let steps = steps.count();
+        assert!(steps > 100, "{steps} steps");
+    }
 }
 
 /// The save of an undo takes the place of the tuned set: the former one is intact throughout.
