@@ -197,7 +197,10 @@ impl<F: NorFlash> Device<F> {
             }
             index::ERROR_FIELD => Err(Abort::Value),
             index::PROGRAM_CONTROL => self.control_program(number as u8),
-            index::STORE if number == SAVE_SIGNATURE => self.save(),
+            index::STORE if number == SAVE_SIGNATURE => {
+                self.refuse_in_trial()?;
+                self.save()
+            }
             index::RESTORE if number == LOAD_SIGNATURE => self.restore_defaults(),
             index::STORE | index::RESTORE => Err(self.staging.refuse(
                 Abort::Refused,

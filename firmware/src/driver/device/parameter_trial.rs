@@ -128,7 +128,7 @@ impl<F: NorFlash> Device<F> {
         if !self.trial.has_failed_save {
             self.trial.sequence = self.memory.store_mut().newest_sequence();
         }
-        let saved = self.store_in_use();
+        let saved = self.save();
         self.trial.has_failed_save = saved.is_err();
         if saved.is_ok() {
             self.trial.state = TrialState::Kept;
@@ -184,7 +184,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Refuses what would bring a trial into the flash, or interrupt it.
-    pub(super) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
+    pub(in crate::driver) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
         if self.trial.is_open() {
             let why = text!("a parameter set is on trial: keep it or return first (2042h:2)");
             return Err(self.staging.refuse(Abort::State, why));

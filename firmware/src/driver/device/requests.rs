@@ -194,7 +194,8 @@ impl<F: NorFlash> Device<F> {
         self.network = LiveNetwork::of(set, &self.settings);
         self.compensation.reset();
         self.restart_adaptation();
-        self.update_commissioned();
+        let is_commissioned = self.is_commissioned();
+        self.supervisor.set_commissioned(is_commissioned);
         self.current_loop.take_set();
     }
 
@@ -212,7 +213,7 @@ impl<F: NorFlash> Device<F> {
         self.settings.commissioned = seen;
         // A measurement turned the motor. Without it, the wiring may have been changed before the confirmation.
         self.settings.proven = if self.motor.has_measured(seen) { seen } else { 0 };
-        self.update_commissioned();
+        self.supervisor.set_commissioned(true);
         Ok(())
     }
 
@@ -230,11 +231,6 @@ impl<F: NorFlash> Device<F> {
         if self.motor.state().is_proven && !self.is_wiring_proven() {
             self.settings.proven = self.staging.wiring_crc();
         }
-    }
-
-    fn update_commissioned(&mut self) {
-        let confirmed = self.is_commissioned();
-        self.supervisor.set_commissioned(confirmed);
     }
 
     /// Applies other settings; a new node number is used from the next start.
@@ -263,14 +259,8 @@ impl<F: NorFlash> Device<F> {
         self.settings.heartbeat_ms = period_ms;
     }
 
-    /// Stores settings and the active set.
+    /// Stores settings and the active set. The caller has checked that they may be saved: a trial ends by its own order.
     pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
-        self.refuse_in_trial()?;
-        self.store_in_use()
-    }
-
-    /// Stores settings and the active set, on trial or not.
-    pub(super) fn store_in_use(&mut self) -> Result<(), Abort> {
         let settings = self.settings;
         let block = emit_block(&settings, self.staging.active());
         self.write_block(&block, &settings)?;
