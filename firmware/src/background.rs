@@ -17,10 +17,16 @@ mod joint_node;
 pub use joint_node::JointNode;
 
 use crate::access::Key;
+use crate::control::PERIOD_S;
+use crate::deadline::DeadlineLimits;
 use crate::driver::{Boot, Driver, KeptHome, LoopReport};
 use crate::loop_link::LoopLink;
+use crate::loop_parts::LoopParts;
+use crate::loop_task::LoopTask;
+use crate::node_settings::BusSettings;
 use crate::sensors::biss::{self, TURN_WORDS};
 use crate::sensors::{LocalReadings, SensorParameters, enclosure};
+use crate::start_values::StartValues;
 use crate::supervisor::CanState;
 use compensator_core::can::{FdTelemetry, Frame};
 use embedded_storage::nor_flash::NorFlash;
@@ -299,9 +305,36 @@ impl<N: JointNode> Background<N> {
         self.driver.tick(now_us);
     }
 
-    /// Returns the node.
+    /// Returns the node. An image has no access to it: what a board reads at its start only is in
+    /// [`Self::start_values`].
+    #[cfg(not(target_os = "none"))]
     pub const fn driver(&self) -> &N {
         &self.driver
+    }
+
+    /// Returns the parameters of the start that the board reads.
+    pub fn start_values(&self) -> &StartValues {
+        self.driver.start_record().values()
+    }
+
+    /// Returns the settings of the bus at the start.
+    pub fn bus_settings(&self) -> BusSettings {
+        self.driver.start_record().bus()
+    }
+
+    /// Returns the task of the current loop with the set of the start. If the power stage cannot drive with this set, the task
+    /// measures only, and the node is not armed.
+    // Not inlined: its stack is free again during the rest of the start.
+    #[inline(never)]
+    pub fn loop_task(&mut self, limits: DeadlineLimits) -> LoopTask {
+        let stage = self.driver.stage();
+        let parts = LoopParts::build_or_measure_only(self.driver.set(), stage);
+        if !parts.may_drive
+            && let Err(refused) = LoopParts::build(self.driver.set(), stage, PERIOD_S)
+        {
+            self.driver.start_record_mut().set_refused(Some(refused));
+        }
+        LoopTask::new(parts, limits)
     }
 }
 

@@ -21,10 +21,12 @@ mod requests;
 use crate::background::JointNode;
 use crate::control::Covariates;
 use crate::driver::{Boot, Identity, LoopCommands, LoopReport};
+use crate::loop_parts::StageTraits;
 use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
 use crate::node_settings::NodeSettings;
 use crate::parameter_set::ParameterSet;
+use crate::start_values::StartRecord;
 use crate::supervisor::{CanState, Supervisor};
 use compensator_core::can::{Frame, NodeId, cob_id};
 use device::Device;
@@ -59,16 +61,6 @@ impl<F: NorFlash> CompactNode<F> {
     /// Returns the node number in use.
     pub const fn node(&self) -> NodeId {
         self.network.node()
-    }
-
-    /// Returns the bit rate of the settings, kbit/s.
-    pub const fn bit_rate_kbit(&self) -> u16 {
-        self.device.settings.bit_rate_kbit
-    }
-
-    /// Returns the bit rate of the data of CAN FD frames of other nodes, kbit/s.
-    pub const fn data_bit_rate_kbit(&self) -> u16 {
-        self.device.settings.data_bit_rate_kbit
     }
 
     /// Returns the supervisor.
@@ -178,6 +170,18 @@ impl<F: NorFlash> JointNode for CompactNode<F> {
 
     fn set(&self) -> &ParameterSet {
         self.device.staging.active()
+    }
+
+    fn start_record(&self) -> &StartRecord {
+        &self.device.start
+    }
+
+    fn start_record_mut(&mut self) -> &mut StartRecord {
+        &mut self.device.start
+    }
+
+    fn stage(&self) -> StageTraits {
+        self.device.identity.stage
     }
 
     fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {

@@ -38,6 +38,7 @@ pub(crate) use loop_data::{PeriodValues, ReportStatus, ReportedAngle};
 use crate::access::Key;
 use crate::control::Covariates;
 use crate::log::log;
+use crate::loop_parts::StageTraits;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
@@ -46,6 +47,7 @@ use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
 use crate::sensors::biss::{self, TURN_WORDS};
 use crate::sensors::enclosure;
+use crate::start_values::StartRecord;
 use crate::supervisor::{CanState, JointState, Supervisor};
 use compensator_core::adaptation::Gains;
 use compensator_core::can::{FdTelemetry, Frame, FrameError, Message, NodeId, cob_id};
@@ -331,6 +333,19 @@ impl<F: NorFlash> Driver<F> {
     /// challenges depend on the key and the time.
     pub const fn seed_challenges(&mut self, seed: [u8; Key::LENGTH]) {
         self.device.lock.seed(seed);
+    }
+
+    pub(crate) const fn start_record(&self) -> &StartRecord {
+        &self.device.start
+    }
+
+    pub(crate) const fn start_record_mut(&mut self) -> &mut StartRecord {
+        &mut self.device.start
+    }
+
+    /// Returns the properties of the power stage.
+    pub(crate) const fn stage(&self) -> StageTraits {
+        self.device.identity.stage
     }
 
     /// Gives the scope its memory. Without it, a capture is refused.

@@ -42,6 +42,7 @@ pub mod refusal;
 pub mod scope;
 pub mod sensors;
 pub mod setting_error;
+pub mod start_values;
 pub mod stop_brake;
 pub mod store;
 pub mod supervisor;

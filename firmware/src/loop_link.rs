@@ -5,7 +5,6 @@
 //! [`LoopLink`] is the background's end and also records when the loop last reported. If the reports stop, the
 //! supervisor sees samples of growing age, and the watchdog is not refreshed.
 
-use crate::control::PERIOD_S;
 use crate::control::probe::ProbeReport;
 use crate::driver::{LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus};
 use crate::loop_parts::{LoopParts, StageTraits};
@@ -211,9 +210,6 @@ impl LoopLink<'_> {
     }
 
     /// Sends commands to the loop. If they belong to another parameter set, its parts are sent first.
-    ///
-    /// # Panics
-    /// If the parts of the set in use cannot be built. The driver has built them before it accepted the set.
     pub fn send_commands(&mut self, commands: LoopCommands, set: &ParameterSet) {
         if !self.parts.ready() {
             // The loop has not taken the last parts, so it does not run, and these commands do not fit the old
@@ -222,10 +218,8 @@ impl LoopLink<'_> {
         }
         if commands.set_number != self.set_number {
             self.set_number = commands.set_number;
-            match LoopParts::build(set, self.stage, PERIOD_S) {
-                Ok(parts) => drop(self.parts.enqueue(parts)),
-                Err(refused) => panic!("committed parameters: {refused}"),
-            }
+            // The driver has built them before it accepted the set, but not the defaults after a loss of the flash.
+            drop(self.parts.enqueue(LoopParts::build_or_measure_only(set, self.stage)));
         }
         // If the queue is full, the loop does not run, and its set-point goes stale there.
         let _ = self.commands.enqueue(commands);

@@ -153,6 +153,15 @@ impl Default for BusSettings {
 }
 
 impl NodeSettings {
+    /// Returns the settings of the bus.
+    pub const fn bus(&self) -> BusSettings {
+        BusSettings {
+            node: self.node,
+            bit_rate_kbit: self.bit_rate_kbit,
+            data_bit_rate_kbit: self.data_bit_rate_kbit,
+        }
+    }
+
     /// Length of the encoded settings without those of drive and access, bytes.
     const HEAD: usize = 32;
     /// Length of the encoded settings without those of tuning and access, bytes.

@@ -4,8 +4,8 @@
 //! ([`Reason`]). No text is in an image. On a PC, `texts` returns every text, and [`Explained`] prints a reason with them;
 //! `cargo run -p firmware --example refusals` prints their numbers.
 //!
-//! Besides the places of the core, a text may have `{faults}` and `{limits}`, sets of codes, and `{conditions}`, further
-//! reasons against arming.
+//! Besides the places of the core, a text may have `{faults}` and `{limits}`, sets of codes, `{conditions}`, further
+//! reasons against arming, and `{test}`, the number of the self-test that failed.
 
 #[cfg(not(target_os = "none"))]
 mod texts;
@@ -15,7 +15,7 @@ pub use texts::texts;
 
 use crate::parameter_set::SetError;
 use crate::store::StoreError;
-use crate::supervisor::ArmRefusal;
+use crate::supervisor::{ArmRefusal, SelfTest};
 use compensator_core::parameters::reason::{self, Names, Reason, WORDS};
 use core::fmt;
 
@@ -120,6 +120,13 @@ impl Names for Table {
     }
 
     fn write(&self, place: &str, word: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if place == "test" {
+            return match SelfTest::from_number(word as u8) {
+                Some(test) => write!(f, " (test {test})"),
+                None if word == 0 => Ok(()),
+                None => write!(f, " (test {word})"),
+            };
+        }
         let first = if place == "limits" { 33 } else { 1 };
         for bit in (0..32).filter(|bit| word >> bit & 1 == 1) {
             let name = if place == "conditions" {

@@ -30,6 +30,7 @@ pub mod bus_recovery;
 pub mod comparator;
 pub mod enclosure;
 pub mod encoder;
+pub(crate) mod encoder_kind;
 pub mod evaluation;
 pub mod hall;
 pub mod ms5837;

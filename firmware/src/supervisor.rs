@@ -22,15 +22,19 @@ mod arming;
 pub mod codes;
 mod conditions;
 pub mod observation;
+mod self_test;
 pub mod thresholds;
 
 pub use arming::{ArmRefusal, MAX_OBSERVATION_AGE_US};
 pub use codes::{CODE_COUNT, Code, CodeDescription, CodeInfo, CodeSet, Effect, Watched};
 pub use observation::{CanState, Observation, ParameterSource, ResetCause, SupervisorBoot};
+pub use self_test::SelfTest;
 pub use thresholds::Thresholds;
 
 use crate::store::StoreHealth;
 use compensator_core::parameters::ParameterError;
+use compensator_core::parameters::reason::Reason;
+use compensator_core::refusal;
 use conditions::CauseState;
 use heapless::Deque;
 
@@ -86,6 +90,7 @@ pub struct Supervisor {
     overruns_in_a_row: u32,
     overrun_since_observed: bool,
     current_share: f32,
+    failed_self_test: Option<SelfTest>,
 }
 
 impl Default for Supervisor {
@@ -110,6 +115,7 @@ impl Default for Supervisor {
             overruns_in_a_row: 0,
             overrun_since_observed: false,
             current_share: 1.0,
+            failed_self_test: None,
         }
     }
 }
@@ -136,7 +142,7 @@ impl Supervisor {
                 self.trip(code);
             }
         }
-        self.set_self_test_result(boot.self_test_passed);
+        self.set_self_test_result(boot.failed_self_test);
         self.set_store_health(boot.store);
         self.set_commissioned(boot.commissioned);
         self.set_parameter_source(if is_valid {
@@ -339,9 +345,30 @@ impl Supervisor {
         self.set_present(Code::NotCommissioned, !confirmed);
     }
 
-    /// Sets the result of the self-test, at start or when it is repeated.
-    pub fn set_self_test_result(&mut self, passed: bool) {
-        self.set_present(Code::SelfTestFailed, !passed);
+    /// Sets the first test that failed, at start or when the tests are repeated.
+    pub fn set_self_test_result(&mut self, failed: Option<SelfTest>) {
+        self.failed_self_test = failed;
+        self.set_present(Code::SelfTestFailed, failed.is_some());
+    }
+
+    /// Returns the number of the first test that failed; 0 if all passed.
+    pub fn failed_self_test(&self) -> u8 {
+        self.failed_self_test.map_or(0, SelfTest::number)
+    }
+
+    /// Returns the number of the failed test if these codes have its code, otherwise 0.
+    fn self_test_among(&self, codes: CodeSet) -> u8 {
+        if codes.contains(Code::SelfTestFailed) { self.failed_self_test() } else { 0 }
+    }
+
+    /// Returns the reason of codes that are still present.
+    pub fn remaining(&self, codes: CodeSet) -> Reason {
+        refusal!(
+            "still present:{faults}{limits}{test}",
+            codes.fault_bits(),
+            codes.limit_bits(),
+            self.self_test_among(codes)
+        )
     }
 
     /// State of the joint.

@@ -2,10 +2,12 @@
 
 use crate::control::Covariates;
 use crate::driver::{Boot, Driver, KeptHome, LoopCommands, LoopReport};
+use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
 use crate::scope::ScopeRow;
 use crate::sensors::biss::{self, TURN_WORDS};
 use crate::sensors::enclosure;
+use crate::start_values::StartRecord;
 use crate::supervisor::CanState;
 use compensator_core::adaptation::Gains;
 use compensator_core::can::{FdTelemetry, Frame};
@@ -36,6 +38,15 @@ pub trait JointNode {
 
     /// Returns the parameters in use.
     fn set(&self) -> &ParameterSet;
+
+    /// Returns what the node keeps of its start.
+    fn start_record(&self) -> &StartRecord;
+
+    /// Returns the same, to be changed.
+    fn start_record_mut(&mut self) -> &mut StartRecord;
+
+    /// Returns the properties of the power stage.
+    fn stage(&self) -> StageTraits;
 
     /// Sets the state of the CAN controller, and whether received frames were lost.
     fn bus_state(&mut self, receiver_overrun: bool, can: CanState);
@@ -118,6 +129,18 @@ impl<F: NorFlash> JointNode for Driver<F> {
 
     fn set(&self) -> &ParameterSet {
         Self::set(self)
+    }
+
+    fn start_record(&self) -> &StartRecord {
+        Self::start_record(self)
+    }
+
+    fn start_record_mut(&mut self) -> &mut StartRecord {
+        Self::start_record_mut(self)
+    }
+
+    fn stage(&self) -> StageTraits {
+        Self::stage(self)
     }
 
     fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {

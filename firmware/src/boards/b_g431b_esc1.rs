@@ -68,7 +68,7 @@ mod app {
     use super::encoder::Encoder;
     use super::flash::ChipFlash;
     use super::joint_board::{JointBoard, Periphery, receive_frames, run_background};
-    use super::motor_stage::{MotorStage, loop_task, measure_offsets, run_period};
+    use super::motor_stage::{MotorStage, measure_offsets, run_period};
     use super::power_stage::Stage;
     use super::{
         clocks, overcurrent, pins, power_stage, prefetch, sampling, scales, start, watchdog,
@@ -82,10 +82,11 @@ mod app {
     use firmware::driver::Identity;
     use firmware::loop_link::{LoopPort, LoopQueues};
     use firmware::loop_task::LoopTask;
-    use firmware::node_settings::NodeSettings;
+    use firmware::node_settings::{BusSettings, NodeSettings};
     use firmware::sensors::SensorParameters;
-    use firmware::sensors::encoder::{EncoderKind, MotorEncoder};
+    use firmware::sensors::encoder::MotorEncoder;
     use firmware::sensors::thermistor::Thermistor;
+    use firmware::supervisor::SelfTest;
     use heapless::spsc::{Producer, Queue};
 
     /// Capacity of the queue of received frames. The background may be away while it evaluates parameters.
@@ -117,6 +118,7 @@ mod app {
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
         let previous = start::previous_run();
+        start::wait_for_crystal();
         let peripherals = embassy_stm32::init(clocks::clocks(pins::CRYSTAL));
         let connections = pins::connections(&peripherals);
         let wired = pins::wiring(peripherals);
@@ -139,27 +141,30 @@ mod app {
         watchdog::refresh_if_loop_runs();
         start::check_brown_out_level();
 
-        let self_test_passed = overcurrent::self_test(power_stage::clear_breaks)
-            && are_duties_at_top
-            && pins::wiring::are_connected(connections.as_ref())
-            && shunts.iter().all(Option::is_some);
-        let boot = previous.boot(self_test_passed);
+        let [has_a, has_b] = shunts.each_ref().map(Option::is_some);
+        let failed_self_test =
+            overcurrent::self_test(power_stage::clear_breaks).or(SelfTest::first_failed(&[
+                (SelfTest::Wiring, pins::wiring::are_connected(connections.as_ref())),
+                (SelfTest::Duties, are_duties_at_top),
+                (SelfTest::OffsetA, has_a),
+                (SelfTest::OffsetB, has_b),
+            ]));
+        let boot = previous.boot(failed_self_test);
         let store = ChipFlash::new(wired.inside.flash);
         let background = place_background(context.local.place, store);
         background.load(&boot, Instant::now().as_micros());
         watchdog::refresh_if_loop_runs();
-        let node = background.driver();
-        let set = firmware::background::JointNode::set(node);
-        let kind = EncoderKind::of(set.sensors.encoder_kind);
-        let inputs = Encoder::connect(kind, wired.lines);
-        overcurrent::follow(set.motor.overcurrent_a);
-        let task = loop_task(set);
-        let (bit_rate, data_bit_rate) = (node.bit_rate_kbit(), node.data_bit_rate_kbit());
-        let controller = Controller::start(wired.can, node.node(), bit_rate, data_bit_rate);
-        let sign = set.sensors.shunt_sign;
+        let task = background.loop_task(scales::LIMITS);
+        let values = background.start_values();
+        let inputs = Encoder::connect(values.kind(), wired.lines);
+        overcurrent::follow(values.overcurrent_a);
+        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } = background.bus_settings();
+        let controller = Controller::start(wired.can, node, bit_rate_kbit, data_bit_rate_kbit);
+        let sign = values.shunt_sign;
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
-        let encoder = MotorEncoder::new(&set.sensors, &set.motor);
-        let periphery = BridgeThermistor(set.sensors.bridge_thermistor());
+        let encoder = MotorEncoder::new(values);
+        // Before its first reading, the background sets the constants in use.
+        let periphery = BridgeThermistor(SensorParameters::default().bridge_thermistor());
         let stage = MotorStage { stage, encoder, inputs, shunts, touch: None };
 
         let (frames_out, frames) = context.local.frames.split();

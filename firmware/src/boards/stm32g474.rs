@@ -80,7 +80,7 @@ mod app {
     use super::flash::ChipFlash;
     use super::joint_board::{JointBoard, Periphery, receive_frames, run_background};
     use super::joint_encoder::JointEncoder;
-    use super::motor_stage::{MotorStage, loop_task, measure_offsets, run_period};
+    use super::motor_stage::{MotorStage, measure_offsets, run_period};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{
@@ -95,9 +95,10 @@ mod app {
     use firmware::driver::{Boot, Driver, Identity};
     use firmware::loop_link::{LoopPort, LoopQueues};
     use firmware::loop_task::LoopTask;
-    use firmware::node_settings::NodeSettings;
+    use firmware::node_settings::{BusSettings, NodeSettings};
     use firmware::sensors::SensorParameters;
     use firmware::sensors::encoder::{EncoderKind, MotorEncoder};
+    use firmware::supervisor::SelfTest;
     use heapless::spsc::{Producer, Queue};
 
     /// Capacity of the queue of received frames. The background may be away while it evaluates parameters or saves them.
@@ -130,6 +131,7 @@ mod app {
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
         let previous = start::previous_run();
+        start::wait_for_crystal();
         let mut config = clocks::clocks(pins::CRYSTAL);
         // Of the converters that the other chips of the family do not have.
         config.rcc.mux.adc345sel = embassy_stm32::rcc::mux::Adcsel::SYS;
@@ -154,15 +156,20 @@ mod app {
         let shunts = measure_offsets(&mut stage);
         watchdog::refresh_if_loop_runs();
         let counts = stage.counts();
-        let self_test_passed =
-            overcurrent::self_test([counts.phase_a, counts.phase_b], power_stage::clear_breaks)
-                && pins::wiring::are_connected(connections.as_ref())
-                && are_duties_at_top
-                && encoder::is_set_up_correctly()
-                && shunts.iter().all(Option::is_some);
+        let [has_a, has_b] = shunts.each_ref().map(Option::is_some);
+        let failed_self_test =
+            overcurrent::self_test([counts.phase_a, counts.phase_b], power_stage::clear_breaks).or(
+                SelfTest::first_failed(&[
+                    (SelfTest::Wiring, pins::wiring::are_connected(connections.as_ref())),
+                    (SelfTest::Duties, are_duties_at_top),
+                    (SelfTest::EncoderClock, encoder::is_set_up_correctly()),
+                    (SelfTest::OffsetA, has_a),
+                    (SelfTest::OffsetB, has_b),
+                ]),
+            );
         start::check_brown_out_level();
 
-        let boot = Boot { program: Some(PROGRAM), ..previous.boot(self_test_passed) };
+        let boot = Boot { program: Some(PROGRAM), ..previous.boot(failed_self_test) };
         let store = ChipFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
         watchdog::refresh_if_loop_runs();
@@ -172,27 +179,23 @@ mod app {
             Some(seed) => background.seed_challenges(seed),
             None => defmt::warn!("no random numbers: the challenges depend on key and time"),
         }
-        let driver = background.driver();
-        overcurrent::follow(driver.set().motor.overcurrent_a);
-        let task = loop_task(driver.set());
-        let controller = Controller::start(
-            wired.can,
-            driver.node(),
-            driver.bit_rate_kbit(),
-            driver.data_bit_rate_kbit(),
-        );
-        let sign = driver.set().sensors.shunt_sign;
+        let task = background.loop_task(scales::LIMITS);
+        let values = background.start_values();
+        overcurrent::follow(values.overcurrent_a);
+        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } = background.bus_settings();
+        let controller = Controller::start(wired.can, node, bit_rate_kbit, data_bit_rate_kbit);
+        let sign = values.shunt_sign;
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
-        let encoder = MotorEncoder::new(&driver.set().sensors, &driver.set().motor);
-        let kind = EncoderKind::of(driver.set().sensors.encoder_kind);
+        let encoder = MotorEncoder::new(values);
+        let kind = values.kind();
         #[cfg(not(feature = "without-incremental"))]
         super::incremental::connect(kind, wired.incremental);
         if kind == EncoderKind::Biss {
             inputs.use_biss();
         }
         #[cfg(not(feature = "without-joint-encoder"))]
-        let joint_encoder = (driver.set().sensors.has_joint_encoder())
-            .then(|| JointEncoder::connect(wired.joint_encoder));
+        let joint_encoder =
+            values.has_joint_encoder().then(|| JointEncoder::connect(wired.joint_encoder));
         #[cfg(feature = "without-joint-encoder")]
         let joint_encoder = None;
         #[cfg(not(feature = "without-touch"))]

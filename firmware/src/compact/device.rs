@@ -6,7 +6,7 @@ use crate::driver::device::current_loop::LoopExchange;
 use crate::driver::device::history::History;
 use crate::driver::device::motor::MotorObservation;
 use crate::driver::device::seal_sensors::SealSensors;
-use crate::driver::device::watch;
+use crate::driver::device::{event_detail, watch};
 use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
 use crate::driver::{Boot, Identity, LoopCommands, LoopReport};
@@ -15,6 +15,7 @@ use crate::node::dictionary::records::InputsObject;
 use crate::node::sdo::Abort;
 use crate::node_settings::{InputSource, MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::scope::ScopeOrder;
+use crate::start_values::StartRecord;
 use crate::store::{LoadError, Store};
 use crate::supervisor::{CanState, Observation, ParameterSource, Supervisor, SupervisorBoot};
 use crate::watch::ResidualWatch;
@@ -55,6 +56,7 @@ pub(super) struct Device<F> {
     pub outbox: Outbox,
     pub supervisor: Supervisor,
     pub staging: Staging,
+    pub start: StartRecord,
 }
 
 impl<F: NorFlash> Device<F> {
@@ -89,6 +91,7 @@ impl<F: NorFlash> Device<F> {
             outbox: Outbox::default(),
             supervisor: Supervisor::default(),
             staging: Staging::default(),
+            start: StartRecord::default(),
         }
     }
 
@@ -96,6 +99,7 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub fn load(&mut self, boot: &Boot) {
         let parameters = self.load_block();
+        self.start = StartRecord::of(self.staging.active(), self.settings.bus());
         let commissioned = self.is_commissioned();
         self.supervisor.start(
             &self.staging.active().thresholds,
@@ -106,7 +110,7 @@ impl<F: NorFlash> Device<F> {
                 store: self.store.health(),
                 parameters,
                 commissioned,
-                self_test_passed: boot.self_test_passed,
+                failed_self_test: boot.failed_self_test,
             },
         );
         self.motor.set_winding_rise(boot.winding_rise_k);
@@ -190,7 +194,8 @@ impl<F: NorFlash> Device<F> {
         if self.motor.state().is_turning_unseen {
             self.current_loop.lose_home();
         }
-        if self.motor.state().is_proven {
+        // A proof belongs to the wiring that turned the joint.
+        if self.motor.state().is_proven && self.start.is_in_use(set) {
             self.settings.proven = self.staging.wiring_crc();
         }
         let is_compensated = self.supervisor.is_compensation_allowed();
@@ -267,7 +272,8 @@ impl<F: NorFlash> Device<F> {
     pub fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
         let code = self.history.record_event(event);
-        Some((code, self.error_register(), [event.code.number(), 0, 0, 0, 0]))
+        let [number, test] = event_detail(&self.supervisor, event);
+        Some((code, self.error_register(), [number, 0, test, 0, 0]))
     }
 
     pub fn error_register(&self) -> u8 {

@@ -337,6 +337,7 @@ impl<F: NorFlash> Device<F> {
             faults: self.supervisor.faults().fault_bits(),
             limits: self.supervisor.limits().limit_bits(),
             blocking_codes: self.blocking,
+            failed_self_test: self.supervisor.failed_self_test().into(),
             ..Default::default()
         }
     }

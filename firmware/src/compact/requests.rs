@@ -6,9 +6,8 @@ use crate::loop_parts::LoopParts;
 use crate::node::sdo::Abort;
 use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, emit_block, split_block};
 use crate::parameter_set::ParameterSet;
-use crate::supervisor::{Code, CodeSet, ParameterSource};
+use crate::supervisor::{Code, ParameterSource};
 use compensator_core::parameters::Text;
-use compensator_core::parameters::reason::Reason;
 use compensator_core::refusal;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -26,7 +25,7 @@ impl<F: NorFlash> Device<F> {
                 if left.contains(Code::GateDriverFault) {
                     self.current_loop.reset_gate_driver();
                 }
-                self.staging.refuse(Abort::State, remaining(left))
+                self.staging.refuse(Abort::State, self.supervisor.remaining(left))
             }),
             _ => {
                 let why = refusal!(
@@ -45,6 +44,8 @@ impl<F: NorFlash> Device<F> {
             let why = refusal!("{name}: larger than stored: save the set first (1010h:1)", larger);
             return Err(self.staging.refuse(Abort::State, why));
         }
+        let checked = self.start.check(self.staging.active());
+        checked.map_err(|why| self.staging.refuse(Abort::State, why))?;
         self.supervisor.arm(self.now_us).map_err(|refusal| {
             self.blocking = refusal.causes.fault_bits();
             self.staging.refuse(Abort::State, refusal)
@@ -86,6 +87,8 @@ impl<F: NorFlash> Device<F> {
         accepted.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.staging.activate();
         self.supervisor.set_parameter_source(ParameterSource::Set);
+        self.motor.forget_travel();
+        self.start.set_refused(None);
         self.compensation.reset();
         self.restart_watch();
         self.update_commissioned();
@@ -135,9 +138,4 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.set_store_health(self.store.health());
         saved.map(drop).map_err(|error| self.staging.refuse(Abort::Hardware, error))
     }
-}
-
-/// Returns the reason of faults that are still present.
-fn remaining(codes: CodeSet) -> Reason {
-    refusal!("still present:{faults}{limits}", codes.fault_bits(), codes.limit_bits())
 }

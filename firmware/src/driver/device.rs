@@ -52,7 +52,10 @@ use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::scope::Scope;
 use crate::sensors::enclosure;
-use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
+use crate::start_values::StartRecord;
+use crate::supervisor::{
+    CanState, Code, Event, JointState, Observation, ResetCause, SelfTest, Supervisor,
+};
 use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
 use brake_check::BrakeTest;
@@ -109,8 +112,8 @@ pub struct Boot<'a> {
     pub panic: Option<&'a str>,
     /// The guard below the stack was overwritten.
     pub stack_overflowed: bool,
-    /// The board's start-up tests passed.
-    pub self_test_passed: bool,
+    /// First of the board's start-up tests that failed.
+    pub failed_self_test: Option<SelfTest>,
     /// Rise of the winding above the stator at the end of the previous run, K. `None` if the board has lost it, such as
     /// without power: the winding is then assumed to be hot.
     pub winding_rise_k: Option<f32>,
@@ -128,7 +131,7 @@ impl Default for Boot<'_> {
             cause: ResetCause::PowerOn,
             panic: None,
             stack_overflowed: false,
-            self_test_passed: true,
+            failed_self_test: None,
             winding_rise_k: Some(0.0),
             home: None,
             program: None,
@@ -148,6 +151,7 @@ pub struct Device<F> {
     pub(super) sends_fd: bool,
     can: CanState,
     trial: ParameterTrial,
+    pub(super) start: StartRecord,
     trend: StoredTrend,
     stored_home: StoredHome,
     turn_readings: TurnReadings,
@@ -323,7 +327,10 @@ impl<F: NorFlash> Device<F> {
         if self.motor.state().is_turning_unseen {
             self.current_loop.lose_home();
         }
-        self.keep_proof();
+        if self.motor.state().is_proven && !proven && self.start.is_in_use(self.staging.active()) {
+            // Stored with the next save.
+            self.settings.proven = self.staging.wiring_crc();
+        }
         self.restore_home();
         self.step_over_compensation();
         if self.adaptation.is_active() {
@@ -400,12 +407,15 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
         let code = self.history.record_event(event);
-        Some((
-            code,
-            self.error_register(),
-            [event.code.number(), self.joint_encoder.state(), 0, 0, 0],
-        ))
+        let [number, test] = event_detail(&self.supervisor, event);
+        Some((code, self.error_register(), [number, self.joint_encoder.state(), test, 0, 0]))
     }
+}
+
+/// Returns the number of the code of an event, and that of the failed self-test if it is its code.
+pub(crate) fn event_detail(supervisor: &Supervisor, event: Event) -> [u8; 2] {
+    let is_test = event.code == Code::SelfTestFailed;
+    [event.code.number(), if is_test { supervisor.failed_self_test() } else { 0 }]
 }
 
 /// Builds a monitor with these parameters; `None` if it cannot be built. If the samples are farther apart than

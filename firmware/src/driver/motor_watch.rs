@@ -86,6 +86,11 @@ impl MotorWatch {
         self.rise_k
     }
 
+    /// Forgets everything but the heat.
+    pub(super) fn forget_travel(&mut self) {
+        *self = Self { rise_k: self.rise_k, ..Self::default() };
+    }
+
     /// Processes a report. `armed` must be false while the motor is measured. `proven`: the wiring is proven.
     // Not inlined: from its own part, it reaches the fields by short offsets.
     #[inline(never)]
@@ -99,7 +104,7 @@ impl MotorWatch {
     ) -> MotorState {
         let winding_c = self.winding_temperature(report, motor, thresholds);
         if !armed {
-            *self = Self { rise_k: self.rise_k, ..Self::default() };
+            self.forget_travel();
             return MotorState { winding_c, ..MotorState::default() };
         }
         let travel_rad = report.velocity_rad_s * REPORT_PERIOD_S;

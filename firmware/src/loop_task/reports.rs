@@ -94,13 +94,8 @@ impl LoopTask {
 
     #[inline(always)]
     pub(super) fn status(&self, magnet_fault: bool) -> ReportStatus {
-        let mut loop_flags = self.loop_flags | self.tripped;
-        if !self.may_drive {
-            // The supervisor treats this flag as a firmware error and does not arm.
-            loop_flags |= LoopFlags::NOT_FINITE;
-        }
         ReportStatus {
-            loop_flags,
+            loop_flags: self.loop_flags | self.tripped,
             flags: self.compensator_flags,
             bristle_torque_nm: self.current_loop.compensator().bristle_torque_nm(),
             overruns_in_a_row: self.deadline.max_consecutive_overruns(),

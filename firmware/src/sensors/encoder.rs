@@ -14,70 +14,15 @@
 //! | 4 | Hall sensors alone ([`super::hall`]) | at once |
 //! | 5 | an absolute encoder with BiSS C ([`super::biss`]) | at once |
 
-use super::SensorParameters;
 use super::as504x::{ANGLE_BITS, EncoderType, FramePairs};
+pub use super::encoder_kind::EncoderKind;
+
 use super::biss::{self, BissEncoder};
 use super::evaluation::Evaluation;
 use super::hall::{HallEncoder, sector};
 use super::quadrature::{Quadrature, QuadratureEncoder};
-use crate::control::{MotorParameters, PERIOD_S, encoder_angle};
-
-/// Kind of an encoder: the value of `encoder_kind`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EncoderKind {
-    /// AS5047P on SPI.
-    #[default]
-    As5047p,
-    /// AS5048A on SPI.
-    As5048a,
-    /// A quadrature encoder with an index.
-    Abz,
-    /// A quadrature encoder with Hall sensors, and an index if it has one.
-    AbzHall,
-    /// Hall sensors alone.
-    Hall,
-    /// An absolute encoder with BiSS C.
-    Biss,
-}
-
-impl EncoderKind {
-    /// Returns the kind of a validated parameter.
-    pub const fn of(parameter: f32) -> Self {
-        match parameter as u8 {
-            1 => Self::As5048a,
-            2 => Self::Abz,
-            3 => Self::AbzHall,
-            4 => Self::Hall,
-            5 => Self::Biss,
-            _ => Self::As5047p,
-        }
-    }
-
-    /// Returns true if its samples at rest or in slow motion are identical although it is sound: Hall sensors, and lines whose
-    /// four counts are wider than the innovation that tells a frozen encoder ([`crate::control`]).
-    const fn has_wide_steps(self, sensors: &SensorParameters) -> bool {
-        match self {
-            Self::As5047p | Self::As5048a | Self::Biss => false,
-            Self::Abz | Self::AbzHall => sensors.abz_lines < LEAST_LINES_OF_FROZEN,
-            Self::Hall => true,
-        }
-    }
-
-    /// Returns the age of its angle at the sample of the currents, s, if the board latches frames of an AS504x and of BiSS C
-    /// at these ages. Counts and levels are read with the
-    /// sample, and Hall sensors are confirmed by the next one.
-    pub const fn age_s(self, frames_age_s: f32, biss_age_s: f32) -> f32 {
-        match self {
-            Self::As5047p | Self::As5048a => frames_age_s,
-            Self::Biss => biss_age_s,
-            Self::Abz | Self::AbzHall => 0.0,
-            Self::Hall => PERIOD_S,
-        }
-    }
-}
-
-/// Lines of an encoder from which identical samples show that it is frozen: four counts are 0.0123 rad of the motor.
-const LEAST_LINES_OF_FROZEN: f32 = 512.0;
+use crate::control::encoder_angle;
+use crate::start_values::StartValues;
 
 /// What a board reads of an encoder in each period. An encoder calls only the functions of its kind.
 pub trait EncoderInputs {
@@ -129,26 +74,26 @@ pub struct MotorEncoder {
 }
 
 impl MotorEncoder {
-    /// Creates the encoder that the parameters select. A change of these parameters needs a new start.
-    pub fn new(sensors: &SensorParameters, motor: &MotorParameters) -> Self {
-        let kind = EncoderKind::of(sensors.encoder_kind);
+    /// Creates the encoder that the values of a start select.
+    pub fn new(start: &StartValues) -> Self {
+        let kind = start.kind();
         let is_as5048a = kind == EncoderKind::As5048a;
         let encoder_type = if is_as5048a { EncoderType::As5048a } else { EncoderType::As5047p };
         let other = match kind {
             EncoderKind::As5047p | EncoderKind::As5048a => OtherEncoder::None,
             EncoderKind::Abz | EncoderKind::AbzHall => {
                 let has_hall = kind == EncoderKind::AbzHall;
-                OtherEncoder::Quadrature(QuadratureEncoder::new(sensors, motor, has_hall))
+                OtherEncoder::Quadrature(QuadratureEncoder::new(start, has_hall))
             }
-            EncoderKind::Hall => OtherEncoder::Hall(HallEncoder::new(motor)),
+            EncoderKind::Hall => OtherEncoder::Hall(HallEncoder::new(start.pole_pairs)),
             EncoderKind::Biss => {
                 let [bits, turn_bits] =
-                    [sensors.biss_bits, sensors.biss_turn_bits].map(|bits| bits as u32);
+                    [start.biss_bits, start.biss_turn_bits].map(|bits| bits as u32);
                 OtherEncoder::Biss(BissEncoder::new(bits, turn_bits))
             }
         };
         let frames = FramePairs::new(encoder_type);
-        let changes_low_bit = u32::from(kind.has_wide_steps(sensors));
+        let changes_low_bit = u32::from(kind.has_wide_steps(start.abz_lines));
         Self {
             frames,
             other,

@@ -16,7 +16,6 @@
 //! the field still: `crate::driver::unseen_turning` finds a rotor that turns on.
 
 use super::evaluation::Evaluation;
-use crate::control::MotorParameters;
 
 /// A sixth of a turn, in 2^-32 turns.
 pub(crate) const SECTOR_UNITS: u32 = ((1u64 << 32) / 6) as u32;
@@ -85,10 +84,10 @@ pub struct HallEncoder {
 impl HallEncoder {
     /// Creates the encoder. Its electrical angle is 0 at the begin of sector 001, so that commissioning finds the order of the
     /// wires and the electrical zero as those of any encoder.
-    pub fn new(motor: &MotorParameters) -> Self {
+    pub fn new(pole_pairs: f32) -> Self {
         Self {
-            pole_pairs: motor.pole_pairs as u32,
-            turns_per_electrical: 1.0 / motor.pole_pairs,
+            pole_pairs: pole_pairs as u32,
+            turns_per_electrical: 1.0 / pole_pairs,
             sector: None,
             candidate: 0,
             angle: 0,

@@ -16,7 +16,7 @@ fn levels(turns: f64, placement: [f64; 3]) -> u8 {
 }
 
 fn encoder() -> HallEncoder {
-    HallEncoder::new(&MotorParameters { pole_pairs: POLE_PAIRS as f32, ..Default::default() })
+    HallEncoder::new(POLE_PAIRS as f32)
 }
 
 /// Electrical error, rad.

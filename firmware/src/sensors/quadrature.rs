@@ -15,10 +15,9 @@
 //! leave no valid angle for 25 ms, longer than any `encoder_coast_s`: the bridge opens. Edges of A and B at the same time are reported by the
 //! counter, and an index that does not come within 1.25 turns is reported as well.
 
-use super::SensorParameters;
 use super::evaluation::Evaluation;
 use super::hall::{SECTOR_UNITS, begin};
-use crate::control::MotorParameters;
+use crate::start_values::StartValues;
 use core::f32::consts::TAU;
 
 /// Largest change of the angle by a correction in a period, 2^-32 turns: 0.3 turns of the motor in a second.
@@ -82,18 +81,18 @@ pub struct QuadratureEncoder {
 }
 
 impl QuadratureEncoder {
-    /// Creates the encoder of these parameters, with Hall sensors or without.
-    pub fn new(sensors: &SensorParameters, motor: &MotorParameters, has_hall: bool) -> Self {
-        let counts_per_turn = 4 * sensors.abz_lines as i32;
+    /// Creates the encoder of these values, with Hall sensors or without.
+    pub fn new(start: &StartValues, has_hall: bool) -> Self {
+        let counts_per_turn = 4 * start.abz_lines as i32;
         Self {
             counts_per_turn,
             units_per_count: ((1u64 << 32) as f32) / counts_per_turn as f32,
-            pole_pairs: motor.pole_pairs as u32,
-            turns_per_electrical: 1.0 / motor.pole_pairs,
-            correctable_counts: (counts_per_turn as f32 / (12.0 * motor.pole_pairs)) as i32,
+            pole_pairs: start.pole_pairs as u32,
+            turns_per_electrical: 1.0 / start.pole_pairs,
+            correctable_counts: (counts_per_turn as f32 / (12.0 * start.pole_pairs)) as i32,
             has_hall,
-            is_hall_reversed: sensors.hall_order < 0.0,
-            hall_begin: (sensors.hall_offset_rad * (((1u64 << 32) as f32) / TAU)) as i32 as u32,
+            is_hall_reversed: start.hall_order < 0.0,
+            hall_begin: (start.hall_offset_rad * (((1u64 << 32) as f32) / TAU)) as i32 as u32,
             last_sector: 0,
             known: Known::Nothing,
             last_count: 0,

@@ -1,5 +1,4 @@
 use super::*;
-use crate::sensors::SensorParameters;
 use crate::sensors::hall::sector;
 use std::f64::consts::PI;
 
@@ -21,10 +20,10 @@ struct Shaft {
 impl Shaft {
     /// A shaft at this position, counts after the index.
     fn at(count: i64, has_hall: bool) -> Self {
-        let sensors = SensorParameters { abz_lines: LINES, ..SensorParameters::default() };
-        let motor = MotorParameters { pole_pairs: POLE_PAIRS as f32, ..MotorParameters::default() };
+        let pole_pairs = POLE_PAIRS as f32;
+        let start = StartValues { abz_lines: LINES, pole_pairs, ..StartValues::default() };
         Self {
-            encoder: QuadratureEncoder::new(&sensors, &motor, has_hall),
+            encoder: QuadratureEncoder::new(&start, has_hall),
             count,
             lost: count,
             has_index: true,

@@ -26,17 +26,20 @@ pub struct ArmRefusal {
     pub unobserved: bool,
     /// The board does not measure the bus voltage or the phase currents.
     pub unmeasured: bool,
+    /// Number of the self-test that failed, if its code is among the causes; otherwise 0.
+    pub self_test: u8,
 }
 
 impl From<ArmRefusal> for Reason {
     fn from(refusal: ArmRefusal) -> Self {
-        let ArmRefusal { causes, unobserved, unmeasured } = refusal;
+        let ArmRefusal { causes, unobserved, unmeasured, self_test } = refusal;
         let conditions = u32::from(unobserved) | u32::from(unmeasured) << 1;
         refusal!(
-            "not armed:{faults}{limits}{conditions}",
+            "not armed:{faults}{limits}{conditions}{test}",
             causes.fault_bits(),
             causes.limit_bits(),
-            conditions
+            conditions,
+            self_test
         )
     }
 }
@@ -81,7 +84,9 @@ impl Supervisor {
         let fresh = self
             .last_us
             .is_some_and(|last_us| now_us >= last_us && now_us - last_us <= MAX_OBSERVATION_AGE_US);
-        let refusal = ArmRefusal { causes, unobserved: !fresh, unmeasured: !self.measured };
+        let self_test = self.self_test_among(causes);
+        let refusal =
+            ArmRefusal { causes, unobserved: !fresh, unmeasured: !self.measured, self_test };
         if !causes.is_empty() || refusal.unobserved || refusal.unmeasured {
             return Err(refusal);
         }

@@ -1,5 +1,6 @@
 //! Inputs of the supervisor: the start conditions once, an observation every millisecond.
 
+use super::SelfTest;
 use crate::control::LoopFlags;
 use crate::sensors::enclosure::Findings;
 use crate::store::StoreHealth;
@@ -50,8 +51,8 @@ pub struct SupervisorBoot {
     pub parameters: ParameterSource,
     /// True if the wiring of the joint is confirmed.
     pub commissioned: bool,
-    /// True if the self-test passed.
-    pub self_test_passed: bool,
+    /// First test of the board that failed.
+    pub failed_self_test: Option<SelfTest>,
 }
 
 impl Default for SupervisorBoot {
@@ -64,7 +65,7 @@ impl Default for SupervisorBoot {
             store: StoreHealth::Sound,
             parameters: ParameterSource::Set,
             commissioned: true,
-            self_test_passed: true,
+            failed_self_test: None,
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Images are ordered by the number of their update, the newest first. The first one starts that is bare, or signed,
 //! intact, not rejected, and confirmed or with a start left. An unconfirmed image that was reset by the watchdog or by
 //! software is rejected: it hung, or panicked. A loss of power, and a restart that the bus ordered, only use one of its
-//! starts. An image for another board or another wiring does not start, and before its first start an image must not be
+//! starts. A reset by a debugger ([`LastRun::Debugged`]) uses none. An image for another board or another wiring does not start, and before its first start an image must not be
 //! older than a confirmed one: the receiver checks both, but it may be the part that was replaced.
 
 use super::flash::read_chunks;
@@ -40,14 +40,36 @@ pub struct Requirement {
     pub public_key: [u8; 32],
 }
 
+/// End of the last run, as it concerns an image on trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LastRun {
+    /// By the watchdog or by software: the image hung, or panicked.
+    Failed,
+    /// By a debugger, whose reset is one by software. It is no failure, and uses no start of the trial.
+    Debugged,
+    /// By a loss of power or the reset pin.
+    Interrupted,
+}
+
+impl LastRun {
+    /// Returns the end of the last run by the flags of the reset, and whether a debugger is attached.
+    pub const fn of(by_watchdog: bool, by_software: bool, is_debugged: bool) -> Self {
+        match (by_watchdog, by_software) {
+            (false, true) if is_debugged => Self::Debugged,
+            (false, false) => Self::Interrupted,
+            _ => Self::Failed,
+        }
+    }
+}
+
 /// Selects the image to start, and writes the marks of a trial or a rejection.
 ///
-/// `has_failed`: the last run ended by the watchdog or by software. `is_plausible` checks the start of an image in a slot, such as its stack pointer.
+/// `is_plausible` checks the start of an image in a slot, such as its stack pointer.
 pub fn select<F: NorFlash>(
     flash: &mut F,
     slots: &[Slot; 2],
     requirement: &Requirement,
-    has_failed: bool,
+    last_run: LastRun,
     mut is_plausible: impl FnMut(&mut F, usize) -> bool,
 ) -> Selection {
     let states = slots.each_ref().map(|slot| marks::state(flash, slot));
@@ -76,14 +98,16 @@ pub fn select<F: NorFlash>(
         let is_refused = match image.trials {
             _ if !fits || image.header.counter < least => true,
             0 => !signature::is_authentic(flash, slot, &image, &requirement.public_key),
-            used => has_failed && !image.is_restart_ordered || used >= TRIALS,
+            _ if last_run == LastRun::Debugged => false,
+            used => last_run == LastRun::Failed && !image.is_restart_ordered || used >= TRIALS,
         };
         if is_refused {
             // If the mark fails, the next start decides again.
             let _ = marks::reject(flash, slot, &image);
             continue;
         }
-        if marks::begin_trial(flash, slot, &image).is_ok() {
+        let is_same_start = last_run == LastRun::Debugged && image.trials > 0;
+        if is_same_start || marks::begin_trial(flash, slot, &image).is_ok() {
             return Selection::Start { slot: number, is_trial: true };
         }
     }

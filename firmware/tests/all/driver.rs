@@ -22,6 +22,7 @@ mod parameter_trial;
 mod parameters;
 mod pdos;
 mod sensors;
+mod start_values;
 mod stock_master;
 mod stored_home;
 mod target_deadline;

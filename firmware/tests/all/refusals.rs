@@ -3,7 +3,7 @@
 use compensator_core::parameters::reason::{WORDS, places};
 use compensator_core::refusal;
 use firmware::refusal::{Explained, emit, texts};
-use firmware::supervisor::Code;
+use firmware::supervisor::{Code, SelfTest};
 use std::collections::BTreeMap;
 
 #[test]
@@ -37,16 +37,17 @@ fn texts_of_both_crates_and_of_their_fields_are_collected() {
 #[test]
 fn explained_reason_names_codes_and_conditions() {
     let reason = refusal!(
-        "not armed:{faults}{limits}{conditions}",
+        "not armed:{faults}{limits}{conditions}{test}",
         1u32 << (Code::Overspeed.number() - 1),
         1u32 << (Code::Derated.number() - 33),
-        3u32
+        3u32,
+        SelfTest::Comparator(3).number()
     );
     let bytes = emit(Some(&reason));
     let words = Explained::parse(&bytes).expect("a reason").to_string();
     assert_eq!(
         words.split_once(": ").expect("a list").1,
-        "overspeed derated unobserved unmeasured"
+        "overspeed derated unobserved unmeasured (test 13: comparator 3)"
     );
     assert_eq!(Explained::parse(&emit(None)), None);
     assert_eq!(Explained::parse(&bytes[1..]), None);

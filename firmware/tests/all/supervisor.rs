@@ -12,7 +12,7 @@ use compensator_core::parameters::Bound;
 use firmware::control::LoopFlags;
 use firmware::supervisor::codes::{FAULT_CODES, register};
 use firmware::supervisor::{
-    ArmRefusal, CanState, Code, CodeSet, Event, JointState, Observation, ParameterSource,
+    ArmRefusal, CanState, Code, CodeSet, Event, JointState, Observation, ParameterSource, SelfTest,
     Supervisor, SupervisorBoot, Thresholds,
 };
 
@@ -382,7 +382,7 @@ fn full_event_queue_drops_the_oldest_events() {
         supervisor.set_parameter_source(ParameterSource::Default);
         supervisor.set_parameter_source(ParameterSource::Set);
     }
-    supervisor.set_self_test_result(false);
+    supervisor.set_self_test_result(Some(SelfTest::Duties));
     assert_eq!(supervisor.events_lost(), 9);
     let events: Vec<Event> = std::iter::from_fn(|| supervisor.take_event()).collect();
     assert_eq!(events.len(), 32);

@@ -6,12 +6,13 @@ mod trial;
 use bench::{
     BOARD, End, Flash, IMAGE_BYTES, OTHER, OWN, Package, assert_starts_one_of, confirm,
     erase_marks, finish, flash_with, image, key, package, program, receive, signed, start,
+    start_after,
 };
 use ed25519_dalek::SigningKey;
 use embedded_storage::nor_flash::NorFlash;
 use firmware::store::memory::TornStep;
 use firmware::update::Board;
-use firmware::update::boot::{Requirement, Selection, select};
+use firmware::update::boot::{LastRun, Requirement, Selection, select};
 use firmware::update::marks::{self, SlotState};
 use firmware::update::package::{CRC, HASH_AT, HEADER_BYTES};
 use firmware::update::receiver::{Receiver, Refusal};
@@ -103,6 +104,32 @@ fn trial_with_watchdog_reset_after_an_ordered_restart_returns_to_the_old_image()
     order_restart(&mut flash);
     assert_eq!(start(&mut flash, true), started(1, true));
     assert_eq!(start(&mut flash, true), started(0, false));
+}
+
+#[test]
+fn trial_with_resets_by_a_debugger_goes_on_and_uses_no_start() {
+    let (old, new) = (package(1, 5), package(2, 5));
+    let mut flash = flash_with(&old);
+    assert_eq!(receive(&mut flash, 0, &new), End::Done);
+    let debugged = LastRun::of(false, true, true);
+    let before = flash.steps();
+    assert_eq!(start_after(&mut flash, debugged), started(1, true), "the first start is marked");
+    let after_first = flash.steps();
+    assert!(after_first > before);
+    for _ in 0..10 {
+        assert_eq!(start_after(&mut flash, debugged), started(1, true));
+    }
+    assert_eq!(flash.steps(), after_first);
+    // A watchdog reset counts, with a debugger too.
+    assert_eq!(start_after(&mut flash, LastRun::of(true, true, true)), started(0, false));
+    assert_eq!(start_after(&mut flash, debugged), started(0, false), "it is rejected for good");
+}
+
+#[test]
+fn last_run_with_software_reset_and_no_debugger_has_failed() {
+    assert_eq!(LastRun::of(false, true, false), LastRun::Failed);
+    assert_eq!(LastRun::of(true, false, true), LastRun::Failed);
+    assert_eq!(LastRun::of(false, false, true), LastRun::Interrupted);
 }
 
 #[test]
@@ -237,7 +264,8 @@ fn select_on_a_rewired_board_starts_no_confirmed_image_of_the_former_wiring() {
     let mut flash = flash_with(&package(1, 5));
     let board = Board { wiring: BOARD.wiring + 1, ..BOARD };
     let requirement = Requirement { board, public_key: key().verifying_key().to_bytes() };
-    let selected = select(&mut flash, &[OWN, OTHER], &requirement, false, |_, _| true);
+    let selected =
+        select(&mut flash, &[OWN, OTHER], &requirement, LastRun::Interrupted, |_, _| true);
     assert_eq!(selected, Selection::Recover);
 }
 

@@ -17,6 +17,7 @@ use firmware::sensors::quadrature::Quadrature;
 use firmware::sensors::shunt::{
     CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, OffsetRange, Shunt, measurable_a,
 };
+use firmware::start_values::StartValues;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -264,6 +265,7 @@ impl BoardSensors {
         scales: BoardScales,
         seed: u64,
     ) -> Self {
+        let values = StartValues::of(set);
         let state = RefCell::new(EncoderState {
             angle: 0,
             answer: 0,
@@ -273,15 +275,15 @@ impl BoardSensors {
         });
         let mut sensors = Self {
             shunts: [None; 2],
-            encoder: MotorEncoder::new(&set.sensors, &set.motor),
+            encoder: MotorEncoder::new(&values),
             commands: FramePairs::FIRST_COMMANDS,
             state,
             incremental: RefCell::new(Incremental::new(plant.pole_pairs(), seed)),
             serial: RefCell::new(SerialEncoder::new(seed)),
             serial_frame: 0,
-            is_serial: EncoderKind::of(set.sensors.encoder_kind) == EncoderKind::Biss,
+            is_serial: values.kind() == EncoderKind::Biss,
             output: RefCell::new(OutputEncoder::new(seed)),
-            has_output: set.sensors.has_joint_encoder(),
+            has_output: values.has_joint_encoder(),
             drift_a: [0.0; 2],
             scales,
         };
@@ -309,8 +311,8 @@ impl BoardSensors {
     }
 
     /// Starts the evaluation of the encoder anew, as after a reset of the driver.
-    pub fn restart_encoder(&mut self, set: &ParameterSet) {
-        self.encoder = MotorEncoder::new(&set.sensors, &set.motor);
+    pub fn restart_encoder(&mut self, values: &StartValues) {
+        self.encoder = MotorEncoder::new(values);
         self.commands = FramePairs::FIRST_COMMANDS;
     }
 

@@ -197,13 +197,8 @@ pub struct LibraryDriver<'q, N = Driver<RigFlash>> {
 /// Values that the scope holds, as on the STM32G474 board.
 const SCOPE_VALUES: usize = 6144;
 
-/// Returns the task of the current loop for the set of this driver.
-fn loop_task(node: &impl RigNode, traits: StageTraits) -> LoopTask {
-    LoopTask::new(
-        LoopParts::build_or_measure_only(node.set(), traits),
-        DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000),
-    )
-}
+/// Limits of the interrupt's time.
+const LIMITS: DeadlineLimits = DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000);
 
 /// Returns the background loop of a node that starts now from this flash.
 fn start_node<N: RigNode>(
@@ -230,9 +225,9 @@ impl<'q, N: RigNode> LibraryDriver<'q, N> {
     ) -> Result<Self, String> {
         let flash = stored_flash(start, traits)?;
         let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
-        let background: Background<N> = start_node(flash, identity, &start.boot, 0);
+        let mut background: Background<N> = start_node(flash, identity, &start.boot, 0);
         let (port, link) = queues.split(traits, 0);
-        let task = loop_task(background.driver(), traits);
+        let task = background.loop_task(LIMITS);
         let mut driver = Self {
             background,
             task,
@@ -360,10 +355,9 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
         // As the scope's memory, the queues of a start are kept for ever.
         let queues: &'static mut LoopQueues = Box::leak(Box::new(LoopQueues::new()));
         (self.port, self.link) = queues.split(self.identity.stage, self.now_us);
-        let node = self.background.driver();
-        self.task = loop_task(node, self.identity.stage);
+        self.task = self.background.loop_task(LIMITS);
         if let Some(board) = &mut self.stage.board {
-            board.restart_encoder(node.set());
+            board.restart_encoder(self.background.start_values());
         }
         self.deferred_frames.clear();
         (self.is_reset, self.stalled_ms, self.watchdog_unserviced_ms) = (false, 0, 0);

@@ -30,9 +30,10 @@ mod scales {
 }
 
 use banks::{BOARD, FLASH_BASE, PROGRAM, SLOTS};
+use cortex_m::peripheral::DCB;
 use embassy_stm32::{pac, peripherals};
 use embedded_storage::nor_flash::ReadNorFlash;
-use firmware::update::boot::{Requirement, Selection, select};
+use firmware::update::boot::{LastRun, Requirement, Selection, select};
 use firmware::update::package::HEADER_BYTES;
 use flash::ChipFlash;
 
@@ -50,11 +51,12 @@ fn main() -> ! {
     watchdog::start(watchdog::CHOICE);
     let flags = pac::RCC.csr().read();
     // The image reads the same flags and clears them.
-    let has_failed = flags.iwdgrstf() || flags.wwdgrstf() || flags.sftrstf();
+    let by_watchdog = flags.iwdgrstf() || flags.wwdgrstf();
+    let last_run = LastRun::of(by_watchdog, flags.sftrstf(), DCB::is_debugger_attached());
     // SAFETY: nothing else uses the flash controller yet; recovery does not use it through embassy's peripherals.
     let mut flash = ChipFlash::new(unsafe { peripherals::FLASH::steal() });
     let requirement = Requirement { board: BOARD, public_key: UPDATE_KEY };
-    match select(&mut flash, &SLOTS, &requirement, has_failed, is_plausible) {
+    match select(&mut flash, &SLOTS, &requirement, last_run, is_plausible) {
         Selection::Start { slot, .. } => match SLOTS.get(slot) {
             Some(slot) => start::image(PROGRAM.image_address(slot)),
             None => recovery::run(flash),

@@ -16,6 +16,7 @@ use embassy_stm32::pac::comp::{Comp, vals as comp};
 use embassy_stm32::peripherals::DAC3;
 use embassy_stm32::{pac, rcc};
 use firmware::sensors::comparator::break_current_a;
+use firmware::supervisor::SelfTest;
 
 /// Comparators connected to the break, by their number minus one.
 pub const BREAK_COMPARATORS: [usize; 3] = [0, 1, 3];
@@ -48,17 +49,19 @@ pub fn set_up(wired: pins::Overcurrent) {
     WATCHES.iter().for_each(Watch::set_up);
 }
 
-/// Moves the level of each comparator to both sides of its shunt's voltage without a current, with an open bridge. Returns true
-/// if each one signals on one side only, and reaches the break, whose flags the argument clears.
+/// Moves the level of each comparator to both sides of its shunt's voltage without a current, with an open bridge. Returns
+/// the first one that does not signal on one side only, or does not reach the break, whose flags the argument clears.
 #[inline(never)]
-pub fn self_test(clear_breaks: fn()) -> bool {
-    let mut are_good = true;
+pub fn self_test(clear_breaks: fn()) -> Option<SelfTest> {
+    let mut failed = None;
     for watch in &WATCHES {
-        are_good &= watch.sees_signal(watch.signal);
+        if !watch.sees_signal(watch.signal) {
+            failed = failed.or(Some(SelfTest::Comparator(watch.number)));
+        }
         set_levels(scales::BREAK_CEILING_A);
         clear_breaks();
     }
-    are_good
+    failed
 }
 
 /// Sets the levels for a joint whose current loop trips at `overcurrent_a`.

@@ -10,9 +10,7 @@ use cortex_m::peripheral::DWT;
 use embassy_stm32::gpio::Input;
 use firmware::control::{BridgeFault, PowerStage, StageSample, ValidChannels};
 use firmware::loop_link::LoopPort;
-use firmware::loop_parts::LoopParts;
 use firmware::loop_task::LoopTask;
-use firmware::parameter_set::ParameterSet;
 use firmware::sensors::encoder::MotorEncoder;
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
 
@@ -108,13 +106,6 @@ pub fn run_period(task: &mut LoopTask, stage: &mut MotorStage, port: &mut LoopPo
     }
     watchdog::count_period();
     task.interrupt(stage, port, triggered, now);
-}
-
-/// Returns the task of the current loop with this set.
-// Not inlined: its stack is free again during the rest of the start.
-#[inline(never)]
-pub fn loop_task(set: &ParameterSet) -> LoopTask {
-    LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)
 }
 
 /// Measures the offsets of the amplifiers. The bridge is off, so no current flows.

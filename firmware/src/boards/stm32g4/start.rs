@@ -3,10 +3,11 @@
 use cortex_m::peripheral::{DCB, DWT};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::pac;
+use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::pac::rcc::regs::Csr;
 use firmware::driver::Boot;
 use firmware::panic_note::MAX_PANIC_TEXT_BYTES;
-use firmware::supervisor::ResetCause;
+use firmware::supervisor::{ResetCause, SelfTest};
 use firmware::{heat_memory, home_memory, panic, stack_guard};
 use heapless::String;
 
@@ -20,12 +21,12 @@ pub struct PreviousRun {
 impl PreviousRun {
     /// Returns what a node is told of the start, without the places of images.
     #[inline(always)]
-    pub fn boot(&self, self_test_passed: bool) -> Boot<'_> {
+    pub fn boot(&self, failed_self_test: Option<SelfTest>) -> Boot<'_> {
         Boot {
             cause: self.cause,
             panic: self.panic.as_deref(),
             stack_overflowed: self.stack_overflowed,
-            self_test_passed,
+            failed_self_test,
             winding_rise_k: heat_memory::kept(),
             home: home_memory::kept(),
             program: None,
@@ -41,6 +42,26 @@ pub fn previous_run() -> PreviousRun {
     stack_guard::paint();
     let panic = panic::take();
     PreviousRun { cause: reset_cause(is_ram_kept), panic, stack_overflowed }
+}
+
+/// Processor clock after a reset, Hz.
+const RESET_HZ: u32 = 16_000_000;
+
+/// Waits until the crystal runs, on the internal oscillator. Without a crystal the board does nothing but log that, twice a
+/// second: a reset would look like a start that fails. Call it before the clocks are set up.
+#[inline(always)]
+pub fn wait_for_crystal() {
+    pac::RCC.cr().modify(|w| w.set_hseon(true));
+    let mut polls = 0u32;
+    while !pac::RCC.cr().read().hserdy() {
+        cortex_m::asm::delay(RESET_HZ / 1000);
+        polls += 1;
+        if polls.is_multiple_of(500) {
+            defmt::error!("no crystal: the board waits for it, and its CAN is off");
+        }
+        // Of the boot program, which has started it.
+        pac::IWDG.kr().write(|w| w.set_key(Key::RESET));
+    }
 }
 
 /// Starts the counter of cycles, and sets the priority of embassy's clock, which is that of the loop before.

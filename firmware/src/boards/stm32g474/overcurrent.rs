@@ -29,6 +29,7 @@ use embassy_stm32::pac::dac::Dac;
 use embassy_stm32::peripherals::{DAC2, DAC3, DAC4};
 use embassy_stm32::{pac, rcc};
 use firmware::sensors::comparator::{ComparatorLevels, break_current_a};
+use firmware::supervisor::SelfTest;
 
 /// Comparators connected to the break, by their number minus one.
 pub const BREAK_COMPARATORS: [usize; 6] = [0, 1, 2, 4, 5, 6];
@@ -88,23 +89,25 @@ pub fn set_up(wired: pins::Overcurrent) {
     WATCHES.iter().for_each(Watch::set_up);
 }
 
-/// Moves the level of each comparator to both sides of its signal, with an open bridge. Returns true if each one signals
-/// on one side only, and reaches the break, whose flags the second argument clears. The first has the present counts of
-/// both amplifiers.
+/// Moves the level of each comparator to both sides of its signal, with an open bridge. Returns the first one that does not
+/// signal on one side only, or does not reach the break, whose flags the second argument clears. The first has the
+/// present counts of both amplifiers.
 #[inline(never)]
-pub fn self_test([phase_a, phase_b]: [u16; 2], clear_breaks: fn()) -> bool {
-    let mut are_good = true;
+pub fn self_test([phase_a, phase_b]: [u16; 2], clear_breaks: fn()) -> Option<SelfTest> {
+    let mut failed = None;
     for watch in &WATCHES {
         let counts = match watch.signal {
             Signal::Shunt(Phase::A) => phase_a,
             Signal::Shunt(Phase::B) => phase_b,
             Signal::Mean => phase_a.midpoint(phase_b),
         };
-        are_good &= watch.sees_signal(counts);
+        if !watch.sees_signal(counts) {
+            failed = failed.or(Some(SelfTest::Comparator(watch.number)));
+        }
         set_levels(scales::CEILING_LEVELS);
         clear_breaks();
     }
-    are_good
+    failed
 }
 
 /// Sets the levels for a joint whose current loop trips at `overcurrent_a`.

@@ -21,6 +21,7 @@ use crate::node::sdo::Abort;
 use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::scope::Scope;
 use crate::sensors::enclosure;
+use crate::start_values::StartRecord;
 use crate::store::{FoundHome, FoundIdentity, LoadError, is_newer};
 use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
 use crate::update::Program;
@@ -46,6 +47,7 @@ impl<F: NorFlash> Device<F> {
             history: Default::default(),
             memory: Memory::new(flash, defaults),
             trial: Default::default(),
+            start: Default::default(),
             settings: defaults,
             supervisor: Supervisor::default(),
             outbox: Outbox::default(),
@@ -97,6 +99,7 @@ impl<F: NorFlash> Device<F> {
             parameters = ParameterSource::DefaultRefused;
         }
         let set = self.staging.active();
+        self.start = StartRecord::of(set, self.settings.bus());
         self.supervisor.start(
             &set.thresholds,
             &supervisor::SupervisorBoot {
@@ -106,7 +109,7 @@ impl<F: NorFlash> Device<F> {
                 store: self.memory.store().health(),
                 parameters,
                 commissioned: self.is_commissioned(),
-                self_test_passed: boot.self_test_passed,
+                failed_self_test: boot.failed_self_test,
             },
         );
         self.motor.set_winding_rise(boot.winding_rise_k);

@@ -221,6 +221,7 @@ impl<F: NorFlash> Device<F> {
 
     fn begin_commissioning(&mut self) -> Result<(), Abort> {
         self.may_begin()?;
+        self.check_start()?;
         self.supervisor.arm_to_commission(self.now_us).map_err(|refusal| {
             self.blocking = refusal.causes.fault_bits();
             self.staging.refuse(Abort::State, refusal)

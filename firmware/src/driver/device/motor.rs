@@ -27,6 +27,12 @@ impl MotorObservation {
         self.state = self.watch.step(report, motor, thresholds, drives, proven);
     }
 
+    /// Forgets what the joint has travelled: another wiring is in use.
+    pub(crate) fn forget_travel(&mut self) {
+        self.watch.forget_travel();
+        self.state.is_proven = false;
+    }
+
     /// Returns the result of the last report.
     pub(crate) const fn state(&self) -> &MotorState {
         &self.state

@@ -7,8 +7,9 @@
 
 use super::Device;
 use super::memory::StoredBlock;
-use super::requests::remaining;
+use crate::control::PERIOD_S;
 use crate::driver::profile::stop::{StopCause, fault_cause};
+use crate::loop_parts::LoopParts;
 use crate::node::dictionary::records::{TrialObject, TuningObject};
 use crate::node::sdo::Abort;
 use crate::node_settings::{SET_BEFORE, TuningRecord};
@@ -159,7 +160,7 @@ impl<F: NorFlash> Device<F> {
         let faults = self.supervisor.faults();
         if !faults.is_empty() {
             self.blocking = faults.fault_bits();
-            return Err(self.staging.refuse(Abort::State, remaining(faults)));
+            return Err(self.staging.refuse(Abort::State, self.supervisor.remaining(faults)));
         }
         if !self.is_newest_in_use() {
             let why = text!(
@@ -248,6 +249,8 @@ impl<F: NorFlash> Device<F> {
         let _ = self.supervisor.configure(&self.staging.active().thresholds);
         self.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
         self.follow_set();
+        let built = LoopParts::build(self.staging.active(), self.identity.stage, PERIOD_S);
+        self.start.set_refused(built.err());
     }
 
     /// Makes a stored set active, with the settings of the drive and the record of the tuning beside it, if it has this CRC. Otherwise nothing changes

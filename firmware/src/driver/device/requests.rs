@@ -9,10 +9,8 @@ use crate::loop_parts::LoopParts;
 use crate::node::sdo::Abort;
 use crate::node_settings::{InputSource, NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
-use crate::supervisor::CodeSet;
 use crate::supervisor::{self, Code, ParameterSource};
 use compensator_core::parameters::Text;
-use compensator_core::parameters::reason::Reason;
 use compensator_core::refusal;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
@@ -43,7 +41,7 @@ impl<F: NorFlash> Device<F> {
                     );
                     return self.staging.refuse(Abort::State, why);
                 }
-                self.staging.refuse(Abort::State, remaining(left))
+                self.staging.refuse(Abort::State, self.supervisor.remaining(left))
             }),
             _ => Err(self.staging.refuse(
                 Abort::Value,
@@ -101,7 +99,7 @@ impl<F: NorFlash> Device<F> {
         let causes = self.hil_blocking_codes();
         if !causes.is_empty() {
             self.blocking = causes.fault_bits();
-            return Err(self.staging.refuse(Abort::State, remaining(causes)));
+            return Err(self.staging.refuse(Abort::State, self.supervisor.remaining(causes)));
         }
         self.samples.arm_hil(true);
         Ok(())
@@ -109,10 +107,18 @@ impl<F: NorFlash> Device<F> {
 
     /// Arms the joint on its own sensors.
     pub(super) fn arm_supervisor(&mut self) -> Result<(), Abort> {
+        self.check_start()?;
         self.supervisor.arm(self.now_us).map_err(|refusal| {
             self.blocking = refusal.causes.fault_bits();
             self.staging.refuse(Abort::State, refusal)
         })
+    }
+
+    /// Checks that the board can drive with the set in use, which needs no restart.
+    pub(super) fn check_start(&mut self) -> Result<(), Abort> {
+        self.start
+            .check(self.staging.active())
+            .map_err(|why| self.staging.refuse(Abort::State, why))
     }
 
     /// Starts the loops above the current loop.
@@ -189,6 +195,9 @@ impl<F: NorFlash> Device<F> {
 
     /// Makes all but the supervisor's thresholds and the joint in HIL follow the set that became active.
     pub(super) fn follow_set(&mut self) {
+        // A proof belongs to the wiring that turned the joint.
+        self.motor.forget_travel();
+        self.start.set_refused(None);
         let set = self.staging.active();
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(set, &self.settings);
@@ -212,7 +221,9 @@ impl<F: NorFlash> Device<F> {
         }
         self.settings.commissioned = seen;
         // A measurement turned the motor. Without it, the wiring may have been changed before the confirmation.
-        self.settings.proven = if self.motor.has_measured(seen) { seen } else { 0 };
+        let is_measured =
+            self.motor.has_measured(seen) && self.start.is_in_use(self.staging.active());
+        self.settings.proven = if is_measured { seen } else { 0 };
         self.supervisor.set_commissioned(true);
         Ok(())
     }
@@ -224,13 +235,6 @@ impl<F: NorFlash> Device<F> {
     /// Returns true if the motor was seen to turn by its current with the wiring in use.
     pub(in crate::driver) fn is_wiring_proven(&self) -> bool {
         self.settings.proven == self.staging.wiring_crc()
-    }
-
-    /// Keeps the proof of the wiring if the motor watch has one. It is stored with the next save.
-    pub(super) fn keep_proof(&mut self) {
-        if self.motor.state().is_proven && !self.is_wiring_proven() {
-            self.settings.proven = self.staging.wiring_crc();
-        }
     }
 
     /// Applies other settings; a new node number is used from the next start.
@@ -284,9 +288,4 @@ impl<F: NorFlash> Device<F> {
             Err(error) => Err(self.staging.refuse(Abort::Hardware, error)),
         }
     }
-}
-
-/// Returns the reason of faults that are still present.
-pub(super) fn remaining(codes: CodeSet) -> Reason {
-    refusal!("still present:{faults}{limits}", codes.fault_bits(), codes.limit_bits())
 }

@@ -24,6 +24,7 @@ impl<F: NorFlash> Device<F> {
             faults: faults.fault_bits(),
             limits: limits.limit_bits(),
             blocking_codes: self.blocking,
+            failed_self_test: self.supervisor.failed_self_test().into(),
             ..Default::default()
         }
     }

@@ -146,6 +146,9 @@ record! {
         limits: Unsigned32, ReadOnly;
         blocking_codes: Unsigned32, ReadOnly;
         set_position_rad: Real32, WriteOnly;
+        /// First test of the board that failed at the start; 0 none. 1 pins of the wiring, 2 duty of the outputs, 3 clock of
+        /// the encoder, 4 and 5 offsets of the amplifiers a and b, 10 + n comparator n.
+        failed_self_test: Unsigned8, ReadOnly, FAILED_SELF_TEST;
     }
 }
 

@@ -8,7 +8,7 @@ use firmware::background::{Background, Board, BoardState, RoundOutcome, TICK_US}
 use firmware::deadline::DeadlineLimits;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-use firmware::loop_parts::{LoopParts, StageTraits};
+use firmware::loop_parts::StageTraits;
 use firmware::loop_task::LoopTask;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{NodeSettings, emit_block};
@@ -129,10 +129,6 @@ impl Joint {
     pub fn restarted(machine: Machine, flash: MemoryFlash<4>) -> Self {
         let identity = Identity { hardware: "bench", serial: 7, stage: StageTraits::NONE };
         let driver = Driver::boot(open_settings(), flash, identity, &Boot::default(), 0);
-        let task = LoopTask::new(
-            LoopParts::build_or_measure_only(driver.set(), StageTraits::NONE),
-            DeadlineLimits::for_period(PERIOD_CYCLES, 2000),
-        );
         let (port, link) = Box::leak(Box::new(LoopQueues::new())).split(StageTraits::NONE, 0);
         let board = SimulatedBoard {
             now_us: 0,
@@ -151,7 +147,8 @@ impl Joint {
             link,
         };
         let stage = Stage::new(machine);
-        let background = Background::new(driver, 0);
+        let mut background = Background::new(driver, 0);
+        let task = background.loop_task(DeadlineLimits::for_period(PERIOD_CYCLES, 2000));
         let mut joint = Self { background, board, task, port, stage, commands: 0 };
         // The encoder's angle is valid after 0.1 s.
         joint.run_ms(150);

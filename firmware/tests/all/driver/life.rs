@@ -2,11 +2,14 @@
 
 use super::bench::{Bench, Flash, NODE, frame};
 use super::moving;
-use compensator_core::can::{JointKind, Message, MotionFrame, SyncFrame, TorqueFrame, TraceEntry};
+use compensator_core::can::{
+    Frame, JointKind, Message, MotionFrame, SyncFrame, TorqueFrame, TraceEntry,
+};
 use firmware::driver::Boot;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::StateObject;
 use firmware::node_settings::InputSource;
-use firmware::supervisor::{Code, ResetCause};
+use firmware::supervisor::{Code, ResetCause, SelfTest};
 
 /// Returns emergency code and manufacturer code of each emergency.
 fn emergencies(bench: &mut Bench) -> Vec<(u16, u8)> {
@@ -136,4 +139,25 @@ fn residual_beyond_the_band_is_flagged_and_counted() {
     bench.pass_ms(1);
     assert_eq!(bench.number(index::WATCH, 1), 0, "out of band");
     assert!(bench.number(index::WATCH, 3) > 0);
+}
+
+#[test]
+fn failed_self_test_is_reported_by_its_number() {
+    let boot = Boot { failed_self_test: Some(SelfTest::Comparator(3)), ..Boot::default() };
+    let mut bench = Bench::boot(InputSource::Sensors, Flash::new(), &boot);
+    let is_reported = |frame: &Frame| {
+        let data = frame.data();
+        frame.identifier() == 0x081 && data[3] == Code::SelfTestFailed.number() && data[5] == 13
+    };
+    assert!(bench.sent().iter().any(is_reported));
+    bench.start();
+    bench.commission();
+    assert_eq!(bench.number(index::STATE, StateObject::FAILED_SELF_TEST), 13);
+    for request in [1, 2] {
+        assert!(bench.write(index::STATE, 1, &[request]).is_err());
+        let why = bench.text(index::REFUSAL);
+        assert!(why.contains("self-test-failed") && why.contains("13: comparator 3"), "{why}");
+    }
+    let mut bench = Bench::on_sensors();
+    assert_eq!(bench.number(index::STATE, StateObject::FAILED_SELF_TEST), 0);
 }

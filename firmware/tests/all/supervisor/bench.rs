@@ -4,8 +4,8 @@ use compensator_core::Flags;
 use firmware::control::LoopFlags;
 use firmware::store::StoreHealth;
 use firmware::supervisor::{
-    CanState, Code, Event, Observation, ParameterSource, ResetCause, Supervisor, SupervisorBoot,
-    Thresholds,
+    CanState, Code, Event, Observation, ParameterSource, ResetCause, SelfTest, Supervisor,
+    SupervisorBoot, Thresholds,
 };
 
 /// Time between two observations, us.
@@ -117,7 +117,9 @@ impl Bench {
             Code::EnclosureUnknown => observation.enclosure.is_sensor_invalid = present,
             Code::StackOverflow => observation.stack_intact = !present,
             Code::ModelOutOfBand => observation.model_in_band = Some(!present),
-            Code::SelfTestFailed => self.supervisor.set_self_test_result(!present),
+            Code::SelfTestFailed => {
+                self.supervisor.set_self_test_result(present.then_some(SelfTest::OffsetA));
+            }
             Code::NotCommissioned => self.supervisor.set_commissioned(!present),
             Code::StoreDamaged => self.set_store_health(present, StoreHealth::Damaged),
             Code::StoreReduced => self.set_store_health(present, StoreHealth::Reduced),
@@ -218,7 +220,9 @@ pub fn boot_with(code: Code) -> Option<SupervisorBoot> {
         Code::WatchdogReset => SupervisorBoot { reset: ResetCause::Watchdog, ..boot },
         Code::PanicBeforeReset => SupervisorBoot { panicked: true, ..boot },
         Code::StackOverflow => SupervisorBoot { stack_overflowed: true, ..boot },
-        Code::SelfTestFailed => SupervisorBoot { self_test_passed: false, ..boot },
+        Code::SelfTestFailed => {
+            SupervisorBoot { failed_self_test: Some(SelfTest::OffsetB), ..boot }
+        }
         Code::StoreDamaged => SupervisorBoot { store: StoreHealth::Damaged, ..boot },
         Code::StoreReduced => SupervisorBoot { store: StoreHealth::Reduced, ..boot },
         Code::ParametersDefault => SupervisorBoot { parameters: ParameterSource::Default, ..boot },

@@ -7,7 +7,7 @@ use firmware::sensors::enclosure::Findings;
 use firmware::store::StoreHealth;
 use firmware::supervisor::codes::{COMPENSATION_DROPPING_CODES, FAULT_CODES};
 use firmware::supervisor::{
-    CanState, Code, JointState, Observation, ParameterSource, ResetCause, Supervisor,
+    CanState, Code, JointState, Observation, ParameterSource, ResetCause, SelfTest, Supervisor,
     SupervisorBoot, Thresholds,
 };
 use proptest::prelude::*;
@@ -190,7 +190,9 @@ proptest! {
                 }
                 Step::Store(health) => supervisor.set_store_health(health),
                 Step::Parameters(in_use) => supervisor.set_parameter_source(in_use),
-                Step::SelfTest(passed) => supervisor.set_self_test_result(passed),
+                Step::SelfTest(passed) => {
+                    supervisor.set_self_test_result((!passed).then_some(SelfTest::Wiring));
+                },
             }
             let state = supervisor.state();
             prop_assert!(

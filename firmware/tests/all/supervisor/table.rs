@@ -3,7 +3,9 @@
 use super::bench::{Bench, STEP_US, boot_with};
 use super::set;
 use firmware::supervisor::codes::{COMPENSATION_DROPPING_CODES, FAULT_CODES, register};
-use firmware::supervisor::{CODE_COUNT, Code, CodeSet, Effect, Event, JointState, Watched};
+use firmware::supervisor::{
+    CODE_COUNT, Code, CodeSet, Effect, Event, JointState, SelfTest, Watched,
+};
 use std::collections::HashSet;
 
 /// Returns the time until the code is raised. The set-point timeout runs from the last set-point.
@@ -71,7 +73,11 @@ fn every_fault_is_raised_latched_and_cleared() {
             assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])), "{code:?}");
             let refusal = bench.supervisor.arm(bench.now_us).unwrap_err();
             assert_eq!(refusal.causes, set(&[code]), "{code:?}");
-            assert_eq!(refusal.to_string(), format!("not armed: {}", code.info().name));
+            let test = match code {
+                Code::SelfTestFailed => format!(" (test {})", SelfTest::OffsetA),
+                _ => String::new(),
+            };
+            assert_eq!(refusal.to_string(), format!("not armed: {}{test}", code.info().name));
             // The cause counts as gone after its delay and not before.
             bench.set_cause(code, false);
             let is_reported =

@@ -3,7 +3,7 @@
 use ed25519_dalek::{Signer, SigningKey};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
-use firmware::update::boot::{Requirement, Selection, select};
+use firmware::update::boot::{LastRun, Requirement, Selection, select};
 use firmware::update::marks::{self, SlotState};
 use firmware::update::package::{CRC, HEADER_BYTES, Header, USED_BYTES, Version, emit};
 use firmware::update::receiver::{Receiver, Refusal};
@@ -145,8 +145,13 @@ fn ended(flash: &Flash, refusal: Refusal) -> End {
 
 /// Starts the device.
 pub fn start(flash: &mut Flash, has_failed: bool) -> Selection {
+    start_after(flash, LastRun::of(has_failed, false, false))
+}
+
+/// Starts the device after this end of its last run.
+pub fn start_after(flash: &mut Flash, last_run: LastRun) -> Selection {
     let public_key = key().verifying_key().to_bytes();
-    select(flash, &[OWN, OTHER], &Requirement { board: BOARD, public_key }, has_failed, |_, _| true)
+    select(flash, &[OWN, OTHER], &Requirement { board: BOARD, public_key }, last_run, |_, _| true)
 }
 
 /// Confirms the image of a slot.

@@ -24,8 +24,10 @@ use compensator_core::can::{
 };
 use compensator_core::compensator::Flags;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{AdaptationObject, NetworkObject, ProgramObject};
-use firmware::supervisor::Code;
+use firmware::node::dictionary::records::{
+    AdaptationObject, NetworkObject, ProgramObject, StateObject,
+};
+use firmware::supervisor::{Code, SelfTest};
 use firmware::update::PUBLISHED_KEY;
 use joint_trace::CanFrame;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -298,6 +300,12 @@ impl JointView {
             (false, _) => EventKind::Good,
         };
         let text = match (raised, Code::from_number(number)) {
+            (true, Some(Code::SelfTestFailed)) => {
+                let test = u32::from(message.vendor_specific[2]);
+                let place = (index::STATE, StateObject::FAILED_SELF_TEST);
+                self.objects.insert(place, (time_ns, test));
+                format!("{what} {name} ({code:04X}h): test {}", self_test_name(test))
+            }
             (true, Some(known)) => {
                 format!("{what} {name} ({code:04X}h): {}", known.description().raised_by)
             }
@@ -440,6 +448,9 @@ impl JointView {
                 faults: names(1, 32),
                 limits: names(33, 64),
                 read: age(index::STATE, 3).is_some() && age(index::STATE, 4).is_some(),
+                failed_self_test: object(index::STATE, StateObject::FAILED_SELF_TEST)
+                    .filter(|number| *number != 0)
+                    .map(self_test_name),
             },
             flags: self.flags.map(|(at_ns, flags)| {
                 let stale = self.series[Quantity::Friction as usize].stale_ns();
@@ -499,6 +510,14 @@ impl JointView {
     /// Logs a request that is being sent.
     pub fn requested(&mut self, request: Request, now_ns: u64) {
         self.log(now_ns, EventKind::Note, format!("{}: requested", request.name()));
+    }
+}
+
+/// Returns number and name of a self-test.
+fn self_test_name(number: u32) -> String {
+    match u8::try_from(number).ok().and_then(SelfTest::from_number) {
+        Some(test) => test.to_string(),
+        None => number.to_string(),
     }
 }
 

@@ -262,6 +262,9 @@ fn state(rows: &mut Labelled, view: &View, listen: bool, setting: &Setting) {
             (false, _) => rows.names(label, names, mark),
         }
     }
+    if let Some(test) = &view.codes.failed_self_test {
+        rows.put("self-test", vec![part(format!("failed: {test}"), Mark::Bad)]);
+    }
     if !view.codes.read && known {
         rows.put("", vec![part("(from emergencies)", Mark::Dim)]);
     }

@@ -16,7 +16,9 @@ use canopen_rs::sdo::{
 };
 use compensator_core::can::{Frame, Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{AdaptationObject, NetworkObject, ProgramObject};
+use firmware::node::dictionary::records::{
+    AdaptationObject, NetworkObject, ProgramObject, StateObject,
+};
 use std::collections::VecDeque;
 
 /// Time between two polling rounds, ns.
@@ -33,10 +35,11 @@ const TRACE_PAUSE_NS: u64 = 20_000_000;
 const FULL_BUS_PAUSE_NS: u64 = 10_000_000_000;
 
 /// Objects read in a polling round.
-pub const POLLED_OBJECTS: [Address; 18] = [
+pub const POLLED_OBJECTS: [Address; 19] = [
     Address::new(index::STATE, 2),
     Address::new(index::STATE, 3),
     Address::new(index::STATE, 4),
+    Address::new(index::STATE, StateObject::FAILED_SELF_TEST),
     Address::new(index::WATCH, 1),
     Address::new(index::WATCH, 2),
     Address::new(index::WATCH, 3),

@@ -61,6 +61,8 @@ pub struct Codes {
     pub limits: Vec<String>,
     /// True if read from the joint; otherwise known from emergencies only.
     pub read: bool,
+    /// Number and name of the self-test that failed.
+    pub failed_self_test: Option<String>,
 }
 
 /// State of the residual watch.
@@ -283,6 +285,7 @@ impl View {
             "error_frames": self.error_frames,
             "events": events,
         });
+        document["failed_self_test"] = json!(self.codes.failed_self_test);
         document["adaptation"] = json!(learnt);
         document
     }

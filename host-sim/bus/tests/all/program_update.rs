@@ -13,8 +13,8 @@ use firmware::node::dictionary::records::{
 };
 use firmware::node_settings::NodeSettings;
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
-use firmware::supervisor::ResetCause;
-use firmware::update::boot::{Requirement, Selection, select};
+use firmware::supervisor::{ResetCause, SelfTest};
+use firmware::update::boot::{LastRun, Requirement, Selection, select};
 use firmware::update::marks::TRIALS;
 use firmware::update::package::Version;
 use firmware::update::recovery::{RECOVERY_STATE, Recovery, identity};
@@ -97,15 +97,16 @@ impl Joint {
     }
 
     fn start(mut flash: Flash, cause: ResetCause, fails: bool, now_ns: u64) -> Running {
-        let has_failed = matches!(cause, ResetCause::Watchdog | ResetCause::Software);
+        let last_run =
+            LastRun::of(cause == ResetCause::Watchdog, cause == ResetCause::Software, false);
         let public_key = SigningKey::from_bytes(&KEY).verifying_key().to_bytes();
         let requirement = Requirement { board: BOARD, public_key };
         let now_us = now_ns / 1000;
-        match select(&mut flash, &[slot(0), slot(1)], &requirement, has_failed, |_, _| true) {
+        match select(&mut flash, &[slot(0), slot(1)], &requirement, last_run, |_, _| true) {
             Selection::Start { slot, .. } => {
-                let self_test_passed = !(fails && slot == 1);
+                let failed_self_test = (fails && slot == 1).then_some(SelfTest::EncoderClock);
                 let program = Some(program(slot as u32));
-                let boot = Boot { cause, self_test_passed, program, ..Boot::default() };
+                let boot = Boot { cause, failed_self_test, program, ..Boot::default() };
                 let node = Identity { hardware: "test", serial: 9, stage: StageTraits::NONE };
                 let driver = Driver::boot(NodeSettings::default(), flash, node, &boot, now_us);
                 Running::Driver(Box::new(driver))

@@ -8,3 +8,4 @@ mod closed_loop;
 mod compact;
 mod drawn_joint;
 mod fd_telemetry;
+mod start_values;

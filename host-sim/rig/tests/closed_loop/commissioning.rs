@@ -31,7 +31,7 @@ pub fn rows() -> &'static [ScenarioRow] {
 }
 
 /// Result of a run.
-pub(super) struct RunOutcome {
+pub(crate) struct RunOutcome {
     step: u32,
     seconds: f64,
     resistance: f64,
@@ -49,7 +49,7 @@ pub(super) struct RunOutcome {
     pub torque_share: Option<[f64; 2]>,
 }
 
-pub(super) fn commission(master: &mut Master) -> RunOutcome {
+pub(crate) fn commission(master: &mut Master) -> RunOutcome {
     let run = index::COMMISSIONING_RUN;
     master.rig.unlock().expect("the default key");
     let from = master.rig.plant().position_rad();

@@ -9,7 +9,7 @@
 mod adaptation;
 mod brake_test;
 mod bus;
-mod commissioning;
+pub(crate) mod commissioning;
 mod compact;
 mod current_loop;
 mod dead_time;

@@ -20,8 +20,8 @@ use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{OperationObject, ProgramObject, StateObject};
 use firmware::node_settings::NodeSettings;
 use firmware::store::memory::MemoryError;
-use firmware::supervisor::ResetCause;
-use firmware::update::boot::{Selection, is_intact, select};
+use firmware::supervisor::{ResetCause, SelfTest};
+use firmware::update::boot::{LastRun, Selection, is_intact, select};
 use firmware::update::marks::{self, SlotState};
 use firmware::update::recovery::{RECOVERY_STATE, Recovery, identity};
 use firmware::update::session::OtherState;
@@ -125,10 +125,11 @@ impl Joint {
     fn start(&mut self, cause: ResetCause) {
         let mut flash = self.flash().clone();
         flash.flash.power_on();
-        let has_failed = matches!(cause, ResetCause::Watchdog | ResetCause::Software);
+        let last_run =
+            LastRun::of(cause == ResetCause::Watchdog, cause == ResetCause::Software, false);
         let before = SLOTS.map(|slot| marks::state(&mut flash, &slot));
         flash.allowed = SLOTS.each_ref().map(|slot| slot.marks_page(PAGE)).to_vec();
-        let selection = select(&mut flash, &SLOTS, &requirement(), has_failed, |_, _| true);
+        let selection = select(&mut flash, &SLOTS, &requirement(), last_run, |_, _| true);
         let Selection::Start { slot, is_trial } = selection else {
             assert!(!self.has_image, "nothing starts");
             let second_slot = SLOTS[1].start..SLOTS[1].marks + PAGE;
@@ -146,8 +147,9 @@ impl Joint {
         let board = program(slot);
         let store = board.stores[1]..board.stores[1] + board.store_bytes;
         flash.allowed = vec![store];
-        let self_test_passed = self.passes_self_test || !is_trial;
-        let boot = Boot { cause, self_test_passed, program: Some(board), ..Boot::default() };
+        let fails = is_trial && !self.passes_self_test;
+        let failed_self_test = fails.then_some(SelfTest::EncoderClock);
+        let boot = Boot { cause, failed_self_test, program: Some(board), ..Boot::default() };
         let node = Identity { hardware: "fuzz", serial: 9, stage: StageTraits::NONE };
         let access = AccessSettings { is_locked: false, ..AccessSettings::default() };
         let settings = NodeSettings { access, ..NodeSettings::default() };

@@ -8,7 +8,7 @@
 use crate::bytes::Bytes;
 use crate::programs::{Flash, PAGE, SLOTS, found_in, packages, program, requirement};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
-use firmware::update::boot::{Selection, is_intact, select};
+use firmware::update::boot::{LastRun, Selection, is_intact, select};
 use firmware::update::marks::{self, BARE_MARK, SlotState, TRIALS};
 use firmware::update::receiver::Receiver;
 use firmware::update::session::Session;
@@ -59,7 +59,8 @@ fn change(flash: &mut Flash, bytes: &mut Bytes) {
 /// Starts the board once; returns the selection.
 fn check_start(flash: &mut Flash, has_failed: bool) -> Selection {
     let before = SLOTS.each_ref().map(|slot| marks::state(flash, slot));
-    let selection = select(flash, &SLOTS, &requirement(), has_failed, |_, _| true);
+    let last_run = LastRun::of(has_failed, false, false);
+    let selection = select(flash, &SLOTS, &requirement(), last_run, |_, _| true);
     let Selection::Start { slot, is_trial } = selection else { return selection };
     let is_bare = before[slot] == SlotState::Bare;
     let SlotState::Image(image) = before[slot] else {

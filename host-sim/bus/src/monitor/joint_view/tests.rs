@@ -108,6 +108,26 @@ fn view_with_lost_syncs_counts_them_and_ignores_pauses() {
 }
 
 #[test]
+fn view_with_failed_self_test_names_it_by_number() {
+    let mut model = model();
+    raw(&mut model, 0, 0x701, &[0]);
+    assert_eq!(view(&model, 1).codes.failed_self_test, None);
+    raw(&mut model, 1, 0x081, &[0x20, 0x52, 0x01, 20, 0, 13, 0, 0]);
+    let seen = view(&model, 2);
+    assert_eq!(seen.codes.faults, ["self-test-failed"]);
+    message::check("events", "failed self-test", texts(&seen)[1], &["13", "comparator 3"]);
+    assert_eq!(seen.codes.failed_self_test.as_deref(), Some("13: comparator 3"));
+    // A monitor that has missed the emergency reads the number.
+    let mut model = self::model();
+    let at = canopen_rs::Address::new(index::STATE, StateObject::FAILED_SELF_TEST);
+    model.on_reply(SdoReply::Value(at, 4), START + 5 * MS);
+    let test = view(&model, 6).codes.failed_self_test.expect("a number");
+    assert!(test.starts_with("4: ") && test.contains("phase a"), "{test}");
+    model.on_reply(SdoReply::Value(at, 0), START + 7 * MS);
+    assert_eq!(view(&model, 8).codes.failed_self_test, None);
+}
+
+#[test]
 fn view_with_emergencies_and_objects_updates_faults() {
     let mut model = model();
     raw(&mut model, 0, 0x701, &[0]);
