@@ -58,6 +58,8 @@ pub enum JointEvent {
     ProcessorReset,
     /// The supply has this voltage, V.
     Supply(f64),
+    /// A stop against positive motion is at this position, rad.
+    Stop(f64),
 }
 
 /// A driver with its motor and joint.
@@ -206,6 +208,7 @@ impl MotorNode {
             JointEvent::SealSensorsRestored => self.stuck = None,
             JointEvent::ProcessorReset => self.rig.reset(),
             JointEvent::Supply(voltage_v) => self.rig.plant_mut().set_supply(voltage_v),
+            JointEvent::Stop(position_rad) => self.rig.plant_mut().set_stop(position_rad),
         }
     }
 

@@ -90,6 +90,8 @@ pub struct JointPlant {
     pushed_n: f64,
     /// Torques at the output besides friction and load.
     hidden: Option<OutputTorque>,
+    /// Position of a stop against positive motion, rad.
+    stop_rad: f64,
     surroundings: Option<Surroundings>,
     /// Time since the surroundings were set, and until they are evaluated again, s.
     elapsed_s: f64,
@@ -168,6 +170,7 @@ impl JointPlant {
         Self {
             inertia: geared + p.output_inertia_kg_m2 + load.inertia_kg_m2(p),
             hidden: None,
+            stop_rad: f64::INFINITY,
             surroundings: None,
             elapsed_s: 0.0,
             surroundings_due_s: 0.0,
@@ -434,6 +437,9 @@ impl JointPlant {
             self.velocity -= self.velocity.clamp(-most, most);
         }
         self.position += dt * self.velocity;
+        if self.position > self.stop_rad {
+            (self.position, self.velocity) = (self.stop_rad, self.velocity.min(0.0));
+        }
     }
 
     /// Returns the rotor inertia in joint coordinates, kg m^2.

@@ -178,6 +178,11 @@ impl JointPlant {
         self.hidden = Some(torque);
     }
 
+    /// Puts a stop against positive motion at a position, rad. It takes all of the velocity.
+    pub fn set_stop(&mut self, position_rad: f64) {
+        self.stop_rad = position_rad;
+    }
+
     /// Lets side load, pressure and water temperature follow these courses from now on. Film and thermometer of the seal
     /// start at the water temperature.
     pub fn surround(&mut self, surroundings: Surroundings) {
