@@ -210,6 +210,7 @@ def tune(
     speed_rad_s: float,
     minutes: float,
     motion: tuple[str, str] | None = None,
+    allow_active: bool = False,
     confirm: Callable[[str], bool] | None = None,
     progress: Progress | None = None,
 ) -> Tuning: ...

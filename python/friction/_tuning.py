@@ -26,8 +26,8 @@ class Gain:
     Attributes:
         quantity: ``reversal-error``, ``tracking-rms``, ``current-rms`` or ``stuck-time``; smaller is better.
         unit: Unit of ``before`` and ``after``: rad, A or s.
-        before: Mean with the former parameters.
-        after: Mean with the new parameters.
+        before: Geometric mean with the former parameters.
+        after: Geometric mean with the new parameters.
         gain: ``1 - after / before``; below 0 if it is worse.
         ci95: 95 % confidence interval of the gain.
     """
@@ -127,6 +127,7 @@ def tune(
     speed_rad_s: float = 1.5,
     minutes: float = 5.0,
     motion: Motion | None = None,
+    allow_active: bool = False,
     confirm: bool | Callable[[str], bool] | None = None,
     key: str | os.PathLike[str] | None = None,
     node: int = 1,
@@ -147,6 +148,7 @@ def tune(
         minutes: Time on the bus, minutes, 1 to 60.
         motion: Motion of the trial: a CSV file with ``time_s`` and ``position_rad``, or a pair of these columns (s, rad; one
             dimension, equal length). By default sines and a slow triangle through reversals.
+        allow_active: Also tries laws that can give out energy, and so keep a joint moving.
         confirm: Whether the joint may move: True, or a function that is called with the question and returns a bool. A
             simulated joint needs none.
         key: File with the key of the joint, 32 hexadecimal digits; by default the file that the environment variable
@@ -172,6 +174,7 @@ def tune(
             speed_rad_s=speed_rad_s,
             minutes=minutes,
             motion=None if motion is None else _motion(motion),
+            allow_active=allow_active,
             confirm=answer,
             progress=report,
         )

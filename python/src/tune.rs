@@ -244,7 +244,7 @@ impl Listener {
 /// Tunes a joint. `motion` is the name and the text of a CSV file. `confirm` is called with the question whether the joint may
 /// move; without it, only a simulated joint moves.
 #[pyfunction]
-#[pyo3(signature = (joint, *, range_rad, speed_rad_s, minutes, motion=None, confirm=None, progress=None))]
+#[pyo3(signature = (joint, *, range_rad, speed_rad_s, minutes, motion=None, allow_active=false, confirm=None, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "each is a keyword in Python")]
 pub fn tune(
     py: Python<'_>,
@@ -253,12 +253,14 @@ pub fn tune(
     speed_rad_s: f64,
     minutes: f64,
     motion: Option<(String, String)>,
+    allow_active: bool,
     confirm: Option<Py<PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Tuning> {
     let joint = joint.get();
     let options = options(joint, [range_rad, speed_rad_s, minutes], motion)
         .map_err(|line| refused(py, &in_keywords(&line)))?;
+    let options = TuneOptions { allow_active, ..options };
     let is_interrupted = Arc::new(AtomicBool::new(false));
     let (send, questions) = channel();
     let (outcome, exception, unanswered) = py.detach(|| {
@@ -320,6 +322,7 @@ fn options(
         limits,
         seconds: 60.0 * minutes,
         motion: motion.map(parse).transpose()?,
+        allow_active: false,
         seed: joint.seed,
         joint: joint.name(),
         is_simulated: joint.simulated.is_some(),

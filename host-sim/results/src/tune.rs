@@ -3,8 +3,8 @@
 //! [`TuneReport`] has the plain values of a session. [`TuneReport::document`] is `tune.json`; the page `tune.html` and the table
 //! of the recorded rows have the same values.
 //!
-//! A *block* is one performance of the same motion with one of two parameter sets: A as the joint was, B as tried. Blocks
-//! are performed in the order A B B A, so that a drift of the joint does not favour either set.
+//! A *block* is one performance of the same motion with one of the sets of [`TuneArm`]. The orders of the blocks are balanced, so
+//! that a steady drift of the joint favours no set.
 
 #[cfg(feature = "pages")]
 mod charts;
@@ -70,16 +70,16 @@ impl TuneQuantity {
     }
 }
 
-/// The gain of a quantity: `1 - after / before`, paired over the blocks.
+/// The gain of a quantity from one set to another: `1 - after / before`, paired over the rounds of the trial.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TuneGain {
     /// The quantity.
     pub quantity: TuneQuantity,
     /// Its unit.
     pub unit: &'static str,
-    /// Mean of the blocks with the former set.
+    /// Geometric mean of the blocks with the first set.
     pub before: f64,
-    /// Mean of the blocks with the new set.
+    /// Geometric mean of the blocks with the second set.
     pub after: f64,
     /// The gain; negative if it is worse.
     pub gain: f64,
@@ -98,26 +98,78 @@ pub struct TuneRound {
     pub why: String,
 }
 
+/// A set of the trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+pub enum TuneArm {
+    /// The set as the joint had it.
+    #[serde(rename = "A")]
+    Former,
+    /// The new friction model and, if they were found, the new loop gains.
+    #[serde(rename = "B")]
+    New,
+    /// The former friction model with the new loop gains.
+    #[serde(rename = "C")]
+    NewLoop,
+}
+
+impl TuneArm {
+    /// All sets, in the order of performance of a first round.
+    pub const ALL: [Self; 3] = [Self::Former, Self::NewLoop, Self::New];
+
+    /// Returns the letter.
+    pub const fn letter(self) -> &'static str {
+        match self {
+            Self::Former => "A",
+            Self::New => "B",
+            Self::NewLoop => "C",
+        }
+    }
+
+    /// Returns what the set has beside the former one.
+    pub const fn in_words(self) -> &'static str {
+        match self {
+            Self::Former => "the former set",
+            Self::New => "the new one",
+            Self::NewLoop => "the former friction model with the new loop gains",
+        }
+    }
+}
+
 /// A block of the trial.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TuneBlock {
-    /// True for the new set (B), false for the former one (A).
-    pub is_new: bool,
+    /// Its set.
+    pub arm: TuneArm,
     /// Values in the order of [`TuneQuantity::ALL`].
     pub values: [f64; 4],
 }
 
-/// The comparison of both sets.
+/// The comparison of the sets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TuneTrial {
     /// The blocks in the order of performance.
     pub blocks: Vec<TuneBlock>,
 }
 
+/// What each part of a new set takes of the errors, in the order of [`TuneQuantity::ALL`]; empty if it was not compared.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TuneParts {
+    /// From the former set to the new loop gains with the former friction model.
+    pub loop_gains: Vec<TuneGain>,
+    /// From there, or without new loop gains from the former set, to the new friction model.
+    pub friction_model: Vec<TuneGain>,
+}
+
 impl TuneTrial {
     /// Returns the order of the blocks, such as `ABBA`.
     pub fn order(&self) -> String {
-        self.blocks.iter().map(|block| if block.is_new { 'B' } else { 'A' }).collect()
+        self.blocks.iter().map(|block| block.arm.letter()).collect()
+    }
+
+    /// Returns the sets that were compared.
+    pub fn arms(&self) -> Vec<TuneArm> {
+        let is_performed = |arm: &TuneArm| self.blocks.iter().any(|block| block.arm == *arm);
+        [TuneArm::Former, TuneArm::New, TuneArm::NewLoop].into_iter().filter(is_performed).collect()
     }
 }
 
@@ -181,13 +233,17 @@ pub struct TuneReport {
     pub cause: String,
     /// Its probability.
     pub probability: f64,
-    /// The gains, in the order of [`TuneQuantity::ALL`]; empty if nothing was tried.
+    /// The set that was saved; if none was, the one that was tried last.
+    pub arm: TuneArm,
+    /// Gains of this set over the former one, in the order of [`TuneQuantity::ALL`]; empty if nothing was tried.
     pub gains: Vec<TuneGain>,
+    /// What loop gains and friction model contribute.
+    pub parts: TuneParts,
     /// The motions that were learnt from, in order.
     pub rounds: Vec<TuneRound>,
     /// What this joint and this session could not show, a sentence each.
     pub not_learnt: Vec<String>,
-    /// The comparison of both sets.
+    /// The comparison of the sets.
     pub trial: TuneTrial,
     /// A performance with the former set, and one with the new set.
     pub courses: [TuneCourse; 2],
@@ -214,7 +270,9 @@ pub struct TuneDocument<'a> {
     why_not: Option<&'a str>,
     cause: &'a str,
     probability: f64,
+    handed_over: &'static str,
     gains: &'a [TuneGain],
+    parts: &'a TuneParts,
     rounds: &'a [TuneRound],
     not_learnt: &'a [String],
     trial: TrialDocument,
@@ -230,10 +288,33 @@ pub struct TuneDocument<'a> {
 struct TrialDocument {
     blocks: usize,
     order: String,
-    values: Vec<TuneBlock>,
+    values: Vec<BlockDocument>,
+}
+
+#[derive(Debug, Serialize)]
+struct BlockDocument {
+    set: TuneArm,
+    is_new: bool,
+    values: [f64; 4],
+}
+
+impl BlockDocument {
+    fn of(block: &TuneBlock) -> Self {
+        Self { set: block.arm, is_new: block.arm == TuneArm::New, values: block.values }
+    }
 }
 
 impl TuneReport {
+    /// Returns the name of what was handed over.
+    const fn handed_over(&self) -> &'static str {
+        match (&self.outcome, self.arm) {
+            (TuneOutcome::Returned(_), _) | (_, TuneArm::Former) => "none",
+            (_, TuneArm::NewLoop) => "loop-gains",
+            (_, TuneArm::New) if self.parts.loop_gains.is_empty() => "friction-model",
+            (_, TuneArm::New) => "both",
+        }
+    }
+
     /// Returns the session as the document `tune.json`.
     pub fn document(&self) -> TuneDocument<'_> {
         let why_not = match &self.outcome {
@@ -249,13 +330,15 @@ impl TuneReport {
             why_not,
             cause: &self.cause,
             probability: self.probability,
+            handed_over: self.handed_over(),
             gains: &self.gains,
+            parts: &self.parts,
             rounds: &self.rounds,
             not_learnt: &self.not_learnt,
             trial: TrialDocument {
                 blocks: self.trial.blocks.len(),
                 order: self.trial.order(),
-                values: self.trial.blocks.clone(),
+                values: self.trial.blocks.iter().map(BlockDocument::of).collect(),
             },
             control: self.control.as_ref(),
             parameters: &self.parameters,

@@ -5,7 +5,7 @@ use super::joint_on_bus::{JointArguments, MotionArguments, start_hub};
 use super::output::{OutputArguments, print_message, print_text};
 use super::tune_from::{ForeignArguments, run_foreign};
 use clap::Args;
-use friction_results::tune::TuneOutcome;
+use friction_results::tune::{TuneGain, TuneOutcome, TuneParts};
 use joint_bus::bus::BusName;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser, motion, trial_set, tune};
 use std::io::{BufRead, IsTerminal, Write};
@@ -25,8 +25,11 @@ pub struct TuneArguments {
     /// Do not ask before the joint moves
     #[arg(long)]
     yes: bool,
+    /// Also try laws that can give out energy, and so keep a joint moving
+    #[arg(long)]
+    allow_active: bool,
     /// Bring back the parameters from before the last tuning, and save them
-    #[arg(long, conflicts_with_all = ["motion", "yes"])]
+    #[arg(long, conflicts_with_all = ["motion", "yes", "allow_active"])]
     undo: bool,
     #[command(flatten)]
     joint: JointArguments,
@@ -98,6 +101,7 @@ pub fn run(arguments: &TuneArguments) -> Result<ExitCode, String> {
         limits,
         seconds: 60.0 * arguments.minutes,
         motion,
+        allow_active: arguments.allow_active,
         seed: arguments.joint.seed(),
         joint: name,
         is_simulated: arguments.bus.bus == BusName::Loop,
@@ -155,22 +159,37 @@ fn summary(session: &Session) -> String {
         TuneOutcome::Returned(why) => format!("The former parameters are active: {why}.\n"),
     };
     for gain in &report.gains {
-        let [low, high] = gain.ci95.map(|share| 100.0 * share);
-        text += &format!(
-            "  {}: {:.4} {} -> {:.4} {} ({:+.0} %, 95 % interval {:+.0} to {:+.0} %)\n",
-            gain.quantity.in_words(),
-            gain.before,
-            gain.unit,
-            gain.after,
-            gain.unit,
-            -100.0 * gain.gain,
-            -high,
-            -low
-        );
+        text += &format!("  {}\n", gain_line(gain));
+    }
+    let TuneParts { loop_gains, friction_model } = &report.parts;
+    if !loop_gains.is_empty() && !friction_model.is_empty() {
+        for (name, gains) in
+            [("the loop gains", loop_gains), ("then the friction model", friction_model)]
+        {
+            text += &format!("  by {name}:\n");
+            // The current follows from both, and the time stuck from the errors.
+            gains.iter().take(2).for_each(|gain| text += &format!("    {}\n", gain_line(gain)));
+        }
     }
     text += &format!("  cause: {}, probability {:.2}\n", report.cause, report.probability);
-    for line in report.not_learnt.iter().chain(&report.warnings) {
-        text += &format!("  not learnt: {line}\n");
+    for (name, lines) in [("warning", &report.warnings), ("not learnt", &report.not_learnt)] {
+        lines.iter().for_each(|line| text += &format!("  {name}: {line}\n"));
     }
     text
+}
+
+/// Returns a change with its interval.
+fn gain_line(gain: &TuneGain) -> String {
+    let [low, high] = gain.ci95.map(|share| 100.0 * share);
+    format!(
+        "{}: {:.4} {} -> {:.4} {} ({:+.0} %, 95 % interval {:+.0} to {:+.0} %)",
+        gain.quantity.in_words(),
+        gain.before,
+        gain.unit,
+        gain.after,
+        gain.unit,
+        -100.0 * gain.gain,
+        -high,
+        -low
+    )
 }

@@ -68,16 +68,23 @@ fn gain(quantity: TuneQuantity, before: f64, after: f64, half: f64) -> TuneGain 
     }
 }
 
+/// Order of the blocks.
+const ORDER: &str = "ACBBCACBAABC";
+
 fn blocks() -> Vec<TuneBlock> {
     let mut random = Pcg64Mcg::seed_from_u64(46);
-    let mut block = |is_new: bool| {
-        let [reversal, tracking, current, stuck] =
-            if is_new { [0.004, 0.0022, 1.47, 0.02] } else { [0.012, 0.0041, 1.52, 0.35] };
+    let block = |arm: TuneArm| {
+        let [reversal, tracking, current, stuck] = match arm {
+            TuneArm::Former => [0.012, 0.0041, 1.52, 0.35],
+            TuneArm::NewLoop => [0.008, 0.0031, 1.51, 0.12],
+            TuneArm::New => [0.004, 0.0022, 1.47, 0.02],
+        };
         let mut spread = |value: f64| value * (0.94 + 0.12 * random.random::<f64>());
         let values = [spread(reversal), spread(tracking), spread(current), spread(stuck)];
-        TuneBlock { is_new, values }
+        TuneBlock { arm, values }
     };
-    "ABBAABBAABBA".chars().map(|letter| block(letter == 'B')).collect()
+    let arm = |letter: char| TuneArm::ALL.into_iter().find(|arm| arm.letter().starts_with(letter));
+    ORDER.chars().filter_map(arm).map(block).collect()
 }
 
 /// A velocity loop whose inertia has a resonance at 62 Hz.
@@ -136,6 +143,21 @@ fn saved() -> TuneReport {
             gain(TuneQuantity::CurrentRms, 1.52, 1.47, 0.051),
             gain(TuneQuantity::StuckTime, 0.35, 0.02, 0.04),
         ],
+        arm: TuneArm::New,
+        parts: TuneParts {
+            loop_gains: vec![
+                gain(TuneQuantity::ReversalError, 0.012, 0.008, 0.05),
+                gain(TuneQuantity::TrackingRms, 0.0041, 0.0031, 0.04),
+                gain(TuneQuantity::CurrentRms, 1.52, 1.51, 0.05),
+                gain(TuneQuantity::StuckTime, 0.35, 0.12, 0.05),
+            ],
+            friction_model: vec![
+                gain(TuneQuantity::ReversalError, 0.008, 0.004, 0.06),
+                gain(TuneQuantity::TrackingRms, 0.0031, 0.0022, 0.05),
+                gain(TuneQuantity::CurrentRms, 1.51, 1.47, 0.05),
+                gain(TuneQuantity::StuckTime, 0.12, 0.02, 0.05),
+            ],
+        },
         rounds: vec![
             round("slow sweep ±0.05 rad", 40.0, "The stiffness before sliding was not known."),
             round(
@@ -186,6 +208,9 @@ fn returned() -> TuneReport {
         gain(TuneQuantity::CurrentRms, 1.5, 1.8, 0.04),
         gain(TuneQuantity::StuckTime, 0.0, 0.0, 0.0),
     ];
+    for gains in [&mut report.parts.loop_gains, &mut report.parts.friction_model] {
+        gains[3] = gain(TuneQuantity::StuckTime, 0.0, 0.0, 0.0);
+    }
     report.trial.blocks.iter_mut().for_each(|block| block.values[3] = 0.0);
     report.trial.blocks[3].values = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0];
     report.trial.blocks[4].values[0] = f64::NAN;
@@ -279,7 +304,9 @@ fn page_of_a_gain_has_each_change_with_its_interval() {
         &report.not_learnt[0],
         &report.warnings[0],
         &report.rounds[2].why,
-        "A B B A A B B A A B B A",
+        "A C B B C A C B A A B C",
+        "Error at reversals: −33\u{a0}% by the loop gains, then −50\u{a0}% by the friction model",
+        "−33\u{a0}% (−38 to −28\u{a0}%)",
         "2.31\u{a0}Nm",
         "1.98\u{a0}Nm",
         "velocity_gain",
@@ -313,7 +340,8 @@ fn charts_show_errors_blocks_and_response_of_the_session() {
     // On the same time axis as the error.
     assert_eq!(charts[1].named("demanded position").map(|series| series.parts.len()), Some(1));
     let strip = titled("Time stuck");
-    assert_eq!(strip.named("after").expect("after").along(0).len(), 6);
+    assert_eq!(strip.named("after").expect("after").along(0).len(), 4);
+    assert_eq!(strip.named("new loop gains alone").expect("a series").along(0).len(), 4);
     let magnitude = &titled("Magnitude").series[0];
     assert_eq!((magnitude.along(0).len(), titled("Phase").series[0].along(0).len()), (30, 30));
     assert!((magnitude.along(0)[0] - 0.5).abs() < 0.01, "{:?}", magnitude.along(0));
@@ -360,6 +388,7 @@ fn page_without_anything_measured_has_no_chart() {
         outcome: TuneOutcome::Returned("the joint has no position window".to_owned()),
         cause: "none".to_owned(),
         gains: Vec::new(),
+        parts: TuneParts::default(),
         rounds: Vec::new(),
         not_learnt: Vec::new(),
         trial: TuneTrial::default(),
@@ -388,11 +417,13 @@ fn document_has_the_keys_of_the_contract_and_null_for_missing_values() {
         (at("/schema"), at("/saved"), at("/cause")),
         (1.into(), true.into(), "direction-asymmetry".into())
     );
-    assert_eq!((at("/trial/blocks"), at("/trial/order")), (12.into(), "ABBAABBAABBA".into()));
+    assert_eq!((at("/trial/blocks"), at("/trial/order")), (12.into(), ORDER.into()));
     assert_eq!(
         (at("/gains/0/quantity"), at("/gains/3/quantity")),
         ("reversal-error".into(), "stuck-time".into())
     );
+    assert_eq!((at("/trial/values/1/set"), at("/handed_over")), ("C".into(), "both".into()));
+    assert_eq!(at("/parts/friction_model/0/quantity"), "reversal-error");
     assert_eq!((at("/rounds/3/seconds"), at("/not_learnt/0").is_string()), (12.5.into(), true));
     assert!(document.get("why_not").is_none());
     let (_, files) = written("tune-returned", &returned());

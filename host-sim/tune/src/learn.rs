@@ -6,6 +6,7 @@ use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use firmware::parameter_set::ParameterSet;
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, prepare};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_fit::predict::predict;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Outcome, Rows, identify_robustly};
 use joint_log::SplitRule;
@@ -101,10 +102,18 @@ impl Learnt {
     }
 
     fn fit(&self, spec: &Spec) -> Option<Outcome> {
+        self.fit_from(spec, &spec.parameters().ok()?, &FitOptions::default())
+    }
+
+    fn fit_from(
+        &self,
+        spec: &Spec,
+        base: &Parameters<f64>,
+        options: &FitOptions,
+    ) -> Option<Outcome> {
         let rows = Rows { tracks: &self.input.train, decimate: self.input.decimate };
-        let base = spec.parameters().ok()?;
         let (test, loss) = (self.input.test_rows(), self.input.loss);
-        identify_robustly(loss, spec, &base, rows, test, &FitOptions::default()).ok()
+        identify_robustly(loss, spec, base, rows, test, options).ok()
     }
 
     /// Returns the inertia at the joint, kg m^2, if the recordings determine it.
@@ -113,12 +122,6 @@ impl Learnt {
         let estimate = model.estimates.iter().find(|own| own.id == ParameterId::Inertia)?;
         let error = estimate.std_error?;
         (estimate.value > 0.0 && error < 0.2 * estimate.value).then_some(estimate.value)
-    }
-
-    /// Returns a copy of the set with the learnt model. Inertia goes to the feed-forward of the velocity loop, and the other
-    /// parts to the compensator, at this scale.
-    pub fn set(&self, former: &ParameterSet, scale: f32) -> ParameterSet {
-        self.set_with(&self.found.transferable_model(), former, scale)
     }
 
     /// Fits the static form of the extended model: the same terms on a law without bristles. `None` if the law is static
@@ -137,12 +140,41 @@ impl Learnt {
         self.fit(&spec)
     }
 
-    /// As [`Learnt::set`], with another model that was fitted to the same recordings.
+    /// Returns the model for the driver in a passive form: the learnt one if it is passive, or else one that is fitted again
+    /// without friction that drives. `None` if there is none.
+    pub fn passive_form(&self, model: &Outcome) -> Option<Outcome> {
+        let learnt = model.for_driver().parameters;
+        if is_passive(&learnt) {
+            return Some(model.clone());
+        }
+        let mut options = FitOptions { passive: true, starts: 1, ..FitOptions::default() };
+        let mut start = learnt;
+        start.choices.allow_active = false;
+        if start.get(ParameterId::ViscousFriction) < 0.0 {
+            start.set(ParameterId::ViscousFriction, 0.0);
+            options.fixed.push(ParameterId::ViscousFriction);
+        }
+        options.start = Some(start.clone());
+        let fitted = self.fit_from(&model.spec, &start, &options)?;
+        is_passive(&fitted.for_driver().parameters).then_some(fitted)
+    }
+
+    /// Returns the error of a model for the driver on the held-out rows, RMS, Nm.
+    pub fn held_out_nm(&self, model: &Outcome) -> f64 {
+        predict(&model.for_driver().parameters, self.input.test_rows(), model.resolution)
+            .metrics
+            .rmse
+    }
+
+    /// Returns a copy of the set with a model that was fitted to the recordings. Inertia goes to the feed-forward of the velocity
+    /// loop, and the other parts to the compensator, at this scale.
     pub fn set_with(&self, model: &Outcome, former: &ParameterSet, scale: f32) -> ParameterSet {
         let driver = model.for_driver();
         let mut set = former.clone();
         set.network = None;
         let mut model: Parameters<f32> = driver.parameters.convert();
+        model.choices.allow_active =
+            former.friction.model.choices.allow_active || !is_passive(&driver.parameters);
         model.terms.retain(|term| *term != TermKind::UnmodelledInertia);
         widen(&mut model, &former.friction.model.envelope);
         set.friction.model = model;
@@ -153,6 +185,16 @@ impl Learnt {
         set.watch.band_nm = (2.0 * self.found.hand_over.held_out_of_driver.rmse) as f32;
         set
     }
+}
+
+/// Returns true if a law cannot give out energy: the core accepts it without `allow_active`, and it has no viscous friction that
+/// drives.
+pub fn is_passive(law: &Parameters<f64>) -> bool {
+    let mut law = law.convert::<f32>();
+    law.choices.allow_active = false;
+    let viscous = ParameterId::ViscousFriction;
+    let drives = law.active().any(|id| id == viscous) && law.get(viscous) < 0.0;
+    !drives && law.validate().is_ok()
 }
 
 /// Gives a model the former range of inputs where it was wider than that of the recordings, if the model is valid there: the
@@ -166,5 +208,29 @@ fn widen(model: &mut Parameters<f32>, former: &Envelope) {
     model.envelope = Envelope::from_array(fields);
     if model.validate().is_err() {
         model.envelope = own;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn is_passive_is_false_for_friction_that_drives_and_for_much_damping() {
+        for law in [LawKind::Lugre, LawKind::Stribeck] {
+            let passive = Parameters::<f64>::new(law);
+            assert!(is_passive(&passive), "{law:?}");
+            // The flag permits the law, and does not make it passive.
+            for allow_active in [false, true] {
+                let mut driving = passive.clone().with(ParameterId::ViscousFriction, -0.1);
+                driving.choices.allow_active = allow_active;
+                assert!(!is_passive(&driving), "{law:?}");
+            }
+        }
+        let damped = Parameters::<f64>::new(LawKind::Lugre)
+            .with(ParameterId::CoulombTorque, 1.0)
+            .with(ParameterId::StaticTorque, 2.0)
+            .with(ParameterId::BristleDamping, 1e4);
+        assert!(!is_passive(&damped));
     }
 }

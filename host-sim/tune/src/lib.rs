@@ -5,7 +5,7 @@
 //! baseline   the motion of the trial with the former set           motion, master, recording, score
 //! learn      motions that show what friction depends on            experiment, learn
 //!            the response from current to velocity                 frequency
-//! try        blocks A B B A with the former and the new set        trial_set, session
+//! try        rounds of blocks with each set                       trial_set, session, gain, proof
 //! save       on a proven gain; else the former set is back
 //! ```
 //! [`tune`] runs a session on any bus. The bus defines the time, so that a session in virtual time takes seconds. All moves go
@@ -14,13 +14,14 @@
 pub mod driver_file;
 pub mod experiment;
 pub mod frequency;
+pub mod gain;
 pub mod learn;
 pub mod master;
 pub mod motion;
 pub mod names;
 mod perform;
 pub mod preflight;
-mod proof;
+pub mod proof;
 pub mod recording;
 pub mod results;
 pub mod score;

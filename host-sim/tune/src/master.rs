@@ -9,6 +9,10 @@
 //! The mappings are not stored in the joint: they end with a reset of its communication, which [`Master::leave`] requests.
 //! The bus defines the time, so that the same code moves a joint on a real bus and in virtual time.
 
+mod error;
+
+pub use error::MasterError;
+
 use crate::motion::{Motion, MotionBuilder, MotionLimits, TARGET_PERIOD_S};
 use crate::recording::{Recording, Row};
 use canopen_rs::{Address, NmtCommand};
@@ -16,8 +20,8 @@ use compensator_core::can::{Frame, Message, NodeId, SyncFrame, cob_id};
 use firmware::driver::profile::CSP;
 use firmware::node::dictionary::index::{self, TRIAL};
 use firmware::node::dictionary::records::TrialObject;
-use joint_bus::bus::{Bus, BusError};
-use joint_bus::canopen::{Client, SdoError};
+use joint_bus::bus::Bus;
+use joint_bus::canopen::Client;
 use joint_trace::CanFrame;
 
 /// Time between two SYNCs, ns.
@@ -33,6 +37,13 @@ const SYNCS_PER_RENEWAL: u64 = 500;
 /// Time to which a renewal sets the deadline of a trial, ms.
 pub const TRIAL_DEADLINE_MS: u16 = 2000;
 
+/// Time for which a joint that presses against a stop is allowed to, in SYNCs.
+const PRESSING_SYNCS: u32 = 100;
+/// Speed below which a joint stands, as a share of the largest speed of its motions.
+const STANDING_SHARE: f64 = 0.02;
+/// Bit of the statusword: the current or another value is limited.
+const INTERNAL_LIMIT: u16 = 1 << 11;
+
 /// Controlwords.
 const SHUTDOWN: u16 = 0x06;
 const SWITCH_ON: u16 = 0x07;
@@ -44,35 +55,6 @@ const ENABLED: u16 = 0x27;
 const FAULT_MASK: u16 = 0x4F;
 const FAULT: u16 = 0x08;
 const FAULT_REACTION: u16 = 0x0F;
-
-/// Reason why a motion ended early; one line.
-#[derive(Debug, thiserror::Error)]
-pub enum MasterError {
-    /// An object was not read or written.
-    #[error(transparent)]
-    Object(#[from] SdoError),
-    /// The bus failed.
-    #[error(transparent)]
-    Bus(#[from] BusError),
-    /// The joint does not report.
-    #[error("node {0} has stopped reporting: cable, supply or reset")]
-    Silent(u8),
-    /// The drive left the enabled state.
-    #[error("the drive stopped: {0}")]
-    Stopped(String),
-    /// The drive did not reach the enabled state.
-    #[error("the drive does not arm: {0}")]
-    NotEnabled(String),
-    /// The trial's renewal was refused.
-    #[error("the trial on the drive has ended: abort code {0:08X}")]
-    TrialEnded(u32),
-    /// The position error exceeded its guard.
-    #[error("the position error reached {0:.3} rad, more than any error with the former set")]
-    ErrorGuard(f64),
-    /// The caller asked to stop.
-    #[error("interrupted")]
-    Interrupted,
-}
 
 /// A master of one joint.
 pub struct Master<B> {
@@ -92,6 +74,8 @@ pub struct Master<B> {
     has_trial: bool,
     /// Position error at which a motion is ended, rad.
     error_guard_rad: f64,
+    /// SYNCs since which the joint stands with its current at the limit.
+    pressing_syncs: u32,
 }
 
 impl<B: Bus> Master<B> {
@@ -122,6 +106,7 @@ impl<B: Bus> Master<B> {
             reported_ns: 0,
             has_trial: false,
             error_guard_rad: f64::INFINITY,
+            pressing_syncs: 0,
         }
     }
 
@@ -163,6 +148,15 @@ impl<B: Bus> Master<B> {
     ) -> Result<(), MasterError> {
         self.write(index::INTERPOLATION_TIME, 1, &[period])?;
         self.write(index::INTERPOLATION_TIME, 2, &[exponent])
+    }
+
+    /// Sets the largest following error (6065h), 1e-6 rad, and its time (6066h), ms. The joint must be disarmed.
+    ///
+    /// # Errors
+    /// The joint refuses it or does not answer.
+    pub fn set_following_window(&mut self, (micro_rad, ms): (u32, u16)) -> Result<(), MasterError> {
+        self.write(index::FOLLOWING_WINDOW, 0, &micro_rad.to_le_bytes())?;
+        self.write(index::FOLLOWING_TIME, 0, &ms.to_le_bytes())
     }
 
     /// Maps the PDOs and selects the mode. The joint must be disarmed.
@@ -308,7 +302,7 @@ impl<B: Bus> Master<B> {
     }
 
     fn follow(&mut self, positions: &[f64], mut take: impl FnMut(&Row)) -> Result<(), MasterError> {
-        self.phase = 0;
+        (self.phase, self.pressing_syncs) = (0, 0);
         for (step, position) in positions.iter().enumerate() {
             self.target_rad = *position;
             for _ in 0..SYNCS_PER_TARGET {
@@ -319,10 +313,9 @@ impl<B: Bus> Master<B> {
                 if !self.is_enabled() {
                     return Err(self.stopped());
                 }
-                let error_rad = self.last.error_rad.abs();
-                if error_rad > self.error_guard_rad {
+                if let Some(error) = self.guarded() {
                     self.disable()?;
-                    return Err(MasterError::ErrorGuard(error_rad));
+                    return Err(error);
                 }
             }
             if (self.is_interrupted)() {
@@ -333,6 +326,20 @@ impl<B: Bus> Master<B> {
             }
         }
         Ok(())
+    }
+
+    /// Returns why a motion is ended: its error, or a stop against which the joint presses.
+    fn guarded(&mut self) -> Option<MasterError> {
+        let Row { error_rad, velocity_rad_s, status, .. } = self.last;
+        let is_standing = velocity_rad_s.abs() < STANDING_SHARE * self.limits.speed_rad_s;
+        let is_pressing = is_standing && status & INTERNAL_LIMIT != 0;
+        self.pressing_syncs = if is_pressing { self.pressing_syncs + 1 } else { 0 };
+        let error_rad = error_rad.abs();
+        let is_far = error_rad > self.error_guard_rad;
+        if self.pressing_syncs > PRESSING_SYNCS || is_far && is_standing {
+            return Some(MasterError::Stop(error_rad));
+        }
+        is_far.then_some(MasterError::ErrorGuard(error_rad))
     }
 
     /// Slows down from a demanded velocity, rad/s.

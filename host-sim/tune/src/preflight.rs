@@ -2,16 +2,18 @@
 
 use crate::master::code_names;
 use crate::motion::MotionLimits;
-use crate::trial_set::{DEADLINE, TRIAL};
+use crate::trial_set::TRIAL;
 use canopen_rs::Address;
 use compensator_core::can::{Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{AccessObject, InputsObject};
+use firmware::node::dictionary::records::{
+    AccessObject, AdaptationObject, InputsObject, TrialObject,
+};
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;
 use joint_bus::bus::Bus;
 use joint_bus::canopen::{Client, SdoError};
-use joint_bus::parameters::read_set;
+use joint_bus::parameters::read_staged;
 use std::time::Duration;
 
 /// Time for which the bus is watched for another master.
@@ -34,6 +36,8 @@ pub struct Found {
     pub position_gain: u32,
     /// Time between two targets (60C2h:1 and :2).
     pub interpolation: [u8; 2],
+    /// Largest following error (6065h), 1e-6 rad, and its time (6066h), ms.
+    pub following: (u32, u16),
     /// Its position, rad.
     pub position_rad: f64,
     /// Names and values for the report.
@@ -74,8 +78,7 @@ pub enum Purpose {
     MoveTo(f64),
 }
 
-/// Examines a joint and decides whether motions within these limits are permitted. Nothing is changed, except that the key
-/// opens the service level.
+/// Examines a joint and decides whether motions within these limits are permitted. Nothing is changed.
 ///
 /// # Errors
 /// Returns one line: what must not be done, why, and the remedy.
@@ -111,14 +114,20 @@ pub fn examine<B: Bus>(
     let [least, most] = window;
     let window = [micro(least?), micro(most?)];
     check_window(window, position_rad, limits.range_rad, purpose)?;
-    let set = read_set(client)?;
+    let set = read_staged(client)?;
+    if client.read_number(at(index::COMMIT, 1))? != set.crc() {
+        return refuse("parameters are staged and not committed: `params get` discards them");
+    }
     let warnings = check_set(client, &set, limits)?;
     let position_gain = client.read_number(at(index::POSITION_LOOP, 1))?;
     let interpolation =
         [1, 2].map(|place| client.read_number(at(index::INTERPOLATION_TIME, place)));
     let [period, exponent] = interpolation;
+    let window_micro_rad = client.read_number(at(index::FOLLOWING_WINDOW, 0))?;
+    let time_ms = client.read_number(at(index::FOLLOWING_TIME, 0))? as u16;
     if purpose == Purpose::Tune {
         check_trial(client)?;
+        check_adaptation(client)?;
     }
     let [low, high] = window;
     facts.push((
@@ -133,6 +142,7 @@ pub fn examine<B: Bus>(
         set,
         position_gain,
         interpolation: [period? as u8, exponent? as u8],
+        following: (window_micro_rad, time_ms),
         position_rad,
         facts,
         warnings,
@@ -247,15 +257,28 @@ fn check_set<B: Bus>(
     Ok(warnings)
 }
 
-/// Opens a trial and returns at once: the joint has one, and its active parameters are the stored ones.
+/// Refuses a firmware without trials. That the active parameters are the stored ones is known when the trial opens: that is
+/// after the question, because a trial changes the joint.
 fn check_trial<B: Bus>(client: &mut Client<B>) -> Result<(), Refusal> {
-    match client.write(Address::new(TRIAL, DEADLINE), &1000u16.to_le_bytes()) {
-        Ok(()) => Ok(client.write(Address::new(TRIAL, 2), &[2])?),
+    match client.read_number(Address::new(TRIAL, TrialObject::STATE)) {
+        Ok(_) => Ok(()),
         Err(SdoError::Refused { code: 0x0602_0000, .. }) => {
             refuse("this firmware has no trial of parameters (2042h): update the joint first")
         }
         Err(error) => Err(error.into()),
     }
+}
+
+/// Refuses a joint that uses learnt gains: a trial would forget them, and compare with a set that the joint did not use.
+fn check_adaptation<B: Bus>(client: &mut Client<B>) -> Result<(), Refusal> {
+    let mode = Address::new(index::ADAPTATION, AdaptationObject::MODE);
+    if client.read_number(mode)? != 0 {
+        return refuse(
+            "the joint uses learnt gains (2044h:1), which a trial forgets: `params set adapt adopt` makes them its set, then \
+             `params set adapt off` and `params save`",
+        );
+    }
+    Ok(())
 }
 
 /// Returns the lock in words.

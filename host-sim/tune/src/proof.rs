@@ -1,8 +1,10 @@
-//! The decision about a new set: a gain is proven, or the former set returns.
+//! The decision about a new set: a gain is proven, or the former set returns. Each part must gain by itself: a friction model
+//! without a gain over the new loop gains alone is not handed over.
 
-use crate::score::{Scored, gains};
+use crate::gain::gains;
+use crate::score::Scored;
 use firmware::control::ENCODER_ERROR_RAD;
-use friction_results::tune::{TuneGain, TuneQuantity};
+use friction_results::tune::{TuneArm, TuneGain, TuneParts, TuneQuantity};
 
 /// Least gain, at the lower end of its interval, for which parameters are changed. A smaller one may be the luck of a refit.
 const MIN_GAIN: f64 = 0.05;
@@ -22,18 +24,20 @@ const SMALL_CURRENT_STEP_A: f64 = 0.15;
 /// The decision.
 #[derive(Clone, Debug)]
 pub struct Verdict {
-    /// The new set is proven to be better, and worse in nothing.
-    pub is_proven: bool,
-    /// Why not, as a sentence; empty if it is.
+    /// The set that is proven to be better, and worse in nothing; `None` for the former one.
+    pub proven: Option<TuneArm>,
+    /// Why the new set, or its friction model, is not handed over, as a sentence; empty if it is.
     pub why: String,
     /// The gains; empty if the trial was not completed.
     pub gains: Vec<TuneGain>,
+    /// What each part of the new set contributes.
+    pub parts: TuneParts,
 }
 
 impl Verdict {
     /// Returns the decision for the former set, without a completed trial.
     pub fn returned(why: &str) -> Self {
-        Self { is_proven: false, why: why.to_owned(), gains: Vec::new() }
+        Self { proven: None, why: why.to_owned(), gains: Vec::new(), parts: TuneParts::default() }
     }
 
     /// Returns the gain of the tracking error; 0 without a completed trial.
@@ -85,9 +89,62 @@ impl Means {
     }
 }
 
-/// Decides from pairs of blocks: former set, new set.
-pub fn verdict(pairs: &[[Scored; 2]], means: &Means, seed: u64) -> Verdict {
-    let gains = gains(pairs, seed);
+/// A round of the trial: a block with each set.
+pub type Round = Vec<(TuneArm, Scored)>;
+
+/// Returns the blocks of two sets as pairs, a round each; none if a set was not tried.
+pub fn pairs(rounds: &[Round], sets: [TuneArm; 2]) -> Vec<[Scored; 2]> {
+    let block = |round: &Round, arm: TuneArm| {
+        round.iter().find(|(own, _)| *own == arm).map(|(_, scored)| *scored)
+    };
+    let pair = |round: &Round| Some([block(round, sets[0])?, block(round, sets[1])?]);
+    rounds.iter().filter_map(pair).collect()
+}
+
+/// Decides from the rounds of a trial.
+pub fn verdict(rounds: &[Round], means: &Means) -> Verdict {
+    use TuneArm::{Former, New, NewLoop};
+    let compared = |sets| {
+        let pairs = pairs(rounds, sets);
+        (!pairs.is_empty()).then(|| judge(&pairs, means))
+    };
+    let decided =
+        |proven: Option<TuneArm>, why: String, gains, parts| Verdict { proven, why, gains, parts };
+    match (compared([Former, New]), compared([Former, NewLoop]), compared([NewLoop, New])) {
+        (Some(all), Some(of_loop), Some(of_model)) => {
+            let parts =
+                TuneParts { loop_gains: of_loop.gains.clone(), friction_model: of_model.gains };
+            if all.why.is_empty() && of_model.why.is_empty() {
+                return decided(Some(New), String::new(), all.gains, parts);
+            }
+            let why = if of_model.why.is_empty() { all.why } else { of_model.why };
+            if of_loop.why.is_empty() {
+                return decided(Some(NewLoop), why, of_loop.gains, parts);
+            }
+            decided(None, why, all.gains, parts)
+        }
+        (Some(all), ..) => {
+            let parts = TuneParts { friction_model: all.gains.clone(), ..TuneParts::default() };
+            decided(all.why.is_empty().then_some(New), all.why, all.gains, parts)
+        }
+        (None, Some(of_loop), _) => {
+            let parts = TuneParts { loop_gains: of_loop.gains.clone(), ..TuneParts::default() };
+            decided(of_loop.why.is_empty().then_some(NewLoop), of_loop.why, of_loop.gains, parts)
+        }
+        (None, None, _) => Verdict::returned("the trial has no complete round"),
+    }
+}
+
+/// The comparison of two sets.
+struct Judgement {
+    gains: Vec<TuneGain>,
+    /// Why no gain is proven, as a sentence; empty if one is, and nothing is worse.
+    why: String,
+}
+
+/// Compares two sets from pairs of blocks.
+fn judge(pairs: &[[Scored; 2]], means: &Means) -> Judgement {
+    let gains = gains(pairs);
     let of = |quantity: TuneQuantity| gains.iter().find(|own| own.quantity == quantity);
     let errors = [TuneQuantity::ReversalError, TuneQuantity::TrackingRms];
     let resolution_rad = means.resolution_rad();
@@ -129,7 +186,7 @@ pub fn verdict(pairs: &[[Scored; 2]], means: &Means, seed: u64) -> Verdict {
             100.0 * MIN_GAIN
         )
     };
-    Verdict { is_proven: why.is_empty(), why, gains }
+    Judgement { gains, why }
 }
 
 #[cfg(test)]
@@ -137,42 +194,76 @@ mod tests {
     use super::*;
     use crate::score::Health;
 
-    fn pairs(former: [f64; 4], new: [f64; 4]) -> Vec<[Scored; 2]> {
+    const MEANS: Means = Means { gear_ratio: 50.0, rated_a: 2.0 };
+    const FORMER: [f64; 4] = [1.0, 1.0, 1.0, 0.0];
+
+    /// Rounds in which each set has these scores, with some noise.
+    fn rounds(sets: &[(TuneArm, [f64; 4])]) -> Vec<Round> {
         let scored = |scores: [f64; 4], share: f64| Scored {
             scores: scores.map(|value| value * share),
             health: Health::default(),
         };
-        [1.0, 1.02, 0.99, 1.01]
-            .iter()
-            .map(|share| [scored(former, *share), scored(new, 2.0 - share)])
-            .collect()
+        let round = |share: f64| {
+            let block = |(at, (arm, scores)): (usize, &(TuneArm, [f64; 4]))| {
+                (*arm, scored(*scores, if at % 2 == 0 { share } else { 2.0 - share }))
+            };
+            sets.iter().enumerate().map(block).collect()
+        };
+        [1.0, 1.01, 0.995, 1.005].map(round).to_vec()
+    }
+
+    fn of_new(former: [f64; 4], new: [f64; 4]) -> Verdict {
+        verdict(&rounds(&[(TuneArm::Former, former), (TuneArm::New, new)]), &MEANS)
     }
 
     #[test]
     fn verdict_needs_a_gain_and_nothing_worse() {
-        let former = [1.0, 1.0, 1.0, 0.0];
-        let means = Means { gear_ratio: 50.0, rated_a: 2.0 };
-        let verdict = |pairs: &[[Scored; 2]], seed| verdict(pairs, &means, seed);
-        assert!(verdict(&pairs(former, [0.5, 0.6, 1.0, 0.0]), 1).is_proven);
+        assert_eq!(of_new(FORMER, [0.5, 0.6, 1.0, 0.0]).proven, Some(TuneArm::New));
         let mut reasons = String::new();
         for (new, figure) in [
             ([0.97, 0.98, 1.0, 0.0], "%"),
             ([0.5, 1.2, 1.0, 0.0], " 19 %"),
             ([0.5, 0.6, 1.4, 0.0], " 39 %"),
         ] {
-            let refused = verdict(&pairs(former, new), 1);
-            assert!(!refused.is_proven && refused.why.contains(figure), "{}", refused.why);
+            let refused = of_new(FORMER, new);
+            assert!(refused.proven.is_none() && refused.why.contains(figure), "{}", refused.why);
             reasons += &format!("{}\n", refused.why);
         }
         crate::snapshot::check("session", "verdicts without a gain", &reasons);
     }
 
     #[test]
+    fn verdict_hands_over_the_parts_that_gain() {
+        let of = |of_loop: f64, new: f64| {
+            let scores = |value: f64| [value, value, 1.0, 0.0];
+            let sets = [
+                (TuneArm::Former, FORMER),
+                (TuneArm::NewLoop, scores(of_loop)),
+                (TuneArm::New, scores(new)),
+            ];
+            verdict(&rounds(&sets), &MEANS)
+        };
+        let both = of(0.1, 0.05);
+        assert_eq!((both.proven, both.why.as_str()), (Some(TuneArm::New), ""));
+        let [of_loop, of_model] = [&both.parts.loop_gains[0], &both.parts.friction_model[0]];
+        assert!((of_loop.gain - 0.9).abs() < 0.02 && (of_model.gain - 0.5).abs() < 0.02);
+        assert!((both.gains[0].gain - 0.95).abs() < 0.01);
+        for new in [0.1, 0.2] {
+            let without_model = of(0.1, new);
+            assert_eq!(without_model.proven, Some(TuneArm::NewLoop), "{new}");
+            assert!(!without_model.why.is_empty());
+            assert!((without_model.gains[0].gain - 0.9).abs() < 0.02, "of what is handed over");
+        }
+        assert_eq!(of(1.3, 0.5).proven, Some(TuneArm::New), "the model makes up for the loop");
+        // Neither part is proven by itself.
+        assert_eq!(of(0.97, 0.94).proven, None);
+    }
+
+    #[test]
     fn changes_below_the_error_of_the_encoder_prove_nothing() {
-        let means = Means { gear_ratio: 50.0, rated_a: 2.0 };
         let small = [3e-4, 1e-4, 0.5, 0.0];
-        let refused = verdict(&pairs(small, small.map(|value| 0.5 * value)), &means, 1);
-        assert!(!refused.is_proven && refused.why.contains(" 0.40 mrad"), "{}", refused.why);
+        let refused = of_new(small, small.map(|value| 0.5 * value));
+        assert!(refused.proven.is_none() && refused.why.contains(" 0.40 mrad"), "{}", refused.why);
         crate::snapshot::check("session", "changes below the error of the encoder", &refused.why);
     }
 

@@ -11,9 +11,6 @@
 //! the fast part of the current with those of the former set.
 
 use crate::recording::Recording;
-use friction_results::tune::{TuneGain, TuneQuantity};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 /// Time after a reversal in which its error is sought, s.
 const REVERSAL_WINDOW_S: f64 = 0.25;
@@ -28,7 +25,7 @@ const MIN_REST_S: f64 = 0.15;
 /// Time after which a joint that rests has settled, s.
 const SETTLING_S: f64 = 0.1;
 
-/// Values of a block, in the order of [`TuneQuantity::ALL`].
+/// Values of a block, in the order of [`friction_results::tune::TuneQuantity::ALL`].
 pub type Scores = [f64; 4];
 
 /// Oscillation of a block.
@@ -127,47 +124,6 @@ fn swing(demanded: &[f64], position: impl Fn(usize) -> f64, period_s: f64) -> f6
     most
 }
 
-/// Number of resamples of the bootstrap.
-const RESAMPLES: usize = 4000;
-
-/// Returns the gain of each quantity over pairs of blocks, former set first, with its interval: a bootstrap over the pairs.
-/// With few pairs a percentile interval is too short, so the resampled gains are spread by `sqrt(n / (n - 1))`.
-pub fn gains(pairs: &[[Scored; 2]], seed: u64) -> Vec<TuneGain> {
-    TuneQuantity::ALL.into_iter().map(|quantity| gain(pairs, quantity, seed)).collect()
-}
-
-/// Returns the gain of a quantity, as [`gains`] does.
-pub fn gain(pairs: &[[Scored; 2]], quantity: TuneQuantity, seed: u64) -> TuneGain {
-    let place = TuneQuantity::ALL.iter().position(|own| *own == quantity).unwrap_or(0);
-    let mean = |which: usize, choose: &mut dyn FnMut(usize) -> usize| {
-        let sum: f64 = (0..pairs.len()).map(|at| pairs[choose(at)][which].scores[place]).sum();
-        sum / pairs.len() as f64
-    };
-    let [before, after] = [0, 1].map(|which| mean(which, &mut |at| at));
-    let share = |before: f64, after: f64| if before > 0.0 { 1.0 - after / before } else { 0.0 };
-    let value = share(before, after);
-    let mut random = Pcg64::seed_from_u64(seed ^ place as u64);
-    let count = pairs.len();
-    let spread = (count as f64 / (count as f64 - 1.0).max(1.0)).sqrt();
-    let mut resampled: Vec<f64> = (0..RESAMPLES)
-        .map(|_| {
-            let chosen: Vec<usize> = (0..count).map(|_| random.random_range(0..count)).collect();
-            let [before, after] = [0, 1].map(|which| mean(which, &mut |at| chosen[at]));
-            value + spread * (share(before, after) - value)
-        })
-        .collect();
-    resampled.sort_by(f64::total_cmp);
-    let at = |share: f64| resampled[(share * (RESAMPLES - 1) as f64).round() as usize];
-    TuneGain {
-        quantity,
-        unit: quantity.unit(),
-        before,
-        after,
-        gain: value,
-        ci95: [at(0.025), at(0.975)],
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -227,17 +183,5 @@ mod tests {
         });
         let creeping = Recording { name: "creep".into(), rows: creep.collect() };
         assert!(score(&creeping, 1.0).health.swing_rad < 1e-6);
-    }
-
-    #[test]
-    fn gains_of_equal_blocks_are_none_and_of_better_blocks_are_proven() {
-        let scored = |value: f64| Scored { scores: [value; 4], health: Health::default() };
-        let noise = [0.02, -0.01, 0.0, 0.015, -0.02, 0.01];
-        let equal: Vec<_> = noise.iter().map(|n| [scored(1.0 + n), scored(1.0 - n)]).collect();
-        let better: Vec<_> = noise.iter().map(|n| [scored(1.0 + n), scored(0.5)]).collect();
-        let none = &gains(&equal, 1)[0];
-        assert!(none.ci95[0] < 0.0 && none.ci95[1] > 0.0, "{none:?}");
-        let half = &gains(&better, 1)[0];
-        assert!((half.gain - 0.5).abs() < 0.02 && half.ci95[0] > 0.4, "{half:?}");
     }
 }

@@ -2,11 +2,12 @@
 //!
 //! The joint is never left with an unproven set. New sets are in RAM only, on a trial that the drive itself ends when the host
 //! does not renew it. Whatever ends a session early (a fault, a cable, an interrupt), the stored set is back afterwards.
-
 //!
-//! `work` has the steps up to the verdict, `candidates` the sets to try, and `finish` what remains in the joint.
+//! `work` has the steps up to the trial, `candidates` the sets to try, `compare` the trial, and `finish` what remains in the
+//! joint.
 
 mod candidates;
+mod compare;
 mod finish;
 mod work;
 
@@ -15,7 +16,7 @@ use crate::master::{Master, MasterError};
 use crate::motion::{Motion, MotionLimits, standard};
 use crate::preflight::{Found, Purpose, Refusal, examine};
 use crate::recording::Recording;
-use crate::trial_set::{self, TunedSet};
+use crate::trial_set::{self, TrialError, TunedSet};
 use compensator_core::can::NodeId;
 use firmware::parameter_set::ParameterSet;
 use friction_results::tune::{TuneOutcome, TuneReport};
@@ -34,6 +35,8 @@ pub struct TuneOptions {
     pub seconds: f64,
     /// Motion of the trial; `None` for [`standard`].
     pub motion: Option<Motion>,
+    /// Also tries laws that can give out energy, and so keep a joint moving.
+    pub allow_active: bool,
     /// Seed of what is drawn at random.
     pub seed: u64,
     /// Name of the joint for the report: bus and node.
@@ -56,6 +59,9 @@ pub enum TuneError {
     /// A move by hand ended early.
     #[error(transparent)]
     Master(#[from] MasterError),
+    /// The drive opens no trial.
+    #[error(transparent)]
+    Trial(#[from] TrialError),
     /// The user declined.
     #[error("cancelled; nothing was changed")]
     Declined,
@@ -114,16 +120,28 @@ pub fn tune<B: Bus>(
     let began_ns = client.bus().now_ns();
     let master = Master::new(client, options.node, limits, is_interrupted);
     let mut work = Work::new(master, options, motion, before, began_ns);
+    work.begin()?;
     let ended = work.run(user);
     Ok(work.finish(ended, user))
+}
+
+/// Returns true if laws that can give out energy are tried: the user or the stored set permits them.
+fn has_active(options: &TuneOptions, found: &Found) -> bool {
+    options.allow_active || found.set.friction.model.choices.allow_active
 }
 
 fn question(options: &TuneOptions, motion: &Motion, found: &Found) -> String {
     let MotionLimits { range_rad, speed_rad_s, .. } = options.limits;
     let facts: Vec<String> =
         found.facts.iter().map(|(name, value)| format!("  {name}: {value}")).collect();
+    let active = match has_active(options, found) {
+        true => {
+            "Laws that can give out energy, and so keep the joint moving, are tried too (allow_active).\n"
+        }
+        false => "",
+    };
     format!(
-        "{}\n{}\nThe joint will move by up to {range_rad} rad to either side of {:.3} rad, at up to {speed_rad_s} rad/s, for up \
+        "{}\n{}\n{active}The joint will move by up to {range_rad} rad to either side of {:.3} rad, at up to {speed_rad_s} rad/s, for up \
          to {:.0} s. New parameters are tried in RAM; they are saved only after a proven gain. Keep the range clear and be \
          ready to switch off the supply. Continue?",
         options.joint,

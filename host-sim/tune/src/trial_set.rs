@@ -15,13 +15,19 @@ use joint_bus::parameters::{ParametersError, write_set};
 pub use firmware::node::dictionary::index::TRIAL;
 /// Entry with the time to the deadline, ms; a write opens or renews the trial.
 pub const DEADLINE: u8 = TrialObject::DEADLINE;
-/// Entry that ends the trial: 1 keeps what is active, 2 returns to the stored set.
-const ORDER: u8 = TrialObject::ORDER;
+/// Entry that ends the trial.
+pub const ORDER: u8 = TrialObject::ORDER;
+/// Order that returns to the stored set.
+const RETURN: u8 = 2;
+/// Order that keeps and stores what is active. If the flash fails, the trial stays open.
+pub const KEEP_AND_SAVE: u8 = 3;
 /// Entry with the state.
 const STATE: u8 = TrialObject::STATE;
 
 /// State of a trial that is open.
 const OPEN: u32 = 1;
+/// State after a set was kept.
+const KEPT: u32 = 2;
 /// State of a joint that still stops before the stored set returns.
 const RETURNING: u32 = 7;
 /// Longest time until the stored set is back, ns.
@@ -39,6 +45,9 @@ pub enum TrialError {
     /// The drive has ended the trial.
     #[error("the drive has returned to its stored parameters: {0}")]
     Returned(&'static str),
+    /// The order was executed, and its answer was lost.
+    #[error("the drive has kept and saved the new parameters")]
+    Kept,
 }
 
 impl From<SdoError> for TrialError {
@@ -56,7 +65,7 @@ pub struct TunedSet {
     pub position_gain: u32,
 }
 
-/// Opens a trial. The joint must be disarmed, and its active set the stored one.
+/// Opens a trial, or renews it. The joint must be disarmed, and its active set the stored one.
 ///
 /// # Errors
 /// The drive refuses it, with its reason.
@@ -92,15 +101,6 @@ pub fn write<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), Tri
     Ok(master.client().write(Address::new(index::POSITION_LOOP, 1), &gain)?)
 }
 
-/// Ends the trial and keeps the active set, which is then still in RAM only.
-///
-/// # Errors
-/// The drive has ended the trial before, or does not answer.
-pub fn keep<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
-    master.renew_trial(false);
-    Ok(master.client().write(Address::new(TRIAL, ORDER), &[1])?)
-}
-
 /// Ends the trial, and waits until the stored set is active again. Does nothing if no trial is open.
 ///
 /// # Errors
@@ -109,7 +109,7 @@ pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
     master.renew_trial(false);
     let state = Address::new(TRIAL, STATE);
     if master.client().read_number(state)? == OPEN {
-        master.client().write(Address::new(TRIAL, ORDER), &[2])?;
+        master.client().write(Address::new(TRIAL, ORDER), &[RETURN])?;
     }
     let until_ns = master.client().bus().now_ns() + RETURN_NS;
     loop {
@@ -120,6 +120,7 @@ pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
                 }
             }
             OPEN | RETURNING => return Err(TrialError::Returned("not yet: the joint still moves")),
+            KEPT => return Err(TrialError::Kept),
             _ => return Ok(()),
         }
     }
@@ -156,11 +157,12 @@ pub struct Record {
     pub cause: u8,
 }
 
-/// Writes the record and stores it with the active set.
+/// Ends the trial: writes the record, and keeps and stores it with the active set in one order. The joint must be disarmed. Until
+/// the drive has stored everything, the trial stays open, so that a host that ends in between leaves the stored set.
 ///
 /// # Errors
-/// The joint refuses or does not answer.
-pub fn save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<(), TrialError> {
+/// The drive cannot store it, has ended the trial, or does not answer.
+pub fn keep_and_save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<(), TrialError> {
     let client = master.client();
     let words = [record.time_s, record.runs, record.before_crc, record.tuned_crc];
     for (place, word) in (1u8..).zip(words) {
@@ -168,8 +170,13 @@ pub fn save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<(), Trial
     }
     client.write(Address::new(index::TUNING, 5), &record.gain_permille.to_le_bytes())?;
     client.write(Address::new(index::TUNING, 6), &[record.cause])?;
-    let store = Address::new(index::STORE, 1);
-    Ok(client.write(store, &SAVE_SIGNATURE.to_le_bytes())?)
+    let ordered = client.write(Address::new(TRIAL, ORDER), &[KEEP_AND_SAVE]);
+    // The answer alone may be lost.
+    if ordered.is_err() && !matches!(client.read_number(Address::new(TRIAL, STATE)), Ok(KEPT)) {
+        return Ok(ordered?);
+    }
+    master.renew_trial(false);
+    Ok(())
 }
 
 /// Reads the record; `None` if the active set was not tuned.

@@ -13,11 +13,12 @@ mod stand;
 pub mod summary;
 
 pub use fault::{Fault, FaultGrade, grade_fault, grade_fault_on};
-pub use stand::{LARGEST_DISTANCE_RAD, Stand, Truth};
+pub use stand::{LARGEST_DISTANCE_RAD, OrderFault, Stand, Truth};
 
 use firmware::parameter_set::ParameterSet;
-use friction_results::tune::TuneQuantity;
+use friction_results::tune::{TuneArm, TuneQuantity};
 use joint_rig::service;
+use joint_tuning::recording::Recording;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser};
 use rival::Rival;
 use simulated_machines::joint_plant::DrawnJoint;
@@ -129,6 +130,7 @@ pub fn options(seed: u64, limits: MotionLimits) -> TuneOptions {
         limits,
         seconds: SECONDS,
         motion: None,
+        allow_active: false,
         seed,
         joint: format!("joint {seed}"),
         is_simulated: true,
@@ -196,7 +198,7 @@ fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), Str
     };
     let truth = stand.truth();
     let (true_gains, true_errors_rad) = if session.is_saved() {
-        let gains = truth.gains(&trial_blocks(&session));
+        let gains = truth.gains(&trial_rounds(&session), [TuneArm::Former, session.report.arm]);
         let errors =
             [gains.each_ref().map(|own| own.before), gains.each_ref().map(|own| own.after)];
         (gains.map(|own| [own.gain, own.ci95[0], own.ci95[1]]), errors)
@@ -225,9 +227,11 @@ fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), Str
     Ok((grade, stand, session))
 }
 
-/// Returns the recordings of the trial, each with whether the new set was active.
-fn trial_blocks(session: &Session) -> Vec<(bool, &joint_tuning::recording::Recording)> {
+/// Returns the recordings of the trial, each with its set, by rounds.
+fn trial_rounds(session: &Session) -> Vec<Vec<(TuneArm, &Recording)>> {
     let performed = session.recordings.iter().filter(|(_, why)| why == "trial");
-    let blocks = session.report.trial.blocks.iter().map(|block| block.is_new);
-    blocks.zip(performed.map(|(recording, _)| recording)).collect()
+    let trial = &session.report.trial;
+    let arms = trial.blocks.iter().map(|block| block.arm);
+    let blocks: Vec<_> = arms.zip(performed.map(|(recording, _)| recording)).collect();
+    blocks.chunks(trial.arms().len().max(1)).map(<[_]>::to_vec).collect()
 }

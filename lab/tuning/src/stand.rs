@@ -4,16 +4,18 @@ use super::{LIMITS, Silent, options};
 use canopen_rs::Address;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
-use friction_results::tune::{TuneGain, TuneQuantity};
+use friction_results::tune::{TuneArm, TuneGain, TuneQuantity};
 use joint_bus::bus::{Bus, BusError, Counters, Hub, Participant, Received};
 use joint_bus::canopen::Client;
 use joint_rig::MotorNode;
 use joint_trace::CanFrame;
+use joint_tuning::gain::gain;
 use joint_tuning::motion::standard;
+use joint_tuning::proof::pairs;
 use joint_tuning::recording::Recording;
-use joint_tuning::score::{Scored, gain, score};
+use joint_tuning::score::{Scored, score};
 use joint_tuning::session::performed;
-use joint_tuning::trial_set::TunedSet;
+use joint_tuning::trial_set::{self, TunedSet};
 use joint_tuning::{Session, TuneOptions, tune};
 use simulated_machines::joint_plant::DrawnJoint;
 use std::cell::{Cell, RefCell};
@@ -72,15 +74,19 @@ impl Truth {
         score(&self.corrected(recording), 1.0)
     }
 
-    /// Returns the true gains of the error at reversals and of the tracking error over pairs of blocks.
-    pub fn gains(&self, blocks: &[(bool, &Recording)]) -> [TuneGain; 2] {
-        let pair = |pair: &[(bool, &Recording)]| {
-            let of = |is_new: bool| pair.iter().find(|(new, _)| *new == is_new);
-            Some([self.scored(of(false)?.1), self.scored(of(true)?.1)])
-        };
-        let pairs: Vec<[Scored; 2]> = blocks.chunks_exact(2).filter_map(pair).collect();
+    /// Returns the true gains of the error at reversals and of the tracking error from one set to another, over the rounds of a
+    /// trial.
+    pub fn gains(
+        &self,
+        rounds: &[Vec<(TuneArm, &Recording)>],
+        sets: [TuneArm; 2],
+    ) -> [TuneGain; 2] {
+        let scored = |(arm, recording): &(TuneArm, &Recording)| (*arm, self.scored(recording));
+        let rounds: Vec<_> =
+            rounds.iter().map(|round| round.iter().map(scored).collect()).collect();
+        let pairs = pairs(&rounds, sets);
         [TuneQuantity::ReversalError, TuneQuantity::TrackingRms]
-            .map(|quantity| gain(&pairs, quantity, 1))
+            .map(|quantity| gain(&pairs, quantity))
     }
 }
 
@@ -115,8 +121,20 @@ pub struct Stand {
     truth: Rc<RefCell<Truth>>,
     /// Bus time at which the host is killed, ns.
     killed_ns: Rc<Cell<u64>>,
-    /// Object whose writes do not reach the joint; 0 for none.
-    refused_index: Rc<Cell<u16>>,
+    /// What happens to the order that keeps and saves a set.
+    order: Rc<Cell<OrderFault>>,
+}
+
+/// What happens to the order that keeps and saves a set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OrderFault {
+    /// It reaches the joint.
+    #[default]
+    None,
+    /// It does not, as if the flash were worn out.
+    Lost,
+    /// The host is killed before it.
+    Killed,
 }
 
 impl Stand {
@@ -136,8 +154,8 @@ impl Stand {
         let truth = Truth { positions_rad: Vec::new(), report_age_ms };
         let truth = Rc::new(RefCell::new(truth));
         hub.attach(SharedJoint { node: node.clone(), truth: truth.clone() });
-        let (killed_ns, refused_index) = (Rc::new(Cell::new(u64::MAX)), Rc::default());
-        Self { hub, node, truth, killed_ns, refused_index }
+        let (killed_ns, order) = (Rc::new(Cell::new(u64::MAX)), Rc::default());
+        Self { hub, node, truth, killed_ns, order }
     }
 
     /// Gives the joint another gain of its position loop (60FBh:1), and stores it.
@@ -173,9 +191,9 @@ impl Stand {
         self.killed_ns.set(time_ns);
     }
 
-    /// Lets no write of an object reach the joint, as if its flash were worn out; 0 for none.
-    pub fn refuse_writes_of(&self, index: u16) {
-        self.refused_index.set(index);
+    /// Gives the order that keeps and saves a set a fault.
+    pub fn set_order_fault(&self, fault: OrderFault) {
+        self.order.set(fault);
     }
 
     /// Returns the CRC of the active set.
@@ -192,7 +210,7 @@ impl Stand {
         let bus = HostPort {
             port: Box::new(self.hub.port()),
             killed_ns: self.killed_ns.clone(),
-            refused_index: self.refused_index.clone(),
+            order: self.order.clone(),
         };
         Client::new(bus, compensator_core::can::NodeId::FIRST)
     }
@@ -224,21 +242,16 @@ impl Stand {
 pub struct HostPort {
     port: Box<dyn Bus>,
     killed_ns: Rc<Cell<u64>>,
-    refused_index: Rc<Cell<u16>>,
+    order: Rc<Cell<OrderFault>>,
 }
 
 impl HostPort {
-    /// Returns true for the request of a write that does not reach the joint.
-    fn is_refused(&self, frame: &CanFrame) -> bool {
-        let refused = self.refused_index.get();
-        frame.to_joint().is_some_and(|frame| match *frame.data() {
-            [head, low, high, ..] => {
-                refused != 0
-                    && frame.identifier() & 0x780 == 0x600
-                    && head & 0xE0 == 0x20
-                    && u16::from_le_bytes([low, high]) == refused
-            }
-            _ => false,
+    /// Returns true for the order that keeps and saves a set.
+    fn is_order(frame: &CanFrame) -> bool {
+        let [low, high] = trial_set::TRIAL.to_le_bytes();
+        let wanted = [low, high, trial_set::ORDER, trial_set::KEEP_AND_SAVE];
+        frame.to_joint().is_some_and(|frame| {
+            frame.identifier() & 0x780 == 0x600 && frame.data().get(1..5) == Some(&wanted[..])
         })
     }
 
@@ -253,10 +266,14 @@ impl HostPort {
 impl Bus for HostPort {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         self.check()?;
-        if self.is_refused(frame) {
-            return Ok(());
+        match self.order.get() {
+            OrderFault::Lost if Self::is_order(frame) => Ok(()),
+            OrderFault::Killed if Self::is_order(frame) => {
+                self.killed_ns.set(self.port.now_ns());
+                self.check()
+            }
+            _ => self.port.send(frame),
         }
-        self.port.send(frame)
     }
 
     fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {

@@ -2,12 +2,14 @@
 
 use super::words::shown_unit;
 use crate::report::{Axis, Chart, Series};
-use crate::tune::{TuneBlock, TuneCourse, TuneLoop, TuneQuantity, TuneReport};
+use crate::tune::{TuneArm, TuneBlock, TuneCourse, TuneLoop, TuneQuantity, TuneReport};
 
 /// Name of the curves with the former set.
 const BEFORE: &str = "before";
 /// Name of the curves with the new set.
 const AFTER: &str = "after";
+/// Name of the values with the former friction model and the new loop gains.
+const NEW_LOOP: &str = "new loop gains alone";
 /// Name of the demanded position.
 const DEMAND: &str = "demanded position";
 
@@ -99,7 +101,7 @@ pub(super) fn strips(report: &TuneReport) -> Vec<Chart> {
         (largest > 0.0).then(|| Chart {
             title: super::words::name(quantity),
             caption: String::new(),
-            x: Axis::of_names("block", blocks.iter().map(letter)),
+            x: Axis::of_names("block", blocks.iter().map(|block| block.arm.letter())),
             y: Axis {
                 height_px: Some(STRIP_PX),
                 range: Some((0.0, factor * largest * (1.0 + HEADROOM))),
@@ -111,19 +113,16 @@ pub(super) fn strips(report: &TuneReport) -> Vec<Chart> {
     TuneQuantity::ALL.into_iter().enumerate().filter_map(chart).collect()
 }
 
-/// Returns the letter of a block's set.
-pub(super) fn letter(block: &TuneBlock) -> &'static str {
-    if block.is_new { "B" } else { "A" }
-}
-
 fn dots(blocks: &[TuneBlock], values: &[f64], factor: f64) -> Vec<Series> {
-    let of = |(name, is_new): (&str, bool)| {
+    let of = |(name, arm): (&str, TuneArm)| {
         let own = blocks.iter().zip(values).enumerate();
-        let own = own.filter(|(_, (block, _))| block.is_new == is_new);
-        let (x, y) = own.map(|(place, (_, value))| (place as f64, factor * value)).unzip();
-        Series::points(name, x, y)
+        let own = own.filter(|(_, (block, _))| block.arm == arm);
+        let (x, y): (Vec<f64>, _) =
+            own.map(|(place, (_, value))| (place as f64, factor * value)).unzip();
+        (!x.is_empty()).then(|| Series::points(name, x, y))
     };
-    [(BEFORE, false), (AFTER, true)].map(of).into()
+    let named = [(BEFORE, TuneArm::Former), (AFTER, TuneArm::New), (NEW_LOOP, TuneArm::NewLoop)];
+    named.into_iter().filter_map(of).collect()
 }
 
 /// Returns magnitude and phase of the measured frequency response. Empty without a measured frequency.

@@ -68,6 +68,9 @@ impl TuneReport {
         if !self.gains.is_empty() {
             blocks.push(Block::Records(self.gain_table()));
         }
+        if let Some(table) = self.parts_table() {
+            blocks.push(Block::Records(table));
+        }
         blocks.extend(Block::rows(charts::strips(self)));
         blocks.push(Block::details("Values of each block", vec![self.block_table().into()]));
         blocks.extend(charts::course(self).into_iter().map(Block::Chart));
@@ -90,9 +93,26 @@ impl TuneReport {
         )
     }
 
+    /// Returns what the loop gains took and what the friction model took; `None` unless both were compared.
+    fn parts_table(&self) -> Option<Table> {
+        let super::TuneParts { loop_gains, friction_model } = &self.parts;
+        if loop_gains.is_empty() || friction_model.is_empty() {
+            return None;
+        }
+        let pairs = loop_gains.iter().zip(friction_model);
+        let row = |(own, model): (&TuneGain, &TuneGain)| {
+            let mut row = vec![Cell::from(words::name(own.quantity))];
+            row.extend([own, model].map(words::change_with_interval).map(Cell::from));
+            row
+        };
+        let rows = pairs.filter(|(own, model)| is_shown(own) || is_shown(model)).map(row);
+        let header = "quantity|by the loop gains|then by the friction model";
+        Some(Table::new("Where the changes come from", header, rows))
+    }
+
     fn block_table(&self) -> Table {
         let row = |(place, block): (usize, &super::TuneBlock)| {
-            let mut row = vec![Cell::Count(place as u64 + 1), Cell::from(charts::letter(block))];
+            let mut row = vec![Cell::Count(place as u64 + 1), Cell::from(block.arm.letter())];
             row.extend(block.values.map(number));
             row
         };
@@ -202,6 +222,7 @@ fn tile(gain: &TuneGain) -> Tile {
 /// Returns the facts of the first screen.
 pub(super) fn facts(report: &TuneReport) -> Vec<(String, String)> {
     let mut facts = vec![("Cause".to_owned(), words::cause(report))];
+    facts.extend(words::parts(report).map(|text| ("Gained by".to_owned(), text)));
     let mut list = |name: &str, texts: &[String]| {
         for (place, text) in texts.iter().take(MAX_FIRST_SCREEN).enumerate() {
             facts.push((if place == 0 { name } else { "" }.to_owned(), text.clone()));
@@ -215,9 +236,7 @@ pub(super) fn facts(report: &TuneReport) -> Vec<(String, String)> {
         [] => list("Not learnt", &["Nothing is known to be missing.".to_owned()]),
         texts => list("Not learnt", texts),
     }
-    if let Some(first) = report.warnings.first() {
-        list("Warning", std::slice::from_ref(first));
-    }
+    list("Warning", &report.warnings);
     facts
 }
 

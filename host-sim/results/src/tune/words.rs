@@ -3,7 +3,7 @@
 //! A *change* is `after / before - 1` in percent: negative if the new set is better. It is the gain with the other sign.
 
 use crate::page::words::{capitalised, counted, quantity};
-use crate::tune::{TuneGain, TuneOutcome, TuneQuantity, TuneReport};
+use crate::tune::{TuneArm, TuneGain, TuneOutcome, TuneQuantity, TuneReport};
 use friction_diagnose::cause;
 use friction_diagnose::finding::probability_in_words;
 use joint_log::number::{fixed, significant};
@@ -79,6 +79,31 @@ pub(super) fn interval(gain: &TuneGain) -> String {
     }
 }
 
+/// Returns the change with its interval: `−67 % (−72 to −60 %)`.
+pub(super) fn change_with_interval(gain: &TuneGain) -> String {
+    match Verdict::of(gain) {
+        Verdict::NotMeasured => NOT_MEASURED.to_owned(),
+        _ => format!("{} ({})", change(gain), interval(gain)),
+    }
+}
+
+/// Returns what each part of the new set takes of the error at reversals; `None` if nothing was compared. The table of the trial has
+/// the other quantities and the intervals.
+pub(super) fn parts(report: &TuneReport) -> Option<String> {
+    let [of_loop, of_model] = [&report.parts.loop_gains, &report.parts.friction_model];
+    match (of_loop.first(), of_model.first()) {
+        (Some(own), Some(model)) => Some(format!(
+            "{}: {} by the loop gains, then {} by the friction model",
+            name(own.quantity),
+            change(own),
+            change(model)
+        )),
+        (Some(_), None) => Some("the loop gains alone".to_owned()),
+        (None, Some(_)) => Some("the friction model alone".to_owned()),
+        (None, None) => None,
+    }
+}
+
 /// Returns the unit in which values of a quantity are shown, and the factor to it. Small angles are shown in mrad.
 pub(super) fn shown_unit(unit: &'static str, values: &[f64]) -> (&'static str, f64) {
     let largest = values
@@ -142,12 +167,20 @@ pub(super) fn headline(report: &TuneReport) -> String {
             format!("The former parameters are back{tried}. {}", sentence(why))
         }
         TuneOutcome::Saved => match differences(report) {
-            Some(differences) => format!("{differences}. The new parameters are saved."),
-            None => "The new parameters are saved.".to_owned(),
+            Some(differences) => format!("{differences}. {}", saved(report)),
+            None => saved(report).to_owned(),
         },
     };
     let joint = if report.is_simulated { " The joint is simulated." } else { "" };
     format!("{result} The session took {}.{joint}", duration(report.seconds))
+}
+
+/// Returns what was saved, as a sentence.
+fn saved(report: &TuneReport) -> &'static str {
+    match report.arm {
+        TuneArm::NewLoop => "The new loop gains are saved; the friction model is the former one.",
+        TuneArm::Former | TuneArm::New => "The new parameters are saved.",
+    }
 }
 
 /// Returns what is smaller and what is larger with the new set: "Error at reversals and current are smaller". `None` if the
@@ -194,12 +227,18 @@ pub(super) fn cause(report: &TuneReport) -> String {
 
 /// Explains the trial above its table.
 pub(super) fn trial(report: &TuneReport) -> String {
-    let blocks = report.trial.blocks.len();
+    let sets: Vec<String> = report
+        .trial
+        .arms()
+        .into_iter()
+        .map(|arm| format!("{} is {}", arm.letter(), arm.in_words()))
+        .collect();
     format!(
-        "The same motion was performed {blocks} times in the order {}. A is the former set, B the new one. In this order, a \
-         steady drift of the joint favours neither set. The interval of a change is a paired bootstrap over the blocks. It \
-         shows a difference only if it does not include zero.",
-        spaced(&report.trial.order())
+        "The same motion was performed {} times in the order {}. {}. In this order, a steady drift of the joint favours no set. \
+         The interval of a change is Student's over the rounds. It shows a difference only if it does not include zero.",
+        report.trial.blocks.len(),
+        spaced(&report.trial.order()),
+        sets.join(", ")
     )
 }
 

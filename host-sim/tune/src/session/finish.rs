@@ -1,5 +1,6 @@
 //! The end of a session: save or return, and the report.
 
+use super::candidates::is_active;
 use super::work::{Ended, Work};
 use super::{Session, TuneUser};
 use crate::learn::Learnt;
@@ -7,11 +8,12 @@ use crate::master::TRIAL_DEADLINE_MS;
 use crate::motion::MotionLimits;
 use crate::proof::Verdict;
 use crate::recording::{Recording, constant_covariates};
-use crate::score::Scored;
 use crate::trial_set::{self, TunedSet};
 use firmware::control::PERIOD_S;
 use firmware::parameter_set::ParameterSet;
-use friction_results::tune::{TuneBlock, TuneOutcome, TuneParameter, TuneReport, TuneTrial};
+use friction_results::tune::{
+    TuneArm, TuneBlock, TuneOutcome, TuneParameter, TuneReport, TuneTrial,
+};
 use joint_bus::bus::Bus;
 
 impl<B: Bus> Work<'_, B> {
@@ -23,7 +25,8 @@ impl<B: Bus> Work<'_, B> {
     ) -> Session {
         let verdict = ended.unwrap_or_else(|error| Verdict::returned(&error.to_string()));
         let mut warnings = self.before.warnings.clone();
-        let outcome = if verdict.is_proven {
+        warnings.extend(self.remarks(&verdict));
+        let outcome = if verdict.proven.is_some() {
             match self.save(&verdict) {
                 Ok(()) => TuneOutcome::Saved,
                 Err(error) => self.return_former(&error.to_string(), &mut warnings),
@@ -54,25 +57,42 @@ impl<B: Bus> Work<'_, B> {
         if let Err(error) = self.disable() {
             warnings.push(format!("disarming: {error}"));
         }
-        // A set that was kept and could not be stored is in RAM.
-        let former = self.former();
-        let returned = match (self.is_on_trial, self.is_kept) {
-            (true, _) => trial_set::give_back(&mut self.master),
-            (false, true) => trial_set::write(&mut self.master, &former),
-            (false, false) => Ok(()),
-        };
+        let is_on_trial = std::mem::take(&mut self.is_on_trial);
+        let returned = if is_on_trial { trial_set::give_back(&mut self.master) } else { Ok(()) };
         if let Err(error) = returned {
             warnings.push(format!(
-                "the return of the former set was not confirmed ({error}); the drive returns by itself {} s after the last \
-                 renewal, and at every reset",
-                f64::from(TRIAL_DEADLINE_MS) * 1e-3
+                "the return of the former set was not confirmed ({error}); the drive returns by itself at most {} s after \
+                 the last renewal, and at every reset",
+                f64::from(5 * TRIAL_DEADLINE_MS) * 1e-3
             ));
         }
-        let _ = self.master.restore_interpolation(self.before.interpolation);
         TuneOutcome::Returned(why.to_owned())
     }
 
-    /// Keeps the new set, writes the record, and stores both.
+    /// Returns what the user must know of the laws that were tried.
+    fn remarks(&self, verdict: &Verdict) -> Vec<String> {
+        let tried = self.tried.as_ref().filter(|tuned| is_active(&tuned.set));
+        let mut remarks = Vec::new();
+        if tried.is_some() && verdict.proven != Some(TuneArm::NewLoop) {
+            remarks.push(
+                "the law that was tried can give out energy (allow_active): compensation can keep the joint moving"
+                    .to_owned(),
+            );
+        }
+        if self.before.set.friction.model.choices.allow_active {
+            remarks.push(
+                "allow_active is set in the stored parameters and stays set: no law is checked for passivity"
+                    .to_owned(),
+            );
+        }
+        remarks.extend(self.offer.clone());
+        if verdict.proven == Some(TuneArm::NewLoop) && !verdict.why.is_empty() {
+            remarks.push(format!("the friction model is the former one: {}", verdict.why));
+        }
+        remarks
+    }
+
+    /// Writes the record, and keeps and stores it with the new set.
     fn save(&mut self, verdict: &Verdict) -> Result<(), Ended> {
         let Some(tuned) = self.tried.clone() else {
             return Err(Ended::Why("no set was tried".to_owned()));
@@ -80,17 +100,19 @@ impl<B: Bus> Work<'_, B> {
         self.disable()?;
         trial_set::apply(&mut self.master, &tuned)?;
         self.master.restore_interpolation(self.before.interpolation)?;
-        trial_set::keep(&mut self.master)?;
-        (self.is_on_trial, self.is_kept) = (false, true);
+        self.master.set_following_window(self.before.following)?;
+        let has_model = verdict.proven == Some(TuneArm::New);
+        let cause = self.learnt.as_ref().filter(|_| has_model);
         let record = trial_set::Record {
             time_s: self.options.now_s as u32,
             runs: crate::recording::identity(&self.recordings),
             before_crc: self.before.set.crc(),
             tuned_crc: tuned.set.crc(),
             gain_permille: (1e3 * verdict.tracking_gain()) as i16,
-            cause: self.learnt.as_ref().map_or(0, Learnt::cause_number),
+            cause: cause.map_or(0, Learnt::cause_number),
         };
-        trial_set::save(&mut self.master, &record)?;
+        trial_set::keep_and_save(&mut self.master, &record)?;
+        self.is_on_trial = false;
         Ok(())
     }
 
@@ -119,10 +141,11 @@ impl<B: Bus> Work<'_, B> {
             ));
         }
         let tried = self.tried.as_ref();
-        let block = |(is_new, scored): &(bool, Scored)| TuneBlock {
-            is_new: *is_new,
-            values: scored.scores,
-        };
+        let blocks = self.trial.iter().flatten();
+        let blocks = blocks.map(|(arm, scored)| TuneBlock { arm: *arm, values: scored.scores });
+        let trial = TuneTrial { blocks: blocks.collect() };
+        let last = trial.arms().into_iter().find(|arm| *arm != TuneArm::Former);
+        let arm = verdict.proven.or(last).unwrap_or(TuneArm::New);
         TuneReport {
             joint: self.options.joint.clone(),
             is_simulated: self.options.is_simulated,
@@ -130,11 +153,13 @@ impl<B: Bus> Work<'_, B> {
             outcome,
             cause,
             probability,
+            arm,
             gains: verdict.gains.clone(),
+            parts: verdict.parts.clone(),
             rounds: self.rounds.clone(),
             not_learnt,
-            trial: TuneTrial { blocks: self.trial.iter().map(block).collect() },
-            courses: self.courses.clone(),
+            trial,
+            courses: [TuneArm::Former, arm].map(|own| self.courses[own as usize].clone()),
             control: self.control.clone(),
             parameters: tried.map_or_else(Vec::new, |tuned| self.changes(tuned)),
             bounds_nm: tried.map_or([0.0; 2], |tuned| bounds_nm(&tuned.set)),

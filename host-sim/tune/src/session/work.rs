@@ -1,14 +1,14 @@
-//! The steps of a session up to its verdict.
+//! The steps of a session up to its trial.
 
-use super::candidates::{candidates, gains_of, with_gains};
-use super::{TuneOptions, TuneUser};
+use super::candidates::{Laws, gains_of, is_active, with_gains};
+use super::{TuneOptions, TuneUser, has_active};
 use crate::experiment::{Experiment, library, most_informative, survey};
 use crate::frequency::{self, LoopGains};
 use crate::learn::{Learnt, learn};
 use crate::master::{Master, MasterError};
 use crate::motion::{Motion, MotionLimits};
 use crate::preflight::{Found, Refusal, check_heat};
-use crate::proof::{self, Means, Verdict};
+use crate::proof::{self, Means, Round, Verdict};
 use crate::recording::Recording;
 use crate::score::{Scored, score};
 use crate::trial_set::{self, TrialError, TunedSet};
@@ -18,11 +18,11 @@ use firmware::node::dictionary::records::AccessObject;
 use friction_results::tune::{TuneCourse, TuneLoop, TuneRound};
 use joint_bus::bus::Bus;
 
-/// Pairs of blocks of a trial, and the fewest if the minutes are short.
-const PAIRS: usize = 6;
-const MIN_PAIRS: usize = 3;
+/// Most blocks of a trial, for which the study leaves time, and the fewest.
+pub(super) const TRIAL_BLOCKS: usize = 12;
+const LEAST_BLOCKS: f64 = 9.0;
 /// Time between two motions, s: changing the set, arming, and moving to the origin.
-const PAUSE_S: f64 = 1.5;
+pub(super) const PAUSE_S: f64 = 1.5;
 /// Expected log likelihood ratio from which a further motion is worth its time.
 const WORTHWHILE_NATS: f64 = 3.0;
 /// Most motions that are chosen after the survey.
@@ -33,8 +33,12 @@ const GAIN_SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 const ERROR_GUARD: f64 = 2.5;
 /// Least guard, rad.
 const MIN_GUARD_RAD: f64 = 0.02;
-/// Least guard of a motion of the study, as a share of the range.
+/// Guard of the baseline and least guard of a motion of the study, as a share of the range.
 const STUDY_GUARD: f64 = 0.5;
+/// Time for which the drive itself permits this error (6066h), ms: the host ends a motion earlier.
+const FOLLOWING_MS: u16 = 100;
+/// Cost by which a law that can give out energy must be better than a passive one.
+const ACTIVE_COST: f64 = 0.05;
 
 /// Time after which the service level of a locked joint is opened again, ns: it ends ten minutes after an unlock, and the
 /// renewals of a trial need it.
@@ -59,7 +63,7 @@ pub(super) enum Ended {
 pub(super) struct Work<'a, B> {
     pub(super) master: Master<B>,
     pub(super) options: &'a TuneOptions,
-    motion: Motion,
+    pub(super) motion: Motion,
     pub(super) before: Found,
     began_ns: u64,
     pub(super) recordings: Vec<(Recording, String)>,
@@ -69,21 +73,22 @@ pub(super) struct Work<'a, B> {
     /// Set with which the joint is studied; `None` for the stored one.
     study_set: Option<TunedSet>,
     pub(super) tried: Option<TunedSet>,
-    pub(super) trial: Vec<(bool, Scored)>,
-    pub(super) courses: [TuneCourse; 2],
+    /// What the passive laws lack, as a sentence.
+    pub(super) offer: Option<String>,
+    pub(super) trial: Vec<Round>,
+    /// The last performance with each set of the trial.
+    pub(super) courses: [TuneCourse; 3],
     /// Bus time of the last unlock, ns.
     unlocked_ns: u64,
     /// Position error at which a block of the trial is ended, rad.
     guard_rad: f64,
     pub(super) is_enabled: bool,
     pub(super) is_on_trial: bool,
-    /// The new set was kept: it is active in RAM, without a trial.
-    pub(super) is_kept: bool,
 }
 
 /// Returns the time that the shortest session takes on the bus, s: baseline, survey, a candidate, and the fewest blocks.
 pub(super) fn least_seconds(motion: &Motion, limits: &MotionLimits) -> f64 {
-    let blocks = 3.0 + 2.0 * MIN_PAIRS as f64;
+    let blocks = 3.0 + LEAST_BLOCKS;
     let studied = survey(limits).into_iter().map(|own| own.motion).chain(frequency::motion(limits));
     let studied: f64 = studied.map(|own| own.seconds() + PAUSE_S).sum();
     studied + blocks * (motion.seconds() + PAUSE_S)
@@ -109,13 +114,13 @@ impl<'a, B: Bus> Work<'a, B> {
             control: None,
             study_set: None,
             tried: None,
+            offer: None,
             trial: Vec::new(),
             courses: Default::default(),
             unlocked_ns: began_ns,
-            guard_rad: f64::INFINITY,
+            guard_rad: 0.0,
             is_enabled: false,
             is_on_trial: false,
-            is_kept: false,
         }
     }
 
@@ -128,7 +133,7 @@ impl<'a, B: Bus> Work<'a, B> {
         f64::from(self.before.set.friction.compensator.torque_constant_nm_per_a)
     }
 
-    fn means(&self) -> Means {
+    pub(super) fn means(&self) -> Means {
         let (motor, joint) = (&self.before.set.motor, &self.before.set.friction.compensator);
         Means {
             gear_ratio: f64::from(motor.gear_ratio),
@@ -140,11 +145,23 @@ impl<'a, B: Bus> Work<'a, B> {
         TunedSet { set: self.before.set.clone(), position_gain: self.before.position_gain }
     }
 
+    /// Opens the first trial: the drive refuses it unless its active parameters are the stored ones. Nothing has moved.
+    ///
+    /// # Errors
+    /// The drive refuses it, with its reason.
+    pub(super) fn begin(&mut self) -> Result<(), TrialError> {
+        trial_set::open(&mut self.master)?;
+        self.is_on_trial = true;
+        Ok(())
+    }
+
     /// Runs the session up to its verdict.
     pub(super) fn run(&mut self, user: &mut dyn TuneUser) -> Result<Verdict, Ended> {
         self.master.configure()?;
+        self.begin_trial()?;
         user.progress("baseline: the motion of the trial with the present parameters");
         let motion = self.motion.clone();
+        self.master.set_error_guard(self.study_guard_rad());
         let baseline = self.perform(&motion, "the present parameters")?;
         let former = score(&baseline, self.nm_per_a());
         self.courses[0] = course(&baseline, self.nm_per_a());
@@ -156,26 +173,7 @@ impl<'a, B: Bus> Work<'a, B> {
             None => None,
         };
         self.study(user)?;
-        let Some(learnt) = &self.learnt else {
-            return Ok(Verdict::returned("nothing was learnt"));
-        };
-        let gains_of_former = gains_of(&self.former());
-        let stiffer = designed.as_ref().map(|gains| candidates(&self.former(), learnt, gains));
-        let others = candidates(&self.former(), learnt, &gains_of_former);
-        self.begin_trial()?;
-        for tuned in stiffer.into_iter().flatten() {
-            if best.is_some() && !self.has_time_for(1.0 + 2.0 * MIN_PAIRS as f64) {
-                break;
-            }
-            self.screen(&tuned, &former, &mut best, user)?;
-        }
-        // The former gains are a fallback.
-        for tuned in others {
-            if best.is_some() || !self.has_time_for(1.0 + 2.0 * MIN_PAIRS as f64) {
-                break;
-            }
-            self.screen(&tuned, &former, &mut best, user)?;
-        }
+        self.screen_laws(designed.as_ref(), &former, &mut best, user)?;
         match best {
             Some((_, chosen)) => self.compare(chosen, user),
             None => {
@@ -183,6 +181,42 @@ impl<'a, B: Bus> Work<'a, B> {
                 Ok(Verdict::returned(why))
             }
         }
+    }
+
+    /// Tries the learnt models with the designed gains. The former gains are a fallback.
+    fn screen_laws(
+        &mut self,
+        designed: Option<&LoopGains>,
+        former: &Scored,
+        best: &mut Option<(f64, TunedSet)>,
+        user: &mut dyn TuneUser,
+    ) -> Result<(), Ended> {
+        let Some(learnt) = &self.learnt else { return Ok(()) };
+        let has_active = has_active(self.options, &self.before);
+        let Laws { sets, offer } = Laws::of(&self.before.set, learnt, has_active);
+        self.offer = offer;
+        self.begin_trial()?;
+        let gains_of_former = gains_of(&self.former());
+        for gains in designed.into_iter().chain([&gains_of_former]) {
+            for set in &sets {
+                if best.is_some() && !self.has_time_for(1.0 + LEAST_BLOCKS) {
+                    return Ok(());
+                }
+                let position_gain = self.before.position_gain;
+                let tuned = with_gains(&TunedSet { set: set.clone(), position_gain }, gains);
+                self.screen(&tuned, former, best, user)?;
+            }
+            if best.is_some() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Position error at which a motion of the study is ended, rad: it may be faster than that of the trial, and its errors
+    /// larger.
+    fn study_guard_rad(&self) -> f64 {
+        (STUDY_GUARD * self.options.limits.range_rad).max(MIN_GUARD_RAD)
     }
 
     /// Returns the designed gains, or softer ones, with which the joint is better and does not oscillate; `None` without any.
@@ -231,6 +265,8 @@ impl<'a, B: Bus> Work<'a, B> {
         let Some(motion) = frequency::motion(&limits) else { return Ok(None) };
         let why = "the response from current to velocity";
         self.round(&Experiment { motion, why }, user)?;
+        // Computing may take longer than the deadline of a trial.
+        self.end_trial()?;
         let Some(recording) = self.slides() else { return Ok(None) };
         let former = gains_of(&self.former());
         let Some((gains, control)) = frequency::design(recording, self.nm_per_a(), &former) else {
@@ -257,13 +293,20 @@ impl<'a, B: Bus> Work<'a, B> {
         Ok(())
     }
 
-    /// Disarms the joint and opens a trial.
+    /// Disarms the joint and opens or renews a trial. Every motion is on trial, so that the drive itself restores its settings.
     fn begin_trial(&mut self) -> Result<(), Ended> {
         self.disable()?;
-        self.master.restore_interpolation(self.before.interpolation)?;
+        self.stay_unlocked()?;
         trial_set::open(&mut self.master)?;
         self.is_on_trial = true;
-        Ok(self.master.set_interpolation()?)
+        self.master.set_interpolation()?;
+        let micro_rad = (1e6 * self.guard_rad.max(self.study_guard_rad())) as u32;
+        let (former_micro_rad, former_ms) = self.before.following;
+        let following = match former_micro_rad <= micro_rad {
+            true => (former_micro_rad, former_ms),
+            false => (micro_rad, FOLLOWING_MS),
+        };
+        Ok(self.master.set_following_window(following)?)
     }
 
     /// Disarms the joint and brings the stored set back.
@@ -272,13 +315,15 @@ impl<'a, B: Bus> Work<'a, B> {
         if self.is_on_trial {
             trial_set::give_back(&mut self.master)?;
             self.is_on_trial = false;
-            self.master.set_interpolation()?;
         }
         Ok(())
     }
 
     /// Enables the drive if it is not, moves to the origin and performs a motion.
     fn perform(&mut self, motion: &Motion, why: &str) -> Result<Recording, Ended> {
+        if !self.is_on_trial {
+            self.begin_trial()?;
+        }
         if !self.is_enabled {
             self.master.enable()?;
             self.is_enabled = true;
@@ -320,9 +365,8 @@ impl<'a, B: Bus> Work<'a, B> {
     fn begin_study(&mut self) -> Result<(), Ended> {
         self.disable()?;
         check_heat(self.master.client())?;
+        self.begin_trial()?;
         if let Some(tuned) = self.study_set.clone() {
-            self.stay_unlocked()?;
-            self.begin_trial()?;
             trial_set::apply(&mut self.master, &tuned)?;
         }
         Ok(())
@@ -331,9 +375,7 @@ impl<'a, B: Bus> Work<'a, B> {
     fn round(&mut self, experiment: &Experiment, user: &mut dyn TuneUser) -> Result<(), Ended> {
         let Experiment { motion, why } = experiment;
         user.progress(&format!("{}, {:.0} s: {why}", motion.name, motion.seconds()));
-        // A motion of the study may be faster than that of the trial, and its errors larger.
-        let guard_rad = self.guard_rad.max(STUDY_GUARD * self.options.limits.range_rad);
-        self.master.set_error_guard(guard_rad);
+        self.master.set_error_guard(self.guard_rad.max(self.study_guard_rad()));
         let performed = self.perform(motion, why);
         self.master.set_error_guard(self.guard_rad);
         performed?;
@@ -347,7 +389,6 @@ impl<'a, B: Bus> Work<'a, B> {
     }
 
     fn diagnose(&mut self, user: &mut dyn TuneUser) -> Result<(), Ended> {
-        // Computing takes longer than the deadline of a trial.
         self.end_trial()?;
         // The slides excite the mechanics beyond the frequencies at which a joint is a rigid body, and an oscillating
         // candidate does too.
@@ -365,7 +406,7 @@ impl<'a, B: Bus> Work<'a, B> {
 
     /// Returns the motion that separates the open hypotheses best, if there is time and doubt, and takes it from the list.
     fn next_experiment(&mut self, left: &mut Vec<Experiment>) -> Option<Experiment> {
-        let trial_s = 2.0 * (PAIRS as f64 + 1.0) * (self.motion.seconds() + PAUSE_S);
+        let trial_s = (TRIAL_BLOCKS as f64 + 2.0) * (self.motion.seconds() + PAUSE_S);
         let time_s = self.options.seconds - self.elapsed_s() - trial_s;
         let learnt = self.learnt.as_ref()?;
         if learnt.is_settled() {
@@ -415,7 +456,8 @@ impl<'a, B: Bus> Work<'a, B> {
             scored.scores[1] / former.scores[1],
             oscillation.as_ref().map_or_else(String::new, |why| format!("; rejected: {why}"))
         ));
-        let is_better = cost < best.as_ref().map_or(0.0, |(least, _)| *least);
+        let margin = if is_active(&tuned.set) { ACTIVE_COST } else { 0.0 };
+        let is_better = cost + margin < best.as_ref().map_or(0.0, |(least, _)| *least);
         if oscillation.is_none() && is_better {
             *best = Some((cost, tuned.clone()));
         }
@@ -423,7 +465,11 @@ impl<'a, B: Bus> Work<'a, B> {
     }
 
     /// Performs a block with a set.
-    fn block(&mut self, tuned: &TunedSet, why: &str) -> Result<(Recording, Scored), Ended> {
+    pub(super) fn block(
+        &mut self,
+        tuned: &TunedSet,
+        why: &str,
+    ) -> Result<(Recording, Scored), Ended> {
         self.disable()?;
         check_heat(self.master.client())?;
         self.stay_unlocked()?;
@@ -432,52 +478,15 @@ impl<'a, B: Bus> Work<'a, B> {
         self.scored_block(why)
     }
 
-    fn scored_block(&mut self, why: &str) -> Result<(Recording, Scored), Ended> {
+    pub(super) fn scored_block(&mut self, why: &str) -> Result<(Recording, Scored), Ended> {
         let motion = self.motion.clone();
         let recording = self.perform(&motion, why)?;
         let scored = score(&recording, self.nm_per_a());
         Ok((recording, scored))
     }
-
-    /// Compares the former set (A) and a new one (B) in blocks A B B A.
-    fn compare(&mut self, chosen: TunedSet, user: &mut dyn TuneUser) -> Result<Verdict, Ended> {
-        let left_s = self.options.seconds - self.elapsed_s();
-        let possible = (left_s / (2.0 * (self.motion.seconds() + PAUSE_S))) as usize;
-        let pairs = possible.clamp(MIN_PAIRS, PAIRS);
-        user.progress(&format!("trial: {} blocks with the former and the new set", 2 * pairs));
-        let former = self.former();
-        let order =
-            (0..pairs).flat_map(|pair| if pair % 2 == 0 { [false, true] } else { [true, false] });
-        let mut last = None;
-        for is_new in order {
-            let tuned = if is_new { &chosen } else { &former };
-            let (recording, scored) = if last == Some(is_new) {
-                self.scored_block("trial")?
-            } else {
-                self.block(tuned, "trial")?
-            };
-            last = Some(is_new);
-            self.courses[usize::from(is_new)] = course(&recording, self.nm_per_a());
-            self.trial.push((is_new, scored));
-            if is_new && let Some(why) = proof::oscillates(&self.trial[0].1, &scored) {
-                return Ok(Verdict::returned(&why));
-            }
-        }
-        self.tried = Some(chosen);
-        Ok(proof::verdict(&self.pairs(), &self.means(), self.options.seed))
-    }
-
-    /// Returns the scores of the trial as pairs: former, new.
-    pub(super) fn pairs(&self) -> Vec<[Scored; 2]> {
-        let pair = |blocks: &[(bool, Scored)]| match *blocks {
-            [(false, former), (true, new)] | [(true, new), (false, former)] => Some([former, new]),
-            _ => None,
-        };
-        self.trial.chunks_exact(2).filter_map(pair).collect()
-    }
 }
 
-fn course(recording: &Recording, nm_per_a: f64) -> TuneCourse {
+pub(super) fn course(recording: &Recording, nm_per_a: f64) -> TuneCourse {
     let rows = &recording.rows;
     let begin_s = rows.first().map_or(0.0, |row| row.time_s);
     TuneCourse {

@@ -4,6 +4,7 @@ mod interrupt;
 mod refusals;
 #[path = "../../../../tests/snapshot.rs"]
 mod snapshot;
+mod stop;
 mod undo;
 
 use canopen_rs::Address;
@@ -85,6 +86,7 @@ fn options(seconds: f64, seed: u64) -> TuneOptions {
         limits: LIMITS,
         seconds,
         motion: None,
+        allow_active: false,
         seed,
         joint: "node 1 on loop".into(),
         is_simulated: true,

@@ -12,7 +12,9 @@ use joint_bus::joint::JointNode;
 use joint_bus::parameters::write_set;
 use joint_rig::{JointEvent, MotorNode};
 use joint_trace::CanFrame;
-use joint_tuning::{MotionLimits, tune};
+use joint_tuning::{MotionLimits, TuneError, TuneUser, tune};
+use std::cell::Cell;
+use std::rc::Rc;
 
 impl Bench {
     fn drawn() -> Self {
@@ -149,12 +151,75 @@ fn motion_beyond_window_or_speed_of_the_joint_is_refused() {
 }
 
 #[test]
-fn joint_whose_parameters_are_not_saved_is_refused() {
+fn joint_that_uses_learnt_gains_is_refused() {
+    for mode in [1, 2] {
+        let bench = Bench::drawn();
+        bench.write(index::ADAPTATION, 1, &[mode]);
+        bench.assert_refused("2044h:1", "learnt gains in use");
+    }
+}
+
+/// Counts the requests that write an object of the joint.
+#[derive(Clone, Default)]
+struct WriteCounter(Rc<Cell<usize>>);
+
+impl Participant for WriteCounter {
+    fn receive(&mut self, frame: &CanFrame, _: u64) {
+        let request = 0x600 + NODE.number() as u16;
+        let is_write = frame.to_joint().is_some_and(|frame| {
+            let head = frame.data().first().copied().unwrap_or(0x40);
+            frame.identifier() == request && head & 0xE0 == 0x20
+        });
+        self.0.set(self.0.get() + usize::from(is_write));
+    }
+
+    fn tick(&mut self, _: u64) -> Option<u64> {
+        None
+    }
+
+    fn transmit(&mut self) -> Option<CanFrame> {
+        None
+    }
+}
+
+/// A user who declines, and counts what was written before.
+struct Decliner(WriteCounter, Option<usize>);
+
+impl TuneUser for Decliner {
+    fn confirms(&mut self, _: &str) -> bool {
+        self.1 = Some(self.0.0.get());
+        false
+    }
+
+    fn progress(&mut self, line: &str) {
+        panic!("{line}");
+    }
+}
+
+#[test]
+fn session_before_the_answer_and_after_a_no_writes_nothing() {
+    let bench = Bench::drawn();
+    let counter = WriteCounter::default();
+    bench.hub.attach(counter.clone());
+    let mut user = Decliner(counter.clone(), None);
+    let error = tune(bench.client(), &options(300.0, 1), Box::new(|| false), &mut user);
+    assert!(matches!(error, Err(TuneError::Declined)));
+    assert_eq!((user.1, counter.0.get()), (Some(0), 0));
+    bench.write(index::MODE, 0, &[8]);
+    assert_eq!(counter.0.get(), 1, "the counter counts");
+}
+
+#[test]
+fn joint_whose_parameters_are_not_saved_is_refused_after_the_answer() {
     let bench = Bench::drawn();
     let mut changed = bench.stored.clone();
     changed.friction.compensator.scale = 0.25;
     write_set(&mut bench.client(), &changed).expect("committed");
-    let line = bench.refusal(LIMITS);
-    assert!(line.contains("save"), "{line}");
+    let mut user = User::default();
+    let error = tune(bench.client(), &options(300.0, 1), Box::new(|| false), &mut user);
+    let line = error.expect_err("refused").to_string();
+    assert!(line.contains("save") && !line.contains('\n'), "{line}");
+    assert_eq!((user.questions.len(), user.lines.len()), (1, 0));
+    assert!(!bench.is_armed());
     assert_eq!(bench.active().0, changed.crc(), "it keeps them");
 }

@@ -1,11 +1,13 @@
 //! Sessions on drawn joints, as in the table of graded sessions. The seeds are others than those of the table.
 
-use firmware::node::dictionary::index;
+use firmware::parameter_set::ParameterSet;
 use friction_results::tune::TuneOutcome;
-use joint_rig::service;
+use joint_rig::{JointEvent, service};
+use joint_tuning::Master;
+use joint_tuning::trial_set::{self, Record, TunedSet};
 use tuned_joints::{
-    Case, Fault, LARGEST_DISTANCE_RAD, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade, grade_fault,
-    joint, options,
+    Case, Fault, LARGEST_DISTANCE_RAD, LIMITS, OrderFault, SHOWN_BY_MOTION, Stand, Start, grade,
+    grade_fault, joint, options,
 };
 
 /// True gains that a session on a commissioned joint reaches at least: half of what most of the table's sessions do.
@@ -50,18 +52,50 @@ fn fault_in_a_session_leaves_a_safe_joint_with_its_former_set() {
     }
 }
 
+/// Asserts that the joint has its stored set when a trial without a host has ended, and after a reset.
+fn assert_former(stand: &Stand, set: &ParameterSet) {
+    stand.kill_host_at(u64::MAX);
+    stand.set_order_fault(OrderFault::None);
+    let hub = stand.hub();
+    hub.run_until(hub.now_ns() + 11_000_000_000).expect("a bus");
+    assert_eq!(stand.active_crc(), Ok(set.crc()));
+    stand.node().borrow_mut().schedule(hub.now_ns(), JointEvent::ProcessorReset);
+    hub.run_until(hub.now_ns() + 500_000_000).expect("a bus");
+    assert_eq!(stand.node().borrow().restarts(), 1);
+    assert_eq!(stand.active_crc(), Ok(set.crc()), "after a reset");
+    assert_eq!(trial_set::record(&mut stand.client()).expect("an answer"), None);
+}
+
 #[test]
 fn set_that_cannot_be_stored_is_not_left_in_the_joint() {
     let joint = joint(44_000, None).expect("a joint");
     let set = service::starting_set(&joint);
     let stand = Stand::new(&joint, &set).expect("it starts");
-    stand.refuse_writes_of(index::STORE);
+    stand.set_order_fault(OrderFault::Lost);
     let session = stand.tune(&options(1, LIMITS)).expect("a session");
-    assert!(
-        matches!(&session.report.outcome, TuneOutcome::Returned(_)),
-        "{:?}",
-        session.report.outcome
-    );
-    stand.refuse_writes_of(0);
-    assert_eq!(stand.active_crc(), Ok(set.crc()));
+    let report = &session.report;
+    assert!(matches!(&report.outcome, TuneOutcome::Returned(_)), "{:?}", report.outcome);
+    assert!(!report.gains.is_empty(), "{:?}", report.outcome);
+    assert_former(&stand, &set);
+}
+
+#[test]
+fn host_that_dies_before_its_last_order_leaves_the_stored_set() {
+    let joint = joint(44_000, None).expect("a joint");
+    let set = service::starting_set(&joint);
+    let stand = Stand::new(&joint, &set).expect("it starts");
+    stand.set_order_fault(OrderFault::Killed);
+    let own = options(1, LIMITS);
+    let mut master = Master::new(stand.client(), own.node, own.limits, Box::new(|| false));
+    trial_set::open(&mut master).expect("a trial");
+    let position_gain = service::drive_settings(&joint).position_gain;
+    let mut tried = TunedSet { set: set.clone(), position_gain };
+    tried.set.friction.compensator.scale = 0.5;
+    trial_set::apply(&mut master, &tried).expect("a set on trial");
+    let tuned_crc = tried.set.crc();
+    assert_eq!(stand.active_crc(), Ok(tuned_crc));
+    let record =
+        Record { time_s: 1, runs: 2, before_crc: set.crc(), tuned_crc, gain_permille: 3, cause: 0 };
+    assert!(trial_set::keep_and_save(&mut master, &record).is_err());
+    assert_former(&stand, &set);
 }
