@@ -164,9 +164,9 @@ fn summary(session: &Session) -> String {
     let TuneParts { loop_gains, friction_model } = &report.parts;
     if !loop_gains.is_empty() && !friction_model.is_empty() {
         for (name, gains) in
-            [("the loop gains", loop_gains), ("then the friction model", friction_model)]
+            [("by the loop gains", loop_gains), ("then by the friction model", friction_model)]
         {
-            text += &format!("  by {name}:\n");
+            text += &format!("  {name}:\n");
             // The current follows from both, and the time stuck from the errors.
             gains.iter().take(2).for_each(|gain| text += &format!("    {}\n", gain_line(gain)));
         }
