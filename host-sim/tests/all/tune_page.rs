@@ -305,7 +305,7 @@ fn page_of_a_gain_has_each_change_with_its_interval() {
         &report.warnings[0],
         &report.rounds[2].why,
         "A C B B C A C B A A B C",
-        "Error at reversals: −33\u{a0}% by the loop gains, then −50\u{a0}% by the friction model",
+        "loop gains −33\u{a0}%, then model −50\u{a0}%",
         "−33\u{a0}% (−38 to −28\u{a0}%)",
         "2.31\u{a0}Nm",
         "1.98\u{a0}Nm",

@@ -21,7 +21,8 @@ impl TuneReport {
     /// [`crate::diagnosis_page::page`] returns it.
     pub fn page(&self, diagnosis: Option<Page>) -> Page {
         let mut page = Page::new(words::title(self), words::headline(self));
-        let tiles: Vec<Tile> = self.gains.iter().filter(|gain| is_shown(gain)).map(tile).collect();
+        let tiles: Vec<Tile> =
+            self.gains.iter().filter(|gain| is_shown(gain)).map(|gain| tile(self, gain)).collect();
         if !tiles.is_empty() {
             page.push(Block::Tiles(tiles));
         }
@@ -194,14 +195,16 @@ pub(super) fn is_shown(gain: &TuneGain) -> bool {
     gain.quantity != super::TuneQuantity::StuckTime || gain.before > 0.0 || gain.after > 0.0
 }
 
-fn tile(gain: &TuneGain) -> Tile {
+fn tile(report: &TuneReport, gain: &TuneGain) -> Tile {
     let verdict = Verdict::of(gain);
     let mut notes = vec![words::means(gain)];
     if verdict != Verdict::NotMeasured {
         notes.push(format!("95\u{a0}%: {}", words::interval(gain)));
     }
-    if verdict == Verdict::Open {
-        notes.push(verdict.in_words().to_owned());
+    match verdict {
+        Verdict::Open => notes.push(verdict.in_words().to_owned()),
+        Verdict::Better | Verdict::Worse => notes.extend(words::parts(report, gain.quantity)),
+        Verdict::NotMeasured => {}
     }
     Tile {
         name: words::name(gain.quantity),
@@ -222,7 +225,6 @@ fn tile(gain: &TuneGain) -> Tile {
 /// Returns the facts of the first screen.
 pub(super) fn facts(report: &TuneReport) -> Vec<(String, String)> {
     let mut facts = vec![("Cause".to_owned(), words::cause(report))];
-    facts.extend(words::parts(report).map(|text| ("Gained by".to_owned(), text)));
     let mut list = |name: &str, texts: &[String]| {
         for (place, text) in texts.iter().take(MAX_FIRST_SCREEN).enumerate() {
             facts.push((if place == 0 { name } else { "" }.to_owned(), text.clone()));

@@ -87,21 +87,11 @@ pub(super) fn change_with_interval(gain: &TuneGain) -> String {
     }
 }
 
-/// Returns what each part of the new set takes of the error at reversals; `None` if nothing was compared. The table of the trial has
-/// the other quantities and the intervals.
-pub(super) fn parts(report: &TuneReport) -> Option<String> {
-    let [of_loop, of_model] = [&report.parts.loop_gains, &report.parts.friction_model];
-    match (of_loop.first(), of_model.first()) {
-        (Some(own), Some(model)) => Some(format!(
-            "{}: {} by the loop gains, then {} by the friction model",
-            name(own.quantity),
-            change(own),
-            change(model)
-        )),
-        (Some(_), None) => Some("the loop gains alone".to_owned()),
-        (None, Some(_)) => Some("the friction model alone".to_owned()),
-        (None, None) => None,
-    }
+/// Returns what each part of the new set takes of a quantity; `None` unless both were compared.
+pub(super) fn parts(report: &TuneReport, of: TuneQuantity) -> Option<String> {
+    let [own, model] = [&report.parts.loop_gains, &report.parts.friction_model]
+        .map(|gains| gains.iter().find(|gain| gain.quantity == of).map(change));
+    Some(format!("loop gains {}, then model {}", own?, model?))
 }
 
 /// Returns the unit in which values of a quantity are shown, and the factor to it. Small angles are shown in mrad.
