@@ -321,7 +321,7 @@ impl LoopTask {
             self.tripped |= cycle.flags.intersection(LoopFlags::FAULTS);
         }
         let bridge = if probing { self.step_probe(sample, &cycle, driving) } else { cycle.bridge };
-        let bridge = self.step_brake(bridge, sample, &cycle, fault.is_some());
+        let bridge = self.step_brake(bridge, &cycle, fault.is_some());
         self.age_inputs();
         self.record_cycle(sample, &cycle);
         bridge
@@ -332,7 +332,6 @@ impl LoopTask {
     fn step_brake(
         &mut self,
         bridge: Bridge,
-        sample: &StageSample,
         cycle: &CycleResult,
         has_hardware_fault: bool,
     ) -> Bridge {
@@ -343,23 +342,18 @@ impl LoopTask {
         if !self.brake.is_due() {
             return Bridge::Off;
         }
-        self.brake_motor(sample, cycle, has_hardware_fault)
+        self.brake_motor(cycle, has_hardware_fault)
     }
 
     /// Returns the bridge of a period of the brake.
     #[cold]
-    fn brake_motor(
-        &mut self,
-        sample: &StageSample,
-        cycle: &CycleResult,
-        has_hardware_fault: bool,
-    ) -> Bridge {
+    fn brake_motor(&mut self, cycle: &CycleResult, has_hardware_fault: bool) -> Bridge {
         let preventing = (cycle.flags | self.tripped).intersects(stop_brake::PREVENTING);
         // The guard finds the offsets with open switches before the bridge closes again.
         let closes_again = self.commands.bridge && self.waiting && self.tripped.is_empty();
         let has_fault = has_hardware_fault || self.held_by_hardware || preventing;
         let may_short = self.commands.brake && !has_fault && !closes_again;
-        self.brake.step(may_short, self.current_loop.measured_current(sample))
+        self.brake.step(may_short, self.current_loop.measured_current())
     }
 
     /// Handles comparators that opened the bridge as a measured overcurrent.
@@ -380,7 +374,7 @@ impl LoopTask {
         if !driving || cycle.flags.intersects(stopping) {
             return Bridge::Off;
         }
-        let measured = self.current_loop.measured_current(sample);
+        let measured = self.current_loop.measured_current();
         self.probe.step(order, sample.encoder, measured, cycle.bus_v)
     }
 

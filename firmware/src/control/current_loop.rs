@@ -115,6 +115,8 @@ pub struct CurrentLoop<C> {
     q: Integral,
     /// Reference of the q current that the controller follows, A, in the motor's sign.
     reference_q_a: f32,
+    /// Current vector of the last cycle; 0 if it was unknown.
+    measured: Stationary,
     bus_v: f32,
     bus_age: u8,
     driving: bool,
@@ -138,6 +140,7 @@ impl<C: Compensate> CurrentLoop<C> {
             d: Integral::default(),
             q: Integral::default(),
             reference_q_a: 0.0,
+            measured: Stationary::default(),
             bus_v: 0.0,
             bus_age: u8::MAX,
             driving: false,
@@ -224,6 +227,7 @@ impl<C: Compensate> CurrentLoop<C> {
     ) -> CycleResult {
         let mut flags = LoopFlags::BRIDGE_OFF.when(!self.driving);
         let measured = self.phase_currents(sample, &mut flags);
+        self.measured = measured;
         // The Park transform needs the rotor angle, so the observer comes first.
         let angle = self.update_observer(sample, &mut flags);
         let speed = self.observer.motor_velocity_rad_s();
@@ -249,9 +253,9 @@ impl<C: Compensate> CurrentLoop<C> {
         self.observer.angle()
     }
 
-    /// Returns the sampled current vector; 0 if it is unknown, which the flags of a cycle report.
-    pub fn measured_current(&self, sample: &StageSample) -> Stationary {
-        self.phase_currents(sample, &mut LoopFlags::empty())
+    /// Returns the current vector of the last cycle; 0 if it was unknown, which the flags of that cycle report.
+    pub const fn measured_current(&self) -> Stationary {
+        self.measured
     }
 
     /// Returns the current vector from three shunts or two; 0 if it is unknown.

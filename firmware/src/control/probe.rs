@@ -92,6 +92,9 @@ pub struct Probe {
 
 impl Probe {
     /// Runs one period with the sampled encoder angle, the current vector and the bus voltage, V.
+    // Not inlined: a board may leave it in slow memory, because a period of a measurement computes no compensation.
+    #[cold]
+    #[inline(never)]
     pub fn step(
         &mut self,
         command: &ProbeCommand,

@@ -68,7 +68,8 @@ impl BissEncoder {
     }
 
     /// Evaluates the words of a period; `None` if they were not exchanged in time.
-    #[inline(always)]
+    // Not inlined: interrupt and background share one copy.
+    #[inline(never)]
     pub fn evaluate(&self, words: Option<[u16; WORDS]>) -> Evaluation {
         let Some(frame) = words.and_then(|words| self.frame(words)) else {
             return Evaluation::Missing;
