@@ -211,6 +211,7 @@ impl HilJoint {
     ///
     /// # Errors
     /// As [`Compensator::build`], [`FactorSupplier::build`] and [`FactorSupplier::every`].
+    #[inline(never)]
     pub fn build(
         node: NodeId,
         configuration: &Configuration,

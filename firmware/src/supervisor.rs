@@ -328,6 +328,7 @@ impl Supervisor {
     }
 
     /// Sets the health of the parameter store, at start and after each save.
+    #[inline(never)]
     pub fn set_store_health(&mut self, health: StoreHealth) {
         self.set_present(Code::StoreDamaged, health == StoreHealth::Damaged);
         self.set_present(Code::StoreReduced, health == StoreHealth::Reduced);
@@ -405,7 +406,7 @@ impl Supervisor {
     }
 
     /// Returns true if the bridge may be on. The current loop reads it in every period.
-    #[inline]
+    #[inline(never)]
     pub fn is_bridge_allowed(&self) -> bool {
         self.stopping || self.armed && self.latched.is_empty()
     }

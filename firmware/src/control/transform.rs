@@ -97,7 +97,8 @@ impl Rotation {
 ///
 /// The square root of micromath has an error of 4 %. Its inverse square root and two Newton steps, `y (1.5 - x
 /// y^2 / 2)`, need no division. The FPU's `vsqrt` is not available without the platform's maths library.
-#[inline(always)]
+// Not inlined: only a vector near a limit needs it, and the limits of power and voltage call it in several places.
+#[inline(never)]
 pub fn square_root(x: f32) -> f32 {
     if x > 0.0 && x < f32::MAX {
         let mut y = F32Ext::invsqrt(x);

@@ -28,6 +28,7 @@ impl Angle {
     }
 
     /// Returns the nearest angle, 1e-6 rad; it saturates.
+    #[inline(never)]
     pub fn micro_rad(self) -> i32 {
         const BEYOND: i64 = 2200 << 44;
         let bounded = self.0.clamp(-BEYOND, BEYOND);

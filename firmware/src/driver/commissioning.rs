@@ -311,6 +311,7 @@ impl Commissioning {
         self.step == CommissioningStep::Done
     }
 
+    #[inline(never)]
     fn enter(&mut self, step: CommissioningStep) {
         self.step = step;
         self.blocks = 0;

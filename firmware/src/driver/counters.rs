@@ -4,6 +4,7 @@ pub use crate::node::dictionary::records::Counters;
 use crate::supervisor::CanState;
 
 /// Adds to a counter; saturates.
+#[inline(never)]
 pub(crate) fn count(counter: &mut u32, by: u32) {
     *counter = counter.saturating_add(by);
 }

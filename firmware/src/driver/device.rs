@@ -222,6 +222,8 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns true if the joint is armed, on its own sensors or in HIL.
+    // Not inlined, to reduce the size of the image, like all small functions below with this attribute.
+    #[inline(never)]
     pub(super) fn is_armed(&self) -> bool {
         self.supervisor.is_armed() || self.samples.is_hil_armed()
     }
@@ -396,6 +398,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Disarms the joint, for any source of inputs.
+    #[inline(never)]
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
         self.stopping.end();

@@ -123,7 +123,8 @@ fn turns_range(set: &ParameterSet) -> f32 {
 /// Returns a difference of turns within half the range of the encoder.
 pub fn wrapped_turns(turns: f32, set: &ParameterSet) -> f32 {
     let range = turns_range(set);
-    let rest = turns % range;
+    // The range is a power of two, so that this is exact. `%` takes 0.7 KB of an image.
+    let rest = turns - range * ((turns / range) as i32 as f32);
     if rest > 0.5 * range {
         rest - range
     } else if rest < -0.5 * range {

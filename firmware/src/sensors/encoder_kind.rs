@@ -22,6 +22,7 @@ pub enum EncoderKind {
 
 impl EncoderKind {
     /// Returns the kind of a validated parameter.
+    #[inline(never)]
     pub const fn of(parameter: f32) -> Self {
         match parameter as u8 {
             1 => Self::As5048a,

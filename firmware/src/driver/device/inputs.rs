@@ -47,6 +47,7 @@ impl Samples {
     }
 
     /// Replaces the joint in HIL; it is not armed.
+    #[inline(never)]
     pub(super) fn set_hil(&mut self, hil: HilJoint) {
         self.hil = hil;
     }

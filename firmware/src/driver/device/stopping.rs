@@ -103,6 +103,7 @@ impl Stopping {
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if the bridge is in use: parameters must not change.
+    #[inline(never)]
     pub(in crate::driver) fn is_bridge_in_use(&self) -> bool {
         self.is_armed() || self.supervisor.is_stopping()
     }

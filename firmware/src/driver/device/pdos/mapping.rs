@@ -48,6 +48,7 @@ const fn entry(index: u16, sub_index: u8, bits: u8) -> u32 {
 }
 
 impl Mapping {
+    #[inline(never)]
     const fn of(objects: &[u32]) -> Self {
         let mut entries = [0; MAX_MAPPED_OBJECTS];
         let mut place = 0;
