@@ -217,6 +217,8 @@ impl<T: Real> Compensator<T> {
     /// Computes a sample of a disabled compensator, or of a model with terms or network factors.
     #[inline(never)]
     fn step_general(&mut self, inputs: &Inputs<T>) -> CompensatorOutput<T> {
+        // Also while disabled: side load and pressure are then valid in the first enabled sample, which is the longest.
+        let guarded = self.guard_if_needed(inputs);
         if !self.enabled {
             let zero = T::zero();
             return CompensatorOutput {
@@ -226,11 +228,9 @@ impl<T: Real> Compensator<T> {
                 flags: Flags::DISABLED,
             };
         }
-        let mut flags = Flags::empty();
-        let (measured, reference, weight) = self.replaced_velocities(inputs, &mut flags);
-        let seal = self.guarded_seal(inputs, &mut flags);
+        let (weight, seal, mut flags) = (guarded.velocity_weight, guarded.seal, guarded.flags);
         let mut sample = Sample {
-            velocity_rad_s: self.blended(measured, reference),
+            velocity_rad_s: guarded.velocity_rad_s,
             radial_force_n: seal.force_n,
             radial_force_change_n: seal.force_change_n,
             pressure_diff_mpa: seal.pressure_mpa,

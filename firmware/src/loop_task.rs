@@ -137,7 +137,7 @@ impl LoopTask {
         self.apply(&commands);
     }
 
-    /// Applies all but covariates and network factors.
+    /// Applies the second half of the commands.
     #[inline]
     fn apply(&mut self, commands: &LoopCommands) {
         if !commands.bridge {
@@ -148,18 +148,16 @@ impl LoopTask {
         if commands.home.number != self.commands.home.number {
             self.current_loop.set_position(commands.home.position_rad);
         }
-        self.current_loop.compensator().set_current_share(commands.current_share);
-        self.current_loop.compensator().set_compensation_share(commands.compensation_share);
-        // All but the measurements. A new field does not compile until one of the two functions takes it.
+        // All but the first half. A new field does not compile until one of the two functions takes it.
         let LoopCommands {
             covariates: _,
             factors: _,
+            current_share: _,
+            compensation_share: _,
             setpoint,
             bridge,
             brake,
             compensation,
-            current_share,
-            compensation_share,
             gate_resets,
             set_number,
             home,
@@ -171,8 +169,6 @@ impl LoopTask {
         own.bridge = *bridge;
         own.brake = *brake;
         own.compensation = *compensation;
-        own.current_share = *current_share;
-        own.compensation_share = *compensation_share;
         own.gate_resets = *gate_resets;
         own.set_number = *set_number;
         own.home = *home;
@@ -183,12 +179,16 @@ impl LoopTask {
         }
     }
 
-    /// Takes what the commands say of the joint: covariates and network factors.
+    /// Takes the first half of the commands: covariates, network factors and shares. The halves cost the same.
     #[inline]
     fn take_measurements(&mut self, commands: &LoopCommands) {
         self.commands.covariates = commands.covariates;
         self.commands.factors = commands.factors;
         self.current_loop.supply(commands.factors);
+        self.commands.current_share = commands.current_share;
+        self.commands.compensation_share = commands.compensation_share;
+        self.current_loop.compensator().set_current_share(commands.current_share);
+        self.current_loop.compensator().set_compensation_share(commands.compensation_share);
     }
 
     /// Swaps in other parameters between two periods.

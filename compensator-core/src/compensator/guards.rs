@@ -132,6 +132,24 @@ impl<T: Real> Compensator<T> {
         }
     }
 
+    /// Guards the inputs if a mask says that they need it.
+    #[inline(always)]
+    pub(super) fn guard_if_needed(&mut self, inputs: &Inputs<T>) -> GuardedInputs<T> {
+        let change = inputs.radial_force_n.value - self.radial_force.value;
+        let velocities = self.velocities_guard_mask(inputs);
+        let seal = self.seal_guard_mask(inputs, change);
+        if (velocities | seal).is_set() {
+            return self.guard_inputs(inputs, velocities, seal);
+        }
+        let reference = inputs.velocity_reference_rad_s.value;
+        GuardedInputs {
+            velocity_rad_s: self.blended(inputs.velocity_rad_s.value, reference),
+            velocity_weight: T::one(),
+            seal: self.accept_seal(inputs, change),
+            flags: Flags::empty(),
+        }
+    }
+
     /// Sets the mask if a velocity is NaN, outside the envelope or too old.
     #[inline(always)]
     pub(super) fn velocity_guard_mask(&self, reading: &Reading<T>) -> Mask {
