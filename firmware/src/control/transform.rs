@@ -5,7 +5,7 @@
 //! rotates the vector back by the electrical angle: `d = alpha cos + beta sin`, `q = beta cos - alpha sin`. The
 //! d axis lies along the magnet; the q current makes the torque.
 //!
-//! Angles are binary, 2^32 for a turn, and exact. Sine and cosine come from micromath, with a largest error of
+//! Angles are binary, 2^32 for a turn, and exact. Sine and cosine are parabolas, with a largest error of
 //! 1.091e-3 over the whole turn (see the tests). The vector is rotated by at most 1.1 mrad too far and its
 //! length is off by at most 0.11 %. This costs 1e-6 of the torque, less than the current sensors do.
 
@@ -69,9 +69,7 @@ impl Rotation {
     /// Creates the rotation of a binary electrical angle.
     #[inline(always)]
     pub fn at(angle: u32) -> Self {
-        // The signed angle keeps the resolution of the float near 0.
-        let cosine = |angle: u32| F32Ext::cos(angle as i32 as f32 * RAD_PER_UNIT);
-        Self { sine: cosine(angle.wrapping_sub(QUARTER)), cosine: cosine(angle) }
+        Self { sine: sine(angle), cosine: sine(angle.wrapping_add(QUARTER)) }
     }
 
     /// Transforms from the stator to the rotor frame.
@@ -91,6 +89,16 @@ impl Rotation {
             beta: v.d * self.sine + v.q * self.cosine,
         }
     }
+}
+
+/// Returns the sine of a binary angle. The curve is that of micromath; a binary angle needs no reduction of its range, which takes
+/// twice as long as the curve.
+#[inline(always)]
+fn sine(angle: u32) -> f32 {
+    // Turns, -0.5 to 0.5. The signed angle keeps the resolution of the float near 0.
+    let turns = angle as i32 as f32 * (1.0 / 4_294_967_296.0);
+    let parabola = turns * (8.0 - 16.0 * turns.abs());
+    parabola + 0.225 * parabola * (parabola.abs() - 1.0)
 }
 
 /// Returns the square root, to 5e-6 of the value; 0 for 0, negative values and NaN.
