@@ -429,9 +429,24 @@ impl<C: Compensate> CurrentLoop<C> {
         vector
     }
 
-    /// Returns the current that a cross-fade adds to the new compensation, A.
+    /// Returns the current that a cross-fade adds to the new compensation, A; 0 without one.
     #[inline(always)]
     fn cross_fade_a(
+        &mut self,
+        compensate: bool,
+        feed_forward_a: f32,
+        flags: &mut LoopFlags,
+    ) -> f32 {
+        // By its bits: a comparison of floats costs more, and a cross-fade is rare.
+        if self.fade.to_bits() == 0 {
+            return 0.0;
+        }
+        self.step_cross_fade(compensate, feed_forward_a, flags)
+    }
+
+    /// Runs a period of a cross-fade; returns its current, A.
+    #[cold]
+    fn step_cross_fade(
         &mut self,
         compensate: bool,
         feed_forward_a: f32,
