@@ -19,13 +19,13 @@ use std::fmt::Write as _;
 /// Models, with limits of the share of the period that the interrupt takes, by the upper estimate: a tenth
 /// below, and 7 % above, as sensors that a user adds need what is left.
 const MODELS: [(&str, &[TermKind], [f64; 2]); 3] = [
-    ("improved LuGre", &[], [0.31, 0.37]),
+    ("improved LuGre", &[], [0.28, 0.34]),
     (
         "improved LuGre + the three most expensive terms",
         &COSTLIEST_TERMS.split_at(3).0,
-        [0.44, 0.53],
+        [0.42, 0.50],
     ),
-    ("improved LuGre + the eight most expensive terms", &COSTLIEST_TERMS, [0.53, 0.63]),
+    ("improved LuGre + the eight most expensive terms", &COSTLIEST_TERMS, [0.51, 0.60]),
 ];
 
 /// Limits of the share of a millisecond that the background takes without the interrupts, by the upper estimate.
