@@ -19,6 +19,7 @@ use compensator_core::parameters::Text;
 use compensator_core::parameters::reason::Reason;
 use compensator_core::record::{self, RecordError};
 use compensator_core::refusal;
+use compensator_core::text;
 use compensator_core::{Compensator, LawKind, ParameterError, Parameters};
 use core::cell::Cell;
 use core::ops::{Deref, DerefMut};
@@ -322,6 +323,14 @@ impl ParameterSet {
             }
         }
         self.set_drive(&drive);
+    }
+
+    /// Returns the first quantity with which this set may compensate more friction than another one, or that its network sets.
+    pub fn larger_quantity(&self, other: &Self) -> Option<Text> {
+        if self.network.is_some() && self.network != other.network {
+            return Some(text!("network"));
+        }
+        self.friction.larger_quantity(&other.friction)
     }
 
     /// Returns the CRC-32 that identifies the set. The CRCs of the contained records are left out: a CRC

@@ -64,7 +64,7 @@ impl<F: NorFlash> Device<F> {
         if parameters.is_none_or(|bytes| stored.read(bytes).is_err()) {
             stored = ParameterSet::default();
         }
-        self.staging.active().friction.larger_quantity(&stored.friction)
+        self.staging.active().larger_quantity(&stored)
     }
 
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.

@@ -18,6 +18,7 @@ mod lss;
 mod network;
 mod object_observer;
 mod object_values;
+mod offsets;
 mod parameter_trial;
 mod parameters;
 mod pdos;

@@ -3,6 +3,7 @@
 //! `cargo test -p firmware --test all X::` runs the tests of the file `X.rs` and of its folder.
 
 mod closed_loop;
+mod compact;
 mod driver;
 #[path = "../../../tests/message.rs"]
 mod message;

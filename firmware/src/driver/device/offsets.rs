@@ -103,7 +103,7 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn torque_mode_current_a(&self, current_a: f32) -> f32 {
         match self.profile.mode {
             profile::CST => {}
-            profile::TQ => return self.profile_torque_current_a(),
+            profile::TQ => return self.modes.torque_current_a(self.rated().0),
             _ => return current_a,
         }
         let most_a = self.profile.max_share() * self.rated().0;

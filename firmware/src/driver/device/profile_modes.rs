@@ -33,6 +33,11 @@ impl ProfileModes {
         self.reached_reports = 0;
     }
 
+    /// Returns the current of mode 4, A, at this rated current.
+    pub(super) fn torque_current_a(&self, rated_a: f32) -> f32 {
+        self.torque_permille * 1e-3 * rated_a
+    }
+
     /// Starts the torque of mode 4 at this value, thousandths of the rated torque.
     pub(super) fn begin_torque(&mut self, permille: f32) {
         self.torque_permille = permille;
@@ -98,12 +103,6 @@ impl<F: NorFlash> Device<F> {
         } else {
             1e3 * self.profile.target_share()
         }
-    }
-
-    /// Returns the current of mode 4, A.
-    #[inline(never)]
-    pub(super) fn profile_torque_current_a(&self) -> f32 {
-        self.modes.torque_permille * 1e-3 * self.rated().0
     }
 
     /// Returns a current in thousandths of the rated one.

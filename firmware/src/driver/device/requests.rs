@@ -1,6 +1,5 @@
 //! Requests of a tool to a driver, and their refusals.
 
-use super::memory::StoredBlock;
 use super::network::LiveNetwork;
 use super::{Device, watch};
 use crate::control::PERIOD_S;
@@ -10,7 +9,6 @@ use crate::node::sdo::Abort;
 use crate::node_settings::{InputSource, NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::{self, Code, ParameterSource};
-use compensator_core::parameters::Text;
 use compensator_core::refusal;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
@@ -140,7 +138,13 @@ impl<F: NorFlash> Device<F> {
     /// Makes the staged set the active one.
     pub(in crate::driver) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
         self.staging.validate_commit(meant)?;
-        self.check_compensation_level()?;
+        // More friction than the joint has drives it, and no watch bounds that in every motion.
+        if !self.is_service()
+            && let Some(larger) = self.memory.larger_than_stored(self.staging.staged())
+        {
+            let why = refusal!("{name}: larger than stored, which needs the service level", larger);
+            return Err(self.staging.refuse(Abort::Locked, why));
+        }
         let hil = {
             let set = self.staging.staged();
             let (network, setup) = (set.network.as_ref(), self.settings.hil_setup());
@@ -165,32 +169,6 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.set_parameter_source(ParameterSource::Set);
         self.follow_set();
         Ok(())
-    }
-
-    /// Checks that a commit without the service level compensates no more than the stored set. More friction than the joint
-    /// has drives it, and no watch bounds that in every motion.
-    fn check_compensation_level(&mut self) -> Result<(), Abort> {
-        if self.is_service() {
-            return Ok(());
-        }
-        let Some(larger) = self.larger_than_stored() else { return Ok(()) };
-        let why = refusal!("{name}: larger than stored, which needs the service level", larger);
-        Err(self.staging.refuse(Abort::Locked, why))
-    }
-
-    /// Returns the first quantity of the staged set that is larger than in the flash.
-    // Not inlined: the stack of the stored set is free again afterwards.
-    #[inline(never)]
-    fn larger_than_stored(&mut self) -> Option<Text> {
-        let mut stored = ParameterSet::default();
-        if self.memory.recall(StoredBlock::Newest, &mut stored).is_none() {
-            stored = ParameterSet::default();
-        }
-        let staged = self.staging.staged();
-        if staged.network.is_some() && staged.network != stored.network {
-            return Some(text!("network"));
-        }
-        staged.friction.larger_quantity(&stored.friction)
     }
 
     /// Makes all but the supervisor's thresholds and the joint in HIL follow the set that became active.

@@ -6,6 +6,7 @@ use super::parameter_trial::{RETURN, open, order as end_trial, save};
 use compensator_core::adaptation::Frozen;
 use compensator_core::can::{CommandFrame, Message};
 use compensator_core::{Flags, ParameterId};
+use firmware::control::LoopFlags;
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
@@ -82,10 +83,21 @@ fn adaptation_mode_is_kept_by_a_save_and_orders_need_what_was_learnt() {
 
 /// Reports of a joint that slides back and forth with this torque against its motion, under Command frames, for a time in s.
 fn slide(bench: &mut Bench, torque_nm: f32, seconds: usize) {
-    for ms in 0..1000 * seconds {
+    slide_with(bench, torque_nm, 1000 * seconds, LoopFlags::empty(), Flags::empty());
+}
+
+/// The same for a time in ms, with these flags.
+fn slide_with(
+    bench: &mut Bench,
+    torque_nm: f32,
+    milliseconds: usize,
+    loop_flags: LoopFlags,
+    flags: Flags,
+) {
+    for ms in 0..milliseconds {
         let direction = if ms % 1000 < 500 { 1.0 } else { -1.0 };
         bench.give(Message::Command(NODE, CommandFrame::new(1.0, 0.0, ms as u8)));
-        if ms == 20 {
+        if ms == 20 && !bench.driver.is_armed() {
             bench.write(index::STATE, 1, &[1]).unwrap();
         }
         bench.driver.report(&LoopReport {
@@ -93,7 +105,8 @@ fn slide(bench: &mut Bench, torque_nm: f32, seconds: usize) {
             phase_currents_a: Some([0.0; 3]),
             velocity_rad_s: direction,
             residual_torque_nm: torque_nm * direction,
-            flags: Flags::empty(),
+            loop_flags,
+            flags,
             ..LoopReport::default()
         });
         bench.pass_ms(1);
@@ -115,6 +128,22 @@ fn gains_above_the_set_apply_in_torque_modes_on_request_only() {
     let learnt = f32::from_bits(bench.number(index::LEARNT_GAINS, 1));
     let (number, gains) = bench.driver.learnt_gains();
     assert!(learnt > 1.2 && gains.level == learnt, "{learnt} {gains:?}");
+    // What limits the torque hides the friction.
+    let (none, no_flags) = (LoopFlags::empty(), Flags::empty());
+    for (loop_flags, flags, reason) in [
+        (none, no_flags, Frozen::None),
+        (LoopFlags::CURRENT_LIMITED, no_flags, Frozen::Saturated),
+        (LoopFlags::VOLTAGE_LIMITED, no_flags, Frozen::Saturated),
+        (LoopFlags::BRAKING_LIMITED, no_flags, Frozen::Saturated),
+        (none, Flags::TORQUE_LIMITED, Frozen::Saturated),
+        (none, Flags::VELOCITY_INVALID, Frozen::Inputs),
+    ] {
+        slide_with(&mut bench, 1.6 * coulomb_nm, 4000, none, no_flags);
+        slide_with(&mut bench, 1.6 * coulomb_nm, 400, loop_flags, flags);
+        let frozen = bench.number(index::ADAPTATION, AdaptationObject::FROZEN);
+        assert_eq!(frozen, reason as u32, "{loop_flags:?} {flags:?}");
+    }
+    let learnt = f32::from_bits(bench.number(index::LEARNT_GAINS, 1));
     mode(&mut bench, ON).unwrap();
     let (bounded_number, bounded) = bench.driver.learnt_gains();
     assert_eq!(bounded.level, 1.0, "what is in use");
@@ -124,5 +153,11 @@ fn gains_above_the_set_apply_in_torque_modes_on_request_only() {
     bench.write(index::MODE, 0, &[9]).unwrap();
     assert_eq!(bench.driver.learnt_gains().1.level, learnt, "its own loop holds the speed");
     bench.write(index::MODE, 0, &[10]).unwrap();
+    assert_eq!(bench.driver.learnt_gains().1.level, 1.0);
+    // What was learnt belongs to the set that it was learnt with.
+    bench.write(index::MODE, 0, &[9]).unwrap();
+    bench.write(index::COMPENSATOR, 1, &0.7f32.to_le_bytes()).unwrap();
+    let staged = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
     assert_eq!(bench.driver.learnt_gains().1.level, 1.0);
 }

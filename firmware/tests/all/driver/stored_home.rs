@@ -2,6 +2,8 @@
 
 use super::bench::{Bench, Flash, NODE, frame};
 use super::parameter_trial::save;
+use super::trial_isolation::{BankFlash, PAGE, with_banks};
+use crate::update::bench::package;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use firmware::driver::{Boot, Home, LoopReport};
 use firmware::loop_parts::StageTraits;
@@ -11,6 +13,9 @@ use firmware::parameter_set::ParameterSet;
 use firmware::sensors::biss::TURN_WORDS;
 use firmware::store::Store;
 use firmware::store::memory::MemoryError;
+use firmware::update::Slot;
+use firmware::update::marks::{self, SlotState};
+use firmware::update::package::HEADER_BYTES;
 use std::cell::Cell;
 use std::f32::consts::TAU;
 use std::rc::Rc;
@@ -126,8 +131,12 @@ fn at_rest() -> Bench {
 /// Cuts the power, and starts with a motor that has turned by this share of a turn. Returns the restored home and 2028h.
 fn home_after_power_cut<F: NorFlash>(bench: Bench<F>, turns: f32) -> (Option<Home>, String) {
     let flash = bench.driver.into_flash();
-    let mut bench =
-        Bench::boot_on(StageTraits::NONE, InputSource::Sensors, flash, &Boot::default());
+    let bench = Bench::boot_on(StageTraits::NONE, InputSource::Sensors, flash, &Boot::default());
+    home_after_start(bench, turns)
+}
+
+/// The same for a bench that has just started.
+fn home_after_start<F: NorFlash>(mut bench: Bench<F>, turns: f32) -> (Option<Home>, String) {
     bench.start();
     let rotor_angle = ENCODER.wrapping_add((turns * TURN) as i64 as u32);
     for _ in 0..10 {
@@ -348,4 +357,30 @@ fn turns_that_contradict_the_motion_keep_no_home() {
     let mut bench = start(bench.driver.into_flash());
     rest_with_biss(&mut bench, 50, f32::NAN, 9.25);
     assert_eq!(bench.driver.loop_commands(bench.now_us).home.number, 0);
+}
+
+#[test]
+fn program_on_trial_does_not_use_the_record_of_the_home() {
+    for is_confirmed in [true, false] {
+        let mut bench = with_banks(BankFlash::new(), 0);
+        bench.start();
+        bench.commission();
+        bench.write(index::MODE, 0, &[CST]).unwrap();
+        save(&mut bench).unwrap();
+        pass(&mut bench, REST_MS, 0.0, 0.0);
+        let mut flash = bench.driver.into_flash();
+        // An image that was received and started once; the one before it may have moved the joint since the record.
+        let slot = Slot { start: 0, marks: 3 * PAGE };
+        let image = package(2, 1);
+        flash.erase(0, PAGE).unwrap();
+        flash.write(0, &image.bytes[..HEADER_BYTES]).unwrap();
+        marks::receive(&mut flash, &slot, &image.header, 1).unwrap();
+        let SlotState::Image(state) = marks::state(&mut flash, &slot) else { panic!("no image") };
+        marks::begin_trial(&mut flash, &slot, &state).unwrap();
+        if is_confirmed {
+            marks::confirm(&mut flash, &slot, &state).unwrap();
+        }
+        let (home, reason) = home_after_start(with_banks(flash, 0), 0.0);
+        assert_eq!(home.is_some(), is_confirmed, "{home:?}, {reason}");
+    }
 }

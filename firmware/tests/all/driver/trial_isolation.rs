@@ -19,11 +19,11 @@ use firmware::supervisor::CanState;
 use firmware::update::{Program, Slot};
 
 /// A board with two banks: a slot of four pages and a store of four pages in each.
-type BankFlash = MemoryFlash<16>;
-const PAGE: u32 = PAGE_BYTES as u32;
+pub type BankFlash = MemoryFlash<16>;
+pub const PAGE: u32 = PAGE_BYTES as u32;
 
 /// Starts a joint that can be updated, whose store is in bank `1 - own`.
-fn with_banks(flash: BankFlash, own: u32) -> Bench<BankFlash> {
+pub fn with_banks(flash: BankFlash, own: u32) -> Bench<BankFlash> {
     let bank = |number: u32| Slot { start: 8 * number * PAGE, marks: (8 * number + 3) * PAGE };
     let (own, other) = (bank(own), bank(1 - own));
     let program = Program {

@@ -13,6 +13,7 @@ pub(crate) mod commissioning;
 mod compact;
 mod current_loop;
 mod dead_time;
+mod drawn_drive;
 mod driver;
 mod encoder;
 mod encoder_faults;

@@ -32,12 +32,19 @@ fn arms(former: &TunedSet, new: &TunedSet) -> Vec<(TuneArm, TunedSet)> {
 }
 
 impl<B: Bus> Work<'_, B> {
+    /// Runs the session up to its verdict.
+    pub(super) fn run(&mut self, user: &mut dyn TuneUser) -> Result<Verdict, Ended> {
+        match self.search(user)? {
+            Some(chosen) => self.compare(chosen, user),
+            None => {
+                let why = "no new set was better than the present one in its first block";
+                Ok(Verdict::returned(why))
+            }
+        }
+    }
+
     /// Compares a new set with the former one, and with its loop gains alone.
-    pub(super) fn compare(
-        &mut self,
-        chosen: TunedSet,
-        user: &mut dyn TuneUser,
-    ) -> Result<Verdict, Ended> {
+    fn compare(&mut self, chosen: TunedSet, user: &mut dyn TuneUser) -> Result<Verdict, Ended> {
         let arms = arms(&self.former(), &chosen);
         let left_s = self.options.seconds - self.elapsed_s();
         let round_s = arms.len() as f64 * (self.motion.seconds() + PAUSE_S);

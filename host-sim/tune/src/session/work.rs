@@ -8,7 +8,7 @@ use crate::learn::{Learnt, learn};
 use crate::master::{Master, MasterError};
 use crate::motion::{Motion, MotionLimits};
 use crate::preflight::{Found, Refusal, check_heat};
-use crate::proof::{self, Means, Round, Verdict};
+use crate::proof::{self, Means, Round};
 use crate::recording::Recording;
 use crate::score::{Scored, score};
 use crate::trial_set::{self, TrialError, TunedSet};
@@ -155,8 +155,8 @@ impl<'a, B: Bus> Work<'a, B> {
         Ok(())
     }
 
-    /// Runs the session up to its verdict.
-    pub(super) fn run(&mut self, user: &mut dyn TuneUser) -> Result<Verdict, Ended> {
+    /// Searches the best new set; `None` if no set was better than the present one in its first block.
+    pub(super) fn search(&mut self, user: &mut dyn TuneUser) -> Result<Option<TunedSet>, Ended> {
         self.master.configure()?;
         self.begin_trial()?;
         user.progress("baseline: the motion of the trial with the present parameters");
@@ -174,13 +174,7 @@ impl<'a, B: Bus> Work<'a, B> {
         };
         self.study(user)?;
         self.screen_laws(designed.as_ref(), &former, &mut best, user)?;
-        match best {
-            Some((_, chosen)) => self.compare(chosen, user),
-            None => {
-                let why = "no new set was better than the present one in its first block";
-                Ok(Verdict::returned(why))
-            }
-        }
+        Ok(best.map(|(_, chosen)| chosen))
     }
 
     /// Tries the learnt models with the designed gains. The former gains are a fallback.

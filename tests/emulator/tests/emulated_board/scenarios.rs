@@ -42,6 +42,8 @@ mod power_up;
 #[allow(dead_code)] // Parts of it serve the families that are left out.
 #[path = "../../../../host-sim/rig/tests/closed_loop/rig.rs"]
 pub mod rig;
+#[path = "../../../../host-sim/rig/tests/closed_loop/self_drive.rs"]
+mod self_drive;
 #[path = "../../../../host-sim/rig/tests/closed_loop/stalls.rs"]
 mod stalls;
 #[path = "../../../../host-sim/rig/tests/closed_loop/stops.rs"]
@@ -77,6 +79,7 @@ fn families() -> Vec<&'static [ScenarioRow]> {
     if std::env::var_os("LONG_TESTS").is_some() {
         families.extend([encoder::rows(), commissioning::rows(), velocity::rows()]);
         families.extend([friction::rows(), heat::rows(), position::rows(), adaptation::rows()]);
+        families.push(self_drive::rows());
     }
     families
 }
