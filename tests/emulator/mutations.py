@@ -48,7 +48,7 @@ MUTATIONS = [
      "{ let [first, second] = converters::read_results(pac::ADC3); [second, first] }",
      "board::peripherals::thermistors_are_those_of_bridge_and_motor"),
     ("sign of the currents", "firmware/src/boards/stm32g474.rs",
-     "driver.set().sensors.shunt_sign", "-driver.set().sensors.shunt_sign", SINE),
+     "values.shunt_sign", "-values.shunt_sign", SINE),
     ("sign of the angle", FAMILY + "motor_stage.rs",
      "sample(counts, &self.shunts, angle)", "sample(counts, &self.shunts, angle.map(u32::wrapping_neg))", SINE),
     ("trigger at the other end of the PWM", FAMILY + "power_stage.rs",
@@ -78,9 +78,9 @@ MUTATIONS = [
      " ..PROGRAM })",
      "board::update::update_writes_the_package_from_the_begin_of_the_other_slot"),
     ("package sought a page behind its place by the boot program", BOOT + "program.rs",
-     "select(&mut flash, &SLOTS, &requirement, has_failed, is_plausible)",
+     "select(&mut flash, &SLOTS, &requirement, last_run, is_plausible)",
      "select(&mut flash, &SLOTS.map(|slot| firmware::update::Slot { start: slot.start + 2048, ..slot }),"
-     " &requirement, has_failed, is_plausible)",
+     " &requirement, last_run, is_plausible)",
      "board::update::image_linked_for_the_other_slot_is_not_started"),
     ("reset by software is no failure for the boot program", BOOT + "program.rs", "flags.sftrstf()", "false",
      "board::update::trial_that_resets_itself_returns_to_the_old_image"),
@@ -191,10 +191,6 @@ def write_sources(workspace):
     manifest = re.sub(r"(?ms)^(default-)?members = \[.*?^\]\n", "", (images.ROOT / "Cargo.toml").read_text())
     manifest = manifest.replace("[workspace]\n", '[workspace]\nmembers = ["mutated/compensator-core", "mutated/firmware"]\n', 1)
     (workspace / "Cargo.toml").write_text(manifest.replace('path = "', 'path = "mutated/'))
-    # The mutations of the interrupt's code need more of CCM than is left, so a function of the libraries stays in flash.
-    memory, in_flash = folder / BOARD / "memory.x", "    *(.text.*libm*math*powf*)\n"
-    assert in_flash in memory.read_text(), f"{memory} has no {in_flash}"
-    memory.write_text(memory.read_text().replace(in_flash, ""))
     boards = folder / "firmware/src/boards.rs"
     boards.write_text(f"{boards.read_text()}\n{SHARED_SELECTOR}\n")
     # The library, and the boot program with files of the board, find the selector by the same path.

@@ -139,11 +139,11 @@ fn interrupt_in_closed_loop_stays_within_its_share_of_the_period() {
 
 /// The encoder of the board is the reference of the other kinds that know their angle at the start.
 #[test]
-fn interrupt_with_encoder_of_another_kind_takes_at_most_250_cycles_more() {
+fn interrupt_with_encoder_of_another_kind_takes_at_most_300_cycles_more() {
     let reference = measure(&[], 0.0).worst.upper;
     for (kind, name) in [(3.0, "ABZ and Hall sensors"), (4.0, "Hall sensors"), (5.0, "BiSS C")] {
         let worst = measure(&[], kind).worst.upper;
         println!("measured: {name}: {worst} cycles at most, AS5047P {reference}");
-        assert!(worst <= reference + 250, "{name}: {worst} cycles, AS5047P {reference}");
+        assert!(worst <= reference + 300, "{name}: {worst} cycles, AS5047P {reference}");
     }
 }
