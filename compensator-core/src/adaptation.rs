@@ -23,7 +23,7 @@
 //! 2. The bristle rate `(g v - |v| y) / (g + s |v|)` with `|y| <= L` is at most `2 L / s`, and at most `2 L |v| / g`. The
 //!    law's torque is then at most `L + sigma1 2 L / s + sigma2 |v|` with the largest `sigma2` of `B`.
 //! 3. The compensator limits torque and slew after the model. So its output has the bounds of the tuned set.
-//! 4. While it learns, the gains in use rise by at most `slew_per_s`, and fall by [`FALL_FACTOR`] times as much. Only *off*
+//! 4. While it learns, the gains in use rise by at most `slew_per_s`, and fall ten times as fast. Only *off*
 //!    jumps to the set, which 1 to 3 cover.
 //!
 //! Torque is bounded, work is not: gains above the friction of the joint let it drive itself. So they fall faster than they

@@ -14,7 +14,7 @@
 //! most `B` more than four times the work of the command. A factor of two allows for half of the inertia of the set, the other
 //! for the noise of a speed from Hall sensors.
 //!
-//! Below that speed, a hand keeps the whole compensation for [`STROKE_S`] per stroke. If the joint still loses less energy
+//! Below that speed, a hand keeps the whole compensation for 1 s per stroke. If the joint still loses less energy
 //! than the set leaves it, the compensation falls to half within 0.1 s, or until the joint is slowed as it should be. It rises
 //! with the friction that a joint shows which is slowed or commanded.
 //!
