@@ -116,7 +116,7 @@ mod tests {
         assert!(matches!(parse("hold"), Ok(Request::Mode(_))));
         assert!(matches!(parse("discard"), Ok(Request::Order(2, "discard"))));
         let refused = parse("yes").err().unwrap();
-        assert!(refused.contains("on, hold, off, adopt or discard"), "{refused}");
+        assert!(refused.contains("on-in-every-mode, adopt or discard"), "{refused}");
         crate::snapshot::check("units-of-commands", "an unknown mode of the adaptation", &refused);
     }
 
@@ -143,6 +143,6 @@ mod tests {
         assert!(done.contains("learnt levels: adopt"), "{done}");
         assert!(driver.diff_learnt(false).is_ok_and(|code| code == ExitCode::SUCCESS));
         let refused = driver.set(&items(&["adapt"]), false).unwrap_err();
-        assert!(refused.contains("on, hold, off, adopt or discard"), "{refused}");
+        assert!(refused.contains("on-in-every-mode, adopt or discard"), "{refused}");
     }
 }
