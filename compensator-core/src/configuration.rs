@@ -63,6 +63,7 @@ impl Configuration {
 
     /// Returns the first quantity with which this set may compensate more friction than another one: a level, a viscous
     /// coefficient or the size of a term, times the scale; the law, a term or `allow_active` if the other set does not have it.
+    /// Shapes, such as the Stribeck velocity, are not compared: they move friction between the levels.
     #[must_use]
     pub fn larger_quantity(&self, other: &Self) -> Option<Text> {
         let (own, former) = (&self.model, &other.model);

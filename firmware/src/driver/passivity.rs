@@ -152,13 +152,18 @@ impl PassivityGuard {
             (self.work, self.square) = (square, square);
         }
         let command_power = command_nm * velocity_rad_s;
-        let half_inertia = (0.5 * joint.inertia_kg_m2).max(f32::MIN_POSITIVE);
+        let half_inertia = 0.5 * joint.inertia_kg_m2;
         let left = (0.5 * (1.0 - joint.scale)).max(LEAST_COMMAND);
         if command_nm.abs() >= left * friction_nm.abs() {
             self.quiet_s = 0.0;
             let is_alone = command_nm.abs() >= friction_nm.abs();
-            let risen = command_power.abs() * (WORK_FACTOR * REPORT_PERIOD_S) / half_inertia;
-            self.work = if is_alone { self.work.max(square) } else { self.work + risen };
+            self.work = if is_alone || half_inertia == 0.0 {
+                self.work.max(square)
+            } else {
+                let risen = command_power.abs() * (WORK_FACTOR * REPORT_PERIOD_S) / half_inertia;
+                // No more than at the largest speed: a tiny inertia would make it infinite, and it has to fade.
+                (self.work + risen).min(joint.velocity_max_rad_s * joint.velocity_max_rad_s)
+            };
         } else {
             self.quiet_s = (self.quiet_s + REPORT_PERIOD_S).min(QUIET_S);
         }

@@ -149,3 +149,26 @@ fn interrupt_keeps_what_the_joint_showed_and_a_report_that_is_not_finite_changes
     assert_eq!(joint.guard.share(), shown);
     assert!(joint.guard.work.is_nan(), "a loop of the driver may move it next");
 }
+
+#[test]
+fn unknown_or_tiny_inertia_counts_every_command_and_none_without_one() {
+    for inertia_kg_m2 in [0.0, 1e-40, 1e-30] {
+        let joint = PassivityParameters { inertia_kg_m2, ..JOINT };
+        let mut guard = PassivityGuard::default();
+        let mut step = |command_nm: f32, reports: usize| {
+            for _ in 0..reports {
+                let sample = TorqueSample {
+                    velocity_rad_s: 3.0,
+                    command_nm,
+                    compensation_nm: 1.35,
+                    friction_nm: SET_NM,
+                };
+                guard.step(&sample, &joint);
+            }
+            guard.share()
+        };
+        assert_eq!(step(0.0, 500), 0.0, "{inertia_kg_m2}");
+        assert_eq!(step(0.15, 100), 1.0, "{inertia_kg_m2}");
+        assert_eq!(step(0.0, 2000), 0.0, "{inertia_kg_m2}");
+    }
+}
