@@ -314,7 +314,8 @@ impl<W: World> Chip<W> {
         match event {
             TimerEvent::Trigger { is_rising } => {
                 self.advance_world(at);
-                let delay = self.world.interrupt_delay();
+                // Once a period, which has an edge of each direction.
+                let delay = if is_rising { self.world.interrupt_delay() } else { 0 };
                 if delay > 0 {
                     self.hold_until = at + u64::from(delay);
                 }

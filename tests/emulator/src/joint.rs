@@ -29,6 +29,10 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+/// Longest block of instructions between two looks at the events of the chip, cycles. A missed interrupt is held for as much longer, so
+/// that the trigger of the next period can hold it too.
+const BLOCK_CYCLES: u32 = 400;
+
 const NODE: NodeId = NodeId::FIRST;
 const MILLISECOND_CYCLES: u64 = CORE_HZ / 1000;
 /// Sub-indices of the state object: state, faults, limits.
@@ -245,7 +249,7 @@ impl World for JointWorld {
         match self.stage.interrupts.pop_front().unwrap_or_default() {
             InterruptTiming::OnTime => 0,
             InterruptTiming::Late(cycles) => cycles,
-            InterruptTiming::Missed => PERIOD_CYCLES,
+            InterruptTiming::Missed => PERIOD_CYCLES + BLOCK_CYCLES,
         }
     }
 }
