@@ -293,6 +293,11 @@ impl HilJoint {
         is_new_run
     }
 
+    /// Commands this current, A, in place of a Command frame, without a velocity reference.
+    pub fn set_command(&mut self, current_a: f32) {
+        self.inbox.set_command(current_a);
+    }
+
     /// Processes a SYNC, and computes a step if it ends a sample.
     pub fn sync(&mut self, sync: SyncFrame) -> HilStep {
         self.step(sync, None)

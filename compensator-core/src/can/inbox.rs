@@ -97,6 +97,11 @@ impl SampleAssembler {
         false
     }
 
+    /// Sets the commanded current, A, of a sample whose master sends no Command frames; it has no velocity reference.
+    pub fn set_command(&mut self, current_a: f32) {
+        self.command = Some(received(CommandFrame::new(current_a, f32::NAN, 0)));
+    }
+
     /// Processes a SYNC and classifies it.
     pub fn sync(&mut self, sync: SyncFrame) -> SyncOutcome {
         let ring = u16::from(SyncFrame::LAST);

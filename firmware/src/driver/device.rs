@@ -14,6 +14,7 @@ mod joint_encoder;
 mod kept_home;
 mod lss;
 mod memory;
+mod motion;
 pub(crate) mod motor;
 mod network;
 mod offsets;
@@ -60,8 +61,9 @@ use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
 use brake_check::BrakeTest;
 use compensation_share::CompensationShare;
-use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
+use compensator_core::can::{Frame, Message, NodeId};
 use current_loop::LoopExchange;
+pub(in crate::driver) use drive::Target;
 use drive::Targets;
 use embedded_storage::nor_flash::NorFlash;
 use history::History;
@@ -339,7 +341,7 @@ impl<F: NorFlash> Device<F> {
             self.step_adaptation();
         }
         self.step_commissioning();
-        self.step_velocity();
+        self.step_motion();
         self.step_touch_probes();
         self.step_joint_encoder();
         self.supervisor.record_overruns(report.overruns_in_a_row);
@@ -366,7 +368,7 @@ impl<F: NorFlash> Device<F> {
         let age_h = now_us as f32 * (1e-6 / 3600.0);
         let (set_number, gate_resets, home) = self.current_loop.orders();
         LoopCommands {
-            setpoint: self.commanded(now_us),
+            setpoint: self.setpoint(now_us),
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.is_bridge_allowed(),
             brake: drives

@@ -2,7 +2,7 @@
 
 pub(crate) mod numbers;
 
-use super::device::Device;
+use super::device::{Device, Target};
 use crate::hil::NumberType;
 use crate::node::dictionary::records::{
     AccessObject, CommitObject, HoldingBrakeObject, OperationObject, ScopeObject, StateObject,
@@ -260,16 +260,14 @@ impl<F: NorFlash> Device<F> {
 
     /// Writes an object of the drive profile (6000h to 67FFh).
     fn write_profile(&mut self, at: Address, number: u32) -> Result<(), Abort> {
+        let mut target = Target::default();
+        if target.add(at.index, number) {
+            return self.take_target(&target);
+        }
         match at.index {
-            index::CONTROLWORD => return self.set_controlword(number as u16),
             index::MODE => return self.set_mode(number as i8),
             index::TOUCH_FUNCTION => return self.set_touch_function(number as u16),
             index::HOMING_METHOD => return self.set_homing_method(number as i8),
-            index::TARGET_TORQUE => self.set_target(number as i16),
-            index::TARGET_POSITION => self.set_target_position(number as i32),
-            index::TARGET_VELOCITY => self.set_target_velocity(number as i32),
-            index::VELOCITY_OFFSET => self.set_velocity_offset(number as i32),
-            index::TORQUE_OFFSET => self.set_torque_offset(number as i16),
             index::MAX_MOTOR_SPEED => self.profile.max_motor_rpm = Some(number),
             index::HOME_OFFSET => self.profile.home_offset_micro_rad = number as i32,
             index::MAX_TORQUE => self.profile.max_permille = number as u16,

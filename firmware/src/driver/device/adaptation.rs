@@ -81,7 +81,7 @@ impl<F: NorFlash> Device<F> {
     /// whose friction has ended since it was learnt, so that the set is the most that applies.
     pub(in crate::driver) fn learnt(&self) -> (u32, Gains<f32>) {
         let (number, gains) = self.adaptation.gains();
-        let is_bounded = self.is_torque_mode() && self.settings.drive.adapt != ON_IN_EVERY_MODE;
+        let is_bounded = self.mover().is_torque() && self.settings.drive.adapt != ON_IN_EVERY_MODE;
         if !is_bounded {
             return (number.wrapping_mul(2), gains);
         }

@@ -12,7 +12,7 @@
 //! after a start always tests.
 
 use super::{Device, InputSource};
-use crate::control::{LoopFlags, Setpoint};
+use crate::control::LoopFlags;
 use crate::node::sdo::Abort;
 use compensator_core::refusal;
 use compensator_core::text;
@@ -79,6 +79,11 @@ impl BrakeTest {
         self.run.is_some()
     }
 
+    /// Returns the current of the test, A.
+    pub(super) fn current_a(&self) -> f32 {
+        self.run.map_or(0.0, |run| run.current_a)
+    }
+
     /// Returns true while a test runs that needs no targets.
     pub(super) fn is_requested(&self) -> bool {
         self.run.is_some_and(|run| run.is_requested)
@@ -139,9 +144,9 @@ impl<F: NorFlash> Device<F> {
         Err(self.staging.refuse(Abort::State, why))
     }
 
-    /// Runs a step of the test with a report. Returns true while it controls the current.
-    pub(super) fn step_brake_test(&mut self) -> bool {
-        let Some(mut run) = self.brake_test.run else { return false };
+    /// Runs a step of the test with a report.
+    pub(super) fn step_brake_test(&mut self) {
+        let Some(mut run) = self.brake_test.run else { return };
         let (report, drive) = (self.current_loop.report(), &self.settings.drive);
         if report.loop_flags.contains(LoopFlags::BRIDGE_OFF) {
             run.waited_ms += 1;
@@ -149,7 +154,7 @@ impl<F: NorFlash> Device<F> {
             if run.waited_ms > WAKE_MS {
                 self.end_brake_test(BrakeTestResult::NoTorque);
             }
-            return true;
+            return;
         }
         if run.elapsed_ms == 0 {
             run.from_rad = report.turned_rad;
@@ -177,7 +182,6 @@ impl<F: NorFlash> Device<F> {
         } else if at_ms >= up_ms + RAMP_MS + END_MS {
             self.end_brake_test(BrakeTestResult::Held);
         }
-        true
     }
 
     /// Ends the test. The bridge opens, unless the brake held and the joint was armed to drive.
@@ -217,13 +221,6 @@ impl<F: NorFlash> Device<F> {
         if self.brake_test.is_running() && (!is_armed || self.stopping.is_to_rest()) {
             self.end_brake_test(BrakeTestResult::Interrupted);
         }
-    }
-
-    /// Returns the set-point of the test. On request, no master needs to confirm it.
-    pub(super) fn brake_test_setpoint(&self, setpoint: Setpoint) -> Option<Setpoint> {
-        let run = self.brake_test.run?;
-        let age_s = if run.is_requested { 0.0 } else { setpoint.age_s };
-        Some(Setpoint { current_a: run.current_a, velocity_reference_rad_s: 0.0, age_s })
     }
 
     /// 2030h:12 to :14: result, and largest ways, 1e-6 rad.

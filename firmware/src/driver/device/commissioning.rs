@@ -11,7 +11,7 @@ use super::{Device, InputSource, JointState};
 use crate::control::pi::Margins;
 use crate::control::probe::ProbeCommand;
 use crate::control::transform::{Rotating, Rotation, binary_angle};
-use crate::control::{MotorParameters, PERIOD_S, Setpoint};
+use crate::control::{MotorParameters, PERIOD_S};
 use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun, FrictionSample};
 use crate::driver::commissioning::{AbortReason, Commissioning, CommissioningBounds};
 use crate::node::dictionary::records::CommissioningRunObject;
@@ -97,29 +97,26 @@ impl<F: NorFlash> Device<F> {
         self.commissioning.run.probe_command()
     }
 
-    /// Returns the set-point. During commissioning its current is 0, and its age counts from the master's last
-    /// confirmation.
-    pub(super) fn commanded(&self, now_us: u64) -> Setpoint {
-        if !self.is_commissioning() {
-            let setpoint = self.received.setpoint(now_us);
-            return self
-                .brake_test_setpoint(setpoint)
-                .unwrap_or_else(|| self.with_velocity_command(setpoint));
-        }
-        let age_s = now_us.saturating_sub(self.commissioning.alive_us) as f32 * 1e-6;
-        let nothing = Setpoint { current_a: 0.0, velocity_reference_rad_s: 0.0, age_s };
-        if self.is_friction_run() { self.with_velocity_command(nothing) } else { nothing }
+    /// Returns the time of the master's last confirmation, us.
+    pub(super) const fn confirmed_us(&self) -> u64 {
+        self.commissioning.alive_us
     }
 
-    /// Returns the target velocity of a friction run, rad/s, and its current limit, A.
-    pub(super) fn friction_target(&mut self) -> (f32, f32) {
+    /// Returns the current limit of a friction run, A.
+    pub(super) fn friction_limit_a(&self) -> f32 {
+        self.commissioning.friction.bounds().current_a
+    }
+
+    /// Returns the target velocity of a step of the friction run, rad/s; `None` if it has ended.
+    pub(super) fn friction_target(&mut self) -> Option<f32> {
         let sample = FrictionSample {
             position_rad: self.current_loop.report().turned_rad,
             velocity_rad_s: self.current_loop.report().velocity_rad_s,
             commanded_a: self.velocity.command().current_a,
         };
         let run = &mut self.commissioning.friction;
-        (run.next_speed_rad_s(&sample), run.bounds().current_a)
+        let speed_rad_s = run.next_speed_rad_s(&sample);
+        run.is_running().then_some(speed_rad_s)
     }
 
     fn commissioning_current_a(&self) -> f32 {

@@ -97,13 +97,8 @@ impl<F: NorFlash> Device<F> {
         let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
         let is_offset = self.profile.mode == profile::CST;
         let offset_nm = if is_offset { by_a * self.offset_current_a() } else { 0.0 };
-        let offset_nm = self.is_torque_mode().then_some(offset_nm);
+        let offset_nm = self.mover().is_torque().then_some(offset_nm);
         let (report, set) = (self.current_loop.report(), self.staging.active());
         self.compensation.step(report, set, is_compensated, offset_nm);
-    }
-
-    /// Returns true if a master gives the torque: no loop above the current loop of this driver holds the speed.
-    pub(super) fn is_torque_mode(&self) -> bool {
-        !(self.is_friction_run() || self.is_in_velocity_loop() || self.holds_joint())
     }
 }

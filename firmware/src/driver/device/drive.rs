@@ -1,21 +1,76 @@
 //! The objects of a CiA 402 drive. [`profile`] has the state machine.
 
-use super::{CommandFrame, Device, FaultState, InputSource, JointState, Message};
+use super::{Device, FaultState, InputSource, JointState};
 use crate::driver::angle::Angle;
 use crate::driver::profile::{self, DriveRequest, Homing, status};
-use crate::node::dictionary::HOMING_METHODS;
+use crate::node::dictionary::{HOMING_METHODS, index};
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use compensator_core::can::Frame;
 use compensator_core::refusal;
 use embedded_storage::nor_flash::NorFlash;
 
-/// The targets of a CiA 402 master: when the last one came, and the counter of the commands that they become.
+/// What a CiA 402 master wants: one PDO, or one write of an object.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::driver) struct Target {
+    controlword: Option<u16>,
+    torque_permille: Option<i16>,
+    velocity_micro_rad_s: Option<i32>,
+    position_micro_rad: Option<i32>,
+    torque_offset_permille: Option<i16>,
+    velocity_offset_micro_rad_s: Option<i32>,
+}
+
+impl Target {
+    /// Adds the value of an object. Returns false if the object is no part of a target.
+    pub(in crate::driver) fn add(&mut self, at_index: u16, word: u32) -> bool {
+        match at_index {
+            index::CONTROLWORD => self.controlword = Some(word as u16),
+            index::TARGET_TORQUE => self.torque_permille = Some(word as i16),
+            index::TARGET_VELOCITY => self.velocity_micro_rad_s = Some(word as i32),
+            index::TARGET_POSITION => self.position_micro_rad = Some(word as i32),
+            index::TORQUE_OFFSET => self.torque_offset_permille = Some(word as i16),
+            index::VELOCITY_OFFSET => self.velocity_offset_micro_rad_s = Some(word as i32),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Parses receive PDO 1: controlword, target torque and target velocity. A master without velocity mode omits the velocity.
+    fn parse(data: &[u8]) -> Option<Self> {
+        let (velocity_micro_rad_s, [a, b, c, d]) = match *data {
+            [a, b, c, d] => (None, [a, b, c, d]),
+            [a, b, c, d, w, x, y, z] => (Some(i32::from_le_bytes([w, x, y, z])), [a, b, c, d]),
+            _ => return None,
+        };
+        Some(Self {
+            controlword: Some(u16::from_le_bytes([a, b])),
+            torque_permille: Some(i16::from_le_bytes([c, d])),
+            velocity_micro_rad_s,
+            ..Self::default()
+        })
+    }
+
+    /// Returns true if it confirms the last target, as all but an offset do. A controlword does so where it is processed.
+    const fn is_confirmation(&self) -> bool {
+        self.torque_permille.is_some()
+            || self.velocity_micro_rad_s.is_some()
+            || self.position_micro_rad.is_some()
+    }
+}
+
+/// Time of the last target.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Targets {
-    /// Time of the last target, us.
-    at_us: u64,
-    counter: u8,
+    /// In us; `None` if none came since the mode or a setting changed.
+    at_us: Option<u64>,
+}
+
+impl Targets {
+    /// Returns the time of the last target, us.
+    pub(super) const fn at_us(&self) -> Option<u64> {
+        self.at_us
+    }
 }
 
 impl<F: NorFlash> Device<F> {
@@ -153,7 +208,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6040h. Returns an error if the supervisor refuses.
-    pub(in crate::driver) fn set_controlword(&mut self, controlword: u16) -> Result<(), Abort> {
+    fn set_controlword(&mut self, controlword: u16) -> Result<(), Abort> {
         if !self.profile.is_active() {
             self.profile.controlword = controlword;
             return Ok(());
@@ -218,27 +273,34 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
-    /// 6071h.
-    pub(in crate::driver) fn set_target(&mut self, target_permille: i16) {
-        self.profile.target_permille = target_permille;
-        self.confirm_target(self.now_us);
+    /// Takes a target: its parts are set together, and then the controlword is processed, which may refer to them.
+    ///
+    /// # Errors
+    /// The supervisor refuses what the controlword requests.
+    pub(in crate::driver) fn take_target(&mut self, target: &Target) -> Result<(), Abort> {
+        if let Some(permille) = target.torque_permille {
+            self.profile.target_permille = permille;
+        }
+        if let Some(micro_rad_s) = target.velocity_micro_rad_s {
+            self.set_target_velocity(micro_rad_s);
+        }
+        if let Some(micro_rad) = target.position_micro_rad {
+            self.set_target_position(micro_rad);
+        }
+        self.set_offsets(target.velocity_offset_micro_rad_s, target.torque_offset_permille);
+        if target.is_confirmation() {
+            self.confirm_target(self.now_us);
+        }
+        target.controlword.map_or(Ok(()), |controlword| self.set_controlword(controlword))
     }
 
-    /// Receive PDO 1: controlword, target torque and target velocity. A master without velocity mode omits the
-    /// velocity.
-    pub(in crate::driver) fn take_drive_frame(&mut self, frame: &Frame, now_us: u64) {
-        let (velocity, [a, b, c, d]) = match *frame.data() {
-            [a, b, c, d] => (None, [a, b, c, d]),
-            [a, b, c, d, w, x, y, z] => (Some(i32::from_le_bytes([w, x, y, z])), [a, b, c, d]),
-            _ => return self.counters.count_wrong_length(),
+    /// Receive PDO 1.
+    pub(in crate::driver) fn take_drive_frame(&mut self, frame: &Frame) {
+        let Some(target) = Target::parse(frame.data()) else {
+            return self.counters.count_wrong_length();
         };
-        self.now_us = now_us;
-        self.set_target(i16::from_le_bytes([c, d]));
-        if let Some(velocity) = velocity {
-            self.set_target_velocity(velocity);
-        }
         // A refusal is reported as for an object (2028h), and in the statusword.
-        let _ = self.set_controlword(u16::from_le_bytes([a, b]));
+        let _ = self.take_target(&target);
     }
 
     /// Refreshes the age of the master's target. Has no effect outside the profile.
@@ -246,13 +308,20 @@ impl<F: NorFlash> Device<F> {
         if !self.profile.is_active() {
             return;
         }
-        self.targets.at_us = now_us;
-        // In velocity mode the velocity loop gives the current; this command only refreshes the age.
-        let by_torque = self.profile.mode == profile::CST;
-        let current_a = if by_torque { self.profile.target_share() * self.rated().0 } else { 0.0 };
-        self.targets.counter = self.targets.counter.wrapping_add(1);
-        let command = CommandFrame::new(current_a, f32::NAN, self.targets.counter);
-        self.process_input(&Message::Command(self.settings.node, command), now_us);
+        self.targets.at_us = Some(now_us);
+        self.supervisor.record_command(now_us);
+        if self.settings.source == InputSource::Bus {
+            let is_torque = self.profile.mode == profile::CST;
+            let share = if is_torque { self.profile.target_share() } else { 0.0 };
+            self.samples.set_hil_command(share * self.rated().0);
+        }
+    }
+
+    /// Forgets the last target, or Command frame: the next one begins anew.
+    #[inline(never)]
+    pub(super) fn forget_command(&mut self) {
+        self.received.reset_command();
+        self.targets = Targets::default();
     }
 
     /// Refreshes the age of the target at the monitored heartbeat, if the targets have no deadline (1400h:5).
@@ -270,7 +339,7 @@ impl<F: NorFlash> Device<F> {
         // A stop ends by itself, and so does a test of the brake on request.
         let needs_none = self.stopping.is_to_rest() || self.brake_test.is_requested();
         let is_followed = is_followed && !needs_none;
-        let is_late = now_us.saturating_sub(self.targets.at_us) >= deadline_us;
+        let is_late = now_us.saturating_sub(self.targets.at_us.unwrap_or(0)) >= deadline_us;
         if is_followed && deadline_us > 0 && is_late {
             self.supervisor.trip(Code::CommandTimeout);
         }

@@ -64,6 +64,11 @@ impl Samples {
         self.is_hil_armed = is_armed;
     }
 
+    /// Commands this current, A, to the joint in HIL.
+    pub(super) fn set_hil_command(&mut self, current_a: f32) {
+        self.hil.set_command(current_a);
+    }
+
     /// Returns the state of the network of a joint in HIL.
     pub(super) fn network_guard(&self) -> Option<NetworkGuard> {
         self.hil.network_guard()
@@ -154,7 +159,7 @@ impl<F: NorFlash> Device<F> {
         self.process_input(&message, self.now_us);
     }
 
-    pub(super) fn process_input(&mut self, message: &Message, now_us: u64) {
+    fn process_input(&mut self, message: &Message, now_us: u64) {
         // Entries of a trace, which may begin a run, take another way.
         self.samples.hil.take(message);
         match self.received.take(message, now_us) {

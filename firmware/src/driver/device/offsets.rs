@@ -15,7 +15,6 @@
 
 use super::Device;
 use crate::driver::loop_data::REPORT_PERIOD_S;
-use crate::driver::profile;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Time constant of the decay of a stale offset, s: long against the velocity loop, which takes over, and short against the
@@ -65,14 +64,14 @@ pub(super) struct Offsets {
 }
 
 impl<F: NorFlash> Device<F> {
-    /// 60B1h, 1e-6 rad/s.
-    pub(in crate::driver) fn set_velocity_offset(&mut self, micro_rad_s: i32) {
-        self.offsets.velocity.write(micro_rad_s, self.now_us);
-    }
-
-    /// 60B2h, thousandths of the rated torque.
-    pub(in crate::driver) fn set_torque_offset(&mut self, permille: i16) {
-        self.offsets.torque.write(permille.into(), self.now_us);
+    /// Sets what a master wrote: 60B1h, 1e-6 rad/s, and 60B2h, thousandths of the rated torque.
+    pub(super) fn set_offsets(&mut self, micro_rad_s: Option<i32>, permille: Option<i16>) {
+        if let Some(micro_rad_s) = micro_rad_s {
+            self.offsets.velocity.write(micro_rad_s, self.now_us);
+        }
+        if let Some(permille) = permille {
+            self.offsets.torque.write(permille.into(), self.now_us);
+        }
     }
 
     /// Returns the offsets as they were written: 60B1h and 60B2h.
@@ -96,17 +95,5 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub(super) fn offset_current_a(&self) -> f32 {
         self.offsets.torque.applied * 1e-3 * self.rated().0
-    }
-
-    /// Returns the current of a master's torque, A: in mode 4 that of the ramp, in CST with the torque offset within 6072h.
-    #[inline(never)]
-    pub(super) fn torque_mode_current_a(&self, current_a: f32) -> f32 {
-        match self.profile.mode {
-            profile::CST => {}
-            profile::TQ => return self.modes.torque_current_a(self.rated().0),
-            _ => return current_a,
-        }
-        let most_a = self.profile.max_share() * self.rated().0;
-        (current_a + self.offset_current_a()).max(-most_a).min(most_a)
     }
 }

@@ -9,6 +9,7 @@ mod mapping;
 mod sync;
 mod transmit;
 
+use super::drive::Target;
 use super::{Device, InputSource, Message, NodeId};
 use crate::driver::counters::count;
 use crate::node::dictionary::index;
@@ -369,7 +370,7 @@ impl<F: NorFlash> Device<F> {
             return self.apply_mapped(mapping, frame);
         }
         if slot == 0 {
-            return self.take_drive_frame(frame, now_us);
+            return self.take_drive_frame(frame);
         }
         let node = self.pdos.node;
         let identifier = self.default_receive_identifier(slot) as u16 & Frame::MAX_IDENTIFIER;
@@ -385,7 +386,7 @@ impl<F: NorFlash> Device<F> {
         if frame.data().len() < mapping.length() {
             return self.counters.count_wrong_length();
         }
-        let mut rest = frame.data();
+        let (mut rest, mut target) = (frame.data(), Target::default());
         for object in mapping.objects() {
             let Some((value, after)) = rest.split_at_checked(object.length) else { return };
             rest = after;
@@ -393,12 +394,18 @@ impl<F: NorFlash> Device<F> {
             if object.index == index::MODE && self.profile.mode.to_le_bytes() == *value {
                 continue;
             }
+            let mut word = [0; 4];
+            word.iter_mut().zip(value).for_each(|(place, byte)| *place = *byte);
             let at = Address::new(object.index, object.sub_index);
             // A refusal is reported as for an object (2028h), and in the statusword.
-            if self.check_write(at, Some(value.len())).is_ok() {
+            if !target.add(object.index, u32::from_le_bytes(word))
+                && self.check_write(at, Some(value.len())).is_ok()
+            {
                 let _ = self.write(at, value);
             }
         }
+        // Last, whatever their order: the mode and the limits of this frame apply to its targets.
+        let _ = self.take_target(&target);
     }
 
     /// Processes a SYNC with its counter, or a plain one.

@@ -14,7 +14,6 @@
 
 use super::velocity::VelocityTarget;
 use super::{Device, InputSource};
-use crate::control::Setpoint;
 use crate::driver::angle::Angle;
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{self, Homing, SetPoint};
@@ -356,10 +355,10 @@ impl<F: NorFlash> Device<F> {
         bounded
     }
 
-    /// Returns a set-point of torque mode whose current does not drive the joint beyond its limits.
-    pub(super) fn bounded_setpoint(&self, setpoint: Setpoint) -> Setpoint {
-        let Some([lower_a, upper_a]) = self.current_bounds() else { return setpoint };
-        Setpoint { current_a: setpoint.current_a.max(lower_a).min(upper_a), ..setpoint }
+    /// Returns a current of torque mode that does not drive the joint beyond its limits, A.
+    pub(super) fn bounded_current_a(&self, wanted_a: f32) -> f32 {
+        let Some([lower_a, upper_a]) = self.current_bounds() else { return wanted_a };
+        wanted_a.max(lower_a).min(upper_a)
     }
 
     /// Returns the currents, A, with which the velocity loop would keep the joint within its limits.
@@ -385,17 +384,14 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns true if a position limit acts.
     pub(super) fn is_position_limited(&self) -> bool {
-        let wanted_a = self.torque_mode_current_a(self.profile.target_share() * self.rated().0);
-        let by_current = self
-            .current_bounds()
-            .is_some_and(|[lower_a, upper_a]| wanted_a < lower_a || wanted_a > upper_a);
+        let wanted_a = self.torque_mode_current_a();
+        let by_current = self.bounded_current_a(wanted_a) != wanted_a;
         by_current || self.position.is_limited || self.position.is_target_limited
     }
 
     /// 607Ah.
-    pub(in crate::driver) fn set_target_position(&mut self, target_micro_rad: i32) {
+    pub(super) fn set_target_position(&mut self, target_micro_rad: i32) {
         self.profile.target_position_micro_rad = target_micro_rad;
-        self.confirm_target(self.now_us);
         if self.profile.mode != profile::CSP
             || !self.supervisor.is_armed()
             || !self.position.has_begun

@@ -118,7 +118,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the current that is commanded now, A.
     fn demand_a(&self) -> f32 {
-        self.commanded(self.now_us).current_a
+        self.setpoint(self.now_us).current_a
     }
 
     /// Returns the bits 10 and 12 of the statusword in the modes 3 and 4.
@@ -155,7 +155,7 @@ impl<F: NorFlash> Device<F> {
             self.profile.target_permille = 0;
             self.profile.target_micro_rad_s = 0;
             self.offsets = Offsets::default();
-            self.received.reset_command();
+            self.forget_command();
             return Ok(());
         }
         let continues = self.supervisor.is_armed()
@@ -172,15 +172,12 @@ impl<F: NorFlash> Device<F> {
             );
             return Err(self.staging.refuse(Abort::State, why));
         }
-        let (demand_a, had_loop) = (self.demand_a(), self.is_in_velocity_loop());
+        let (demand_a, had_loop) = (self.demand_a(), self.mover().has_velocity_loop());
         self.profile.mode = mode;
         self.begin_mode();
         self.offsets = Offsets::default();
-        self.velocity.continue_from(
-            had_loop || self.holds_joint(),
-            self.current_loop.report().velocity_rad_s,
-            demand_a,
-        );
+        let velocity_rad_s = self.current_loop.report().velocity_rad_s;
+        self.velocity.continue_from(had_loop, velocity_rad_s, demand_a);
         self.end_position_course();
         let permille = self.permille_of(demand_a);
         self.modes.begin_torque(permille);

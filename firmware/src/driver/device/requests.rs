@@ -231,7 +231,7 @@ impl<F: NorFlash> Device<F> {
         if is_resampled {
             self.restart_adaptation();
         }
-        self.received.reset_command();
+        self.forget_command();
         Ok(())
     }
 

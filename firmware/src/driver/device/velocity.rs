@@ -5,8 +5,8 @@
 //! last message.
 
 use super::{Device, InputSource};
+use crate::control::LoopFlags;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
-use crate::control::{LoopFlags, Setpoint};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{CSP, CSV, PV};
 use crate::driver::trajectory::VelocityInterpolation;
@@ -88,8 +88,13 @@ impl VelocityControl {
         &self.gains
     }
 
+    /// The reference has changed its direction: so does the friction that the integral holds.
+    pub(super) fn turn_integral(&mut self) {
+        self.control.turn_integral();
+    }
+
     /// Runs a step. Returns true if the reference changed its direction.
-    fn step(
+    pub(super) fn step(
         &mut self,
         target: VelocityTarget,
         velocity_rad_s: f32,
@@ -130,90 +135,49 @@ impl<F: NorFlash> Device<F> {
         self.velocity.begin_course();
     }
 
-    /// Runs a step with a report.
-    pub(super) fn step_velocity(&mut self) {
-        self.step_offsets();
-        self.step_profile_modes();
-        if self.step_brake_test() {
-            return;
-        }
-        let rubs = self.is_friction_run();
-        let holds = self.holds_joint();
-        let is_in_use = rubs || holds || self.is_in_velocity_loop();
-        if !is_in_use || !self.supervisor.is_bridge_allowed() {
-            return;
-        }
-        let (target, limit_a) = if rubs {
-            let (target_rad_s, limit_a) = self.friction_target();
-            (VelocityTarget::Slew(*self.velocity.gains(), target_rad_s), limit_a)
-        } else {
-            (self.velocity_target(holds), self.rated().0 * self.profile.max_share())
-        };
-        if rubs && !self.is_friction_run() {
-            self.velocity.withhold_current();
-            self.supervisor.disarm();
-            return;
-        }
-        let share = if rubs { 1.0 } else { self.torque_share() };
-        let limit_a = limit_a * share * self.supervisor.current_share();
-        let withheld_a = self.withheld_current_a();
-        let has_turned = self.velocity.step(
-            target,
-            self.current_loop.report().velocity_rad_s,
-            limit_a,
-            withheld_a,
-        );
-        if rubs && has_turned {
-            self.velocity.control.turn_integral();
-        }
+    /// Returns the target of a step while the driver holds the joint.
+    pub(super) fn holding_target(&mut self) -> VelocityTarget {
+        // The load remains, whether the master goes on to send its offset or not.
+        self.velocity.control.absorb_feed_forward();
+        self.interrupt_position();
+        self.velocity.begin_course();
+        let gains = self.stopping.gains(self.velocity.gains());
+        VelocityTarget::Slew(gains, self.holding_velocity())
     }
 
-    /// Returns the target of a step, outside of a friction run. `holds`: the driver holds the joint.
-    fn velocity_target(&mut self, holds: bool) -> VelocityTarget {
-        if holds {
-            // The load remains, whether the master goes on to send its offset or not.
-            self.velocity.control.absorb_feed_forward();
-            self.interrupt_position();
-            self.velocity.begin_course();
-            let gains = self.stopping.gains(self.velocity.gains());
-            return VelocityTarget::Slew(gains, self.holding_velocity());
-        }
-        if self.profile.mode == PV {
-            self.position.is_limited = false;
-            self.feed_torque_forward();
-            let (target_rad_s, acceleration) = self.profile_velocity_step();
-            let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
-            return VelocityTarget::Slew(gains, target_rad_s);
-        }
-        if self.profile.mode == CSV {
-            self.position.is_limited = false;
-            let most_rad_s = self.max_speed_rad_s();
-            let last_rad_s = self.profile.target_rad_s(most_rad_s);
-            let target_rad_s = self.velocity.course.step().unwrap_or(last_rad_s);
-            let target_rad_s = target_rad_s + self.velocity_offset_rad_s();
-            self.feed_torque_forward();
-            let target_rad_s = target_rad_s.max(-most_rad_s).min(most_rad_s);
-            let target_rad_s = self.bounded_velocity(target_rad_s);
-            return VelocityTarget::Slew(*self.velocity.gains(), target_rad_s);
-        }
-        self.feed_torque_forward();
-        self.position_target()
+    /// Returns the target of a step of mode 3.
+    pub(super) fn profile_velocity_target(&mut self) -> VelocityTarget {
+        self.position.is_limited = false;
+        let (target_rad_s, acceleration) = self.profile_velocity_step();
+        let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
+        VelocityTarget::Slew(gains, target_rad_s)
+    }
+
+    /// Returns the target of a step of CSV.
+    pub(super) fn cyclic_velocity_target(&mut self) -> VelocityTarget {
+        self.position.is_limited = false;
+        let most_rad_s = self.max_speed_rad_s();
+        let last_rad_s = self.profile.target_rad_s(most_rad_s);
+        let target_rad_s = self.velocity.course.step().unwrap_or(last_rad_s);
+        let target_rad_s = target_rad_s + self.velocity_offset_rad_s();
+        let target_rad_s = target_rad_s.max(-most_rad_s).min(most_rad_s);
+        let target_rad_s = self.bounded_velocity(target_rad_s);
+        VelocityTarget::Slew(*self.velocity.gains(), target_rad_s)
     }
 
     /// Gives the torque offset to the velocity loop, in the cyclic modes.
-    fn feed_torque_forward(&mut self) {
+    pub(super) fn feed_torque_forward(&mut self) {
         let is_cyclic = matches!(self.profile.mode, CSP | CSV);
         let offset_a = if is_cyclic { self.offset_current_a() } else { 0.0 };
         self.velocity.control.feed_forward(offset_a);
     }
 
     /// 60FFh: takes a target of the master.
-    pub(in crate::driver) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
+    pub(super) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
         if target_micro_rad_s != self.profile.target_micro_rad_s {
             self.modes.begin_velocity();
         }
         self.profile.target_micro_rad_s = target_micro_rad_s;
-        self.confirm_target(self.now_us);
         let is_followed = self.profile.mode == CSV && self.settings.source == InputSource::Sensors;
         if is_followed && self.supervisor.is_armed() {
             let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s());
@@ -223,7 +187,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the current that the current loop applied less the last command, A; 0 if none of its limits acted.
-    fn withheld_current_a(&self) -> f32 {
+    pub(super) fn withheld_current_a(&self) -> f32 {
         let report = self.current_loop.report();
         let applied_a = if report.loop_flags.contains(LoopFlags::VOLTAGE_LIMITED) {
             report.current_a
@@ -233,23 +197,6 @@ impl<F: NorFlash> Device<F> {
             return 0.0;
         };
         applied_a - report.feed_forward_current_a - self.velocity.command.current_a
-    }
-
-    /// Returns the set-point, with current and reference of the velocity loop if it is active.
-    pub(super) fn with_velocity_command(&self, setpoint: Setpoint) -> Setpoint {
-        let is_in_use = self.is_friction_run() || self.is_in_velocity_loop();
-        if !(is_in_use || self.holds_joint()) {
-            let current_a = self.torque_mode_current_a(setpoint.current_a);
-            return self.bounded_setpoint(Setpoint { current_a, ..setpoint });
-        }
-        let order = self.velocity.command;
-        // A stop needs no master.
-        let age_s = if self.stopping.is_to_rest() { 0.0 } else { setpoint.age_s };
-        Setpoint {
-            age_s,
-            current_a: order.current_a,
-            velocity_reference_rad_s: order.reference_rad_s,
-        }
     }
 
     /// 606Bh, 1e-6 rad/s: the present reference.

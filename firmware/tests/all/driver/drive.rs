@@ -2,6 +2,7 @@
 //! statusword.
 
 use super::bench::{Bench, frame};
+use super::pdos::map;
 use compensator_core::can::{Message, SyncFrame};
 use firmware::control::MotorParameters;
 use firmware::driver::{Boot, LoopReport};
@@ -328,6 +329,35 @@ fn csp_holds_until_the_first_target_after_enabling() {
     assert!(near(bench.number(index::FOLLOWING_ERROR, 0), 1_000));
     let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
     assert!(setpoint.current_a > 0.0, "{setpoint:?}");
+}
+
+#[test]
+fn controlword_takes_the_position_that_follows_it_in_its_frame() {
+    let mut bench = in_cst();
+    map(&mut bench, 0x1400, RPDO_1.into(), &[0x6040_0010, 0x607A_0020]).unwrap();
+    bench.write(index::MODE, 0, &[1]).unwrap();
+    let still = LoopReport { velocity_rad_s: 0.0, ..measured() };
+    let order = |bench: &mut Bench, word: u8, target_micro_rad: i32| {
+        let [a, b, c, d] = target_micro_rad.to_le_bytes();
+        bench.driver.receive(&frame(RPDO_1, &[word, 0, a, b, c, d]), bench.now_us);
+        bench.driver.report(&still);
+        bench.pass_ms(1);
+    };
+    for word in [0x06, 0x07, 0x0F] {
+        order(&mut bench, word, 0);
+    }
+    assert!(bench.driver.is_armed());
+    // The target before, 0, would move it back.
+    order(&mut bench, 0x1F, 350_000);
+    for _ in 0..20 {
+        order(&mut bench, 0x0F, 0);
+    }
+    let demand = bench.number(index::POSITION_DEMAND, 0) as i32;
+    assert!(demand > 250_000, "{demand}");
+    // The frame confirms the target once for each of its receptions.
+    let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
+    assert!((setpoint.age_s - 1e-3).abs() < 1e-6, "{setpoint:?}");
+    assert_eq!(bench.driver.counters().command_lost, 0);
 }
 
 #[test]

@@ -19,7 +19,12 @@ fn write_number(bench: &mut Bench, at_index: u16, sub_index: u8, number: u32) ->
 }
 
 /// Maps objects to a PDO in the usual order, and enables it with an identifier.
-fn map(bench: &mut Bench, parameters: u16, identifier: u32, entries: &[u32]) -> Result<(), u32> {
+pub fn map(
+    bench: &mut Bench,
+    parameters: u16,
+    identifier: u32,
+    entries: &[u32],
+) -> Result<(), u32> {
     write_number(bench, parameters, 1, identifier | UNUSED)?;
     write_number(bench, parameters + 0x200, 0, 0)?;
     for (place, entry) in entries.iter().enumerate() {
