@@ -19,6 +19,7 @@ pub(crate) mod device;
 pub mod holding_brake;
 mod home;
 pub mod loop_data;
+mod motion;
 pub(crate) mod motor_watch;
 pub(crate) mod objects;
 pub mod over_compensation;
@@ -217,7 +218,8 @@ impl<F: NorFlash> Driver<F> {
 
     fn watch_restart(&mut self, now_us: u64) {
         if let Some(until_us) = self.restart_until_us {
-            self.is_reset_requested |= now_us >= until_us || self.device.has_stopped();
+            self.is_reset_requested |=
+                now_us >= until_us || self.device.motion.has_stopped(&self.device.seen());
         }
     }
 
@@ -326,7 +328,7 @@ impl<F: NorFlash> Driver<F> {
 
     /// Sets the levels of Hall sensors, before the reports of a tick; illegal ones if there are no sensors.
     pub fn take_hall(&mut self, levels: u8) {
-        self.device.take_hall(levels);
+        self.device.motion.take_hall(levels);
     }
 
     /// Sets the secret of the access challenges: random bytes of the board, new at every start. Without them, the
@@ -428,7 +430,7 @@ impl<F: NorFlash> Driver<F> {
 
     /// Returns the level of the holding brake's output; `None` if the joint has no brake: the output is not driven.
     pub fn brake_output(&self) -> Option<bool> {
-        self.device.stopping.brake().output(&self.device.settings().drive)
+        self.device.motion.stopping.brake().output(&self.device.settings().drive)
     }
 
     /// Returns the home to keep over a reset; `None` if none is known.

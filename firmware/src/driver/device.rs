@@ -3,11 +3,9 @@
 mod access;
 mod adaptation;
 mod boot;
-mod brake_check;
 mod commissioning;
 pub(crate) mod compensation_share;
 pub(crate) mod current_loop;
-mod drive;
 pub(crate) mod history;
 mod inputs;
 mod joint_encoder;
@@ -17,29 +15,23 @@ mod memory;
 mod motion;
 pub(crate) mod motor;
 mod network;
-mod offsets;
 mod parameter_trial;
 mod pdos;
-mod position;
-mod profile_modes;
 mod program;
 mod requests;
 mod scope;
 pub(crate) mod seal_sensors;
-mod stopping;
 mod stored_home;
 mod terms;
 mod touch_probe;
 mod trend;
 mod turn_readings;
 pub(crate) mod values;
-mod velocity;
 
-use super::commissioning::AbortReason;
 use super::counters::Counters;
 use super::home::KeptHome;
 use super::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
-use super::profile::{FaultState, Profile};
+use super::motion::Motion;
 use super::received::ReceivedInputs;
 use super::staging::Staging;
 use crate::access::Lock;
@@ -59,12 +51,9 @@ use crate::supervisor::{
 };
 use crate::update::Program;
 use crate::watch::{ResidualWatch, WatchParameters};
-use brake_check::BrakeTest;
 use compensation_share::CompensationShare;
 use compensator_core::can::{Frame, Message, NodeId};
 use current_loop::LoopExchange;
-pub(in crate::driver) use drive::Target;
-use drive::Targets;
 use embedded_storage::nor_flash::NorFlash;
 use history::History;
 use inputs::Samples;
@@ -72,17 +61,13 @@ use joint_encoder::JointEncoder;
 use memory::Memory;
 use motor::MotorObservation;
 use network::LiveNetwork;
-use offsets::Offsets;
 use parameter_trial::ParameterTrial;
 use pdos::Pdos;
-use profile_modes::ProfileModes;
 use seal_sensors::SealSensors;
-use stopping::Stopping;
 use stored_home::StoredHome;
 use touch_probe::TouchProbes;
 use trend::StoredTrend;
 use turn_readings::TurnReadings;
-use velocity::VelocityControl;
 
 /// Maximum length of a stored panic text, bytes.
 pub const MAX_PANIC_BYTES: usize = 160;
@@ -157,21 +142,14 @@ pub struct Device<F> {
     trend: StoredTrend,
     stored_home: StoredHome,
     turn_readings: TurnReadings,
-    targets: Targets,
-    offsets: Offsets,
     home: kept_home::HomeState,
     network: LiveNetwork,
     motor: MotorObservation,
     compensation: CompensationShare,
-    velocity: VelocityControl,
-    modes: ProfileModes,
-    brake_test: BrakeTest,
     pub(super) touch: TouchProbes,
     pub(super) joint_encoder: JointEncoder,
-    pub(super) profile: Profile,
     watch: Option<ResidualWatch>,
-    pub(super) stopping: Stopping,
-    position: position::PositionControl,
+    pub(super) motion: Motion,
     received: ReceivedInputs,
     current_loop: LoopExchange,
     pub(super) counters: Counters,
@@ -186,7 +164,6 @@ pub struct Device<F> {
     outbox: Outbox,
     supervisor: Supervisor,
     pub(super) staging: Staging,
-    commissioning: commissioning::Run,
     pub(super) program: program::ProgramState,
     pub(super) samples: Samples,
     /// Process data objects as a master has set them; reset with the communication.
@@ -255,10 +232,11 @@ impl<F: NorFlash> Device<F> {
                 motor_against: motor.is_emf_reversed,
                 turns_unseen: motor.is_turning_unseen,
                 motor_stands: motor.is_blocked,
-                position_missing: self.is_position_missing(),
-                following_error: self.following_state().1 || self.joint_encoder.are_sides_apart(),
+                position_missing: self.motion.is_position_missing(&self.seen()),
+                following_error: self.motion.following_state(&self.seen()).1
+                    || self.joint_encoder.are_sides_apart(),
                 stalled: motor.is_stalled,
-                brake_test_failed: self.brake_test.has_failed(),
+                brake_test_failed: self.motion.brake_test.has_failed(),
                 over_compensated: self.compensation.is_over_compensated(),
                 radial_force_stuck: self.seal_sensors.is_radial_force_stuck(),
                 pressure_stuck: self.seal_sensors.is_pressure_stuck(),
@@ -285,20 +263,21 @@ impl<F: NorFlash> Device<F> {
                 ..Observation::default()
             }
         };
-        self.prepare_stops(now_us);
-        self.watch_target(now_us);
+        self.supervisor.set_ramp_faults(self.motion.ramp_faults(&self.seen()));
+        self.move_by(Motion::prepare_stops);
+        self.move_by(Motion::watch_target);
         self.supervisor.observe(&observation, now_us);
-        self.react_to_fault();
+        self.move_by(Motion::react_to_fault);
         let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
-        self.profile.sync_with_supervisor(fault, armed);
+        self.motion.profile.sync_with_supervisor(fault, armed);
         if fault {
             self.scope.record_fault();
         }
-        self.update_stop();
-        self.watch_stop();
-        self.watch_brake_test();
-        self.step_brake();
-        self.watch_commissioning();
+        self.move_by(Motion::update_stop);
+        self.move_by(Motion::watch_stop);
+        self.move_by(Motion::watch_brake_test);
+        self.move_by(Motion::step_brake);
+        self.move_by(Motion::watch_commissioning);
         self.watch_trial(heartbeat_lost);
         self.watch_session();
         self.tick_program(now_us);
@@ -321,10 +300,10 @@ impl<F: NorFlash> Device<F> {
             // A tick just before a report finds none, and the next one finds two: a step here would be one too many.
             return;
         }
-        let is_testing = self.brake_test.is_running();
+        let is_testing = self.motion.brake_test.is_running();
         // A motor that presses against its brake stands.
         let drives =
-            self.supervisor.is_bridge_allowed() && !self.is_measuring_motor() && !is_testing;
+            self.supervisor.is_bridge_allowed() && !self.motion.is_measuring_motor() && !is_testing;
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();
         self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
@@ -341,7 +320,7 @@ impl<F: NorFlash> Device<F> {
             self.step_adaptation();
         }
         self.step_commissioning();
-        self.step_motion();
+        self.move_by(Motion::step_motion);
         self.step_touch_probes();
         self.step_joint_encoder();
         self.supervisor.record_overruns(report.overruns_in_a_row);
@@ -368,23 +347,24 @@ impl<F: NorFlash> Device<F> {
         let age_h = now_us as f32 * (1e-6 / 3600.0);
         let (set_number, gate_resets, home) = self.current_loop.orders();
         LoopCommands {
-            setpoint: self.setpoint(now_us),
+            setpoint: self.motion.setpoint(&self.seen(), now_us),
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.is_bridge_allowed(),
             brake: drives
-                && (self.set().motor.brake_at_stop != 0.0 || self.stopping.shorts_low_sides())
+                && (self.set().motor.brake_at_stop != 0.0
+                    || self.motion.stopping.shorts_low_sides())
                 && self.supervisor.is_braking_allowed(),
             compensation: drives
                 && self.supervisor.is_compensation_allowed()
-                && !self.is_commissioning()
-                && !self.brake_test.is_running(),
+                && !self.motion.is_commissioning()
+                && !self.motion.brake_test.is_running(),
             current_share: self.supervisor.current_share(),
             compensation_share: self.compensation.share(),
             factors: None,
             set_number,
             gate_resets,
             home,
-            probe: self.probe(),
+            probe: self.motion.probe(),
             scope: self.scope.order(),
         }
     }
@@ -403,8 +383,7 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
-        self.stopping.end();
-        self.end_commissioning(AbortReason::Stopped);
+        self.motion.end();
         self.samples.arm_hil(false);
     }
 

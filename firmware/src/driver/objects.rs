@@ -2,7 +2,8 @@
 
 pub(crate) mod numbers;
 
-use super::device::{Device, Target};
+use super::device::Device;
+use super::motion::{Refused, Target};
 use crate::hil::NumberType;
 use crate::node::dictionary::records::{
     AccessObject, CommitObject, HoldingBrakeObject, OperationObject, ScopeObject, StateObject,
@@ -267,10 +268,13 @@ impl<F: NorFlash> Device<F> {
         match at.index {
             index::MODE => return self.set_mode(number as i8),
             index::TOUCH_FUNCTION => return self.set_touch_function(number as u16),
-            index::HOMING_METHOD => return self.set_homing_method(number as i8),
-            index::MAX_MOTOR_SPEED => self.profile.max_motor_rpm = Some(number),
-            index::HOME_OFFSET => self.profile.home_offset_micro_rad = number as i32,
-            index::MAX_TORQUE => self.profile.max_permille = number as u16,
+            index::HOMING_METHOD => {
+                let taken = self.motion.set_homing_method(number as i8);
+                return taken.map_err(|refused| self.refuse(refused));
+            }
+            index::MAX_MOTOR_SPEED => self.motion.profile.max_motor_rpm = Some(number),
+            index::HOME_OFFSET => self.motion.profile.home_offset_micro_rad = number as i32,
+            index::MAX_TORQUE => self.motion.profile.max_permille = number as u16,
             _ => return self.set_drive_setting(at.index, at.subindex, number),
         }
         Ok(())
@@ -321,8 +325,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Refuses a write because the bridge is in use.
     pub(super) fn refuse_armed(&mut self) -> Abort {
-        let why = text!("the joint is armed, and nothing is written then: disarm first");
-        self.staging.refuse(Abort::State, why)
+        self.refuse(Refused::armed())
     }
 
     /// Refuses a setting that is out of range.

@@ -24,7 +24,8 @@ impl<F: NorFlash> Device<F> {
         if self.settings.source == InputSource::Bus {
             return;
         }
-        let is_driven = self.supervisor.is_compensation_allowed() && !self.is_commissioning();
+        let is_driven =
+            self.supervisor.is_compensation_allowed() && !self.motion.is_commissioning();
         let blocked = self.learning_blocked_by().or((!is_driven).then_some(Frozen::NotArmed));
         let report = self.current_loop.report();
         let sample = LearningSample {
@@ -81,7 +82,8 @@ impl<F: NorFlash> Device<F> {
     /// whose friction has ended since it was learnt, so that the set is the most that applies.
     pub(in crate::driver) fn learnt(&self) -> (u32, Gains<f32>) {
         let (number, gains) = self.adaptation.gains();
-        let is_bounded = self.mover().is_torque() && self.settings.drive.adapt != ON_IN_EVERY_MODE;
+        let is_bounded = self.motion.mover(&self.seen()).is_torque()
+            && self.settings.drive.adapt != ON_IN_EVERY_MODE;
         if !is_bounded {
             return (number.wrapping_mul(2), gains);
         }

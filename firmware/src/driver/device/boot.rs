@@ -8,10 +8,9 @@ use super::network::LiveNetwork;
 use super::pdos::Pdos;
 use super::program::ProgramState;
 use super::trend::StoredTrend;
-use super::{Boot, Device, Identity, commissioning, watch};
+use super::{Boot, Device, Identity, watch};
 use crate::access::Lock;
 use crate::driver::counters::Counters;
-use crate::driver::profile::Profile;
 use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
 use crate::hil::HilJoint;
@@ -42,6 +41,7 @@ impl<F: NorFlash> Device<F> {
             watch: None,
             network: LiveNetwork::default(),
             staging: Staging::default(),
+            motion: Default::default(),
             program: ProgramState::default(),
             identity,
             history: Default::default(),
@@ -59,23 +59,14 @@ impl<F: NorFlash> Device<F> {
             enclosure: enclosure::Readings::default(),
             scope: Scope::default(),
             blocking: 0,
-            profile: Profile::default(),
-            stopping: Default::default(),
-            commissioning: commissioning::Run::default(),
             compensation: Default::default(),
             adaptation: Default::default(),
             trend: Default::default(),
             stored_home: Default::default(),
             turn_readings: Default::default(),
             seal_sensors: Default::default(),
-            position: Default::default(),
-            velocity: Default::default(),
             motor: Default::default(),
-            targets: Default::default(),
-            offsets: Default::default(),
             home: Default::default(),
-            modes: Default::default(),
-            brake_test: Default::default(),
             touch: Default::default(),
             joint_encoder: Default::default(),
             pdos: Pdos::new(defaults.node),

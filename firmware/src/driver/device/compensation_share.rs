@@ -93,11 +93,12 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn step_over_compensation(&mut self) {
         let is_compensated = self.settings.source == InputSource::Sensors
             && self.supervisor.is_compensation_allowed()
-            && !self.is_commissioning();
+            && !self.motion.is_commissioning();
         let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
-        let is_offset = self.profile.mode == profile::CST;
-        let offset_nm = if is_offset { by_a * self.offset_current_a() } else { 0.0 };
-        let offset_nm = self.mover().is_torque().then_some(offset_nm);
+        let is_offset = self.motion.profile.mode == profile::CST;
+        let offset_nm =
+            if is_offset { by_a * self.motion.offset_current_a(&self.seen()) } else { 0.0 };
+        let offset_nm = self.motion.mover(&self.seen()).is_torque().then_some(offset_nm);
         let (report, set) = (self.current_loop.report(), self.staging.active());
         self.compensation.step(report, set, is_compensated, offset_nm);
     }

@@ -124,7 +124,7 @@ impl<F: NorFlash> Device<F> {
             Message::Surroundings(of, _) if *of == node => {
                 [&mut inputs.temperature_c, &mut inputs.auxiliary]
             }
-            Message::Command(of, _) if *of == node && !self.profile.is_active() => {
+            Message::Command(of, _) if *of == node && !self.motion.profile.is_active() => {
                 [&mut inputs.command_current_a, &mut inputs.command_velocity_and_counter]
             }
             _ => return self.counters.count_foreign(),

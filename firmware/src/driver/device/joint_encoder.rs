@@ -19,6 +19,7 @@
 use super::{Device, InputSource};
 use crate::control::LoopFlags;
 use crate::control::transform::{RAD_PER_UNIT, binary_angle};
+use crate::driver::angle;
 use crate::node::dictionary::records::JointEncoderObject;
 use crate::sensors::biss::{BissEncoder, WORDS};
 use crate::sensors::evaluation::Evaluation;
@@ -102,11 +103,7 @@ impl Default for JointEncoder {
 impl JointEncoder {
     /// 60E4h:1, 1e-6 rad.
     pub(in crate::driver) fn position(&self) -> i32 {
-        if self.position_rad.is_nan() {
-            NO_POSITION
-        } else {
-            super::drive::micro(self.position_rad)
-        }
+        if self.position_rad.is_nan() { NO_POSITION } else { angle::micro(self.position_rad) }
     }
 
     /// 2032h.
@@ -154,7 +151,7 @@ impl<F: NorFlash> Device<F> {
         if !is_own || words.is_none() {
             return;
         }
-        let drives = self.is_bridge_in_use() && !self.is_measuring_motor();
+        let drives = self.is_bridge_in_use() && !self.motion.is_measuring_motor();
         let (report, set) = (self.current_loop.report(), self.staging.active());
         let (sensors, motor, side) = (&set.sensors, &set.motor, &mut self.joint_encoder);
         side.turned += i64::from(report.rotor_angle.wrapping_sub(side.rotor) as i32);

@@ -48,7 +48,9 @@ impl<F: NorFlash> Device<F> {
                     }
                 }
             }
-            HomeState::Known(_, [position_rad, turned_rad]) if self.is_standing() && !is_lost => {
+            HomeState::Known(_, [position_rad, turned_rad])
+                if self.seen().is_standing() && !is_lost =>
+            {
                 let now_rad = position_rad + report.turned_rad - turned_rad;
                 self.home = HomeState::Settled;
                 self.current_loop.set_home(now_rad);
@@ -76,7 +78,7 @@ impl<F: NorFlash> Device<F> {
             encoder: encoder as u32,
             shaft: shaft_number(set),
             turns: self.turn_readings.turns(),
-            may_move: self.is_bridge_in_use() || !self.is_standing(),
+            may_move: self.is_bridge_in_use() || !self.seen().is_standing(),
         })
     }
 }

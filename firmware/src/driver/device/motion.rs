@@ -1,182 +1,240 @@
-//! What the current loop gets: a chain of stages over one value, decided here and nowhere else.
-//!
-//! ```text
-//! once per report        mover -> target velocity -> current limit -> velocity loop
-//! with every command     mover -> wanted (velocity loop, master's torque, test) -> position limits -> age -> loop
-//! ```
-//! Exactly one [`Mover`] commands the joint at a time. A mover of the velocity loop gets its target limited in position and
-//! speed, and its current limited by 6072h, the supervisor and homing. A mover that gives a torque has 6072h, and near the
-//! position limits the current with which a velocity loop would keep them.
+//! Motion within the device: what it sees, what it orders, and the objects whose writing needs more than motion.
 
-use super::velocity::VelocityTarget;
-use super::{Device, InputSource};
-use crate::control::Setpoint;
-use crate::driver::profile;
+use super::Device;
+use crate::driver::motion::{Motion, Refused, Seen, Target};
+use crate::driver::profile::DriveRequest;
+use crate::driver::profile::stop::{StopCause, StopReaction};
+use crate::node::sdo::Abort;
+use crate::node_settings::InputSource;
+use compensator_core::can::Frame;
+use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
-/// Who commands the joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mover {
-    /// The measurement of the motor, in the interrupt.
-    MotorMeasurement,
-    /// The friction run.
-    FrictionRun,
-    /// The test of the holding brake.
-    BrakeTest,
-    /// The driver: a stop, or a holding brake that is not yet open.
-    Hold,
-    /// CSP, PP, or homing at a stop.
-    Position,
-    /// CSV.
-    CyclicVelocity,
-    /// Mode 3.
-    ProfileVelocity,
-    /// CST or mode 4.
-    Torque,
-    /// Homing by the present position, which gives no torque.
-    Nobody,
-    /// Command frames, without a mode of CiA 402.
-    Commands,
-}
-
-impl Mover {
-    /// Returns true if the velocity loop gives the current.
-    pub(super) const fn has_velocity_loop(self) -> bool {
-        use Mover::{CyclicVelocity, FrictionRun, Hold, Position, ProfileVelocity};
-        matches!(self, FrictionRun | Hold | Position | CyclicVelocity | ProfileVelocity)
-    }
-
-    /// Returns true if a master gives the torque, and no loop above the current loop holds the speed.
-    pub(super) const fn is_torque(self) -> bool {
-        matches!(self, Self::Torque | Self::Nobody | Self::Commands)
-    }
-}
-
 impl<F: NorFlash> Device<F> {
-    /// Returns who commands the joint.
+    /// Returns what motion sees.
     #[inline(never)]
-    pub(super) fn mover(&self) -> Mover {
-        let is_on_sensors = self.settings.source == InputSource::Sensors;
-        match self.profile.mode {
-            _ if self.is_measuring_motor() => Mover::MotorMeasurement,
-            _ if self.is_friction_run() => Mover::FrictionRun,
-            _ if self.brake_test.is_running() => Mover::BrakeTest,
-            _ if self.holds_joint() => Mover::Hold,
-            _ if self.is_in_position_control() => Mover::Position,
-            profile::CSV if is_on_sensors => Mover::CyclicVelocity,
-            profile::PV if is_on_sensors => Mover::ProfileVelocity,
-            profile::CST | profile::TQ => Mover::Torque,
-            _ if self.profile.is_active() => Mover::Nobody,
-            _ => Mover::Commands,
+    pub(in crate::driver) fn seen(&self) -> Seen<'_> {
+        Seen {
+            now_us: self.now_us,
+            settings: &self.settings,
+            set: self.staging.active(),
+            report: self.current_loop.report(),
+            supervisor: &self.supervisor,
+            received: &self.received,
+            is_hil_armed: self.samples.is_hil_armed(),
+            inputs: self.samples.inputs(),
         }
     }
 
-    /// Runs a step of the loops above the current loop, with a report.
-    pub(super) fn step_motion(&mut self) {
-        self.step_offsets();
-        self.step_profile_modes();
-        let mover = self.mover();
-        if mover == Mover::BrakeTest {
-            return self.step_brake_test();
+    /// Runs a step of motion, and executes what it orders.
+    pub(super) fn move_by(&mut self, step: fn(&mut Motion, &Seen<'_>)) {
+        self.move_with(&mut |motion, seen| step(motion, seen));
+    }
+
+    /// Runs a step of motion with arguments.
+    // One copy for all steps: each would take 100 bytes.
+    #[inline(never)]
+    pub(super) fn move_with(&mut self, step: &mut dyn FnMut(&mut Motion, &Seen<'_>)) {
+        let seen = Seen {
+            now_us: self.now_us,
+            settings: &self.settings,
+            set: self.staging.active(),
+            report: self.current_loop.report(),
+            supervisor: &self.supervisor,
+            received: &self.received,
+            is_hil_armed: self.samples.is_hil_armed(),
+            inputs: self.samples.inputs(),
+        };
+        step(&mut self.motion, &seen);
+        self.execute_orders();
+    }
+
+    /// Reports a refusal.
+    #[inline(never)]
+    pub(in crate::driver) fn refuse(&mut self, Refused(abort, why): Refused) -> Abort {
+        self.staging.refuse(abort, why)
+    }
+
+    #[inline(never)]
+    fn execute_orders(&mut self) {
+        let orders = core::mem::take(&mut self.motion.orders);
+        if let Some(refused) = orders.refusal {
+            let _ = self.refuse(refused);
         }
-        if !mover.has_velocity_loop() || !self.supervisor.is_bridge_allowed() {
+        if let Some(home_rad) = orders.home_rad {
+            let _ = self.set_position(home_rad);
+        }
+        if orders.confirms {
+            self.supervisor.record_command(self.now_us);
+            if self.settings.source == InputSource::Bus {
+                let current_a = self.motion.torque_mode_current_a(&self.seen());
+                self.samples.set_hil_command(current_a);
+            }
+        }
+        if let Some(code) = orders.trips {
+            self.supervisor.trip(code);
+        }
+        if orders.disarms {
+            self.disarm();
+        }
+    }
+
+    /// 6079h, mV; 0 if it is not measured.
+    pub(in crate::driver) fn bus_millivolts(&self) -> u32 {
+        (self.current_loop.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
+    }
+
+    /// 603Fh: the emergency code of the first fault; 0 for none.
+    pub(in crate::driver) fn error_code(&self) -> u16 {
+        self.supervisor.faults().iter().next().map_or(0, |code| code.info().emergency)
+    }
+
+    /// 6040h. Returns an error if the supervisor refuses.
+    fn set_controlword(&mut self, controlword: u16) -> Result<(), Abort> {
+        if !self.motion.profile.is_active() {
+            self.motion.profile.controlword = controlword;
+            return Ok(());
+        }
+        self.move_by(Motion::confirm_target);
+        let (fault, armed) = (self.seen().is_faulty(), self.is_armed());
+        let request = self.motion.profile.control(controlword, fault, armed);
+        self.motion.watch_homing();
+        match request {
+            DriveRequest::None => {
+                self.move_by(Motion::update_stop);
+                Ok(())
+            }
+            DriveRequest::Arm => self.request(1).inspect_err(|_| self.motion.profile.arm_refused()),
+            DriveRequest::Disarm => self.request(0),
+            DriveRequest::ClearFaults => self.request(2),
+            DriveRequest::Home if self.motion.profile.homes_at_stop() => {
+                self.move_by(Motion::begin_homing);
+                Ok(())
+            }
+            DriveRequest::Home => {
+                self.move_by(Motion::home_here);
+                Ok(())
+            }
+            DriveRequest::TakeSetPoint => {
+                self.motion.take_set_point();
+                Ok(())
+            }
+        }
+    }
+
+    /// 6060h.
+    pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
+        let begins_anew = !self.is_bridge_in_use();
+        let mut taken = Ok(());
+        self.move_with(&mut |motion, seen| taken = motion.set_mode(seen, mode));
+        taken.map_err(|refused| self.refuse(refused))?;
+        if begins_anew {
+            self.received.reset_command();
+        }
+        Ok(())
+    }
+
+    /// Receive PDO 1.
+    pub(in crate::driver) fn take_drive_frame(&mut self, frame: &Frame) {
+        let Some(target) = Target::parse(frame.data()) else {
+            return self.counters.count_wrong_length();
+        };
+        // A refusal is reported as for an object (2028h), and in the statusword.
+        let _ = self.take_target(&target);
+    }
+
+    /// Takes a target: its parts are set together, and then the controlword is processed, which may refer to them.
+    ///
+    /// # Errors
+    /// The supervisor refuses what the controlword requests.
+    pub(in crate::driver) fn take_target(&mut self, target: &Target) -> Result<(), Abort> {
+        self.move_with(&mut |motion, seen| motion.set_target(seen, target));
+        target.controlword.map_or(Ok(()), |controlword| self.set_controlword(controlword))
+    }
+
+    /// Refreshes the age of the target at the monitored heartbeat, if the targets have no deadline (1400h:5).
+    pub(in crate::driver) fn confirm_target_by_heartbeat(&mut self, now_us: u64) {
+        if self.settings.target_timeout_ms == 0 {
+            self.now_us = now_us;
+            self.move_by(Motion::confirm_target);
+        }
+    }
+
+    /// Forgets the last target, or Command frame: the next one begins anew.
+    #[inline(never)]
+    pub(super) fn forget_command(&mut self) {
+        self.received.reset_command();
+        self.motion.targets = Default::default();
+    }
+
+    /// Returns true if the bridge is in use: parameters must not change.
+    #[inline(never)]
+    pub(in crate::driver) fn is_bridge_in_use(&self) -> bool {
+        self.is_armed() || self.supervisor.is_stopping()
+    }
+
+    /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.
+    pub(in crate::driver) fn stop_connection(&mut self) {
+        self.trial.lose_connection();
+        if self.supervisor.is_stopping() {
             return;
         }
-        let Some(target) = self.target_velocity(mover) else {
-            // The friction run has ended.
-            self.velocity.withhold_current();
-            return self.supervisor.disarm();
-        };
-        let limit_a = self.velocity_loop_limit_a(mover);
-        let (velocity_rad_s, withheld_a) =
-            (self.current_loop.report().velocity_rad_s, self.withheld_current_a());
-        let has_turned = self.velocity.step(target, velocity_rad_s, limit_a, withheld_a);
-        if mover == Mover::FrictionRun && has_turned {
-            self.velocity.turn_integral();
-        }
-    }
-
-    /// Stage 1 of the velocity loop: its target, within the limits of speed and position.
-    fn target_velocity(&mut self, mover: Mover) -> Option<VelocityTarget> {
-        if matches!(mover, Mover::Position | Mover::CyclicVelocity | Mover::ProfileVelocity) {
-            self.feed_torque_forward();
-        }
-        Some(match mover {
-            Mover::FrictionRun => {
-                VelocityTarget::Slew(*self.velocity.gains(), self.friction_target()?)
+        self.motion.profile.stop_connection();
+        let reaction = self.settings.drive.reaction(StopCause::ConnectionLost);
+        match reaction {
+            StopReaction::Ramp(deceleration)
+                if self.supervisor.is_armed() && self.motion.can_ramp(&self.seen()) =>
+            {
+                self.move_with(&mut |motion, seen| {
+                    motion.begin_stop(seen, StopCause::ConnectionLost, deceleration)
+                });
             }
-            Mover::Hold => self.holding_target(),
-            Mover::ProfileVelocity => self.profile_velocity_target(),
-            Mover::CyclicVelocity => self.cyclic_velocity_target(),
-            _ => self.position_target(),
-        })
-    }
-
-    /// Stage 2 of the velocity loop: the limit of its current, A.
-    fn velocity_loop_limit_a(&self, mover: Mover) -> f32 {
-        let own_a = match mover {
-            Mover::FrictionRun => self.friction_limit_a(),
-            _ => self.rated().0 * self.profile.max_share() * self.torque_share(),
-        };
-        own_a * self.supervisor.current_share()
-    }
-
-    /// Returns what the current loop gets.
-    #[inline(never)]
-    pub(super) fn setpoint(&self, now_us: u64) -> Setpoint {
-        let mover = self.mover();
-        let wanted = self.wanted(mover, now_us);
-        let current_a = match mover {
-            Mover::Torque => self.bounded_current_a(wanted.current_a),
-            _ => wanted.current_a,
-        };
-        Setpoint { current_a, age_s: self.setpoint_age_s(mover, now_us), ..wanted }
-    }
-
-    /// Stage 1 of the set-point: current and velocity reference of the mover, within 6072h.
-    fn wanted(&self, mover: Mover, now_us: u64) -> Setpoint {
-        let (current_a, velocity_reference_rad_s) = match mover {
-            Mover::MotorMeasurement => (0.0, 0.0),
-            Mover::BrakeTest => (self.brake_test.current_a(), 0.0),
-            Mover::Torque => (self.torque_mode_current_a(), f32::NAN),
-            Mover::Nobody => (0.0, f32::NAN),
-            Mover::Commands => return self.received.setpoint(now_us),
             _ => {
-                let command = self.velocity.command();
-                (command.current_a, command.reference_rad_s)
+                self.motion.stopping.shorts_low_sides = reaction == StopReaction::Short;
+                self.disarm();
             }
-        };
-        Setpoint { current_a, velocity_reference_rad_s, age_s: 0.0 }
-    }
-
-    /// Returns the current of a torque mode, A: the ramp of mode 4, or target and torque offset of CST within 6072h; 0 in any
-    /// other mode.
-    #[inline(never)]
-    pub(super) fn torque_mode_current_a(&self) -> f32 {
-        let rated_a = self.rated().0;
-        match self.profile.mode {
-            profile::TQ => self.modes.torque_current_a(rated_a),
-            profile::CST => {
-                let most_a = self.profile.max_share() * rated_a;
-                let wanted_a = self.profile.target_share() * rated_a + self.offset_current_a();
-                wanted_a.max(-most_a).min(most_a)
-            }
-            _ => 0.0,
         }
     }
 
-    /// Last stage of the set-point: its age, s, which is the time since who must confirm it did; 0 if nobody must.
-    fn setpoint_age_s(&self, mover: Mover, now_us: u64) -> f32 {
-        let since_us = match mover {
-            Mover::MotorMeasurement | Mover::FrictionRun => self.confirmed_us(),
-            Mover::BrakeTest if self.brake_test.is_requested() => return 0.0,
-            Mover::Hold if self.stopping.is_to_rest() => return 0.0,
-            _ if !self.profile.is_active() => return self.received.setpoint(now_us).age_s,
-            _ => match self.targets.at_us() {
-                Some(at_us) => at_us,
-                None => return Setpoint::NONE.age_s,
-            },
+    /// Writes a setting of the drive. Any other object is read-only here.
+    pub(in crate::driver) fn set_drive_setting(
+        &mut self,
+        at_index: u16,
+        sub_index: u8,
+        word: u32,
+    ) -> Result<(), Abort> {
+        let mut changed = self.settings.drive;
+        let written = changed.set(at_index, sub_index, word).ok_or(Abort::ReadOnly)?;
+        written.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        if changed.has_short() && !self.set().motor.is_short_bounded() {
+            let why = text!(
+                "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s"
+            );
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.settings.drive = changed;
+        Ok(())
+    }
+
+    /// 2030h:11: starts (1) or ends (0) a test on request.
+    pub(in crate::driver) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
+        if order == 0 {
+            if self.motion.brake_test.is_running() {
+                self.disarm();
+            }
+            return Ok(());
+        }
+        let drive = &self.settings.drive;
+        let why = if drive.brake_output == 0 {
+            text!("the joint has no holding brake that could be tested (2030h:1)")
+        } else if drive.brake_test_torque == 0 {
+            text!("2030h:7 = 0: set the torque of the brake test first")
+        } else {
+            self.may_begin()?;
+            self.arm_supervisor()?;
+            self.motion.begin_brake_test(true);
+            return Ok(());
         };
-        now_us.saturating_sub(since_us) as f32 * 1e-6
+        Err(self.staging.refuse(Abort::State, why))
     }
 }

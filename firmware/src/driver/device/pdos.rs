@@ -9,9 +9,9 @@ mod mapping;
 mod sync;
 mod transmit;
 
-use super::drive::Target;
 use super::{Device, InputSource, Message, NodeId};
 use crate::driver::counters::count;
+use crate::driver::motion::Target;
 use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, Objects};
 use canopen_rs::Address;
@@ -391,7 +391,7 @@ impl<F: NorFlash> Device<F> {
             let Some((value, after)) = rest.split_at_checked(object.length) else { return };
             rest = after;
             // A master repeats the mode in every frame; only a change is a request.
-            if object.index == index::MODE && self.profile.mode.to_le_bytes() == *value {
+            if object.index == index::MODE && self.motion.profile.mode.to_le_bytes() == *value {
                 continue;
             }
             let mut word = [0; 4];

@@ -3,6 +3,7 @@
 use super::network::LiveNetwork;
 use super::{Device, watch};
 use crate::control::PERIOD_S;
+use crate::driver::motion::Motion;
 use crate::hil::HilJoint;
 use crate::loop_parts::LoopParts;
 use crate::node::sdo::Abort;
@@ -18,7 +19,7 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn request(&mut self, request: u8) -> Result<(), Abort> {
         match request {
             0 => {
-                self.stopping.open_low_sides();
+                self.motion.stopping.open_low_sides();
                 self.disarm();
                 Ok(())
             }
@@ -69,13 +70,13 @@ impl<F: NorFlash> Device<F> {
 
     fn arm(&mut self) -> Result<(), Abort> {
         self.finish_trial();
-        if self.is_commissioning() {
+        if self.motion.is_commissioning() {
             let why = text!(
                 "commissioning is running: wait until it has ended, or stop it (200Ch:1 = 0)"
             );
             return Err(self.staging.refuse(Abort::State, why));
         }
-        if self.brake_test.is_running() {
+        if self.motion.brake_test.is_running() {
             let why = text!("the brake is being tested: wait until 2030h:12 is not 1");
             return Err(self.staging.refuse(Abort::State, why));
         }
@@ -83,13 +84,13 @@ impl<F: NorFlash> Device<F> {
             return Err(self.staging.refuse(Abort::State, why));
         }
         if self.settings.source == InputSource::Sensors {
-            let is_test_due = self.is_brake_test_due();
+            let is_test_due = self.motion.is_brake_test_due(&self.seen());
             if !is_test_due {
-                self.begin_driving();
+                self.move_by(Motion::begin_driving);
             }
             return self.arm_supervisor().map(|()| {
                 if is_test_due {
-                    self.begin_brake_test(false);
+                    self.motion.begin_brake_test(false);
                 }
             });
         }
@@ -117,13 +118,6 @@ impl<F: NorFlash> Device<F> {
         self.start
             .check(self.staging.active())
             .map_err(|why| self.staging.refuse(Abort::State, why))
-    }
-
-    /// Starts the loops above the current loop.
-    pub(super) fn begin_driving(&mut self) {
-        self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
-        self.preload_brake();
-        self.begin_position();
     }
 
     /// Returns the codes that stop a joint in HIL: faults, and a lost master.

@@ -90,7 +90,7 @@ impl<F: NorFlash> Device<F> {
             }
             self.mark_stored_home();
         }
-        let is_powered = self.is_powered();
+        let is_powered = self.seen().is_powered();
         let is_held = self.settings.drive.brake_output != 0;
         let rest_us = if is_powered || !is_held { REST_US } else { FAILING_REST_US };
         let (now_us, stored) = (self.now_us, &mut self.stored_home);

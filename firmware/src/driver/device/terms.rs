@@ -20,7 +20,7 @@ impl<F: NorFlash> Device<F> {
     fn is_live(&self, kind: TermKind) -> bool {
         let Some(quantity) = kind.reads() else { return true };
         if quantity == Quantity::Position {
-            return self.is_position_known();
+            return self.seen().is_position_known();
         }
         let mut covariates = match self.settings.source {
             InputSource::Sensors => *self.seal_sensors.covariates(),

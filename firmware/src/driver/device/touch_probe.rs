@@ -13,6 +13,7 @@
 use super::Device;
 use crate::control::transform::{RAD_PER_UNIT, binary_angle};
 use crate::control::{LoopFlags, PERIOD_S};
+use crate::driver::angle;
 use crate::driver::loop_data::LoopReport;
 use crate::node::sdo::Abort;
 use compensator_core::text;
@@ -140,7 +141,7 @@ impl<F: NorFlash> Device<F> {
     fn micro_at_angle(&self, report: &LoopReport, from_report: i32, later_s: f32) -> i32 {
         let motor = &self.set().motor;
         let way_rad = from_report as f32 * RAD_PER_UNIT * motor.joint_direction / motor.gear_ratio;
-        super::drive::micro(report.turned_rad + way_rad + later_s * report.velocity_rad_s)
+        angle::micro(report.turned_rad + way_rad + later_s * report.velocity_rad_s)
     }
 
     /// Returns the angle of the rotor from the encoder's zero, 2^-32 turns; `None` while it is unknown.

@@ -1,8 +1,7 @@
 //! Values of the objects that report the device's state.
 
 use super::{Counters, Device, JointState};
-use crate::node::dictionary::records::{self, EnclosureObject, MeasuredObject, WatchObject};
-use crate::node_settings::InputSource;
+use crate::node::dictionary::records::{self, EnclosureObject, WatchObject};
 use crate::sensors::bme280::Air;
 use crate::watch::ResidualWatch;
 use embedded_storage::nor_flash::NorFlash;
@@ -31,25 +30,6 @@ impl<F: NorFlash> Device<F> {
 
     pub(in crate::driver) fn all_counters(&self) -> Counters {
         Counters { sent: self.outbox.sent(), not_sent: self.outbox.lost(), ..self.counters }
-    }
-
-    #[inline(never)]
-    pub(in crate::driver) fn measured(&self) -> MeasuredObject {
-        let received = self.samples.inputs();
-        match self.settings.source {
-            InputSource::Bus => MeasuredObject {
-                velocity_rad_s: received.velocity_rad_s,
-                position_rad: received.position_rad,
-                torque_nm: received.torque_nm,
-                load_torque_nm: received.load_torque_nm,
-            },
-            InputSource::Sensors => MeasuredObject {
-                velocity_rad_s: self.current_loop.report().velocity_rad_s.to_bits(),
-                position_rad: self.current_loop.report().position_rad.to_bits(),
-                torque_nm: self.current_loop.report().motor_torque_nm.to_bits(),
-                load_torque_nm: received.load_torque_nm,
-            },
-        }
     }
 
     /// Returns the readings of the dry side.

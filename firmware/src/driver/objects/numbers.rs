@@ -64,41 +64,41 @@ impl<F: NorFlash> Device<F> {
         }
         Ok(match at_index {
             index::ERROR_CODE => self.error_code().into(),
-            index::CONTROLWORD => self.profile.controlword.into(),
-            index::STATUSWORD => self.statusword().into(),
-            index::MODE | index::MODE_DISPLAY => self.profile.mode as u32,
-            index::POSITION_DEMAND => self.position_demand() as u32,
-            index::FOLLOWING_ERROR => self.following_error() as u32,
-            index::TARGET_POSITION => self.profile.target_position_micro_rad as u32,
+            index::CONTROLWORD => self.motion.profile.controlword.into(),
+            index::STATUSWORD => self.motion.statusword(&self.seen()).into(),
+            index::MODE | index::MODE_DISPLAY => self.motion.profile.mode as u32,
+            index::POSITION_DEMAND => self.motion.position_demand(&self.seen()) as u32,
+            index::FOLLOWING_ERROR => self.motion.following_error() as u32,
+            index::TARGET_POSITION => self.motion.profile.target_position_micro_rad as u32,
             index::BUS_VOLTAGE => self.bus_millivolts(),
-            index::ACTUAL_CURRENT => self.actual_current_permille() as u32,
-            index::ACTUAL_POSITION => self.actual_position() as u32,
+            index::ACTUAL_CURRENT => self.seen().actual_current_permille() as u32,
+            index::ACTUAL_POSITION => self.seen().actual_position() as u32,
             index::ADDITIONAL_POSITION => {
                 return entry(&[self.joint_encoder.position() as u32], place);
             }
-            index::ACTUAL_VELOCITY => self.actual_velocity() as u32,
-            index::TARGET_TORQUE => self.profile.target_permille as u32,
-            index::MAX_TORQUE => self.profile.max_permille.into(),
-            index::TORQUE_DEMAND => self.torque_demand() as u32,
-            index::VELOCITY_DEMAND => self.velocity_demand() as u32,
-            index::TARGET_VELOCITY => self.profile.target_micro_rad_s as u32,
-            index::VELOCITY_OFFSET => self.written_offsets()[0],
-            index::TORQUE_OFFSET => self.written_offsets()[1],
+            index::ACTUAL_VELOCITY => self.seen().actual_velocity() as u32,
+            index::TARGET_TORQUE => self.motion.profile.target_permille as u32,
+            index::MAX_TORQUE => self.motion.profile.max_permille.into(),
+            index::TORQUE_DEMAND => self.motion.torque_demand(&self.seen()) as u32,
+            index::VELOCITY_DEMAND => self.motion.velocity_demand() as u32,
+            index::TARGET_VELOCITY => self.motion.profile.target_micro_rad_s as u32,
+            index::VELOCITY_OFFSET => self.motion.written_offsets()[0],
+            index::TORQUE_OFFSET => self.motion.written_offsets()[1],
             index::TOUCH_FUNCTION => self.touch.function.into(),
             index::TOUCH_STATUS => self.touch.status.into(),
             index::TOUCH_1_POSITIVE..=index::TOUCH_2_NEGATIVE => {
                 let places = self.touch.positions.map(|position| position as u32);
                 return entry(&places, (at_index - index::TOUCH_1_POSITIVE) as u8 + 1);
             }
-            index::MAX_MOTOR_SPEED => self.max_motor_rpm(),
-            index::HOME_OFFSET => self.profile.home_offset_micro_rad as u32,
-            index::HOMING_METHOD => self.profile.homing_method as u32,
+            index::MAX_MOTOR_SPEED => self.motion.max_motor_rpm(&self.seen()),
+            index::HOME_OFFSET => self.motion.profile.home_offset_micro_rad as u32,
+            index::HOMING_METHOD => self.motion.profile.homing_method as u32,
             index::HOMING_METHODS => {
                 return entry(&HOMING_METHODS.map(|method| method as u32), place);
             }
-            index::RATED_CURRENT => self.ratings()[0],
-            index::RATED_TORQUE => self.ratings()[1],
-            index::ACTUAL_TORQUE => self.actual_permille() as u32,
+            index::RATED_CURRENT => self.seen().ratings()[0],
+            index::RATED_TORQUE => self.seen().ratings()[1],
+            index::ACTUAL_TORQUE => self.seen().actual_permille() as u32,
             index::SUPPORTED_MODES => profile::SUPPORTED_MODES,
             _ => return Err(Abort::NoObject),
         })
@@ -137,8 +137,10 @@ impl<F: NorFlash> Device<F> {
                 .words(),
                 place,
             ),
-            index::COMMISSIONING_RUN => entry(&self.commissioning_object().words(), place),
-            index::MEASURED => entry(&self.measured().words(), place),
+            index::COMMISSIONING_RUN => {
+                entry(&self.motion.commissioning_object(&self.seen()).words(), place)
+            }
+            index::MEASURED => entry(&self.seen().measured().words(), place),
             index::CODE_COUNTERS => {
                 let code = usize::from(place).wrapping_sub(1);
                 self.code_count(code).ok_or(Abort::NoSubIndex)
@@ -150,10 +152,10 @@ impl<F: NorFlash> Device<F> {
             index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
             index::JOINT_ENCODER => entry(&self.joint_encoder.object().words(), place),
             index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
-                Ok(self.stopping.brake().is_released().into())
+                Ok(self.motion.stopping.brake().is_released().into())
             }
             index::HOLDING_BRAKE if place >= records::HoldingBrakeObject::TEST_RESULT => entry(
-                &self.brake_test_words(),
+                &self.motion.brake_test_words(),
                 place - records::HoldingBrakeObject::TEST_RESULT + 1,
             ),
             index::HOLDING_BRAKE | index::HOMING_STOP => {

@@ -4,14 +4,15 @@
 //! compensator, are sent with the next commands. The age of the set-point remains the time since the master's
 //! last message.
 
-use super::{Device, InputSource};
+use super::{Motion, Seen};
 use crate::control::LoopFlags;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
+use crate::driver::angle::micro;
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{CSP, CSV, PV};
 use crate::driver::trajectory::VelocityInterpolation;
+use crate::node_settings::InputSource;
 use core::f32::consts::TAU;
-use embedded_storage::nor_flash::NorFlash;
 
 /// Turns per minute of a radian per second.
 const RPM: f32 = 60.0 / TAU;
@@ -21,7 +22,7 @@ const NOISE_RAD_S: f32 = 0.02;
 
 /// Target of a step of the velocity loop.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum VelocityTarget {
+pub(in crate::driver) enum VelocityTarget {
     /// Velocity, rad/s, approached with the acceleration of the gains.
     Slew(VelocityGains, f32),
     /// Velocity, rad/s, as it is, and its change that the inertia needs, rad/s.
@@ -30,7 +31,7 @@ pub(super) enum VelocityTarget {
 
 /// The velocity loop with its gains and its last command.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct VelocityControl {
+pub(in crate::driver) struct VelocityControl {
     control: VelocityLoop,
     gains: VelocityGains,
     command: VelocityCommand,
@@ -49,14 +50,19 @@ impl VelocityControl {
     /// Restarts the loop from the present velocity, rad/s, with the current that holds a load, A. The last command is
     /// kept until the next step.
     #[inline(never)]
-    pub(super) fn begin_loaded(&mut self, velocity_rad_s: f32, load_a: f32) {
+    pub(in crate::driver) fn begin_loaded(&mut self, velocity_rad_s: f32, load_a: f32) {
         self.control = VelocityLoop::begin_loaded(velocity_rad_s, load_a);
     }
 
     /// Continues in another mode. If the loop does not run yet, it begins at this velocity, rad/s, with this current, A. If it
     /// runs, the offset of the mode before stays in the integral.
     #[inline(never)]
-    pub(super) fn continue_from(&mut self, is_running: bool, velocity_rad_s: f32, current_a: f32) {
+    pub(in crate::driver) fn continue_from(
+        &mut self,
+        is_running: bool,
+        velocity_rad_s: f32,
+        current_a: f32,
+    ) {
         if is_running {
             self.control.absorb_feed_forward();
         } else {
@@ -74,27 +80,27 @@ impl VelocityControl {
     }
 
     /// Commands no current until the next step.
-    pub(super) fn withhold_current(&mut self) {
+    pub(in crate::driver) fn withhold_current(&mut self) {
         self.command = self.control.command(0.0);
     }
 
     /// Returns the last command.
-    pub(super) const fn command(&self) -> &VelocityCommand {
+    pub(in crate::driver) const fn command(&self) -> &VelocityCommand {
         &self.command
     }
 
     /// Returns the gains.
-    pub(super) const fn gains(&self) -> &VelocityGains {
+    pub(in crate::driver) const fn gains(&self) -> &VelocityGains {
         &self.gains
     }
 
     /// The reference has changed its direction: so does the friction that the integral holds.
-    pub(super) fn turn_integral(&mut self) {
+    pub(in crate::driver) fn turn_integral(&mut self) {
         self.control.turn_integral();
     }
 
     /// Runs a step. Returns true if the reference changed its direction.
-    pub(super) fn step(
+    pub(in crate::driver) fn step(
         &mut self,
         target: VelocityTarget,
         velocity_rad_s: f32,
@@ -115,80 +121,84 @@ impl VelocityControl {
     }
 }
 
-impl<F: NorFlash> Device<F> {
+impl Motion {
     /// Returns true if the velocity loop commands the joint on its own sensors, by the mode.
     #[inline(never)]
-    pub(super) fn is_in_velocity_loop(&self) -> bool {
+    pub(in crate::driver) fn is_in_velocity_loop(&self, seen: &Seen<'_>) -> bool {
         let is_velocity_mode = matches!(self.profile.mode, CSV | PV);
-        let is_on_sensors = self.settings.source == InputSource::Sensors;
-        is_velocity_mode && is_on_sensors || self.is_in_position_control()
+        let is_on_sensors = seen.settings.source == InputSource::Sensors;
+        is_velocity_mode && is_on_sensors || self.is_in_position_control(seen)
     }
 
     /// Restarts the velocity loop from the present velocity, at every arming.
-    pub(super) fn begin_velocity(&mut self, acceleration_rad_s2: f32) {
-        let (motor, joint) = (&self.staging.active().motor, &self.staging.active().friction);
+    pub(in crate::driver) fn begin_velocity(&mut self, seen: &Seen<'_>, acceleration_rad_s2: f32) {
+        let (motor, joint) = (&seen.set.motor, &seen.set.friction);
         let mut motor = *motor;
         motor.acceleration_max_rad_s2 = acceleration_rad_s2;
         let constant = joint.compensator.torque_constant_nm_per_a;
         let gains = VelocityGains::build(&motor, constant, REPORT_PERIOD_S);
-        self.velocity.begin(gains, self.current_loop.report().velocity_rad_s);
+        self.velocity.begin(gains, seen.report.velocity_rad_s);
         self.velocity.begin_course();
     }
 
     /// Returns the target of a step while the driver holds the joint.
-    pub(super) fn holding_target(&mut self) -> VelocityTarget {
+    pub(in crate::driver) fn holding_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
         // The load remains, whether the master goes on to send its offset or not.
         self.velocity.control.absorb_feed_forward();
         self.interrupt_position();
         self.velocity.begin_course();
         let gains = self.stopping.gains(self.velocity.gains());
-        VelocityTarget::Slew(gains, self.holding_velocity())
+        VelocityTarget::Slew(gains, self.holding_velocity(seen))
     }
 
     /// Returns the target of a step of mode 3.
-    pub(super) fn profile_velocity_target(&mut self) -> VelocityTarget {
+    pub(in crate::driver) fn profile_velocity_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
         self.position.is_limited = false;
-        let (target_rad_s, acceleration) = self.profile_velocity_step();
+        let (target_rad_s, acceleration) = self.profile_velocity_step(seen);
         let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
         VelocityTarget::Slew(gains, target_rad_s)
     }
 
     /// Returns the target of a step of CSV.
-    pub(super) fn cyclic_velocity_target(&mut self) -> VelocityTarget {
+    pub(in crate::driver) fn cyclic_velocity_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
         self.position.is_limited = false;
-        let most_rad_s = self.max_speed_rad_s();
+        let most_rad_s = self.max_speed_rad_s(seen);
         let last_rad_s = self.profile.target_rad_s(most_rad_s);
         let target_rad_s = self.velocity.course.step().unwrap_or(last_rad_s);
         let target_rad_s = target_rad_s + self.velocity_offset_rad_s();
         let target_rad_s = target_rad_s.max(-most_rad_s).min(most_rad_s);
-        let target_rad_s = self.bounded_velocity(target_rad_s);
+        let target_rad_s = self.bounded_velocity(seen, target_rad_s);
         VelocityTarget::Slew(*self.velocity.gains(), target_rad_s)
     }
 
     /// Gives the torque offset to the velocity loop, in the cyclic modes.
-    pub(super) fn feed_torque_forward(&mut self) {
+    pub(in crate::driver) fn feed_torque_forward(&mut self, seen: &Seen<'_>) {
         let is_cyclic = matches!(self.profile.mode, CSP | CSV);
-        let offset_a = if is_cyclic { self.offset_current_a() } else { 0.0 };
+        let offset_a = if is_cyclic { self.offset_current_a(seen) } else { 0.0 };
         self.velocity.control.feed_forward(offset_a);
     }
 
     /// 60FFh: takes a target of the master.
-    pub(super) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
+    pub(in crate::driver) fn set_target_velocity(
+        &mut self,
+        seen: &Seen<'_>,
+        target_micro_rad_s: i32,
+    ) {
         if target_micro_rad_s != self.profile.target_micro_rad_s {
             self.modes.begin_velocity();
         }
         self.profile.target_micro_rad_s = target_micro_rad_s;
-        let is_followed = self.profile.mode == CSV && self.settings.source == InputSource::Sensors;
-        if is_followed && self.supervisor.is_armed() {
-            let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s());
-            let steps = self.settings.drive.interpolation_ms();
+        let is_followed = self.profile.mode == CSV && seen.settings.source == InputSource::Sensors;
+        if is_followed && seen.supervisor.is_armed() {
+            let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s(seen));
+            let steps = seen.settings.drive.interpolation_ms();
             self.velocity.course.set_target(target_rad_s, steps);
         }
     }
 
     /// Returns the current that the current loop applied less the last command, A; 0 if none of its limits acted.
-    pub(super) fn withheld_current_a(&self) -> f32 {
-        let report = self.current_loop.report();
+    pub(in crate::driver) fn withheld_current_a(&self, seen: &Seen<'_>) -> f32 {
+        let report = seen.report;
         let applied_a = if report.loop_flags.contains(LoopFlags::VOLTAGE_LIMITED) {
             report.current_a
         } else if report.loop_flags.contains(LoopFlags::CURRENT_LIMITED) {
@@ -201,21 +211,21 @@ impl<F: NorFlash> Device<F> {
 
     /// 606Bh, 1e-6 rad/s: the present reference.
     pub(in crate::driver) fn velocity_demand(&self) -> i32 {
-        super::drive::micro(self.velocity.command.reference_rad_s)
+        micro(self.velocity.command.reference_rad_s)
     }
 
     /// 6080h: the value that a master wrote, or the motor speed at the joint's maximum speed.
     #[inline(never)]
-    pub(in crate::driver) fn max_motor_rpm(&self) -> u32 {
-        let motor = &self.set().motor;
+    pub(in crate::driver) fn max_motor_rpm(&self, seen: &Seen<'_>) -> u32 {
+        let motor = &seen.set.motor;
         let own = motor.velocity_max_rad_s * motor.gear_ratio * RPM;
         self.profile.max_motor_rpm.unwrap_or(own as u32)
     }
 
     /// Returns the maximum speed of the joint, rad/s, within its plausible range.
     #[inline(never)]
-    pub(super) fn max_speed_rad_s(&self) -> f32 {
-        let motor = &self.set().motor;
+    pub(in crate::driver) fn max_speed_rad_s(&self, seen: &Seen<'_>) -> f32 {
+        let motor = &seen.set.motor;
         let limit_rad_s =
             self.profile.max_motor_rpm.map(|rpm| rpm as f32 / (RPM * motor.gear_ratio));
         limit_rad_s.map_or(motor.velocity_max_rad_s, |limit| limit.min(motor.velocity_max_rad_s))

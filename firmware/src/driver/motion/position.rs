@@ -13,14 +13,14 @@
 //! nothing.
 
 use super::velocity::VelocityTarget;
-use super::{Device, InputSource};
-use crate::driver::angle::Angle;
+use super::{Motion, Refused, Seen};
+use crate::driver::angle::{Angle, micro};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{self, Homing, SetPoint};
 use crate::driver::trajectory::{Interpolation, MoveLimits, Reference};
 use crate::node::sdo::Abort;
+use crate::node_settings::InputSource;
 use compensator_core::text;
-use embedded_storage::nor_flash::NorFlash;
 
 /// Share of the homing torque that counts as reached: the loop's own limit.
 const CONTACT_SHARE: f32 = 0.95;
@@ -46,7 +46,7 @@ enum HomingStep {
 
 /// State of the position loop.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct PositionControl {
+pub(in crate::driver) struct PositionControl {
     /// The reference follows from the present position.
     has_begun: bool,
     reference: Reference,
@@ -65,26 +65,20 @@ pub(super) struct PositionControl {
     is_target_limited: bool,
 }
 
-impl<F: NorFlash> Device<F> {
+impl Motion {
     /// Returns true if the position loop commands the velocity loop.
     #[inline(never)]
-    pub(super) fn is_in_position_control(&self) -> bool {
+    pub(in crate::driver) fn is_in_position_control(&self, seen: &Seen<'_>) -> bool {
         let is_mode = match self.profile.mode {
             profile::CSP | profile::PP => true,
             profile::HOMING => self.profile.homes_at_stop(),
             _ => false,
         };
-        is_mode && self.settings.source == InputSource::Sensors
-    }
-
-    /// Returns the position of 6064h, rad.
-    pub(super) fn position_rad(&self) -> f32 {
-        let report = self.current_loop.report();
-        if report.position_rad.is_nan() { report.turned_rad } else { report.position_rad }
+        is_mode && seen.settings.source == InputSource::Sensors
     }
 
     /// Restarts position control, at every arming.
-    pub(super) fn begin_position(&mut self) {
+    pub(in crate::driver) fn begin_position(&mut self) {
         self.position = PositionControl::default();
         self.profile.set_points = SetPoint::default();
         if self.profile.homing == Homing::Running {
@@ -93,32 +87,32 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Interrupts the reference while something else moves the joint; it then begins at the present position.
-    pub(super) fn interrupt_position(&mut self) {
+    pub(in crate::driver) fn interrupt_position(&mut self) {
         self.position.has_begun = false;
         self.position.has_target = false;
         self.position.is_target_limited = false;
     }
 
     /// Ends the course of a mode; that of the next one begins at the present position.
-    pub(super) fn end_position_course(&mut self) {
+    pub(in crate::driver) fn end_position_course(&mut self) {
         self.interrupt_position();
         self.position.homing = HomingStep::Idle;
     }
 
     /// Returns the current limit of a step as a share of that of 6072h.
     #[inline(never)]
-    pub(super) fn torque_share(&self) -> f32 {
+    pub(in crate::driver) fn torque_share(&self, seen: &Seen<'_>) -> f32 {
         match self.position.homing {
-            HomingStep::Seeks { .. } if self.is_in_position_control() => {
-                f32::from(self.settings.drive.homing_torque) * 1e-3
+            HomingStep::Seeks { .. } if self.is_in_position_control(seen) => {
+                f32::from(seen.settings.drive.homing_torque) * 1e-3
             }
             _ => 1.0,
         }
     }
 
     /// Runs a step of the position loop.
-    pub(super) fn position_target(&mut self) -> VelocityTarget {
-        let actual_rad = self.position_rad();
+    pub(in crate::driver) fn position_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
+        let actual_rad = seen.position_rad();
         if !self.position.has_begun {
             let velocity_rad_s = self.velocity.command().reference_rad_s;
             let reference = Reference { position: Angle::from_rad(actual_rad), velocity_rad_s };
@@ -129,10 +123,10 @@ impl<F: NorFlash> Device<F> {
         let before = self.position.reference;
         self.position.is_limited = false;
         match self.profile.mode {
-            profile::CSP => self.step_csp(),
-            profile::PP => self.step_pp(),
+            profile::CSP => self.step_csp(seen),
+            profile::PP => self.step_pp(seen),
             _ => {
-                if let Some(target) = self.step_homing() {
+                if let Some(target) = self.step_homing(seen) {
                     self.interrupt_position();
                     return target;
                 }
@@ -141,18 +135,19 @@ impl<F: NorFlash> Device<F> {
         let reference = self.position.reference;
         // The report shows the joint at the end of the step before, where that step's reference was due.
         let error_rad = before.position - Angle::from_rad(actual_rad);
-        self.watch_following(error_rad);
-        let gain = self.settings.drive.position_gain as f32 * 1e-3;
-        let most = self.max_speed_rad_s();
+        self.watch_following(seen, error_rad);
+        let gain = seen.settings.drive.position_gain as f32 * 1e-3;
+        let most = self.max_speed_rad_s(seen);
         let offset =
             if self.profile.mode == profile::CSP { self.velocity_offset_rad_s() } else { 0.0 };
         let wanted = (reference.velocity_rad_s + offset + gain * error_rad).clamp(-most, most);
-        let velocity = self.bounded_velocity(wanted);
+        let velocity = self.bounded_velocity(seen, wanted);
         VelocityTarget::Track(velocity, reference.velocity_rad_s - before.velocity_rad_s)
     }
 
-    fn step_csp(&mut self) {
-        let late = self.move_limits(self.settings.drive.quick_deceleration, self.max_speed_rad_s());
+    fn step_csp(&mut self, seen: &Seen<'_>) {
+        let late =
+            self.move_limits(seen.settings.drive.quick_deceleration, self.max_speed_rad_s(seen));
         if self.position.has_target {
             self.position.reference = self.position.interpolation.step(&late, REPORT_PERIOD_S);
         } else {
@@ -167,10 +162,10 @@ impl<F: NorFlash> Device<F> {
         self.position.reference.move_towards(at, limits, REPORT_PERIOD_S);
     }
 
-    fn step_pp(&mut self) {
-        let drive = &self.settings.drive;
+    fn step_pp(&mut self, seen: &Seen<'_>) {
+        let drive = &seen.settings.drive;
         let limits = MoveLimits {
-            speed_rad_s: (drive.profile_velocity as f32 * 1e-6).min(self.profile_speed_rad_s()),
+            speed_rad_s: (drive.profile_velocity as f32 * 1e-6).min(self.profile_speed_rad_s(seen)),
             acceleration_rad_s2: drive.acceleration as f32 * 1e-6,
             deceleration_rad_s2: drive.deceleration as f32 * 1e-6,
         };
@@ -178,12 +173,12 @@ impl<F: NorFlash> Device<F> {
             (drive.position_window as f32 * 1e-6, u32::from(drive.position_time_ms));
         let at = self.position.reference.position;
         let (target, is_limited) = match self.profile.set_points.active_micro_rad {
-            Some(target) => self.bounded_target(target),
+            Some(target) => self.bounded_target(seen, target),
             None => (at, false),
         };
         self.position.is_limited = is_limited;
         let has_ended = self.position.reference.move_towards(target, &limits, REPORT_PERIOD_S);
-        let error_rad = target - Angle::from_rad(self.position_rad());
+        let error_rad = target - Angle::from_rad(seen.position_rad());
         let is_near = has_ended && error_rad.abs() <= window_rad;
         let position = &mut self.position;
         position.reached_ms = if is_near { position.reached_ms.saturating_add(1) } else { 0 };
@@ -195,27 +190,26 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Runs a step of homing at a stop. Returns the velocity if the reference does not give it.
-    fn step_homing(&mut self) -> Option<VelocityTarget> {
-        let drive = self.settings.drive;
+    fn step_homing(&mut self, seen: &Seen<'_>) -> Option<VelocityTarget> {
+        let drive = seen.settings.drive;
         let acceleration = drive.homing_acceleration as f32 * 1e-6;
         let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
         match self.position.homing {
             HomingStep::Idle => {
-                let limits = self.move_limits(drive.homing_acceleration, self.max_speed_rad_s());
+                let limits =
+                    self.move_limits(drive.homing_acceleration, self.max_speed_rad_s(seen));
                 self.slow_down(&limits);
                 None
             }
             HomingStep::Seeks { from_rad, still_ms } => {
-                if (self.current_loop.report().turned_rad - from_rad).abs()
-                    > drive.homing_way as f32 * 1e-6
-                {
+                if (seen.report.turned_rad - from_rad).abs() > drive.homing_way as f32 * 1e-6 {
                     self.end_homing(Homing::Failed);
                     return None;
                 }
                 let way = if self.profile.homing_method == -1 { -1.0 } else { 1.0 };
-                let share = self.torque_share() * self.supervisor.current_share();
-                let limit_a = self.rated().0 * self.profile.max_share() * share;
-                let is_still = self.current_loop.report().velocity_rad_s.abs() < CONTACT_RAD_S
+                let share = self.torque_share(seen) * seen.supervisor.current_share();
+                let limit_a = seen.rated().0 * self.profile.max_share() * share;
+                let is_still = seen.report.velocity_rad_s.abs() < CONTACT_RAD_S
                     && way * self.velocity.command().current_a >= CONTACT_SHARE * limit_a;
                 let still_ms = if is_still { still_ms + 1 } else { 0 };
                 if still_ms < drive.homing_time_ms {
@@ -224,13 +218,10 @@ impl<F: NorFlash> Device<F> {
                     return Some(VelocityTarget::Slew(gains, speed));
                 }
                 // The torque ends; the position at the stop is minus the offset.
-                self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
+                self.begin_velocity(seen, seen.set.motor.acceleration_max_rad_s2);
                 let home_rad = -Angle::from_micro_rad(self.profile.home_offset_micro_rad).rad();
-                if self.set_position(home_rad).is_err() {
-                    self.end_homing(Homing::Failed);
-                } else {
-                    self.position.homing = HomingStep::Sets(POSITION_REPORTS);
-                }
+                self.orders.home_rad = Some(home_rad);
+                self.position.homing = HomingStep::Sets(POSITION_REPORTS);
                 Some(VelocityTarget::Slew(gains, 0.0))
             }
             HomingStep::Sets(left) => {
@@ -255,19 +246,19 @@ impl<F: NorFlash> Device<F> {
         self.profile.homing = result;
         if result == Homing::Failed {
             let why = text!("homing found no stop within 2031h:3");
-            let _ = self.staging.refuse(Abort::State, why);
+            self.orders.refusal = Some(Refused::new(Abort::State, why));
         }
     }
 
     /// Starts homing at a stop.
-    pub(super) fn begin_homing(&mut self) {
-        let from_rad = self.current_loop.report().turned_rad;
+    pub(in crate::driver) fn begin_homing(&mut self, seen: &Seen<'_>) {
+        let from_rad = seen.report.turned_rad;
         self.position.homing = HomingStep::Seeks { from_rad, still_ms: 0 };
         self.profile.homing = Homing::Running;
     }
 
     /// Ends homing if the master withdraws its command.
-    pub(super) fn watch_homing(&mut self) {
+    pub(in crate::driver) fn watch_homing(&mut self) {
         if self.profile.homing == Homing::Running && !self.profile.wants_homing() {
             self.position.homing = HomingStep::Idle;
             self.profile.homing = Homing::NotBegun;
@@ -283,8 +274,8 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    fn watch_following(&mut self, error_rad: f32) {
-        let window = self.settings.drive.following_window;
+    fn watch_following(&mut self, seen: &Seen<'_>, error_rad: f32) {
+        let window = seen.settings.drive.following_window;
         let exceeds = window != u32::MAX && error_rad.abs() > window as f32 * 1e-6;
         let position = &mut self.position;
         position.error_rad = error_rad;
@@ -292,37 +283,37 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns true if the following error exceeds its window, and whether for the time of 6066h.
-    pub(super) fn following_state(&self) -> (bool, bool) {
-        let is_controlled = self.is_in_position_control()
+    pub(in crate::driver) fn following_state(&self, seen: &Seen<'_>) -> (bool, bool) {
+        let is_controlled = self.is_in_position_control(seen)
             && self.profile.mode != profile::HOMING
             && self.position.has_begun;
         let ms = if is_controlled { self.position.exceeded_ms } else { 0 };
-        (ms > 0, ms > u32::from(self.settings.drive.following_time_ms))
+        (ms > 0, ms > u32::from(seen.settings.drive.following_time_ms))
     }
 
     /// Returns the limits of 607Dh, if they act.
-    fn position_limits(&self) -> Option<[Angle; 2]> {
-        let drive = &self.settings.drive;
-        let is_known = self.settings.source == InputSource::Sensors
-            && !self.current_loop.report().position_rad.is_nan()
+    fn position_limits(&self, seen: &Seen<'_>) -> Option<[Angle; 2]> {
+        let drive = &seen.settings.drive;
+        let is_known = seen.settings.source == InputSource::Sensors
+            && !seen.report.position_rad.is_nan()
             && self.profile.mode != profile::HOMING;
         (is_known && drive.position_min < drive.position_max)
             .then(|| [drive.position_min, drive.position_max].map(Angle::from_micro_rad))
     }
 
     /// Returns a target within the limits, and whether they changed it.
-    fn bounded_target(&self, target_micro_rad: i32) -> (Angle, bool) {
+    fn bounded_target(&self, seen: &Seen<'_>, target_micro_rad: i32) -> (Angle, bool) {
         let wanted = Angle::from_micro_rad(target_micro_rad);
-        let Some([least, most]) = self.position_limits() else { return (wanted, false) };
+        let Some([least, most]) = self.position_limits(seen) else { return (wanted, false) };
         let bounded = wanted.max(least).min(most);
         (bounded, bounded != wanted)
     }
 
     /// Returns the velocities, rad/s, between which the joint stops at its limits.
-    fn velocity_bounds(&self) -> Option<[f32; 2]> {
-        let [least, most] = self.position_limits()?;
-        let at = Angle::from_rad(self.current_loop.report().position_rad);
-        let drive = &self.settings.drive;
+    fn velocity_bounds(&self, seen: &Seen<'_>) -> Option<[f32; 2]> {
+        let [least, most] = self.position_limits(seen)?;
+        let at = Angle::from_rad(seen.report.position_rad);
+        let drive = &seen.settings.drive;
         let deceleration = drive.deceleration as f32 * 1e-6;
         let gain = drive.position_gain as f32 * 1e-3;
         let speed = |left_rad: f32| {
@@ -337,43 +328,46 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the velocities, rad/s, to which torque modes are limited: those of the position limits, and in mode 4 6080h.
-    fn torque_mode_bounds(&self) -> Option<[f32; 2]> {
-        let bounds = self.velocity_bounds();
+    fn torque_mode_bounds(&self, seen: &Seen<'_>) -> Option<[f32; 2]> {
+        let bounds = self.velocity_bounds(seen);
         if self.profile.mode == profile::CST {
             return bounds;
         }
-        let speed_rad_s = self.max_speed_rad_s();
+        let speed_rad_s = self.max_speed_rad_s(seen);
         let [least, most] = bounds.unwrap_or([-speed_rad_s, speed_rad_s]);
         Some([least.max(-speed_rad_s), most.min(speed_rad_s)])
     }
 
     /// Returns a velocity within the limits, rad/s.
-    pub(super) fn bounded_velocity(&mut self, wanted_rad_s: f32) -> f32 {
-        let Some([least, most]) = self.velocity_bounds() else { return wanted_rad_s };
+    pub(in crate::driver) fn bounded_velocity(
+        &mut self,
+        seen: &Seen<'_>,
+        wanted_rad_s: f32,
+    ) -> f32 {
+        let Some([least, most]) = self.velocity_bounds(seen) else { return wanted_rad_s };
         let bounded = wanted_rad_s.max(least).min(most);
         self.position.is_limited |= bounded != wanted_rad_s;
         bounded
     }
 
     /// Returns a current of torque mode that does not drive the joint beyond its limits, A.
-    pub(super) fn bounded_current_a(&self, wanted_a: f32) -> f32 {
-        let Some([lower_a, upper_a]) = self.current_bounds() else { return wanted_a };
+    pub(in crate::driver) fn bounded_current_a(&self, seen: &Seen<'_>, wanted_a: f32) -> f32 {
+        let Some([lower_a, upper_a]) = self.current_bounds(seen) else { return wanted_a };
         wanted_a.max(lower_a).min(upper_a)
     }
 
     /// Returns the currents, A, with which the velocity loop would keep the joint within its limits.
-    fn current_bounds(&self) -> Option<[f32; 2]> {
+    fn current_bounds(&self, seen: &Seen<'_>) -> Option<[f32; 2]> {
         if !matches!(self.profile.mode, profile::CST | profile::TQ) {
             return None;
         }
-        let motor = &self.set().motor;
-        let constant = self.set().friction.compensator.torque_constant_nm_per_a;
-        let deceleration = self.settings.drive.deceleration as f32 * 1e-6;
+        let motor = &seen.set.motor;
+        let constant = seen.set.friction.compensator.torque_constant_nm_per_a;
+        let deceleration = seen.settings.drive.deceleration as f32 * 1e-6;
         let braking_a = motor.inertia_kg_m2 * deceleration / constant;
-        let rated_a = self.rated().0;
-        let [least, most] = self.torque_mode_bounds()?;
-        let (gain, at) =
-            (motor.velocity_gain_a_s_per_rad, self.current_loop.report().velocity_rad_s);
+        let rated_a = seen.rated().0;
+        let [least, most] = self.torque_mode_bounds(seen)?;
+        let (gain, at) = (motor.velocity_gain_a_s_per_rad, seen.report.velocity_rad_s);
         // The current of the ramp is needed only by a joint that moves towards the limit.
         let ramp =
             |towards: f32| (braking_a * (towards / CONTACT_RAD_S).clamp(0.0, 1.0)).min(rated_a);
@@ -383,31 +377,35 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns true if a position limit acts.
-    pub(super) fn is_position_limited(&self) -> bool {
-        let wanted_a = self.torque_mode_current_a();
-        let by_current = self.bounded_current_a(wanted_a) != wanted_a;
+    pub(in crate::driver) fn is_position_limited(&self, seen: &Seen<'_>) -> bool {
+        let wanted_a = self.torque_mode_current_a(seen);
+        let by_current = self.bounded_current_a(seen, wanted_a) != wanted_a;
         by_current || self.position.is_limited || self.position.is_target_limited
     }
 
     /// 607Ah.
-    pub(super) fn set_target_position(&mut self, target_micro_rad: i32) {
+    pub(in crate::driver) fn set_target_position(
+        &mut self,
+        seen: &Seen<'_>,
+        target_micro_rad: i32,
+    ) {
         self.profile.target_position_micro_rad = target_micro_rad;
         if self.profile.mode != profile::CSP
-            || !self.supervisor.is_armed()
+            || !seen.supervisor.is_armed()
             || !self.position.has_begun
         {
             return;
         }
-        let (target, is_limited) = self.bounded_target(target_micro_rad);
-        let steps = self.settings.drive.interpolation_ms();
-        let speed = self.max_speed_rad_s();
+        let (target, is_limited) = self.bounded_target(seen, target_micro_rad);
+        let steps = seen.settings.drive.interpolation_ms();
+        let speed = self.max_speed_rad_s(seen);
         let is_slow = self.position.interpolation.set_target(target, steps, speed, REPORT_PERIOD_S);
         self.position.has_target = true;
         self.position.is_target_limited = is_limited || !is_slow;
     }
 
     /// Takes a set-point of mode 1.
-    pub(super) fn take_set_point(&mut self) {
+    pub(in crate::driver) fn take_set_point(&mut self) {
         let at = self.position.reference.position.micro_rad();
         let target = self.profile.target_position_micro_rad;
         let (is_relative, at_once) = self.profile.set_point_kind();
@@ -416,13 +414,13 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6062h, 1e-6 rad.
-    pub(in crate::driver) fn position_demand(&self) -> i32 {
-        let begun = self.is_in_position_control() && self.position.has_begun;
-        if begun { self.position.reference.position.micro_rad() } else { self.actual_position() }
+    pub(in crate::driver) fn position_demand(&self, seen: &Seen<'_>) -> i32 {
+        let begun = self.is_in_position_control(seen) && self.position.has_begun;
+        if begun { self.position.reference.position.micro_rad() } else { seen.actual_position() }
     }
 
     /// 60F4h, 1e-6 rad.
     pub(in crate::driver) fn following_error(&self) -> i32 {
-        super::drive::micro(self.position.error_rad)
+        micro(self.position.error_rad)
     }
 }

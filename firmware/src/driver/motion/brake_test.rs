@@ -11,12 +11,13 @@
 //! There is no clock. A day is 2030h:10 hours of operation since the last test that the brake passed, and the first arming
 //! after a start always tests.
 
-use super::{Device, InputSource};
+use super::{Motion, Refused, Seen};
 use crate::control::LoopFlags;
+use crate::driver::angle::micro;
 use crate::node::sdo::Abort;
+use crate::node_settings::InputSource;
 use compensator_core::refusal;
 use compensator_core::text;
-use embedded_storage::nor_flash::NorFlash;
 
 /// Time of a ramp from 0 to the torque, ms: slow against the current loop, so that a brake that slips is found at a torque
 /// little above its own.
@@ -32,7 +33,7 @@ const HOUR_US: u64 = 3_600_000_000;
 
 /// Result of the last test, 2030h:12.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum BrakeTestResult {
+pub(in crate::driver) enum BrakeTestResult {
     /// None since the start.
     #[default]
     None = 0,
@@ -64,7 +65,7 @@ struct Run {
 
 /// The test of the holding brake.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct BrakeTest {
+pub(in crate::driver) struct BrakeTest {
     run: Option<Run>,
     result: BrakeTestResult,
     /// Largest way forwards and back, rad.
@@ -75,22 +76,22 @@ pub(super) struct BrakeTest {
 
 impl BrakeTest {
     /// Returns true while a test runs.
-    pub(super) const fn is_running(&self) -> bool {
+    pub(in crate::driver) const fn is_running(&self) -> bool {
         self.run.is_some()
     }
 
     /// Returns the current of the test, A.
-    pub(super) fn current_a(&self) -> f32 {
+    pub(in crate::driver) fn current_a(&self) -> f32 {
         self.run.map_or(0.0, |run| run.current_a)
     }
 
     /// Returns true while a test runs that needs no targets.
-    pub(super) fn is_requested(&self) -> bool {
+    pub(in crate::driver) fn is_requested(&self) -> bool {
         self.run.is_some_and(|run| run.is_requested)
     }
 
     /// Returns true if the last test found a brake that does not hold, or could not press.
-    pub(super) const fn has_failed(&self) -> bool {
+    pub(in crate::driver) const fn has_failed(&self) -> bool {
         matches!(self.result, BrakeTestResult::Slipped | BrakeTestResult::NoTorque)
     }
 }
@@ -100,14 +101,14 @@ fn ramp(elapsed_ms: u32, from_ms: u32, length_ms: u32) -> f32 {
     elapsed_ms.saturating_sub(from_ms).min(length_ms) as f32 / length_ms as f32
 }
 
-impl<F: NorFlash> Device<F> {
+impl Motion {
     /// Returns true if arming tests the brake now.
-    pub(super) fn is_brake_test_due(&self) -> bool {
-        let drive = &self.settings.drive;
+    pub(in crate::driver) fn is_brake_test_due(&self, seen: &Seen<'_>) -> bool {
+        let drive = &seen.settings.drive;
         let interval_us = u64::from(drive.brake_test_interval_h) * HOUR_US;
         let is_old = interval_us > 0
-            && self.brake_test.held_us.is_none_or(|at_us| self.now_us - at_us >= interval_us);
-        self.settings.source == InputSource::Sensors
+            && self.brake_test.held_us.is_none_or(|at_us| seen.now_us - at_us >= interval_us);
+        seen.settings.source == InputSource::Sensors
             && drive.brake_output != 0
             && drive.brake_test_torque != 0
             && (is_old || self.brake_test.has_failed())
@@ -115,44 +116,22 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Starts a test of an armed joint.
-    pub(super) fn begin_brake_test(&mut self, is_requested: bool) {
+    pub(in crate::driver) fn begin_brake_test(&mut self, is_requested: bool) {
         let run = Run { is_requested, ..Run::default() };
         self.brake_test.run = Some(run);
         self.brake_test.result = BrakeTestResult::Running;
         self.brake_test.ways_rad = [0.0; 2];
     }
 
-    /// 2030h:11: starts (1) or ends (0) a test on request.
-    pub(in crate::driver) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
-        if order == 0 {
-            if self.brake_test.is_running() {
-                self.disarm();
-            }
-            return Ok(());
-        }
-        let drive = &self.settings.drive;
-        let why = if drive.brake_output == 0 {
-            text!("the joint has no holding brake that could be tested (2030h:1)")
-        } else if drive.brake_test_torque == 0 {
-            text!("2030h:7 = 0: set the torque of the brake test first")
-        } else {
-            self.may_begin()?;
-            self.arm_supervisor()?;
-            self.begin_brake_test(true);
-            return Ok(());
-        };
-        Err(self.staging.refuse(Abort::State, why))
-    }
-
     /// Runs a step of the test with a report.
-    pub(super) fn step_brake_test(&mut self) {
+    pub(in crate::driver) fn step_brake_test(&mut self, seen: &Seen<'_>) {
         let Some(mut run) = self.brake_test.run else { return };
-        let (report, drive) = (self.current_loop.report(), &self.settings.drive);
+        let (report, drive) = (seen.report, &seen.settings.drive);
         if report.loop_flags.contains(LoopFlags::BRIDGE_OFF) {
             run.waited_ms += 1;
             self.brake_test.run = Some(run);
             if run.waited_ms > WAKE_MS {
-                self.end_brake_test(BrakeTestResult::NoTorque);
+                self.end_brake_test(seen, BrakeTestResult::NoTorque);
             }
             return;
         }
@@ -163,8 +142,8 @@ impl<F: NorFlash> Device<F> {
         let way_rad = report.turned_rad - run.from_rad;
         let [forwards, back] = self.brake_test.ways_rad;
         self.brake_test.ways_rad = [forwards.max(way_rad), back.max(-way_rad)];
-        let torque_a = f32::from(drive.brake_test_torque) * 1e-3 * self.rated().0;
-        let limit_a = self.profile.max_share() * self.rated().0;
+        let torque_a = f32::from(drive.brake_test_torque) * 1e-3 * seen.rated().0;
+        let limit_a = self.profile.max_share() * seen.rated().0;
         let hold_ms = u32::from(drive.brake_test_ms);
         let down_ms = RAMP_MS + hold_ms;
         let up_ms = down_ms + 2 * RAMP_MS + hold_ms;
@@ -176,17 +155,17 @@ impl<F: NorFlash> Device<F> {
         run.current_a = (share * torque_a).max(-limit_a).min(limit_a);
         self.brake_test.run = Some(run);
         if way_rad.abs() > drive.brake_test_way as f32 * 1e-6 {
-            self.end_brake_test(BrakeTestResult::Slipped);
+            self.end_brake_test(seen, BrakeTestResult::Slipped);
         } else if is_checked && !flows {
-            self.end_brake_test(BrakeTestResult::NoTorque);
+            self.end_brake_test(seen, BrakeTestResult::NoTorque);
         } else if at_ms >= up_ms + RAMP_MS + END_MS {
-            self.end_brake_test(BrakeTestResult::Held);
+            self.end_brake_test(seen, BrakeTestResult::Held);
         }
     }
 
     /// Ends the test. The bridge opens, unless the brake held and the joint was armed to drive.
     #[inline(never)]
-    fn end_brake_test(&mut self, result: BrakeTestResult) {
+    fn end_brake_test(&mut self, seen: &Seen<'_>, result: BrakeTestResult) {
         let Some(run) = self.brake_test.run.take() else { return };
         self.brake_test.result = result;
         let [forwards, back] = self.brake_test.ways_rad;
@@ -196,18 +175,18 @@ impl<F: NorFlash> Device<F> {
                     "the holding brake slipped: the joint turned by {f32} rad against its test torque (2030h:7, :9)",
                     forwards.max(back)
                 );
-                let _ = self.staging.refuse(Abort::State, why);
+                self.orders.refusal = Some(Refused::new(Abort::State, why));
             }
             BrakeTestResult::NoTorque => {
                 let why = text!("the current did not reach the torque of the brake test (2030h:7)");
-                let _ = self.staging.refuse(Abort::State, why);
+                self.orders.refusal = Some(Refused::new(Abort::State, why));
             }
             _ => {}
         }
         if result == BrakeTestResult::Held {
-            self.brake_test.held_us = Some(self.now_us);
+            self.brake_test.held_us = Some(seen.now_us);
             if !run.is_requested {
-                return self.begin_driving();
+                return self.begin_driving(seen);
             }
         } else {
             self.brake_test.held_us = None;
@@ -216,16 +195,16 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Ends a test whose joint was disarmed, or stops.
-    pub(super) fn watch_brake_test(&mut self) {
-        let is_armed = self.supervisor.is_armed();
+    pub(in crate::driver) fn watch_brake_test(&mut self, seen: &Seen<'_>) {
+        let is_armed = seen.supervisor.is_armed();
         if self.brake_test.is_running() && (!is_armed || self.stopping.is_to_rest()) {
-            self.end_brake_test(BrakeTestResult::Interrupted);
+            self.end_brake_test(seen, BrakeTestResult::Interrupted);
         }
     }
 
     /// 2030h:12 to :14: result, and largest ways, 1e-6 rad.
     pub(in crate::driver) fn brake_test_words(&self) -> [u32; 3] {
-        let [forwards, back] = self.brake_test.ways_rad.map(super::drive::micro);
+        let [forwards, back] = self.brake_test.ways_rad.map(micro);
         [self.brake_test.result as u32, forwards as u32, back as u32]
     }
 }

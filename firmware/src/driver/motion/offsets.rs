@@ -13,9 +13,8 @@
 //! Both belong to a cycle, as the targets do: an offset that is not written again for `setpoint_timeout_s` decays. While the
 //! driver holds the joint, the last torque offset becomes a part of the loop's integral, because the load that it carries remains.
 
-use super::Device;
+use super::{Motion, Seen};
 use crate::driver::loop_data::REPORT_PERIOD_S;
-use embedded_storage::nor_flash::NorFlash;
 
 /// Time constant of the decay of a stale offset, s: long against the velocity loop, which takes over, and short against the
 /// ramps of a stop.
@@ -56,21 +55,26 @@ impl Offset {
 
 /// The offsets of the master.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Offsets {
+pub(in crate::driver) struct Offsets {
     /// 60B1h, 1e-6 rad/s.
     velocity: Offset,
     /// 60B2h, thousandths of the rated torque.
     torque: Offset,
 }
 
-impl<F: NorFlash> Device<F> {
+impl Motion {
     /// Sets what a master wrote: 60B1h, 1e-6 rad/s, and 60B2h, thousandths of the rated torque.
-    pub(super) fn set_offsets(&mut self, micro_rad_s: Option<i32>, permille: Option<i16>) {
+    pub(in crate::driver) fn set_offsets(
+        &mut self,
+        seen: &Seen<'_>,
+        micro_rad_s: Option<i32>,
+        permille: Option<i16>,
+    ) {
         if let Some(micro_rad_s) = micro_rad_s {
-            self.offsets.velocity.write(micro_rad_s, self.now_us);
+            self.offsets.velocity.write(micro_rad_s, seen.now_us);
         }
         if let Some(permille) = permille {
-            self.offsets.torque.write(permille.into(), self.now_us);
+            self.offsets.torque.write(permille.into(), seen.now_us);
         }
     }
 
@@ -80,20 +84,20 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Lets stale offsets decay, once per report.
-    pub(super) fn step_offsets(&mut self) {
-        let timeout_us = (self.set().motor.setpoint_timeout_s * 1e6) as u64;
-        self.offsets.velocity.step(self.now_us, timeout_us);
-        self.offsets.torque.step(self.now_us, timeout_us);
+    pub(in crate::driver) fn step_offsets(&mut self, seen: &Seen<'_>) {
+        let timeout_us = (seen.set.motor.setpoint_timeout_s * 1e6) as u64;
+        self.offsets.velocity.step(seen.now_us, timeout_us);
+        self.offsets.torque.step(seen.now_us, timeout_us);
     }
 
     /// Returns the velocity offset, rad/s.
-    pub(super) const fn velocity_offset_rad_s(&self) -> f32 {
+    pub(in crate::driver) const fn velocity_offset_rad_s(&self) -> f32 {
         self.offsets.velocity.applied * 1e-6
     }
 
     /// Returns the current of the torque offset, A.
     #[inline(never)]
-    pub(super) fn offset_current_a(&self) -> f32 {
-        self.offsets.torque.applied * 1e-3 * self.rated().0
+    pub(in crate::driver) fn offset_current_a(&self, seen: &Seen<'_>) -> f32 {
+        self.offsets.torque.applied * 1e-3 * seen.rated().0
     }
 }

@@ -4,17 +4,15 @@
 //! second after the ramp would have. A stop that holds the joint (halt, *quick stop active*) needs one.
 //! [`crate::driver::profile::stop`] has the reactions.
 
-use super::{Device, InputSource};
+use super::{Motion, Seen};
 use crate::control::LoopFlags;
 use crate::control::velocity_loop::VelocityGains;
 use crate::driver::holding_brake::{BrakeInputs, HoldingBrake};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::stop::{StopCause, StopReaction, fault_cause};
 use crate::driver::profile::{self, STANDSTILL_RAD_S};
-use crate::node::sdo::Abort;
+use crate::node_settings::InputSource;
 use crate::supervisor::CodeSet;
-use compensator_core::text;
-use embedded_storage::nor_flash::NorFlash;
 
 /// Time for which the joint must stand before the bridge opens, us: a few delays of velocity and current.
 const REST_US: u64 = 20_000;
@@ -27,7 +25,7 @@ const MARGIN_US: u64 = 1_000_000;
 
 /// A stop under way.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stop {
+pub(in crate::driver) struct Stop {
     cause: StopCause,
     deceleration_rad_s2: f32,
     /// The joint is held afterwards.
@@ -42,7 +40,7 @@ pub(super) struct Stop {
 
 /// Load of a joint when its brake closed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct BrakedLoad {
+pub(in crate::driver) struct BrakedLoad {
     /// Current that held it, A.
     load_a: f32,
     /// Its position from the arbitrary zero, rad.
@@ -54,7 +52,7 @@ pub(super) struct BrakedLoad {
 pub(in crate::driver) struct Stopping {
     stop: Option<Stop>,
     /// The reaction to the last stop was to short the low sides.
-    shorts_low_sides: bool,
+    pub(in crate::driver) shorts_low_sides: bool,
     /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
     held_rad: Option<f32>,
     brake: HoldingBrake,
@@ -69,106 +67,83 @@ impl Stopping {
     }
 
     /// Returns true if the low sides are to be shorted while the bridge drives nothing.
-    pub(super) const fn shorts_low_sides(&self) -> bool {
+    pub(in crate::driver) const fn shorts_low_sides(&self) -> bool {
         self.shorts_low_sides
     }
 
     /// Opens the low sides, as a master does by disarming the joint.
-    pub(super) fn open_low_sides(&mut self) {
+    pub(in crate::driver) fn open_low_sides(&mut self) {
         self.shorts_low_sides = false;
     }
 
     /// Ends the stop.
-    pub(super) fn end(&mut self) {
+    pub(in crate::driver) fn end(&mut self) {
         self.stop = None;
     }
 
     /// Returns the gains of the velocity loop, with the ramp of the stop if there is one.
-    pub(super) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
+    pub(in crate::driver) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
         self.stop.map_or(*gains, |stop| {
             gains.with_acceleration(stop.deceleration_rad_s2, REPORT_PERIOD_S)
         })
     }
 
     /// Returns true if a stop that ends with an open bridge is under way.
-    pub(super) fn is_to_rest(&self) -> bool {
+    pub(in crate::driver) fn is_to_rest(&self) -> bool {
         self.stop.is_some_and(|stop| !stop.holds)
     }
 
     /// Returns true if the joint stands, held by a halt.
-    pub(super) fn is_held(&self) -> bool {
+    pub(in crate::driver) fn is_held(&self) -> bool {
         self.stop.is_some_and(|stop| stop.holds && stop.rest_us.is_some())
     }
 }
 
-impl<F: NorFlash> Device<F> {
-    /// Returns true if the bridge is in use: parameters must not change.
-    #[inline(never)]
-    pub(in crate::driver) fn is_bridge_in_use(&self) -> bool {
-        self.is_armed() || self.supervisor.is_stopping()
+impl Motion {
+    /// Returns true if the driver can stop the joint with a ramp: it drives the joint, and does not measure its motor.
+    pub(in crate::driver) fn can_ramp(&self, seen: &Seen<'_>) -> bool {
+        seen.settings.source == InputSource::Sensors && !self.is_commissioning()
     }
 
-    /// Returns true if the driver can stop the joint with a ramp: it drives the joint, and does not measure its motor.
-    fn can_ramp(&self) -> bool {
-        self.settings.source == InputSource::Sensors && !self.is_commissioning()
+    /// Returns the faults after which the joint stops with a ramp.
+    pub(in crate::driver) fn ramp_faults(&self, seen: &Seen<'_>) -> CodeSet {
+        if self.can_ramp(seen) { seen.settings.drive.ramp_faults() } else { CodeSet::EMPTY }
     }
 
     /// Prepares the reaction to a fault in the observation that follows.
-    pub(super) fn prepare_stops(&mut self, now_us: u64) {
-        let faults =
-            if self.can_ramp() { self.settings.drive.ramp_faults() } else { CodeSet::EMPTY };
-        self.supervisor.set_ramp_faults(faults);
-        if self.supervisor.is_armed() {
+    pub(in crate::driver) fn prepare_stops(&mut self, seen: &Seen<'_>) {
+        if seen.supervisor.is_armed() {
             // The interrupt opens the bridge before the driver knows the fault.
-            let reaction = self.settings.drive.reaction(StopCause::Fault);
+            let reaction = seen.settings.drive.reaction(StopCause::Fault);
             self.stopping.shorts_low_sides = reaction == StopReaction::Short;
             if self.stopping.is_to_rest() || self.brake_test.is_requested() {
-                self.supervisor.record_command(now_us);
+                self.orders.confirms = true;
             }
         }
     }
 
     /// Selects the reaction of the low sides to faults that opened the bridge.
-    pub(super) fn react_to_fault(&mut self) {
-        let faults = self.supervisor.faults();
+    pub(in crate::driver) fn react_to_fault(&mut self, seen: &Seen<'_>) {
+        let faults = seen.supervisor.faults();
         if !faults.is_empty() {
-            let reaction = self.settings.drive.reaction(fault_cause(faults));
+            let reaction = seen.settings.drive.reaction(fault_cause(faults));
             self.stopping.shorts_low_sides = reaction == StopReaction::Short;
         }
     }
 
     /// Returns true if the bridge is open, its low sides too, and the holding brake is closed: a restart changes nothing.
-    pub(in crate::driver) fn has_stopped(&self) -> bool {
-        let report = self.current_loop.report();
+    pub(in crate::driver) fn has_stopped(&self, seen: &Seen<'_>) -> bool {
+        let report = seen.report;
         // A board without a current loop samples nothing.
         let is_open = report.sample_age_us.is_none()
             || report.loop_flags.contains(LoopFlags::BRIDGE_OFF) && !report.bridge_shorted;
-        let is_closed = self.stopping.brake.is_closed(&self.settings.drive, self.now_us);
-        !self.is_bridge_in_use() && is_open && is_closed
-    }
-
-    /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.
-    pub(in crate::driver) fn stop_connection(&mut self) {
-        self.trial.lose_connection();
-        if self.supervisor.is_stopping() {
-            return;
-        }
-        self.profile.stop_connection();
-        let reaction = self.settings.drive.reaction(StopCause::ConnectionLost);
-        match reaction {
-            StopReaction::Ramp(deceleration) if self.supervisor.is_armed() && self.can_ramp() => {
-                self.begin_stop(StopCause::ConnectionLost, deceleration);
-            }
-            _ => {
-                self.stopping.shorts_low_sides = reaction == StopReaction::Short;
-                self.disarm();
-            }
-        }
+        let is_closed = self.stopping.brake.is_closed(&seen.settings.drive, seen.now_us);
+        !seen.is_bridge_in_use() && is_open && is_closed
     }
 
     /// Begins, changes or ends a stop according to the supervisor and the controlword.
-    pub(super) fn update_stop(&mut self) {
-        if !self.supervisor.is_bridge_allowed() || !self.can_ramp() {
+    pub(in crate::driver) fn update_stop(&mut self, seen: &Seen<'_>) {
+        if !seen.supervisor.is_bridge_allowed() || !self.can_ramp(seen) {
             self.stopping.stop = None;
             if self.profile.stop_cause().is_some_and(|cause| cause != StopCause::Halt) {
                 // A joint in HIL has no ramp.
@@ -177,11 +152,11 @@ impl<F: NorFlash> Device<F> {
             }
             return;
         }
-        let cause = if self.supervisor.is_stopping() {
-            Some(fault_cause(self.supervisor.faults()))
+        let cause = if seen.supervisor.is_stopping() {
+            Some(fault_cause(seen.supervisor.faults()))
         } else if self.profile.is_active() {
             // A drive without torque has nothing to halt, and mode 4 halts its torque.
-            let is_free = self.is_torque_free_homing() || self.is_in_profile_torque();
+            let is_free = self.is_torque_free_homing() || self.is_in_profile_torque(seen);
             self.profile.stop_cause().filter(|cause| *cause != StopCause::Halt || !is_free)
         } else {
             // Without the profile, only the network stops the joint.
@@ -194,8 +169,8 @@ impl<F: NorFlash> Device<F> {
             self.stopping.stop = None;
             return;
         };
-        match self.settings.drive.reaction(cause) {
-            StopReaction::Ramp(deceleration) => self.begin_stop(cause, deceleration),
+        match seen.settings.drive.reaction(cause) {
+            StopReaction::Ramp(deceleration) => self.begin_stop(seen, cause, deceleration),
             reaction => {
                 self.stopping.shorts_low_sides = reaction == StopReaction::Short;
                 self.profile.end_stop();
@@ -204,15 +179,20 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    fn begin_stop(&mut self, cause: StopCause, deceleration: u32) {
-        if self.stopping.stop.is_none() && !self.is_in_velocity_loop() {
-            self.velocity.begin_loaded(self.current_loop.report().velocity_rad_s, self.load_a());
+    pub(in crate::driver) fn begin_stop(
+        &mut self,
+        seen: &Seen<'_>,
+        cause: StopCause,
+        deceleration: u32,
+    ) {
+        if self.stopping.stop.is_none() && !self.is_in_velocity_loop(seen) {
+            self.velocity.begin_loaded(seen.report.velocity_rad_s, seen.load_a());
             self.velocity.withhold_current();
         }
         let deceleration_rad_s2 = deceleration as f32 * 1e-6;
         let ramp_s = self.velocity.command().reference_rad_s.abs() / deceleration_rad_s2;
-        let until_us = self.now_us.saturating_add((ramp_s * 1e6) as u64 + MARGIN_US);
-        let holds = self.settings.drive.holds_after(cause);
+        let until_us = seen.now_us.saturating_add((ramp_s * 1e6) as u64 + MARGIN_US);
+        let holds = seen.settings.drive.holds_after(cause);
         self.stopping.stop = Some(Stop {
             cause,
             deceleration_rad_s2,
@@ -224,22 +204,9 @@ impl<F: NorFlash> Device<F> {
         self.stopping.held_rad = None;
     }
 
-    /// Returns the current that holds the load of a joint in torque mode, A. At rest it is the commanded current. In
-    /// motion it is the torque that inertia and friction do not explain, which needs the inertia; without it, 0.
-    fn load_a(&self) -> f32 {
-        let (report, set) = (self.current_loop.report(), self.set());
-        if report.velocity_rad_s.abs() < STANDSTILL_RAD_S {
-            return report.current_reference_a - report.feed_forward_current_a;
-        }
-        if set.motor.inertia_kg_m2 > 0.0 && report.residual_torque_nm.is_finite() {
-            return report.residual_torque_nm / set.friction.compensator.torque_constant_nm_per_a;
-        }
-        0.0
-    }
-
     /// Ends a stop when the joint stands, or when it does not stop in time.
-    pub(super) fn watch_stop(&mut self) {
-        let (now_us, speed_rad_s) = (self.now_us, self.current_loop.report().velocity_rad_s.abs());
+    pub(in crate::driver) fn watch_stop(&mut self, seen: &Seen<'_>) {
+        let (now_us, speed_rad_s) = (seen.now_us, seen.report.velocity_rad_s.abs());
         let is_down = self.stopping.held_rad.is_some();
         let Some(stop) = &mut self.stopping.stop else { return };
         if !is_down || speed_rad_s > STANDSTILL_RAD_S {
@@ -253,10 +220,9 @@ impl<F: NorFlash> Device<F> {
         }
         // The motor holds the joint until the brake is closed.
         stop.closes_brake = true;
-        if self.stopping.brake.is_closed(&self.settings.drive, now_us) {
-            if self.settings.drive.brake_output != 0 {
-                let (load_a, at_rad) =
-                    (self.velocity.command().current_a, self.current_loop.report().turned_rad);
+        if self.stopping.brake.is_closed(&seen.settings.drive, now_us) {
+            if seen.settings.drive.brake_output != 0 {
+                let (load_a, at_rad) = (self.velocity.command().current_a, seen.report.turned_rad);
                 self.stopping.braked_load = Some(BrakedLoad { load_a, at_rad });
             }
             self.stopping.shorts_low_sides = false;
@@ -266,9 +232,9 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Runs a step of the holding brake.
-    pub(super) fn step_brake(&mut self) {
-        let report = self.current_loop.report();
-        let is_driven = self.supervisor.is_bridge_allowed()
+    pub(in crate::driver) fn step_brake(&mut self, seen: &Seen<'_>) {
+        let report = seen.report;
+        let is_driven = seen.supervisor.is_bridge_allowed()
             && !report.loop_flags.contains(LoopFlags::BRIDGE_OFF)
             && !self.is_measuring_motor();
         let is_known = !report.loop_flags.contains(LoopFlags::ENCODER_LOST);
@@ -279,65 +245,45 @@ impl<F: NorFlash> Device<F> {
         let inputs = BrakeInputs {
             is_driven,
             wants_closed,
-            is_bridge_sound: self.supervisor.is_braking_allowed(),
+            is_bridge_sound: seen.supervisor.is_braking_allowed(),
             speed_rad_s: is_known.then_some(report.velocity_rad_s.abs()),
-            now_us: self.now_us,
+            now_us: seen.now_us,
         };
-        self.stopping.brake.step(&self.settings.drive, &inputs);
+        self.stopping.brake.step(&seen.settings.drive, &inputs);
     }
 
     /// Returns true in homing by the present position, which gives no torque.
-    pub(super) fn is_torque_free_homing(&self) -> bool {
+    pub(in crate::driver) fn is_torque_free_homing(&self) -> bool {
         self.profile.mode == profile::HOMING && !self.profile.homes_at_stop()
     }
 
     /// Returns true while the driver holds the joint: a stop, or a brake that is not yet open.
-    pub(super) fn holds_joint(&self) -> bool {
+    pub(in crate::driver) fn holds_joint(&self, seen: &Seen<'_>) -> bool {
         self.stopping.stop.is_some()
-            || self.supervisor.is_armed()
-                && self.can_ramp()
+            || seen.supervisor.is_armed()
+                && self.can_ramp(seen)
                 && !self.is_torque_free_homing()
-                && !self.stopping.brake.is_open(&self.settings.drive, self.now_us)
+                && !self.stopping.brake.is_open(&seen.settings.drive, seen.now_us)
     }
 
     /// Starts the velocity loop with the current that held the joint when the brake closed, if it has not moved since.
-    pub(super) fn preload_brake(&mut self) {
+    pub(in crate::driver) fn preload_brake(&mut self, seen: &Seen<'_>) {
         self.stopping.held_rad = None;
         let Some(BrakedLoad { load_a, at_rad }) = self.stopping.braked_load.take() else { return };
-        if (self.current_loop.report().turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
-            self.velocity.begin_loaded(self.current_loop.report().velocity_rad_s, load_a);
+        if (seen.report.turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
+            self.velocity.begin_loaded(seen.report.velocity_rad_s, load_a);
         }
     }
 
     /// Returns the velocity that holds the joint, rad/s: 0 during a ramp, then a velocity towards the position at which
     /// it ended.
-    pub(super) fn holding_velocity(&mut self) -> f32 {
-        let at_rad = self.current_loop.report().turned_rad;
+    pub(in crate::driver) fn holding_velocity(&mut self, seen: &Seen<'_>) -> f32 {
+        let at_rad = seen.report.turned_rad;
         if self.stopping.held_rad.is_none() && self.velocity.command().reference_rad_s != 0.0 {
             return 0.0;
         }
         let held_rad = *self.stopping.held_rad.get_or_insert(at_rad);
-        let gain = self.settings.drive.position_gain as f32 * 1e-3;
+        let gain = seen.settings.drive.position_gain as f32 * 1e-3;
         (gain * (held_rad - at_rad)).clamp(-HOLDING_RAD_S, HOLDING_RAD_S)
-    }
-
-    /// Writes a setting of the drive. Any other object is read-only here.
-    pub(in crate::driver) fn set_drive_setting(
-        &mut self,
-        at_index: u16,
-        sub_index: u8,
-        word: u32,
-    ) -> Result<(), Abort> {
-        let mut changed = self.settings.drive;
-        let written = changed.set(at_index, sub_index, word).ok_or(Abort::ReadOnly)?;
-        written.map_err(|error| self.staging.refuse(Abort::Value, error))?;
-        if changed.has_short() && !self.set().motor.is_short_bounded() {
-            let why = text!(
-                "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s"
-            );
-            return Err(self.staging.refuse(Abort::Value, why));
-        }
-        self.settings.drive = changed;
-        Ok(())
     }
 }

@@ -1,0 +1,183 @@
+//! What the current loop gets: a chain of stages over one value, decided here and nowhere else.
+//!
+//! ```text
+//! once per report        mover -> target velocity -> current limit -> velocity loop
+//! with every command     mover -> wanted (velocity loop, master's torque, test) -> position limits -> age -> loop
+//! ```
+//! Exactly one [`Mover`] commands the joint at a time. A mover of the velocity loop gets its target limited in position and
+//! speed, and its current limited by 6072h, the supervisor and homing. A mover that gives a torque has 6072h, and near the
+//! position limits the current with which a velocity loop would keep them.
+
+use super::velocity::VelocityTarget;
+use super::{Motion, Seen};
+use crate::control::Setpoint;
+use crate::driver::profile;
+use crate::node_settings::InputSource;
+
+/// Who commands the joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::driver) enum Mover {
+    /// The measurement of the motor, in the interrupt.
+    MotorMeasurement,
+    /// The friction run.
+    FrictionRun,
+    /// The test of the holding brake.
+    BrakeTest,
+    /// The driver: a stop, or a holding brake that is not yet open.
+    Hold,
+    /// CSP, PP, or homing at a stop.
+    Position,
+    /// CSV.
+    CyclicVelocity,
+    /// Mode 3.
+    ProfileVelocity,
+    /// CST or mode 4.
+    Torque,
+    /// Homing by the present position, which gives no torque.
+    Nobody,
+    /// Command frames, without a mode of CiA 402.
+    Commands,
+}
+
+impl Mover {
+    /// Returns true if the velocity loop gives the current.
+    pub(in crate::driver) const fn has_velocity_loop(self) -> bool {
+        use Mover::{CyclicVelocity, FrictionRun, Hold, Position, ProfileVelocity};
+        matches!(self, FrictionRun | Hold | Position | CyclicVelocity | ProfileVelocity)
+    }
+
+    /// Returns true if a master gives the torque, and no loop above the current loop holds the speed.
+    pub(in crate::driver) const fn is_torque(self) -> bool {
+        matches!(self, Self::Torque | Self::Nobody | Self::Commands)
+    }
+}
+
+impl Motion {
+    /// Returns who commands the joint.
+    #[inline(never)]
+    pub(in crate::driver) fn mover(&self, seen: &Seen<'_>) -> Mover {
+        let is_on_sensors = seen.settings.source == InputSource::Sensors;
+        match self.profile.mode {
+            _ if self.is_measuring_motor() => Mover::MotorMeasurement,
+            _ if self.is_friction_run() => Mover::FrictionRun,
+            _ if self.brake_test.is_running() => Mover::BrakeTest,
+            _ if self.holds_joint(seen) => Mover::Hold,
+            _ if self.is_in_position_control(seen) => Mover::Position,
+            profile::CSV if is_on_sensors => Mover::CyclicVelocity,
+            profile::PV if is_on_sensors => Mover::ProfileVelocity,
+            profile::CST | profile::TQ => Mover::Torque,
+            _ if self.profile.is_active() => Mover::Nobody,
+            _ => Mover::Commands,
+        }
+    }
+
+    /// Runs a step of the loops above the current loop, with a report.
+    pub(in crate::driver) fn step_motion(&mut self, seen: &Seen<'_>) {
+        self.step_offsets(seen);
+        self.step_profile_modes(seen);
+        let mover = self.mover(seen);
+        if mover == Mover::BrakeTest {
+            return self.step_brake_test(seen);
+        }
+        if !mover.has_velocity_loop() || !seen.supervisor.is_bridge_allowed() {
+            return;
+        }
+        let Some(target) = self.target_velocity(seen, mover) else {
+            // The friction run has ended.
+            self.velocity.withhold_current();
+            self.orders.disarms = true;
+            return;
+        };
+        let limit_a = self.velocity_loop_limit_a(seen, mover);
+        let (velocity_rad_s, withheld_a) =
+            (seen.report.velocity_rad_s, self.withheld_current_a(seen));
+        let has_turned = self.velocity.step(target, velocity_rad_s, limit_a, withheld_a);
+        if mover == Mover::FrictionRun && has_turned {
+            self.velocity.turn_integral();
+        }
+    }
+
+    /// Stage 1 of the velocity loop: its target, within the limits of speed and position.
+    fn target_velocity(&mut self, seen: &Seen<'_>, mover: Mover) -> Option<VelocityTarget> {
+        if matches!(mover, Mover::Position | Mover::CyclicVelocity | Mover::ProfileVelocity) {
+            self.feed_torque_forward(seen);
+        }
+        Some(match mover {
+            Mover::FrictionRun => {
+                VelocityTarget::Slew(*self.velocity.gains(), self.friction_target(seen)?)
+            }
+            Mover::Hold => self.holding_target(seen),
+            Mover::ProfileVelocity => self.profile_velocity_target(seen),
+            Mover::CyclicVelocity => self.cyclic_velocity_target(seen),
+            _ => self.position_target(seen),
+        })
+    }
+
+    /// Stage 2 of the velocity loop: the limit of its current, A.
+    fn velocity_loop_limit_a(&self, seen: &Seen<'_>, mover: Mover) -> f32 {
+        let own_a = match mover {
+            Mover::FrictionRun => self.friction_limit_a(),
+            _ => seen.rated().0 * self.profile.max_share() * self.torque_share(seen),
+        };
+        own_a * seen.supervisor.current_share()
+    }
+
+    /// Returns what the current loop gets.
+    #[inline(never)]
+    pub(in crate::driver) fn setpoint(&self, seen: &Seen<'_>, now_us: u64) -> Setpoint {
+        let mover = self.mover(seen);
+        let wanted = self.wanted(seen, mover, now_us);
+        let current_a = match mover {
+            Mover::Torque => self.bounded_current_a(seen, wanted.current_a),
+            _ => wanted.current_a,
+        };
+        Setpoint { current_a, age_s: self.setpoint_age_s(seen, mover, now_us), ..wanted }
+    }
+
+    /// Stage 1 of the set-point: current and velocity reference of the mover, within 6072h.
+    fn wanted(&self, seen: &Seen<'_>, mover: Mover, now_us: u64) -> Setpoint {
+        let (current_a, velocity_reference_rad_s) = match mover {
+            Mover::MotorMeasurement => (0.0, 0.0),
+            Mover::BrakeTest => (self.brake_test.current_a(), 0.0),
+            Mover::Torque => (self.torque_mode_current_a(seen), f32::NAN),
+            Mover::Nobody => (0.0, f32::NAN),
+            Mover::Commands => return seen.received.setpoint(now_us),
+            _ => {
+                let command = self.velocity.command();
+                (command.current_a, command.reference_rad_s)
+            }
+        };
+        Setpoint { current_a, velocity_reference_rad_s, age_s: 0.0 }
+    }
+
+    /// Returns the current of a torque mode, A: the ramp of mode 4, or target and torque offset of CST within 6072h; 0 in any
+    /// other mode.
+    #[inline(never)]
+    pub(in crate::driver) fn torque_mode_current_a(&self, seen: &Seen<'_>) -> f32 {
+        let rated_a = seen.rated().0;
+        match self.profile.mode {
+            profile::TQ => self.modes.torque_current_a(rated_a),
+            profile::CST => {
+                let most_a = self.profile.max_share() * rated_a;
+                let wanted_a = self.profile.target_share() * rated_a + self.offset_current_a(seen);
+                wanted_a.max(-most_a).min(most_a)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Last stage of the set-point: its age, s, which is the time since who must confirm it did; 0 if nobody must.
+    fn setpoint_age_s(&self, seen: &Seen<'_>, mover: Mover, now_us: u64) -> f32 {
+        let since_us = match mover {
+            Mover::MotorMeasurement | Mover::FrictionRun => self.confirmed_us(),
+            Mover::BrakeTest if self.brake_test.is_requested() => return 0.0,
+            Mover::Hold if self.stopping.is_to_rest() => return 0.0,
+            _ if !self.profile.is_active() => return seen.received.setpoint(now_us).age_s,
+            _ => match self.targets.at_us() {
+                Some(at_us) => at_us,
+                None => return Setpoint::NONE.age_s,
+            },
+        };
+        now_us.saturating_sub(since_us) as f32 * 1e-6
+    }
+}
