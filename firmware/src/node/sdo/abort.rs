@@ -3,10 +3,28 @@
 use canopen_rs::Address;
 use canopen_rs::sdo::{SdoAbortCode, encode_abort};
 
-/// Reasons to abort a transfer: the abort codes of CiA 301 that this driver uses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Abort {
+macro_rules! aborts {
+    ($($(#[$doc:meta])* $abort:ident = $code:literal,)*) => {
+        /// Reasons to abort a transfer: the abort codes of CiA 301 that this driver uses.
+        // Numbered from 0, because an image loads and compares a small number with fewer bytes than a code, and in a word, so
+        // that a result of a word and an abort fits two registers.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u32)]
+        pub enum Abort { $($(#[$doc])* $abort,)* }
+
+        impl Abort {
+            /// Returns the code of CiA 301.
+            #[inline(never)]
+            pub const fn code(self) -> u32 {
+                match self {
+                    $(Self::$abort => $code,)*
+                }
+            }
+        }
+    };
+}
+
+aborts! {
     /// A segment is repeated or missing.
     Toggle = 0x0503_0000,
     /// The client does not continue a block transfer.
@@ -57,6 +75,6 @@ pub enum Abort {
 /// here.
 pub(super) fn abort_frame(at: Address, abort: Abort) -> [u8; 8] {
     let [a, b, c, d, ..] = encode_abort(at, SdoAbortCode::General);
-    let [e, f, g, h] = (abort as u32).to_le_bytes();
+    let [e, f, g, h] = abort.code().to_le_bytes();
     [a, b, c, d, e, f, g, h]
 }

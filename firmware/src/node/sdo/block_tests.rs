@@ -200,7 +200,7 @@ impl Link {
             data.truncate(data.len() - usize::from(answer[0] >> 2 & 7));
             assert_eq!(data.len(), length);
             if crc(&data) != u16::from_le_bytes([answer[1], answer[2]]) {
-                return Err(Abort::Crc as u32);
+                return Err(Abort::Crc.code());
             }
             assert_eq!(self.request([0xA1, 0, 0, 0, 0, 0, 0, 0]), None);
             return Ok(data);
@@ -229,18 +229,18 @@ fn image_longer_than_the_buffer_is_taken_and_read_in_parts() {
     assert_eq!((link.objects.ended, link.objects.longest_part), (1, MAX_PART_BYTES));
     assert!(link.objects.value == image);
     assert!(link.read(STREAMED, 127).unwrap() == image);
-    assert_eq!(link.write(BUFFERED, &image, true), Err(Abort::Memory as u32));
-    assert_eq!(link.write(BUFFERED, &image, false), Err(Abort::Memory as u32));
-    assert_eq!(link.read(Address::new(0x3000, 0), 127), Err(Abort::NoObject as u32));
-    assert_eq!(link.read(STREAMED, 0), Err(Abort::BlockSize as u32));
-    assert_eq!(link.read(STREAMED, 128), Err(Abort::BlockSize as u32));
+    assert_eq!(link.write(BUFFERED, &image, true), Err(Abort::Memory.code()));
+    assert_eq!(link.write(BUFFERED, &image, false), Err(Abort::Memory.code()));
+    assert_eq!(link.read(Address::new(0x3000, 0), 127), Err(Abort::NoObject.code()));
+    assert_eq!(link.read(STREAMED, 0), Err(Abort::BlockSize.code()));
+    assert_eq!(link.read(STREAMED, 128), Err(Abort::BlockSize.code()));
 }
 
 #[test]
 fn refused_part_ends_the_transfer_and_its_value_is_not_ended() {
     let mut link = Link::new(vec![]);
     link.objects.refused_from = Some(2000);
-    assert_eq!(link.write(STREAMED, &counting(5000), true), Err(Abort::Hardware as u32));
+    assert_eq!(link.write(STREAMED, &counting(5000), true), Err(Abort::Hardware.code()));
     assert_eq!(link.objects.ended, 0);
     // Less and more than declared.
     for (sent, code) in [(30, Abort::TooShort), (40, Abort::TooLong)] {
@@ -255,7 +255,7 @@ fn refused_part_ends_the_transfer_and_its_value_is_not_ended() {
                 crc(&[1, 2, 3, 4, 5, 6, 7].repeat(usize::from(sent / 7))).to_le_bytes();
             answer = link.request([0xC1, low, high, 0, 0, 0, 0, 0]);
         }
-        assert_eq!(checked(answer), Err(code as u32));
+        assert_eq!(checked(answer), Err(code.code()));
     }
     assert_eq!(link.objects.ended, 0);
 }
@@ -271,14 +271,14 @@ fn client_that_leaves_is_aborted_after_the_timeout() {
     // Requests of the next client are taken for segments until then, and do not extend the transfer.
     assert_eq!(link.request([0x40, 0, 0x20, 0, 0, 0, 0, 0]), None);
     assert_eq!(checked(link.wait()).unwrap()[..3], [0xA2, 0, 127]);
-    assert_eq!(checked(link.wait()), Err(Abort::TimedOut as u32));
+    assert_eq!(checked(link.wait()), Err(Abort::TimedOut.code()));
     assert!((1_000_000..1_010_000).contains(&link.now_us), "{} us", link.now_us);
     link.objects.value = vec![1, 2, 3];
     assert!(link.request([0x40, 0, 0x20, 0, 0, 0, 0, 0]).is_some());
     // The same for a client that reads; an abort ends both without an answer.
     link.objects.value = counting(100);
     link.request([0xA4, 0x10, 0x20, 1, 127, 0, 0, 0]);
-    assert_eq!(checked(link.wait()), Err(Abort::TimedOut as u32));
+    assert_eq!(checked(link.wait()), Err(Abort::TimedOut.code()));
     for begin in [[0xA4, 0x10, 0x20, 1, 127, 0, 0, 0], [0xC4, 0x10, 0x20, 1, 0, 0, 0, 0]] {
         assert!(link.request(begin).is_some());
         assert_eq!(link.request([0x80, 0x10, 0x20, 1, 0, 0, 4, 5]), None);
@@ -299,7 +299,7 @@ fn upload_within_the_threshold_switches_to_segments() {
     link.request([0xA3, 0, 0, 0, 0, 0, 0, 0]);
     while link.server.next_segment(&mut link.objects).is_some() {}
     let answer = link.request([0xA2, 9, 127, 0, 0, 0, 0, 0]);
-    assert_eq!(checked(answer), Err(Abort::Sequence as u32));
+    assert_eq!(checked(answer), Err(Abort::Sequence.code()));
 }
 
 fn fates(corrupts: bool) -> impl Strategy<Value = StdVec<Fate>> {
@@ -322,11 +322,11 @@ proptest! {
             let mut link = Link::new(fates.clone());
             let outcome = link.write(at, &data, declares);
             if at == BUFFERED && length > MAX_VALUE_BYTES {
-                prop_assert_eq!(outcome, Err(Abort::Memory as u32));
+                prop_assert_eq!(outcome, Err(Abort::Memory.code()));
                 continue;
             }
             // A client whose segments are all lost is aborted; the value is not written then.
-            if outcome == Err(Abort::TimedOut as u32) {
+            if outcome == Err(Abort::TimedOut.code()) {
                 prop_assert!(link.objects.value.is_empty());
                 continue;
             }

@@ -71,13 +71,13 @@ fn upload(server: &mut SdoServer, objects: &mut TestObjects) -> std::vec::Vec<u8
 fn refused_write_is_aborted_before_or_after_its_data() {
     let (mut server, mut objects) = (SdoServer::new(), TestObjects::default());
     let unknown = [0x23, 0x34, 0x12, 0, 1, 2, 3, 4];
-    assert_eq!(code(server.answer(&unknown, 0, &mut objects)), Abort::NoObject as u32);
+    assert_eq!(code(server.answer(&unknown, 0, &mut objects)), Abort::NoObject.code());
     let refused = [0x23, 0x01, 0x20, 0, 0xBD, 2, 3, 4];
-    assert_eq!(code(server.answer(&refused, 0, &mut objects)), Abort::Value as u32);
+    assert_eq!(code(server.answer(&refused, 0, &mut objects)), Abort::Value.code());
     assert!(objects.0.is_empty());
     let too_long = encode_download_initiate_segmented(OBJECT_ADDRESS, MAX_VALUE_BYTES as u32 + 1);
-    assert_eq!(code(server.answer(&too_long, 0, &mut objects)), Abort::Memory as u32);
-    assert_eq!(code(server.answer(&[0xE0; 8], 0, &mut objects)), Abort::Command as u32);
+    assert_eq!(code(server.answer(&too_long, 0, &mut objects)), Abort::Memory.code());
+    assert_eq!(code(server.answer(&[0xE0; 8], 0, &mut objects)), Abort::Command.code());
     assert_eq!(server.aborts(), 4);
 }
 
@@ -90,21 +90,21 @@ fn interrupted_download_keeps_the_previous_value() {
     let segment = encode_data_segment(b"new one", false, false).unwrap();
     server.answer(&segment, 0, &mut objects);
     // The same segment is repeated.
-    assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::Toggle as u32);
+    assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::Toggle.code());
     // The last segment arrives too early.
     server.answer(&begin, 0, &mut objects);
     let early = encode_data_segment(b"new one", false, true).unwrap();
-    assert_eq!(code(server.answer(&early, 0, &mut objects)), Abort::TooShort as u32);
+    assert_eq!(code(server.answer(&early, 0, &mut objects)), Abort::TooShort.code());
     // More than was declared.
     server.answer(&encode_download_initiate_segmented(OBJECT_ADDRESS, 5), 0, &mut objects);
-    assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::TooLong as u32);
+    assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::TooLong.code());
     // A client that pauses for too long, and one that aborts.
     server.answer(&begin, 0, &mut objects);
     let late = server.answer(&segment, TIMEOUT_US + 1, &mut objects);
-    assert_eq!(code(late), Abort::Command as u32);
+    assert_eq!(code(late), Abort::Command.code());
     server.answer(&begin, 0, &mut objects);
     assert_eq!(server.answer(&abort_frame(OBJECT_ADDRESS, Abort::Refused), 0, &mut objects), None);
-    assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::Command as u32);
+    assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::Command.code());
     assert_eq!(upload(&mut server, &mut objects), b"the value before");
 }
 
@@ -154,6 +154,6 @@ proptest! {
         let _ = server.tick(now_us, &mut objects);
         let request = encode_upload_request(Address::new(0x3000, 0));
         let answer = server.answer(&request, now_us, &mut objects);
-        prop_assert_eq!(code(answer), Abort::NoObject as u32);
+        prop_assert_eq!(code(answer), Abort::NoObject.code());
     }
 }
