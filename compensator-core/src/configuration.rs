@@ -77,10 +77,14 @@ impl Configuration {
         if let Some(kind) = own.terms.iter().find(is_new) {
             return Some(kind.text());
         }
-        let compensated = |set: &Self, id| set.compensator.scale * Real::abs(set.model.get(id));
-        let is_larger = |id: &ParameterId| compensated(self, *id) > compensated(other, *id);
+        let is_larger = |id: &ParameterId| self.compensated(*id) > other.compensated(*id);
         let of_terms = own.terms.iter().flat_map(|kind| kind.sizes().iter().copied());
         let sizes = own.law.levels().chain(own.law.viscous()).chain(of_terms);
         sizes.into_iter().find(is_larger).map(ParameterId::text)
+    }
+
+    #[inline(never)]
+    fn compensated(&self, id: ParameterId) -> f32 {
+        self.compensator.scale * Real::abs(self.model.get(id))
     }
 }

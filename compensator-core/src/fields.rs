@@ -47,11 +47,14 @@ macro_rules! named_fields {
                 $crate::parameters::Text::all(Self::NAMES);
 
             /// The fields, in their order.
+            // Out of line, because each copy of it takes two instructions for a field.
+            #[inline(never)]
             pub const fn to_array(self) -> [f32; Self::FIELDS] {
                 [$(self.$field as f32),*]
             }
 
             /// The parameters with these fields, in their order.
+            #[inline(never)]
             pub const fn from_array(fields: [f32; Self::FIELDS]) -> Self {
                 let [$($field),*] = fields;
                 Self { $($field: $field as $type),* }
