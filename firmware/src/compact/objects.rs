@@ -9,7 +9,7 @@ use crate::node::dictionary::records::{
     CommissioningObject, CommitObject, MeasuredObject, NetworkObject, OperationObject,
     SdoServerObject, StateObject, TraceObject,
 };
-use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, Shape, index};
+use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
 use crate::refusal;
 use crate::supervisor::JointState;
@@ -118,8 +118,7 @@ impl<F: NorFlash> Objects for Device<F> {
         if entry.access == Access::WriteOnly {
             return Err(Abort::WriteOnly);
         }
-        let object = Object::find(at.index).ok_or(Abort::NoObject)?;
-        let is_variable = matches!(object.shape, Shape::Variable(_));
+        let count = dictionary::value_count(at.index);
         let copied = match (at.index, at.subindex) {
             (index::DEVICE_NAME, _) => return text("friction-compensated joint, compact", value),
             (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
@@ -138,7 +137,7 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::ERROR_FIELD, 0) => {
                 value.extend_from_slice(&self.history.error_count().to_le_bytes()[..1])
             }
-            (_, 0) if !is_variable => value.extend_from_slice(&[object.highest_sub_index()]),
+            (_, 0) if let Some(count) = count => value.extend_from_slice(&[count]),
             (staged, place) if is_staged(staged) => {
                 return self.staging.read(staged, place, value);
             }

@@ -9,7 +9,7 @@ use crate::node::dictionary::records::{
     AccessObject, CommitObject, HoldingBrakeObject, OperationObject, ScopeObject, StateObject,
     TraceObject,
 };
-use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, Object, SAVE_SIGNATURE, index};
+use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
 use crate::node_settings::InputSource;
 use crate::refusal;
@@ -82,12 +82,11 @@ impl<F: NorFlash> Objects for Device<F> {
         if entry.access == Access::WriteOnly {
             return Err(Abort::WriteOnly);
         }
-        let object = Object::find(at.index).ok_or(Abort::NoObject)?;
-        let is_variable = matches!(object.shape, dictionary::Shape::Variable(_));
+        let count = dictionary::value_count(at.index);
         let number = match (at.index, at.subindex) {
             (index::ERROR_FIELD, 0) => self.history.error_count(),
             (mapping, 0) if dictionary::is_mapping(mapping) => self.number(mapping, 0)?,
-            (_, 0) if !is_variable => u32::from(object.highest_sub_index()),
+            (_, 0) if let Some(count) = count => u32::from(count),
             (index::DEVICE_NAME, _) => return text("friction-compensated joint driver", value),
             (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
             (index::SOFTWARE_VERSION, _) => return text(env!("CARGO_PKG_VERSION"), value),

@@ -18,10 +18,13 @@
 
 mod entry;
 pub mod records;
+mod table;
 
 pub use entry::{Access, DataType, Entry};
 pub use records::FRAME_COUNTERS;
+pub use table::value_count;
 
+#[cfg(not(target_os = "none"))]
 use super::sdo::Abort;
 use crate::access::Level;
 use crate::control::MotorParameters;
@@ -156,7 +159,8 @@ macro_rules! objects {
         }
 
         /// All objects, in ascending order of their indices.
-        pub static OBJECTS: &[Object] = &[$(Object { index: $index, ..$object }),*];
+        pub static OBJECTS: &[Object] = ALL;
+        const ALL: &[Object] = &[$(Object { index: $index, ..$object }),*];
     };
 }
 
@@ -321,15 +325,12 @@ armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX
 
 impl Object {
     /// Returns the object at an index.
-    #[inline(never)]
     pub fn find(index: u16) -> Option<&'static Self> {
-        let at = OBJECTS.binary_search_by_key(&index, |object| object.index).ok()?;
-        OBJECTS.get(at)
+        OBJECTS.iter().find(|object| object.index == index)
     }
 
     /// Returns the highest sub-index of the object.
-    #[inline(never)]
-    pub fn highest_sub_index(&self) -> u8 {
+    pub const fn highest_sub_index(&self) -> u8 {
         match self.shape {
             Shape::Variable(_) => 0,
             Shape::Record(entries) => entries.len() as u8,
@@ -341,42 +342,58 @@ impl Object {
 
     /// Returns the entry at a sub-index, with the rights of the object.
     pub fn entry(&self, sub_index: u8) -> Option<Entry> {
-        let mut entry = self.own_entry(sub_index)?;
-        entry.level = entry.level.max(self.level);
-        entry.is_written_armed |= self.is_written_armed;
-        Some(entry)
+        find(self.index, sub_index).ok()
     }
 
-    fn own_entry(&self, sub_index: u8) -> Option<Entry> {
-        let number = |name| entry(name, Real32, ReadWrite);
-        let Some(place) = sub_index.checked_sub(1).map(usize::from) else {
-            return Some(match self.shape {
-                Shape::Variable(entry) => entry,
-                // A tool clears the error history by writing 0 to its count, and counts the objects of a mapping.
-                Shape::Array(..) if self.index == index::ERROR_FIELD || is_mapping(self.index) => {
-                    entry("highest_sub_index", Unsigned8, ReadWrite)
-                }
-                _ => entry("highest_sub_index", Unsigned8, Const),
-            });
+    /// Returns the number of entries of the object: the values of an array have one.
+    const fn listed(&self) -> usize {
+        if let Shape::Record(entries) = self.shape { entries.len() } else { 1 }
+    }
+
+    /// Returns one of these entries, with the rights of the object.
+    const fn listed_entry(&self, place: usize) -> Entry {
+        let mut entry = match self.shape {
+            Shape::Variable(entry) | Shape::Array(entry, _) => entry,
+            Shape::Record(entries) => entries[place],
+            Shape::Numbers(_) | Shape::Parameters => entry("", Real32, ReadWrite),
         };
+        if matches!(self.level, Level::Service) {
+            entry = entry.service();
+        }
+        if self.is_written_armed { entry.armed() } else { entry }
+    }
+
+    /// Returns the name of the value at a sub-index, if the values of one entry have names of their own.
+    #[cfg(not(target_os = "none"))]
+    fn name_at(&self, sub_index: u8) -> Option<&'static str> {
+        let place = usize::from(sub_index.checked_sub(1)?);
         match self.shape {
-            Shape::Variable(_) => None,
-            Shape::Record(entries) => entries.get(place).copied(),
-            Shape::Array(entry, count) => (sub_index <= count).then_some(entry),
-            Shape::Numbers(names) => names.get(place).map(number),
-            Shape::Parameters => ParameterId::ALL.get(place).map(|id| number(id.name())),
+            Shape::Numbers(names) => names.get(place),
+            Shape::Parameters => ParameterId::ALL.get(place).map(|id| id.name()),
+            _ => None,
         }
     }
+}
+
+/// Returns true if sub-index 0 can be written: a tool clears the error history by 0, and counts the objects of a mapping.
+const fn has_written_count(object: &Object) -> bool {
+    matches!(object.shape, Shape::Array(..))
+        && (object.index == index::ERROR_FIELD || is_mapping(object.index))
 }
 
 /// Returns the entry at an address.
 ///
 /// # Errors
 /// Returns [`Abort::NoObject`] or [`Abort::NoSubIndex`].
+#[cfg(not(target_os = "none"))]
 pub fn find(index: u16, sub_index: u8) -> Result<Entry, Abort> {
-    let object = Object::find(index).ok_or(Abort::NoObject)?;
-    object.entry(sub_index).ok_or(Abort::NoSubIndex)
+    let entry = table::find(index, sub_index)?;
+    let name = Object::find(index).and_then(|object| object.name_at(sub_index));
+    Ok(Entry { name: name.unwrap_or(entry.name), ..entry })
 }
+
+#[cfg(target_os = "none")]
+pub use table::find;
 
 /// Returns true if an object is the mapping of a PDO.
 pub const fn is_mapping(at_index: u16) -> bool {

@@ -32,17 +32,20 @@ impl DataType {
     /// Returns the length in bytes; `None` if it varies.
     #[inline(never)]
     pub const fn length(self) -> Option<usize> {
-        match self {
-            Self::Unsigned8 | Self::Integer8 => Some(1),
-            Self::Unsigned16 | Self::Integer16 => Some(2),
-            Self::Unsigned32 | Self::Integer32 | Self::Real32 => Some(4),
-            Self::VisibleString | Self::OctetString | Self::Domain => None,
-        }
+        // A byte, so that the table is one of bytes.
+        let length: u8 = match self {
+            Self::Unsigned8 | Self::Integer8 => 1,
+            Self::Unsigned16 | Self::Integer16 => 2,
+            Self::Unsigned32 | Self::Integer32 | Self::Real32 => 4,
+            Self::VisibleString | Self::OctetString | Self::Domain => return None,
+        };
+        Some(length as usize)
     }
 }
 
 /// Access rights of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Access {
     /// The value is constant.
     Const,
@@ -120,11 +123,9 @@ impl Names {
         self.count
     }
 
-    /// Returns the name at a place, empty on a board; `None` beyond the last.
+    /// Returns the name at a place; `None` beyond the last.
+    #[cfg(not(target_os = "none"))]
     pub(super) fn get(&self, place: usize) -> Option<&'static str> {
-        #[cfg(not(target_os = "none"))]
-        return self.names.get(place).copied();
-        #[cfg(target_os = "none")]
-        (place < usize::from(self.count)).then_some("")
+        self.names.get(place).copied()
     }
 }
