@@ -185,47 +185,25 @@ impl NodeSettings {
     /// Returns the settings as bytes, little-endian: a version, the fields in order, then those of drive, tuning and
     /// access.
     pub fn emit(&self) -> [u8; Self::LENGTH] {
-        let mut bytes = [0; Self::LENGTH];
-        let words = [
-            (
-                0,
-                u32::from_le_bytes([
-                    Self::VERSION,
-                    self.node.number(),
-                    self.source as u8,
-                    self.number as u8,
-                ]),
-            ),
-            (4, u32::from(self.heartbeat_ms) | u32::from(self.bit_rate_kbit) << 16),
-            (8, self.awaited_heartbeat),
-            (
-                12,
-                u32::from_le_bytes([
-                    self.telemetry_every,
-                    (self.data_bit_rate_kbit / 1000) as u8 | u8::from(self.fd_telemetry) << 7,
-                    self.target_timeout_ms.to_le_bytes()[0],
-                    self.target_timeout_ms.to_le_bytes()[1],
-                ]),
-            ),
-            (16, self.period_s.to_bits()),
-            (20, self.campaign_h.to_bits()),
-            (24, self.commissioned),
-            (28, self.proven),
+        let [timeout_low, timeout_high] = self.target_timeout_ms.to_le_bytes();
+        let data_rate = (self.data_bit_rate_kbit / 1000) as u8 | u8::from(self.fd_telemetry) << 7;
+        let (node, source, number) = (self.node.number(), self.source as u8, self.number as u8);
+        let head = [
+            u32::from_le_bytes([Self::VERSION, node, source, number]),
+            u32::from(self.heartbeat_ms) | u32::from(self.bit_rate_kbit) << 16,
+            self.awaited_heartbeat,
+            u32::from_le_bytes([self.telemetry_every, data_rate, timeout_low, timeout_high]),
+            self.period_s.to_bits(),
+            self.campaign_h.to_bits(),
+            self.commissioned,
+            self.proven,
         ];
-        for (at, word) in words {
-            if let Some(place) = bytes.get_mut(at..at + 4) {
-                place.copy_from_slice(&word.to_le_bytes());
-            }
-        }
+        let mut bytes = [0; Self::LENGTH];
+        let (words, _) = bytes.as_chunks_mut::<4>();
+        let numbers = head.into_iter().chain(self.drive.to_words()).chain(self.tuning);
+        words.iter_mut().zip(numbers).for_each(|(place, word)| *place = word.to_le_bytes());
         if let Some(place) = bytes.last_chunk_mut() {
             *place = self.access.emit();
-        }
-        if let Some(place) = bytes.get_mut(Self::HEAD..Self::WITHOUT_ACCESS) {
-            place.copy_from_slice(&self.drive.emit());
-        }
-        let words = bytes.as_chunks_mut::<4>().0.iter_mut().skip(Self::WITHOUT_ACCESS / 4);
-        for (place, word) in words.zip(self.tuning) {
-            *place = word.to_le_bytes();
         }
         bytes
     }
@@ -324,34 +302,24 @@ impl NodeSettings {
     /// Returns the first setting out of range, and its range.
     pub fn validate(&self) -> Result<(), SettingError> {
         let (least, most) = PERIOD_RANGE_S;
-        let checks = [
-            (
-                BIT_RATES_KBIT.contains(&self.bit_rate_kbit),
-                text!("bit_rate_kbit"),
-                text!("1000, 500, 250 or 125"),
-            ),
-            (
-                DATA_BIT_RATES_KBIT.contains(&self.data_bit_rate_kbit),
-                text!("data_bit_rate_kbit"),
-                text!("1000, 2000 or 5000"),
-            ),
-            ((least..=most).contains(&self.period_s), text!("period_s"), text!("1e-5 to 1")),
-            ((0.0..=1e6).contains(&self.campaign_h), text!("campaign_h"), text!("0 to 1e6")),
-            (
-                self.awaited_heartbeat >> 23 == 0,
-                text!("awaited_heartbeat"),
-                text!("a node (bits 16 to 22) and milliseconds (bits 0 to 15)"),
-            ),
-            (
-                self.target_timeout_ms <= TARGET_TIMEOUT_MAX_MS,
-                text!("event_timer_ms"),
-                text!("1 to 100, or 0 (the monitored heartbeat confirms the target)"),
-            ),
-        ];
-        match checks.into_iter().find(|(holds, ..)| !holds) {
-            Some((_, name, legal)) => Err(SettingError { name, legal }),
-            None => Ok(()),
-        }
+        let (name, legal) = if !BIT_RATES_KBIT.contains(&self.bit_rate_kbit) {
+            (text!("bit_rate_kbit"), text!("1000, 500, 250 or 125"))
+        } else if !DATA_BIT_RATES_KBIT.contains(&self.data_bit_rate_kbit) {
+            (text!("data_bit_rate_kbit"), text!("1000, 2000 or 5000"))
+        } else if !(least..=most).contains(&self.period_s) {
+            (text!("period_s"), text!("1e-5 to 1"))
+        } else if !(0.0..=1e6).contains(&self.campaign_h) {
+            (text!("campaign_h"), text!("0 to 1e6"))
+        } else if self.awaited_heartbeat >> 23 != 0 {
+            let legal = text!("a node (bits 16 to 22) and milliseconds (bits 0 to 15)");
+            (text!("awaited_heartbeat"), legal)
+        } else if self.target_timeout_ms > TARGET_TIMEOUT_MAX_MS {
+            let legal = text!("1 to 100, or 0 (the monitored heartbeat confirms the target)");
+            (text!("event_timer_ms"), legal)
+        } else {
+            return Ok(());
+        };
+        Err(SettingError { name, legal })
     }
 }
 
