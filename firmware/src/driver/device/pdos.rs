@@ -60,7 +60,7 @@ struct ReceivePdo {
 }
 
 impl ReceivePdo {
-    const fn new(slot: usize) -> Self {
+    fn new(slot: usize) -> Self {
         let kind = if slot <= LAST_EVENT_DRIVEN { 255 } else { 1 };
         Self { identifier: None, kind, mapping: Mapping::of_receive(slot), pending: None }
     }

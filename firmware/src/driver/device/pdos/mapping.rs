@@ -3,7 +3,9 @@
 //! A master changes a mapping in the usual order: disable the PDO (bit 31 of its identifier), set the count to 0, write
 //! the entries, set the count, enable the PDO. An entry holds index, sub-index and length in bits.
 
-use crate::node::dictionary::records::{InputsObject, MeasuredObject, OutputsObject};
+use crate::node::dictionary::records::{
+    InputsObject as Input, MeasuredObject as Measured, OutputsObject as Output,
+};
 use crate::node::dictionary::{self, MAX_MAPPED_OBJECTS, index};
 use crate::node::sdo::Abort;
 
@@ -47,60 +49,59 @@ const fn entry(index: u16, sub_index: u8, bits: u8) -> u32 {
     (index as u32) << 16 | (sub_index as u32) << 8 | bits as u32
 }
 
+/// Two entries of a record of 32-bit values.
+const fn pair(index: u16, [first, second]: [u8; 2]) -> [u32; 3] {
+    [entry(index, first, 32), entry(index, second, 32), 0]
+}
+
+/// Default entries of the receive PDOs; 0 for none.
+static RECEIVED: [[u32; 3]; 6] = [
+    [
+        entry(index::CONTROLWORD, 0, 16),
+        entry(index::TARGET_TORQUE, 0, 16),
+        entry(index::TARGET_VELOCITY, 0, 32),
+    ],
+    pair(index::INPUTS, [Input::COMMAND_CURRENT, Input::COMMAND_REST]),
+    pair(index::INPUTS, [Input::RADIAL_FORCE, Input::PRESSURE_DIFF]),
+    pair(index::INPUTS, [Input::TEMPERATURE, Input::AUXILIARY]),
+    pair(index::INPUTS, [Input::VELOCITY, Input::POSITION]),
+    pair(index::INPUTS, [Input::TORQUE, Input::LOAD_TORQUE]),
+];
+
+/// Default entries of the transmit PDOs.
+static TRANSMITTED: [[u32; 3]; 6] = [
+    pair(index::OUTPUTS, [Output::FRICTION_TORQUE, Output::FEED_FORWARD_CURRENT]),
+    pair(index::OUTPUTS, [Output::FLAGS, Output::SEQUENCE]),
+    pair(index::OUTPUTS, [Output::CURRENT, Output::RESIDUAL_TORQUE]),
+    pair(index::MEASURED, [Measured::VELOCITY, Measured::POSITION]),
+    pair(index::MEASURED, [Measured::TORQUE, Measured::LOAD_TORQUE]),
+    [
+        entry(index::STATUSWORD, 0, 16),
+        entry(index::ACTUAL_TORQUE, 0, 16),
+        entry(index::ACTUAL_POSITION, 0, 32),
+    ],
+];
+
 impl Mapping {
     #[inline(never)]
-    const fn of(objects: &[u32]) -> Self {
+    fn of(defaults: &[[u32; 3]; 6], slot: usize) -> Self {
         let mut entries = [0; MAX_MAPPED_OBJECTS];
-        let mut place = 0;
-        while place < objects.len() {
-            entries[place] = objects[place];
-            place += 1;
+        let mut count = 0;
+        for (place, default) in entries.iter_mut().zip(defaults.get(slot).into_iter().flatten()) {
+            *place = *default;
+            count += u8::from(*default != 0);
         }
-        Self { count: objects.len() as u8, entries }
-    }
-
-    /// Two entries of a record of 32-bit values.
-    const fn pair(index: u16, sub_indices: [u8; 2]) -> Self {
-        let [first, second] = sub_indices;
-        Self::of(&[entry(index, first, 32), entry(index, second, 32)])
+        Self { count, entries }
     }
 
     /// Returns the default of a receive PDO, counted from 0.
-    #[inline(never)]
-    pub const fn of_receive(slot: usize) -> Self {
-        use InputsObject as Input;
-        match slot {
-            0 => Self::of(&[
-                entry(index::CONTROLWORD, 0, 16),
-                entry(index::TARGET_TORQUE, 0, 16),
-                entry(index::TARGET_VELOCITY, 0, 32),
-            ]),
-            1 => Self::pair(index::INPUTS, [Input::COMMAND_CURRENT, Input::COMMAND_REST]),
-            2 => Self::pair(index::INPUTS, [Input::RADIAL_FORCE, Input::PRESSURE_DIFF]),
-            3 => Self::pair(index::INPUTS, [Input::TEMPERATURE, Input::AUXILIARY]),
-            4 => Self::pair(index::INPUTS, [Input::VELOCITY, Input::POSITION]),
-            _ => Self::pair(index::INPUTS, [Input::TORQUE, Input::LOAD_TORQUE]),
-        }
+    pub fn of_receive(slot: usize) -> Self {
+        Self::of(&RECEIVED, slot)
     }
 
     /// Returns the default of a transmit PDO, counted from 0.
-    #[inline(never)]
-    pub const fn of_transmit(slot: usize) -> Self {
-        use {MeasuredObject as Measured, OutputsObject as Output};
-        match slot {
-            0 => {
-                Self::pair(index::OUTPUTS, [Output::FRICTION_TORQUE, Output::FEED_FORWARD_CURRENT])
-            }
-            1 => Self::pair(index::OUTPUTS, [Output::FLAGS, Output::SEQUENCE]),
-            2 => Self::pair(index::OUTPUTS, [Output::CURRENT, Output::RESIDUAL_TORQUE]),
-            3 => Self::pair(index::MEASURED, [Measured::VELOCITY, Measured::POSITION]),
-            4 => Self::pair(index::MEASURED, [Measured::TORQUE, Measured::LOAD_TORQUE]),
-            _ => Self::of(&[
-                entry(index::STATUSWORD, 0, 16),
-                entry(index::ACTUAL_TORQUE, 0, 16),
-                entry(index::ACTUAL_POSITION, 0, 32),
-            ]),
-        }
+    pub fn of_transmit(slot: usize) -> Self {
+        Self::of(&TRANSMITTED, slot)
     }
 
     /// Returns the value at a sub-index of the mapping object: the count at 0, then the entries.

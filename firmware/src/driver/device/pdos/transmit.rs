@@ -40,7 +40,7 @@ pub struct TransmitPdo {
 }
 
 impl TransmitPdo {
-    pub const fn new(slot: usize) -> Self {
+    pub fn new(slot: usize) -> Self {
         Self {
             identifier: None,
             kind: None,
