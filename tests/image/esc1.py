@@ -36,7 +36,7 @@ def image_lies_in_front_of_the_store(image):
 
 def statics_and_worst_stack_fit_the_ram(image):
     assert image.symbols["_stack_start"][0] == 0x2000_0000 + RAM_BYTES
-    used, available = memory.check(image, CallGraph(image), "esc1", memory.HANDLERS_ESC1)
+    used, available = memory.check(image, CallGraph(image), "esc1")
     print(f"  measured: worst stack of the B-G431B-ESC1 {used} of {available} bytes")
 
 

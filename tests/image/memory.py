@@ -17,9 +17,7 @@ LIMITS = pathlib.Path(__file__).resolve().parent / "limits.tsv"
 EXCEPTION_FRAME = 4 * (8 + 18) + 4
 NESTED_TEXTS = 3
 # Handlers that may interrupt each other, one at a time per priority, then a fault. Vectors (16 + number of the interrupt).
-HANDLERS = {"receive (FDCAN1_IT0)": 16 + 21, "clock (TIM5)": 16 + 50, "current loop (ADC1_2)": 16 + 18, "fault (HardFault)": 3}
-# The same of the B-G431B-ESC1, which has no TIM5.
-HANDLERS_ESC1 = {name.replace("TIM5", "TIM2"): 16 + 28 if "TIM5" in name else number for name, number in HANDLERS.items()}
+HANDLERS = {"receive (FDCAN1_IT0)": 16 + 21, "current loop (ADC1_2)": 16 + 18, "fault (HardFault)": 3}
 SMALL = 1024
 SUMS = ("start and a fault", "background, all interrupts and a fault")
 PARTS = re.compile(r"compensator_core|embassy\w*|firmware|compiler_builtins|libm|defmt\w*|canopen_rs|crc|cortex_m\w*|micromath|heapless|core")
@@ -119,7 +117,7 @@ def depths(graph):
     return worst
 
 
-def stack(image, graph, handlers=None):
+def stack(image, graph):
     """Rows of the worst stack in bytes: each level, their sum, and what RAM leaves for it."""
     unknown = [function.name for function in graph.functions.values() if function.unbounded]
     assert not unknown, f"stack frames of unknown length: {unknown}"
@@ -128,7 +126,7 @@ def stack(image, graph, handlers=None):
     def of(part):
         return max(size for address, size in worst.items() if part in graph.functions[address].name)
 
-    rows = {name: EXCEPTION_FRAME + worst[image.word(image.vectors + 4 * number) & ~1] for name, number in (handlers or HANDLERS).items()}
+    rows = {name: EXCEPTION_FRAME + worst[image.word(image.vectors + 4 * number) & ~1] for name, number in HANDLERS.items()}
     start, background, fault = of("__rtic_init_resources"), of("3app4idle"), rows["fault (HardFault)"]
     # firmware/src/stack_guard.rs: sixteen words, and above them a region of 512 bytes that is aligned to its length.
     guard_end = -(-(image.symbols["_stack_end"][0] + 64) // 512) * 512 + 512
@@ -150,12 +148,12 @@ def ram(image):
     return [("CCM: code and tables of the current loop, of 32768", code), (f"SRAM: statics, of {length}", statics)]
 
 
-def page(image, graph, handlers=None):
+def page(image, graph):
     """Lines of the three tables with titles."""
     tables = {
         "Flash, bytes": flash(image),
         "RAM, bytes": ram(image),
-        "Worst stack, bytes": stack(image, graph, handlers),
+        "Worst stack, bytes": stack(image, graph),
     }
     lines = []
     for title, rows in tables.items():
@@ -176,11 +174,11 @@ def limits(name):
     return found
 
 
-def check(image, graph, name, handlers=None):
+def check(image, graph, name):
     """Compares with the limits of the image of this name and writes the tables to target/figures/; returns the worst stack and
     what is available, bytes."""
-    now = dict(stack(image, graph, handlers))
-    lines = page(image, graph, handlers)
+    now = dict(stack(image, graph))
+    lines = page(image, graph)
     images.write_figures("memory.tsv" if name == "stm32g474" else f"memory-{name}.tsv", "\n".join(lines) + "\n")
     for figure in SUMS:
         assert now[figure] <= now["available"], f"{figure}: {now[figure]} bytes of stack, available {now['available']}"

@@ -4,7 +4,6 @@
 //! priority   interrupt       does
 //! 15         ADC1_2          the current loop, 20 kHz: LoopTask on the motor stage. Logs nothing, locks nothing
 //!  8         FDCAN1_IT0      received frames -> queue
-//!  4         TIM2            embassy's clock, microseconds
 //!  idle      -               the library's background loop: frames, supervisor, flash, watchdog
 //! ```
 //! The whole driver does not fit, so it runs the compact node ([`firmware::compact`]). Everything executes from flash: CCM is
@@ -31,6 +30,8 @@ mod flash;
 mod gate_driver;
 #[path = "stm32g4/joint_board.rs"]
 mod joint_board;
+#[path = "stm32g4/microseconds.rs"]
+mod microseconds;
 #[path = "stm32g4/motor_stage.rs"]
 mod motor_stage;
 mod overcurrent;
@@ -52,7 +53,7 @@ mod watchdog;
 
 use defmt_rtt as _;
 
-defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
+defmt::timestamp!("{=u64:us}", microseconds::now_us());
 
 pub use power_stage::open_bridge;
 
@@ -71,12 +72,12 @@ mod app {
     use super::motor_stage::{MotorStage, measure_offsets, run_period};
     use super::power_stage::Stage;
     use super::{
-        clocks, overcurrent, pins, power_stage, prefetch, sampling, scales, start, watchdog,
+        clocks, microseconds, overcurrent, pins, power_stage, prefetch, sampling, scales, start,
+        watchdog,
     };
     use compensator_core::can::Frame;
     use core::mem::MaybeUninit;
     use embassy_stm32::gpio::{Level, Output, Speed};
-    use embassy_time::Instant;
     use firmware::background::{Background, BoardState};
     use firmware::compact::CompactNode;
     use firmware::driver::Identity;
@@ -124,11 +125,9 @@ mod app {
         let wired = pins::wiring(peripherals);
         prefetch::enable();
         watchdog::start(wired.inside.watchdog);
-        start::set_up_clocks(
-            &embassy_stm32::interrupt::TIM2,
-            &mut context.core.DCB,
-            &mut context.core.DWT,
-        );
+        microseconds::start();
+        context.core.DCB.enable_trace();
+        context.core.DWT.enable_cycle_counter();
         // They stay as they are.
         core::mem::forget((
             Output::new(wired.transceiver.shutdown, Level::Low, Speed::Low),
@@ -152,7 +151,7 @@ mod app {
         let boot = previous.boot(failed_self_test);
         let store = ChipFlash::new(wired.inside.flash);
         let background = place_background(context.local.place, store);
-        background.load(&boot, Instant::now().as_micros());
+        background.load(&boot, microseconds::now_us());
         watchdog::refresh_if_loop_runs();
         let task = background.loop_task(scales::LIMITS);
         let values = background.start_values();
@@ -168,7 +167,7 @@ mod app {
         let stage = MotorStage { stage, encoder, inputs, shunts, touch: None };
 
         let (frames_out, frames) = context.local.frames.split();
-        let now_us = Instant::now().as_micros();
+        let now_us = microseconds::now_us();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
         let board = JointBoard { controller, frames, link, periphery };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
@@ -181,7 +180,7 @@ mod app {
         place: &'static mut MaybeUninit<Background<Node>>,
         store: ChipFlash,
     ) -> &'static mut Background<Node> {
-        let now_us = Instant::now().as_micros();
+        let now_us = microseconds::now_us();
         let identity =
             Identity { hardware: "B-G431B-ESC1", serial: clocks::serial(), stage: scales::STAGE };
         let node = CompactNode::with_defaults(NodeSettings::default(), store, identity, now_us);

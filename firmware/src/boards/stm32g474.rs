@@ -4,7 +4,6 @@
 //! priority   interrupt       does
 //! 15         ADC1_2          the current loop, 20 kHz: LoopTask on the motor stage. Logs nothing, locks nothing
 //!  8         FDCAN1_IT0      received frames -> queue
-//!  4         TIM5            embassy's clock, microseconds
 //!  idle      -               the library's background loop: frames, supervisor, slow sensors, flash, watchdog
 //! ```
 //! Queues of complete values connect them; they share no state and take no lock. The code of the loop is in
@@ -38,6 +37,8 @@ mod incremental;
 mod joint_board;
 #[cfg_attr(feature = "without-joint-encoder", path = "stm32g474/no_joint_encoder.rs")]
 mod joint_encoder;
+#[path = "stm32g4/microseconds.rs"]
+mod microseconds;
 #[path = "stm32g4/motor_stage.rs"]
 mod motor_stage;
 mod overcurrent;
@@ -62,7 +63,7 @@ mod watchdog;
 
 use defmt_rtt as _;
 
-defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
+defmt::timestamp!("{=u64:us}", microseconds::now_us());
 
 pub use power_stage::open_bridge;
 
@@ -84,13 +85,12 @@ mod app {
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{
-        can_fd, clocks, fast_code, overcurrent, pins, power_stage, prefetch, random, scales, start,
-        watchdog,
+        can_fd, clocks, fast_code, microseconds, overcurrent, pins, power_stage, prefetch, random,
+        scales, start, watchdog,
     };
     use compensator_core::can::{FdTelemetry, Frame};
     use core::mem::MaybeUninit;
     use embassy_stm32::gpio::{Flex, Pull, Speed};
-    use embassy_time::Instant;
     use firmware::background::{Background, BoardState};
     use firmware::driver::{Boot, Driver, Identity};
     use firmware::loop_link::{LoopPort, LoopQueues};
@@ -142,11 +142,9 @@ mod app {
         fast_code::protect();
         // Refreshed after each part of the start, of which the longest, the load, takes 30 ms; then by the background.
         watchdog::start(wired.inside.watchdog);
-        start::set_up_clocks(
-            &embassy_stm32::interrupt::TIM5,
-            &mut context.core.DCB,
-            &mut context.core.DWT,
-        );
+        microseconds::start();
+        context.core.DCB.enable_trace();
+        context.core.DWT.enable_cycle_counter();
 
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
         // Both are triggered by the timers and therefore set up before these start.
@@ -205,7 +203,7 @@ mod app {
         let stage = MotorStage { stage, encoder, inputs, shunts, touch };
 
         let (frames_out, frames) = context.local.frames.split();
-        let now_us = Instant::now().as_micros();
+        let now_us = microseconds::now_us();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
         // Analog since the reset, so that it is not driven.
         let brake = Flex::new(wired.brake.output);
@@ -220,7 +218,7 @@ mod app {
         store: ChipFlash,
         boot: &Boot<'_>,
     ) -> &'static mut Background<Driver<ChipFlash>> {
-        let now_us = Instant::now().as_micros();
+        let now_us = microseconds::now_us();
         // The compiler must not know the address. Otherwise it replaces a pointer to each part of the driver by the address of
         // the whole, and the large offsets of the fields take 7 KB of flash.
         let place = core::hint::black_box(place);

@@ -5,9 +5,14 @@ use super::pins::{AMPLIFIER_GAIN, BUS_DIVIDER, SHIFT_KOHM, SHUNT_OHM};
 pub use super::pins::{BREAK_CEILING_A, DEAD_TIME};
 use super::rates::REFERENCE_V;
 pub use super::rates::{CAN_HZ, LIMITS, PWM_TOP, WATCHDOG_US};
+use embassy_stm32::pac;
+pub use embassy_stm32::peripherals::TIM2 as TimePeripheral;
 use firmware::control::PERIOD_S;
 use firmware::loop_parts::StageTraits;
 use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, OffsetRange};
+
+/// Timer of 32 bits that counts the time.
+pub const TIME_COUNTER: pac::timer::TimGp32 = pac::TIM2;
 
 /// Share of the shunt's voltage at the input of an amplifier, and the voltage there without current, V: three resistors.
 const SHARE_AND_SHIFT: [f32; 2] = {

@@ -1,9 +1,8 @@
 //! The board as the background loop uses it, and the bodies of its tasks.
 
 use super::can::{self, Controller};
-use super::watchdog;
+use super::{microseconds, watchdog};
 use compensator_core::can::{FdTelemetry, Frame};
-use embassy_time::Instant;
 use firmware::background::{Background, Board, BoardState, JointNode, RoundOutcome};
 use firmware::driver::KeptHome;
 use firmware::loop_link::LoopLink;
@@ -42,10 +41,8 @@ pub struct JointBoard<P> {
 impl<P: Periphery> Board for JointBoard<P> {
     const RESTART_FLUSH_US: u64 = 20_000;
 
-    // Not inlined: reading a 64-bit clock from its timer takes 50 bytes.
-    #[inline(never)]
     fn now_us(&mut self) -> u64 {
-        Instant::now().as_micros()
+        microseconds::now_us()
     }
 
     fn receive(&mut self) -> Option<Frame> {

@@ -1,7 +1,5 @@
-//! The end of the previous run, the clocks of the core, and the brown-out level.
+//! The end of the previous run, the crystal, and the brown-out level.
 
-use cortex_m::peripheral::{DCB, DWT};
-use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::pac;
 use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::pac::rcc::regs::Csr;
@@ -62,14 +60,6 @@ pub fn wait_for_crystal() {
         // Of the boot program, which has started it.
         pac::IWDG.kr().write(|w| w.set_key(Key::RESET));
     }
-}
-
-/// Starts the counter of cycles, and sets the priority of embassy's clock, which is that of the loop before.
-#[inline(always)]
-pub fn set_up_clocks(clock: &impl InterruptExt, trace: &mut DCB, counter: &mut DWT) {
-    clock.set_priority(Priority::P12);
-    trace.enable_trace();
-    counter.enable_cycle_counter();
 }
 
 /// Returns the reset cause and clears its flags. `is_ram_kept`: RAM holds the contents of the previous run.

@@ -5,6 +5,8 @@ use super::pins::{AMPLIFIER_SETTLING_S, BUS_DIVIDER, SHUNT};
 pub use super::pins::{BREAK_CEILING_A, DEAD_TIME};
 use super::rates::REFERENCE_V;
 pub use super::rates::{CAN_HZ, LIMITS, LOOP_HZ, PWM_TOP, WATCHDOG_US};
+use embassy_stm32::pac;
+pub use embassy_stm32::peripherals::TIM5 as TimePeripheral;
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::loop_parts::StageTraits;
@@ -12,6 +14,9 @@ use firmware::sensors::as504x::{MAX_CLOCK_HZ, clock_divider};
 use firmware::sensors::comparator::ComparatorLevels;
 use firmware::sensors::quiet::QuietWindow;
 use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, OffsetRange};
+
+/// Timer of 32 bits that counts the time.
+pub const TIME_COUNTER: pac::timer::TimGp32 = pac::TIM5;
 
 /// Scale of the shunts. A current into the motor lowers the voltage of a low-side shunt, unless the
 /// parameter `shunt_sign` states otherwise.

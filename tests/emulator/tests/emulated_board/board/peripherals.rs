@@ -17,9 +17,9 @@ use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::Code;
 use std::collections::BTreeSet;
 
-/// Interrupts that the image takes, with their priorities (RM0440, table 97): the loop's, the receiver's, the clock's. A lower
-/// number is more urgent.
-const INTERRUPTS: [(usize, i32); 3] = [(18, 0x10), (21, 0x80), (50, 0xC0)];
+/// Interrupts that the image takes, with their priorities (RM0440, table 97): the loop's and the receiver's. A lower number is
+/// more urgent.
+const INTERRUPTS: [(usize, i32); 2] = [(18, 0x10), (21, 0x80)];
 
 #[test]
 fn interrupts_of_the_image_have_their_priorities() {
