@@ -1,6 +1,6 @@
 //! The background loop of a board: all work of a joint driver that is not done in the interrupt.
 //!
-//! It runs a [`JointNode`]: the whole [`Driver`], or the [compact node](crate::compact) of a smaller chip.
+//! It runs a [`JointNode`]: the whole [driver](crate::driver), or the [compact node](crate::compact) of a smaller chip.
 //!
 //! ```text
 //! sensors, report of the current loop -> Driver -> commands, parts -> the current loop
@@ -9,27 +9,22 @@
 //! ```
 //! A [`Board`] provides the hardware (frames, time, sensors, watchdog) and calls [`Background::round`] whenever
 //! it wakes. All decisions that need no register are taken here. A caller with its own frames and time, such as
-//! a simulated bus, calls [`Background::receive`], [`Background::tick`] and [`Background::transmit`] instead.
+//! a simulated bus, calls [`Background::tick`] and the node instead.
 //! The current loop runs in an interrupt with higher priority; [`crate::loop_link`] connects the two.
 
-mod joint_node;
+pub use crate::joint_node::BoardState;
 
-pub use joint_node::JointNode;
-
-use crate::access::Key;
 use crate::control::PERIOD_S;
 use crate::deadline::DeadlineLimits;
-use crate::driver::{Boot, Driver, KeptHome, LoopReport};
+use crate::driver::LoopReport;
+use crate::joint_node::{BoardOutput, Boot, Equipment, Joint, JointNode};
 use crate::loop_link::LoopLink;
 use crate::loop_parts::LoopParts;
 use crate::loop_task::LoopTask;
 use crate::node_settings::BusSettings;
-use crate::sensors::biss::{self, TURN_WORDS};
-use crate::sensors::{LocalReadings, SensorParameters, enclosure};
+use crate::sensors::SensorParameters;
 use crate::start_values::StartValues;
-use crate::supervisor::CanState;
 use compensator_core::can::{FdTelemetry, Frame};
-use embedded_storage::nor_flash::NorFlash;
 
 /// Time between two ticks of the driver, us.
 pub const TICK_US: u64 = 1000;
@@ -37,50 +32,6 @@ pub const TICK_US: u64 = 1000;
 /// With an encoder at the joint's side, the reports must come in this time before the next tick, us: the tick and its commands
 /// are done by then. Until they do, the ticks are shifted by it.
 const TICK_SHIFT_US: u64 = 300;
-
-/// State of a board and its surroundings.
-#[derive(Clone, Copy, Debug)]
-pub struct BoardState {
-    /// Temperature of the bridge, deg C; `None` if it is not measured.
-    pub bridge_temperature_c: Option<f32>,
-    /// Temperature of the motor, deg C; `None` if it is not measured.
-    pub motor_temperature_c: Option<f32>,
-    /// The guard below the stack is intact.
-    pub stack_intact: bool,
-    /// The CAN controller lost received frames since the last query.
-    pub receiver_overrun: bool,
-    /// State of the CAN controller.
-    pub can: CanState,
-    /// Last readings of the board's own slow sensors.
-    pub sensors: LocalReadings,
-    /// Last readings of the dry side, and the channels of safe torque off.
-    pub enclosure: enclosure::Readings,
-    /// First words of the last frame of a BiSS encoder; `None` without one.
-    pub biss: Option<[u16; TURN_WORDS]>,
-    /// Levels of the Hall sensors, bits 0 to 2; 0 without sensors.
-    pub hall: u8,
-    /// Words of the encoder at the joint's side of the gear, latched when the last report came, or at this tick; `None` if
-    /// there is no such encoder.
-    pub joint_words: Option<[u16; biss::WORDS]>,
-}
-
-impl Default for BoardState {
-    /// Nothing is measured and there are no faults.
-    fn default() -> Self {
-        Self {
-            bridge_temperature_c: None,
-            motor_temperature_c: None,
-            stack_intact: true,
-            receiver_overrun: false,
-            can: CanState::Active,
-            sensors: LocalReadings::default(),
-            enclosure: enclosure::Readings::default(),
-            biss: None,
-            hall: 0,
-            joint_words: None,
-        }
-    }
-}
 
 /// Interface of a board to its background loop.
 pub trait Board {
@@ -102,7 +53,7 @@ pub trait Board {
     /// Sends a frame; called only if there is room.
     fn send(&mut self, frame: &Frame);
 
-    /// Sends a frame of CAN FD; called only if there is room, and if the board allowed it ([`Driver::allow_fd`]).
+    /// Sends a frame of CAN FD; called only if there is room, and if the board allowed it ([`Equipment::sends_fd`]).
     fn send_fd(&mut self, _frame: &FdTelemetry) {}
 
     /// Returns true if every frame passed to [`Board::send`] has been sent.
@@ -129,16 +80,8 @@ pub trait Board {
         false
     }
 
-    /// Sets the output of the holding brake, once per tick. With `None` the output is not driven, and the brake must be
-    /// closed.
-    fn set_holding_brake(&mut self, _output: Option<bool>) {}
-
-    /// Keeps the rise of the winding above the stator, K, across a reset: once per tick. The next start passes it to the
-    /// driver ([`Boot::winding_rise_k`]).
-    fn keep_heat(&mut self, _rise_k: f32) {}
-
-    /// Keeps the home across a reset: once per tick. The next start passes it to the driver ([`Boot::home`]).
-    fn keep_home(&mut self, _home: Option<KeptHome>) {}
+    /// Drives the holding brake, and keeps what the next start needs: once per tick.
+    fn apply(&mut self, _output: &BoardOutput) {}
 
     /// Refreshes the watchdog: once per tick, while the current loop reports.
     fn refresh_watchdog(&mut self) {}
@@ -158,20 +101,25 @@ pub enum RoundOutcome {
 
 /// State of the background loop: the node, and the time of its next tick.
 #[derive(Debug)]
-pub struct Background<N> {
-    driver: N,
+pub struct Background<J> {
+    node: JointNode<J>,
     due_us: u64,
 }
 
-impl<N: JointNode> Background<N> {
+impl<J: Joint> Background<J> {
     /// Creates a loop whose first tick is due now.
-    pub const fn new(driver: N, now_us: u64) -> Self {
-        Self { driver, due_us: now_us }
+    pub const fn new(node: JointNode<J>, now_us: u64) -> Self {
+        Self { node, due_us: now_us }
     }
 
-    /// Completes the start of a node that has loaded nothing: see [`Driver::load`].
+    /// Completes the start of a node that has loaded nothing: see [`JointNode::load`].
     pub fn load(&mut self, boot: &Boot, now_us: u64) {
-        self.driver.load(boot, now_us);
+        self.node.load(boot, now_us);
+    }
+
+    /// Gives the joint what the board has.
+    pub fn equip(&mut self, equipment: Equipment) {
+        self.node.joint.equip(equipment);
     }
 
     /// Runs all work that is due: the tick, then received frames until the next tick is due. A flood of frames delays a tick
@@ -181,12 +129,12 @@ impl<N: JointNode> Background<N> {
         loop {
             // Send the answers before the next frame is processed, so that they do not accumulate.
             self.send(board);
-            if self.driver.is_reset_requested() {
+            if self.node.is_reset_requested() {
                 break;
             }
             let Some(frame) = board.receive() else { return RoundOutcome::Sleep };
             let now_us = board.now_us();
-            self.driver.receive(&frame, now_us);
+            self.node.receive(&frame, now_us);
             // After the frame, so that a round processes one even if its tick took too long.
             if board.now_us() >= self.due_us {
                 return RoundOutcome::Continue;
@@ -214,8 +162,8 @@ impl<N: JointNode> Background<N> {
             // Missed ticks are skipped.
             self.due_us = now_us + TICK_US;
         }
-        board.apply_sensors(&self.driver.set().sensors);
-        board.accept_identifiers(&self.driver.receive_identifiers());
+        board.apply_sensors(&self.node.joint.parts().set.sensors);
+        board.accept_identifiers(&self.node.receive_identifiers());
         let state = board.state(now_us);
         if self.tick(&state, board.current_loop(), now_us) {
             board.refresh_watchdog();
@@ -224,39 +172,18 @@ impl<N: JointNode> Background<N> {
         if let Some(link) = board.current_loop() {
             link.end_tick(end_us);
         }
-        board.set_holding_brake(self.driver.brake_output());
-        if let Some(rise_k) = self.driver.winding_rise_k() {
-            board.keep_heat(rise_k);
-        }
-        board.keep_home(self.driver.kept_home());
+        board.apply(&self.node.joint.board_output());
     }
 
     // Called in several places: not inlined, to reduce the size of the image.
     #[inline(never)]
     fn send(&mut self, board: &mut impl Board) {
-        if let Some(frame) = self.driver.transmit_fd_if(|identifier| board.has_room_for(identifier))
-        {
+        if let Some(frame) = self.node.transmit_fd_if(|identifier| board.has_room_for(identifier)) {
             board.send_fd(&frame);
         }
-        while let Some(frame) = self.driver.transmit_if(|identifier| board.has_room_for(identifier))
-        {
+        while let Some(frame) = self.node.transmit_if(|identifier| board.has_room_for(identifier)) {
             board.send(&frame);
         }
-    }
-
-    /// Processes a received frame.
-    pub fn receive(&mut self, frame: &Frame, now_us: u64) {
-        self.driver.receive(frame, now_us);
-    }
-
-    /// Returns the next frame to send.
-    pub fn transmit(&mut self) -> Option<Frame> {
-        self.driver.transmit_if(|_| true)
-    }
-
-    /// Returns the frame of CAN FD that waits to be sent.
-    pub fn transmit_fd(&mut self) -> Option<FdTelemetry> {
-        self.driver.transmit_fd_if(|_| true)
     }
 
     /// Runs the work due every [`TICK_US`]. Returns true if the current loop reports, or if there is none.
@@ -266,31 +193,24 @@ impl<N: JointNode> Background<N> {
         current_loop: Option<&mut LoopLink>,
         now_us: u64,
     ) -> bool {
+        self.node.joint.take_board_state(state);
         let Some(link) = current_loop else {
             self.report(state, &LoopReport::default());
-            self.observe(state, now_us);
+            self.node.tick(now_us);
             return true;
         };
-        self.driver.set_joint_words(state.joint_words);
-        self.driver.take_hall(state.hall);
         link.reports(now_us, |report| self.report(state, &report));
-        link.scope_rows(|row| self.driver.take_scope_row(row));
-        self.observe(state, now_us);
-        let mut commands = self.driver.loop_commands(now_us);
-        state.sensors.apply_newer(&mut commands.covariates, now_us);
-        self.driver.check_seal_sensors(&mut commands.covariates, now_us);
-        commands.factors = self.driver.supply(&commands.covariates, now_us);
-        link.send_commands(commands, self.driver.set());
-        if let Some(gains) = self.driver.learnt_gains() {
-            link.send_gains(gains);
-        }
+        link.scope_rows(|row| self.node.joint.take_scope_row(row));
+        self.node.tick(now_us);
+        let output = self.node.joint.loop_output(&state.sensors, now_us);
+        link.send(&output, self.node.joint.parts().set);
         link.is_alive(now_us)
     }
 
     // Not inlined, for the same reason as `send`.
     #[inline(never)]
     fn report(&mut self, state: &BoardState, report: &LoopReport) {
-        self.driver.report(&LoopReport {
+        self.node.joint.report(&LoopReport {
             bridge_temperature_c: state.bridge_temperature_c,
             motor_temperature_c: state.motor_temperature_c,
             stack_intact: state.stack_intact,
@@ -298,28 +218,33 @@ impl<N: JointNode> Background<N> {
         });
     }
 
-    fn observe(&mut self, state: &BoardState, now_us: u64) {
-        self.driver.bus_state(state.receiver_overrun, state.can);
-        self.driver.set_enclosure(state.enclosure);
-        self.driver.take_biss(state.biss);
-        self.driver.tick(now_us);
-    }
-
-    /// Returns the node. An image has no access to it: what a board reads at its start only is in
+    /// Returns the node, on a PC. An image has no access to it: what a board reads at its start only is in
     /// [`Self::start_values`].
     #[cfg(not(target_os = "none"))]
-    pub const fn driver(&self) -> &N {
-        &self.driver
+    pub const fn node(&self) -> &JointNode<J> {
+        &self.node
+    }
+
+    /// Returns the node, on a PC: for frames without a board, and for its flash after a restart.
+    #[cfg(not(target_os = "none"))]
+    pub const fn node_mut(&mut self) -> &mut JointNode<J> {
+        &mut self.node
+    }
+
+    /// Returns the node by value, on a PC: for its flash after a restart.
+    #[cfg(not(target_os = "none"))]
+    pub fn into_node(self) -> JointNode<J> {
+        self.node
     }
 
     /// Returns the parameters of the start that the board reads.
-    pub fn start_values(&self) -> &StartValues {
-        self.driver.start_record().values()
+    pub fn start_values(&mut self) -> &StartValues {
+        self.node.joint.parts().start.values()
     }
 
     /// Returns the settings of the bus at the start.
-    pub fn bus_settings(&self) -> BusSettings {
-        self.driver.start_record().bus()
+    pub fn bus_settings(&mut self) -> BusSettings {
+        self.node.joint.parts().start.bus()
     }
 
     /// Returns the task of the current loop with the set of the start. If the power stage cannot drive with this set, the task
@@ -327,35 +252,14 @@ impl<N: JointNode> Background<N> {
     // Not inlined: its stack is free again during the rest of the start.
     #[inline(never)]
     pub fn loop_task(&mut self, limits: DeadlineLimits) -> LoopTask {
-        let stage = self.driver.stage();
-        let parts = LoopParts::build_or_measure_only(self.driver.set(), stage);
-        if !parts.may_drive
-            && let Err(refused) = LoopParts::build(self.driver.set(), stage, PERIOD_S)
+        let parts = self.node.joint.parts();
+        let (set, stage) = (parts.set, parts.identity.stage);
+        let built = LoopParts::build_or_measure_only(set, stage);
+        if !built.may_drive
+            && let Err(refused) = LoopParts::build(set, stage, PERIOD_S)
         {
-            self.driver.start_record_mut().set_refused(Some(refused));
+            parts.start.set_refused(Some(refused));
         }
-        LoopTask::new(parts, limits)
-    }
-}
-
-impl<F: NorFlash> Background<Driver<F>> {
-    /// States that the CAN controller sends frames of CAN FD.
-    pub const fn allow_fd(&mut self) {
-        self.driver.allow_fd();
-    }
-
-    /// Gives the scope its memory, values of 32 bits.
-    pub fn set_scope_memory(&mut self, memory: &'static mut [f32]) {
-        self.driver.set_scope_memory(memory);
-    }
-
-    /// Sets the secret of the access challenges: see [`Driver::seed_challenges`].
-    pub fn seed_challenges(&mut self, seed: [u8; Key::LENGTH]) {
-        self.driver.seed_challenges(seed);
-    }
-
-    /// Returns the flash, for the next start, or to close it before a restart.
-    pub fn into_flash(self) -> F {
-        self.driver.into_flash()
+        LoopTask::new(built, limits)
     }
 }

@@ -18,7 +18,7 @@
 //! - [`firmware::stack_guard`] closes a region below the stack. `is_intact` goes to
 //!   `LoopReport::stack_intact`. `take_overflow`, called before `paint`, goes to `Boot::stack_overflowed`. The handler of
 //!   the hard fault calls `record_overflow`.
-//! - [`firmware::heat_memory`] keeps the heat of the winding: `Board::keep_heat` stores it, and `kept` goes to
+//! - [`firmware::heat_memory`] keeps the heat of the winding: `Board::apply` stores it, and `kept` goes to
 //!   `Boot::winding_rise_k`.
 //! - `HardFault` is handled here; each board defines its own `DefaultHandler`.
 

@@ -28,6 +28,7 @@ pub mod deadline;
 pub mod drive_settings;
 pub mod driver;
 pub mod hil;
+pub mod joint_node;
 pub mod level_learner;
 mod log;
 pub mod loop_link;

@@ -6,7 +6,9 @@
 //! supervisor sees samples of growing age, and the watchdog is not refreshed.
 
 use crate::control::probe::ProbeReport;
-use crate::driver::{LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus};
+use crate::driver::{
+    LoopCommands, LoopOutput, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus,
+};
 use crate::loop_parts::{LoopParts, StageTraits};
 use crate::parameter_set::ParameterSet;
 use crate::scope::{QUEUE_ROWS, ScopeRow};
@@ -201,16 +203,10 @@ impl LoopLink<'_> {
         now_us.saturating_sub(self.reported_us) < LOOP_TIMEOUT_US
     }
 
-    /// Sends gains on the sizes of the model to the loop, if they are others than the last ones. They are those of the set
-    /// that [`Self::send_commands`] sent before.
-    pub fn send_gains(&mut self, (number, gains): (u32, Gains<f32>)) {
-        if number != self.gains_number && self.parts.ready() && self.gains.enqueue(gains).is_ok() {
-            self.gains_number = number;
-        }
-    }
-
-    /// Sends commands to the loop. If they belong to another parameter set, its parts are sent first.
-    pub fn send_commands(&mut self, commands: LoopCommands, set: &ParameterSet) {
+    /// Sends the output of a tick to the loop: gains only if they are others than the last ones, and before commands with
+    /// another parameter set its parts.
+    pub fn send(&mut self, output: &LoopOutput, set: &ParameterSet) {
+        let commands = output.commands;
         if !self.parts.ready() {
             // The loop has not taken the last parts, so it does not run, and these commands do not fit the old
             // parts.
@@ -223,6 +219,13 @@ impl LoopLink<'_> {
         }
         // If the queue is full, the loop does not run, and its set-point goes stale there.
         let _ = self.commands.enqueue(commands);
+        if let Some((number, gains)) = output.gains
+            && number != self.gains_number
+            && self.parts.ready()
+            && self.gains.enqueue(gains).is_ok()
+        {
+            self.gains_number = number;
+        }
     }
 }
 

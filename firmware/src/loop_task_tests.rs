@@ -3,7 +3,7 @@
 use super::*;
 use crate::control::probe::{BLOCK_PERIODS, ProbeCommand, ProbeReport};
 use crate::control::{PERIOD_S, ValidChannels};
-use crate::driver::LoopReport;
+use crate::driver::{LoopOutput, LoopReport};
 use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
@@ -420,7 +420,8 @@ fn interrupt_takes_parts_or_commands_or_gives_a_report_in_one_period() {
     let set = ParameterSet::default();
     let mut covariates = Covariates::MISSING;
     covariates.load_torque_nm = Reading { value: 7.0, age_s: 0.0 };
-    link.send_commands(LoopCommands { set_number: 1, covariates, ..drive(1.0) }, &set);
+    let commands = LoopCommands { set_number: 1, covariates, ..drive(1.0) };
+    link.send(&LoopOutput { commands, gains: None }, &set);
     let mut taken = Vec::new();
     for _ in 0..7 {
         task.interrupt(&mut StageStub, &mut port, 0, 0);
@@ -455,10 +456,11 @@ fn scope_signal_of_the_gain_follows_the_loop_and_is_one_after_a_swap() {
         signal::value(number, &task.values)
     };
     assert_eq!(recorded(&mut port), 1.0);
-    link.send_gains((1, Gains { level: 1.25, ..Gains::default() }));
+    let gains = Some((1, Gains { level: 1.25, ..Gains::default() }));
+    link.send(&LoopOutput { commands: drive(1.0), gains }, &ParameterSet::default());
     assert_eq!(recorded(&mut port), 1.25);
     let commands = LoopCommands { set_number: 1, ..drive(1.0) };
-    link.send_commands(commands, &ParameterSet::default());
+    link.send(&LoopOutput { commands, gains }, &ParameterSet::default());
     assert_eq!(recorded(&mut port), 1.0, "gains belong to the set that they were learnt with");
 }
 

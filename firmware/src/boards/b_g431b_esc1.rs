@@ -79,7 +79,7 @@ mod app {
     use core::mem::MaybeUninit;
     use embassy_stm32::gpio::{Level, Output, Speed};
     use firmware::background::{Background, BoardState};
-    use firmware::compact::CompactNode;
+    use firmware::compact::{CompactNode, Device};
     use firmware::driver::Identity;
     use firmware::loop_link::{LoopPort, LoopQueues};
     use firmware::loop_task::LoopTask;
@@ -93,8 +93,8 @@ mod app {
     /// Capacity of the queue of received frames. The background may be away while it evaluates parameters.
     const RECEIVE_QUEUE_FRAMES: usize = 32;
 
-    /// The node on its bus.
-    type Node = CompactNode<ChipFlash>;
+    /// The joint behind its node.
+    type Joint = Device<ChipFlash>;
 
     #[shared]
     struct Shared {}
@@ -108,12 +108,12 @@ mod app {
         // Owned by the receive interrupt.
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
-        background: &'static mut Background<Node>,
+        background: &'static mut Background<Joint>,
         board: JointBoard<BridgeThermistor>,
     }
 
     #[init(local = [
-        place: MaybeUninit<Background<Node>> = MaybeUninit::uninit(),
+        place: MaybeUninit<Background<Joint>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
     ])]
@@ -154,10 +154,10 @@ mod app {
         background.load(&boot, microseconds::now_us());
         watchdog::refresh_if_loop_runs();
         let task = background.loop_task(scales::LIMITS);
+        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } = background.bus_settings();
         let values = background.start_values();
         let inputs = Encoder::connect(values.kind(), wired.lines);
         overcurrent::follow(values.overcurrent_a);
-        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } = background.bus_settings();
         let controller = Controller::start(wired.can, node, bit_rate_kbit, data_bit_rate_kbit);
         let sign = values.shunt_sign;
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
@@ -177,9 +177,9 @@ mod app {
     // Not inlined: only then the node loads its parameters, and both take much of the stack.
     #[inline(never)]
     fn place_background(
-        place: &'static mut MaybeUninit<Background<Node>>,
+        place: &'static mut MaybeUninit<Background<Joint>>,
         store: ChipFlash,
-    ) -> &'static mut Background<Node> {
+    ) -> &'static mut Background<Joint> {
         let now_us = microseconds::now_us();
         let identity =
             Identity { hardware: "B-G431B-ESC1", serial: clocks::serial(), stage: scales::STAGE };

@@ -92,7 +92,8 @@ mod app {
     use core::mem::MaybeUninit;
     use embassy_stm32::gpio::{Flex, Pull, Speed};
     use firmware::background::{Background, BoardState};
-    use firmware::driver::{Boot, Driver, Identity};
+    use firmware::driver::{Boot, Device, Driver, Identity};
+    use firmware::joint_node::Equipment;
     use firmware::loop_link::{LoopPort, LoopQueues};
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::{BusSettings, NodeSettings};
@@ -119,12 +120,12 @@ mod app {
         // Owned by the receive interrupt.
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
-        background: &'static mut Background<Driver<ChipFlash>>,
+        background: &'static mut Background<Device<ChipFlash>>,
         board: JointBoard<DriverPeriphery>,
     }
 
     #[init(local = [
-        place: MaybeUninit<Background<Driver<ChipFlash>>> = MaybeUninit::uninit(),
+        place: MaybeUninit<Background<Device<ChipFlash>>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
         scope: [f32; SCOPE_VALUES] = [0.0; SCOPE_VALUES],
@@ -171,16 +172,15 @@ mod app {
         let store = ChipFlash::new(wired.inside.flash);
         let background = boot_background(context.local.place, store, &boot);
         watchdog::refresh_if_loop_runs();
-        background.set_scope_memory(context.local.scope);
-        background.allow_fd();
-        match random::seed() {
-            Some(seed) => background.seed_challenges(seed),
-            None => defmt::warn!("no random numbers: the challenges depend on key and time"),
+        let seed = random::seed();
+        if seed.is_none() {
+            defmt::warn!("no random numbers: the challenges depend on key and time");
         }
+        background.equip(Equipment { sends_fd: true, scope: Some(context.local.scope), seed });
         let task = background.loop_task(scales::LIMITS);
+        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } = background.bus_settings();
         let values = background.start_values();
         overcurrent::follow(values.overcurrent_a);
-        let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } = background.bus_settings();
         let controller = Controller::start(wired.can, node, bit_rate_kbit, data_bit_rate_kbit);
         let sign = values.shunt_sign;
         let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
@@ -214,10 +214,10 @@ mod app {
 
     /// Starts the driver and its background loop in place.
     fn boot_background(
-        place: &'static mut MaybeUninit<Background<Driver<ChipFlash>>>,
+        place: &'static mut MaybeUninit<Background<Device<ChipFlash>>>,
         store: ChipFlash,
         boot: &Boot<'_>,
-    ) -> &'static mut Background<Driver<ChipFlash>> {
+    ) -> &'static mut Background<Device<ChipFlash>> {
         let now_us = microseconds::now_us();
         // The compiler must not know the address. Otherwise it replaces a pointer to each part of the driver by the address of
         // the whole, and the large offsets of the fields take 7 KB of flash.
@@ -233,10 +233,10 @@ mod app {
     /// much of the stack.
     #[inline(never)]
     fn place_background(
-        place: &'static mut MaybeUninit<Background<Driver<ChipFlash>>>,
+        place: &'static mut MaybeUninit<Background<Device<ChipFlash>>>,
         store: ChipFlash,
         now_us: u64,
-    ) -> &'static mut Background<Driver<ChipFlash>> {
+    ) -> &'static mut Background<Device<ChipFlash>> {
         let identity = Identity {
             hardware: "STM32G474 joint driver",
             serial: clocks::serial(),

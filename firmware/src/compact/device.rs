@@ -9,17 +9,19 @@ use crate::driver::device::seal_sensors::SealSensors;
 use crate::driver::device::{event_detail, watch};
 use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
-use crate::driver::{Boot, Identity, LoopCommands, LoopReport};
-use crate::node::Outbox;
+use crate::driver::{LoopCommands, LoopOutput, LoopReport};
+use crate::joint_node::{BoardOutput, BoardState, Boot, Identity, Joint, NodeParts};
 use crate::node::dictionary::records::InputsObject;
 use crate::node::sdo::Abort;
+use crate::node::{Network, NmtAction, Outbox};
 use crate::node_settings::{InputSource, MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::scope::ScopeOrder;
+use crate::sensors::LocalReadings;
 use crate::start_values::StartRecord;
 use crate::store::{LoadError, Store};
 use crate::supervisor::{CanState, Observation, ParameterSource, Supervisor, SupervisorBoot};
 use crate::watch::ResidualWatch;
-use compensator_core::can::{NodeId, SampleAssembler, SyncFrame};
+use compensator_core::can::{Frame, NodeId, SampleAssembler, SyncFrame, cob_id};
 use embedded_storage::nor_flash::NorFlash;
 
 /// Number of frames at a SYNC.
@@ -27,96 +29,47 @@ pub(super) const SYNC_FRAMES: usize = 5;
 
 /// All parts of a compact node except its network state and its object server.
 #[derive(Debug)]
-pub(super) struct Device<F> {
-    pub now_us: u64,
-    pub settings: NodeSettings,
+pub struct Device<F> {
+    pub(super) now_us: u64,
+    pub(super) settings: NodeSettings,
     /// Codes that refused the last request.
-    pub blocking: u32,
-    pub can: CanState,
-    pub motor: MotorObservation,
-    pub compensation: CompensationShare,
-    pub watch: Option<ResidualWatch>,
-    pub received: ReceivedInputs,
-    pub inputs: InputsObject,
+    pub(super) blocking: u32,
+    pub(super) can: CanState,
+    pub(super) motor: MotorObservation,
+    pub(super) compensation: CompensationShare,
+    pub(super) watch: Option<ResidualWatch>,
+    pub(super) received: ReceivedInputs,
+    pub(super) inputs: InputsObject,
     /// Kind of the joint in a trace.
-    pub joint_kind: u32,
-    pub samples: SampleAssembler,
+    pub(super) joint_kind: u32,
+    pub(super) samples: SampleAssembler,
     /// Counter of the last SYNC, in the ring of those that have one.
-    pub sync_counter: u8,
+    pub(super) sync_counter: u8,
     /// Each frame of a sample is sent at every n-th SYNC; 0: as by default.
-    pub sync_types: [u8; SYNC_FRAMES],
+    pub(super) sync_types: [u8; SYNC_FRAMES],
     /// SYNCs since each frame was sent.
-    pub syncs: [u8; SYNC_FRAMES],
-    pub current_loop: LoopExchange,
-    pub counters: Counters,
-    pub identity: Identity,
-    pub history: History,
-    pub seal_sensors: SealSensors,
-    pub store: Store<F>,
-    pub outbox: Outbox,
-    pub supervisor: Supervisor,
-    pub staging: Staging,
-    pub start: StartRecord,
+    pub(super) syncs: [u8; SYNC_FRAMES],
+    pub(super) current_loop: LoopExchange,
+    pub(super) counters: Counters,
+    pub(super) identity: Identity,
+    pub(super) history: History,
+    pub(super) seal_sensors: SealSensors,
+    pub(super) store: Store<F>,
+    pub(super) outbox: Outbox,
+    pub(super) supervisor: Supervisor,
+    pub(super) staging: Staging,
+    pub(super) start: StartRecord,
 }
 
 impl<F: NorFlash> Device<F> {
-    pub fn with_defaults(
-        settings: NodeSettings,
-        flash: F,
-        identity: Identity,
-        now_us: u64,
-    ) -> Self {
-        Self {
-            now_us,
-            settings,
-            blocking: 0,
-            can: CanState::Active,
-            motor: MotorObservation::default(),
-            compensation: CompensationShare::default(),
-            watch: None,
-            received: ReceivedInputs::default(),
-            // Inputs before any frame: every float is NaN.
-            inputs: InputsObject::filled(f32::NAN.to_bits()),
-            joint_kind: 0,
-            samples: SampleAssembler::new(settings.node),
-            sync_counter: SyncFrame::LAST,
-            sync_types: [0; SYNC_FRAMES],
-            syncs: [0; SYNC_FRAMES],
-            current_loop: LoopExchange::default(),
-            counters: Counters::default(),
-            identity,
-            history: History::default(),
-            seal_sensors: SealSensors::default(),
-            store: Store::open(flash),
-            outbox: Outbox::default(),
-            supervisor: Supervisor::default(),
-            staging: Staging::default(),
-            start: StartRecord::default(),
-        }
+    /// Returns the supervisor.
+    pub const fn supervisor(&self) -> &Supervisor {
+        &self.supervisor
     }
 
-    /// Loads settings and parameters from the store and records how the previous run ended.
-    #[inline(never)]
-    pub fn load(&mut self, boot: &Boot) {
-        let parameters = self.load_block();
-        self.start = StartRecord::of(self.staging.active(), self.settings.bus());
-        let commissioned = self.is_commissioned();
-        self.supervisor.start(
-            &self.staging.active().thresholds,
-            &SupervisorBoot {
-                reset: boot.cause,
-                panicked: boot.panic.is_some(),
-                stack_overflowed: boot.stack_overflowed,
-                store: self.store.health(),
-                parameters,
-                commissioned,
-                failed_self_test: boot.failed_self_test,
-            },
-        );
-        self.motor.set_winding_rise(boot.winding_rise_k);
-        self.restart_watch();
-        self.history.set_panic(boot.panic.unwrap_or_default());
-        self.restart_communication();
+    /// Returns the flash.
+    pub fn flash(&self) -> &F {
+        self.store.flash()
     }
 
     // Not inlined: the stack of the block is free again during the rest of the start.
@@ -149,38 +102,160 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns to the defaults of the communication.
-    pub fn restart_communication(&mut self) {
+    pub(super) fn restart_communication(&mut self) {
         self.samples = SampleAssembler::new(self.node());
         self.sync_types = [0; SYNC_FRAMES];
         self.syncs = [0; SYNC_FRAMES];
     }
 
     /// Starts the watch of the model with the parameters in use.
-    pub fn restart_watch(&mut self) {
+    pub(super) fn restart_watch(&mut self) {
         self.watch = watch(&self.staging.active().watch, &self.settings);
     }
 
     /// Returns the node number of the settings.
-    pub const fn node(&self) -> NodeId {
+    pub(super) const fn node(&self) -> NodeId {
         self.settings.node
     }
 
-    pub fn disarm(&mut self) {
+    pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
     }
 
     /// Returns true if the bridge drives the motor.
-    pub fn is_bridge_in_use(&self) -> bool {
+    pub(super) fn is_bridge_in_use(&self) -> bool {
         self.supervisor.is_bridge_allowed()
     }
 
-    pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
-        self.counters.count_bus(receiver_overrun, self.can, can);
-        self.can = can;
+    pub(super) fn loop_commands(&self, now_us: u64) -> LoopCommands {
+        let age_h = now_us as f32 * (1e-6 / 3600.0);
+        let (set_number, gate_resets, home) = self.current_loop.orders();
+        let supervisor = &self.supervisor;
+        LoopCommands {
+            setpoint: self.received.setpoint(now_us),
+            covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
+            bridge: supervisor.is_bridge_allowed(),
+            brake: self.staging.active().motor.brake_at_stop != 0.0
+                && supervisor.is_braking_allowed(),
+            compensation: supervisor.is_compensation_allowed(),
+            current_share: supervisor.current_share(),
+            compensation_share: self.compensation.share(),
+            factors: None,
+            set_number,
+            gate_resets,
+            home,
+            probe: None,
+            scope: ScopeOrder::OFF,
+        }
     }
 
-    /// Processes a report of the current loop.
-    pub fn take_report(&mut self, report: &LoopReport) {
+    pub(super) fn error_register(&self) -> u8 {
+        self.supervisor.faults().error_register() | self.supervisor.limits().error_register()
+    }
+
+    pub(super) fn is_commissioned(&self) -> bool {
+        self.settings.commissioned == self.staging.wiring_crc()
+    }
+}
+
+impl<F: NorFlash> Joint for Device<F> {
+    type Flash = F;
+
+    fn with_defaults(settings: NodeSettings, flash: F, identity: Identity, now_us: u64) -> Self {
+        Self {
+            now_us,
+            settings,
+            blocking: 0,
+            can: CanState::Active,
+            motor: MotorObservation::default(),
+            compensation: CompensationShare::default(),
+            watch: None,
+            received: ReceivedInputs::default(),
+            // Inputs before any frame: every float is NaN.
+            inputs: InputsObject::filled(f32::NAN.to_bits()),
+            joint_kind: 0,
+            samples: SampleAssembler::new(settings.node),
+            sync_counter: SyncFrame::LAST,
+            sync_types: [0; SYNC_FRAMES],
+            syncs: [0; SYNC_FRAMES],
+            current_loop: LoopExchange::default(),
+            counters: Counters::default(),
+            identity,
+            history: History::default(),
+            seal_sensors: SealSensors::default(),
+            store: Store::open(flash),
+            outbox: Outbox::default(),
+            supervisor: Supervisor::default(),
+            staging: Staging::default(),
+            start: StartRecord::default(),
+        }
+    }
+
+    #[inline(never)]
+    fn load(&mut self, boot: &Boot) {
+        let parameters = self.load_block();
+        self.start = StartRecord::of(self.staging.active(), self.settings.bus());
+        let commissioned = self.is_commissioned();
+        self.supervisor.start(
+            &self.staging.active().thresholds,
+            &SupervisorBoot {
+                reset: boot.cause,
+                panicked: boot.panic.is_some(),
+                stack_overflowed: boot.stack_overflowed,
+                store: self.store.health(),
+                parameters,
+                commissioned,
+                failed_self_test: boot.failed_self_test,
+            },
+        );
+        self.motor.set_winding_rise(boot.winding_rise_k);
+        self.restart_watch();
+        self.history.set_panic(boot.panic.unwrap_or_default());
+        self.restart_communication();
+    }
+
+    fn parts(&mut self) -> NodeParts<'_> {
+        NodeParts {
+            settings: &self.settings,
+            identity: &self.identity,
+            set: self.staging.active(),
+            supervisor: &self.supervisor,
+            start: &mut self.start,
+            counters: &mut self.counters,
+            outbox: &mut self.outbox,
+        }
+    }
+
+    fn set_time(&mut self, now_us: u64) {
+        self.now_us = now_us;
+    }
+
+    fn take_frame(&mut self, frame: &Frame, network: &Network, now_us: u64) -> Option<NmtAction> {
+        self.now_us = now_us;
+        self.take_process_frame(frame, network.node(), network.is_operational());
+        None
+    }
+
+    fn receive_identifiers(&self, node: NodeId) -> [u16; 6] {
+        // The filters of the start accept everything with its node number, which another one needs too.
+        let node = u16::from(node.number());
+        let [a, b, c] = [cob_id::RPDO_2, cob_id::RPDO_3, cob_id::RPDO_4].map(|base| base + node);
+        [a, b, c, 0, 0, 0]
+    }
+
+    fn stop(&mut self, command: Option<NmtAction>, _now_us: u64) {
+        self.disarm();
+        if command == Some(NmtAction::ResetCommunication) {
+            self.restart_communication();
+        }
+    }
+
+    fn take_board_state(&mut self, state: &BoardState) {
+        self.counters.count_bus(state.receiver_overrun, self.can, state.can);
+        self.can = state.can;
+    }
+
+    fn report(&mut self, report: &LoopReport) {
         self.current_loop.take_report(report);
         if report.is_repeated {
             // A tick just before a report finds none, and the next one finds two: a step here would be one too many.
@@ -207,80 +282,40 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Evaluates the last report.
-    pub fn tick(&mut self, heartbeat_lost: bool, now_us: u64) {
+    fn tick(&mut self, network: &Network, now_us: u64) -> bool {
         self.now_us = now_us;
-        let (report, motor) = (self.current_loop.report(), self.motor.state());
         let is_position_needed = self.supervisor.thresholds().position_required != 0;
-        let observation = Observation {
-            bus_voltage_v: report.bus_voltage_v,
-            phase_currents_a: report.phase_currents_a,
-            current_a: report.current_a,
-            current_setpoint_a: report.current_reference_a,
-            velocity_rad_s: report.velocity_rad_s,
-            bridge_temperature_c: report.bridge_temperature_c,
-            motor_temperature_c: report.motor_temperature_c,
-            winding_temperature_c: motor.winding_c,
-            motor_against: motor.is_emf_reversed,
-            turns_unseen: motor.is_turning_unseen,
-            motor_stands: motor.is_blocked,
+        let (report, awaited) = (self.current_loop.report(), self.settings.awaited_heartbeat);
+        let mut observation = Observation {
             position_missing: is_position_needed && report.position_rad.is_nan(),
-            stalled: motor.is_stalled,
-            over_compensated: self.compensation.is_over_compensated(),
-            radial_force_stuck: self.seal_sensors.is_radial_force_stuck(),
-            pressure_stuck: self.seal_sensors.is_pressure_stuck(),
-            sample_age_us: report.sample_age_us,
-            gate_driver_fault: report.gate_driver_fault,
-            system_break: report.system_break,
-            bridge_shorted: report.bridge_shorted,
-            magnet_fault: report.magnet_fault,
             stack_intact: report.stack_intact,
             can: self.can,
-            heartbeat_lost,
-            loop_flags: report.loop_flags,
-            compensator: report.flags,
+            heartbeat_lost: network.is_heartbeat_missing(awaited, now_us),
             model_in_band: self.watch.as_ref().and_then(ResidualWatch::in_band),
             ..Observation::default()
         };
+        let (motor, compensation) = (self.motor.state(), &self.compensation);
+        self.current_loop.observe(motor, compensation, &self.seal_sensors, &mut observation);
         self.supervisor.observe(&observation, now_us);
         self.current_loop.mark_report_seen();
+        false
     }
 
-    pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
-        let age_h = now_us as f32 * (1e-6 / 3600.0);
-        let (set_number, gate_resets, home) = self.current_loop.orders();
-        let supervisor = &self.supervisor;
-        LoopCommands {
-            setpoint: self.received.setpoint(now_us),
-            covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
-            bridge: supervisor.is_bridge_allowed(),
-            brake: self.staging.active().motor.brake_at_stop != 0.0
-                && supervisor.is_braking_allowed(),
-            compensation: supervisor.is_compensation_allowed(),
-            current_share: supervisor.current_share(),
-            compensation_share: self.compensation.share(),
-            factors: None,
-            set_number,
-            gate_resets,
-            home,
-            probe: None,
-            scope: ScopeOrder::OFF,
-        }
+    fn loop_output(&mut self, sensors: &LocalReadings, now_us: u64) -> LoopOutput {
+        let mut commands = self.loop_commands(now_us);
+        sensors.apply_newer(&mut commands.covariates, now_us);
+        self.seal_sensors.check(&mut commands.covariates, now_us);
+        LoopOutput { commands, gains: None }
     }
 
-    /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field.
-    pub fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
+    fn board_output(&self) -> BoardOutput {
+        BoardOutput { winding_rise_k: self.motor.winding_rise_k(), ..BoardOutput::default() }
+    }
+
+    fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
         let code = self.history.record_event(event);
         let [number, test] = event_detail(&self.supervisor, event);
         Some((code, self.error_register(), [number, 0, test, 0, 0]))
-    }
-
-    pub fn error_register(&self) -> u8 {
-        self.supervisor.faults().error_register() | self.supervisor.limits().error_register()
-    }
-
-    pub fn is_commissioned(&self) -> bool {
-        self.settings.commissioned == self.staging.wiring_crc()
     }
 }

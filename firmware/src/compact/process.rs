@@ -5,8 +5,8 @@ use crate::driver::counters::count;
 use crate::driver::received::CommandSequence;
 use crate::node::dictionary::records::InputsObject;
 use compensator_core::can::{
-    AnswerFrame, CommandFrame, Frame, FrameError, Message, MotionFrame, NodeId, SealFrame,
-    StatusFrame, SurroundingsFrame, SyncFrame, SyncOutcome, TelemetryFrame, TorqueFrame, cob_id,
+    AnswerFrame, CommandFrame, Frame, Message, MotionFrame, NodeId, SealFrame, StatusFrame,
+    SurroundingsFrame, SyncFrame, SyncOutcome, TelemetryFrame, TorqueFrame, cob_id,
 };
 use embedded_storage::nor_flash::NorFlash;
 
@@ -21,7 +21,7 @@ const SYNC_ORDER: [usize; SYNC_FRAMES] = [3, 4, 0, 1, 2];
 
 impl<F: NorFlash> Device<F> {
     /// Processes a frame that is neither of the network nor a request of an object.
-    pub fn take_frame(&mut self, frame: &Frame, node: NodeId, is_operational: bool) {
+    pub(super) fn take_process_frame(&mut self, frame: &Frame, node: NodeId, is_operational: bool) {
         let is_plain_sync = frame.identifier() == cob_id::SYNC && frame.data().is_empty();
         match Message::parse(frame) {
             _ if is_plain_sync && is_operational => {
@@ -32,11 +32,7 @@ impl<F: NorFlash> Device<F> {
             _ if is_plain_sync => self.counters.count_passed_over(),
             Ok(Message::Sync(sync)) => self.sync(sync, node),
             Ok(message) => self.take_input(&message, frame, node),
-            Err(FrameError::Foreign(_)) => self.counters.count_foreign(),
-            Err(FrameError::Length { .. }) => self.counters.count_wrong_length(),
-            Err(FrameError::Counter(_) | FrameError::JointKind(_)) => {
-                self.counters.count_wrong_content();
-            }
+            Err(error) => self.counters.count_error(&error),
         }
     }
 
@@ -55,7 +51,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Processes an input that was written as an object, in the same way as its frame. Velocity, position and torque of this
     /// joint are measured; its load torque is not.
-    pub fn input(&mut self, sub_index: u8, word: u32) {
+    pub(super) fn input(&mut self, sub_index: u8, word: u32) {
         let Some(words) = self.inputs.set(sub_index, word) else { return };
         let node = self.node();
         let [first, second] = words.map(f32::from_bits);
@@ -107,7 +103,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the transmission type of a frame: it is sent at every n-th SYNC.
-    pub fn sync_type(&self, slot: usize) -> u8 {
+    pub(super) fn sync_type(&self, slot: usize) -> u8 {
         match self.sync_types.get(slot) {
             Some(0) | None if slot == MOTION => 1,
             Some(0) | None if slot == TELEMETRY && self.settings.telemetry_every > 1 => {

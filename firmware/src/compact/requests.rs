@@ -13,7 +13,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Executes a request to the state machine: 0 disarm, 1 arm, 2 clear faults.
-    pub fn request(&mut self, request: u8) -> Result<(), Abort> {
+    pub(super) fn request(&mut self, request: u8) -> Result<(), Abort> {
         match request {
             0 => {
                 self.disarm();
@@ -68,7 +68,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
-    pub fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
+    pub(super) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
         if !position_rad.is_finite() {
             let why = refusal!("set_position_rad = {f32}: must be a finite number", position_rad);
             return Err(self.staging.refuse(Abort::Value, why));
@@ -78,7 +78,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Makes the staged set the active one.
-    pub fn commit(&mut self, meant: u32) -> Result<(), Abort> {
+    pub(super) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
         self.staging.validate_commit(meant)?;
         let set = self.staging.staged();
         // The loop receives the same parts after the commit.
@@ -97,7 +97,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Confirms that the joint is wired as its parameters say; `seen` is the CRC of these wiring parameters.
-    pub fn confirm_wiring(&mut self, seen: u32) -> Result<(), Abort> {
+    pub(super) fn confirm_wiring(&mut self, seen: u32) -> Result<(), Abort> {
         let wiring = self.staging.wiring_crc();
         if seen != wiring {
             let why = refusal!(
@@ -121,13 +121,13 @@ impl<F: NorFlash> Device<F> {
 
     /// Stores settings and the active set. The processor may wait for its flash meanwhile, so the bridge must be off: the
     /// rights of the object ensure it.
-    pub fn save(&mut self) -> Result<(), Abort> {
+    pub(super) fn save(&mut self) -> Result<(), Abort> {
         let (block, settings) = (emit_block(&self.settings, self.staging.active()), self.settings);
         self.write_block(&block, &settings)
     }
 
     /// Stores the defaults; they apply from the next start, as in CiA 301.
-    pub fn restore_defaults(&mut self) -> Result<(), Abort> {
+    pub(super) fn restore_defaults(&mut self) -> Result<(), Abort> {
         let settings = NodeSettings::default();
         self.write_block(&emit_block(&settings, &ParameterSet::default()), &settings)
     }

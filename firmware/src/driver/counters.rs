@@ -2,6 +2,7 @@
 
 pub use crate::node::dictionary::records::Counters;
 use crate::supervisor::CanState;
+use compensator_core::can::FrameError;
 
 /// Adds to a counter; saturates.
 #[inline(never)]
@@ -16,8 +17,14 @@ impl Counters {
     pub(crate) fn count_wrong_length(&mut self) {
         count(&mut self.wrong_length, 1);
     }
-    pub(crate) fn count_wrong_content(&mut self) {
-        count(&mut self.wrong_content, 1);
+
+    /// Counts a frame that is not a legal message.
+    pub(crate) fn count_error(&mut self, error: &FrameError) {
+        match error {
+            FrameError::Foreign(_) => self.count_foreign(),
+            FrameError::Length { .. } => self.count_wrong_length(),
+            FrameError::Counter(_) | FrameError::JointKind(_) => count(&mut self.wrong_content, 1),
+        }
     }
 
     /// Counts an overrun of the receiver, and a controller that has gone off its bus since `before`.

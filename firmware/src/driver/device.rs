@@ -29,30 +29,25 @@ mod turn_readings;
 pub(crate) mod values;
 
 use super::counters::Counters;
-use super::home::KeptHome;
-use super::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
+use super::loop_data::{LoopCommands, LoopOutput, LoopReport, REPORT_PERIOD_S};
 use super::motion::Motion;
 use super::received::ReceivedInputs;
 use super::staging::Staging;
 use crate::access::Lock;
-use crate::control::Covariates;
+use crate::joint_node::{BoardOutput, BoardState, Boot, Equipment, Identity, Joint, NodeParts};
 use crate::level_learner::LevelLearner;
-use crate::loop_parts::StageTraits;
-use crate::node::Outbox;
-use crate::node::dictionary::records;
+use crate::node::lss::LSS_REQUEST;
 use crate::node::lss::Lss;
+use crate::node::{Network, NmtAction, Outbox};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
-use crate::scope::Scope;
-use crate::sensors::enclosure;
+use crate::scope::{Scope, ScopeRow};
+use crate::sensors::{LocalReadings, enclosure};
 use crate::start_values::StartRecord;
-use crate::supervisor::{
-    CanState, Code, Event, JointState, Observation, ResetCause, SelfTest, Supervisor,
-};
-use crate::update::Program;
+use crate::supervisor::{CanState, Code, Event, JointState, Observation, Supervisor};
 use crate::watch::{ResidualWatch, WatchParameters};
 use compensation_share::CompensationShare;
-use compensator_core::can::{Frame, Message, NodeId};
+use compensator_core::can::{Frame, Message, NodeId, cob_id};
 use current_loop::LoopExchange;
 use embedded_storage::nor_flash::NorFlash;
 use history::History;
@@ -71,60 +66,6 @@ use turn_readings::TurnReadings;
 
 /// Maximum length of a stored panic text, bytes.
 pub const MAX_PANIC_BYTES: usize = 160;
-
-/// Identity of a driver.
-#[derive(Clone, Copy, Debug)]
-pub struct Identity {
-    /// Name of the board.
-    pub hardware: &'static str,
-    /// Serial number of the board.
-    pub serial: u32,
-    /// Properties of its power stage, which limit the parameters.
-    pub stage: StageTraits,
-}
-
-impl Identity {
-    /// Returns the identity object of the dictionary.
-    pub fn object(&self) -> records::IdentityObject {
-        crate::update::recovery::identity(self.serial)
-    }
-}
-
-/// State of the board at the start, and how the previous run ended.
-#[derive(Clone, Copy, Debug)]
-pub struct Boot<'a> {
-    /// Cause of the reset.
-    pub cause: ResetCause,
-    /// Text of a panic before the reset.
-    pub panic: Option<&'a str>,
-    /// The guard below the stack was overwritten.
-    pub stack_overflowed: bool,
-    /// First of the board's start-up tests that failed.
-    pub failed_self_test: Option<SelfTest>,
-    /// Rise of the winding above the stator at the end of the previous run, K. `None` if the board has lost it, such as
-    /// without power: the winding is then assumed to be hot.
-    pub winding_rise_k: Option<f32>,
-    /// Home that the previous run kept; `None` if the board has lost it, such as without power. The flash may have it then.
-    pub home: Option<KeptHome>,
-    /// Places of images and parameters, if the board has two banks. Otherwise the parameters use the whole flash, and
-    /// there are no updates.
-    pub program: Option<Program>,
-}
-
-impl Default for Boot<'_> {
-    /// Power-on without faults, after a pause in which the winding has cooled.
-    fn default() -> Self {
-        Self {
-            cause: ResetCause::PowerOn,
-            panic: None,
-            stack_overflowed: false,
-            failed_self_test: None,
-            winding_rise_k: Some(0.0),
-            home: None,
-            program: None,
-        }
-    }
-}
 
 /// All parts of a driver except its network state and its object server.
 // Small parts first: the offset of a field in a load is limited, and each access beyond takes an instruction more.
@@ -169,100 +110,81 @@ pub struct Device<F> {
     /// Process data objects as a master has set them; reset with the communication.
     pdos: Pdos,
     adaptation: LevelLearner,
+    /// Time at which the model is logged, us; `None` afterwards.
+    model_log_us: Option<u64>,
 }
 
 impl<F: NorFlash> Device<F> {
-    pub(super) const fn settings(&self) -> &NodeSettings {
+    /// Returns the settings in use.
+    pub const fn settings(&self) -> &NodeSettings {
         &self.settings
     }
 
-    pub(super) const fn supervisor(&self) -> &Supervisor {
+    /// Returns the supervisor.
+    pub const fn supervisor(&self) -> &Supervisor {
         &self.supervisor
     }
 
-    pub(super) fn set(&self) -> &ParameterSet {
+    /// Returns the counters of the bus side.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Returns the parameters in use.
+    pub fn set(&self) -> &ParameterSet {
         self.staging.active()
     }
 
-    pub(super) fn outbox(&mut self) -> &mut Outbox {
-        &mut self.outbox
-    }
-
-    pub(super) fn flash(&self) -> &F {
+    /// Returns the flash.
+    pub fn flash(&self) -> &F {
         self.memory.store().flash()
     }
 
-    pub(super) fn flash_mut(&mut self) -> &mut F {
+    /// Returns the flash, for a simulated fault.
+    pub fn flash_mut(&mut self) -> &mut F {
         self.memory.flash_mut()
     }
 
-    pub(super) fn into_flash(self) -> F {
+    /// Returns the flash by value, as a power cut leaves it.
+    pub fn into_flash(self) -> F {
         self.memory.into_flash()
     }
 
     /// Returns true if the joint is armed, on its own sensors or in HIL.
     // Not inlined, to reduce the size of the image, like all small functions below with this attribute.
     #[inline(never)]
-    pub(super) fn is_armed(&self) -> bool {
+    pub fn is_armed(&self) -> bool {
         self.supervisor.is_armed() || self.samples.is_hil_armed()
     }
 
-    /// Sets the time of a request, and ends a session that is over by then.
-    pub(super) fn set_time(&mut self, now_us: u64) {
-        self.now_us = now_us;
-        self.watch_session();
+    /// Returns what the supervisor evaluates.
+    fn observation(&self, heartbeat_lost: bool) -> Observation {
+        let mut observation = Observation {
+            can: self.can,
+            heartbeat_lost,
+            stack_intact: self.current_loop.report().stack_intact,
+            model_in_band: self.watch.as_ref().and_then(ResidualWatch::in_band),
+            ..Observation::default()
+        };
+        // A joint in HIL has no bridge to supervise.
+        if self.settings.source == InputSource::Sensors {
+            let (motor, compensation) = (self.motor.state(), &self.compensation);
+            self.current_loop.observe(motor, compensation, &self.seal_sensors, &mut observation);
+            observation.position_missing = self.motion.is_position_missing(&self.seen());
+            observation.following_error =
+                self.motion.following_state(&self.seen()).1 || self.joint_encoder.are_sides_apart();
+            observation.brake_test_failed = self.motion.brake_test.has_failed();
+            observation.magnet_fault |= self.joint_encoder.has_warning();
+            observation.enclosure = enclosure::assess(&self.enclosure, &self.set().sensors);
+        }
+        observation
     }
 
-    /// Runs the periodic work: see [`super::Driver::tick`].
-    pub(super) fn tick(&mut self, heartbeat_lost: bool, now_us: u64) {
+    /// Evaluates the last report: stops, supervisor, measurements and what is kept.
+    fn evaluate(&mut self, heartbeat_lost: bool, now_us: u64) {
         self.now_us = now_us;
-        let (report, motor) = (self.current_loop.report(), self.motor.state());
-        let measures = self.settings.source == InputSource::Sensors;
-        let in_band = self.watch.as_ref().and_then(ResidualWatch::in_band);
-        let observation = if measures {
-            Observation {
-                bus_voltage_v: report.bus_voltage_v,
-                phase_currents_a: report.phase_currents_a,
-                current_a: report.current_a,
-                current_setpoint_a: report.current_reference_a,
-                velocity_rad_s: report.velocity_rad_s,
-                bridge_temperature_c: report.bridge_temperature_c,
-                motor_temperature_c: report.motor_temperature_c,
-                winding_temperature_c: motor.winding_c,
-                motor_against: motor.is_emf_reversed,
-                turns_unseen: motor.is_turning_unseen,
-                motor_stands: motor.is_blocked,
-                position_missing: self.motion.is_position_missing(&self.seen()),
-                following_error: self.motion.following_state(&self.seen()).1
-                    || self.joint_encoder.are_sides_apart(),
-                stalled: motor.is_stalled,
-                brake_test_failed: self.motion.brake_test.has_failed(),
-                over_compensated: self.compensation.is_over_compensated(),
-                radial_force_stuck: self.seal_sensors.is_radial_force_stuck(),
-                pressure_stuck: self.seal_sensors.is_pressure_stuck(),
-                sample_age_us: report.sample_age_us,
-                gate_driver_fault: report.gate_driver_fault,
-                system_break: report.system_break,
-                bridge_shorted: report.bridge_shorted,
-                magnet_fault: report.magnet_fault || self.joint_encoder.has_warning(),
-                enclosure: enclosure::assess(&self.enclosure, &self.set().sensors),
-                stack_intact: report.stack_intact,
-                can: self.can,
-                heartbeat_lost,
-                loop_flags: report.loop_flags,
-                compensator: report.flags,
-                model_in_band: in_band,
-            }
-        } else {
-            // A joint in HIL has no bridge to supervise.
-            Observation {
-                stack_intact: report.stack_intact,
-                can: self.can,
-                heartbeat_lost,
-                model_in_band: in_band,
-                ..Observation::default()
-            }
-        };
+        self.step_turn_readings();
+        let observation = self.observation(heartbeat_lost);
         self.supervisor.set_ramp_faults(self.motion.ramp_faults(&self.seen()));
         self.move_by(Motion::prepare_stops);
         self.move_by(Motion::watch_target);
@@ -293,8 +215,143 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Processes a report of the current loop: see [`super::Driver::report`].
-    pub(super) fn take_report(&mut self, report: &LoopReport) {
+    /// Returns the commands for the current loop.
+    pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
+        let drives = self.settings.source == InputSource::Sensors;
+        let age_h = now_us as f32 * (1e-6 / 3600.0);
+        let (set_number, gate_resets, home) = self.current_loop.orders();
+        LoopCommands {
+            setpoint: self.motion.setpoint(&self.seen(), now_us),
+            covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
+            bridge: drives && self.supervisor.is_bridge_allowed(),
+            brake: drives
+                && (self.set().motor.brake_at_stop != 0.0
+                    || self.motion.stopping.shorts_low_sides())
+                && self.supervisor.is_braking_allowed(),
+            compensation: drives
+                && self.supervisor.is_compensation_allowed()
+                && !self.motion.is_commissioning()
+                && !self.motion.brake_test.is_running(),
+            current_share: self.supervisor.current_share(),
+            compensation_share: self.compensation.share(),
+            factors: None,
+            set_number,
+            gate_resets,
+            home,
+            probe: self.motion.probe(),
+            scope: self.scope.order(),
+        }
+    }
+
+    /// Disarms the joint, for any source of inputs.
+    #[inline(never)]
+    pub(super) fn disarm(&mut self) {
+        self.supervisor.disarm();
+        self.motion.end();
+        self.samples.arm_hil(false);
+    }
+}
+
+impl<F: NorFlash> Joint for Device<F> {
+    type Flash = F;
+
+    fn with_defaults(settings: NodeSettings, flash: F, identity: Identity, now_us: u64) -> Self {
+        Self::unloaded(settings, flash, identity, now_us)
+    }
+
+    fn load(&mut self, boot: &Boot) {
+        self.load_stored(boot);
+    }
+
+    fn equip(&mut self, equipment: Equipment) {
+        self.sends_fd = equipment.sends_fd;
+        if let Some(memory) = equipment.scope {
+            self.scope = Scope::new(memory);
+        }
+        if let Some(seed) = equipment.seed {
+            self.lock.seed(seed);
+        }
+    }
+
+    fn parts(&mut self) -> NodeParts<'_> {
+        NodeParts {
+            settings: &self.settings,
+            identity: &self.identity,
+            set: self.staging.active(),
+            supervisor: &self.supervisor,
+            start: &mut self.start,
+            counters: &mut self.counters,
+            outbox: &mut self.outbox,
+        }
+    }
+
+    /// Sets the time of a request, and ends a session that is over by then.
+    fn set_time(&mut self, now_us: u64) {
+        self.now_us = now_us;
+        self.watch_session();
+    }
+
+    fn take_heartbeat(&mut self, now_us: u64) {
+        self.confirm_target_by_heartbeat(now_us);
+    }
+
+    fn take_frame(&mut self, frame: &Frame, network: &Network, now_us: u64) -> Option<NmtAction> {
+        if frame.identifier() == LSS_REQUEST {
+            return self.configure(frame).then_some(NmtAction::ResetCommunication);
+        }
+        let is_operational = network.is_operational();
+        let slot = self.receive_slot(frame.identifier());
+        let is_plain_sync = frame.identifier() == cob_id::SYNC && frame.data().is_empty();
+        if slot.is_some() || is_plain_sync {
+            match slot {
+                _ if !is_operational => self.counters.count_passed_over(),
+                Some(slot) => self.take_pdo(slot, frame, now_us),
+                None => self.take_sync(None, now_us),
+            }
+            return None;
+        }
+        match Message::parse(frame) {
+            Ok(_) if !is_operational => self.counters.count_passed_over(),
+            // The receive PDOs have been processed: other frames are those of other joints, or of a disabled PDO.
+            Ok(Message::Sync(sync)) => self.take_sync(Some(sync.counter), now_us),
+            Ok(_) => self.counters.count_foreign(),
+            Err(error) => self.counters.count_error(&error),
+        }
+        None
+    }
+
+    fn receive_identifiers(&self, _node: NodeId) -> [u16; 6] {
+        self.pdo_identifiers()
+    }
+
+    fn stop(&mut self, command: Option<NmtAction>, now_us: u64) {
+        self.set_time(now_us);
+        match command {
+            Some(NmtAction::State(_)) => self.restart_pdos(),
+            Some(NmtAction::Reset) => self.note_ordered_restart(),
+            Some(NmtAction::ResetCommunication) | None => {}
+        }
+        self.stop_connection();
+        if command == Some(NmtAction::ResetCommunication) {
+            self.lock();
+            self.reset_pdos();
+        }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.motion.has_stopped(&self.seen())
+    }
+
+    fn take_board_state(&mut self, state: &BoardState) {
+        self.counters.count_bus(state.receiver_overrun, self.can, state.can);
+        self.can = state.can;
+        self.enclosure = state.enclosure;
+        self.turn_readings.words = state.biss;
+        self.joint_encoder.words = state.joint_words;
+        self.motion.take_hall(state.hall);
+    }
+
+    fn report(&mut self, report: &LoopReport) {
         self.current_loop.take_report(report);
         if report.is_repeated {
             // A tick just before a report finds none, and the next one finds two: a step here would be one too many.
@@ -332,63 +389,41 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    pub(super) const fn winding_rise_k(&self) -> Option<f32> {
-        self.motor.winding_rise_k()
+    fn take_scope_row(&mut self, row: &ScopeRow) {
+        self.scope.take(row);
     }
 
-    /// Checks the sensors of side load and pressure: see [`super::Driver::check_seal_sensors`].
-    pub(super) fn check_seal_sensors(&mut self, covariates: &mut Covariates, now_us: u64) {
-        self.seal_sensors.check(covariates, now_us);
-        self.adaptation.take_covariates(covariates);
+    fn tick(&mut self, network: &Network, now_us: u64) -> bool {
+        let awaited = self.settings.awaited_heartbeat;
+        self.evaluate(network.is_heartbeat_missing(awaited, now_us), now_us);
+        if network.is_operational() {
+            self.transmit_events(now_us);
+        }
+        if self.model_log_us.is_some_and(|log_us| now_us >= log_us) {
+            self.model_log_us = None;
+            self.log_model();
+        }
+        self.program.is_restart_due(now_us)
     }
 
-    pub(super) fn loop_commands(&self, now_us: u64) -> LoopCommands {
-        let drives = self.settings.source == InputSource::Sensors;
-        let age_h = now_us as f32 * (1e-6 / 3600.0);
-        let (set_number, gate_resets, home) = self.current_loop.orders();
-        LoopCommands {
-            setpoint: self.motion.setpoint(&self.seen(), now_us),
-            covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
-            bridge: drives && self.supervisor.is_bridge_allowed(),
-            brake: drives
-                && (self.set().motor.brake_at_stop != 0.0
-                    || self.motion.stopping.shorts_low_sides())
-                && self.supervisor.is_braking_allowed(),
-            compensation: drives
-                && self.supervisor.is_compensation_allowed()
-                && !self.motion.is_commissioning()
-                && !self.motion.brake_test.is_running(),
-            current_share: self.supervisor.current_share(),
-            compensation_share: self.compensation.share(),
-            factors: None,
-            set_number,
-            gate_resets,
-            home,
-            probe: self.motion.probe(),
-            scope: self.scope.order(),
+    fn loop_output(&mut self, sensors: &LocalReadings, now_us: u64) -> LoopOutput {
+        let mut commands = self.loop_commands(now_us);
+        sensors.apply_newer(&mut commands.covariates, now_us);
+        self.seal_sensors.check(&mut commands.covariates, now_us);
+        self.adaptation.take_covariates(&commands.covariates);
+        commands.factors = self.supply(&commands.covariates, now_us);
+        LoopOutput { commands, gains: Some(self.learnt()) }
+    }
+
+    fn board_output(&self) -> BoardOutput {
+        BoardOutput {
+            brake: self.motion.stopping.brake().output(&self.settings.drive),
+            winding_rise_k: self.motor.winding_rise_k(),
+            home: self.kept_home(),
         }
     }
 
-    pub(super) fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
-        self.counters.count_bus(receiver_overrun, self.can, can);
-        self.can = can;
-    }
-
-    /// Sets the last readings of the dry side: see [`super::Driver::set_enclosure`].
-    pub(super) const fn set_enclosure(&mut self, readings: enclosure::Readings) {
-        self.enclosure = readings;
-    }
-
-    /// Disarms the joint, for any source of inputs.
-    #[inline(never)]
-    pub(super) fn disarm(&mut self) {
-        self.supervisor.disarm();
-        self.motion.end();
-        self.samples.arm_hil(false);
-    }
-
-    /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field.
-    pub(super) fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
+    fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
         let code = self.history.record_event(event);
         let [number, test] = event_detail(&self.supervisor, event);

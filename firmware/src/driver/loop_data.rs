@@ -8,6 +8,7 @@ use crate::control::probe::{ProbeCommand, ProbeReport};
 use crate::control::{Covariates, LoopFlags, Setpoint};
 use crate::scope::ScopeOrder;
 use compensator_core::Flags;
+use compensator_core::adaptation::Gains;
 use compensator_core::network::Factors;
 
 /// Time between two reports of the current loop, s.
@@ -44,6 +45,15 @@ pub struct LoopCommands {
     pub probe: Option<ProbeCommand>,
     /// What the scope records.
     pub scope: ScopeOrder,
+}
+
+/// What a tick gives to the current loop.
+#[derive(Clone, Copy, Debug)]
+pub struct LoopOutput {
+    /// Commands, with the factors of a network.
+    pub commands: LoopCommands,
+    /// Gains that the adaptation has learnt, and their number.
+    pub gains: Option<(u32, Gains<f32>)>,
 }
 
 /// Position of the joint, set by a caller who knows it. An encoder on the motor gives the angle within a motor

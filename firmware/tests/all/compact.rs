@@ -2,9 +2,9 @@
 
 use compensator_core::ParameterId;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
-use firmware::background::JointNode as _;
 use firmware::compact::CompactNode;
 use firmware::driver::{Boot, Identity, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::NodeSettings;
@@ -65,7 +65,7 @@ impl Bench {
             self.counter = self.counter.wrapping_add(1);
             let command = CommandFrame::new(0.0, 0.0, self.counter);
             self.node.receive(&Message::Command(NODE, command).emit(), self.now_us);
-            self.node.report(&LoopReport {
+            self.node.joint.report(&LoopReport {
                 bus_voltage_v: Some(48.0),
                 phase_currents_a: Some([0.0; 3]),
                 stack_intact,
@@ -78,7 +78,7 @@ impl Bench {
     }
 
     fn is_armed(&self) -> bool {
-        self.node.supervisor().is_armed()
+        self.node.joint.supervisor().is_armed()
     }
 }
 
@@ -89,7 +89,9 @@ fn overwritten_stack_guard_stops_an_armed_node() {
     bench.pass(20, true);
     assert!(bench.is_armed());
     bench.pass(2, false);
-    assert!(!bench.is_armed() && bench.node.supervisor().faults().contains(Code::StackOverflow));
+    assert!(
+        !bench.is_armed() && bench.node.joint.supervisor().faults().contains(Code::StackOverflow)
+    );
 }
 
 #[test]

@@ -125,9 +125,9 @@ fn nmt_stop_disarms() {
         let mut bench = Bench::hil();
         bench.start();
         bench.write(index::STATE, 1, &[1]).unwrap();
-        assert!(bench.driver.is_armed());
+        assert!(bench.driver.joint.is_armed());
         bench.driver.receive(&frame(0, &[command, 0]), 0);
-        assert!(!bench.driver.is_armed());
+        assert!(!bench.driver.joint.is_armed());
     }
 }
 

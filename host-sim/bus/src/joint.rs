@@ -6,7 +6,8 @@
 use crate::bus::{Bus, BusError, Participant};
 use compensator_core::can::NodeId;
 use firmware::background::{Background, BoardState, TICK_US};
-use firmware::driver::{Boot, Driver, Identity};
+use firmware::driver::{Boot, Device, Driver, Identity};
+use firmware::joint_node::Equipment;
 use firmware::loop_parts::StageTraits;
 use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
@@ -25,7 +26,7 @@ const TICK_NS: u64 = 1000 * TICK_US;
 /// A joint driver on this PC.
 pub struct JointNode {
     /// `None` only during a restart.
-    background: Option<Background<Driver<MemoryFlash<FLASH_PAGES>>>>,
+    background: Option<Background<Device<MemoryFlash<FLASH_PAGES>>>>,
     defaults: NodeSettings,
     file: Option<PathBuf>,
     /// Contents of the flash file.
@@ -47,13 +48,12 @@ fn start_background(
     flash: MemoryFlash<FLASH_PAGES>,
     boot: &Boot,
     now_us: u64,
-) -> Background<Driver<MemoryFlash<FLASH_PAGES>>> {
+) -> Background<Device<MemoryFlash<FLASH_PAGES>>> {
     let driver = Driver::boot(defaults, flash, IDENTITY, boot, now_us);
     let mut background = Background::new(driver, now_us);
-    background.allow_fd();
     let [low, high] = [0u8, 1].map(|half| RandomState::new().hash_one(half).to_le_bytes());
-    background
-        .seed_challenges(std::array::from_fn(|at| if at < 8 { low[at] } else { high[at - 8] }));
+    let seed = std::array::from_fn(|at| if at < 8 { low[at] } else { high[at - 8] });
+    background.equip(Equipment { sends_fd: true, seed: Some(seed), scope: None });
     background
 }
 
@@ -89,7 +89,7 @@ impl JointNode {
 
     /// Returns the driver, for inspection.
     pub fn driver(&self) -> Option<&Driver<MemoryFlash<FLASH_PAGES>>> {
-        self.background.as_ref().map(Background::driver)
+        self.background.as_ref().map(Background::node)
     }
 
     /// Returns the number of restarts over the bus.
@@ -117,7 +117,7 @@ impl JointNode {
     /// Writes the flash to its file if it has changed.
     fn save_flash(&mut self) -> io::Result<()> {
         let (Some(path), Some(driver)) = (&self.file, self.driver()) else { return Ok(()) };
-        let now = image(driver.flash());
+        let now = image(driver.joint.flash());
         if now != self.written {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
             let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
@@ -133,7 +133,7 @@ impl JointNode {
             && let Some(background) = self.background.take()
         {
             let boot = Boot { cause: ResetCause::Software, ..Boot::default() };
-            let (flash, now_us) = (background.into_flash(), now_ns / 1000);
+            let (flash, now_us) = (background.into_node().joint.into_flash(), now_ns / 1000);
             self.background = Some(start_background(self.defaults, flash, &boot, now_us));
             self.restarts += 1;
         }
@@ -195,7 +195,7 @@ impl Participant for JointNode {
     fn receive(&mut self, frame: &CanFrame, now_ns: u64) {
         // The driver's CAN controller accepts classic data frames with 11-bit identifiers only.
         if let (Some(frame), Some(background)) = (frame.to_joint(), &mut self.background) {
-            background.receive(&frame, now_ns / 1000);
+            background.node_mut().receive(&frame, now_ns / 1000);
         }
         self.restart_if_asked(now_ns);
     }
@@ -208,10 +208,10 @@ impl Participant for JointNode {
     }
 
     fn transmit(&mut self) -> Option<CanFrame> {
-        let background = self.background.as_mut()?;
-        if let Some(telemetry) = background.transmit_fd() {
+        let node = self.background.as_mut()?.node_mut();
+        if let Some(telemetry) = node.transmit_fd_if(|_| true) {
             return Some(telemetry.into());
         }
-        background.transmit().map(CanFrame::from)
+        node.transmit().map(CanFrame::from)
     }
 }

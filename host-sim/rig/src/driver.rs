@@ -5,11 +5,12 @@
 use crate::{BoardSensors, PERIODS_PER_MS, PowerUp, Stage};
 use compensator_core::can::Frame;
 use firmware::access::AccessSettings;
-use firmware::background::{Background, BoardState, JointNode, TICK_US};
-use firmware::compact::CompactNode;
+use firmware::background::{Background, BoardState, TICK_US};
+use firmware::compact;
 use firmware::control::{PERIOD_S, PowerStage};
 use firmware::deadline::DeadlineLimits;
-use firmware::driver::{Boot, Driver, Identity};
+use firmware::driver::{Boot, Device, Driver, Identity};
+use firmware::joint_node::{Equipment, Joint, JointNode};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
@@ -69,7 +70,7 @@ pub trait RigDriver {
     fn limits(&mut self) -> CodeSet;
 
     /// The driver itself, if it runs in this process.
-    fn library(&self) -> Option<&Driver<MemoryFlash<4>>> {
+    fn library(&self) -> Option<&Driver<RigFlash>> {
         None
     }
 }
@@ -111,70 +112,35 @@ pub fn stored_flash<const PAGES: usize>(
 /// Flash of the drivers in this process.
 pub type RigFlash = MemoryFlash<4>;
 
-/// A node of the firmware's library that a rig can run.
-pub trait RigNode: JointNode + Sized {
-    /// Creates the node. It has loaded nothing yet.
-    fn create(flash: RigFlash, identity: Identity, now_us: u64) -> Self;
-
-    /// Returns its background loop, with what a board gives it.
-    fn background(self, now_us: u64) -> Background<Self> {
-        Background::new(self, now_us)
-    }
-
-    /// Returns its supervisor.
-    fn supervisor(&self) -> &Supervisor;
-
+/// A joint of the firmware's library that a rig can run.
+pub trait RigJoint: Joint<Flash = RigFlash> {
     /// Returns its flash.
     fn flash(&self) -> &RigFlash;
 
-    /// Returns the node if it is the whole driver.
-    fn whole_driver(&self) -> Option<&Driver<RigFlash>> {
+    /// Returns its node if it is the whole driver.
+    fn whole_driver(_node: &JointNode<Self>) -> Option<&Driver<RigFlash>> {
         None
     }
 }
 
-impl RigNode for Driver<RigFlash> {
-    fn create(flash: RigFlash, identity: Identity, now_us: u64) -> Self {
-        Self::with_defaults(NodeSettings::default(), flash, identity, now_us)
-    }
-
-    fn background(self, now_us: u64) -> Background<Self> {
-        let mut background = Background::new(self, now_us);
-        background.allow_fd();
-        // The driver keeps this memory as long as a board would: for ever.
-        background.set_scope_memory(Box::leak(Box::new([0.0; SCOPE_VALUES])));
-        background
-    }
-
-    fn supervisor(&self) -> &Supervisor {
-        Self::supervisor(self)
-    }
-
+impl RigJoint for Device<RigFlash> {
     fn flash(&self) -> &RigFlash {
         Self::flash(self)
     }
 
-    fn whole_driver(&self) -> Option<&Driver<RigFlash>> {
-        Some(self)
+    fn whole_driver(node: &JointNode<Self>) -> Option<&Driver<RigFlash>> {
+        Some(node)
     }
 }
 
-impl RigNode for CompactNode<RigFlash> {
-    fn create(flash: RigFlash, identity: Identity, now_us: u64) -> Self {
-        Self::with_defaults(NodeSettings::default(), flash, identity, now_us)
-    }
-
-    fn supervisor(&self) -> &Supervisor {
-        Self::supervisor(self)
-    }
-
+impl RigJoint for compact::Device<RigFlash> {
     fn flash(&self) -> &RigFlash {
         Self::flash(self)
     }
 }
 
 /// The firmware's library as driver: background loop, queues and interrupt in this process.
-pub struct LibraryDriver<'q, N = Driver<RigFlash>> {
+pub struct LibraryDriver<'q, N = Device<RigFlash>> {
     background: Background<N>,
     task: LoopTask,
     port: LoopPort<'q>,
@@ -201,18 +167,21 @@ const SCOPE_VALUES: usize = 6144;
 const LIMITS: DeadlineLimits = DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000);
 
 /// Returns the background loop of a node that starts now from this flash.
-fn start_node<N: RigNode>(
+fn start_node<N: RigJoint>(
     flash: RigFlash,
     identity: Identity,
     boot: &Boot,
     now_us: u64,
 ) -> Background<N> {
-    let mut node = N::create(flash, identity, now_us);
-    node.load(boot, now_us);
-    node.background(now_us)
+    let node = JointNode::boot(NodeSettings::default(), flash, identity, boot, now_us);
+    let mut background = Background::new(node, now_us);
+    // The driver keeps this memory as long as a board would: for ever.
+    let scope = Box::leak(Box::new([0.0; SCOPE_VALUES]));
+    background.equip(Equipment { sends_fd: true, scope: Some(scope), seed: None });
+    background
 }
 
-impl<'q, N: RigNode> LibraryDriver<'q, N> {
+impl<'q, N: RigJoint> LibraryDriver<'q, N> {
     /// Starts a driver on this stage.
     ///
     /// # Errors
@@ -248,6 +217,10 @@ impl<'q, N: RigNode> LibraryDriver<'q, N> {
         Ok(driver)
     }
 
+    fn supervisor(&mut self) -> &Supervisor {
+        self.background.node_mut().joint.parts().supervisor
+    }
+
     fn run_current_loop(&mut self) {
         for _ in 0..PERIODS_PER_MS {
             if self.is_reset {
@@ -266,7 +239,7 @@ impl<'q, N: RigNode> LibraryDriver<'q, N> {
     }
 }
 
-impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
+impl<N: RigJoint> RigDriver for LibraryDriver<'_, N> {
     fn stage(&self) -> &Stage {
         &self.stage
     }
@@ -279,7 +252,7 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
     fn receive(&mut self, frame: &Frame) {
         let is_free = self.stalled_ms == 0 && self.deferred_frames.is_empty();
         if is_free && !self.is_reset {
-            self.background.receive(frame, self.now_us);
+            self.background.node_mut().receive(frame, self.now_us);
         } else if self.deferred_frames.len() < RECEIVE_QUEUE_FRAMES {
             self.deferred_frames.push_back(*frame);
         }
@@ -289,7 +262,7 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
         self.now_us += TICK_US;
         if self.stalled_ms == 0 && !self.is_reset {
             while let Some(frame) = self.deferred_frames.pop_front() {
-                self.background.receive(&frame, self.now_us);
+                self.background.node_mut().receive(&frame, self.now_us);
             }
             let state = BoardState {
                 hall: self.stage.hall_levels(),
@@ -300,19 +273,20 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
             if self.background.tick(&state, Some(&mut self.link), self.now_us) {
                 self.watchdog_unserviced_ms = 0;
             }
-            if self.background.driver().is_reset_requested() {
+            if self.background.node().is_reset_requested() {
                 (self.is_reset, self.reset_cause) = (true, ResetCause::Software);
             }
         }
         // Without its firmware, the processor does not drive the output.
-        let output = self.background.driver().brake_output().filter(|_| !self.is_reset);
+        let output = self.background.node().joint.board_output().brake.filter(|_| !self.is_reset);
         self.stage.plant.energise_brake(output == Some(true));
         if let Some(sync) = sync {
             self.receive(&sync);
         }
         if self.stalled_ms == 0 {
-            self.background.transmit_fd().map(CanFrame::from).into_iter().for_each(&mut *sent);
-            while let Some(frame) = self.background.transmit() {
+            let node = self.background.node_mut();
+            node.transmit_fd_if(|_| true).map(CanFrame::from).into_iter().for_each(&mut *sent);
+            while let Some(frame) = node.transmit() {
                 sent(frame.into());
             }
         }
@@ -342,12 +316,13 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
 
     fn restart(&mut self) -> Result<(), String> {
         self.now_us += TICK_US;
-        let previous = self.background.driver();
+        let previous = &self.background.node().joint;
+        let output = previous.board_output();
         let has_memory = self.reset_cause != ResetCause::PowerOn;
         let boot = Boot {
             cause: self.reset_cause,
-            winding_rise_k: previous.winding_rise_k().filter(|_| has_memory),
-            home: previous.kept_home().filter(|_| has_memory),
+            winding_rise_k: output.winding_rise_k.filter(|_| has_memory),
+            home: output.home.filter(|_| has_memory),
             ..Boot::default()
         };
         let flash = previous.flash().clone();
@@ -366,20 +341,19 @@ impl<N: RigNode> RigDriver for LibraryDriver<'_, N> {
     }
 
     fn is_armed(&mut self) -> bool {
-        let node = self.background.driver();
-        let is_in_hil = node.whole_driver().is_some_and(Driver::is_armed);
-        (node.supervisor().is_armed() || is_in_hil) && !self.is_reset
+        let is_in_hil = self.library().is_some_and(|driver| driver.joint.is_armed());
+        (self.supervisor().is_armed() || is_in_hil) && !self.is_reset
     }
 
     fn faults(&mut self) -> CodeSet {
-        self.background.driver().supervisor().faults()
+        self.supervisor().faults()
     }
 
     fn limits(&mut self) -> CodeSet {
-        self.background.driver().supervisor().limits()
+        self.supervisor().limits()
     }
 
-    fn library(&self) -> Option<&Driver<MemoryFlash<4>>> {
-        self.background.driver().whole_driver()
+    fn library(&self) -> Option<&Driver<RigFlash>> {
+        N::whole_driver(self.background.node())
     }
 }

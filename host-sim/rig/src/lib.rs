@@ -28,7 +28,8 @@ pub use board::{
 };
 pub use bus::RigBus;
 pub use driver::{
-    LibraryDriver, RigDriver, RigFlash, RigNode, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash,
+    LibraryDriver, RigDriver, RigFlash, RigJoint, WATCHDOG_TIMEOUT_MS, codes_from_bits,
+    stored_flash,
 };
 pub use faults::{RigFaults, SealSensorFault};
 pub use incremental::{HallFault, LineFault};
@@ -41,10 +42,10 @@ use compensator_core::can::{
 };
 use faults::DelayLine;
 use firmware::background::{BoardState, TICK_US};
-use firmware::compact::CompactNode;
+use firmware::compact;
 use firmware::control::PERIOD_S;
 use firmware::drive_settings::DriveSettings;
-use firmware::driver::{Boot, Driver};
+use firmware::driver::{Boot, Device, Driver};
 use firmware::loop_link::LoopQueues;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
@@ -173,7 +174,7 @@ pub fn run_from_power_up<R>(
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, String> {
     let mut queues = LoopQueues::new();
-    start_driver::<Driver<RigFlash>>(&mut queues, start, plant, faults)
+    start_driver::<Device<RigFlash>>(&mut queues, start, plant, faults)
         .map(|mut rig| work(&mut rig))
 }
 
@@ -188,7 +189,7 @@ pub fn run_compact_from_power_up<R>(
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, String> {
     let mut queues = LoopQueues::new();
-    start_driver::<CompactNode<RigFlash>>(&mut queues, start, plant, faults)
+    start_driver::<compact::Device<RigFlash>>(&mut queues, start, plant, faults)
         .map(|mut rig| work(&mut rig))
 }
 
@@ -204,7 +205,7 @@ pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFau
 }
 
 /// Starts the library as driver from power-up, connected through these queues.
-fn start_driver<'q, N: RigNode + 'q>(
+fn start_driver<'q, N: RigJoint + 'q>(
     queues: &'q mut LoopQueues,
     start: &PowerUp,
     plant: JointPlant,
@@ -388,9 +389,7 @@ impl JointRig<'_> {
     }
 
     /// The driver, if it runs in this process.
-    pub fn library(
-        &self,
-    ) -> Option<&firmware::driver::Driver<firmware::store::memory::MemoryFlash<4>>> {
+    pub fn library(&self) -> Option<&Driver<RigFlash>> {
         self.driver.library()
     }
 

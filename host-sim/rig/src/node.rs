@@ -12,7 +12,7 @@ use super::{
     EncoderFault, JointRig, PowerUp, RigDriver, RigFaults, RigFlash, service, start_driver,
 };
 use compensator_core::can::{Message, NodeId, SealFrame, SurroundingsFrame};
-use firmware::driver::Driver;
+use firmware::driver::Device;
 use firmware::loop_link::LoopQueues;
 use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
@@ -140,7 +140,7 @@ impl MotorNode {
     fn with_plant(plant: JointPlant, start: &PowerUp) -> Result<Self, String> {
         // The driver keeps its queues as long as a board would: for ever.
         let queues = Box::leak(Box::new(LoopQueues::new()));
-        start_driver::<Driver<RigFlash>>(queues, start, plant, RigFaults::default())
+        start_driver::<Device<RigFlash>>(queues, start, plant, RigFaults::default())
             .map(Self::with_rig)
     }
 

@@ -72,7 +72,7 @@ pub fn run(arguments: &NodeArguments) -> Result<(), String> {
     let outcome = joint.run(&mut bus, |_| {
         STOPPED.load(Ordering::Relaxed) || longest.is_some_and(|longest| start.elapsed() >= longest)
     });
-    let counters = joint.driver().map(|driver| *driver.counters()).unwrap_or_default();
+    let counters = joint.driver().map(|driver| *driver.joint.counters()).unwrap_or_default();
     print_text(&format!(
         "frames received: {}, restarts: {}\n",
         counters.received,

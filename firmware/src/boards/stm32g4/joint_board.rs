@@ -3,8 +3,8 @@
 use super::can::{self, Controller};
 use super::{microseconds, watchdog};
 use compensator_core::can::{FdTelemetry, Frame};
-use firmware::background::{Background, Board, BoardState, JointNode, RoundOutcome};
-use firmware::driver::KeptHome;
+use firmware::background::{Background, Board, BoardState, RoundOutcome};
+use firmware::joint_node::{BoardOutput, Joint};
 use firmware::loop_link::LoopLink;
 use firmware::sensors::SensorParameters;
 use firmware::{heat_memory, home_memory, stack_guard};
@@ -18,7 +18,7 @@ pub trait Periphery {
     /// See [`Board::apply_sensors`].
     fn apply_sensors(&mut self, sensors: &SensorParameters);
 
-    /// See [`Board::set_holding_brake`].
+    /// Sets the output of the holding brake: see [`BoardOutput::brake`].
     fn set_holding_brake(&mut self, _output: Option<bool>) {}
 
     /// Starts to read the encoder at the joint's side, if there is one. Returns true if it has started now.
@@ -90,16 +90,12 @@ impl<P: Periphery> Board for JointBoard<P> {
         self.link.has_report() && self.periphery.read_joint_encoder()
     }
 
-    fn set_holding_brake(&mut self, output: Option<bool>) {
-        self.periphery.set_holding_brake(output);
-    }
-
-    fn keep_home(&mut self, home: Option<KeptHome>) {
-        home_memory::keep(home);
-    }
-
-    fn keep_heat(&mut self, rise_k: f32) {
-        heat_memory::keep(rise_k);
+    fn apply(&mut self, output: &BoardOutput) {
+        self.periphery.set_holding_brake(output.brake);
+        if let Some(rise_k) = output.winding_rise_k {
+            heat_memory::keep(rise_k);
+        }
+        home_memory::keep(output.home);
     }
 
     fn refresh_watchdog(&mut self) {
@@ -119,8 +115,8 @@ pub fn receive_frames(queue: &mut Producer<'static, Frame>) {
 
 /// Runs the background loop.
 #[inline(always)]
-pub fn run_background<N: JointNode, P: Periphery>(
-    background: &mut Background<N>,
+pub fn run_background<J: Joint, P: Periphery>(
+    background: &mut Background<J>,
     board: &mut JointBoard<P>,
 ) -> ! {
     loop {

@@ -80,7 +80,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the gains for the loop, and their number. In a torque mode no loop of this driver bounds the speed of a joint
     /// whose friction has ended since it was learnt, so that the set is the most that applies.
-    pub(in crate::driver) fn learnt(&self) -> (u32, Gains<f32>) {
+    pub fn learnt(&self) -> (u32, Gains<f32>) {
         let (number, gains) = self.adaptation.gains();
         let is_bounded = self.motion.mover(&self.seen()).is_torque()
             && self.settings.drive.adapt != ON_IN_EVERY_MODE;

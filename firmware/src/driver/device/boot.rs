@@ -27,9 +27,12 @@ use crate::update::Program;
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
+/// Time from the start until the model and its live terms are logged, us: sensors and bus have reported by then.
+const MODEL_LOG_DELAY_US: u64 = 1_000_000;
+
 impl<F: NorFlash> Device<F> {
-    /// Creates a device with default parameters, to be completed by [`Self::load`].
-    pub(in crate::driver) fn with_defaults(
+    /// Creates a device with default parameters, to be completed by [`Self::load_stored`].
+    pub(super) fn unloaded(
         defaults: NodeSettings,
         flash: F,
         identity: Identity,
@@ -72,13 +75,14 @@ impl<F: NorFlash> Device<F> {
             pdos: Pdos::new(defaults.node),
             lss: Lss::default(),
             lock: Lock::default(),
+            model_log_us: Some(now_us.saturating_add(MODEL_LOG_DELAY_US)),
             now_us,
         }
     }
 
     /// Loads settings and parameters from the store and records how the previous run ended.
     #[inline(never)]
-    pub(in crate::driver) fn load(&mut self, boot: &Boot) {
+    pub(super) fn load_stored(&mut self, boot: &Boot) {
         let (journals, home) = match boot.program {
             Some(program) => self.open_banks(program),
             None => (Default::default(), self.memory.store_mut().find_home()),

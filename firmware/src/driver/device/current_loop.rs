@@ -1,6 +1,10 @@
 //! What the driver exchanges with the current loop: its last report, and the numbers of what it is to do once.
 
+use super::compensation_share::CompensationShare;
+use super::seal_sensors::SealSensors;
 use crate::driver::loop_data::{Home, LoopReport};
+use crate::driver::motor_watch::MotorState;
+use crate::supervisor::Observation;
 
 /// State of the exchange.
 #[derive(Clone, Copy, Debug)]
@@ -41,6 +45,39 @@ impl LoopExchange {
             self.report.flags |= before.1;
         }
         self.is_report_seen = false;
+    }
+
+    /// Completes an observation with what the report and its watches show.
+    pub(crate) fn observe(
+        &self,
+        motor: &MotorState,
+        compensation: &CompensationShare,
+        seal_sensors: &SealSensors,
+        observation: &mut Observation,
+    ) {
+        let report = &self.report;
+        observation.bus_voltage_v = report.bus_voltage_v;
+        observation.phase_currents_a = report.phase_currents_a;
+        observation.current_a = report.current_a;
+        observation.current_setpoint_a = report.current_reference_a;
+        observation.velocity_rad_s = report.velocity_rad_s;
+        observation.bridge_temperature_c = report.bridge_temperature_c;
+        observation.motor_temperature_c = report.motor_temperature_c;
+        observation.winding_temperature_c = motor.winding_c;
+        observation.motor_against = motor.is_emf_reversed;
+        observation.turns_unseen = motor.is_turning_unseen;
+        observation.motor_stands = motor.is_blocked;
+        observation.stalled = motor.is_stalled;
+        observation.over_compensated = compensation.is_over_compensated();
+        observation.radial_force_stuck = seal_sensors.is_radial_force_stuck();
+        observation.pressure_stuck = seal_sensors.is_pressure_stuck();
+        observation.sample_age_us = report.sample_age_us;
+        observation.gate_driver_fault = report.gate_driver_fault;
+        observation.system_break = report.system_break;
+        observation.bridge_shorted = report.bridge_shorted;
+        observation.magnet_fault = report.magnet_fault;
+        observation.loop_flags = report.loop_flags;
+        observation.compensator = report.flags;
     }
 
     /// Notes that a tick has evaluated the report.

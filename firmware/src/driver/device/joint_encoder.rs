@@ -65,7 +65,8 @@ struct Sides {
 /// State of the joint's encoder.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::driver) struct JointEncoder {
-    words: Option<[u16; WORDS]>,
+    /// Words of the last frame; `None` if there is no encoder at the joint's side.
+    pub(super) words: Option<[u16; WORDS]>,
     sides: Option<Sides>,
     /// Rotor's angle of the last report, and its rotation since the first one, 2^-32 turns.
     rotor: u32,
@@ -138,11 +139,6 @@ impl JointEncoder {
 }
 
 impl<F: NorFlash> Device<F> {
-    /// Sets the words of the last frame; `None` if there is no encoder at the joint's side. Called before the reports.
-    pub(in crate::driver) const fn set_joint_words(&mut self, words: Option<[u16; WORDS]>) {
-        self.joint_encoder.words = words;
-    }
-
     /// Evaluates the frame of a report.
     #[inline(never)]
     pub(super) fn step_joint_encoder(&mut self) {

@@ -98,12 +98,9 @@ fn inputs(report: &LoopReport, covariates: &Covariates) -> Inputs<f32> {
 }
 
 impl<F: NorFlash> Device<F> {
-    /// See [`crate::driver::Driver::supply`].
-    pub(in crate::driver) fn supply(
-        &mut self,
-        covariates: &Covariates,
-        now_us: u64,
-    ) -> Option<Factors<f32>> {
+    /// Returns the network's factors for the law, if there is a network. It is evaluated at its own rate while friction is
+    /// compensated.
+    pub fn supply(&mut self, covariates: &Covariates, now_us: u64) -> Option<Factors<f32>> {
         let compensates =
             self.supervisor.is_bridge_allowed() && self.supervisor.is_compensation_allowed();
         self.network.supply(compensates, self.current_loop.report(), covariates, now_us)

@@ -155,7 +155,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the identifiers of the receive PDOs in use; 0 for none.
     #[inline(never)]
-    pub(in crate::driver) fn receive_identifiers(&self) -> [u16; PDOS] {
+    pub(super) fn pdo_identifiers(&self) -> [u16; PDOS] {
         core::array::from_fn(|slot| {
             let identifier = self.receive_identifier(slot);
             if identifier & PDO_UNUSED == 0 { identifier as u16 & Frame::MAX_IDENTIFIER } else { 0 }
@@ -163,8 +163,8 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the receive PDO with this identifier.
-    pub(in crate::driver) fn receive_slot(&self, identifier: u16) -> Option<usize> {
-        self.receive_identifiers().iter().position(|own| *own == identifier && *own != 0)
+    pub(super) fn receive_slot(&self, identifier: u16) -> Option<usize> {
+        self.pdo_identifiers().iter().position(|own| *own == identifier && *own != 0)
     }
 
     /// Returns the value of a PDO parameter, a mapping or a SYNC object.
@@ -317,7 +317,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Resets all PDOs to their defaults, when the communication restarts.
-    pub(in crate::driver) fn reset_pdos(&mut self) {
+    pub(super) fn reset_pdos(&mut self) {
         let settings = self.settings;
         if settings.node != self.pdos.node {
             // The inputs in HIL carry the node number.
@@ -334,18 +334,18 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Forgets what was sent and received, when the network leaves the operational state.
-    pub(in crate::driver) fn restart_pdos(&mut self) {
+    pub(super) fn restart_pdos(&mut self) {
         self.pdos.transmit.iter_mut().for_each(TransmitPdo::restart);
         self.pdos.receive.iter_mut().for_each(|pdo| pdo.pending = None);
     }
 
     /// Returns true if all frames are those of `joint.dbc`.
-    pub(in crate::driver) fn has_own_identifiers(&self) -> bool {
+    pub fn has_own_identifiers(&self) -> bool {
         (0..PDOS).all(|slot| self.has_default_frame(slot))
     }
 
     /// Processes a frame of a receive PDO.
-    pub(in crate::driver) fn take_pdo(&mut self, slot: usize, frame: &Frame, now_us: u64) {
+    pub(super) fn take_pdo(&mut self, slot: usize, frame: &Frame, now_us: u64) {
         let is_late = self.pdos.sync.is_outside_window(now_us);
         let Some(pdo) = self.pdos.receive.get_mut(slot) else { return };
         if pdo.kind <= LAST_SYNCHRONOUS {
@@ -378,7 +378,7 @@ impl<F: NorFlash> Device<F> {
         match Message::parse(&frame) {
             Ok(message) => self.take(&message, &frame, node, now_us),
             Err(FrameError::Length { .. }) => self.counters.count_wrong_length(),
-            Err(_) => self.counters.count_wrong_content(),
+            Err(_) => count(&mut self.counters.wrong_content, 1),
         }
     }
 
@@ -409,7 +409,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Processes a SYNC with its counter, or a plain one.
-    pub(in crate::driver) fn take_sync(&mut self, counter: Option<u8>, now_us: u64) {
+    pub(super) fn take_sync(&mut self, counter: Option<u8>, now_us: u64) {
         let sync = self.pdos.sync.take(counter, now_us);
         self.now_us = now_us;
         for slot in 0..PDOS {
@@ -467,7 +467,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Sends the event-driven PDOs that are due: once per tick while the network is operational.
-    pub(in crate::driver) fn transmit_events(&mut self, now_us: u64) {
+    pub(super) fn transmit_events(&mut self, now_us: u64) {
         for slot in 0..PDOS {
             if self.pdos.transmit.get(slot).is_some_and(TransmitPdo::is_event_driven)
                 && let Some((_, frame)) = self.due_frame(slot, None, now_us)

@@ -21,6 +21,8 @@ const MAX_DIFFERENCE: f32 = 0.25;
 /// What is known of the turns.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TurnReadings {
+    /// First words of the last frame; `None` without an encoder that counts turns.
+    pub(super) words: Option<[u16; TURN_WORDS]>,
     last: Option<u16>,
     equal: u8,
     /// Number of the last home, which shifts the position.
@@ -43,9 +45,9 @@ impl TurnReadings {
 }
 
 impl<F: NorFlash> Device<F> {
-    /// Takes the first words of the last frame of a BiSS encoder, once per tick.
+    /// Evaluates the first words of the last frame of a BiSS encoder, once per tick.
     #[inline(never)]
-    pub(in crate::driver) fn take_biss(&mut self, words: Option<[u16; TURN_WORDS]>) {
+    pub(super) fn step_turn_readings(&mut self) {
         let (report, set) = (self.current_loop.report(), self.staging.active());
         if !has_turns(set) {
             return;
@@ -53,7 +55,7 @@ impl<F: NorFlash> Device<F> {
         let bits = [set.sensors.biss_bits as u32, set.sensors.biss_turn_bits as u32];
         let is_reversed = set.motor.encoder_direction < 0.0;
         let (angle, turned_rad) = (self.angle_from_zero(report), report.turned_rad);
-        let read = words.zip(angle).and_then(|(words, angle)| {
+        let read = self.turn_readings.words.zip(angle).and_then(|(words, angle)| {
             let encoder = if is_reversed { angle.wrapping_neg() } else { angle } as u32;
             let turns = biss::turns(words, bits, encoder)?;
             // The negative of turns and angle together.

@@ -16,7 +16,7 @@ fn state_request_over_can_starts_and_stops_joint() {
     assert!(!joint.stage.is_on(), "a command alone enables the bridge");
     joint.request_state(1);
     joint.drive_ms(5.0, 100);
-    assert!(joint.background.driver().is_armed() && joint.stage.is_on());
+    assert!(joint.background.node().joint.is_armed() && joint.stage.is_on());
     let velocity = joint.stage.plant.velocity();
     assert!((0.5..3.0).contains(&velocity), "{velocity} rad/s");
     joint.request_state(0);
@@ -53,9 +53,10 @@ fn stopped_loop_ends_watchdog_refresh_and_raises_fault() {
     joint.drive_ms(1.0, 5);
     joint.request_state(1);
     joint.drive_ms(1.0, 5);
-    assert!(joint.background.driver().is_armed());
-    let missing =
-        |joint: &Joint| joint.background.driver().supervisor().faults().contains(Code::AdcTimeout);
+    assert!(joint.background.node().joint.is_armed());
+    let missing = |joint: &Joint| {
+        joint.background.node().joint.supervisor().faults().contains(Code::AdcTimeout)
+    };
     assert!(!missing(&joint));
     let watchdog_refreshes = joint.board.watchdog_refreshes;
     for _ in 0..20 {
@@ -64,7 +65,7 @@ fn stopped_loop_ends_watchdog_refresh_and_raises_fault() {
     }
     // A report is valid for 5 ms.
     assert_eq!(joint.board.watchdog_refreshes - watchdog_refreshes, 4);
-    assert!(missing(&joint) && !joint.background.driver().is_armed());
+    assert!(missing(&joint) && !joint.background.node().joint.is_armed());
 }
 
 #[test]
@@ -194,7 +195,7 @@ fn shunt_offset_is_removed_at_next_arming() {
         joint.drive_ms(0.0, 20);
         joint.stage.shunt_offset_a = offset_a;
         joint.drive_ms(0.0, 50);
-        assert!(joint.background.driver().is_armed() && joint.stage.is_on());
+        assert!(joint.background.node().joint.is_armed() && joint.stage.is_on());
         // The plant's largest phase current while the loop measures 0 A.
         joint.stage.plant.phase_currents().into_iter().fold(0.0, |a, b| f64::max(a, b.abs()))
     };
@@ -216,7 +217,8 @@ fn latched_gate_driver_fault_is_cleared_over_can() {
     (joint.stage.fault, joint.stage.has_latched_fault) = (Some(BridgeFault::GateDriver), true);
     joint.drive_ms(1.0, 1);
     assert!(!joint.stage.is_on() && !joint.stage.is_awake, "duties off and gate driver disabled");
-    let has = |joint: &Joint, code| joint.background.driver().supervisor().faults().contains(code);
+    let has =
+        |joint: &Joint, code| joint.background.node().joint.supervisor().faults().contains(code);
     joint.drive_ms(1.0, 50);
     assert!(
         has(&joint, Code::GateDriverFault)
@@ -251,7 +253,7 @@ fn system_break_is_distinguished_from_gate_driver_fault() {
     joint.stage.fault = Some(BridgeFault::System);
     joint.drive_ms(1.0, 3);
     assert!(!joint.stage.is_on());
-    let supervisor = joint.background.driver().supervisor();
+    let supervisor = joint.background.node().joint.supervisor();
     assert!(supervisor.faults().contains(Code::SystemBreak));
     assert!(!supervisor.faults().contains(Code::GateDriverFault));
 }
@@ -268,7 +270,7 @@ fn committed_constants_of_the_sensors_reach_the_board() {
     joint.run_ms(2);
     let expected = SensorParameters { strain_range_n: -800.0, ..SensorParameters::default() };
     assert_eq!(joint.board.sensors, expected);
-    assert_eq!(joint.background.driver().set().sensors, expected);
+    assert_eq!(joint.background.node().joint.set().sensors, expected);
 }
 
 #[test]
@@ -277,7 +279,7 @@ fn magnet_fault_of_the_encoder_is_reported_and_the_joint_stays_armed() {
     joint.drive_ms(1.0, 5);
     joint.request_state(1);
     joint.drive_ms(1.0, 30);
-    let limits = |joint: &Joint| joint.background.driver().supervisor().limits();
+    let limits = |joint: &Joint| joint.background.node().joint.supervisor().limits();
     // A frame with the diagnostics has no angle.
     joint.stage.injected_sample = {
         let sample = joint.stage.measure();

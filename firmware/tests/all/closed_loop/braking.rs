@@ -140,7 +140,7 @@ fn csv_after_limited_braking_stops_without_winding_up() {
     for _ in 0..1500 {
         joint.drive_velocity(0x0F, 0.0);
         least = least.min(joint.stage.plant.velocity());
-        let limits = joint.background.driver().supervisor().limits();
+        let limits = joint.background.node().joint.supervisor().limits();
         limited_ms += u32::from(limits.contains(Code::CurrentLimited));
     }
     let velocity = joint.stage.plant.velocity();

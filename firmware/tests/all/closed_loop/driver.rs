@@ -6,7 +6,7 @@ use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use firmware::access::AccessSettings;
 use firmware::background::{Background, Board, BoardState, RoundOutcome, TICK_US};
 use firmware::deadline::DeadlineLimits;
-use firmware::driver::{Boot, Driver, Identity};
+use firmware::driver::{Boot, Device, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::StageTraits;
 use firmware::loop_task::LoopTask;
@@ -89,7 +89,7 @@ impl Board for SimulatedBoard {
 
 /// A joint driver with its board, its current loop and the plant.
 pub struct Joint {
-    pub background: Background<Driver<MemoryFlash<4>>>,
+    pub background: Background<Device<MemoryFlash<4>>>,
     pub board: SimulatedBoard,
     pub task: LoopTask,
     pub port: LoopPort<'static>,
@@ -159,7 +159,7 @@ impl Joint {
 
     /// Confirms the wiring parameters in use.
     pub fn confirm_wiring(&mut self) {
-        let wiring = self.background.driver().set().wiring_crc();
+        let wiring = self.background.node().joint.set().wiring_crc();
         self.write_object(index::COMMISSIONING, 3, wiring.to_le_bytes(), 4);
         self.run_ms(1);
     }
@@ -177,7 +177,7 @@ impl Joint {
 
     /// Returns the content of the flash, as a reset leaves it.
     pub fn into_flash(self) -> MemoryFlash<4> {
-        self.background.into_flash()
+        self.background.into_node().joint.into_flash()
     }
 
     /// Queues a frame for the driver.
@@ -247,7 +247,7 @@ impl Joint {
         for word in [0x06, 0x07, 0x0F] {
             (0..10).for_each(|_| self.drive_velocity(word, 0.0));
         }
-        assert!(self.background.driver().is_armed());
+        assert!(self.background.node().joint.is_armed());
     }
 
     /// Sends a controlword and a target velocity, rad/s, and runs 1 ms.
@@ -261,6 +261,6 @@ impl Joint {
 
     /// Returns true if this fault is latched.
     pub fn has_fault(&self, code: Code) -> bool {
-        self.background.driver().supervisor().faults().contains(code)
+        self.background.node().joint.supervisor().faults().contains(code)
     }
 }

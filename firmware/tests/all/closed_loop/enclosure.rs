@@ -29,7 +29,7 @@ fn driving(sensors: SensorParameters) -> Joint {
     joint.drive_ms(0.0, 5);
     joint.request_state(1);
     joint.drive_ms(CURRENT_A, 100);
-    assert!(joint.background.driver().is_armed() && joint.stage.is_on());
+    assert!(joint.background.node().joint.is_armed() && joint.stage.is_on());
     joint
 }
 
@@ -43,7 +43,7 @@ fn drive_until_open(joint: &mut Joint, readings: Readings) -> Option<usize> {
 }
 
 fn has_limit(joint: &Joint, code: Code) -> bool {
-    joint.background.driver().supervisor().limits().contains(code)
+    joint.background.node().joint.supervisor().limits().contains(code)
 }
 
 #[test]
@@ -84,14 +84,14 @@ fn either_channel_of_safe_torque_off_opens_the_bridge_and_refuses_arming() {
         joint.run_ms(5);
         joint.request_state(1);
         joint.drive_ms(CURRENT_A, 5);
-        assert!(!joint.background.driver().is_armed(), "{torque_allowed:?}");
+        assert!(!joint.background.node().joint.is_armed(), "{torque_allowed:?}");
         joint.board.enclosure = SOUND;
         joint.run_ms(150);
         joint.request_state(2);
         joint.drive_ms(0.0, 5);
         joint.request_state(1);
         joint.drive_ms(CURRENT_A, 5);
-        assert!(joint.background.driver().is_armed());
+        assert!(joint.background.node().joint.is_armed());
     }
 }
 
@@ -102,5 +102,5 @@ fn humidity_and_pressure_of_the_housing_are_reported_and_do_not_stop() {
     joint.board.enclosure = Readings { air: Some(air), ..SOUND };
     joint.drive_ms(CURRENT_A, 3100);
     assert!(has_limit(&joint, Code::HousingHumid) && has_limit(&joint, Code::HousingPressure));
-    assert!(joint.background.driver().is_armed());
+    assert!(joint.background.node().joint.is_armed());
 }

@@ -16,7 +16,7 @@ fn holds(joint: &mut Joint) -> bool {
     joint.drive_ms(0.0, 5);
     joint.request_state(1);
     joint.drive_ms(HOLDING_A, 1000);
-    let is_armed = joint.background.driver().is_armed();
+    let is_armed = joint.background.node().joint.is_armed();
     assert_eq!(!is_armed, joint.has_fault(Code::MotorStands));
     joint.request_state(0);
     joint.drive_ms(0.0, 5);

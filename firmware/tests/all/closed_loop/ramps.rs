@@ -54,8 +54,8 @@ fn open_ms(joint: &mut Joint, mut step: impl FnMut(&mut Joint)) -> usize {
 fn ramp_after_a_lost_master_ends_in_fault_and_can_only_be_cleared_afterwards() {
     let mut joint = spinning(&[(index::FAULT_OPTION, 1)]);
     joint.run_ms(110);
-    let driver = joint.background.driver();
-    assert_eq!(driver.supervisor().state(), JointState::Fault);
+    let driver = joint.background.node();
+    assert_eq!(driver.joint.supervisor().state(), JointState::Fault);
     assert!(joint.has_fault(Code::CommandTimeout) && joint.stage.is_on());
     // "Fault reaction active"; clearing and new parameters are refused.
     joint.request_state(2);
@@ -129,7 +129,7 @@ fn quick_stop_in_torque_mode_holds_the_load_during_its_ramp() {
             joint.queue_frame(0x201, &[a, b, c, d]);
             joint.run_ms(1);
         };
-        let torque_nm = joint.background.driver().set().motor.current_limit_a;
+        let torque_nm = joint.background.node().joint.set().motor.current_limit_a;
         for step in 0..200 {
             let share = f64::from(step) / 200.0;
             joint.stage.plant.load = load * share;
@@ -148,7 +148,7 @@ fn quick_stop_in_torque_mode_holds_the_load_during_its_ramp() {
         }
         let (end, v) = (joint.stage.plant.position() - from, joint.stage.plant.velocity());
         println!("{load} Nm: {speed:.2} rad/s, {least:.3} to {most:.3} rad, ends at {end:.3}");
-        assert!(joint.background.driver().is_armed() && speed > 0.5);
+        assert!(joint.background.node().joint.is_armed() && speed > 0.5);
         assert!(v.abs() < 0.02, "{v} rad/s");
         let ramp = 0.5 * speed * speed / 50.0;
         assert!(most < 2.0 * ramp + 0.12 && least > -0.05, "{least} to {most} rad, {ramp}");
@@ -161,7 +161,7 @@ fn disabling_ramp_needs_no_master_and_is_resumed_by_a_new_enable() {
     joint.drive_velocity(DISABLE, 3.0);
     let ms = open_ms(&mut joint, |joint| joint.run_ms(1));
     assert!((300..=380).contains(&ms), "{ms} ms");
-    let faults = joint.background.driver().supervisor().faults();
+    let faults = joint.background.node().joint.supervisor().faults();
     assert!(faults.is_empty(), "{faults:?}");
     let mut joint = spinning(&[(index::DISABLE_OPTION, 1)]);
     (0..150).for_each(|_| joint.drive_velocity(DISABLE, 3.0));
@@ -182,7 +182,7 @@ fn network_that_stops_ends_the_driving_with_the_reaction_of_6007h() {
         joint.queue_frame(0, &[2, 1]);
         let ms = open_ms(&mut joint, |joint| joint.run_ms(1));
         assert!(expected_ms.contains(&ms), "{options:?}: {ms} ms");
-        assert!(joint.background.driver().supervisor().faults().is_empty());
+        assert!(joint.background.node().joint.supervisor().faults().is_empty());
     }
 }
 

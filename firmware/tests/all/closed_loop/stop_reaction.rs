@@ -55,7 +55,7 @@ fn shorted_low_sides_stop_a_joint_sooner_than_coasting() {
             let mut joint = spinning(brake_at_stop, velocity_rad_s);
             joint.drive_velocity(QUICK_STOP, velocity_rad_s);
             let stop = watch(&mut joint, 3000);
-            let supervisor = joint.background.driver().supervisor();
+            let supervisor = joint.background.node().joint.supervisor();
             assert!(supervisor.faults().is_empty(), "{:?}", supervisor.faults());
             assert!(!joint.stage.is_shorted(), "the brake ends at rest");
             stop
@@ -155,6 +155,6 @@ fn joint_that_brakes_can_be_armed_again_with_new_offsets() {
         joint.drive_velocity(word, 0.0);
     }
     (0..1000).for_each(|_| joint.drive_velocity(0x0F, 0.0));
-    assert!(joint.stage.is_on() && joint.background.driver().is_armed());
+    assert!(joint.stage.is_on() && joint.background.node().joint.is_armed());
     assert!(joint.stage.plant.velocity().abs() < 0.1, "{}", joint.stage.plant.velocity());
 }

@@ -81,7 +81,7 @@ fn deadline_in_motion_stops_with_the_ramp_and_returns_the_stored_values() {
     // The master repeats its target and renews nothing.
     for ms in 4..2000 {
         joint.drive_velocity(0x0F, 3.0);
-        if !joint.background.driver().is_armed() {
+        if !joint.background.node().joint.is_armed() {
             ended_ms = Some(ms);
             break;
         }
@@ -97,11 +97,11 @@ fn deadline_in_motion_stops_with_the_ramp_and_returns_the_stored_values() {
     println!("disarmed {ended_ms} ms after the deadline");
     assert!((300..=400).contains(&ended_ms), "{ended_ms} ms");
     assert!(joint.stage.plant.velocity().abs() < 0.15, "{}", joint.stage.plant.velocity());
-    assert!(joint.background.driver().supervisor().faults().is_empty());
+    assert!(joint.background.node().joint.supervisor().faults().is_empty());
     assert_eq!(trial_state(&mut joint), 4);
     let stored_crc = read(&mut joint, index::TRIAL, 4);
     assert_eq!(read(&mut joint, index::COMMIT, 1), stored_crc);
-    assert_eq!(joint.background.driver().set().crc(), stored_crc);
+    assert_eq!(joint.background.node().joint.set().crc(), stored_crc);
     assert_ne!(stored_crc, trial_crc);
     assert_eq!(read(&mut joint, index::POSITION_LOOP, 1), 10_000);
     let error = position_error(&mut joint);

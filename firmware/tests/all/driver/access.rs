@@ -4,6 +4,7 @@ use super::STATE_REFUSED;
 use super::bench::{Bench, Flash, LOCKED, NODE, frame};
 use firmware::access::{Key, Level, SESSION_US};
 use firmware::driver::Boot;
+use firmware::joint_node::{Equipment, Joint};
 use firmware::node::dictionary::{self, Access, OBJECTS, SAVE_SIGNATURE, index};
 use firmware::node::lss::{LSS_ANSWER, LSS_REQUEST};
 use firmware::node_settings::InputSource;
@@ -132,7 +133,7 @@ fn save(bench: &mut Bench) -> Result<(), u32> {
 
 /// Restarts with what is stored.
 fn restarted(bench: Bench) -> Bench {
-    let flash: Flash = bench.driver.into_flash();
+    let flash: Flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.key = None;
     bench.sent();
@@ -458,7 +459,7 @@ fn seed_of_the_board_changes_the_challenges_of_the_next_start() {
     let challenge = |seed: Option<[u8; 16]>| {
         let mut bench = locked();
         if let Some(seed) = seed {
-            bench.driver.seed_challenges(seed);
+            bench.driver.joint.equip(Equipment { seed: Some(seed), ..Equipment::default() });
         }
         bench.read(index::ACCESS, CHALLENGE).unwrap()
     };

@@ -8,6 +8,7 @@ use compensator_core::can::{CommandFrame, Message};
 use compensator_core::{Flags, ParameterId};
 use firmware::control::LoopFlags;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
 use firmware::node_settings::InputSource;
@@ -30,7 +31,7 @@ fn order(bench: &mut Bench, order: u8) -> Result<(), u32> {
 
 fn state(bench: &mut Bench) -> u32 {
     for _ in 0..20 {
-        bench.driver.report(&LoopReport { residual_torque_nm: 0.0, ..LoopReport::default() });
+        bench.driver.joint.report(&LoopReport { residual_torque_nm: 0.0, ..LoopReport::default() });
         bench.pass_ms(1);
     }
     bench.number(index::ADAPTATION, AdaptationObject::FROZEN)
@@ -69,13 +70,13 @@ fn adaptation_mode_is_kept_by_a_save_and_orders_need_what_was_learnt() {
     let mut bench = Bench::on_sensors();
     assert_eq!(order(&mut bench, ADOPT), Err(STATE_REFUSED), "it is off");
     mode(&mut bench, ON).unwrap();
-    let before = bench.driver.set().clone();
+    let before = bench.driver.joint.set().clone();
     order(&mut bench, ADOPT).unwrap();
-    assert_eq!(*bench.driver.set(), before, "gains of 1 change nothing");
+    assert_eq!(*bench.driver.joint.set(), before, "gains of 1 change nothing");
     order(&mut bench, DISCARD).unwrap();
     assert_eq!(order(&mut bench, 3), Err(OUT_OF_RANGE));
     save(&mut bench).unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.sent();
     assert_eq!(bench.number(index::ADAPTATION, AdaptationObject::MODE), u32::from(ON));
@@ -97,10 +98,10 @@ fn slide_with(
     for ms in 0..milliseconds {
         let direction = if ms % 1000 < 500 { 1.0 } else { -1.0 };
         bench.give(Message::Command(NODE, CommandFrame::new(1.0, 0.0, ms as u8)));
-        if ms == 20 && !bench.driver.is_armed() {
+        if ms == 20 && !bench.driver.joint.is_armed() {
             bench.write(index::STATE, 1, &[1]).unwrap();
         }
-        bench.driver.report(&LoopReport {
+        bench.driver.joint.report(&LoopReport {
             bus_voltage_v: Some(48.0),
             phase_currents_a: Some([0.0; 3]),
             velocity_rad_s: direction,
@@ -123,10 +124,10 @@ fn gains_above_the_set_apply_in_torque_modes_on_request_only() {
     bench.commission();
     bench.start();
     mode(&mut bench, ON_IN_EVERY_MODE).unwrap();
-    let coulomb_nm = bench.driver.set().friction.model.get(ParameterId::CoulombTorque);
+    let coulomb_nm = bench.driver.joint.set().friction.model.get(ParameterId::CoulombTorque);
     slide(&mut bench, 1.6 * coulomb_nm, 40);
     let learnt = f32::from_bits(bench.number(index::LEARNT_GAINS, 1));
-    let (number, gains) = bench.driver.learnt_gains();
+    let (number, gains) = bench.driver.joint.learnt();
     assert!(learnt > 1.2 && gains.level == learnt, "{learnt} {gains:?}");
     // What limits the torque hides the friction.
     let (none, no_flags) = (LoopFlags::empty(), Flags::empty());
@@ -145,19 +146,19 @@ fn gains_above_the_set_apply_in_torque_modes_on_request_only() {
     }
     let learnt = f32::from_bits(bench.number(index::LEARNT_GAINS, 1));
     mode(&mut bench, ON).unwrap();
-    let (bounded_number, bounded) = bench.driver.learnt_gains();
+    let (bounded_number, bounded) = bench.driver.joint.learnt();
     assert_eq!(bounded.level, 1.0, "what is in use");
     assert_ne!(bounded_number, number, "the loop receives them");
     assert!(f32::from_bits(bench.number(index::LEARNT_GAINS, 1)) > 1.2, "what is learnt stays");
     bench.write(index::STATE, 1, &[0]).unwrap();
     bench.write(index::MODE, 0, &[9]).unwrap();
-    assert_eq!(bench.driver.learnt_gains().1.level, learnt, "its own loop holds the speed");
+    assert_eq!(bench.driver.joint.learnt().1.level, learnt, "its own loop holds the speed");
     bench.write(index::MODE, 0, &[10]).unwrap();
-    assert_eq!(bench.driver.learnt_gains().1.level, 1.0);
+    assert_eq!(bench.driver.joint.learnt().1.level, 1.0);
     // What was learnt belongs to the set that it was learnt with.
     bench.write(index::MODE, 0, &[9]).unwrap();
     bench.write(index::COMPENSATOR, 1, &0.7f32.to_le_bytes()).unwrap();
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
-    assert_eq!(bench.driver.learnt_gains().1.level, 1.0);
+    assert_eq!(bench.driver.joint.learnt().1.level, 1.0);
 }

@@ -8,6 +8,7 @@ use compensator_core::can::{CommandFrame, Frame, Message, SealFrame};
 use compensator_core::{Flags, LawKind, ParameterId, TermKind};
 use firmware::access::Key;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::{Access, DataType, OBJECTS, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 
@@ -29,7 +30,7 @@ fn measured() -> LoopReport {
 
 fn pass(bench: &mut Bench, milliseconds: u64) {
     for _ in 0..milliseconds {
-        bench.driver.report(&measured());
+        bench.driver.joint.report(&measured());
         bench.pass_ms(1);
     }
     bench.sent();
@@ -45,7 +46,7 @@ fn installed() -> Bench {
 }
 
 fn restarted(bench: Bench) -> Bench {
-    let flash: Flash = bench.driver.into_flash();
+    let flash: Flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.key = None;
     pass(&mut bench, 5);
@@ -69,7 +70,7 @@ fn armed() -> Bench {
 }
 
 fn commanded_a(bench: &Bench) -> f32 {
-    bench.driver.loop_commands(bench.now_us).setpoint.current_a
+    bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a
 }
 
 /// Attack: arm a commissioned joint and drive it. Bound: the limits of the service level.
@@ -84,7 +85,7 @@ fn attacker_arms_a_locked_joint_and_drives_it_within_its_limits() {
         bench.write(index::CONTROLWORD, 0, &[controlword, 0]).unwrap();
         pass(&mut bench, 2);
     }
-    assert!(bench.driver.is_armed() && bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(bench.driver.joint.is_armed() && bench.driver.joint.loop_commands(bench.now_us).bridge);
     assert_eq!(commanded_a(&bench), CURRENT_LIMIT_A);
     bench.write(index::CONTROLWORD, 0, &[7, 0]).unwrap();
     assert_eq!(bench.write(index::MOTOR, 1, &99f32.to_le_bytes()), Err(LOCKED));
@@ -96,11 +97,11 @@ fn attacker_stops_disarms_and_resets_an_armed_joint() {
     for command in [2, 0x80, 0x81, 0x82] {
         let mut bench = armed();
         bench.driver.receive(&frame(0, &[command, NODE.number()]), bench.now_us);
-        assert!(!bench.driver.is_armed(), "{command:02X}");
+        assert!(!bench.driver.joint.is_armed(), "{command:02X}");
     }
     let mut bench = armed();
     bench.write(index::STATE, 1, &[0]).unwrap();
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
 }
 
 /// Attack: send set-points in place of the master. Bound: the limits of the service level.
@@ -111,7 +112,7 @@ fn attacker_replaces_the_set_points_of_the_master() {
     command(&mut bench, -5.0, 40);
     command(&mut bench, 1.0, 20);
     assert_eq!(commanded_a(&bench), -5.0);
-    assert_eq!(bench.driver.counters().command_late, 1);
+    assert_eq!(bench.driver.joint.counters().command_late, 1);
 }
 
 /// Attack: repeat recorded commands. Bound: the limits of the service level.
@@ -153,7 +154,7 @@ fn attacker_sends_a_false_side_load() {
     let mut bench = armed();
     let seal = SealFrame { radial_force_n: 900.0, pressure_diff_pa: 0.0 };
     bench.give(Message::Seal(NODE, seal));
-    let covariates = bench.driver.loop_commands(bench.now_us).covariates;
+    let covariates = bench.driver.joint.loop_commands(bench.now_us).covariates;
     assert_eq!(covariates.radial_force_n.value, 900.0);
     // The compensator uses no pressure outside its envelope: friction and flags are those of a joint without one.
     let answers = |pressure_diff_pa: Option<f32>| {
@@ -188,9 +189,9 @@ fn attacker_sends_a_false_side_load() {
 #[test]
 fn attacker_shifts_the_position_and_with_it_its_limits() {
     let mut bench = installed();
-    let before = bench.driver.loop_commands(bench.now_us).home;
+    let before = bench.driver.joint.loop_commands(bench.now_us).home;
     bench.write(index::STATE, 6, &3f32.to_le_bytes()).unwrap();
-    let home = bench.driver.loop_commands(bench.now_us).home;
+    let home = bench.driver.joint.loop_commands(bench.now_us).home;
     assert_eq!((home.position_rad, home.number), (3.0, before.number.wrapping_add(1)));
     assert_eq!(bench.write(index::POSITION_LIMITS, 2, &[0; 4]), Err(LOCKED));
 }
@@ -213,7 +214,7 @@ fn attacker_changes_the_friction_model_until_the_next_start() {
     };
     let level = ParameterId::StaticTorque as u8 + 1;
     let viscous = ParameterId::ViscousFriction as u8 + 1;
-    let level_nm = bench.driver.set().friction.model.get(ParameterId::StaticTorque);
+    let level_nm = bench.driver.joint.set().friction.model.get(ParameterId::StaticTorque);
     for (at, place, value, name) in [
         (index::COMPENSATOR, 1, &1.0f32.to_le_bytes()[..], "coulomb_torque"),
         (index::PARAMETERS, level, &(2.0 * level_nm).to_le_bytes(), "static_torque"),

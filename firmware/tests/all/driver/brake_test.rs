@@ -3,6 +3,7 @@
 use super::bench::Bench;
 use super::drive::{control, in_cst};
 use firmware::driver::LoopReport;
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 
 const HOUR_US: u64 = 3_600_000_000;
@@ -26,9 +27,9 @@ fn run(bench: &mut Bench, milliseconds: u32, word: Option<u16>, rad_per_a: f32) 
         if let Some(word) = word {
             control(bench, word, 0);
         }
-        let current_a = bench.driver.loop_commands(bench.now_us).setpoint.current_a;
+        let current_a = bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a;
         most_a = most_a.max(current_a.abs());
-        bench.driver.report(&LoopReport {
+        bench.driver.joint.report(&LoopReport {
             bus_voltage_v: Some(48.0),
             phase_currents_a: Some([0.0; 3]),
             current_a,
@@ -55,14 +56,14 @@ fn presses(current_a: f32) -> bool {
 #[test]
 fn brake_is_tested_at_the_first_arming_and_a_day_of_operation_later() {
     let mut bench = with_test();
-    assert!(presses(enable(&mut bench, 0.0)) && bench.driver.is_armed());
+    assert!(presses(enable(&mut bench, 0.0)) && bench.driver.joint.is_armed());
     assert_eq!(bench.number(index::HOLDING_BRAKE, RESULT), 2);
     for (hours, is_due) in [(0, false), (23, false), (2, true), (23, false)] {
         run(&mut bench, 2, Some(0), 0.0);
         bench.now_us += hours * HOUR_US;
         run(&mut bench, 200, Some(0), 0.0);
         assert_eq!(presses(enable(&mut bench, 0.0)), is_due, "{hours} h later");
-        assert!(bench.driver.is_armed());
+        assert!(bench.driver.joint.is_armed());
     }
 }
 
@@ -76,13 +77,13 @@ fn brake_that_slipped_is_tested_at_every_arming_and_named() {
     // Slips beyond 20 mrad at 8 A.
     let slipping = 2.5e-3;
     assert!(run(&mut bench, 400, None, slipping) < 8.5);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     assert_eq!(bench.number(index::HOLDING_BRAKE, RESULT), 3);
     let forwards = bench.number(index::HOLDING_BRAKE, 13);
     assert!((20_000..22_000).contains(&forwards), "{forwards}");
     bench.check_refusal("holding brake slipped", &[]);
-    assert!(enable(&mut bench, slipping) > 7.0 && !bench.driver.is_armed());
-    assert!(presses(enable(&mut bench, 0.0)) && bench.driver.is_armed(), "it holds again");
+    assert!(enable(&mut bench, slipping) > 7.0 && !bench.driver.joint.is_armed());
+    assert!(presses(enable(&mut bench, 0.0)) && bench.driver.joint.is_armed(), "it holds again");
     run(&mut bench, 2, Some(0), 0.0);
     assert!(!presses(enable(&mut bench, 0.0)));
 }

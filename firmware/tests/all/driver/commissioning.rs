@@ -4,6 +4,7 @@ use super::bench::Bench;
 use compensator_core::can::{CommandFrame, Message};
 use firmware::driver::LoopReport;
 use firmware::driver::commissioning::{AbortReason, CommissioningStep};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::CommissioningRunObject as Run;
 
@@ -22,7 +23,7 @@ fn measured() -> LoopReport {
 
 fn pass(bench: &mut Bench, milliseconds: u64) {
     for _ in 0..milliseconds {
-        bench.driver.report(&measured());
+        bench.driver.joint.report(&measured());
         bench.pass_ms(1);
     }
 }
@@ -44,12 +45,12 @@ fn blank() -> Bench {
 fn motor_measurement_arms_an_uncommissioned_joint_for_itself_only() {
     let mut bench = blank();
     order(&mut bench, 1).unwrap();
-    let commands = bench.driver.loop_commands(bench.now_us);
+    let commands = bench.driver.joint.loop_commands(bench.now_us);
     assert!(commands.bridge && !commands.compensation && commands.probe.is_some());
     // Commands, arming and writes have no effect during the run.
     let command = CommandFrame::new(20.0, 1.0, 7);
     bench.give(Message::Command(super::NODE, command));
-    assert_eq!(bench.driver.loop_commands(bench.now_us).setpoint.current_a, 0.0);
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a, 0.0);
     assert_eq!(bench.write(index::STATE, 1, &[1]), REFUSED);
     bench.check_refusal("commissioning is running", &[]);
     assert_eq!(bench.write(RUN, Run::CURRENT, &5.0f32.to_le_bytes()), REFUSED);
@@ -57,7 +58,7 @@ fn motor_measurement_arms_an_uncommissioned_joint_for_itself_only() {
     assert_eq!(order(&mut bench, 1), REFUSED, "it runs already");
     // After the stop the joint is still not commissioned.
     order(&mut bench, 0).unwrap();
-    let commands = bench.driver.loop_commands(bench.now_us);
+    let commands = bench.driver.joint.loop_commands(bench.now_us);
     assert!(!commands.bridge && commands.probe.is_none());
     assert_eq!(bench.number(RUN, Run::REASON), AbortReason::Stopped as u32);
     assert_eq!(bench.write(index::STATE, 1, &[1]), REFUSED);
@@ -65,7 +66,7 @@ fn motor_measurement_arms_an_uncommissioned_joint_for_itself_only() {
     assert_eq!(bench.number(index::COMMIT, 1), bench.number(index::COMMIT, 2), "nothing is staged");
     // "Continue" after the end does not start a run.
     order(&mut bench, 2).unwrap();
-    assert!(!bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(!bench.driver.joint.loop_commands(bench.now_us).bridge);
     assert_eq!(order(&mut bench, 4), OUT_OF_RANGE);
     // A friction run needs a commissioned joint.
     assert_eq!(bench.write(index::COMMISSIONING_RUN, Run::ORDER, &[3]), REFUSED);
@@ -87,7 +88,7 @@ fn in_friction_run() -> Bench {
 fn pass_in_run(bench: &mut Bench, milliseconds: u32, velocity_rad_s: f32, at: impl Fn(u32) -> f32) {
     for ms in 0..milliseconds {
         let report = LoopReport { turned_rad: at(ms), velocity_rad_s, ..measured() };
-        bench.driver.report(&report);
+        bench.driver.joint.report(&report);
         bench.pass_ms(1);
         if ms % 20 == 0 {
             order(bench, 2).unwrap();
@@ -98,20 +99,21 @@ fn pass_in_run(bench: &mut Bench, milliseconds: u32, velocity_rad_s: f32, at: im
 #[test]
 fn friction_run_stays_in_its_limits_and_ends_at_each() {
     let ends_for = |bench: &mut Bench, reason: AbortReason| {
-        let commands = bench.driver.loop_commands(bench.now_us);
-        assert!(!bench.driver.is_armed() && !commands.bridge, "{reason:?}");
+        let commands = bench.driver.joint.loop_commands(bench.now_us);
+        assert!(!bench.driver.joint.is_armed() && !commands.bridge, "{reason:?}");
         assert_eq!(bench.number(RUN, Run::REASON), reason as u32);
     };
     let mut bench = in_friction_run();
     pass_in_run(&mut bench, 100, 0.5, |ms| 5.0 + 5e-4 * ms as f32);
-    let commands = bench.driver.loop_commands(bench.now_us);
+    let commands = bench.driver.joint.loop_commands(bench.now_us);
     assert!(commands.bridge && !commands.compensation && commands.probe.is_none());
     assert_eq!(commands.setpoint.velocity_reference_rad_s, 1.0);
     assert!(commands.setpoint.current_a > 1.0 && commands.setpoint.current_a <= 4.0);
     assert_eq!(bench.number(RUN, Run::STEP), CommissioningStep::Rubbing as u32);
     // Near the end of the range it reverses, and the current too.
     pass_in_run(&mut bench, 100, 0.5, |_| 5.24);
-    let reference = bench.driver.loop_commands(bench.now_us).setpoint.velocity_reference_rad_s;
+    let reference =
+        bench.driver.joint.loop_commands(bench.now_us).setpoint.velocity_reference_rad_s;
     assert!((reference + 1.0).abs() < 1e-5, "{reference}");
     pass_in_run(&mut bench, 1, 0.5, |_| 5.31);
     ends_for(&mut bench, AbortReason::Travel);
@@ -126,7 +128,7 @@ fn friction_run_stays_in_its_limits_and_ends_at_each() {
     ends_for(&mut bench, AbortReason::NoAnswer);
     let mut bench = in_friction_run();
     pass(&mut bench, 105);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     let mut bench = in_friction_run();
     order(&mut bench, 0).unwrap();
     ends_for(&mut bench, AbortReason::Stopped);
@@ -143,9 +145,9 @@ fn motor_measurement_without_master_or_loop_ends() {
     let mut bench = blank();
     order(&mut bench, 1).unwrap();
     pass(&mut bench, 99);
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     pass(&mut bench, 2);
-    assert!(!bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(!bench.driver.joint.loop_commands(bench.now_us).bridge);
     assert_eq!(bench.number(RUN, Run::REASON), AbortReason::Fault as u32);
     assert!(order(&mut bench, 1).is_err(), "the fault stands");
     order(&mut bench, 2).unwrap();
@@ -159,7 +161,7 @@ fn motor_measurement_without_master_or_loop_ends() {
     }
     assert_eq!(bench.number(RUN, Run::STEP), CommissioningStep::Aborted as u32);
     assert_eq!(bench.number(RUN, Run::REASON), AbortReason::NoAnswer as u32);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
 }
 
 #[test]
@@ -179,6 +181,6 @@ fn motor_measurement_is_refused_like_arming() {
     bench.write(RUN, Run::CURRENT, &3.0f32.to_le_bytes()).unwrap();
     assert_eq!(f32::from_bits(bench.number(RUN, Run::CURRENT)), 3.0);
     order(&mut bench, 1).unwrap();
-    let probe = bench.driver.loop_commands(bench.now_us).probe.expect("a run");
+    let probe = bench.driver.joint.loop_commands(bench.now_us).probe.expect("a run");
     assert!(probe.trip_a <= 1.5 * 3.0 + 0.5 && probe.along_v == 0.0);
 }

@@ -35,7 +35,7 @@ fn stored(saves: u16) -> Flash {
         }
         save(&mut bench).expect("the flash works");
     }
-    bench.driver.into_flash()
+    bench.driver.joint.into_flash()
 }
 
 fn started(flash: Flash) -> Bench {
@@ -136,9 +136,9 @@ fn power_cut_during_a_save_leaves_the_key_before_or_after_it() {
                     save(&mut bench).expect("the flash works");
                 }
                 set_up(&mut bench);
-                bench.driver.flash_mut().cut_power(step, torn);
+                bench.driver.joint.flash_mut().cut_power(step, torn);
                 let _ = save(&mut bench);
-                let mut flash = bench.driver.into_flash();
+                let mut flash = bench.driver.joint.into_flash();
                 flash.power_on();
                 let mut bench = started(flash);
                 let is_new = bench.driver.node() == NODE;

@@ -6,6 +6,7 @@ use super::pdos::map;
 use compensator_core::can::{Message, SyncFrame};
 use firmware::control::MotorParameters;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 use firmware::supervisor::Thresholds;
@@ -36,7 +37,7 @@ pub fn in_cst() -> Bench {
 
 pub fn pass(bench: &mut Bench, milliseconds: u64) {
     for _ in 0..milliseconds {
-        bench.driver.report(&measured());
+        bench.driver.joint.report(&measured());
         bench.pass_ms(1);
     }
 }
@@ -58,7 +59,7 @@ fn enabled() -> Bench {
         control(&mut bench, word, 100);
         assert_eq!(state(&mut bench), expected);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     bench.sent();
     bench
 }
@@ -75,7 +76,7 @@ fn master_in_cst_enables_drives_and_stops_the_joint() {
     assert_eq!(bench.number(index::RATED_TORQUE, 0), 26_000);
     let mut bench = enabled();
     control(&mut bench, 0x0F, -250);
-    let commands = bench.driver.loop_commands(bench.now_us);
+    let commands = bench.driver.joint.loop_commands(bench.now_us);
     assert!(commands.bridge);
     assert!((commands.setpoint.current_a + 6.5).abs() < 1e-4);
     assert_eq!(bench.number(index::TORQUE_DEMAND, 0) as i16, -250);
@@ -85,12 +86,14 @@ fn master_in_cst_enables_drives_and_stops_the_joint() {
     assert_eq!(bench.number(index::ACTUAL_VELOCITY, 0) as i32, -1_500_000);
     bench.write(index::CONTROLWORD, 0, &[0x07, 0]).unwrap();
     assert_eq!(state(&mut bench), 0x23);
-    assert!(!bench.driver.is_armed() && !bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(
+        !bench.driver.joint.is_armed() && !bench.driver.joint.loop_commands(bench.now_us).bridge
+    );
     // A quick stop has no ramp: it opens the bridge.
     let mut bench = enabled();
     control(&mut bench, 0x0B, 0);
     assert_eq!(state(&mut bench), 0x40);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
 }
 
 /// Returns the whole statusword.
@@ -113,17 +116,17 @@ fn homing_sets_home_at_standstill_and_fails_in_motion() {
     for word in [0x06, 0x07, 0x0F] {
         control(&mut bench, word, 300);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     // Enabled in homing mode, the drive gives no torque for any target.
-    assert_eq!(bench.driver.loop_commands(bench.now_us).setpoint.current_a, 0.0);
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a, 0.0);
     assert_eq!(status(&mut bench) & 0x3400, 0x0400, "not begun");
-    let before = bench.driver.loop_commands(bench.now_us).home;
+    let before = bench.driver.joint.loop_commands(bench.now_us).home;
     // The joint moves with 1.5 rad/s.
     control(&mut bench, 0x1F, 0);
     assert_eq!(status(&mut bench) & 0x3400, 0x2000, "failed, and it moves");
     bench.check_refusal("homing in motion", &[]);
-    assert_eq!(bench.driver.loop_commands(bench.now_us).home.number, before.number);
-    bench.driver.report(&LoopReport { velocity_rad_s: 0.02, ..measured() });
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).home.number, before.number);
+    bench.driver.joint.report(&LoopReport { velocity_rad_s: 0.02, ..measured() });
     bench.pass_ms(1);
     // An unchanged controlword has no edge.
     control(&mut bench, 0x1F, 0);
@@ -131,7 +134,7 @@ fn homing_sets_home_at_standstill_and_fails_in_motion() {
     control(&mut bench, 0x0F, 0);
     control(&mut bench, 0x1F, 0);
     assert_eq!(status(&mut bench) & 0x3400, 0x1400, "attained");
-    let home = bench.driver.loop_commands(bench.now_us).home;
+    let home = bench.driver.joint.loop_commands(bench.now_us).home;
     assert_eq!(home.number, before.number.wrapping_add(1));
     assert!((home.position_rad - 0.75).abs() < 1e-6, "{}", home.position_rad);
     // Another mode clears the homing state.
@@ -154,7 +157,7 @@ fn drive_at(bench: &mut Bench, controlword: u16, micro_rad_s: i32) {
 fn pass_at(bench: &mut Bench, milliseconds: u64, velocity_rad_s: f32, target_micro_rad_s: i32) {
     for _ in 0..milliseconds {
         drive_at(bench, 0x0F, target_micro_rad_s);
-        bench.driver.report(&LoopReport { velocity_rad_s, ..measured() });
+        bench.driver.joint.report(&LoopReport { velocity_rad_s, ..measured() });
         bench.pass_ms(1);
     }
 }
@@ -172,27 +175,30 @@ fn csv_target_gives_a_current_and_the_velocity_reference() {
     assert_eq!(state(&mut bench), 0x27);
     // The reference starts at the present speed, -1.5 rad/s, with 50 rad/s^2.
     pass_at(&mut bench, 10, -1.5, 2_000_000);
-    let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
+    let setpoint = bench.driver.joint.loop_commands(bench.now_us).setpoint;
     assert!((setpoint.velocity_reference_rad_s + 1.0).abs() < 1e-3, "{setpoint:?}");
     assert!(setpoint.current_a > 1.4 && setpoint.current_a < 2.5, "{setpoint:?}");
     pass_at(&mut bench, 100, 1.0, 2_000_000);
-    let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
+    let setpoint = bench.driver.joint.loop_commands(bench.now_us).setpoint;
     assert_eq!(setpoint.velocity_reference_rad_s, 2.0);
     assert_eq!(bench.number(index::VELOCITY_DEMAND, 0), 2_000_000);
     // At a blocked joint the current grows to the limit of 6072h and the rating.
     pass_at(&mut bench, 2000, 0.0, 2_000_000);
-    assert_eq!(bench.driver.loop_commands(bench.now_us).setpoint.current_a, 26.0);
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a, 26.0);
     // A target beyond 6080h is limited, and the statusword reports it.
     assert_eq!(bench.number(index::STATUSWORD, 0) & 1 << 11, 0);
     pass_at(&mut bench, 400, 5.0, i32::MAX);
-    assert_eq!(bench.driver.loop_commands(bench.now_us).setpoint.velocity_reference_rad_s, 12.0);
+    assert_eq!(
+        bench.driver.joint.loop_commands(bench.now_us).setpoint.velocity_reference_rad_s,
+        12.0
+    );
     assert_ne!(bench.number(index::STATUSWORD, 0) & 1 << 11, 0);
     // Without a message of the master for 0.1 s the joint stops; the age of the set-point shows it.
     pass(&mut bench, 98);
-    assert!(bench.driver.is_armed());
-    assert!((bench.driver.loop_commands(bench.now_us).setpoint.age_s - 0.099).abs() < 1e-4);
+    assert!(bench.driver.joint.is_armed());
+    assert!((bench.driver.joint.loop_commands(bench.now_us).setpoint.age_s - 0.099).abs() < 1e-4);
     pass(&mut bench, 3);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     // The next enabling starts from the speed at that time.
     for _ in 0..3 {
         drive_at(&mut bench, 0, 0);
@@ -203,17 +209,20 @@ fn csv_target_gives_a_current_and_the_velocity_reference() {
     for word in [0x06, 0x07, 0x0F] {
         drive_at(&mut bench, word, 0);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     pass_at(&mut bench, 100, 0.0, -3_000_000);
-    let reference = bench.driver.loop_commands(bench.now_us).setpoint.velocity_reference_rad_s;
+    let reference =
+        bench.driver.joint.loop_commands(bench.now_us).setpoint.velocity_reference_rad_s;
     assert!((reference + 1.0).abs() < 1e-3, "{reference} rad/s, 487 turns a minute of the motor");
     // It stops as in CST: at once, without a ramp.
     drive_at(&mut bench, 0x0B, 0);
-    assert!(!bench.driver.is_armed() && !bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(
+        !bench.driver.joint.is_armed() && !bench.driver.joint.loop_commands(bench.now_us).bridge
+    );
     // Frames of other lengths are ignored.
-    let wrong = bench.driver.counters().wrong_length;
+    let wrong = bench.driver.joint.counters().wrong_length;
     bench.driver.receive(&frame(RPDO_1, &[0x0F, 0, 0, 0, 1, 0]), bench.now_us);
-    assert_eq!(bench.driver.counters().wrong_length, wrong + 1);
+    assert_eq!(bench.driver.joint.counters().wrong_length, wrong + 1);
 }
 
 #[test]
@@ -259,7 +268,7 @@ fn drive_settings_are_checked_stored_and_restored() {
     bench.write(index::HOLDING_BRAKE, 2, &60u16.to_le_bytes()).unwrap();
     assert!(bench.write(index::HOLDING_BRAKE, 6, &[1]).is_err(), "only the driver releases");
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     assert_eq!(bench.number(index::QUICK_STOP_OPTION, 0) as i16, -1);
     assert_eq!(bench.number(index::POSITION_LIMITS, 1) as i32, -500_000);
@@ -307,27 +316,27 @@ fn csp_holds_until_the_first_target_after_enabling() {
     bench.write(index::MODE, 0, &[8]).unwrap();
     bench.write(index::TARGET_POSITION, 0, &2_000_000i32.to_le_bytes()).unwrap();
     let still = LoopReport { velocity_rad_s: 0.0, ..measured() };
-    bench.driver.report(&still);
+    bench.driver.joint.report(&still);
     for word in [0x06, 0x07, 0x0F] {
         control(&mut bench, word, 0);
     }
     for _ in 0..10 {
         control(&mut bench, 0x0F, 0);
-        bench.driver.report(&still);
+        bench.driver.joint.report(&still);
         bench.pass_ms(1);
     }
     assert_eq!(bench.number(index::POSITION_DEMAND, 0) as i32, 250_000, "the old target");
     assert_eq!(bench.number(index::BUS_VOLTAGE, 0), 48_000);
     bench.write(index::TARGET_POSITION, 0, &251_000i32.to_le_bytes()).unwrap();
     for _ in 0..2 {
-        bench.driver.report(&still);
+        bench.driver.joint.report(&still);
         bench.pass_ms(1);
     }
     // A target after 1 ms; single precision resolves 3e-8 rad.
     let near = |found: u32, expected: i32| (found as i32 - expected).abs() <= 1;
     assert!(near(bench.number(index::POSITION_DEMAND, 0), 251_000));
     assert!(near(bench.number(index::FOLLOWING_ERROR, 0), 1_000));
-    let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
+    let setpoint = bench.driver.joint.loop_commands(bench.now_us).setpoint;
     assert!(setpoint.current_a > 0.0, "{setpoint:?}");
 }
 
@@ -375,9 +384,9 @@ fn drive_enable_is_refused_like_arming() {
     assert_eq!(bench.write(index::CONTROLWORD, 0, &[0x0F, 0]), Err(0x0800_0022));
     // In this mode the joint's own Command frame is ignored, and unknown modes are refused.
     let mut bench = enabled();
-    let foreign = bench.driver.counters().foreign;
+    let foreign = bench.driver.joint.counters().foreign;
     bench.driver.receive(&frame(0x301, &[0, 0, 0x80, 0x3F, 0, 0, 0, 99]), bench.now_us);
-    assert_eq!(bench.driver.counters().foreign, foreign + 1);
+    assert_eq!(bench.driver.joint.counters().foreign, foreign + 1);
     let mut bench = in_cst();
     for mode in [2i8, 5, 7, 11, -1] {
         assert_eq!(bench.write(index::MODE, 0, &mode.to_le_bytes()), Err(0x0609_0030));
@@ -387,12 +396,12 @@ fn drive_enable_is_refused_like_arming() {
     for word in [0x06, 0x07, 0x0F] {
         control(&mut bench, word, 500);
     }
-    assert!(!bench.driver.is_armed());
-    assert_eq!(bench.driver.loop_commands(bench.now_us).setpoint.age_s, -1.0);
+    assert!(!bench.driver.joint.is_armed());
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).setpoint.age_s, -1.0);
     control(&mut bench, 0x0F, 0);
-    let wrong = bench.driver.counters().wrong_length;
+    let wrong = bench.driver.joint.counters().wrong_length;
     bench.driver.receive(&frame(RPDO_1, &[0x0F, 0]), bench.now_us);
-    assert_eq!(bench.driver.counters().wrong_length, wrong + 1);
+    assert_eq!(bench.driver.joint.counters().wrong_length, wrong + 1);
 }
 
 #[test]
@@ -400,8 +409,8 @@ fn drive_that_leaves_nmt_operational_opens_its_bridge() {
     for command in [0x02, 0x80, 0x82] {
         let mut bench = enabled();
         bench.driver.receive(&frame(0, &[command, 1]), bench.now_us);
-        assert!(!bench.driver.is_armed(), "{command:#x}");
-        assert!(!bench.driver.loop_commands(bench.now_us).bridge, "{command:#x}");
+        assert!(!bench.driver.joint.is_armed(), "{command:#x}");
+        assert!(!bench.driver.joint.loop_commands(bench.now_us).bridge, "{command:#x}");
     }
 }
 
@@ -412,7 +421,7 @@ fn unreferenced() -> LoopReport {
 
 fn pass_unreferenced(bench: &mut Bench, milliseconds: u64) {
     for _ in 0..milliseconds {
-        bench.driver.report(&unreferenced());
+        bench.driver.joint.report(&unreferenced());
         bench.pass_ms(1);
     }
 }
@@ -435,7 +444,7 @@ fn enabling_with_unknown_position_is_refused_if_the_position_is_required() {
         for word in [0x06, 0x07, 0x0F] {
             control(bench, word, 0);
         }
-        bench.driver.is_armed()
+        bench.driver.joint.is_armed()
     };
     let mut bench = in_cst();
     pass_unreferenced(&mut bench, 2);
@@ -464,10 +473,12 @@ fn enabling_with_unknown_position_is_refused_if_the_position_is_required() {
 fn limits_and_heartbeat_change_while_enabled_and_deadlines_do_not() {
     let mut bench = enabled();
     control(&mut bench, 0x0F, 500);
-    assert!((bench.driver.loop_commands(bench.now_us).setpoint.current_a - 13.0).abs() < 1e-4);
+    assert!(
+        (bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a - 13.0).abs() < 1e-4
+    );
     bench.write(index::MAX_TORQUE, 0, &300u16.to_le_bytes()).unwrap();
     control(&mut bench, 0x0F, 500);
-    assert!((bench.driver.loop_commands(bench.now_us).setpoint.current_a - 7.8).abs() < 1e-4);
+    assert!((bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a - 7.8).abs() < 1e-4);
     bench.write(index::MAX_MOTOR_SPEED, 0, &487u32.to_le_bytes()).unwrap();
     bench.write(index::HOME_OFFSET, 0, &1000i32.to_le_bytes()).unwrap();
     bench.write(0x1800, 3, &10u16.to_le_bytes()).unwrap();
@@ -490,7 +501,7 @@ fn limits_and_heartbeat_change_while_enabled_and_deadlines_do_not() {
         let refused = bench.write(at_index, sub_index, value);
         assert_eq!(refused, Err(0x0800_0022), "{at_index:04X}h");
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
 }
 
 /// Offers a target of 0.1 rad in PP and returns the demanded position after 20 reports, in its unit. With `is_early`, every
@@ -500,7 +511,7 @@ fn demand_after_20_reports(is_early: bool) -> i32 {
     let still = LoopReport { velocity_rad_s: 0.0, motor_torque_nm: 0.0, ..measured() };
     let again = LoopReport { is_repeated: true, ..still };
     let mut bench = in_cst();
-    bench.driver.report(&still);
+    bench.driver.joint.report(&still);
     bench.pass_ms(1);
     bench.write(index::MODE, 0, &[PP]).unwrap();
     let target = bench.number(index::ACTUAL_POSITION, 0) as i32 + 100_000;
@@ -509,15 +520,15 @@ fn demand_after_20_reports(is_early: bool) -> i32 {
         control(&mut bench, word, 0);
     }
     for _ in 0..10 {
-        bench.driver.report(if is_early { &again } else { &still });
+        bench.driver.joint.report(if is_early { &again } else { &still });
         bench.pass_ms(1);
-        bench.driver.report(&still);
+        bench.driver.joint.report(&still);
         if is_early {
-            bench.driver.report(&still);
+            bench.driver.joint.report(&still);
         }
         bench.pass_ms(1);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     bench.number(index::POSITION_DEMAND, 0) as i32
 }
 

@@ -5,6 +5,7 @@ use super::bench::{Bench, Flash};
 use super::{frame, sample};
 use compensator_core::can::{FdTelemetry, Frame, Message, SyncFrame};
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::{Equipment, Joint};
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 
@@ -14,7 +15,7 @@ const VALUE: u32 = 0x0609_0030;
 /// Returns a started joint whose controller sends CAN FD, with the option on or off.
 fn started(source: InputSource, is_on: bool) -> Bench {
     let mut bench = Bench::boot(source, Flash::new(), &Boot::default());
-    bench.driver.allow_fd();
+    bench.driver.joint.equip(Equipment { sends_fd: true, ..Equipment::default() });
     bench.write(index::OPERATION, FD_TELEMETRY, &[is_on.into()]).unwrap();
     bench.start();
     bench.sent();
@@ -24,8 +25,8 @@ fn started(source: InputSource, is_on: bool) -> Bench {
 /// Sends a SYNC; returns the classic frames and the frame of CAN FD that answer it.
 fn answers(bench: &mut Bench, sequence: u32) -> (Vec<Frame>, Option<FdTelemetry>) {
     bench.give(Message::Sync(SyncFrame::of(sequence)));
-    let fd = bench.driver.transmit_fd();
-    assert_eq!(bench.driver.transmit_fd(), None);
+    let fd = bench.driver.transmit_fd_if(|_| true);
+    assert_eq!(bench.driver.transmit_fd_if(|_| true), None);
     (bench.sent(), fd)
 }
 
@@ -35,7 +36,7 @@ fn fd_telemetry_is_off_by_default_and_refused_without_a_controller_for_it() {
     assert_eq!(bench.number(index::OPERATION, FD_TELEMETRY), 0);
     assert_eq!(bench.write(index::OPERATION, FD_TELEMETRY, &[1]), Err(VALUE));
     assert!(bench.text(index::REFUSAL).contains("fd_telemetry"));
-    bench.driver.allow_fd();
+    bench.driver.joint.equip(Equipment { sends_fd: true, ..Equipment::default() });
     bench.write(index::OPERATION, FD_TELEMETRY, &[1]).unwrap();
     assert_eq!(bench.write(index::OPERATION, FD_TELEMETRY, &[2]), Err(VALUE));
     assert_eq!(bench.number(index::OPERATION, FD_TELEMETRY), 1);
@@ -52,7 +53,7 @@ fn fd_telemetry_of_a_joint_in_hil_contains_its_classic_frames() {
         bench.write(index::STATE, 1, &[1]).unwrap();
         let sampled = |sequence| {
             let classic = sample(&mut bench, sequence);
-            let fd = bench.driver.transmit_fd();
+            let fd = bench.driver.transmit_fd_if(|_| true);
             assert_eq!(fd.is_some(), is_on, "sample {sequence}");
             let Some(fd) = fd else { return classic.iter().map(Message::emit).collect() };
             assert!(classic.is_empty(), "{classic:?}");
@@ -78,7 +79,7 @@ fn fd_telemetry_of_a_joint_on_sensors_contains_five_frames_and_the_drive() {
         }
         bench.now_us = 1_234_000;
         let report = LoopReport { current_a: 1.5, velocity_rad_s: 2.5, ..LoopReport::default() };
-        bench.driver.report(&report);
+        bench.driver.joint.report(&report);
         let statusword = bench.number(index::STATUSWORD, 0);
         let (classic, fd) = answers(&mut bench, 7);
         (classic, fd, statusword)
@@ -128,17 +129,17 @@ fn pdo_that_a_master_has_changed_is_sent_as_a_classic_frame() {
 fn fd_telemetry_is_stored_and_an_unsent_frame_is_counted() {
     let mut bench = started(InputSource::Bus, true);
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Bus, flash, &Boot::default());
     assert_eq!(bench.number(index::OPERATION, FD_TELEMETRY), 1);
     // A board without CAN FD ignores the stored setting.
     bench.start();
     assert_eq!(sample(&mut bench, 0).len(), 3);
-    bench.driver.allow_fd();
+    bench.driver.joint.equip(Equipment { sends_fd: true, ..Equipment::default() });
     let lost = bench.number(index::FRAME_COUNTERS, 3);
     for sequence in 1..4 {
         assert_eq!(sample(&mut bench, sequence).len(), 0);
     }
     assert_eq!(bench.number(index::FRAME_COUNTERS, 3), lost + 2);
-    assert_eq!(bench.driver.transmit_fd().expect("the last").counter(), 4);
+    assert_eq!(bench.driver.transmit_fd_if(|_| true).expect("the last").counter(), 4);
 }

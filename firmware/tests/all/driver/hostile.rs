@@ -4,6 +4,7 @@ use super::bench::{Bench, frame};
 use super::{moving, sample};
 use compensator_core::can::{Message, SyncFrame};
 use firmware::driver::LoopReport;
+use firmware::joint_node::Joint as _;
 use firmware::node::OUTBOX_CAPACITY;
 use firmware::node::dictionary::index;
 use proptest::prelude::*;
@@ -18,7 +19,7 @@ fn armed() -> Bench {
 #[test]
 fn wrong_frames_are_counted_by_kind() {
     let mut bench = armed();
-    let before = *bench.driver.counters();
+    let before = *bench.driver.joint.counters();
     for (identifier, data) in [
         (0x301, &[0; 7][..]),
         (0x080, &[1, 2]),
@@ -30,7 +31,7 @@ fn wrong_frames_are_counted_by_kind() {
     ] {
         bench.driver.receive(&frame(identifier, data), 0);
     }
-    let after = bench.driver.counters();
+    let after = bench.driver.joint.counters();
     assert_eq!(after.received - before.received, 7);
     assert_eq!(after.wrong_length - before.wrong_length, 3);
     assert_eq!(after.wrong_content - before.wrong_content, 2);
@@ -45,7 +46,7 @@ fn syncs_lost_duplicate_or_late_are_counted() {
         bench.give(moving(0));
         bench.give(Message::Sync(SyncFrame { counter }));
     }
-    let counters = bench.driver.counters();
+    let counters = bench.driver.joint.counters();
     assert_eq!((counters.sync_lost, counters.sync_duplicate, counters.sync_late), (2, 1, 1));
 }
 
@@ -77,7 +78,7 @@ const ARMING: [(u16, &[u8]); 7] = [
 /// Receives a frame while the joint reports measurements with which it can be armed.
 fn receive_measuring(bench: &mut Bench, identifier: u16, data: &[u8]) {
     bench.driver.receive(&frame(identifier, data), bench.now_us);
-    bench.driver.report(&LoopReport {
+    bench.driver.joint.report(&LoopReport {
         bus_voltage_v: Some(48.0),
         phase_currents_a: Some([0.0; 3]),
         ..LoopReport::default()
@@ -87,7 +88,7 @@ fn receive_measuring(bench: &mut Bench, identifier: u16, data: &[u8]) {
 }
 
 fn is_driven(bench: &Bench) -> bool {
-    bench.driver.is_armed() || bench.driver.loop_commands(bench.now_us).bridge
+    bench.driver.joint.is_armed() || bench.driver.joint.loop_commands(bench.now_us).bridge
 }
 
 /// Starts a locked joint on its own sensors.
@@ -108,7 +109,7 @@ fn arming_frames_close_the_bridge_of_a_commissioned_joint() {
     for (identifier, data) in ARMING {
         receive_measuring(&mut bench, identifier, data);
     }
-    assert!(bench.driver.is_armed() && bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(bench.driver.joint.is_armed() && bench.driver.joint.loop_commands(bench.now_us).bridge);
 }
 
 /// Excluded: arm a joint with frames of a wrong length.

@@ -2,7 +2,9 @@
 
 use super::bench::Bench;
 use super::drive::{control, in_cst};
+use firmware::background::BoardState;
 use firmware::driver::LoopReport;
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 use firmware::sensors::biss::WORDS;
 use firmware::supervisor::Code;
@@ -30,8 +32,11 @@ fn words(joint_rad: f64) -> [u16; WORDS] {
 /// Passes a report with the motor at this position, rad at the joint, and a frame.
 fn report(bench: &mut Bench, motor_rad: f64, words: [u16; WORDS]) {
     let turns = (motor_rad * GEAR / std::f64::consts::TAU).rem_euclid(1.0);
-    bench.driver.set_joint_words(Some(words));
-    bench.driver.report(&LoopReport {
+    bench
+        .driver
+        .joint
+        .take_board_state(&BoardState { joint_words: Some(words), ..BoardState::default() });
+    bench.driver.joint.report(&LoopReport {
         bus_voltage_v: Some(48.0),
         phase_currents_a: Some([0.0; 3]),
         sample_age_us: Some(0),
@@ -54,7 +59,7 @@ fn state(bench: &mut Bench) -> u32 {
 }
 
 fn is_warned(bench: &Bench) -> bool {
-    bench.driver.supervisor().limits().contains(Code::EncoderMagnet)
+    bench.driver.joint.supervisor().limits().contains(Code::EncoderMagnet)
 }
 
 #[test]
@@ -105,21 +110,21 @@ fn sides_that_differ_by_more_than_the_window_stop_an_armed_joint_only() {
         }
     };
     drift(&mut bench, 0, 100);
-    assert!(bench.driver.supervisor().faults().is_empty(), "not armed");
+    assert!(bench.driver.joint.supervisor().faults().is_empty(), "not armed");
     for word in [0x06, 0x07, 0x0F] {
         control(&mut bench, word, 0);
         drift(&mut bench, 100, 101);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     for k in 100..=150 {
         control(&mut bench, 0x0F, 0);
         drift(&mut bench, k, k);
     }
-    assert!(bench.driver.is_armed(), "{}", difference_rad(&mut bench));
+    assert!(bench.driver.joint.is_armed(), "{}", difference_rad(&mut bench));
     bench.sent();
     control(&mut bench, 0x0F, 0);
     drift(&mut bench, 153, 153);
-    assert!(bench.driver.supervisor().faults().contains(Code::FollowingError));
+    assert!(bench.driver.joint.supervisor().faults().contains(Code::FollowingError));
     let sent = bench.sent();
     let emergency = sent.iter().find(|frame| frame.identifier() == 0x081).expect("an emergency");
     assert_eq!(emergency.data()[3..5], [30, 3], "code and state");
@@ -127,5 +132,5 @@ fn sides_that_differ_by_more_than_the_window_stop_an_armed_joint_only() {
     // The difference of the next arming counts from there.
     drift(&mut bench, 153, 154);
     bench.write(index::STATE, 1, &[2]).unwrap();
-    assert!(bench.driver.supervisor().faults().is_empty());
+    assert!(bench.driver.joint.supervisor().faults().is_empty());
 }

@@ -5,6 +5,7 @@ use super::drive::{control, state};
 use super::parameter_trial::save;
 use compensator_core::ParameterId;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
 use firmware::node_settings::InputSource;
@@ -28,19 +29,19 @@ fn learning() -> Bench {
     bench.write(index::ADAPTATION, AdaptationObject::MODE, &[ON]).unwrap();
     save(&mut bench).unwrap();
     // Friction is not compensated with the defaults of a joint without a stored set.
-    start(bench.driver.into_flash())
+    start(bench.driver.joint.into_flash())
 }
 
 /// Reports a joint that strokes to and fro for this time, with the Coulomb friction of its set times `wear`.
 fn stroke(bench: &mut Bench, seconds: u64, wear: f32) {
-    let get = |bench: &Bench, id| bench.driver.set().friction.model.get(id);
+    let get = |bench: &Bench, id| bench.driver.joint.set().friction.model.get(id);
     let coulomb_nm = get(bench, ParameterId::CoulombTorque);
     let viscous_nms = get(bench, ParameterId::ViscousFriction);
     for ms in 0..seconds * 1000 {
         let velocity_rad_s: f32 = if ms % 4000 < 2000 { 1.5 } else { -1.5 };
         let friction_nm =
             velocity_rad_s.signum() * wear * coulomb_nm + viscous_nms * velocity_rad_s;
-        bench.driver.report(&LoopReport {
+        bench.driver.joint.report(&LoopReport {
             bus_voltage_v: Some(48.0),
             phase_currents_a: Some([0.0; 3]),
             velocity_rad_s,
@@ -51,7 +52,7 @@ fn stroke(bench: &mut Bench, seconds: u64, wear: f32) {
             flags: compensator_core::Flags::empty(),
             ..LoopReport::default()
         });
-        if bench.driver.is_armed() {
+        if bench.driver.joint.is_armed() {
             control(bench, 0x0F, 0);
         }
         bench.pass_ms(1);
@@ -62,13 +63,13 @@ fn stroke(bench: &mut Bench, seconds: u64, wear: f32) {
 fn arm(bench: &mut Bench) {
     stroke(bench, 1, 1.0);
     [0x06, 0x07, 0x0F].iter().for_each(|word| control(bench, *word, 0));
-    assert!(bench.driver.is_armed(), "{:02x}", state(bench));
+    assert!(bench.driver.joint.is_armed(), "{:02x}", state(bench));
 }
 
 fn disarm(bench: &mut Bench) {
     bench.write(index::CONTROLWORD, 0, &[0x06, 0]).unwrap();
     bench.pass_ms(2);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
 }
 
 fn entries(bench: &mut Bench) -> Vec<TrendEntry> {
@@ -85,22 +86,26 @@ fn entries(bench: &mut Bench) -> Vec<TrendEntry> {
 #[test]
 fn trend_of_rising_friction_survives_three_restarts() {
     let mut bench = learning();
-    let coulomb_nm = bench.driver.set().friction.model.get(ParameterId::CoulombTorque);
+    let coulomb_nm = bench.driver.joint.set().friction.model.get(ParameterId::CoulombTorque);
     assert_eq!(entries(&mut bench), []);
     let wears = [1.15, 1.3, 1.45];
     for (number, wear) in wears.into_iter().enumerate() {
-        bench = start(bench.driver.into_flash());
+        bench = start(bench.driver.joint.into_flash());
         assert_eq!(entries(&mut bench).len(), number, "a start adds nothing");
         arm(&mut bench);
         stroke(&mut bench, 240, wear);
-        let steps = bench.driver.flash().steps();
+        let steps = bench.driver.joint.flash().steps();
         assert_eq!(entries(&mut bench).len(), number, "an armed joint writes nothing");
         disarm(&mut bench);
-        assert_eq!(bench.driver.flash().steps(), steps + 2, "one entry, and no erase");
+        assert_eq!(bench.driver.joint.flash().steps(), steps + 2, "one entry, and no erase");
         stroke(&mut bench, 10, wear);
-        assert_eq!(bench.driver.flash().steps(), steps + 2, "a level that stays adds nothing");
+        assert_eq!(
+            bench.driver.joint.flash().steps(),
+            steps + 2,
+            "a level that stays adds nothing"
+        );
     }
-    bench = start(bench.driver.into_flash());
+    bench = start(bench.driver.joint.into_flash());
     assert_eq!(bench.number(index::LEARNT_GAINS, 1), 1f32.to_bits(), "gains start at the set");
     let found = entries(&mut bench);
     assert_eq!(found.len(), wears.len());
@@ -137,7 +142,7 @@ fn trend_goes_on_after_adopting_and_saving_what_was_learnt() {
     disarm(&mut bench);
     bench.write(index::ADAPTATION, AdaptationObject::ORDER, &[ADOPT]).unwrap();
     save(&mut bench).unwrap();
-    bench = start(bench.driver.into_flash());
+    bench = start(bench.driver.joint.into_flash());
     assert_eq!(entries(&mut bench).len(), 1, "a save keeps the trend");
     arm(&mut bench);
     // The set now has the learnt level: it is the level that counts, and it has risen by 20 %.

@@ -37,7 +37,7 @@ fn panic_before_reset_is_reported_and_prevents_arming() {
     assert!(bench.number(index::ERROR_FIELD, 0) > 0);
     bench.write(index::STATE, 1, &[2]).unwrap();
     bench.write(index::STATE, 1, &[1]).unwrap();
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
 }
 
 #[test]
@@ -48,10 +48,10 @@ fn awaited_heartbeat_that_is_missing_disarms_the_joint() {
     bench.write(index::STATE, 1, &[1]).unwrap();
     bench.driver.receive(&frame(0x709, &[5]), bench.now_us);
     bench.pass_ms(50);
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     emergencies(&mut bench);
     bench.pass_ms(2);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     let code = Code::HeartbeatLost;
     assert!(emergencies(&mut bench).contains(&(code.info().emergency, code.number())));
     assert_eq!(bench.write(index::STATE, 1, &[1]), Err(0x0800_0022));

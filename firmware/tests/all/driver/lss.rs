@@ -97,7 +97,7 @@ fn two_blank_joints_get_two_numbers_by_fastscan() {
         let answer = joint.sent();
         assert_eq!(answer[0].identifier(), 0x580 + u16::from(node));
         assert_eq!(answer[0].data()[4..], serial.to_le_bytes());
-        let flash: Flash = joint.driver.into_flash();
+        let flash: Flash = joint.driver.joint.into_flash();
         let joint = Bench::boot(InputSource::Sensors, flash, &Boot::default());
         assert_eq!(joint.driver.node().number(), node);
         numbers.push(node);
@@ -166,5 +166,5 @@ fn armed_or_numbered_joint_keeps_its_number() {
     bus.command(0x04, 1);
     assert_eq!(bus.command(0x11, 9), [[0x11, 255, 0, 0, 0, 0, 0, 0]]);
     assert_eq!(bus.joints[0].number(index::OPERATION, 6), 1);
-    assert!(bus.joints[0].driver.is_armed());
+    assert!(bus.joints[0].driver.joint.is_armed());
 }

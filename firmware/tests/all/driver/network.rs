@@ -11,6 +11,7 @@ use compensator_core::network::{Network, NetworkState, StrokeTracker, reference}
 use compensator_core::{Compensator, Fixed, Flags, Inputs, Real, record};
 use firmware::control::Covariates;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::records::NetworkObject as Object;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
@@ -41,11 +42,12 @@ fn network_record_is_stored_and_read_back() {
     assert_eq!(bench.number(index::NETWORK, 1), 0);
     let set = supplied();
     send(&mut bench, &set).unwrap();
-    assert_eq!(bench.driver.set(), &set);
+    assert_eq!(bench.driver.joint.set(), &set);
     assert_eq!(bench.number(index::NETWORK, 1), 1);
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let mut bench = Bench::boot(InputSource::Bus, bench.driver.into_flash(), &Boot::default());
-    assert_eq!(bench.driver.set(), &set);
+    let mut bench =
+        Bench::boot(InputSource::Bus, bench.driver.joint.into_flash(), &Boot::default());
+    assert_eq!(bench.driver.joint.set(), &set);
     assert_eq!(
         bench.read(index::COMMIT, 7).unwrap(),
         network_record::emit(set.network.as_ref()).as_slice()
@@ -53,14 +55,14 @@ fn network_record_is_stored_and_read_back() {
     // Without the network, the law uses its constants.
     let bare = ParameterSet { network: None, ..set.clone() };
     send(&mut bench, &bare).unwrap();
-    assert_eq!(bench.driver.set(), &bare);
+    assert_eq!(bench.driver.joint.set(), &bare);
     assert_eq!(bench.number(index::NETWORK, 1), 0);
 }
 
 #[test]
 fn network_that_is_damaged_or_does_not_fit_its_law_is_refused() {
     let mut bench = Bench::hil();
-    let before = bench.driver.set().clone();
+    let before = bench.driver.joint.set().clone();
     let set = supplied();
     let mut damaged = network_record::emit(set.network.as_ref());
     damaged[700] ^= 1;
@@ -76,7 +78,7 @@ fn network_that_is_damaged_or_does_not_fit_its_law_is_refused() {
     bench.check_refusal("network for another law", &["lugre-asymmetric"]);
     bench.write(index::COMMIT, 4, &[1]).unwrap();
     assert_eq!(bench.number(index::COMMIT, 1), bench.number(index::COMMIT, 2));
-    assert_eq!(bench.driver.set(), &before);
+    assert_eq!(bench.driver.joint.set(), &before);
     // The samples are farther apart than the evaluations of the training.
     send(&mut bench, &set).unwrap();
     assert_eq!(bench.write(index::OPERATION, 3, &0.05f32.to_le_bytes()), Err(0x0609_0030));
@@ -93,7 +95,7 @@ fn power_cut_while_saving_a_network_keeps_one_complete_set() {
     let set = supplied();
     send(&mut bench, &set).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut newer = set.clone();
     newer.network.as_mut().unwrap().network.readout.bias[0] = 0.5;
     let (mut olds, mut news) = (0, 0);
@@ -104,11 +106,11 @@ fn power_cut_while_saving_a_network_keeps_one_complete_set() {
         let mut bench = Bench::boot(InputSource::Bus, cut, &Boot::default());
         send(&mut bench, &newer).unwrap();
         let saved = bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes());
-        let mut flash = bench.driver.into_flash();
+        let mut flash = bench.driver.joint.into_flash();
         assert_eq!(saved.is_err(), !flash.has_power());
         flash.power_on();
         let bench = Bench::boot(InputSource::Bus, flash, &Boot::default());
-        let found = bench.driver.set();
+        let found = bench.driver.joint.set();
         assert!(*found == set || *found == newer, "step {step}");
         olds += u32::from(*found == set);
         news += u32::from(*found == newer);
@@ -242,11 +244,11 @@ fn network_on_sensors_is_evaluated_at_the_training_rate_while_compensating() {
     let mut counter = 0u8;
     let mut pass = |bench: &mut Bench, velocity: f32, auxiliary: f32| {
         counter = u8::wrapping_add(counter, 1);
-        bench.driver.report(&report(velocity));
+        bench.driver.joint.report(&report(velocity));
         let command = compensator_core::can::CommandFrame::new(1.0, 0.0, counter);
         bench.give(Message::Command(NODE, command));
         bench.pass_ms(1);
-        bench.driver.supply(&with_auxiliary(auxiliary), bench.now_us)
+        bench.driver.joint.supply(&with_auxiliary(auxiliary), bench.now_us)
     };
     for _ in 0..20 {
         assert_eq!(pass(&mut bench, 0.1, 1.0), None);

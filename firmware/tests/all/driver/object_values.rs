@@ -3,7 +3,9 @@
 use super::bench::Bench;
 use super::drive::{control, in_cst};
 use compensator_core::can::{Message, SyncFrame};
+use firmware::background::BoardState;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 use firmware::sensors::bme280::Air;
@@ -81,7 +83,7 @@ fn settings_read_back_what_was_written_also_after_save_and_restart() {
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     check_all(&mut bench, SETTINGS);
 }
@@ -94,11 +96,12 @@ fn numbers<const N: usize>(bench: &mut Bench, at_index: u16, places: [u8; N]) ->
 #[test]
 fn measurements_are_those_of_the_last_report() {
     let mut bench = in_cst();
-    bench.driver.set_enclosure(Readings {
+    let enclosure = Readings {
         leak_share: Some(0.75),
         air: Some(Air { humidity_percent: 40.0, pressure_pa: 9.9e4, temperature_c: 8.0 }),
         torque_allowed: Some([false, true]),
-    });
+    };
+    bench.driver.joint.take_board_state(&BoardState { enclosure, ..BoardState::default() });
     let report = LoopReport {
         bus_voltage_v: Some(48.0),
         phase_currents_a: Some([0.0; 3]),
@@ -111,7 +114,7 @@ fn measurements_are_those_of_the_last_report() {
         residual_torque_nm: 0.125,
         ..LoopReport::default()
     };
-    bench.driver.report(&report);
+    bench.driver.joint.report(&report);
     bench.pass_ms(1);
     bench.give(Message::Sync(SyncFrame { counter: 1 }));
     assert_eq!(numbers(&mut bench, index::MEASURED, [1, 2, 3]), [0.5, 0.25, 5.5]);
@@ -148,7 +151,7 @@ fn fault_is_counted_and_stands_in_error_register_and_field() {
     assert_eq!(bench.number(index::ERROR_REGISTER, 0) & 0x0F, 1);
     let errors = bench.number(index::ERROR_FIELD, 0);
     for _ in 0..200 {
-        bench.driver.report(&LoopReport {
+        bench.driver.joint.report(&LoopReport {
             bus_voltage_v: Some(80.0),
             phase_currents_a: Some([0.0; 3]),
             ..LoopReport::default()

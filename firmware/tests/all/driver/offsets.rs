@@ -2,6 +2,7 @@
 
 use super::bench::Bench;
 use firmware::driver::LoopReport;
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 
 const CSV: u8 = 9;
@@ -15,7 +16,7 @@ fn pass(bench: &mut Bench, milliseconds: usize, offset_permille: Option<i16>) {
             bench.write(index::TORQUE_OFFSET, 0, &permille.to_le_bytes()).unwrap();
         }
         bench.write(index::TARGET_TORQUE, 0, &[0, 0]).unwrap();
-        bench.driver.report(&LoopReport {
+        bench.driver.joint.report(&LoopReport {
             bus_voltage_v: Some(48.0),
             phase_currents_a: Some([0.0; 3]),
             ..LoopReport::default()
@@ -26,7 +27,7 @@ fn pass(bench: &mut Bench, milliseconds: usize, offset_permille: Option<i16>) {
 }
 
 fn commanded_a(bench: &Bench) -> f32 {
-    bench.driver.loop_commands(bench.now_us).setpoint.current_a
+    bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a
 }
 
 fn enabled() -> Bench {
@@ -38,14 +39,14 @@ fn enabled() -> Bench {
         bench.write(index::CONTROLWORD, 0, &[controlword, 0]).unwrap();
         pass(&mut bench, 5, None);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     bench
 }
 
 #[test]
 fn torque_offset_acts_within_the_largest_torque_and_decays_without_its_master() {
     let mut bench = enabled();
-    let rated_a = bench.driver.set().motor.current_limit_a;
+    let rated_a = bench.driver.joint.set().motor.current_limit_a;
     pass(&mut bench, 20, Some(200));
     assert!((commanded_a(&bench) - 0.2 * rated_a).abs() < 1e-3, "{}", commanded_a(&bench));
     bench.write(index::MAX_TORQUE, 0, &100i16.to_le_bytes()).unwrap();

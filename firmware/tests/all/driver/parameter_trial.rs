@@ -4,7 +4,9 @@ use super::STATE_REFUSED;
 use super::bench::{Bench, frame};
 use super::drive::{in_cst, pass};
 use embedded_storage::nor_flash::NorFlash;
+use firmware::background::BoardState;
 use firmware::driver::Boot;
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::{LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 use firmware::parameter_set::ParameterSet;
@@ -59,14 +61,14 @@ fn on_trial(bench: &mut Bench, deadline_ms: u16) {
 
 /// Requires the trial's set and gain.
 fn assert_on_trial(bench: &mut Bench, case: &str) {
-    assert_eq!(bench.driver.set().friction.compensator.scale, 0.25, "{case}");
+    assert_eq!(bench.driver.joint.set().friction.compensator.scale, 0.25, "{case}");
     assert_eq!(bench.number(index::POSITION_LOOP, 1), TRIAL_GAIN, "{case}");
 }
 
 /// Requires that the defaults came back, with what was staged gone, and this state of the trial.
 fn assert_returned(bench: &mut Bench, state: u32, case: &str) {
     assert_eq!(trial_state(bench), state, "{case}");
-    assert_eq!(bench.driver.set(), &ParameterSet::default(), "{case}");
+    assert_eq!(bench.driver.joint.set(), &ParameterSet::default(), "{case}");
     assert_eq!(bench.number(index::POSITION_LOOP, 1), STORED_GAIN, "{case}");
     let crc = ParameterSet::default().crc();
     let crcs = [(index::COMMIT, 1), (index::COMMIT, 2), (index::TRIAL, STORED_CRC)];
@@ -86,7 +88,7 @@ fn enable(bench: &mut Bench) {
     for word in [0x06, 0x07, 0x0F] {
         super::drive::control(bench, word, 0);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
 }
 
 /// Passes time with a target every millisecond.
@@ -104,19 +106,19 @@ fn deadline_that_passes_returns_the_stored_values_disarmed_and_armed() {
     pass(&mut bench, 499);
     assert_eq!(bench.number(index::TRIAL, DEADLINE), 1);
     assert_on_trial(&mut bench, "before the deadline");
-    let in_loop = bench.driver.loop_commands(bench.now_us).set_number;
+    let in_loop = bench.driver.joint.loop_commands(bench.now_us).set_number;
     pass(&mut bench, 1);
     assert_returned(&mut bench, 4, "disarmed");
-    let set_number = bench.driver.loop_commands(bench.now_us).set_number;
+    let set_number = bench.driver.joint.loop_commands(bench.now_us).set_number;
     assert_eq!(set_number, in_loop + 1, "the loop takes the set that came back");
 
     let mut bench = armed(500);
     drive(&mut bench, 499);
     assert_on_trial(&mut bench, "before the deadline");
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     drive(&mut bench, 1);
     // 6007h is 1 and 605Eh is 0: the bridge opens.
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     assert_returned(&mut bench, 4, "armed");
 }
 
@@ -128,7 +130,7 @@ fn trial_that_is_renewed_for_a_minute_stays_while_armed() {
         assert_eq!(bench.number(index::TRIAL, DEADLINE), 50, "renewal {renewal}");
         open(&mut bench, 100).expect("an armed joint accepts a renewal");
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     assert_on_trial(&mut bench, "after a minute");
     drive(&mut bench, 100);
     assert_returned(&mut bench, 4, "without renewal");
@@ -140,13 +142,13 @@ fn trial_that_is_kept_stays_and_can_be_saved() {
     order(&mut bench, KEEP).expect("the trial is open");
     assert_eq!((trial_state(&mut bench), bench.number(index::TRIAL, DEADLINE)), (2, 0));
     drive(&mut bench, 500);
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     assert_on_trial(&mut bench, "kept");
     assert_eq!(order(&mut bench, RETURN), Err(STATE_REFUSED), "the trial is over");
     super::drive::control(&mut bench, 0, 0);
     assert!(open(&mut bench, 200).is_err(), "what is kept is not stored");
     save(&mut bench).expect("nothing is on trial");
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.sent();
     assert_on_trial(&mut bench, "saved");
@@ -158,10 +160,10 @@ fn order_to_keep_and_save_ends_the_trial_with_the_values_in_the_flash() {
     let mut bench = in_cst();
     assert_eq!(order(&mut bench, KEEP_AND_SAVE), Err(STATE_REFUSED), "no trial");
     let mut bench = armed(500);
-    let before = bench.driver.flash().steps();
+    let before = bench.driver.joint.flash().steps();
     assert_eq!(order(&mut bench, KEEP_AND_SAVE), Err(STATE_REFUSED), "armed");
     bench.check_refusal("keep and save while armed", &[]);
-    assert_eq!((trial_state(&mut bench), bench.driver.flash().steps()), (1, before));
+    assert_eq!((trial_state(&mut bench), bench.driver.joint.flash().steps()), (1, before));
     super::drive::control(&mut bench, 0, 0);
     order(&mut bench, KEEP_AND_SAVE).expect("the trial is open");
     assert_eq!((trial_state(&mut bench), bench.number(index::TRIAL, DEADLINE)), (2, 0));
@@ -169,7 +171,8 @@ fn order_to_keep_and_save_ends_the_trial_with_the_values_in_the_flash() {
     assert_on_trial(&mut bench, "after the deadline");
     assert_eq!(order(&mut bench, KEEP_AND_SAVE), Err(STATE_REFUSED), "the trial is over");
     open(&mut bench, 200).expect("the stored values are in use");
-    let mut bench = Bench::boot(InputSource::Sensors, bench.driver.into_flash(), &Boot::default());
+    let mut bench =
+        Bench::boot(InputSource::Sensors, bench.driver.joint.into_flash(), &Boot::default());
     bench.sent();
     assert_on_trial(&mut bench, "after a restart");
 }
@@ -185,7 +188,7 @@ fn order_to_return_stops_the_joint_and_returns_the_stored_values() {
     assert_returned(&mut bench, 3, "disarmed");
     let mut bench = armed(60_000);
     order(&mut bench, RETURN).unwrap();
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     assert_returned(&mut bench, 3, "armed");
 }
 
@@ -200,7 +203,7 @@ fn fault_or_lost_connection_returns_the_stored_values() {
             phase_currents_a: Some([0.0; 3]),
             ..firmware::driver::LoopReport::default()
         };
-        bench.driver.report(&report);
+        bench.driver.joint.report(&report);
         bench.pass_ms(1);
     });
     let events: [Event; 7] = [
@@ -213,9 +216,15 @@ fn fault_or_lost_connection_returns_the_stored_values() {
             bench.driver.receive(&frame(0, &[0x82, 0]), bench.now_us);
         }),
         ("bus off", 6, |bench| {
-            bench.driver.bus_state(false, CanState::Off);
+            bench
+                .driver
+                .joint
+                .take_board_state(&BoardState { can: CanState::Off, ..BoardState::default() });
             pass(bench, 200);
-            bench.driver.bus_state(false, CanState::Active);
+            bench
+                .driver
+                .joint
+                .take_board_state(&BoardState { can: CanState::Active, ..BoardState::default() });
         }),
         ("heartbeat", 6, |bench| pass(bench, 60)),
         ("targets", 6, |bench| pass(bench, 110)),
@@ -236,7 +245,7 @@ fn fault_or_lost_connection_returns_the_stored_values() {
             }
             event(&mut bench);
             let case = format!("{name}, armed: {is_armed}");
-            assert!(!bench.driver.is_armed(), "{case}");
+            assert!(!bench.driver.joint.is_armed(), "{case}");
             pass(&mut bench, 1);
             // A stopped node serves no objects.
             bench.start();
@@ -249,10 +258,11 @@ fn fault_or_lost_connection_returns_the_stored_values() {
 #[test]
 fn reset_of_the_processor_returns_the_stored_values() {
     let bench = armed(60_000);
-    let mut bench = Bench::boot(InputSource::Sensors, bench.driver.into_flash(), &Boot::default());
+    let mut bench =
+        Bench::boot(InputSource::Sensors, bench.driver.joint.into_flash(), &Boot::default());
     bench.sent();
     assert_eq!(trial_state(&mut bench), 0);
-    assert_eq!(bench.driver.set(), &ParameterSet::default());
+    assert_eq!(bench.driver.joint.set(), &ParameterSet::default());
     assert_eq!(bench.number(index::POSITION_LOOP, 1), STORED_GAIN);
 }
 
@@ -281,7 +291,7 @@ fn opening_is_refused_with_unsaved_values_an_armed_joint_or_a_fault() {
     enable(&mut bench);
     assert_eq!(open(&mut bench, 500), Err(STATE_REFUSED));
     pass(&mut bench, 110);
-    assert!(bench.driver.supervisor().faults().contains(Code::CommandTimeout));
+    assert!(bench.driver.joint.supervisor().faults().contains(Code::CommandTimeout));
     assert_eq!(open(&mut bench, 500), Err(STATE_REFUSED));
     let why = bench.text(index::REFUSAL);
     assert!(why.contains("command-timeout"), "{why}");
@@ -334,12 +344,12 @@ fn flash_that_is_damaged_in_a_trial_returns_the_defaults_with_their_code() {
     commit_scale(&mut bench, 0.5).unwrap();
     save(&mut bench).unwrap();
     on_trial(&mut bench, 500);
-    let bytes = bench.driver.flash().image().flatten().map(|byte| !byte).collect::<Vec<_>>();
-    bench.driver.flash_mut().restore(&bytes);
+    let bytes = bench.driver.joint.flash().image().flatten().map(|byte| !byte).collect::<Vec<_>>();
+    bench.driver.joint.flash_mut().restore(&bytes);
     pass(&mut bench, 500);
-    assert_eq!(bench.driver.set(), &ParameterSet::default());
+    assert_eq!(bench.driver.joint.set(), &ParameterSet::default());
     assert_eq!(bench.number(index::POSITION_LOOP, 1), STORED_GAIN);
-    assert!(bench.driver.supervisor().causes().contains(Code::ParametersRefused));
+    assert!(bench.driver.joint.supervisor().causes().contains(Code::ParametersRefused));
 }
 
 #[test]
@@ -347,12 +357,12 @@ fn nothing_is_saved_while_a_trial_is_open() {
     let mut bench = in_cst();
     save(&mut bench).unwrap();
     on_trial(&mut bench, 60_000);
-    let before = bench.driver.flash().steps();
+    let before = bench.driver.joint.flash().steps();
     for (at, value) in [(index::STORE, SAVE_SIGNATURE), (index::RESTORE, LOAD_SIGNATURE)] {
         assert_eq!(bench.write(at, 1, &value.to_le_bytes()), Err(STATE_REFUSED), "{at:04X}h");
         bench.check_refusal("parameters on trial", &[]);
     }
-    assert_eq!(bench.driver.flash().steps(), before);
+    assert_eq!(bench.driver.joint.flash().steps(), before);
     order(&mut bench, KEEP).unwrap();
     save(&mut bench).expect("the trial is over");
 }

@@ -93,7 +93,7 @@ fn staged_values_have_no_effect_before_their_commit() {
     write_scale(&mut bench, 0.5).unwrap();
     commit(&mut bench).unwrap();
     assert_ne!(bench.number(index::COMMIT, 1), active);
-    assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
+    assert_eq!(bench.driver.joint.set().friction.compensator.scale, 0.5);
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn record_that_is_committed_is_read_back() {
     bench.write(index::COMMIT, 5, &record::emit(&set.friction)).unwrap();
     bench.write(index::COMMIT, 6, &set.emit_drive()).unwrap();
     bench.write(index::COMMIT, 3, &set.crc().to_le_bytes()).unwrap();
-    assert_eq!(bench.driver.set(), &set);
+    assert_eq!(bench.driver.joint.set(), &set);
     assert_eq!(bench.read(index::COMMIT, 5).unwrap(), record::emit(&set.friction));
     let mut wrong = record::emit(&set.friction);
     wrong[100] ^= 4;
@@ -115,7 +115,7 @@ fn record_that_is_committed_is_read_back() {
 }
 
 fn restarted(bench: Bench) -> Bench {
-    Bench::boot(InputSource::Bus, bench.driver.into_flash(), &Boot::default())
+    Bench::boot(InputSource::Bus, bench.driver.joint.into_flash(), &Boot::default())
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn saved_parameters_survive_a_restart() {
     let mut bench = restarted(bench);
     // The new node number is in use now.
     assert_eq!(bench.sent()[0].identifier(), 0x709);
-    assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
+    assert_eq!(bench.driver.joint.set().friction.compensator.scale, 0.5);
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn power_cut_while_saving_keeps_one_complete_set() {
     write_scale(&mut first, 0.5).unwrap();
     commit(&mut first).unwrap();
     first.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = first.driver.into_flash();
+    let flash = first.driver.joint.into_flash();
     let mut scales = Vec::new();
     for step in 0.. {
         let mut cut: Flash = flash.clone();
@@ -180,7 +180,7 @@ fn power_cut_while_saving_keeps_one_complete_set() {
         write_scale(&mut bench, 0.7).unwrap();
         commit(&mut bench).unwrap();
         let saved = bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes());
-        let mut flash = bench.driver.into_flash();
+        let mut flash = bench.driver.joint.into_flash();
         let was_cut = !flash.has_power();
         assert_eq!(saved.is_err(), was_cut);
         flash.power_on();
@@ -201,7 +201,7 @@ fn model_band_can_be_set() {
     let mut bench = Bench::hil();
     bench.write(index::WATCH_PARAMETERS, 1, &0.02f32.to_le_bytes()).unwrap();
     commit(&mut bench).unwrap();
-    assert_eq!(bench.driver.set().watch.band_nm, 0.02);
+    assert_eq!(bench.driver.joint.set().watch.band_nm, 0.02);
     bench.write(index::WATCH_PARAMETERS, 1, &(-1f32).to_le_bytes()).unwrap();
     assert!(commit(&mut bench).is_err());
     assert!(bench.text(index::REFUSAL).starts_with("band_nm = -1"));

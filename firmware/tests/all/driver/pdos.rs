@@ -4,6 +4,7 @@
 use super::bench::{Bench, Flash, frame};
 use compensator_core::can::{Frame, Message, MotionFrame, SyncFrame};
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::{LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 
@@ -84,7 +85,7 @@ fn sync_objects_are_checked_and_a_short_ring_is_followed() {
     for counter in [1, 2, 10, 1, 1, 2] {
         bench.driver.receive(&frame(0x080, &[counter]), bench.now_us);
     }
-    let counters = bench.driver.counters();
+    let counters = bench.driver.joint.counters();
     assert_eq!((counters.sync_lost, counters.sync_duplicate), (7, 1));
 }
 
@@ -151,7 +152,7 @@ fn transmit_pdos_follow_type_start_value_event_timer_and_inhibit_time() {
     let mut times = Vec::new();
     for ms in 0..60 {
         let velocity_rad_s = if ms < 20 { ms as f32 } else { 20.0 };
-        bench.driver.report(&LoopReport { velocity_rad_s, ..LoopReport::default() });
+        bench.driver.joint.report(&LoopReport { velocity_rad_s, ..LoopReport::default() });
         bench.pass_ms(1);
         for frame in bench.sent().iter().filter(|frame| frame.identifier() == 0x1F1) {
             assert_eq!(frame.data().len(), 4);
@@ -159,7 +160,7 @@ fn transmit_pdos_follow_type_start_value_event_timer_and_inhibit_time() {
         }
     }
     assert_eq!(times, [0, 5, 10, 15, 20, 40]);
-    assert!(!bench.driver.has_own_identifiers());
+    assert!(!bench.driver.joint.has_own_identifiers());
     // Stopped, nothing is sent; the communication reset restores the defaults.
     bench.driver.receive(&frame(0, &[0x80, 0]), bench.now_us);
     bench.pass_ms(40);
@@ -167,7 +168,7 @@ fn transmit_pdos_follow_type_start_value_event_timer_and_inhibit_time() {
     bench.driver.receive(&frame(0, &[0x82, 0]), bench.now_us);
     assert_eq!(bench.number(0x1800, 2), 10);
     assert_eq!(bench.number(0x1A05, 0), 3);
-    assert!(bench.driver.has_own_identifiers());
+    assert!(bench.driver.joint.has_own_identifiers());
 }
 
 #[test]
@@ -199,7 +200,7 @@ fn receive_pdo_with_own_mapping_and_identifier_writes_its_objects() {
     bench.driver.receive(&frame(0x301, &[1; 8]), bench.now_us);
     assert_eq!(bench.number(index::TARGET_TORQUE, 0), 0);
     bench.driver.receive(&frame(0x182, &[0x64, 0x00, 0x06]), bench.now_us);
-    assert_eq!(bench.driver.counters().wrong_length, 1);
+    assert_eq!(bench.driver.joint.counters().wrong_length, 1);
     bench.driver.receive(&pdo, bench.now_us);
     assert_eq!(bench.number(index::TARGET_TORQUE, 0), 100);
     assert_eq!(bench.number(index::CONTROLWORD, 0), 6);
@@ -215,7 +216,7 @@ fn receive_pdo_with_own_mapping_and_identifier_writes_its_objects() {
     bench.driver.receive(&pdo, bench.now_us);
     plain_sync(&mut bench);
     assert_eq!(bench.number(index::TARGET_TORQUE, 0), 200);
-    assert_eq!(bench.driver.counters().outside_window, 1);
+    assert_eq!(bench.driver.joint.counters().outside_window, 1);
 }
 
 #[test]
@@ -267,11 +268,11 @@ fn store_and_restore_keep_settings_and_leave_pdos_to_the_master() {
     write_number(&mut bench, 0x1800, 2, 7).unwrap();
     assert_eq!(write_number(&mut bench, index::STORE, 1, 1), Err(0x0800_0020));
     write_number(&mut bench, index::STORE, 1, SAVE_SIGNATURE).unwrap();
-    let flash: Flash = bench.driver.into_flash();
+    let flash: Flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     assert_eq!((bench.number(index::HEARTBEAT, 0), bench.number(0x1800, 2)), (250, 10));
     write_number(&mut bench, index::RESTORE, 1, LOAD_SIGNATURE).unwrap();
-    let flash: Flash = bench.driver.into_flash();
+    let flash: Flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     assert_eq!(bench.number(index::HEARTBEAT, 0), 1000);
 }

@@ -5,6 +5,7 @@ use compensator_core::TermKind;
 use compensator_core::can::{CommandFrame, JointKind, Message, MotionFrame, SealFrame};
 use firmware::control::{Covariates, MotorParameters};
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::InputsObject;
 use firmware::node_settings::InputSource;
@@ -37,7 +38,7 @@ fn armed() -> Bench {
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
     bench.commission();
     for counter in 0..20 {
-        bench.driver.report(&measured());
+        bench.driver.joint.report(&measured());
         command(&mut bench, counter);
         bench.pass_ms(1);
     }
@@ -49,7 +50,7 @@ fn armed() -> Bench {
 /// Advances the time with measurements.
 fn pass(bench: &mut Bench, milliseconds: u64) {
     for _ in 0..milliseconds {
-        bench.driver.report(&measured());
+        bench.driver.joint.report(&measured());
         bench.pass_ms(1);
     }
 }
@@ -64,7 +65,7 @@ fn arming_without_measurements_and_set_point_is_refused() {
     for why in ["command-timeout", "unmeasured", "not-commissioned"] {
         assert!(reason.contains(why), "{reason}");
     }
-    assert!(!bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(!bench.driver.joint.loop_commands(bench.now_us).bridge);
 }
 
 /// The default parameters belong to some motor, and the encoder of this one may have any offset: 26 A may make
@@ -75,12 +76,12 @@ fn arming_an_uncommissioned_joint_is_refused() {
     bench.start();
     let tries = |bench: &mut Bench, counter: u8| {
         for step in 0..10 {
-            bench.driver.report(&measured());
+            bench.driver.joint.report(&measured());
             command(bench, counter + step);
             bench.pass_ms(1);
         }
         let armed = bench.write(index::STATE, 1, &[1]).is_ok();
-        assert_eq!(bench.driver.loop_commands(bench.now_us).bridge, armed);
+        assert_eq!(bench.driver.joint.loop_commands(bench.now_us).bridge, armed);
         bench.write(index::STATE, 1, &[0]).unwrap();
         armed
     };
@@ -119,12 +120,12 @@ fn arming_an_uncommissioned_joint_is_refused() {
     assert!(tries(&mut bench, 60));
     // The confirmation survives a reset if it was saved; restored defaults remove it.
     bench.write(index::STORE, 1, b"save").unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.start();
     assert!(tries(&mut bench, 70));
     bench.write(index::RESTORE, 1, b"load").unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.start();
     assert!(!tries(&mut bench, 80));
@@ -133,7 +134,7 @@ fn arming_an_uncommissioned_joint_is_refused() {
 #[test]
 fn armed_joint_commands_the_set_point_with_its_age() {
     let bench = armed();
-    let commands = bench.driver.loop_commands(bench.now_us + 5000);
+    let commands = bench.driver.joint.loop_commands(bench.now_us + 5000);
     assert!(commands.bridge && commands.compensation);
     assert_eq!(commands.setpoint.current_a, 3.0);
     assert_eq!(commands.setpoint.velocity_reference_rad_s, 1.0);
@@ -145,22 +146,22 @@ fn armed_joint_commands_the_set_point_with_its_age() {
 fn joint_without_commands_stops_within_a_tenth_of_a_second() {
     let mut bench = armed();
     pass(&mut bench, 98);
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     pass(&mut bench, 2);
-    assert_eq!(bench.driver.supervisor().state(), JointState::Fault);
-    assert!(!bench.driver.loop_commands(bench.now_us).bridge);
+    assert_eq!(bench.driver.joint.supervisor().state(), JointState::Fault);
+    assert!(!bench.driver.joint.loop_commands(bench.now_us).bridge);
     let code = Code::CommandTimeout.info().emergency.to_le_bytes();
     let is_reported = bench.sent().iter().any(|f| f.identifier() == 0x81 && f.data()[..2] == code);
     assert!(is_reported, "an emergency");
     // A new set-point does not restart it.
     command(&mut bench, 100);
     pass(&mut bench, 5);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     bench.write(index::STATE, 1, &[2]).unwrap();
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
     command(&mut bench, 101);
     bench.write(index::STATE, 1, &[1]).unwrap();
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
 }
 
 #[test]
@@ -172,8 +173,8 @@ fn duplicate_and_late_commands_do_not_refresh_the_set_point() {
         pass(&mut bench, 1);
     }
     pass(&mut bench, 1);
-    assert_eq!(bench.driver.supervisor().state(), JointState::Fault);
-    let counters = bench.driver.counters();
+    assert_eq!(bench.driver.joint.supervisor().state(), JointState::Fault);
+    let counters = bench.driver.joint.counters();
     assert_eq!((counters.command_duplicate, counters.command_late), (99, 99));
 }
 
@@ -181,21 +182,21 @@ fn duplicate_and_late_commands_do_not_refresh_the_set_point() {
 fn position_can_be_set_only_while_disarmed() {
     let mut bench = Bench::on_sensors();
     bench.start();
-    let before = bench.driver.loop_commands(bench.now_us).home;
+    let before = bench.driver.joint.loop_commands(bench.now_us).home;
     bench.write(index::STATE, 6, &1.25f32.to_le_bytes()).unwrap();
-    let home = bench.driver.loop_commands(bench.now_us).home;
+    let home = bench.driver.joint.loop_commands(bench.now_us).home;
     assert_eq!((home.position_rad, home.number), (1.25, before.number + 1));
     let refused = bench.write(index::STATE, 6, &f32::INFINITY.to_le_bytes());
     assert_eq!(refused, Err(0x0609_0030));
     assert!(bench.text(index::REFUSAL).contains("set_position_rad = inf"));
-    assert_eq!(bench.driver.loop_commands(bench.now_us).home, home);
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).home, home);
 
     let mut bench = armed();
-    let home = bench.driver.loop_commands(bench.now_us).home;
+    let home = bench.driver.joint.loop_commands(bench.now_us).home;
     assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
     bench.check_refusal("position of an armed joint", &[]);
-    assert_eq!(bench.driver.loop_commands(bench.now_us).home, home);
-    assert!(bench.driver.is_armed());
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).home, home);
+    assert!(bench.driver.joint.is_armed());
 
     // A joint in HIL receives its position in frames.
     let mut bench = Bench::hil();
@@ -250,9 +251,9 @@ fn sent_and_received_identifiers_are_disjoint() {
     let sent: Vec<u16> = bench.sent().iter().map(|frame| frame.identifier()).collect();
     assert_eq!(sent, [0x481, 0x681, 0x181, 0x281, 0x381]);
     // A frame that the joint itself sends is not accepted from others.
-    let before = bench.driver.counters().foreign;
+    let before = bench.driver.joint.counters().foreign;
     bench.driver.receive(&frame(0x481, &[0; 8]), bench.now_us);
-    assert_eq!(bench.driver.counters().foreign, before + 1);
+    assert_eq!(bench.driver.joint.counters().foreign, before + 1);
 }
 
 #[test]
@@ -261,7 +262,7 @@ fn input_written_as_an_object_acts_like_its_frame() {
     let inputs = index::INPUTS;
     bench.write(inputs, InputsObject::LOAD_TORQUE, &2.5f32.to_le_bytes()).unwrap();
     pass(&mut bench, 3);
-    let covariates = bench.driver.loop_commands(bench.now_us).covariates;
+    let covariates = bench.driver.joint.loop_commands(bench.now_us).covariates;
     assert_eq!(covariates.load_torque_nm.value, 2.5);
     assert!((covariates.load_torque_nm.age_s - 0.003).abs() < 1.1e-3);
     // A command by its words has a counter, too: a repeated one is a duplicate.
@@ -269,12 +270,12 @@ fn input_written_as_an_object_acts_like_its_frame() {
         bench.sent();
         bench.write(inputs, InputsObject::COMMAND_CURRENT, &4.0f32.to_le_bytes()).unwrap();
         bench.write(inputs, InputsObject::COMMAND_REST, &(20u32 << 24).to_le_bytes()).unwrap();
-        bench.driver.loop_commands(bench.now_us).setpoint
+        bench.driver.joint.loop_commands(bench.now_us).setpoint
     };
     assert_eq!(fresh(&mut bench).current_a, 4.0);
-    let repeated = bench.driver.counters().command_duplicate;
+    let repeated = bench.driver.joint.counters().command_duplicate;
     fresh(&mut bench);
-    assert!(bench.driver.counters().command_duplicate > repeated);
+    assert!(bench.driver.joint.counters().command_duplicate > repeated);
     // It is also sent in the joint's own frame.
     bench.give_ten_syncs();
     let messages = bench.messages();
@@ -295,7 +296,7 @@ fn covariate_of_any_quantity_written_as_object_reaches_the_current_loop() {
         let value = 2.5 * quantity.info().outside_scale as f32;
         let mut bench = armed();
         bench.write(index::INPUTS, place as u8 + 1, &value.to_le_bytes()).unwrap();
-        let mut covariates = bench.driver.loop_commands(bench.now_us).covariates;
+        let mut covariates = bench.driver.joint.loop_commands(bench.now_us).covariates;
         for &other in Covariates::QUANTITIES {
             let reading = covariates.get_mut(other).unwrap();
             assert_eq!(reading.age_s >= 0.0, other == quantity, "{name}: {other:?}");
@@ -307,29 +308,29 @@ fn covariate_of_any_quantity_written_as_object_reaches_the_current_loop() {
 #[test]
 fn overvoltage_and_consecutive_overruns_stop_the_joint() {
     let mut bench = armed();
-    bench.driver.report(&LoopReport { bus_voltage_v: Some(90.0), ..measured() });
+    bench.driver.joint.report(&LoopReport { bus_voltage_v: Some(90.0), ..measured() });
     bench.pass_ms(1);
-    assert!(bench.driver.supervisor().faults().contains(Code::BusOvervoltage));
+    assert!(bench.driver.joint.supervisor().faults().contains(Code::BusOvervoltage));
 
     let mut bench = armed();
-    bench.driver.report(&LoopReport { overruns_in_a_row: 1, ..measured() });
-    assert!(bench.driver.is_armed());
-    assert!(!bench.driver.loop_commands(bench.now_us).compensation);
-    bench.driver.report(&LoopReport { overruns_in_a_row: 50, ..measured() });
-    assert!(bench.driver.supervisor().faults().contains(Code::LoopOverrun));
+    bench.driver.joint.report(&LoopReport { overruns_in_a_row: 1, ..measured() });
+    assert!(bench.driver.joint.is_armed());
+    assert!(!bench.driver.joint.loop_commands(bench.now_us).compensation);
+    bench.driver.joint.report(&LoopReport { overruns_in_a_row: 50, ..measured() });
+    assert!(bench.driver.joint.supervisor().faults().contains(Code::LoopOverrun));
 }
 
 #[test]
 fn commit_changes_the_set_number() {
     let mut bench = armed();
-    let before = bench.driver.loop_commands(0).set_number;
+    let before = bench.driver.joint.loop_commands(0).set_number;
     bench.write(index::STATE, 1, &[0]).unwrap();
     bench.write(index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
-    assert_ne!(bench.driver.loop_commands(0).set_number, before);
+    assert_ne!(bench.driver.joint.loop_commands(0).set_number, before);
     bench.driver.receive(&frame(0, &[2, 1]), 0);
-    assert!(!bench.driver.loop_commands(0).bridge);
+    assert!(!bench.driver.joint.loop_commands(0).bridge);
 }
 
 #[test]

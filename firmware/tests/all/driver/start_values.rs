@@ -5,9 +5,9 @@ use super::bench::Bench;
 use super::drive::{control, in_cst, pass};
 use super::parameter_trial::save;
 use compensator_core::can::Message;
-use firmware::background::JointNode;
 use firmware::control::MotorParameters;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject as Run};
@@ -42,7 +42,7 @@ fn closes(bench: &mut Bench) -> [bool; 4] {
             2 => _ = bench.write(index::COMMISSIONING_RUN, Run::ORDER, &[1]),
             _ => _ = bench.write(index::COMMISSIONING_RUN, Run::ORDER, &[3]),
         }
-        *result = bench.driver.loop_commands(bench.now_us).bridge;
+        *result = bench.driver.joint.loop_commands(bench.now_us).bridge;
         let _ = bench.write(index::STATE, 1, &[0]);
         pass(bench, 3);
     }
@@ -66,7 +66,7 @@ fn set_with_other_start_values_closes_no_bridge_until_it_is_started() {
         let why = bench.text(index::REFUSAL);
         assert!(why.starts_with(&format!("{name}: needs a restart")), "{why}");
         save(&mut bench).expect("a set that needs a restart can be saved");
-        let flash = bench.driver.into_flash();
+        let flash = bench.driver.joint.into_flash();
         let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
         bench.sent();
         bench.start();
@@ -113,12 +113,12 @@ fn proof_of_one_wiring_is_not_kept_for_another() {
     let mut bench = in_cst();
     let arm = |bench: &mut Bench| {
         [0x06, 0x07, 0x0F].into_iter().for_each(|word| control(bench, word, 0));
-        assert!(bench.driver.is_armed());
+        assert!(bench.driver.joint.is_armed());
     };
     let turn = |bench: &mut Bench, milliseconds| {
         for _ in 0..milliseconds {
             control(bench, 0x0F, 0);
-            bench.driver.report(&turning);
+            bench.driver.joint.report(&turning);
             bench.pass_ms(1);
         }
     };
@@ -141,11 +141,11 @@ fn defaults_beyond_the_shunts_are_refused_by_name_and_raise_no_internal_error() 
     let stage = StageTraits { current_max_a: 30.0, ..StageTraits::NONE };
     let mut bench = Bench::on_stage(stage);
     let refused = firmware::loop_parts::LoopParts::build(
-        bench.driver.set(),
+        bench.driver.joint.set(),
         stage,
         firmware::control::PERIOD_S,
     );
-    bench.driver.start_record_mut().set_refused(Some(refused.expect_err("40 A")));
+    bench.driver.joint.parts().start.set_refused(Some(refused.expect_err("40 A")));
     bench.start();
     bench.commission();
     bench.write(index::MODE, 0, &[10]).unwrap();
@@ -153,7 +153,7 @@ fn defaults_beyond_the_shunts_are_refused_by_name_and_raise_no_internal_error() 
     assert_eq!(closes(&mut bench), [false; 4]);
     assert_eq!(bench.write(index::STATE, 1, &[1]), Err(STATE_REFUSED));
     bench.check_refusal("defaults beyond the shunts", &["measure no more"]);
-    assert!(!bench.driver.supervisor().faults().contains(Code::Internal));
+    assert!(!bench.driver.joint.supervisor().faults().contains(Code::Internal));
     for (name, value) in [("current_limit_a", 20.0f32), ("overcurrent_a", 29.0)] {
         bench
             .write(index::MOTOR, place(&MotorParameters::NAMES, name), &value.to_le_bytes())

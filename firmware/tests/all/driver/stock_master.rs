@@ -7,6 +7,7 @@
 use super::bench::{Bench, LOCKED, frame};
 use firmware::access::Key;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 
@@ -75,7 +76,7 @@ fn cycles(bench: &mut Bench, count: u32, pdos: &[(u16, &[u8])]) -> Vec<(u16, Vec
             bench.driver.receive(&frame(*identifier, data), bench.now_us);
         }
         for _ in 0..10 {
-            bench.driver.report(&measured());
+            bench.driver.joint.report(&measured());
             bench.pass_ms(1);
         }
     }
@@ -107,13 +108,13 @@ fn master_of_a_plain_bus_file_brings_the_joint_up() {
             assert_eq!(data_of(&frames, identifier).len(), 8);
         }
     }
-    assert!(bench.driver.is_armed());
-    let commands = bench.driver.loop_commands(bench.now_us);
+    assert!(bench.driver.joint.is_armed());
+    let commands = bench.driver.joint.loop_commands(bench.now_us);
     assert!(commands.bridge && (commands.setpoint.current_a - 6.5).abs() < 1e-4, "{commands:?}");
-    assert_eq!(bench.driver.counters().wrong_length, 0);
+    assert_eq!(bench.driver.joint.counters().wrong_length, 0);
     // The application ends, and with it its targets.
     cycles(&mut bench, 11, &[]);
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
 }
 
 #[test]
@@ -131,8 +132,8 @@ fn concise_dcf_of_a_drive_maps_and_enables_the_joint() {
         assert_eq!(motion[4..], 500_000i32.to_le_bytes());
         assert!(frames.iter().all(|(found, _)| ![0x481, 0x681].contains(found)), "{frames:?}");
     }
-    assert!(bench.driver.is_armed());
-    let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
+    assert!(bench.driver.joint.is_armed());
+    let setpoint = bench.driver.joint.loop_commands(bench.now_us).setpoint;
     assert!((setpoint.current_a - 10.4).abs() < 1e-4, "{setpoint:?}");
     // 6072h is in force, and the event timer of the third PDO is 50 ms.
     assert_eq!(bench.number(index::MAX_TORQUE, 0), 800);
@@ -146,10 +147,10 @@ fn concise_dcf_of_a_drive_maps_and_enables_the_joint() {
     // Without the heartbeat of the master (300 ms in 1016h) the joint stops.
     for _ in 0..400 {
         bench.driver.receive(&frame(0x301, &targets), bench.now_us);
-        bench.driver.report(&measured());
+        bench.driver.joint.report(&measured());
         bench.pass_ms(1);
     }
-    assert!(!bench.driver.is_armed());
+    assert!(!bench.driver.joint.is_armed());
 }
 
 #[test]
@@ -163,7 +164,7 @@ fn master_whose_configuration_has_service_objects_needs_an_open_joint() {
     // Stored once with an open policy (2041h:8), it starts open.
     bench.write_proven(8, &[0], &Key::DEFAULT).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.key = None;
     assert_eq!(bench.write(at_index, sub_index, value), Ok(()));

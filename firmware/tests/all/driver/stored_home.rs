@@ -5,7 +5,9 @@ use super::parameter_trial::save;
 use super::trial_isolation::{BankFlash, PAGE, with_banks};
 use crate::update::bench::package;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use firmware::background::BoardState;
 use firmware::driver::{Boot, Home, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{InputSource, NodeSettings, emit_block};
@@ -89,9 +91,9 @@ fn pass_at<F: NorFlash>(
     milliseconds: u64,
     [turns, velocity_rad_s]: [f32; 2],
 ) {
-    let gear = bench.driver.set().motor.gear_ratio;
+    let gear = bench.driver.joint.set().motor.gear_ratio;
     for _ in 0..milliseconds {
-        bench.driver.report(&LoopReport {
+        bench.driver.joint.report(&LoopReport {
             bus_voltage_v: Some(bus_v),
             phase_currents_a: Some([0.0; 3]),
             velocity_rad_s,
@@ -99,7 +101,7 @@ fn pass_at<F: NorFlash>(
             rotor_angle: ENCODER.wrapping_add((turns.fract() * TURN) as i64 as u32),
             ..LoopReport::default()
         });
-        if bench.driver.is_armed() {
+        if bench.driver.joint.is_armed() {
             control(bench, 0x0F);
         }
         bench.pass_ms(1);
@@ -115,22 +117,22 @@ fn arm<F: NorFlash>(bench: &mut Bench<F>) {
     for word in [0x06, 0x07, 0x0F] {
         control(bench, word);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
 }
 
 /// Returns a homed joint at rest with a stored set, and a record.
 fn at_rest() -> Bench {
     let mut bench = start(Flash::new());
     save(&mut bench).unwrap();
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     pass(&mut bench, REST_MS, 0.0, 0.0);
-    assert_eq!(bench.driver.flash().steps(), steps + 2, "one record");
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 2, "one record");
     bench
 }
 
 /// Cuts the power, and starts with a motor that has turned by this share of a turn. Returns the restored home and 2028h.
 fn home_after_power_cut<F: NorFlash>(bench: Bench<F>, turns: f32) -> (Option<Home>, String) {
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let bench = Bench::boot_on(StageTraits::NONE, InputSource::Sensors, flash, &Boot::default());
     home_after_start(bench, turns)
 }
@@ -141,10 +143,14 @@ fn home_after_start<F: NorFlash>(mut bench: Bench<F>, turns: f32) -> (Option<Hom
     let rotor_angle = ENCODER.wrapping_add((turns * TURN) as i64 as u32);
     for _ in 0..10 {
         let position_rad = f32::NAN;
-        bench.driver.report(&LoopReport { rotor_angle, position_rad, ..LoopReport::default() });
+        bench.driver.joint.report(&LoopReport {
+            rotor_angle,
+            position_rad,
+            ..LoopReport::default()
+        });
         bench.pass_ms(1);
     }
-    let home = bench.driver.loop_commands(bench.now_us).home;
+    let home = bench.driver.joint.loop_commands(bench.now_us).home;
     let reason = bench.text(index::REFUSAL);
     ((home.number != 0).then_some(home), reason)
 }
@@ -169,14 +175,14 @@ fn home_after_a_power_cut_at_rest_is_the_nearest_position_or_lost() {
 #[test]
 fn home_of_an_armed_joint_is_lost_from_the_tick_of_arming_on() {
     let mut bench = at_rest();
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     arm(&mut bench);
-    assert_eq!(bench.driver.flash().steps(), steps, "arming does not wait for the flash");
+    assert_eq!(bench.driver.joint.flash().steps(), steps, "arming does not wait for the flash");
     bench.pass_ms(1);
-    assert!(bench.driver.is_armed() && bench.driver.loop_commands(bench.now_us).bridge);
-    assert_eq!(bench.driver.flash().steps(), steps + 1, "the mark");
+    assert!(bench.driver.joint.is_armed() && bench.driver.joint.loop_commands(bench.now_us).bridge);
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 1, "the mark");
     pass(&mut bench, 3000, 0.0, 0.0);
-    assert_eq!(bench.driver.flash().steps(), steps + 1, "an armed joint writes nothing");
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 1, "an armed joint writes nothing");
     let (home, reason) = home_after_power_cut(bench, 0.0);
     assert_eq!((home, reason.as_str()), (None, ARMED_OR_MOVED));
 }
@@ -190,10 +196,10 @@ fn home_of_an_armed_joint_is_recorded_while_its_supply_fails_if_its_brake_holds_
         bench.write(index::HOLDING_BRAKE, 1, &[brake_output]).unwrap();
         arm(&mut bench);
         pass(&mut bench, 100, 7.2, velocity_rad_s);
-        assert!(bench.driver.is_armed());
+        assert!(bench.driver.joint.is_armed());
         // Below the level of the undervoltage fault: the bridge opens after 2 ms, and the board runs for another 30.
         pass_at(20.0, &mut bench, 30, [7.2, velocity_rad_s]);
-        assert!(!bench.driver.is_armed());
+        assert!(!bench.driver.joint.is_armed());
         let (home, reason) = home_after_power_cut(bench, 0.5);
         assert_eq!(home.is_some(), is_known, "{brake_output} {velocity_rad_s}: {reason}");
         let turned = home.map_or(7.5, |home| (home.position_rad - POSITION_RAD) * 51.0 / TAU);
@@ -208,10 +214,10 @@ fn home_of_a_disarmed_joint_has_a_record_again_after_a_rest() {
     pass(&mut bench, 100, 7.2, 1.0);
     control(&mut bench, 0x06);
     pass(&mut bench, REST_MS - 300, 7.2, 0.0);
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     pass(&mut bench, 400, 7.2, 0.0);
-    assert!(!bench.driver.is_armed());
-    assert_eq!(bench.driver.flash().steps(), steps + 2);
+    assert!(!bench.driver.joint.is_armed());
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 2);
     let (home, reason) = home_after_power_cut(bench, 0.2);
     let off_rad = home.expect(&reason).position_rad - POSITION_RAD - 7.2 * TAU / 51.0;
     assert!(off_rad.abs() < 1e-5, "{off_rad}");
@@ -220,18 +226,18 @@ fn home_of_a_disarmed_joint_has_a_record_again_after_a_rest() {
 #[test]
 fn joint_turned_by_hand_is_lost_until_it_rests_and_needs_one_record() {
     let mut bench = at_rest();
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     pass(&mut bench, 100, 0.04, 0.0);
-    assert_eq!(bench.driver.flash().steps(), steps, "the record is near enough");
+    assert_eq!(bench.driver.joint.flash().steps(), steps, "the record is near enough");
     for turn in 0..100 {
         pass(&mut bench, 10, turn as f32 + 0.25, 0.5);
     }
-    assert_eq!(bench.driver.flash().steps(), steps + 1, "no write in each turn");
-    let flash = bench.driver.flash().clone();
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 1, "no write in each turn");
+    let flash = bench.driver.joint.flash().clone();
     let moved = start(flash);
     assert_eq!(home_after_power_cut(moved, 0.0).0, None);
     pass(&mut bench, REST_MS + 600_000, 99.25, 0.0);
-    assert_eq!(bench.driver.flash().steps(), steps + 3, "no write at rest");
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 3, "no write at rest");
     let (home, reason) = home_after_power_cut(bench, 0.25);
     let off_rad = home.expect(&reason).position_rad - POSITION_RAD - 99.25 * TAU / 51.0;
     assert!(off_rad.abs() < 1e-4, "{off_rad}");
@@ -240,30 +246,30 @@ fn joint_turned_by_hand_is_lost_until_it_rests_and_needs_one_record() {
 #[test]
 fn homing_replaces_the_record() {
     let mut bench = at_rest();
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     bench.write(index::STATE, 6, &POSITION_RAD.to_le_bytes()).unwrap();
     pass(&mut bench, 1, 0.0, 0.0);
-    assert_eq!(bench.driver.flash().steps(), steps + 1, "the former record is marked");
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 1, "the former record is marked");
     pass(&mut bench, REST_MS, 0.0, 0.0);
-    assert_eq!(bench.driver.flash().steps(), steps + 3);
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 3);
 }
 
 #[test]
 fn joint_moved_by_waves_writes_few_records() {
     let mut bench = at_rest();
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     for wave in 0..200 {
         pass(&mut bench, 3000, if wave % 2 == 0 { 0.25 } else { 0.0 }, 0.0);
     }
-    let written = bench.driver.flash().steps() - steps;
+    let written = bench.driver.joint.flash().steps() - steps;
     // In ten minutes: the remaining 23 records, the set that is saved again once, and a mark each.
     let page_steps = 3072 / 8;
     assert!((23..23 * 3 + page_steps).contains(&written), "{written}");
-    let before = bench.driver.flash().steps();
+    let before = bench.driver.joint.flash().steps();
     for wave in 0..40 {
         pass(&mut bench, 3000, if wave % 2 == 0 { 0.25 } else { 0.0 }, 0.0);
     }
-    assert_eq!(bench.driver.flash().steps(), before, "nothing until another one is allowed");
+    assert_eq!(bench.driver.joint.flash().steps(), before, "nothing until another one is allowed");
 }
 
 #[test]
@@ -275,7 +281,9 @@ fn flash_that_cannot_mark_the_record_keeps_the_joint_disarmed() {
     is_worn.set(true);
     arm(&mut bench);
     bench.pass_ms(1);
-    assert!(!bench.driver.is_armed() && !bench.driver.loop_commands(bench.now_us).bridge);
+    assert!(
+        !bench.driver.joint.is_armed() && !bench.driver.joint.loop_commands(bench.now_us).bridge
+    );
     bench.check_refusal("home that cannot be marked", &[]);
     assert!(home_after_power_cut(bench, 0.0).0.is_some(), "it has not moved");
 }
@@ -284,7 +292,7 @@ fn flash_that_cannot_mark_the_record_keeps_the_joint_disarmed() {
 fn joint_without_a_stored_set_or_a_home_writes_nothing() {
     let mut bench = start(Flash::new());
     pass(&mut bench, 10_000, 0.0, 0.0);
-    assert_eq!(bench.driver.flash().steps(), 0);
+    assert_eq!(bench.driver.joint.flash().steps(), 0);
     let (home, reason) = home_after_power_cut(bench, 0.0);
     assert_eq!((home, reason.as_str()), (None, ""));
 }
@@ -316,13 +324,16 @@ fn biss(turns: f64) -> ([u16; TURN_WORDS], u32) {
 fn rest_with_biss(bench: &mut Bench, milliseconds: u64, position_rad: f32, turns: f64) {
     let (words, encoder) = biss(turns);
     for _ in 0..milliseconds {
-        bench.driver.report(&LoopReport {
+        bench.driver.joint.report(&LoopReport {
             position_rad,
             turned_rad: if position_rad.is_nan() { 0.0 } else { position_rad },
             rotor_angle: encoder,
             ..LoopReport::default()
         });
-        bench.driver.take_biss(Some(words));
+        bench
+            .driver
+            .joint
+            .take_board_state(&BoardState { biss: Some(words), ..BoardState::default() });
         bench.pass_ms(1);
     }
 }
@@ -332,9 +343,9 @@ fn turns_of_the_encoder_give_the_home_after_any_motion_within_their_range() {
     for (turned, is_known) in [(0.0, true), (3.45, true), (-700.6, true), (1900.0, false)] {
         let mut bench = start(biss_flash());
         rest_with_biss(&mut bench, REST_MS, POSITION_RAD, 4090.9);
-        let mut bench = start(bench.driver.into_flash());
+        let mut bench = start(bench.driver.joint.into_flash());
         rest_with_biss(&mut bench, 50, f32::NAN, 4090.9 + turned);
-        let home = bench.driver.loop_commands(bench.now_us).home;
+        let home = bench.driver.joint.loop_commands(bench.now_us).home;
         assert_eq!(home.number != 0, is_known, "{turned}");
         if is_known {
             let off_rad = home.position_rad - POSITION_RAD - turned as f32 * TAU / 51.0;
@@ -350,13 +361,13 @@ fn turns_that_contradict_the_motion_keep_no_home() {
     let mut bench = start(biss_flash());
     rest_with_biss(&mut bench, REST_MS, POSITION_RAD, 7.25);
     // The joint has moved by a turn of the motor, and the count of turns by two.
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     rest_with_biss(&mut bench, REST_MS, POSITION_RAD + TAU / 51.0, 9.25);
     bench.check_refusal("turns that contradict the motion", &[]);
-    assert_eq!(bench.driver.flash().steps(), steps + 1, "the mark");
-    let mut bench = start(bench.driver.into_flash());
+    assert_eq!(bench.driver.joint.flash().steps(), steps + 1, "the mark");
+    let mut bench = start(bench.driver.joint.into_flash());
     rest_with_biss(&mut bench, 50, f32::NAN, 9.25);
-    assert_eq!(bench.driver.loop_commands(bench.now_us).home.number, 0);
+    assert_eq!(bench.driver.joint.loop_commands(bench.now_us).home.number, 0);
 }
 
 #[test]
@@ -368,7 +379,7 @@ fn program_on_trial_does_not_use_the_record_of_the_home() {
         bench.write(index::MODE, 0, &[CST]).unwrap();
         save(&mut bench).unwrap();
         pass(&mut bench, REST_MS, 0.0, 0.0);
-        let mut flash = bench.driver.into_flash();
+        let mut flash = bench.driver.joint.into_flash();
         // An image that was received and started once; the one before it may have moved the joint since the record.
         let slot = Slot { start: 0, marks: 3 * PAGE };
         let image = package(2, 1);

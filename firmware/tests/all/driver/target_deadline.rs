@@ -39,7 +39,7 @@ fn enabled_with_deadline(event_timer_ms: u16) -> Bench {
     for word in [0x06, 0x0F] {
         control(&mut bench, word, 100);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     bench
 }
 
@@ -50,7 +50,7 @@ fn armed_ms(bench: &mut Bench, (_, sign): LifeSign) -> Option<u64> {
             sign(bench, at / 5);
         }
         pass(bench, 1);
-        !bench.driver.is_armed()
+        !bench.driver.joint.is_armed()
     })
 }
 
@@ -60,12 +60,12 @@ fn repeated_target_keeps_the_joint_armed_and_silence_stops_it() {
         let name = sign.0;
         let mut bench = enabled_with_deadline(100);
         assert_eq!(armed_ms(&mut bench, sign), None, "{name}");
-        assert!(bench.driver.loop_commands(bench.now_us).setpoint.age_s < 6e-3, "{name}");
+        assert!(bench.driver.joint.loop_commands(bench.now_us).setpoint.age_s < 6e-3, "{name}");
         pass(&mut bench, 94);
-        assert!(bench.driver.is_armed(), "{name}");
+        assert!(bench.driver.joint.is_armed(), "{name}");
         pass(&mut bench, 4);
-        assert_eq!(bench.driver.supervisor().state(), JointState::Fault, "{name}");
-        assert!(bench.driver.supervisor().faults().contains(Code::CommandTimeout));
+        assert_eq!(bench.driver.joint.supervisor().state(), JointState::Fault, "{name}");
+        assert!(bench.driver.joint.supervisor().faults().contains(Code::CommandTimeout));
         assert_eq!(state(&mut bench), 0x08);
         assert_eq!(bench.number(index::ERROR_CODE, 0), 0x8250);
         // An edge clears the fault, and the drive does not restart.
@@ -74,7 +74,7 @@ fn repeated_target_keeps_the_joint_armed_and_silence_stops_it() {
         control(&mut bench, 0x80, 0);
         assert_eq!(state(&mut bench), 0x40, "{name}");
         control(&mut bench, 0x0F, 100);
-        assert!(!bench.driver.is_armed(), "{name}");
+        assert!(!bench.driver.joint.is_armed(), "{name}");
     }
 }
 
@@ -86,7 +86,7 @@ fn sync_or_heartbeat_without_targets_stops_the_joint_at_the_deadline() {
             let mut bench = enabled_with_deadline(event_timer_ms);
             let found = armed_ms(&mut bench, sign).expect("it stops");
             assert!(expected_ms.contains(&found), "{}: {found} ms of {event_timer_ms}", sign.0);
-            assert!(bench.driver.supervisor().faults().contains(Code::CommandTimeout));
+            assert!(bench.driver.joint.supervisor().faults().contains(Code::CommandTimeout));
         }
     }
 }
@@ -95,7 +95,7 @@ fn sync_or_heartbeat_without_targets_stops_the_joint_at_the_deadline() {
 fn heartbeat_with_event_timer_zero_confirms_the_target_and_sync_does_not() {
     let mut bench = enabled_with_deadline(0);
     assert_eq!(armed_ms(&mut bench, HEARTBEAT), None);
-    assert!(bench.driver.loop_commands(bench.now_us).setpoint.age_s < 6e-3);
+    assert!(bench.driver.joint.loop_commands(bench.now_us).setpoint.age_s < 6e-3);
     let stopped_ms = armed_ms(&mut bench, SYNC).expect("it stops");
     assert!((90..=100).contains(&stopped_ms), "{stopped_ms} ms");
 }
@@ -108,7 +108,7 @@ fn event_timer_beyond_its_range_is_refused_and_a_legal_one_is_kept() {
     bench.check_refusal("deadline of targets", &["event_timer_ms", "1", "100", "0"]);
     bench.write(index::RECEIVE_DRIVE, 5, &30u16.to_le_bytes()).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = bench.driver.into_flash();
+    let flash = bench.driver.joint.into_flash();
     let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     assert_eq!(bench.number(index::RECEIVE_DRIVE, 5), 30);
 }

@@ -3,6 +3,7 @@
 use super::bench::Bench;
 use super::drive::in_cst;
 use firmware::driver::{LoopReport, TouchEdges};
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 
 /// A hundredth of a turn of the rotor, 2^-32 turns, and its way at the joint, 1e-6 rad: a gear of 51.
@@ -12,7 +13,7 @@ const WAY: i32 = 1232;
 const HALF_PERIOD: i32 = 50;
 
 fn report(bench: &mut Bench, turned_rad: f32, (rotor_angle, touch): (u32, TouchEdges)) {
-    bench.driver.report(&LoopReport {
+    bench.driver.joint.report(&LoopReport {
         bus_voltage_v: Some(48.0),
         phase_currents_a: Some([0.0; 3]),
         velocity_rad_s: 2.0,

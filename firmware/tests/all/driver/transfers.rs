@@ -94,7 +94,7 @@ fn pass_event(bench: &mut Bench, event: Event) {
             for word in [0x06, 0x07, 0x0F] {
                 control(bench, word, 0);
             }
-            assert!(bench.driver.is_armed());
+            assert!(bench.driver.joint.is_armed());
         }
         Event::SessionEnded => bench.now_us = SESSION_US,
     }

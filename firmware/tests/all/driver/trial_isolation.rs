@@ -9,8 +9,10 @@ use super::parameter_trial::{
 };
 use crate::update::bench as update;
 use firmware::access::Key;
+use firmware::background::BoardState;
 use firmware::control::LoopFlags;
 use firmware::driver::{Boot, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::{Access, LOAD_SIGNATURE, OBJECTS, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
@@ -55,7 +57,7 @@ fn write_of_every_object_while_a_trial_is_open_leaves_the_flash() {
     let mut bench = with_banks(BankFlash::new(), 0);
     bench.start();
     save(&mut bench).unwrap();
-    let steps = bench.driver.flash().steps();
+    let steps = bench.driver.joint.flash().steps();
     let mut written = 0;
     for object in OBJECTS {
         for sub_index in 0..=object.highest_sub_index() {
@@ -66,7 +68,7 @@ fn write_of_every_object_while_a_trial_is_open_leaves_the_flash() {
             for word in words(object.index) {
                 // A former write may have ended the trial, or changed what a trial needs.
                 if trial_state(&mut bench) != 1 {
-                    let mut fresh = with_banks(bench.driver.into_flash(), 0);
+                    let mut fresh = with_banks(bench.driver.joint.into_flash(), 0);
                     fresh.start();
                     bench = fresh;
                     open(&mut bench, 60_000).expect("the stored values are in use");
@@ -78,7 +80,7 @@ fn write_of_every_object_while_a_trial_is_open_leaves_the_flash() {
                 bench.pass_ms(20);
                 bench.sent();
                 let at = (object.index, sub_index, word);
-                assert_eq!(bench.driver.flash().steps(), steps, "{at:04X?}");
+                assert_eq!(bench.driver.joint.flash().steps(), steps, "{at:04X?}");
                 written += 1;
             }
         }
@@ -134,20 +136,20 @@ fn undo_after_a_change_of_the_bank_needs_the_former_set_in_the_other_store() {
     let mut bench = tuned(BankFlash::new());
     save(&mut bench).unwrap();
     // The newest set alone is copied.
-    let mut bench = with_banks(bench.driver.into_flash(), 1);
-    assert_eq!(bench.driver.set().friction.compensator.scale, 0.25);
+    let mut bench = with_banks(bench.driver.joint.into_flash(), 1);
+    assert_eq!(bench.driver.joint.set().friction.compensator.scale, 0.25);
     assert_eq!(undo(&mut bench), Err(STATE_REFUSED));
-    assert_eq!(bench.driver.set().friction.compensator.scale, 0.25);
-    let mut bench = with_banks(bench.driver.into_flash(), 0);
+    assert_eq!(bench.driver.joint.set().friction.compensator.scale, 0.25);
+    let mut bench = with_banks(bench.driver.joint.into_flash(), 0);
     undo(&mut bench).expect("the first bank has both");
     // A bank that was in use between the two saves has a copy of the former set.
     let bench = tuned(BankFlash::new());
-    let bench = with_banks(bench.driver.into_flash(), 1);
-    let mut bench = tuned(bench.driver.into_flash());
+    let bench = with_banks(bench.driver.joint.into_flash(), 1);
+    let mut bench = tuned(bench.driver.joint.into_flash());
     save(&mut bench).unwrap();
-    let mut bench = with_banks(bench.driver.into_flash(), 1);
+    let mut bench = with_banks(bench.driver.joint.into_flash(), 1);
     undo(&mut bench).expect("its own former set");
-    assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
+    assert_eq!(bench.driver.joint.set().friction.compensator.scale, 0.5);
 }
 
 /// The other bank may have an older block with the same set and other settings of the drive.
@@ -159,17 +161,17 @@ fn undo_of_a_block_that_is_not_the_one_before_is_refused() {
     };
     let mut bench = with_banks(BankFlash::new(), 0);
     gain(&mut bench, 3_000);
-    let bench = with_banks(bench.driver.into_flash(), 1);
-    let mut bench = with_banks(bench.driver.into_flash(), 0);
+    let bench = with_banks(bench.driver.joint.into_flash(), 1);
+    let mut bench = with_banks(bench.driver.joint.into_flash(), 0);
     gain(&mut bench, 5_000);
     let before = bench.number(index::COMMIT, 1);
     commit_scale(&mut bench, 0.25).unwrap();
     bench.write(index::TUNING, 3, &before.to_le_bytes()).unwrap();
     save(&mut bench).unwrap();
-    let mut bench = with_banks(bench.driver.into_flash(), 1);
+    let mut bench = with_banks(bench.driver.joint.into_flash(), 1);
     assert_eq!(bench.write(index::TUNING, 7, &[1]), Err(STATE_REFUSED));
-    assert_eq!(bench.driver.set().friction.compensator.scale, 0.25);
-    let mut bench = with_banks(bench.driver.into_flash(), 0);
+    assert_eq!(bench.driver.joint.set().friction.compensator.scale, 0.25);
+    let mut bench = with_banks(bench.driver.joint.into_flash(), 0);
     bench.write(index::TUNING, 7, &[1]).expect("the block before");
     assert_eq!(bench.number(index::POSITION_LOOP, 1), 5_000);
 }
@@ -190,7 +192,7 @@ impl Random {
 type Values = (u32, u32, u32);
 
 fn values(bench: &mut Bench) -> Values {
-    let crc = bench.driver.set().crc();
+    let crc = bench.driver.joint.set().crc();
     assert_eq!(bench.number(index::COMMIT, 1), crc);
     (crc, bench.number(index::POSITION_LOOP, 1), bench.number(index::FAULT_OPTION, 0))
 }
@@ -273,7 +275,7 @@ fn step(bench: &mut Bench, random: &mut Random, expected: &mut Expected) {
         _ => {
             let has_targets = random.below(4) != 0;
             for _ in 0..random.below(300) {
-                if has_targets && bench.driver.is_armed() {
+                if has_targets && bench.driver.joint.is_armed() {
                     control(bench, 0x0F, 0);
                 }
                 pass(bench, 1);
@@ -285,19 +287,25 @@ fn step(bench: &mut Bench, random: &mut Random, expected: &mut Expected) {
 /// A fault, a lost connection or another state of the network.
 fn disturb(bench: &mut Bench, random: &mut Random) {
     match random.below(5) {
-        0 => bench.driver.report(&LoopReport {
+        0 => bench.driver.joint.report(&LoopReport {
             loop_flags: LoopFlags::OVERCURRENT,
             bus_voltage_v: Some(48.0),
             phase_currents_a: Some([0.0; 3]),
             ..LoopReport::default()
         }),
-        1 => bench.driver.bus_state(false, CanState::Off),
+        1 => bench
+            .driver
+            .joint
+            .take_board_state(&BoardState { can: CanState::Off, ..BoardState::default() }),
         2 => bench.driver.receive(&frame(0, &[0x82, 0]), bench.now_us),
         3 => bench.driver.receive(&frame(0, &[0x80, 0]), bench.now_us),
         _ => bench.driver.receive(&frame(0, &[2, 0]), bench.now_us),
     }
     bench.pass_ms(1);
-    bench.driver.bus_state(false, CanState::Active);
+    bench
+        .driver
+        .joint
+        .take_board_state(&BoardState { can: CanState::Active, ..BoardState::default() });
     bench.start();
     bench.sent();
 }
@@ -313,7 +321,7 @@ fn random_events_leave_no_values_that_are_neither_tried_nor_kept_nor_stored() {
             Expected { active: start, stored: start, is_open: false, deadline_us: 0 };
         for event in 0..120 {
             if random.below(60) == 0 {
-                let flash = bench.driver.into_flash();
+                let flash = bench.driver.joint.into_flash();
                 bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
                 bench.sent();
                 bench.start();
@@ -338,7 +346,10 @@ fn random_events_leave_no_values_that_are_neither_tried_nor_kept_nor_stored() {
                 assert!(bench.now_us < expected.deadline_us, "seed {seed}, event {event}");
             }
             if state == 7 && has_ticked {
-                assert!(bench.driver.loop_commands(bench.now_us).bridge, "only a stop delays it");
+                assert!(
+                    bench.driver.joint.loop_commands(bench.now_us).bridge,
+                    "only a stop delays it"
+                );
             }
             let found = values(&mut bench);
             assert_eq!(found, expected.active, "seed {seed}, event {event}");

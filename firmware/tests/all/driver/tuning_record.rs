@@ -41,7 +41,7 @@ fn set_gain(bench: &mut Bench, gain: u32) {
 /// Scale of the set in use, and the position gain.
 fn in_use(bench: &mut Bench) -> (f32, u32) {
     let gain = bench.number(index::POSITION_LOOP, 1);
-    (bench.driver.set().friction.compensator.scale, gain)
+    (bench.driver.joint.set().friction.compensator.scale, gain)
 }
 
 const OLD: (f32, u32) = (BEFORE, 5_000);
@@ -61,7 +61,7 @@ fn before() -> Flash {
     commit_scale(&mut bench, BEFORE).unwrap();
     set_gain(&mut bench, OLD.1);
     save(&mut bench).unwrap();
-    bench.driver.into_flash()
+    bench.driver.joint.into_flash()
 }
 
 /// Tries other values, keeps them and writes the record.
@@ -98,7 +98,7 @@ fn tuned() -> Flash {
     let mut bench = start(before());
     tune(&mut bench);
     save(&mut bench).unwrap();
-    bench.driver.into_flash()
+    bench.driver.joint.into_flash()
 }
 
 #[test]
@@ -116,16 +116,16 @@ fn undo_after_a_save_brings_the_former_set_and_gain_back() {
     assert_eq!(undo(&mut bench), Err(STATE_REFUSED), "the record is empty");
     assert_eq!(in_use(&mut bench), OLD);
     // Without a save, a restart loads the tuned set, and it can be undone again.
-    let mut bench = start(bench.driver.into_flash());
+    let mut bench = start(bench.driver.joint.into_flash());
     assert_eq!((in_use(&mut bench), record(&mut bench)), (NEW, found));
     undo(&mut bench).unwrap();
     save(&mut bench).unwrap();
-    let mut bench = start(bench.driver.into_flash());
+    let mut bench = start(bench.driver.joint.into_flash());
     assert_eq!((in_use(&mut bench), record(&mut bench)), (OLD, [0; 6]));
     // The next tuning begins as the first one.
     tune(&mut bench);
     save(&mut bench).unwrap();
-    let mut bench = start(bench.driver.into_flash());
+    let mut bench = start(bench.driver.joint.into_flash());
     undo(&mut bench).unwrap();
     assert_eq!(in_use(&mut bench), OLD);
 }
@@ -141,7 +141,7 @@ fn record_written_in_a_trial_is_stored_by_its_end_and_returns_with_the_set() {
     record_on_trial(&mut bench);
     order(&mut bench, KEEP_AND_SAVE).unwrap();
     let found = record(&mut bench);
-    let mut bench = start(bench.driver.into_flash());
+    let mut bench = start(bench.driver.joint.into_flash());
     assert_eq!((in_use(&mut bench), record(&mut bench)), (NEW, found));
     // A later trial that returns leaves the stored record.
     open(&mut bench, 1000).unwrap();
@@ -175,7 +175,7 @@ fn cut_everywhere_in(
             let mut bench = start(cut);
             prepare(&mut bench);
             let saved = save(&mut bench);
-            let mut flash = bench.driver.into_flash();
+            let mut flash = bench.driver.joint.into_flash();
             let was_cut = !flash.has_power();
             assert_eq!(saved.is_err(), was_cut);
             flash.power_on();
@@ -234,7 +234,7 @@ fn save_on_failing_flash(step: u32, torn: TornStep, is_repeated: bool) -> bool {
     if order(&mut bench, KEEP_AND_SAVE).is_ok() {
         return true;
     }
-    bench.driver.flash_mut().power_on();
+    bench.driver.joint.flash_mut().power_on();
     assert_eq!((trial_state(&mut bench), in_use(&mut bench)), (1, NEW), "{case}");
     let expected = if is_repeated {
         order(&mut bench, KEEP_AND_SAVE).expect(&case);
@@ -246,7 +246,7 @@ fn save_on_failing_flash(step: u32, torn: TornStep, is_repeated: bool) -> bool {
         save(&mut bench).expect(&case);
         OLD
     };
-    assert_eq!(in_use(&mut start(bench.driver.into_flash())), expected, "{case}");
+    assert_eq!(in_use(&mut start(bench.driver.joint.into_flash())), expected, "{case}");
     false
 }
 
@@ -280,7 +280,7 @@ fn power_cut_in_the_save_of_an_undo_leaves_the_old_set_or_its_undo() {
             }
             assert_eq!((in_use(bench), record(bench)), (OLD, [0; 6]), "{case}");
             save(bench).expect(case);
-            let flash = bench.driver.flash().clone();
+            let flash = bench.driver.joint.flash().clone();
             assert_eq!(in_use(&mut start(flash)), OLD, "{case}");
         },
     );
@@ -336,7 +336,8 @@ fn undo_is_refused_while_the_joint_is_armed_or_a_trial_is_open() {
     assert_eq!(undo(&mut bench), Err(STATE_REFUSED));
     assert_eq!(in_use(&mut bench), NEW);
     order(&mut bench, KEEP).unwrap();
-    let mut bench = Bench::boot(InputSource::Bus, bench.driver.into_flash(), &Boot::default());
+    let mut bench =
+        Bench::boot(InputSource::Bus, bench.driver.joint.into_flash(), &Boot::default());
     bench.sent();
     bench.write(index::OPERATION, 1, &[1]).unwrap();
     bench.start();

@@ -120,7 +120,7 @@ impl Joint {
 
     fn flash(&self) -> Flash {
         match &self.running {
-            Running::Driver(driver) => driver.flash().clone(),
+            Running::Driver(driver) => driver.joint.flash().clone(),
             Running::Recovery(recovery) => recovery.flash().clone(),
             Running::Off(flash) => Flash::clone(flash),
         }
@@ -220,7 +220,7 @@ impl Bench {
 
     fn cut_power(&mut self, step: u32, torn: TornStep) {
         match &mut self.joint.borrow_mut().running {
-            Running::Driver(driver) => driver.flash_mut().cut_power(step, torn),
+            Running::Driver(driver) => driver.joint.flash_mut().cut_power(step, torn),
             _ => panic!("the driver does not run"),
         }
     }

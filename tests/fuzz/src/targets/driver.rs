@@ -10,7 +10,9 @@ use canopen_rs::sdo::{encode_data_segment, encode_download_initiate_segmented};
 use compensator_core::can::{Frame, Message, NodeId};
 use compensator_core::{Flags, record};
 use firmware::access::AccessSettings;
+use firmware::background::BoardState;
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::OUTBOX_CAPACITY;
 use firmware::node::dictionary::{LOAD_SIGNATURE, OBJECTS, SAVE_SIGNATURE, index};
@@ -98,7 +100,7 @@ impl World {
                 continue;
             }
             let base = identifier.wrapping_sub(node);
-            if !self.driver.has_own_identifiers() && !matches!(base, 0x080 | 0x580 | 0x700) {
+            if !self.driver.joint.has_own_identifiers() && !matches!(base, 0x080 | 0x580 | 0x700) {
                 // A master changed the identifiers. Only their legal ranges can be checked.
                 assert!(
                     (0x181..=0x57F).contains(&identifier) || (0x680..=0x6FF).contains(&identifier)
@@ -118,8 +120,8 @@ impl World {
     fn check_message(&self, frame: &Frame) {
         let message = Message::parse(frame).expect("the driver sends only legal frames");
         assert_eq!(message.emit(), *frame);
-        let limits = &self.driver.set().friction.compensator;
-        if self.driver.source() == InputSource::Sensors {
+        let limits = &self.driver.joint.set().friction.compensator;
+        if self.driver.joint.settings().source == InputSource::Sensors {
             return;
         }
         match message {
@@ -147,8 +149,8 @@ impl World {
 
     /// Checks the invariants of the loop commands, and the active parameter set if it is a new one.
     fn check(&mut self) {
-        let commands = self.driver.loop_commands(self.now_us);
-        let is_hil = self.driver.source() == InputSource::Bus;
+        let commands = self.driver.joint.loop_commands(self.now_us);
+        let is_hil = self.driver.joint.settings().source == InputSource::Bus;
         let drives = commands.bridge || commands.compensation;
         assert!(!(is_hil && drives), "a joint in HIL drives its motor");
         assert!(
@@ -156,17 +158,17 @@ impl World {
             "compensation is on while the bridge is off"
         );
         assert!(
-            !commands.bridge || self.driver.is_armed(),
+            !commands.bridge || self.driver.joint.is_armed(),
             "the bridge is on while the driver is not armed"
         );
         assert!((0.0..=1.0).contains(&commands.current_share), "{}", commands.current_share);
         // Only a new set is checked: validation and CRC take longer than all other checks.
         if self.set.is_none_or(|(number, _)| number != commands.set_number) {
             assert!(
-                self.set.is_none() || !self.driver.is_armed(),
+                self.set.is_none() || !self.driver.joint.is_armed(),
                 "the set changed while the driver was armed"
             );
-            let set = self.driver.set();
+            let set = self.driver.joint.set();
             assert!(set.validate().is_ok(), "the active set is not valid");
             self.set = Some((commands.set_number, set.crc()));
         }
@@ -175,7 +177,11 @@ impl World {
     /// Checks that the active set is the one that was last checked.
     fn check_set(&self) {
         let crc = self.set.map(|(_, crc)| crc);
-        assert_eq!(crc, Some(self.driver.set().crc()), "the set changed but its number did not");
+        assert_eq!(
+            crc,
+            Some(self.driver.joint.set().crc()),
+            "the set changed but its number did not"
+        );
     }
 
     /// Restarts the driver on its own flash.
@@ -197,7 +203,7 @@ impl World {
         assert_eq!(first.identifier() & !0x7F, 0x700);
         self.settings.node =
             NodeId::new((first.identifier() & 0x7F) as u8).expect("a legal node number");
-        assert!(!self.driver.is_armed(), "the driver is armed after a start");
+        assert!(!self.driver.joint.is_armed(), "the driver is armed after a start");
     }
 }
 
@@ -257,10 +263,10 @@ impl World {
 
     /// Saves, restores, commits or commissions, with the signature or CRC that the object needs.
     fn write_service_object(&mut self, bytes: &mut Bytes) {
-        let crc = self.driver.set().crc();
+        let crc = self.driver.joint.set().crc();
         match bytes.byte() % 7 {
             5 => {
-                let wiring = self.driver.set().wiring_crc();
+                let wiring = self.driver.joint.set().wiring_crc();
                 self.write(index::COMMISSIONING, 3, &wiring.to_le_bytes());
             }
             0 => self.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()),
@@ -287,7 +293,7 @@ impl World {
 
     /// Writes the record of the active model with one parameter changed.
     fn stage_model(&mut self, bytes: &mut Bytes) {
-        let mut friction = self.driver.set().friction.clone();
+        let mut friction = self.driver.joint.set().friction.clone();
         let id = compensator_core::ParameterId::ALL[usize::from(bytes.byte()) % 41];
         friction.model.set(id, bytes.number());
         self.write(index::COMMIT, 5, &record::emit(&friction));
@@ -324,10 +330,13 @@ fn step(world: &mut World, selector: u8, bytes: &mut Bytes) {
             world.now_us += u64::from(bytes.byte()) * u64::from(bytes.byte()) * 50;
             world.driver.tick(world.now_us);
         }
-        13 => world.driver.report(&loop_report(bytes)),
+        13 => world.driver.joint.report(&loop_report(bytes)),
         14 => {
             let states = [CanState::Active, CanState::Active, CanState::Off];
-            world.driver.bus_state(bytes.byte() == 0, states[usize::from(bytes.byte() % 3)]);
+            let receiver_overrun = bytes.byte() == 0;
+            let can = states[usize::from(bytes.byte() % 3)];
+            let state = BoardState { receiver_overrun, can, ..BoardState::default() };
+            world.driver.joint.take_board_state(&state);
         }
         _ => match bytes.byte() % 8 {
             0 => world.restart(ResetCause::Watchdog),

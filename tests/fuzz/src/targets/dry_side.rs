@@ -11,7 +11,9 @@ use crate::bytes::Bytes;
 use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, Operation};
 use firmware::access::AccessSettings;
+use firmware::background::BoardState;
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{InputSource, NodeSettings};
@@ -268,7 +270,7 @@ impl Joint {
         joint.write(index::COMMIT, 3, &staged);
         let wiring = joint.read(index::COMMISSIONING, 2);
         joint.write(index::COMMISSIONING, 3, &wiring);
-        assert_eq!(joint.driver.set().sensors.leak_connected, f32::from(connected & 1));
+        assert_eq!(joint.driver.joint.set().sensors.leak_connected, f32::from(connected & 1));
         joint
     }
 
@@ -299,7 +301,7 @@ impl Joint {
     fn pass(&mut self, passed_ms: u64) {
         self.now_us += 1000 * passed_ms;
         self.counter = self.counter.wrapping_add(1);
-        self.driver.report(&LoopReport {
+        self.driver.joint.report(&LoopReport {
             bus_voltage_v: Some(48.0),
             phase_currents_a: Some([0.0; 3]),
             bridge_temperature_c: Some(30.0),
@@ -313,11 +315,13 @@ impl Joint {
         let command = CommandFrame::new(0.0, 0.0, self.counter);
         let command = Message::Command(NodeId::FIRST, command).emit();
         self.driver.receive(&command, self.now_us);
-        let was_armed = self.driver.is_armed();
-        self.driver.set_enclosure(self.readings);
+        let was_armed = self.driver.joint.is_armed();
+        self.driver
+            .joint
+            .take_board_state(&BoardState { enclosure: self.readings, ..BoardState::default() });
         self.driver.tick(self.now_us);
         while self.driver.transmit().is_some() {}
-        let causes = causes(&self.readings, &self.driver.set().sensors);
+        let causes = causes(&self.readings, &self.driver.joint.set().sensors);
         for (since, is_present) in self.since.iter_mut().zip(causes) {
             since.pass(is_present, passed_ms);
         }
@@ -326,12 +330,12 @@ impl Joint {
 
     fn check(&self, was_armed: bool, passed_ms: u64) {
         let late_ms = 2 * passed_ms;
-        let supervisor = self.driver.supervisor();
+        let supervisor = self.driver.joint.supervisor();
         for ((code, comes_ms, goes_ms), since) in CODES.into_iter().zip(&self.since) {
             if matches!(code, Code::TorqueOff | Code::Leak) {
                 // A fault is kept until it is cleared, and does not come while the joint is safe.
                 let stops = since.is_present_for(comes_ms + late_ms);
-                assert!(!(stops && self.driver.is_armed()), "armed in spite of {code:?}");
+                assert!(!(stops && self.driver.joint.is_armed()), "armed in spite of {code:?}");
                 continue;
             }
             let is_limited = supervisor.limits().contains(code);
@@ -340,9 +344,9 @@ impl Joint {
         }
         let [torque_off, _, leak, ..] = &self.since;
         if was_armed && !torque_off.is_present && !leak.is_present {
-            assert!(self.driver.is_armed(), "{:?} disarms", self.readings);
+            assert!(self.driver.joint.is_armed(), "{:?} disarms", self.readings);
         }
-        let commands = self.driver.loop_commands(self.now_us);
+        let commands = self.driver.joint.loop_commands(self.now_us);
         assert!(
             !commands.bridge || !torque_off.is_present_for(late_ms),
             "bridge in spite of torque off"
@@ -351,7 +355,9 @@ impl Joint {
 
     /// Checks that 2012h holds the readings.
     fn check_object(&mut self) {
-        self.driver.set_enclosure(self.readings);
+        self.driver
+            .joint
+            .take_board_state(&BoardState { enclosure: self.readings, ..BoardState::default() });
         let Readings { leak_share, air, torque_allowed } = self.readings;
         let air = air.unwrap_or(Air::INVALID);
         let numbers = [

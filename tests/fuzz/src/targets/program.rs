@@ -115,7 +115,7 @@ impl Joint {
 
     fn flash(&self) -> &WatchedFlash {
         match &self.running {
-            Running::Driver(driver, _) => driver.flash(),
+            Running::Driver(driver, _) => driver.joint.flash(),
             Running::Recovery(recovery) => recovery.flash(),
             Running::Off(flash) => flash,
         }
@@ -163,7 +163,7 @@ impl Joint {
         let Running::Driver(driver, own) = &mut self.running else { return };
         let (own, other) = (SLOTS[*own], SLOTS[1 - *own]);
         let own_marks = own.marks + OWN_MARKS.start..own.marks + OWN_MARKS.end;
-        driver.flash_mut().allowed = if driver.is_armed() {
+        driver.joint.flash_mut().allowed = if driver.joint.is_armed() {
             vec![]
         } else {
             vec![other.start..other.marks + PAGE, own_marks]
@@ -188,7 +188,7 @@ impl Joint {
 
     fn note_confirmation(&mut self) {
         if let Running::Driver(driver, own) = &mut self.running
-            && let SlotState::Image(image) = marks::state(driver.flash_mut(), &SLOTS[*own])
+            && let SlotState::Image(image) = marks::state(driver.joint.flash_mut(), &SLOTS[*own])
         {
             self.has_image |= image.is_confirmed;
         }
@@ -244,7 +244,7 @@ impl Joint {
     }
 
     fn is_armed(&self) -> bool {
-        matches!(&self.running, Running::Driver(driver, _) if driver.is_armed())
+        matches!(&self.running, Running::Driver(driver, _) if driver.joint.is_armed())
     }
 
     fn control(&mut self, command: u8) -> bool {
@@ -276,7 +276,7 @@ impl Joint {
     /// Arms the joint, as one in HIL, or disarms it.
     fn arm(&mut self, arms: bool) {
         let Running::Driver(driver, own) = &self.running else { return };
-        let mut flash = driver.flash().clone();
+        let mut flash = driver.joint.flash().clone();
         let state = marks::state(&mut flash, &SLOTS[*own]);
         let is_trial = matches!(state, SlotState::Image(image) if !image.is_confirmed);
         self.write(index::OPERATION, OperationObject::SOURCE, &[1]);
@@ -393,7 +393,7 @@ fn step(joint: &mut Joint, selector: u8, bytes: &mut Bytes) {
             let (step, kind) = (u32::from(bytes.byte()) * u32::from(choice), bytes.byte());
             let torn = torn_step(kind, bytes.byte().into());
             match &mut joint.running {
-                Running::Driver(driver, _) => driver.flash_mut().flash.cut_power(step, torn),
+                Running::Driver(driver, _) => driver.joint.flash_mut().flash.cut_power(step, torn),
                 // Recovery gives its flash for reading only.
                 Running::Recovery(_) | Running::Off(_) => {}
             }

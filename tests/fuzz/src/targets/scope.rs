@@ -7,6 +7,7 @@
 use crate::bytes::Bytes;
 use compensator_core::can::{Frame, NodeId};
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
+use firmware::joint_node::{Equipment, Joint as _};
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{InputSource, NodeSettings};
@@ -73,7 +74,8 @@ impl Bench {
         let settings = NodeSettings { node: NodeId::FIRST, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "fuzz", serial: 1, stage: StageTraits::NONE };
         let mut driver = Driver::boot(settings, MemoryFlash::new(), identity, &Boot::default(), 0);
-        driver.set_scope_memory(vec![0.0; MEMORY_VALUES].leak());
+        let scope = Some(vec![0.0; MEMORY_VALUES].leak());
+        driver.joint.equip(Equipment { scope, ..Equipment::default() });
         while driver.transmit().is_some() {}
         let settings = Settings {
             signals: [1, 9, 0, 0, 0, 0, 0, 0],
@@ -148,7 +150,7 @@ impl Bench {
     }
 
     fn order(&mut self) -> ScopeOrder {
-        self.driver.loop_commands(self.now_us).scope
+        self.driver.joint.loop_commands(self.now_us).scope
     }
 
     fn start(&mut self) {
@@ -175,14 +177,18 @@ impl Bench {
             self.has_fault = true;
         }
         self.rows.push(values);
-        self.driver.take_scope_row(&ScopeRow { values, capture: order.capture, is_after_gap });
+        self.driver.joint.take_scope_row(&ScopeRow {
+            values,
+            capture: order.capture,
+            is_after_gap,
+        });
         if is_after_gap {
             assert_eq!(self.state(), ScopeState::Failed);
         }
     }
 
     fn is_faulty(&self) -> bool {
-        self.driver.supervisor().faults().iter().next().is_some()
+        self.driver.joint.supervisor().faults().iter().next().is_some()
     }
 
     /// Returns true if this row of the capture may have triggered it.
@@ -302,13 +308,13 @@ fn step(bench: &mut Bench, selector: u8, bytes: &mut Bytes) {
         7 => {
             let capture = bench.order().capture.wrapping_sub(1);
             let values = [bytes.value(); MAX_SIGNALS];
-            bench.driver.take_scope_row(&ScopeRow { values, capture, is_after_gap: true });
+            bench.driver.joint.take_scope_row(&ScopeRow { values, capture, is_after_gap: true });
         }
         8 if bytes.byte() < 32 => bench.take([0.0; MAX_SIGNALS], true),
         9 => {
             bench.now_us += 1000 * u64::from(bytes.byte());
             let is_faulty = bytes.byte() < 64;
-            bench.driver.report(&LoopReport {
+            bench.driver.joint.report(&LoopReport {
                 stack_intact: true,
                 gate_driver_fault: is_faulty,
                 ..LoopReport::default()
