@@ -2,21 +2,16 @@
 
 use super::device::Device;
 use crate::driver::counters::Counters;
-use crate::driver::device::values::watch_object;
+use crate::driver::objects::common::{CommonObjects, check_entry, is_staged, put, written};
 use crate::driver::objects::numbers::entry;
-use crate::driver::objects::{is_staged, text};
 use crate::node::dictionary::records::{
-    CommissioningObject, CommitObject, MeasuredObject, NetworkObject, OperationObject,
-    SdoServerObject, StateObject, TraceObject,
+    CommitObject, MeasuredObject, NetworkObject, OperationObject, StateObject, TraceObject,
 };
 use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
-use crate::refusal;
-use crate::supervisor::JointState;
 use canopen_rs::Address;
 use compensator_core::can::{NodeId, SyncFrame, cob_id};
 use compensator_core::network::record as network_record;
-use compensator_core::record;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -31,49 +26,9 @@ const TRANSMIT_BASES: [u16; 5] =
 /// Sub-index of a PDO's transmission type; the one before is its identifier.
 const TRANSMISSION_TYPE: u8 = 2;
 
-/// Returns true if a compact node has this object.
-pub const fn is_served(at_index: u16) -> bool {
-    matches!(
-        at_index,
-        index::DEVICE_TYPE
-            | index::ERROR_REGISTER
-            | index::ERROR_FIELD
-            | index::SYNC_IDENTIFIER
-            | index::DEVICE_NAME
-            | index::HARDWARE_VERSION
-            | index::SOFTWARE_VERSION
-            | index::STORE
-            | index::RESTORE
-            | index::EMERGENCY_IDENTIFIER
-            | index::AWAITED_HEARTBEAT
-            | index::HEARTBEAT
-            | index::IDENTITY
-            | index::SDO_SERVER
-            | index::TRANSMIT_ANSWER
-            | index::TRANSMIT_STATUS
-            | index::TRANSMIT_TELEMETRY
-            | index::TRANSMIT_MOTION
-            | index::TRANSMIT_TORQUE
-            | index::TRACE
-            | index::OPERATION
-            | index::STATE
-            | index::FRAME_COUNTERS
-            | index::INPUTS
-            | index::CODE_COUNTERS
-            | index::WATCH
-            | index::LAST_PANIC
-            | index::MEASURED
-            | index::COMMISSIONING
-            | index::NETWORK
-            | index::LIVE_TERMS
-            | index::COMMIT
-            | index::REFUSAL
-    ) || is_staged(at_index)
-}
-
 /// Returns the entry at an address.
 fn find(at: Address) -> Result<dictionary::Entry, Abort> {
-    if !is_served(at.index) {
+    if !dictionary::is_compact(at.index) {
         return Err(Abort::NoObject);
     }
     dictionary::find(at.index, at.subindex)
@@ -82,17 +37,7 @@ fn find(at: Address) -> Result<dictionary::Entry, Abort> {
 impl<F: NorFlash> Objects for Device<F> {
     fn check_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         let entry = find(at)?;
-        if !matches!(entry.access, Access::ReadWrite | Access::WriteOnly | Access::Input) {
-            return Err(Abort::ReadOnly);
-        }
-        if let (Some(found), Some(expected)) = (length, entry.data.length()) {
-            if found > expected {
-                return Err(Abort::TooLong);
-            }
-            if found < expected {
-                return Err(Abort::TooShort);
-            }
-        }
+        check_entry(&entry, length)?;
         if !entry.is_written_armed && self.is_bridge_in_use() {
             let why = text!("the joint is armed, and nothing is written then: disarm first");
             return Err(self.staging.refuse(Abort::State, why));
@@ -101,16 +46,8 @@ impl<F: NorFlash> Objects for Device<F> {
     }
 
     fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
-        // An expedited write need not state its size: then it is the size of the object.
-        let value = match find(at)?.data.length() {
-            Some(length) => value.get(..length).ok_or(Abort::TooShort)?,
-            None => value,
-        };
-        let mut word = [0; 4];
-        for (place, byte) in word.iter_mut().zip(value) {
-            *place = *byte;
-        }
-        self.write_number(at, u32::from_le_bytes(word), value)
+        let (value, number) = written(&find(at)?, value)?;
+        self.write_number(at, number, value)
     }
 
     fn read(&mut self, at: Address, value: &mut ValueBuffer) -> Result<(), Abort> {
@@ -118,36 +55,18 @@ impl<F: NorFlash> Objects for Device<F> {
         if entry.access == Access::WriteOnly {
             return Err(Abort::WriteOnly);
         }
-        let count = dictionary::value_count(at.index);
-        let copied = match (at.index, at.subindex) {
-            (index::DEVICE_NAME, _) => return text("friction-compensated joint, compact", value),
-            (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
-            (index::SOFTWARE_VERSION, _) => return text(env!("CARGO_PKG_VERSION"), value),
-            (index::LAST_PANIC, _) => return text(self.history.panic(), value),
-            (index::REFUSAL, _) => value.extend_from_slice(&refusal::emit(self.staging.reason())),
-            (index::COMMIT, CommitObject::FRICTION_RECORD) => {
-                value.extend_from_slice(&record::emit(&self.staging.staged().friction))
-            }
+        if let Some(read) = self.common().read(at, value) {
+            return read;
+        }
+        let number = match (at.index, at.subindex) {
+            (_, 0) if let Some(count) = self.common().count(at.index) => count,
             (index::COMMIT, CommitObject::NETWORK_RECORD) => {
-                value.extend_from_slice(&network_record::emit(None))
+                let record = network_record::emit(None);
+                return value.extend_from_slice(&record).map_err(|_| Abort::Memory);
             }
-            (index::COMMIT, CommitObject::DRIVE_RECORD) => {
-                value.extend_from_slice(&self.staging.staged().emit_drive())
-            }
-            (index::ERROR_FIELD, 0) => {
-                value.extend_from_slice(&self.history.error_count().to_le_bytes()[..1])
-            }
-            (_, 0) if let Some(count) = count => value.extend_from_slice(&[count]),
-            (staged, place) if is_staged(staged) => {
-                return self.staging.read(staged, place, value);
-            }
-            (index, place) => {
-                let bytes = self.number(index, place)?.to_le_bytes();
-                let length = entry.data.length().unwrap_or(4);
-                value.extend_from_slice(bytes.get(..length).unwrap_or(&bytes))
-            }
+            (index, place) => self.number(index, place)?,
         };
-        copied.map_err(|_| Abort::Memory)
+        put(&entry, number, value)
     }
 }
 
@@ -224,9 +143,7 @@ impl<F: NorFlash> Device<F> {
             (_, OperationObject::TELEMETRY_EVERY) => changed.telemetry_every = number as u8,
             (_, OperationObject::CAMPAIGN_H) => changed.campaign_h = f32::from_bits(number),
             // A tool may write the value that a compact node has: its own sensors, classic frames.
-            (_, place)
-                if self.operation_object().words().get(usize::from(place) - 1) == Some(&number) => {
-            }
+            (_, place) if self.number(index::OPERATION, place) == Ok(number) => {}
             _ => {
                 let why = text!("a compact node has no HIL and sends no CAN FD");
                 return Err(self.staging.refuse(Abort::Value, why));
@@ -237,18 +154,18 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
-    fn operation_object(&self) -> OperationObject {
-        let settings = &self.settings;
-        OperationObject {
-            source: settings.source as u32,
-            number: settings.number as u32,
-            period_s: settings.period_s.to_bits(),
-            campaign_h: settings.campaign_h.to_bits(),
-            telemetry_every: settings.telemetry_every.into(),
-            node: settings.node.number().into(),
-            bit_rate_kbit: settings.bit_rate_kbit.into(),
-            data_bit_rate_kbit: settings.data_bit_rate_kbit.into(),
-            fd_telemetry: 0,
+    fn common(&self) -> CommonObjects<'_> {
+        CommonObjects {
+            name: "friction-compensated joint, compact",
+            identity: &self.identity,
+            settings: &self.settings,
+            history: &self.history,
+            staging: &self.staging,
+            supervisor: &self.supervisor,
+            watch: self.watch.as_ref(),
+            inputs: &self.inputs,
+            blocking: self.blocking,
+            is_armed: self.supervisor.is_armed(),
         }
     }
 
@@ -256,23 +173,6 @@ impl<F: NorFlash> Device<F> {
         let own = |base: u16| u32::from(base) + u32::from(self.node().number());
         match at_index {
             index::DEVICE_TYPE => Ok(DEVICE_TYPE),
-            index::ERROR_REGISTER => Ok(self.error_register().into()),
-            index::ERROR_FIELD => self.history.error(place).ok_or(Abort::NoSubIndex),
-            index::SYNC_IDENTIFIER => Ok(cob_id::SYNC.into()),
-            index::EMERGENCY_IDENTIFIER => Ok(own(cob_id::EMERGENCY)),
-            // Parameters are saved and restored on command, not automatically.
-            index::STORE | index::RESTORE => Ok(1),
-            index::AWAITED_HEARTBEAT => Ok(self.settings.awaited_heartbeat),
-            index::HEARTBEAT => Ok(self.settings.heartbeat_ms.into()),
-            index::IDENTITY => entry(&self.identity.object().words(), place),
-            index::SDO_SERVER => entry(
-                &SdoServerObject {
-                    client_to_server: own(cob_id::SDO_REQUEST),
-                    server_to_client: own(cob_id::SDO_ANSWER),
-                }
-                .words(),
-                place,
-            ),
             FIRST_TRANSMIT..=LAST_TRANSMIT => {
                 let slot = usize::from(at_index - FIRST_TRANSMIT);
                 Ok(match place {
@@ -281,13 +181,12 @@ impl<F: NorFlash> Device<F> {
                     _ => 0,
                 })
             }
-            index::OPERATION => entry(&self.operation_object().words(), place),
-            index::STATE => entry(&self.state_object().words(), place),
+            // It sends no CAN FD, whatever a driver has stored.
+            index::OPERATION if place == OperationObject::FD_TELEMETRY => Ok(0),
             index::TRACE => {
                 let (sequence, joint_kind) = (self.samples.sequence(), self.joint_kind);
                 entry(&TraceObject { run: 0, sequence, joint_kind }.words(), place)
             }
-            index::WATCH => entry(&watch_object(self.watch.as_ref()).words(), place),
             // There are neither networks nor terms.
             index::NETWORK => entry(&NetworkObject::default().words(), place),
             index::LIVE_TERMS => Ok(0),
@@ -295,8 +194,6 @@ impl<F: NorFlash> Device<F> {
                 let (sent, not_sent) = (self.outbox.sent(), self.outbox.lost());
                 entry(&Counters { sent, not_sent, ..self.counters }.words(), place)
             }
-            index::INPUTS => entry(&self.inputs.words(), place),
-            index::CODE_COUNTERS => entry(self.supervisor.counts(), place),
             index::MEASURED => {
                 let report = self.current_loop.report();
                 let measured = MeasuredObject {
@@ -307,37 +204,7 @@ impl<F: NorFlash> Device<F> {
                 };
                 entry(&measured.words(), place)
             }
-            index::COMMISSIONING => {
-                let wiring_crc = self.staging.wiring_crc();
-                let commissioning = CommissioningObject {
-                    commissioned: self.is_commissioned().into(),
-                    wiring_crc,
-                    proven: (self.settings.proven == wiring_crc).into(),
-                    ..Default::default()
-                };
-                entry(&commissioning.words(), place)
-            }
-            index::COMMIT => {
-                let (active_crc, staged_crc) = self.staging.crcs();
-                entry(&CommitObject { active_crc, staged_crc, ..Default::default() }.words(), place)
-            }
-            _ => Err(Abort::NoObject),
-        }
-    }
-
-    fn state_object(&self) -> StateObject {
-        let state = match self.supervisor.state() {
-            JointState::Safe => 0,
-            JointState::Armed => 1,
-            JointState::Fault => 2,
-        };
-        StateObject {
-            state,
-            faults: self.supervisor.faults().fault_bits(),
-            limits: self.supervisor.limits().limit_bits(),
-            blocking_codes: self.blocking,
-            failed_self_test: self.supervisor.failed_self_test().into(),
-            ..Default::default()
+            _ => self.common().number(at_index, place),
         }
     }
 }

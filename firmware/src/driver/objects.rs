@@ -1,5 +1,6 @@
 //! Reading and writing the objects of the dictionary.
 
+pub(crate) mod common;
 pub(crate) mod numbers;
 
 use super::device::Device;
@@ -12,30 +13,19 @@ use crate::node::dictionary::records::{
 use crate::node::dictionary::{self, Access, LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
 use crate::node_settings::InputSource;
-use crate::refusal;
 use crate::setting_error::SettingError;
 use canopen_rs::Address;
+use common::{check_entry, is_staged, put, written};
 use compensator_core::can::{JointKind, Message, NodeId, TraceEntry};
 use compensator_core::network::record as network_record;
 use compensator_core::parameters::Text;
-use compensator_core::record;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Objects for Device<F> {
     fn check_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         let entry = dictionary::find(at.index, at.subindex)?;
-        if !matches!(entry.access, Access::ReadWrite | Access::WriteOnly | Access::Input) {
-            return Err(Abort::ReadOnly);
-        }
-        if let (Some(found), Some(expected)) = (length, entry.data.length()) {
-            if found > expected {
-                return Err(Abort::TooLong);
-            }
-            if found < expected {
-                return Err(Abort::TooShort);
-            }
-        }
+        check_entry(&entry, length)?;
         self.check_level(entry.level)?;
         if !entry.is_written_armed && self.is_bridge_in_use() {
             return Err(self.refuse_armed());
@@ -45,21 +35,12 @@ impl<F: NorFlash> Objects for Device<F> {
 
     fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
         let entry = dictionary::find(at.index, at.subindex)?;
-        // An expedited write need not state its size: then it is the size of the object.
-        let value = match entry.data.length() {
-            Some(length) => value.get(..length).ok_or(Abort::TooShort)?,
-            None => value,
-        };
-        let mut word = [0; 4];
-        for (place, byte) in word.iter_mut().zip(value) {
-            *place = *byte;
-        }
-        let number = u32::from_le_bytes(word);
-        match Area::of(at.index) {
-            Area::Communication if at.index == index::PROGRAM_DATA => self.write_program(value),
-            Area::Communication => self.write_communication(at, number),
-            Area::Joint => self.write_joint(at, number, value),
-            Area::Profile => self.write_profile(at, number),
+        let (value, number) = written(&entry, value)?;
+        match at.index {
+            index::PROGRAM_DATA => self.write_program(value),
+            ..0x2000 => self.write_communication(at, number),
+            0x2000..0x6000 => self.write_joint(at, number, value),
+            _ => self.write_profile(at, number),
         }
     }
 
@@ -82,42 +63,22 @@ impl<F: NorFlash> Objects for Device<F> {
         if entry.access == Access::WriteOnly {
             return Err(Abort::WriteOnly);
         }
-        let count = dictionary::value_count(at.index);
+        if let Some(read) = self.common().read(at, value) {
+            return read;
+        }
         let number = match (at.index, at.subindex) {
-            (index::ERROR_FIELD, 0) => self.history.error_count(),
             (mapping, 0) if dictionary::is_mapping(mapping) => self.number(mapping, 0)?,
-            (_, 0) if let Some(count) = count => u32::from(count),
-            (index::DEVICE_NAME, _) => return text("friction-compensated joint driver", value),
-            (index::HARDWARE_VERSION, _) => return text(self.identity.hardware, value),
-            (index::SOFTWARE_VERSION, _) => return text(env!("CARGO_PKG_VERSION"), value),
-            (index::LAST_PANIC, _) => return text(self.history.panic(), value),
-            (index::REFUSAL, _) => {
-                let bytes = refusal::emit(self.staging.reason());
-                return value.extend_from_slice(&bytes).map_err(|_| Abort::Memory);
-            }
-            (index::COMMIT, CommitObject::FRICTION_RECORD) => {
-                let record = record::emit(&self.staging.staged().friction);
-                return value.extend_from_slice(&record).map_err(|_| Abort::Memory);
-            }
+            (_, 0) if let Some(count) = self.common().count(at.index) => count,
             (index::COMMIT, CommitObject::NETWORK_RECORD) => {
                 let record = network_record::emit(self.staging.staged().network.as_ref());
                 return value.extend_from_slice(&record).map_err(|_| Abort::Memory);
             }
-            (index::COMMIT, CommitObject::DRIVE_RECORD) => {
-                let drive = self.staging.staged().emit_drive();
-                return value.extend_from_slice(&drive).map_err(|_| Abort::Memory);
-            }
             (index::ACCESS, AccessObject::CHALLENGE) => {
                 return value.extend_from_slice(&self.challenge()).map_err(|_| Abort::Memory);
             }
-            (staged, place) if is_staged(staged) => {
-                return self.staging.read(staged, place, value);
-            }
             (index, place) => self.number(index, place)?,
         };
-        let length = entry.data.length().unwrap_or(4);
-        let bytes = number.to_le_bytes();
-        value.extend_from_slice(bytes.get(..length).unwrap_or(&bytes)).map_err(|_| Abort::Memory)
+        put(&entry, number, value)
     }
 
     fn stream_length(&mut self, at: Address) -> Result<Option<usize>, Abort> {
@@ -142,49 +103,6 @@ impl<F: NorFlash> Objects for Device<F> {
         }
         Ok(())
     }
-}
-
-/// Areas of the object dictionary (CiA 301, table 3).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Area {
-    /// Communication profile.
-    Communication,
-    /// Objects of this joint driver.
-    Joint,
-    /// Drive profile CiA 402.
-    Profile,
-}
-
-impl Area {
-    const fn of(at_index: u16) -> Self {
-        match at_index {
-            0..=0x1FFF => Self::Communication,
-            0x2000..=0x5FFF => Self::Joint,
-            _ => Self::Profile,
-        }
-    }
-}
-
-/// Returns true if an object is part of the parameter set, which is staged.
-pub(crate) const fn is_staged(at_index: u16) -> bool {
-    matches!(
-        at_index,
-        index::MODEL
-            | index::ENVELOPE
-            | index::COMPENSATOR
-            | index::PARAMETERS
-            | index::MOTOR
-            | index::THRESHOLDS
-            | index::WATCH_PARAMETERS
-            | index::SENSORS
-    )
-}
-
-/// Appends a text; an empty one reads as a blank, because SDO cannot transfer an empty value.
-#[inline(never)]
-pub(crate) fn text(text: &str, value: &mut ValueBuffer) -> Result<(), Abort> {
-    let text = if text.is_empty() { " " } else { text };
-    value.extend_from_slice(text.as_bytes()).map_err(|_| Abort::Memory)
 }
 
 impl<F: NorFlash> Device<F> {

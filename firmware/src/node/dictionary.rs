@@ -22,10 +22,8 @@ mod table;
 
 pub use entry::{Access, DataType, Entry};
 pub use records::FRAME_COUNTERS;
-pub use table::value_count;
+pub use table::{find, is_compact, value_count};
 
-#[cfg(not(target_os = "none"))]
-use super::sdo::Abort;
 use crate::access::Level;
 use crate::control::MotorParameters;
 use crate::scope::MAX_SIGNALS;
@@ -76,6 +74,8 @@ pub struct Object {
     level: Level,
     /// An armed joint accepts a write to any of its entries, too.
     is_written_armed: bool,
+    /// A compact node has it, too.
+    is_compact: bool,
 }
 
 /// Value that must be written to [`index::STORE`]: "save".
@@ -99,7 +99,13 @@ const fn object(name: &'static str, shape: Shape) -> Object {
         shape,
         level: Level::Open,
         is_written_armed: false,
+        is_compact: false,
     }
+}
+
+/// A compact node has the object, too.
+const fn compact(object: Object) -> Object {
+    Object { is_compact: true, ..object }
 }
 
 /// A write needs the service level.
@@ -165,26 +171,26 @@ macro_rules! objects {
 }
 
 objects! {
-    0x1000 DEVICE_TYPE variable("device_type", Unsigned32, Const);
-    0x1001 ERROR_REGISTER variable("error_register", Unsigned8, ReadOnly);
-    0x1003 ERROR_FIELD armed(array("predefined_error_field", "error", ReadOnly, ERROR_HISTORY_LENGTH));
-    0x1005 SYNC_IDENTIFIER variable("sync_cob_id", Unsigned32, Const);
+    0x1000 DEVICE_TYPE compact(variable("device_type", Unsigned32, Const));
+    0x1001 ERROR_REGISTER compact(variable("error_register", Unsigned8, ReadOnly));
+    0x1003 ERROR_FIELD compact(armed(array("predefined_error_field", "error", ReadOnly, ERROR_HISTORY_LENGTH)));
+    0x1005 SYNC_IDENTIFIER compact(variable("sync_cob_id", Unsigned32, Const));
     0x1006 SYNC_PERIOD variable("communication_cycle_period_us", Unsigned32, ReadWrite);
     0x1007 SYNC_WINDOW variable("synchronous_window_length_us", Unsigned32, ReadWrite);
-    0x1008 DEVICE_NAME variable("device_name", VisibleString, Const);
-    0x1009 HARDWARE_VERSION variable("hardware_version", VisibleString, Const);
-    0x100A SOFTWARE_VERSION variable("software_version", VisibleString, Const);
-    0x1010 STORE service(record("store_parameters", &[entry("save_all", Unsigned32, ReadWrite)]));
-    0x1011 RESTORE service(record("restore_defaults", &[entry("load_all", Unsigned32, ReadWrite)]));
-    0x1014 EMERGENCY_IDENTIFIER variable("emergency_cob_id", Unsigned32, Const);
-    0x1016 AWAITED_HEARTBEAT record(
+    0x1008 DEVICE_NAME compact(variable("device_name", VisibleString, Const));
+    0x1009 HARDWARE_VERSION compact(variable("hardware_version", VisibleString, Const));
+    0x100A SOFTWARE_VERSION compact(variable("software_version", VisibleString, Const));
+    0x1010 STORE compact(service(record("store_parameters", &[entry("save_all", Unsigned32, ReadWrite)])));
+    0x1011 RESTORE compact(service(record("restore_defaults", &[entry("load_all", Unsigned32, ReadWrite)])));
+    0x1014 EMERGENCY_IDENTIFIER compact(variable("emergency_cob_id", Unsigned32, Const));
+    0x1016 AWAITED_HEARTBEAT compact(record(
         "consumer_heartbeat_time",
         &[entry("awaited_heartbeat", Unsigned32, ReadWrite)],
-    );
-    0x1017 HEARTBEAT armed(variable("producer_heartbeat_time_ms", Unsigned16, ReadWrite));
-    0x1018 IDENTITY record("identity", IdentityObject::ENTRIES);
+    ));
+    0x1017 HEARTBEAT compact(armed(variable("producer_heartbeat_time_ms", Unsigned16, ReadWrite)));
+    0x1018 IDENTITY compact(record("identity", IdentityObject::ENTRIES));
     0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, ReadWrite);
-    0x1200 SDO_SERVER record("sdo_server", SdoServerObject::ENTRIES);
+    0x1200 SDO_SERVER compact(record("sdo_server", SdoServerObject::ENTRIES));
     0x1400 RECEIVE_DRIVE record("receive_pdo_drive", DrivePdoObject::ENTRIES);
     0x1401 RECEIVE_COMMAND record("receive_pdo_command", PdoObject::ENTRIES);
     0x1402 RECEIVE_SEAL record("receive_pdo_seal", PdoObject::ENTRIES);
@@ -197,11 +203,11 @@ objects! {
     0x1603 MAPPING_RECEIVED_SURROUNDINGS mapping("mapping_received_surroundings");
     0x1604 MAPPING_RECEIVED_MOTION mapping("mapping_received_motion");
     0x1605 MAPPING_RECEIVED_TORQUE mapping("mapping_received_torque");
-    0x1800 TRANSMIT_ANSWER record("transmit_pdo_answer", TransmitPdoObject::ENTRIES);
-    0x1801 TRANSMIT_STATUS record("transmit_pdo_status", TransmitPdoObject::ENTRIES);
-    0x1802 TRANSMIT_TELEMETRY record("transmit_pdo_telemetry", TransmitPdoObject::ENTRIES);
-    0x1803 TRANSMIT_MOTION record("transmit_pdo_motion", TransmitPdoObject::ENTRIES);
-    0x1804 TRANSMIT_TORQUE record("transmit_pdo_torque", TransmitPdoObject::ENTRIES);
+    0x1800 TRANSMIT_ANSWER compact(record("transmit_pdo_answer", TransmitPdoObject::ENTRIES));
+    0x1801 TRANSMIT_STATUS compact(record("transmit_pdo_status", TransmitPdoObject::ENTRIES));
+    0x1802 TRANSMIT_TELEMETRY compact(record("transmit_pdo_telemetry", TransmitPdoObject::ENTRIES));
+    0x1803 TRANSMIT_MOTION compact(record("transmit_pdo_motion", TransmitPdoObject::ENTRIES));
+    0x1804 TRANSMIT_TORQUE compact(record("transmit_pdo_torque", TransmitPdoObject::ENTRIES));
     0x1805 TRANSMIT_DRIVE record("transmit_pdo_drive", TransmitPdoObject::ENTRIES);
     0x1A00 MAPPING_ANSWER mapping("mapping_answer");
     0x1A01 MAPPING_STATUS mapping("mapping_status");
@@ -213,40 +219,40 @@ objects! {
     0x1F51 PROGRAM_CONTROL service(array_of("program_control", entry("program_control", Unsigned8, ReadWrite), 1));
     0x1F56 PROGRAM_IDENTIFICATION service(array("program_software_identification", "program_crc", ReadOnly, 2));
     0x1F57 FLASH_STATUS service(array("flash_status_identification", "flash_status", ReadOnly, 1));
-    0x2000 TRACE armed(record("trace", TraceObject::ENTRIES));
-    0x2001 OPERATION record("operation", OperationObject::ENTRIES);
-    0x2002 STATE record("state", StateObject::ENTRIES);
+    0x2000 TRACE compact(armed(record("trace", TraceObject::ENTRIES)));
+    0x2001 OPERATION compact(record("operation", OperationObject::ENTRIES));
+    0x2002 STATE compact(record("state", StateObject::ENTRIES));
     0x2003 FRAME_COUNTERS
-        array("frame_counters", "frame_counter", ReadOnly, records::FRAME_COUNTERS.len());
-    0x2004 INPUTS armed(record("inputs", InputsObject::ENTRIES));
+        compact(array("frame_counters", "frame_counter", ReadOnly, records::FRAME_COUNTERS.len()));
+    0x2004 INPUTS compact(armed(record("inputs", InputsObject::ENTRIES)));
     0x2005 OUTPUTS record("outputs", OutputsObject::ENTRIES);
-    0x2006 CODE_COUNTERS array("code_counters", "code_counter", ReadOnly, CODE_COUNT);
-    0x2007 WATCH record("watch", WatchObject::ENTRIES);
-    0x2008 LAST_PANIC variable("last_panic", VisibleString, ReadOnly);
-    0x2009 MEASURED record("measured", MeasuredObject::ENTRIES);
-    0x200A COMMISSIONING service(record("commissioning", CommissioningObject::ENTRIES));
-    0x200B NETWORK record("network", NetworkObject::ENTRIES);
+    0x2006 CODE_COUNTERS compact(array("code_counters", "code_counter", ReadOnly, CODE_COUNT));
+    0x2007 WATCH compact(record("watch", WatchObject::ENTRIES));
+    0x2008 LAST_PANIC compact(variable("last_panic", VisibleString, ReadOnly));
+    0x2009 MEASURED compact(record("measured", MeasuredObject::ENTRIES));
+    0x200A COMMISSIONING compact(service(record("commissioning", CommissioningObject::ENTRIES)));
+    0x200B NETWORK compact(record("network", NetworkObject::ENTRIES));
     0x200C COMMISSIONING_RUN service(record("commissioning_run", CommissioningRunObject::ENTRIES));
-    0x200D LIVE_TERMS variable("live_terms", Unsigned32, ReadOnly);
+    0x200D LIVE_TERMS compact(variable("live_terms", Unsigned32, ReadOnly));
     0x2012 ENCLOSURE record("enclosure", EnclosureObject::ENTRIES);
     0x2013 SCOPE armed(record("scope", ScopeObject::ENTRIES));
     0x2014 SCOPE_SIGNALS
 armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX_SIGNALS));
-    0x2020 MODEL record("model", &const {
+    0x2020 MODEL compact(record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);
         entries[1] = entry("choices", Unsigned8, ReadWrite);
         entries
-    });
-    0x2021 ENVELOPE numbers("envelope", &Envelope::NAMES);
-    0x2022 COMPENSATOR numbers("compensator", &CompensatorParameters::NAMES);
-    0x2023 PARAMETERS object("parameters", Shape::Parameters);
-    0x2024 MOTOR service(numbers("motor", &MotorParameters::NAMES));
-    0x2025 THRESHOLDS service(numbers("thresholds", &Thresholds::NAMES));
-    0x2026 WATCH_PARAMETERS service(numbers("watch_parameters", &WatchParameters::NAMES));
-    0x2027 COMMIT record("commit", CommitObject::ENTRIES);
-    0x2028 REFUSAL variable("last_refusal", OctetString, ReadOnly);
-    0x2029 SENSORS service(numbers("sensors", &SensorParameters::NAMES));
+    }));
+    0x2021 ENVELOPE compact(numbers("envelope", &Envelope::NAMES));
+    0x2022 COMPENSATOR compact(numbers("compensator", &CompensatorParameters::NAMES));
+    0x2023 PARAMETERS compact(object("parameters", Shape::Parameters));
+    0x2024 MOTOR compact(service(numbers("motor", &MotorParameters::NAMES)));
+    0x2025 THRESHOLDS compact(service(numbers("thresholds", &Thresholds::NAMES)));
+    0x2026 WATCH_PARAMETERS compact(service(numbers("watch_parameters", &WatchParameters::NAMES)));
+    0x2027 COMMIT compact(record("commit", CommitObject::ENTRIES));
+    0x2028 REFUSAL compact(variable("last_refusal", OctetString, ReadOnly));
+    0x2029 SENSORS compact(service(numbers("sensors", &SensorParameters::NAMES)));
     0x2030 HOLDING_BRAKE service(record("holding_brake", HoldingBrakeObject::ENTRIES));
     0x2031 HOMING_STOP record("homing_stop", HomingStopObject::ENTRIES);
     0x2032 JOINT_ENCODER record("joint_encoder", JointEncoderObject::ENTRIES);
@@ -381,20 +387,6 @@ const fn has_written_count(object: &Object) -> bool {
         && (object.index == index::ERROR_FIELD || is_mapping(object.index))
 }
 
-/// Returns the entry at an address.
-///
-/// # Errors
-/// Returns [`Abort::NoObject`] or [`Abort::NoSubIndex`].
-#[cfg(not(target_os = "none"))]
-pub fn find(index: u16, sub_index: u8) -> Result<Entry, Abort> {
-    let entry = table::find(index, sub_index)?;
-    let name = Object::find(index).and_then(|object| object.name_at(sub_index));
-    Ok(Entry { name: name.unwrap_or(entry.name), ..entry })
-}
-
-#[cfg(target_os = "none")]
-pub use table::find;
-
 /// Returns true if an object is the mapping of a PDO.
 pub const fn is_mapping(at_index: u16) -> bool {
     matches!(at_index, 0x1600..=0x17FF | 0x1A00..=0x1BFF)
@@ -420,6 +412,7 @@ pub fn is_transmitted(at_index: u16, sub_index: u8) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::node::sdo::Abort;
 
     #[test]
     fn indices_are_sorted_and_every_sub_index_has_an_entry() {

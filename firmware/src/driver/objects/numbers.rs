@@ -1,12 +1,10 @@
 //! Values of the objects that read as a number.
 
-use super::Area;
 use crate::driver::device::Device;
 use crate::driver::profile;
-use crate::node::dictionary::records::{self, CommissioningObject, CommitObject, OperationObject};
+use crate::node::dictionary::records::HoldingBrakeObject;
 use crate::node::dictionary::{HOMING_METHODS, index};
 use crate::node::sdo::Abort;
-use compensator_core::can::cob_id;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Returns the word at a sub-index, which counts from 1.
@@ -19,43 +17,13 @@ pub(crate) fn entry(words: &[u32], sub_index: u8) -> Result<u32, Abort> {
 impl<F: NorFlash> Device<F> {
     /// Returns the value of an object; a float as its bits.
     pub(in crate::driver) fn number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
-        match Area::of(at_index) {
-            Area::Communication => self.communication_number(at_index, place),
-            Area::Joint => self.joint_number(at_index, place),
-            Area::Profile => self.profile_number(at_index, place),
-        }
-    }
-
-    fn communication_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
         match at_index {
-            index::DEVICE_TYPE => Ok(profile::DEVICE_TYPE),
-            index::ERROR_REGISTER => Ok(u32::from(self.error_register())),
-            index::ERROR_FIELD => self.history.error(place).ok_or(Abort::NoSubIndex),
-            index::SYNC_IDENTIFIER => Ok(cob_id::SYNC.into()),
-            index::EMERGENCY_IDENTIFIER => Ok(self.own_identifier(cob_id::EMERGENCY)),
-            // Parameters are saved and restored on command, not automatically.
-            index::STORE | index::RESTORE => Ok(1),
-            index::AWAITED_HEARTBEAT => Ok(self.settings().awaited_heartbeat),
-            index::HEARTBEAT => Ok(u32::from(self.settings().heartbeat_ms)),
-            index::IDENTITY => entry(&self.identity.object().words(), place),
-            index::PROGRAM_CONTROL => Ok(self.program.control()),
-            index::PROGRAM_IDENTIFICATION => entry(&self.program.crcs(), place),
-            index::FLASH_STATUS => Ok(self.program.flash_status()),
-            index::SDO_SERVER => entry(
-                &records::SdoServerObject {
-                    client_to_server: self.own_identifier(cob_id::SDO_REQUEST),
-                    server_to_client: self.own_identifier(cob_id::SDO_ANSWER),
-                }
-                .words(),
-                place,
-            ),
-            _ => self.pdo_number(at_index, place),
+            index::SYNC_PERIOD | index::SYNC_WINDOW | index::SYNC_OVERFLOW | 0x1400..=0x1BFF => {
+                self.pdo_number(at_index, place)
+            }
+            ..=0x5FFF => self.joint_number(at_index, place),
+            _ => self.profile_number(at_index, place),
         }
-    }
-
-    /// Returns the identifier of this node in a range of identifiers.
-    fn own_identifier(&self, base: u16) -> u32 {
-        u32::from(base) + u32::from(self.settings().node.number())
     }
 
     fn profile_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
@@ -107,57 +75,28 @@ impl<F: NorFlash> Device<F> {
     fn joint_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
         let settings = self.settings();
         match at_index {
+            index::DEVICE_TYPE => Ok(profile::DEVICE_TYPE),
+            index::PROGRAM_CONTROL => Ok(self.program.control()),
+            index::PROGRAM_IDENTIFICATION => entry(&self.program.crcs(), place),
+            index::FLASH_STATUS => Ok(self.program.flash_status()),
             index::TRACE => entry(&self.samples.trace_object().words(), place),
-            index::OPERATION => entry(
-                &OperationObject {
-                    source: settings.source as u32,
-                    number: settings.number as u32,
-                    period_s: settings.period_s.to_bits(),
-                    campaign_h: settings.campaign_h.to_bits(),
-                    telemetry_every: settings.telemetry_every.into(),
-                    node: settings.node.number().into(),
-                    bit_rate_kbit: settings.bit_rate_kbit.into(),
-                    data_bit_rate_kbit: settings.data_bit_rate_kbit.into(),
-                    fd_telemetry: settings.fd_telemetry.into(),
-                }
-                .words(),
-                place,
-            ),
-            index::STATE => entry(&self.state_object().words(), place),
             index::FRAME_COUNTERS => entry(&self.all_counters().words(), place),
-            index::INPUTS => entry(&self.samples.inputs().words(), place),
             index::OUTPUTS => entry(&self.samples.outputs().words(), place),
-            index::COMMISSIONING => entry(
-                &CommissioningObject {
-                    commissioned: self.is_commissioned().into(),
-                    wiring_crc: self.staging.wiring_crc(),
-                    proven: self.is_wiring_proven().into(),
-                    ..Default::default()
-                }
-                .words(),
-                place,
-            ),
             index::COMMISSIONING_RUN => {
                 entry(&self.motion.commissioning_object(&self.seen()).words(), place)
             }
             index::MEASURED => entry(&self.seen().measured().words(), place),
-            index::CODE_COUNTERS => {
-                let code = usize::from(place).wrapping_sub(1);
-                self.code_count(code).ok_or(Abort::NoSubIndex)
-            }
-            index::WATCH => entry(&self.watch_state().words(), place),
             index::LIVE_TERMS => Ok(self.live_terms()),
             index::SCOPE => entry(&self.scope_object().words(), place),
             index::SCOPE_SIGNALS => self.scope_signal(place),
             index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
             index::JOINT_ENCODER => entry(&self.joint_encoder.object().words(), place),
-            index::HOLDING_BRAKE if place == records::HoldingBrakeObject::RELEASED => {
+            index::HOLDING_BRAKE if place == HoldingBrakeObject::RELEASED => {
                 Ok(self.motion.stopping.brake().is_released().into())
             }
-            index::HOLDING_BRAKE if place >= records::HoldingBrakeObject::TEST_RESULT => entry(
-                &self.motion.brake_test_words(),
-                place - records::HoldingBrakeObject::TEST_RESULT + 1,
-            ),
+            index::HOLDING_BRAKE if place >= HoldingBrakeObject::TEST_RESULT => {
+                entry(&self.motion.brake_test_words(), place - HoldingBrakeObject::TEST_RESULT + 1)
+            }
             index::HOLDING_BRAKE | index::HOMING_STOP => {
                 settings.drive.get(at_index, place).ok_or(Abort::NoSubIndex)
             }
@@ -169,11 +108,7 @@ impl<F: NorFlash> Device<F> {
             index::TUNING => entry(&settings.tuning, place),
             index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
-            index::COMMIT => {
-                let (active_crc, staged_crc) = self.staging.crcs();
-                entry(&CommitObject { active_crc, staged_crc, ..Default::default() }.words(), place)
-            }
-            _ => Err(Abort::NoObject),
+            _ => self.common().number(at_index, place),
         }
     }
 }

@@ -32,13 +32,14 @@ struct ListedEntry {
 const RECORD: u8 = 1;
 /// Sub-index 0 can be written.
 const WRITTEN_COUNT: u8 = 2;
+/// A compact node has the object.
+const COMPACT: u8 = 4;
 /// A write needs the service level.
 const SERVICE: u8 = 8;
 /// An armed joint accepts a write.
 const ARMED: u8 = 16;
 
 static ROWS: [Row; ALL.len()] = rows().0;
-/// Number of entries.
 const LISTED: usize = rows().1;
 static ENTRIES: [ListedEntry; LISTED] = entries();
 
@@ -49,11 +50,13 @@ const fn rows() -> ([Row; ALL.len()], usize) {
         let object = &ALL[at];
         let of_shape = if matches!(object.shape, Shape::Record(_)) { RECORD } else { 0 };
         let of_count = if has_written_count(object) { WRITTEN_COUNT } else { 0 };
+        let of_node = if object.is_compact { COMPACT } else { 0 };
+        let of_write = rights(object.level, object.is_written_armed);
         rows[at] = Row {
             index: object.index,
             first: listed as u16,
             highest_sub_index: object.highest_sub_index(),
-            traits: of_shape | of_count | rights(object.level, object.is_written_armed),
+            traits: of_shape | of_count | of_node | of_write,
         };
         listed += object.listed();
         at += 1;
@@ -116,6 +119,11 @@ fn row(index: u16) -> Result<Row, Abort> {
     ROWS.get(at).copied().ok_or(Abort::NoObject)
 }
 
+/// Returns true if a compact node has an object.
+pub fn is_compact(index: u16) -> bool {
+    row(index).is_ok_and(|row| row.traits & COMPACT != 0)
+}
+
 /// Returns the highest sub-index of an object that has several values; `None` for a variable.
 pub fn value_count(index: u16) -> Option<u8> {
     row(index).ok().map(|row| row.highest_sub_index).filter(|highest| *highest > 0)
@@ -139,5 +147,9 @@ pub fn find(index: u16, sub_index: u8) -> Result<Entry, Abort> {
     }
     let place = if row.traits & RECORD != 0 { u16::from(sub_index) - 1 } else { 0 };
     let listed = ENTRIES.get(usize::from(row.first + place)).ok_or(Abort::NoSubIndex)?;
+    #[cfg(not(target_os = "none"))]
+    if let Some(name) = super::Object::find(index).and_then(|object| object.name_at(sub_index)) {
+        return Ok(Entry { name, ..listed.entry() });
+    }
     Ok(listed.entry())
 }
