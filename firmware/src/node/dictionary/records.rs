@@ -7,26 +7,7 @@
 //! The comments of entries are the tables of docs/src/reference/can-objects.md.
 
 use super::entry::{Access, DataType, Entry, entry};
-
-/// Returns the sub-index of an entry. In a constant, an unknown name does not compile.
-const fn sub_index(names: &[&str], name: &str) -> u8 {
-    let mut place = 0;
-    while place < names.len() {
-        if is_same(names[place].as_bytes(), name.as_bytes()) {
-            return place as u8 + 1;
-        }
-        place += 1;
-    }
-    panic!("no entry of this name")
-}
-
-const fn is_same(a: &[u8], b: &[u8]) -> bool {
-    let mut place = 0;
-    while place < a.len() && place < b.len() && a[place] == b[place] {
-        place += 1;
-    }
-    place == a.len() && place == b.len()
-}
+use core::mem::offset_of;
 
 macro_rules! record {
     ($(#[$doc:meta])* $record:ident {
@@ -35,6 +16,8 @@ macro_rules! record {
         $(#[$doc])*
         ///
         /// All values are `u32`; a float is stored as its bits.
+        // The layout of C, so that the place of a field is that of its entry.
+        #[repr(C)]
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs)]
         pub struct $record { $($(#[$meaning])* pub $field: u32),* }
@@ -45,10 +28,7 @@ macro_rules! record {
             pub const ENTRIES: &'static [Entry] =
                 &[$(entry(stringify!($field), DataType::$data, Access::$access)$(.$right())?),*];
 
-            #[allow(dead_code)] // Records without sub-index constants do not use it.
-            const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
-
-            $($(pub const $AT: u8 = sub_index(Self::NAMES, stringify!($field));)?)*
+            $($(pub const $AT: u8 = (1 + offset_of!($record, $field) / size_of::<u32>()) as u8;)?)*
 
             /// Returns a record with this word in every entry.
             #[allow(dead_code)] // Used by some records only.
@@ -59,6 +39,12 @@ macro_rules! record {
             /// Returns the values in the order of the entries.
             pub const fn words(&self) -> [u32; Self::ENTRIES.len()] {
                 [$(self.$field),*]
+            }
+
+            /// Returns a record with these values.
+            #[allow(dead_code)]
+            const fn of([$($field),*]: [u32; Self::ENTRIES.len()]) -> Self {
+                Self { $($field),* }
             }
         }
     };
@@ -172,17 +158,11 @@ impl InputsObject {
     /// Sets the entry at a sub-index and returns both words of its frame. Two consecutive entries form a
     /// frame.
     pub fn set(&mut self, sub_index: u8, word: u32) -> Option<[u32; 2]> {
-        let pairs = [
-            [&mut self.velocity_rad_s, &mut self.position_rad],
-            [&mut self.torque_nm, &mut self.load_torque_nm],
-            [&mut self.radial_force_n, &mut self.pressure_diff_pa],
-            [&mut self.temperature_c, &mut self.auxiliary],
-            [&mut self.command_current_a, &mut self.command_velocity_and_counter],
-        ];
         let place = usize::from(sub_index.checked_sub(1)?);
-        let [first, second] = pairs.into_iter().nth(place / 2)?;
-        *(if place % 2 == 0 { &mut *first } else { &mut *second }) = word;
-        Some([*first, *second])
+        let mut words = self.words();
+        *words.get_mut(place)? = word;
+        *self = Self::of(words);
+        words.as_chunks().0.get(place / 2).copied()
     }
 }
 
