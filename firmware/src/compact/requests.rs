@@ -27,13 +27,7 @@ impl<F: NorFlash> Device<F> {
                 }
                 self.staging.refuse(Abort::State, self.supervisor.remaining(left))
             }),
-            _ => {
-                let why = refusal!(
-                    "request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)",
-                    request
-                );
-                Err(self.staging.refuse(Abort::Value, why))
-            }
+            _ => Err(self.staging.refuse_request(request)),
         }
     }
 
@@ -98,15 +92,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Confirms that the joint is wired as its parameters say; `seen` is the CRC of these wiring parameters.
     pub(super) fn confirm_wiring(&mut self, seen: u32) -> Result<(), Abort> {
-        let wiring = self.staging.wiring_crc();
-        if seen != wiring {
-            let why = refusal!(
-                "confirm = {hex}: the wiring in use has the crc {hex}, and only this can be confirmed",
-                seen,
-                wiring
-            );
-            return Err(self.staging.refuse(Abort::Value, why));
-        }
+        self.staging.check_wiring(seen)?;
         self.settings.commissioned = seen;
         // Nothing was measured: the wiring may have been changed before the confirmation.
         self.settings.proven = 0;

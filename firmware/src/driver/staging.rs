@@ -312,6 +312,30 @@ impl Staging {
         self.staged.validate().map_err(|error| self.refuse(Abort::Value, error))
     }
 
+    /// Checks that these are the wiring parameters in use, by their CRC.
+    ///
+    /// # Errors
+    /// The CRC differs.
+    pub fn check_wiring(&mut self, seen: u32) -> Result<(), Abort> {
+        let wiring = self.wiring_crc;
+        if seen == wiring {
+            return Ok(());
+        }
+        let why = refusal!(
+            "confirm = {hex}: the wiring in use has the crc {hex}, and only this can be confirmed",
+            seen,
+            wiring
+        );
+        Err(self.refuse(Abort::Value, why))
+    }
+
+    /// Refuses a request to the state machine that does not exist.
+    pub fn refuse_request(&mut self, request: u8) -> Abort {
+        let why =
+            refusal!("request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)", request);
+        self.refuse(Abort::Value, why)
+    }
+
     /// Makes the staged set the active one.
     pub fn activate(&mut self) {
         self.active.copy_from(&self.staged);

@@ -42,13 +42,7 @@ impl<F: NorFlash> Device<F> {
                 }
                 self.staging.refuse(Abort::State, self.supervisor.remaining(left))
             }),
-            _ => Err(self.staging.refuse(
-                Abort::Value,
-                refusal!(
-                    "request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)",
-                    request
-                ),
-            )),
+            _ => Err(self.staging.refuse_request(request)),
         }
     }
 
@@ -182,15 +176,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Confirms that the joint is wired as its parameters say; `seen` is the CRC of these wiring parameters.
     pub(in crate::driver) fn commission(&mut self, seen: u32) -> Result<(), Abort> {
-        let wiring = self.staging.wiring_crc();
-        if seen != wiring {
-            let why = refusal!(
-                "confirm = {hex}: the wiring in use has the crc {hex}, and only this can be confirmed",
-                seen,
-                wiring
-            );
-            return Err(self.staging.refuse(Abort::Value, why));
-        }
+        self.staging.check_wiring(seen)?;
         self.settings.commissioned = seen;
         // A measurement turned the motor. Without it, the wiring may have been changed before the confirmation.
         let is_measured =
