@@ -21,6 +21,7 @@ impl Angle {
     }
 
     /// Returns the position at this angle, 1e-6 rad.
+    #[inline(never)]
     pub const fn from_micro_rad(micro_rad: i32) -> Self {
         // 2^44 / 1e6 in two parts, so that no product overflows.
         let micro_rad = micro_rad as i64;
@@ -37,12 +38,14 @@ impl Angle {
     }
 
     /// Returns the angle, rad, with the resolution of `f32`.
+    #[inline(never)]
     pub fn rad(self) -> f32 {
         self.0 as f32 * (1.0 / UNITS_PER_RAD)
     }
 
     /// Returns the position this angle, rad, further.
     #[must_use]
+    #[inline(never)]
     pub fn plus(self, rad: f32) -> Self {
         Self(self.0.saturating_add(Self::from_rad(rad).0))
     }
@@ -52,6 +55,7 @@ impl Angle {
 impl Sub for Angle {
     type Output = f32;
 
+    #[inline(never)]
     fn sub(self, from: Self) -> f32 {
         Self(self.0.saturating_sub(from.0)).rad()
     }

@@ -101,6 +101,7 @@ impl Staging {
     }
 
     /// Replaces the staged set by the active one.
+    #[inline(never)]
     pub fn discard(&mut self) {
         self.staged.copy_from(&self.active);
         self.list_terms();

@@ -47,6 +47,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Starts the adaptation at the active set.
+    #[inline(never)]
     pub(super) fn restart_adaptation(&mut self) {
         let sample_s = match self.settings.source {
             InputSource::Sensors => REPORT_PERIOD_S,

@@ -185,6 +185,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Refuses what would bring a trial into the flash, or interrupt it.
+    #[inline(never)]
     pub(in crate::driver) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
         if self.trial.is_open() {
             let why = text!("a parameter set is on trial: keep it or return first (2042h:2)");
