@@ -14,10 +14,9 @@
 
 pub use crate::joint_node::BoardState;
 
-use crate::control::PERIOD_S;
 use crate::deadline::DeadlineLimits;
 use crate::driver::LoopReport;
-use crate::joint_node::{BoardOutput, Boot, Equipment, Joint, JointNode};
+use crate::joint_node::{BoardOutput, Boot, Equipment, Joint, JointNode, NodeParts};
 use crate::loop_link::LoopLink;
 use crate::loop_parts::LoopParts;
 use crate::loop_task::LoopTask;
@@ -249,17 +248,19 @@ impl<J: Joint> Background<J> {
 
     /// Returns the task of the current loop with the set of the start. If the power stage cannot drive with this set, the task
     /// measures only, and the node is not armed.
+    ///
+    /// # Panics
+    /// If the default set cannot be built either, which the tests rule out.
     // Not inlined: its stack is free again during the rest of the start.
     #[inline(never)]
     pub fn loop_task(&mut self, limits: DeadlineLimits) -> LoopTask {
-        let parts = self.node.joint.parts();
-        let (set, stage) = (parts.set, parts.identity.stage);
-        let built = LoopParts::build_or_measure_only(set, stage);
-        if !built.may_drive
-            && let Err(refused) = LoopParts::build(set, stage, PERIOD_S)
-        {
-            parts.start.set_refused(Some(refused));
+        let NodeParts { set, identity, start, .. } = self.node.joint.parts();
+        let mut refused = None;
+        let built = LoopParts::build_or_measure_only(set, identity.stage, &mut refused);
+        start.set_refused(refused);
+        match built {
+            Ok(parts) => LoopTask::new(parts, limits),
+            Err(refused) => panic!("default parameters: {refused}"),
         }
-        LoopTask::new(built, limits)
     }
 }

@@ -203,6 +203,15 @@ impl LoopLink<'_> {
         now_us.saturating_sub(self.reported_us) < LOOP_TIMEOUT_US
     }
 
+    /// Builds and sends the parts of a set, and returns true if there are any. The driver has built the set in the same way before
+    /// it accepted it, but not the defaults after a loss of the flash.
+    // Not inlined: its stack is free again during the rest of the tick.
+    #[inline(never)]
+    fn send_parts(&mut self, set: &ParameterSet) -> bool {
+        let built = LoopParts::build_or_measure_only(set, self.stage, &mut None);
+        built.is_ok_and(|parts| self.parts.enqueue(parts).is_ok())
+    }
+
     /// Sends the output of a tick to the loop: gains only if they are others than the last ones, and before commands with
     /// another parameter set its parts.
     pub fn send(&mut self, output: &LoopOutput, set: &ParameterSet) {
@@ -213,9 +222,11 @@ impl LoopLink<'_> {
             return;
         }
         if commands.set_number != self.set_number {
+            if !self.send_parts(set) {
+                // The set-point goes stale in the loop.
+                return;
+            }
             self.set_number = commands.set_number;
-            // The driver has built them before it accepted the set, but not the defaults after a loss of the flash.
-            drop(self.parts.enqueue(LoopParts::build_or_measure_only(set, self.stage)));
         }
         // If the queue is full, the loop does not run, and its set-point goes stale there.
         let _ = self.commands.enqueue(commands);

@@ -220,20 +220,30 @@ impl LoopParts {
         Ok(Self { motor, model, may_drive: true })
     }
 
-    /// Builds the parts of the stored set for the start. If it cannot be built, returns parts of the default set
+    /// Builds the parts of a set in use. If it cannot be built, stores why in `refused`, and returns parts of the default set
     /// that measure and never drive.
     ///
-    /// # Panics If the default set cannot be built, which the tests rule out.
-    pub fn build_or_measure_only(set: &ParameterSet, stage: StageTraits) -> Self {
-        Self::build(set, stage, PERIOD_S).unwrap_or_else(|_refused| {
-            log!(error, "stored parameters cannot be built: {=u32:08X}", _refused.field.number());
+    /// # Errors
+    /// The default set cannot be built either, which the tests rule out.
+    // Not inlined, to reduce the size of the image.
+    #[inline(never)]
+    pub fn build_or_measure_only(
+        set: &ParameterSet,
+        stage: StageTraits,
+        refused: &mut Option<ParameterError>,
+    ) -> Result<Self, ParameterError> {
+        let mut built = Self::build(set, stage, PERIOD_S);
+        if let Err(error) = built {
+            log!(error, "stored parameters cannot be built: {=u32:08X}", error.field.number());
+            *refused = Some(error);
             // Parts that never drive may have currents that the stage cannot measure.
             let stage = StageTraits { current_max_a: f32::INFINITY, ..stage };
-            match Self::build(&ParameterSet::default(), stage, PERIOD_S) {
-                Ok(parts) => parts.measure_only(),
-                Err(refused) => panic!("default parameters: {refused}"),
+            built = Self::build(&ParameterSet::default(), stage, PERIOD_S);
+            if let Ok(parts) = &mut built {
+                parts.may_drive = false;
             }
-        })
+        }
+        built
     }
 
     /// Returns the same parts, to measure and never to drive.
@@ -250,10 +260,12 @@ mod tests {
     #[test]
     fn parts_of_defaults_beyond_the_range_of_the_stage_measure_only() {
         let stage = StageTraits { current_max_a: 1.0, ..StageTraits::NONE };
-        let parts = LoopParts::build_or_measure_only(&ParameterSet::default(), stage);
-        assert!(!parts.may_drive);
-        assert!(
-            LoopParts::build_or_measure_only(&ParameterSet::default(), StageTraits::NONE).may_drive
-        );
+        let may_drive = |stage, refused: &mut Option<_>| {
+            let built = LoopParts::build_or_measure_only(&ParameterSet::default(), stage, refused);
+            built.expect("the default set measures").may_drive
+        };
+        let mut refused = None;
+        assert!(may_drive(StageTraits::NONE, &mut refused) && refused.is_none());
+        assert!(!may_drive(stage, &mut refused) && refused.is_some());
     }
 }

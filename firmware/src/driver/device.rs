@@ -295,6 +295,7 @@ impl<F: NorFlash> Joint for Device<F> {
         self.confirm_target_by_heartbeat(now_us);
     }
 
+    #[inline(never)]
     fn take_frame(&mut self, frame: &Frame, network: &Network, now_us: u64) -> Option<NmtAction> {
         if frame.identifier() == LSS_REQUEST {
             return self.configure(frame).then_some(NmtAction::ResetCommunication);
@@ -406,6 +407,7 @@ impl<F: NorFlash> Joint for Device<F> {
         self.program.is_restart_due(now_us)
     }
 
+    #[inline(never)]
     fn loop_output(&mut self, sensors: &LocalReadings, now_us: u64) -> LoopOutput {
         let mut commands = self.loop_commands(now_us);
         sensors.apply_newer(&mut commands.covariates, now_us);
