@@ -349,13 +349,13 @@ fn controlword_takes_the_position_that_follows_it_in_its_frame() {
     let order = |bench: &mut Bench, word: u8, target_micro_rad: i32| {
         let [a, b, c, d] = target_micro_rad.to_le_bytes();
         bench.driver.receive(&frame(RPDO_1, &[word, 0, a, b, c, d]), bench.now_us);
-        bench.driver.report(&still);
+        bench.driver.joint.report(&still);
         bench.pass_ms(1);
     };
     for word in [0x06, 0x07, 0x0F] {
         order(&mut bench, word, 0);
     }
-    assert!(bench.driver.is_armed());
+    assert!(bench.driver.joint.is_armed());
     // The target before, 0, would move it back.
     order(&mut bench, 0x1F, 350_000);
     for _ in 0..20 {
@@ -364,9 +364,9 @@ fn controlword_takes_the_position_that_follows_it_in_its_frame() {
     let demand = bench.number(index::POSITION_DEMAND, 0) as i32;
     assert!(demand > 250_000, "{demand}");
     // The frame confirms the target once for each of its receptions.
-    let setpoint = bench.driver.loop_commands(bench.now_us).setpoint;
+    let setpoint = bench.driver.joint.loop_commands(bench.now_us).setpoint;
     assert!((setpoint.age_s - 1e-3).abs() < 1e-6, "{setpoint:?}");
-    assert_eq!(bench.driver.counters().command_lost, 0);
+    assert_eq!(bench.driver.joint.counters().command_lost, 0);
 }
 
 #[test]
