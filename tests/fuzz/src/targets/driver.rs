@@ -190,7 +190,7 @@ impl World {
             &mut self.driver,
             boot(self.settings, Flash::new(), ResetCause::PowerOn, self.now_us),
         );
-        let mut flash = old.into_flash();
+        let mut flash = old.joint.into_flash();
         flash.power_on();
         self.driver = boot(self.settings, flash, cause, self.now_us);
         self.set = None;
@@ -302,7 +302,7 @@ impl World {
     /// Restarts with a flash that loses power during the next save, saves, and restarts again.
     fn interrupt_save(&mut self, bytes: &mut Bytes) {
         let fresh = boot(self.settings, Flash::new(), ResetCause::PowerOn, self.now_us);
-        let mut flash = std::mem::replace(&mut self.driver, fresh).into_flash();
+        let mut flash = std::mem::replace(&mut self.driver, fresh).joint.into_flash();
         flash.cut_power(usize::from(bytes.byte()) as _, TornStep::Nothing);
         self.driver = boot(self.settings, flash, ResetCause::PowerOn, self.now_us);
         self.set = None;
