@@ -71,8 +71,6 @@ MUTATIONS = [
      "board::pdo_timing::process_data_keep_their_time_on_a_bus_with_full_load"),
     ("delay of the transceiver not compensated", FAMILY + "can.rs", "CONTROLLER.dbtp().modify(|w| w.set_tdc(true));", "{}",
      "board::peripherals::telemetry_at_5_mbit_is_sent_with_compensated_delay"),
-    ("clock's interrupt as urgent as the loop's", FAMILY + "start.rs", "clock.set_priority(Priority::P12);", "{}",
-     "board::peripherals::interrupts_of_the_image_have_their_priorities"),
     ("package received a page behind its place", "firmware/src/boards/stm32g474.rs", "Some(PROGRAM)",
      "Some(firmware::update::Program { other: firmware::update::Slot { start: PROGRAM.other.start + 2048, ..PROGRAM.other },"
      " ..PROGRAM })",
