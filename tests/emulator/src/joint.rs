@@ -29,8 +29,8 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Longest block of instructions between two looks at the events of the chip, cycles. A missed interrupt is held for as much longer, so
-/// that the trigger of the next period can hold it too.
+/// Longest block of instructions between two looks at the events of the chip, cycles. A missed interrupt is held for as much
+/// longer, so that the trigger of the next period can hold it too.
 const BLOCK_CYCLES: u32 = 400;
 
 const NODE: NodeId = NodeId::FIRST;
