@@ -8,20 +8,35 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from . import _core, fleet
 from ._core import Table, __version__
 from ._data import Data, log as _log
 from ._errors import DataError, FrictionError, ModelError
 from ._joints import each_joint
-from ._model import Export, Model, Parameter
+from ._export import Export, Parameter
 from ._progress import Progress, shown as _shown
 from ._results import Candidate, Comparison, Diagnosis, Finding, Fit, Simulation, Size
 from ._tuning import Gain, Tuning, tune, undo_tuning
+
+if TYPE_CHECKING:
+    from ._model import Model
+else:
+
+    def __getattr__(name: str) -> Any:
+        """Returns ``Model``, which imports scikit-learn and so is imported at its first use."""
+        if name == "Model":
+            return importlib.import_module("friction._model").Model
+        raise AttributeError(f"module 'friction' has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), "Model"})
+
 
 __all__ = [
     "Candidate",
@@ -68,7 +83,7 @@ def diagnose(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
-    torque_constant: str | None = None,
+    torque_constant: str | float | None = None,
     torque_from: str | None = None,
     bad_rows: float | None = None,
     rate_hz: float | None = None,
@@ -102,7 +117,8 @@ def diagnose(
         skip: Samples to drop at the start of each run.
         decimate: Use every N-th sample of the residual, after an anti-aliasing filter.
         rated_torque_nm: Torque of 100 %, Nm, for columns in percent.
-        torque_constant: Torque of one ampere, ``"0.105Nm/A"``, for columns in amperes: ``{"torque_nm": "i_q:A"}``.
+        torque_constant: Torque of one ampere, ``"0.105Nm/A"`` or a number in Nm (N), for columns in amperes:
+            ``{"torque_nm": "i_q:A"}``.
         torque_from: Control law of a servo that gives the torque of a log without one, ``"pd,kp=40,kd=1.5,target=q_des"``.
         bad_rows: Maximum share of bad rows, which are left out; 0.05 by default.
         rate_hz: Rate of the rows, Hz, of a log without a time column.
@@ -146,11 +162,13 @@ def diagnose(
         seed=seed,
         name=name,
     )
-    given = model._fitted() if isinstance(model, Model) else None
     law = model if isinstance(model, str) else None
+    if not (model is None or law is not None or hasattr(model, "_fitted")):
+        raise TypeError(f"model: found {type(model).__name__}, expected a name or a friction.Model")
+    given = None if model is None or isinstance(model, str) else model._fitted()
     with _shown(progress) as report:
-        own = _core.diagnose(request, model=law, given=given, threads=threads, progress=report)
-    return Diagnosis(own, threads, columns)
+        own = _core.diagnose(request.log, model=law, given=given, threads=threads, progress=report)
+    return Diagnosis(own, threads, request)
 
 
 def identify(
@@ -168,7 +186,7 @@ def identify(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
-    torque_constant: str | None = None,
+    torque_constant: str | float | None = None,
     torque_from: str | None = None,
     bad_rows: float | None = None,
     rate_hz: float | None = None,
@@ -227,7 +245,7 @@ def identify(
     )
     with _shown(progress) as report:
         own = _core.fit(
-            request,
+            request.log,
             [model],
             starts=starts,
             keep=list(keep),
@@ -236,7 +254,7 @@ def identify(
             threads=threads,
             progress=report,
         )
-    return Fit(own, threads, columns)
+    return Fit(own, threads, request)
 
 
 def compare(
@@ -254,7 +272,7 @@ def compare(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
-    torque_constant: str | None = None,
+    torque_constant: str | float | None = None,
     torque_from: str | None = None,
     bad_rows: float | None = None,
     rate_hz: float | None = None,
@@ -308,9 +326,9 @@ def compare(
     names = _core.laws() if models is None else list(models)
     with _shown(progress) as report:
         own = _core.fit(
-            request, names, compares=True, choices=list(choices), threads=threads, progress=report
+            request.log, names, compares=True, choices=list(choices), threads=threads, progress=report
         )
-    return Comparison(own, threads, columns)
+    return Comparison(own, threads, request)
 
 
 def simulate(
@@ -385,4 +403,4 @@ def read_trace(
     """
     name = os.path.splitext(os.path.basename(os.fspath(path)))[0]
     with _shown(progress) as report:
-        return _core.read(_log(os.fspath(path), columns=columns, where=where), name, threads, report)
+        return _core.read(_log(os.fspath(path), columns=columns, where=where).log, name, threads, report)

@@ -6,6 +6,7 @@ import os
 import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from . import _core
@@ -16,6 +17,21 @@ Data: TypeAlias = Any
 
 #: Names that pyarrow gives to an index without a name. It is no column of the log.
 _INDEX = re.compile(r"__index_level_\d+__$")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A log as the user gave it, and with the options of its reading.
+
+    Attributes:
+        log: What the computations read.
+        data: The path or table.
+        options: The options that select, name and scale rows and columns, as keywords of ``log``.
+    """
+
+    log: _core.Log
+    data: Data
+    options: Mapping[str, Any]
 
 
 def log(
@@ -32,7 +48,7 @@ def log(
     hold_out: Mapping[str, object] | None = None,
     tail: float | None = None,
     rated_torque_nm: float | None = None,
-    torque_constant: str | None = None,
+    torque_constant: str | float | None = None,
     torque_from: str | None = None,
     bad_rows: float | None = None,
     rate_hz: float | None = None,
@@ -42,12 +58,29 @@ def log(
     loss: Literal["squares", "huber"] | None = None,
     seed: int = 0,
     name: str = "data",
-) -> _core.Log:
+) -> Reading:
     """Returns a log with the options of its reading; see ``diagnose`` for the arguments."""
+    if torque_constant is not None and not isinstance(torque_constant, str):
+        unit = "N/A" if "force_n" in (columns or {}) else "Nm/A"
+        torque_constant = f"{float(torque_constant)!r}{unit}"
+    options = {
+        "columns": columns,
+        "where": where,
+        "skip": skip,
+        "rated_torque_nm": rated_torque_nm,
+        "torque_constant": torque_constant,
+        "torque_from": torque_from,
+        "bad_rows": bad_rows,
+        "rate_hz": rate_hz,
+        "join": join,
+        "preset": preset,
+        "skip_lines": skip_lines,
+        "name": name,
+    }
     if hold_out is not None and len(hold_out) != 1:
         raise ValueError("hold_out: expected one column with its values")
     held_out = next(iter(_selection(hold_out)), None)
-    return _core.Log(
+    own = _core.Log(
         sources(data, name),
         test=[] if test is None else sources(test, "test"),
         columns=[(str(ours), str(theirs)) for ours, theirs in (columns or {}).items()],
@@ -70,6 +103,7 @@ def log(
         skip_lines=skip_lines,
         loss=loss,
     )
+    return Reading(own, data, options)
 
 
 def sources(data: Data, name: str) -> list[str | _core.Table]:
@@ -93,6 +127,10 @@ def table(data: Data, name: str) -> _core.Table:
         return data
     if isinstance(data, Mapping):
         return _of_columns(data, name)
+    fields = getattr(getattr(data, "dtype", None), "names", None)
+    if fields and not hasattr(data, "columns"):
+        # A structured numpy array.
+        return _of_columns({str(field): data[field] for field in fields}, name)
     if hasattr(data, "__arrow_c_stream__"):
         try:
             found = _core.Table.from_arrow(data, name)

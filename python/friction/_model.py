@@ -2,90 +2,55 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-from array import array
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
-from . import _core
-from ._data import Data, log, table
-from ._errors import FrictionError
+from . import _core, _frames, _plot, _text
+from ._core import __version__
+from ._data import Data, Reading, log, table
+from ._errors import FrictionError, ModelError
+from ._estimator import NotFittedError, Regressor
+from ._export import Export, Form, Parameter
 from ._progress import Progress, shown
 
-#: Forms of an export: the driver's flash record, Rust constants, a C header, the network's record, ONNX graphs, MuJoCo and URDF
-#: elements.
-Form = Literal["record", "rust", "c", "network", "onnx", "mujoco", "urdf"]
-
 _TORQUES = ("torque_nm", "force_n")
+#: A fitted parameter in ``params.toml``: its name, standard error and state.
+_ESTIMATE = re.compile(r'^(\w+) = \{ value = .*?(?:std_error = ([^,}\s]+), )?state = "([\w-]+)"', re.MULTILINE)
+#: Arguments of the constructor that say how a table is read.
+_READING = ("columns", "torque_constant", "rated_torque_nm")
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of a model.
-
-    Attributes:
-        value: Its value, in ``unit``.
-        unit: Its unit; ``1`` for a plain number.
-        std_error: Its standard error, in ``unit``; None if it was not fitted.
-        state: ``determined``, ``not-determined``, ``at-start`` or ``at-bound``; None for a model from a file.
-    """
-
-    value: float
-    unit: str
-    std_error: float | None
-    state: str | None
-
-
-class Export(bytes):
-    """A model in another form: the content of its file, and what belongs to it.
-
-    Attributes:
-        name: Name of the file, as the command line names it.
-        further_files: Further files by name, for example the graph of the start beside that of one step.
-        notes: What the file omits and how it is used, one sentence each.
-    """
-
-    name: str
-    further_files: dict[str, bytes]
-    notes: tuple[str, ...]
-
-    @classmethod
-    def _of(cls, files: Sequence[tuple[str, bytes]], notes: Iterable[str]) -> Export:
-        (name, content), *further = files
-        export = cls(content)
-        export.name, export.further_files, export.notes = name, dict(further), tuple(notes)
-        return export
-
-    def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Writes all files into a folder, which is created if missing, and returns it. Files of the same names are replaced."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in {self.name: self, **self.further_files}.items():
-            (folder / name).write_bytes(content)
-        return folder
-
-
-class Model:
+class Model(Regressor):
     """A friction model: a law with terms, and its values once it is fitted or loaded.
 
-    It has the habits of a scikit-learn estimator: ``fit``, ``predict``, ``score``, ``get_params``, ``set_params``. Runs must
-    stay whole, so cross-validation needs groups, for example ``GroupKFold`` over the column ``run``.
+    It is an estimator of scikit-learn, if that is installed: ``clone``, ``Pipeline``, ``GridSearchCV`` and
+    ``cross_val_score`` work. Runs must stay whole, so cross-validation needs groups, for example ``GroupKFold`` over the column
+    ``run``. ``pickle`` and ``copy`` keep the values; ``save`` writes the format that lasts.
 
     Args:
         name: Law and terms, as ``"lugre"`` or ``"lugre+pressure-coulomb"``.
-        columns, rigid_body, motion: As for ``diagnose``.
+        columns, rigid_body, motion, rated_torque_nm: As for ``diagnose``.
+        torque_constant: As for ``diagnose``. ``y`` without a column of its own is a current then, in A.
+        feature_names: Names of the columns of an array, ``["time_s", "run", "velocity_rad_s"]``. A data frame, a dict and a
+            structured array have names.
         starts: Number of starting points that are optimised to convergence, at least 1.
         threads: Number of threads; 0 uses all cores.
+
+    Attributes:
+        feature_names_in_: Names of the columns of the table of ``fit``; missing before, and for a path.
+        n_features_in_: Their number.
 
     Raises:
         ModelError: In ``fit``, if the model is unknown.
     """
 
-    #: For scikit-learn before 1.6.
-    _estimator_type = "regressor"
+    feature_names_in_: Any
+    n_features_in_: int
 
     def __init__(
         self,
@@ -94,6 +59,9 @@ class Model:
         columns: Mapping[str, str] | None = None,
         rigid_body: str | Sequence[str] = (),
         motion: Literal["smoothed", "logged"] | None = None,
+        torque_constant: str | float | None = None,
+        rated_torque_nm: float | None = None,
+        feature_names: Sequence[str] | None = None,
         starts: int = 3,
         threads: int = 0,
     ) -> None:
@@ -101,13 +69,21 @@ class Model:
         self.columns = columns
         self.rigid_body = rigid_body
         self.motion: Literal["smoothed", "logged"] | None = motion
+        self.torque_constant = torque_constant
+        self.rated_torque_nm = rated_torque_nm
+        self.feature_names = feature_names
         self.starts = starts
         self.threads = threads
-        self._own: _core.Model | None = None
+
+    #: The compiled model, once it is fitted or loaded.
+    _own: _core.Model | None = None
+    #: Its parameters with what a file does not state, after ``pickle``.
+    _rows: list[_text.ParameterRow] | None = None
 
     @classmethod
-    def _of(cls, own: _core.Model, columns: Mapping[str, str] | None = None) -> Model:
-        model = cls(own.name, columns=columns)
+    def _of(cls, own: _core.Model, reading: Reading | None = None) -> Model:
+        options = {} if reading is None else {name: reading.options[name] for name in _READING}
+        model = cls(own.name, **options)
         model._own = own
         return model
 
@@ -142,8 +118,41 @@ class Model:
     @property
     def parameters(self) -> dict[str, Parameter]:
         """The parameters by name."""
-        rows = self._fitted().parameters
-        return {name: Parameter(value, unit, error, state) for name, value, unit, error, state in rows}
+        return {name: Parameter(value, unit, error, state) for name, value, unit, error, state in self._parameter_rows()}
+
+    def _parameter_rows(self) -> list[_text.ParameterRow]:
+        own = self._fitted()
+        if self._rows is not None:
+            return self._rows
+        rows = own.parameters
+        if any(state is not None for *_, state in rows):
+            return rows
+        stated = {name: (float(error) if error else None, state) for name, error, state in _ESTIMATE.findall(own.toml)}
+        return [(name, value, unit, *stated.get(name, (error, state))) for name, value, unit, error, state in rows]
+
+    def to_pandas(self) -> Any:
+        """Returns the parameters as a ``pandas.DataFrame``: value, unit, standard error and state by name.
+
+        Raises:
+            ImportError: If pandas is missing.
+        """
+        return _frames.parameter_frame(self._parameter_rows())
+
+    def plot(self, ax: Any = None, *, speed: float | None = None, **covariates: float) -> Any:
+        """Draws the friction of steady motion over the velocity, in both directions, and returns the ``Axes``.
+
+        The legend states the parameters with their units and states.
+
+        Args:
+            ax: Axes of matplotlib to draw on; new ones by default.
+            speed: Largest speed, rad/s or m/s; by default the largest that the model is valid for.
+            covariates: Values of the columns that the model reads, as ``temperature_c=20.0``; by default their means in the
+                log of the fit.
+
+        Raises:
+            ImportError: If matplotlib is missing.
+        """
+        return _plot.friction_curve(self._fitted(), self._parameter_rows(), ax, speed, covariates)
 
     def export(self, to: Form) -> Export:
         """Returns the model in another form: the bytes of a file, with ``notes`` on what it omits and how it is used.
@@ -160,15 +169,18 @@ class Model:
         """Fits the model to all rows of a log and returns itself.
 
         Args:
-            data: See ``diagnose``. It must be a single table or path.
-            y: Torque of each row, Nm or N; None if ``data`` contains it.
+            data: See ``diagnose``; with ``y``, a single table or path. An array needs ``feature_names``.
+            y: Torque of each row, in the unit of the torque column: Nm or N, unless ``columns`` states another; None if ``data``
+                contains it.
             progress: See ``diagnose``.
 
         Raises:
             DataError: If the log cannot be read.
             ModelError: If the model is unknown.
         """
-        prepared, _ = self._log(data, y)
+        named = _frames.with_names(data, self.feature_names)
+        whole, options, _ = self._reading(named, y)
+        prepared = log(whole, **options, rigid_body=self.rigid_body, motion=self.motion).log
         with shown(progress) as report:
             fits = _core.fit(
                 prepared,
@@ -178,7 +190,11 @@ class Model:
                 threads=self.threads,
                 progress=report,
             )
+        self._forget()
         self._own = fits.models[0]
+        names = _frames.feature_names(named)
+        if names is not None:
+            self.feature_names_in_, self.n_features_in_ = _frames.objects(names), len(names)
         return self
 
     def predict(
@@ -192,7 +208,10 @@ class Model:
         progress: Progress | bool | None = None,
         **covariates: Any,
     ) -> Any:
-        """Returns the torque of each row, Nm or N, as a numpy array if numpy is installed, else as ``array.array``.
+        """Returns the torque of each row, Nm or N.
+
+        It is a ``pandas.Series`` with the index of a pandas frame. Of other data, polars and pyarrow too, it is a numpy array in
+        the order of the rows, or ``array.array`` without numpy.
 
         Without ``dt``, ``data`` is a table as for ``diagnose``, or a path, of which each row that can be read is
         predicted. The state at the start of a run follows from its logged
@@ -215,94 +234,145 @@ class Model:
         if adapt and dt is not None:
             raise TypeError("predict: adapt needs a log with its torque, not samples")
         if dt is not None:
-            return _numbers(own.predict_table(self._samples(data, dt, covariates)))
+            return _frames.labelled(own.predict_table(self._samples(data, dt, covariates)), data, own.torque_column)
         if covariates:
             raise TypeError("predict: columns as keywords need dt; otherwise they are columns of the data")
-        prepared, numbered = self._log(data, None, may_lack_torque=True, numbers_rows=True)
-        rows, has_torque = numbered
+        named = _frames.with_names(data, self.feature_names)
+        whole, options, has_torque = self._reading(named, None, may_lack_torque=True)
         if adapt and not has_torque:
             raise TypeError("predict: adapt needs a log with its torque")
+        rows = len(whole)
+        prepared = log(_core.with_row_numbers(whole), **options, rigid_body=self.rigid_body, motion=self.motion).log
         with shown(progress) as report:
             if adapt:
                 found = own.predict_adapted_log(prepared, rows, adapt_memory, adapt_range, self.threads, report)
-                return _numbers(found)
-            return _numbers(own.predict_log(prepared, rows, has_torque, self.threads, report))
+            else:
+                found = own.predict_log(prepared, rows, has_torque, self.threads, report)
+        return _frames.labelled(found, data, own.torque_column)
+
+    def residuals(self, data: Data, y: Any = None) -> Any:
+        """Returns a ``pandas.DataFrame`` with a row for each row that can be read, and the index of a pandas frame.
+
+        Columns are ``run``, ``time_s`` (s), ``torque_nm``, ``predicted_torque_nm`` and ``residual_torque_nm``, measured minus
+        predicted, or the same with ``force_n``.
+
+        Args:
+            data, y: See ``fit``.
+
+        Raises:
+            DataError: If the data cannot be read.
+            ImportError: If pandas is missing.
+        """
+        named = _frames.with_names(data, self.feature_names)
+        whole, options, _ = self._reading(named, y)
+        labels = data if _frames.is_labelled(data) else None
+        models = {"": self._fitted()}
+        return _frames.residual_frame(models, whole, options, motion=self.motion, threads=self.threads, labels=labels)
 
     def score(self, data: Data, y: Any = None) -> float:
         """Returns the coefficient of determination R² of the torque on all usable rows, at most 1.
 
         Args:
-            data: See ``fit``.
-            y: Torque of each row, Nm or N; None if ``data`` contains it.
+            data, y: See ``fit``.
         """
-        prepared, _ = self._log(data, y)
+        whole, options, _ = self._reading(_frames.with_names(data, self.feature_names), y)
+        prepared = log(whole, **options, rigid_body=self.rigid_body, motion=self.motion).log
         return self._fitted().score_log(prepared, self.threads)
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Returns the arguments of the constructor, as scikit-learn asks."""
-        del deep
-        names = ("name", "columns", "rigid_body", "motion", "starts", "threads")
-        return {name: getattr(self, name) for name in names}
 
     def set_params(self, **params: Any) -> Model:
         """Sets arguments of the constructor and returns itself. The model must then be fitted again."""
-        for name, value in params.items():
-            if name not in self.get_params():
-                raise ValueError(f"unknown parameter {name}")
-            setattr(self, name, value)
-        self._own = None
+        super().set_params(**params)
+        self._forget()
         return self
 
+    def _forget(self) -> None:
+        """Removes the results of a fit."""
+        for name in ("_own", "_rows", "feature_names_in_", "n_features_in_"):
+            vars(self).pop(name, None)
+
     def __sklearn_tags__(self) -> Any:
-        # Asked by scikit-learn alone, so it is installed.
-        utils = importlib.import_module("sklearn.utils")
-        return utils.Tags(
-            estimator_type="regressor",
-            target_tags=utils.TargetTags(required=False),
-            transformer_tags=None,
-            classifier_tags=None,
-            regressor_tags=utils.RegressorTags(),
-        )
+        tags = super().__sklearn_tags__()
+        # The torque may be a column of the data, and rows without a number are left out.
+        tags.target_tags.required = False
+        tags.input_tags.allow_nan = True
+        tags.input_tags.string = True
+        return tags
 
     def __sklearn_is_fitted__(self) -> bool:
         return self._own is not None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Returns the values for ``pickle`` and ``copy``: the compiled model as its parameter file."""
+        state = {name: value for name, value in vars(self).items() if name not in ("_own", "_rows")}
+        if self._own is not None:
+            state["_fitted"] = (self._own.toml, self._parameter_rows())
+        return {**state, "_version": __version__}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        state = dict(state)
+        made_by, fitted = state.pop("_version"), state.pop("_fitted", None)
+        # An argument that a later version has is missing in the pickle of an earlier one.
+        Model.__init__(self)
+        vars(self).update(state)
+        lasting = 'load a file of model.save("params.toml") instead'
+        if made_by != __version__:
+            line = f"model {self.name}: pickled by friction {made_by}, read by {__version__}, may predict another torque: {lasting}"
+            warnings.warn(line, UserWarning, stacklevel=2)
+        if fitted is not None:
+            try:
+                self._own = _core.Model.from_toml(fitted[0])
+            except ModelError as error:
+                line = f"model {self.name}: pickled by friction {made_by}, cannot be read by {__version__}: {error}: {lasting}"
+                raise ModelError(line) from error
+            self._rows = fitted[1]
+
     def __repr__(self) -> str:
         return f"<Model {self.name}{'' if self._own else ', not fitted'}>"
 
+    def __str__(self) -> str:
+        if self._own is None:
+            return repr(self)
+        return f"Model {self.name}\n\n{_text.parameter_table(self._parameter_rows())}"
+
+    def _repr_html_(self) -> str:
+        return _text.parameter_html(self._parameter_rows()) if self._own else f"<code>Model {escape(self.name)}, not fitted</code>"
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
+        """Returns the forms for notebooks, in place of scikit-learn's diagram of an estimator."""
+        return {"text/plain": repr(self), "text/html": self._repr_html_()}
+
     def _fitted(self) -> _core.Model:
         if self._own is None:
-            raise FrictionError(f"model {self.name}: not fitted yet, expected fit(data) before")
+            raise NotFittedError(f"model {self.name}: not fitted yet, expected fit(data) before")
         return self._own
 
-    def _torque_name(self, whole: _core.Table) -> str:
+    def _torque_name(self, whole: _core.Table, options: Mapping[str, Any]) -> str:
         """Returns the torque column's own name in a table."""
-        mapped = {ours: _without_unit(theirs) for ours, theirs in (self.columns or {}).items()}
+        mapped = {ours: _without_unit(theirs) for ours, theirs in (options.get("columns") or {}).items()}
         names = [mapped.get(name, name) for name in _TORQUES]
         if self._own is not None:
             names.insert(0, mapped.get(self._own.torque_column, self._own.torque_column))
         return next((name for name in names if name in whole.column_names), names[0])
 
-    def _log(
-        self, data: Data, y: Any, *, may_lack_torque: bool = False, numbers_rows: bool = False
-    ) -> tuple[_core.Log, tuple[int, bool]]:
-        """Returns the log, its number of rows, and whether it has a torque."""
-        rows, has_torque, columns = 0, True, self.columns
-        if y is not None or may_lack_torque:
-            if isinstance(data, (str, os.PathLike)):
-                # The table has the names and units of the contract.
-                whole, columns = _core.read(log(data, columns=columns), Path(data).stem), None
-            else:
-                whole = table(data, "data")
-            name = self._torque_name(whole) if columns else next(
-                (known for known in _TORQUES if known in whole.column_names), self._torque_name(whole)
-            )
-            rows, has_torque = len(whole), y is not None or name in whole.column_names
-            if y is not None or not has_torque:
-                whole = _core.with_numbers(whole, name, [0.0] * rows if y is None else _floats(y))
-            data = _core.with_row_numbers(whole) if numbers_rows else whole
-        prepared = log(data, columns=columns, rigid_body=self.rigid_body, motion=self.motion)
-        return prepared, (rows, has_torque)
+    def _reading(self, data: Data, y: Any, *, may_lack_torque: bool = False) -> tuple[Any, dict[str, Any], bool]:
+        """Returns the log with the torque ``y``, the options of its reading, and whether it has a torque."""
+        options = {name: getattr(self, name) for name in _READING}
+        if y is None and not may_lack_torque:
+            return data, options, True
+        if isinstance(data, (str, os.PathLike)):
+            # The table has the names and units of the contract.
+            whole, options = _core.read(log(data, **options).log, Path(data).stem), {}
+        else:
+            whole = table(data, "data")
+        name = self._torque_name(whole, options)
+        has_torque = y is not None or name in whole.column_names
+        if y is not None or not has_torque:
+            whole = _core.with_numbers(whole, name, [0.0] * len(whole) if y is None else _floats(y))
+            columns = options.get("columns") or {}
+            if options.get("torque_constant") is not None and not any(torque in columns for torque in _TORQUES):
+                # A torque in Nm needs no torque constant, so y is a current.
+                options["columns"] = {**columns, name: f"{name}:A"}
+        return whole, options, has_torque
 
     def _samples(self, velocity: Any, dt: float, covariates: Mapping[str, Any]) -> _core.Table:
         if not dt > 0.0:
@@ -327,13 +397,8 @@ def _without_unit(column: str) -> str:
 
 
 def _floats(values: Any) -> list[float]:
+    if getattr(values, "ndim", 1) == 2 and values.shape[1] == 1:
+        # A frame or an array of one column.
+        values = (values.to_numpy() if hasattr(values, "to_numpy") else values)[:, 0]
     values = values.tolist() if hasattr(values, "tolist") else list(values)
     return [float("nan") if value is None else float(value) for value in values]
-
-
-def _numbers(values: list[float]) -> Any:
-    try:
-        import numpy
-    except ImportError:
-        return array("d", values)
-    return numpy.asarray(values)

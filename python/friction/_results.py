@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from . import _core
-from ._model import Model
+from . import _core, _frames, _plot, _text
+from ._data import Data, Reading
+from ._errors import FrictionError
+
+if TYPE_CHECKING:
+    from ._model import Model
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,13 @@ class Candidate:
         )
 
 
+def _model(own: _core.Model, reading: Reading | None) -> Model:
+    # Late, since it imports scikit-learn.
+    from ._model import Model
+
+    return Model._of(own, reading)
+
+
 class _Result:
     """A result with the files of the command line."""
 
@@ -137,14 +148,39 @@ class _Result:
         self._result.write(os.fspath(folder), self._threads)
         return Path(folder)
 
+    def __reduce__(self) -> Any:
+        name = type(self).__name__
+        raise TypeError(f"{name}: cannot be pickled with its log; pickle a model of it, or keep to_dict() or save(folder)")
 
-class Diagnosis(_Result):
+
+class _OfLog(_Result):
+    """A result with the log that it was made of."""
+
+    def __init__(self, own: _core.Diagnosis | _core.Fits, threads: int, reading: Reading | None) -> None:
+        super().__init__(own, threads)
+        self._reading = reading
+
+    @property
+    def _unit(self) -> str:
+        """Unit of the torque, Nm or N."""
+        return str(self._document["data"]["unit"])
+
+    def _residuals(self, models: Mapping[str, _core.Model], data: Data | None, others: Iterable[str] = ()) -> Any:
+        """Returns the residuals of the log, or of other data that are read as it was."""
+        if self._reading is None:
+            raise FrictionError("residuals: found a result without its log, expected model.residuals(log)")
+        data = self._reading.data if data is None else data
+        labels = data if _frames.is_labelled(data) else None
+        options = self._reading.options
+        return _frames.residual_frame(models, data, options, threads=self._threads, others=list(others), labels=labels)
+
+
+class Diagnosis(_OfLog):
     """What a friction model gets wrong on a log, why, and what the extended model gains."""
 
-    def __init__(self, own: _core.Diagnosis, threads: int, columns: Mapping[str, str] | None) -> None:
-        super().__init__(own, threads)
+    def __init__(self, own: _core.Diagnosis, threads: int, reading: Reading | None) -> None:
+        super().__init__(own, threads, reading)
         self._own = own
-        self._columns = columns
 
     @property
     def cause(self) -> str:
@@ -196,12 +232,12 @@ class Diagnosis(_Result):
     @cached_property
     def model(self) -> Model:
         """The model to use elsewhere, as ``params.toml`` has it. ``to_dict()["handed_over"]`` says which one."""
-        return Model._of(self._own.model, self._columns)
+        return _model(self._own.model, self._reading)
 
     @cached_property
     def baseline(self) -> Model:
         """The base model, whose error is diagnosed."""
-        return Model._of(self._own.baseline, self._columns)
+        return _model(self._own.baseline, self._reading)
 
     @cached_property
     def extended(self) -> Model:
@@ -209,22 +245,76 @@ class Diagnosis(_Result):
 
         ``model`` may be another one, which errs less or needs no phase of a ripple.
         """
-        return Model._of(self._own.extended, self._columns)
+        return _model(self._own.extended, self._reading)
+
+    def to_pandas(self) -> Any:
+        """Returns the causes that were examined as a ``pandas.DataFrame``, with their names as index: columns, gain, probability,
+        and why they were rejected.
+
+        Raises:
+            ImportError: If pandas is missing.
+        """
+        rows = [vars(candidate) for candidate in self.candidates]
+        names = [field.name for field in fields(Candidate)]
+        return _frames.pandas("to_pandas").DataFrame(rows, columns=names).set_index("cause")
+
+    def residuals(self, data: Data | None = None, *, of: Literal["model", "baseline", "extended"] = "model") -> Any:
+        """Returns run, time, torque, prediction and residual of each row that can be read, as ``Model.residuals`` does.
+
+        Args:
+            data: Another log with the same columns; the log of the diagnosis by default.
+            of: The model that predicts.
+        """
+        return self._residuals({"": getattr(self._own, of)}, data)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the mean residual of the base model and of the extended one over the column of the strongest cause, or over the
+        velocity, and returns the ``Axes``. The title states the held-out errors.
+
+        Args:
+            ax: Axes of matplotlib to draw on; new ones by default.
+
+        Raises:
+            ImportError: If matplotlib or pandas is missing.
+        """
+        known = [column["name"] for column in self._document["data"]["columns"]]
+        wanted = [column for finding in self.findings for column in finding.columns]
+        velocity = next(name for name in ("velocity_rad_s", "velocity_m_s") if name in known)
+        column = next((name for name in wanted if name in known), velocity)
+        before, after = self._own.baseline, self._own.extended
+        residuals = self._residuals({"before_": before, "after_": after}, None, [velocity, column])
+        labels = {"before_": before.name, "after_": f"extended: {after.name}"}
+        ax = _plot.error_over(residuals, column, before.torque_column, labels, ax)
+        errors = [self._document[name]["test_rmse"] for name in ("baseline", "extended")]
+        ax.set_title(f"Cause: {self.cause}. Held-out error {errors[0]:.4g} to {errors[1]:.4g} {self._unit}")
+        return ax
 
     def _repr_html_(self) -> str:
         return self._own.first_screen()
+
+    def __str__(self) -> str:
+        model = self._own.model
+        return "\n".join(
+            [f"Diagnosis: {repr(self)[len('<Diagnosis ') : -1]}", "", *self.story, "", f"Model {model.name}", ""]
+            + [_text.parameter_table(model.parameters)]
+        )
 
     def __repr__(self) -> str:
         fault = f"{self.leading_fault}, " if self.leading_fault else ""
         return f"<Diagnosis {fault}{self.cause}, gain {100 * self.gain:.1f} %>"
 
 
-class Fit(_Result):
+class Fit(_OfLog):
     """One model fitted to a log and evaluated on held-out rows."""
 
-    def __init__(self, own: _core.Fits, threads: int, columns: Mapping[str, str] | None) -> None:
-        super().__init__(own, threads)
-        self.model = Model._of(own.models[0], columns)
+    def __init__(self, own: _core.Fits, threads: int, reading: Reading | None) -> None:
+        super().__init__(own, threads, reading)
+        self._own = own.models[0]
+
+    @cached_property
+    def model(self) -> Model:
+        """The fitted model."""
+        return _model(self._own, self._reading)
 
     @property
     def train(self) -> dict[str, float]:
@@ -246,35 +336,116 @@ class Fit(_Result):
         """Remarks on the fit, for example parameters that the log does not determine."""
         return tuple(self._document["models"][0]["verdicts"])
 
+    def to_pandas(self) -> Any:
+        """Returns the parameters as a ``pandas.DataFrame``: value, unit, standard error and state by name.
+
+        Raises:
+            ImportError: If pandas is missing.
+        """
+        return _frames.parameter_frame(self._own.parameters)
+
+    def residuals(self, data: Data | None = None) -> Any:
+        """Returns run, time, torque, prediction and residual of each row that can be read, as ``Model.residuals`` does.
+
+        Args:
+            data: Another log with the same columns; the log of the fit by default.
+        """
+        return self._residuals({"": self._own}, data)
+
+    def plot(self, ax: Any = None, *, run: object | None = None) -> Any:
+        """Draws measured torque, predicted torque and residual of a run over time, and returns the ``Axes``.
+
+        Args:
+            ax: Axes of matplotlib to draw on; new ones by default.
+            run: Name of the run; by default the first held-out one.
+
+        Raises:
+            ImportError: If matplotlib or pandas is missing.
+        """
+        residuals = self._residuals({"": self._own}, None)
+        held_out = [name for name in self._document["data"].get("test_runs", []) if (residuals["run"] == name).any()]
+        name = str(run) if run is not None else next(iter(held_out), residuals["run"].iloc[0])
+        ax = _plot.run_of_log(residuals, self._own.torque_column, self._own.name, name, ax)
+        part = ", held out" if name in held_out else ""
+        ax.set_title(f"Run {name}{part}. Held-out error {self.test['rmse']:.4g} {self._unit}")
+        return ax
+
     def _repr_html_(self) -> str:
-        return _table(self._document["models"], self._document["data"]["unit"])
+        return _error_table(self._document["models"], self._unit) + _text.parameter_html(self._own.parameters)
+
+    def __str__(self) -> str:
+        errors = f"Error (RMS): {self.test['rmse']:.4g} {self._unit} held out, {self.train['rmse']:.4g} {self._unit} train"
+        remarks = [f"- {verdict}" for verdict in self.verdicts]
+        table = _text.parameter_table(self._own.parameters)
+        return "\n".join([f"Fit of {self._own.name}", errors, "", table] + (["", *remarks] if remarks else []))
 
     def __repr__(self) -> str:
-        unit = self._document["data"]["unit"]
-        return f"<Fit {self.model.name}: held-out error {self.test['rmse']:.4g} {unit}>"
+        return f"<Fit {self._own.name}: held-out error {self.test['rmse']:.4g} {self._unit}>"
 
 
-class Comparison(_Result):
+class Comparison(_OfLog):
     """Several models fitted to one log, side by side on held-out rows."""
 
-    def __init__(self, own: _core.Fits, threads: int, columns: Mapping[str, str] | None) -> None:
-        super().__init__(own, threads)
-        self.models = tuple(Model._of(model, columns) for model in own.models)
+    def __init__(self, own: _core.Fits, threads: int, reading: Reading | None) -> None:
+        super().__init__(own, threads, reading)
+        self._own = own.models
         self._chosen = own.chosen
         #: The result in sentences.
         self.summary = tuple(own.summary)
+
+    @cached_property
+    def models(self) -> tuple[Model, ...]:
+        """The fitted models, in the order of the request."""
+        return tuple(_model(own, self._reading) for own in self._own)
 
     @property
     def best(self) -> Model:
         """The recommended model: that with the smallest held-out error, or a smaller one that is not significantly worse."""
         return self.models[self._chosen]
 
+    def to_pandas(self) -> Any:
+        """Returns a ``pandas.DataFrame`` with a row per model, smallest held-out error first, and the model's name as index.
+
+        Columns are ``test_rmse`` and ``train_rmse``, Nm or N, and ``is_recommended``.
+
+        Raises:
+            ImportError: If pandas is missing.
+        """
+        chosen = self._own[self._chosen].name
+        rows = [
+            (name, test, train, name == chosen) for name, test, train in _text.model_errors(self._document["models"])
+        ]
+        frame = _frames.pandas("to_pandas").DataFrame(rows, columns=["model", "test_rmse", "train_rmse", "is_recommended"])
+        return frame.set_index("model")
+
+    def residuals(self, data: Data | None = None) -> Any:
+        """Returns run, time, torque, prediction and residual of ``best`` for each row that can be read, as ``Fit.residuals``."""
+        return self._residuals({"": self._own[self._chosen]}, data)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the held-out error of each model as a bar, and returns the ``Axes``.
+
+        Args:
+            ax: Axes of matplotlib to draw on; new ones by default.
+
+        Raises:
+            ImportError: If matplotlib is missing.
+        """
+        errors = [(name, test) for name, test, _ in _text.model_errors(self._document["models"])]
+        return _plot.model_errors(errors, str(self._document["chosen"]), self._unit, ax)
+
     def _repr_html_(self) -> str:
         lines = "".join(f"<li>{escape(line)}</li>" for line in self.summary)
-        return _table(self._document["models"], self._document["data"]["unit"]) + f"<ul>{lines}</ul>"
+        return _error_table(self._document["models"], self._unit) + f"<ul>{lines}</ul>"
+
+    def __str__(self) -> str:
+        rows = _text.model_rows(self._document["models"])
+        best = self._own[self._chosen]
+        lines = [repr(self)[1:-1], "", _text.aligned(_text.model_head(self._unit), rows), "", *self.summary, ""]
+        return "\n".join([*lines, f"Model {best.name}", "", _text.parameter_table(best.parameters)])
 
     def __repr__(self) -> str:
-        return f"<Comparison of {len(self.models)} models, recommended: {self.best.name}>"
+        return f"<Comparison of {len(self._own)} models, recommended: {self._own[self._chosen].name}>"
 
 
 class Simulation:
@@ -302,15 +473,18 @@ class Simulation:
         (folder / "truth.json").write_text(json.dumps(self.truth, indent=2) + "\n", encoding="utf-8")
         return folder
 
+    def to_pandas(self) -> Any:
+        """Returns the log as a ``pandas.DataFrame``, which ``diagnose`` and ``Model.fit`` read.
+
+        Raises:
+            ImportError: If pandas is missing.
+        """
+        return _frames.pandas("to_pandas").DataFrame(self.data.to_dict())
+
     def __repr__(self) -> str:
         return f"<Simulation {self.data.name}: {len(self.data)} rows>"
 
 
-def _table(models: list[dict[str, Any]], unit: str) -> str:
+def _error_table(models: list[dict[str, Any]], unit: str) -> str:
     """Returns the models with their errors as HTML, best on held-out rows first."""
-    rows = "".join(
-        f"<tr><td>{escape(model['model'])}</td><td>{model['test']['rmse']:.4g}</td><td>{model['train']['rmse']:.4g}</td></tr>"
-        for model in sorted(models, key=lambda model: float(model["test"]["rmse"]))
-    )
-    head = f"<tr><th>model</th><th>held out, {escape(unit)}</th><th>train, {escape(unit)}</th></tr>"
-    return f"<table><thead>{head}</thead><tbody>{rows}</tbody></table>"
+    return _text.html_table(_text.model_head(unit), _text.model_rows(models))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from . import _core
+from ._data import log
 from ._errors import DataError, FrictionError
+from ._frames import pandas
 from ._progress import Progress, shown as _shown
 from ._results import Diagnosis, _Result
 
@@ -97,7 +99,16 @@ class Tuning(_Result):
     def diagnosis(self) -> Diagnosis | None:
         """The diagnosis of the recorded runs, as ``diagnose`` returns it; None if nothing was learnt."""
         found = self._own.diagnosis
-        return None if found is None else Diagnosis(found, 0, None)
+        return None if found is None else Diagnosis(found, 0, log(self.runs(), name="runs"))
+
+    def to_pandas(self) -> Any:
+        """Returns the gains of the trial as a ``pandas.DataFrame``: unit, before, after, gain and its interval by quantity.
+
+        Raises:
+            ImportError: If pandas is missing.
+        """
+        names = [field.name for field in fields(Gain)]
+        return pandas("to_pandas").DataFrame([vars(gain) for gain in self.gains], columns=names).set_index("quantity")
 
     def runs(self) -> _core.Table:
         """Returns the recorded rows at 1 kHz, a row per report of the joint: the content of ``runs.parquet``.

@@ -193,7 +193,7 @@ class _Work:
         with _store.local_copies(task.files, options) as files, _store.results(self.out, options) as results:
             rows: list[Row] = json.loads(
                 _core.fleet_task(
-                    _log([], **dict(self.log)),
+                    _log([], **dict(self.log)).log,
                     task.joint,
                     task.campaign,
                     files,

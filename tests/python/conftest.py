@@ -15,6 +15,9 @@ import pytest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 
 import fixture  # noqa: E402
+from frames import as_pandas  # noqa: E402
+
+import friction  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 HOST_SIM = os.environ["HOST_SIM"]
@@ -68,6 +71,18 @@ def folder(tmp_path_factory):
 def plain(folder):
     """A log with the names of the contract."""
     return Log(folder / "joint.csv", {})
+
+
+@pytest.fixture(scope="session")
+def frame(plain):
+    """The same log as a frame whose rows have names."""
+    return as_pandas(plain).rename(index=lambda row: f"row {row}")
+
+
+@pytest.fixture(scope="session")
+def found(frame):
+    """The diagnosis of that frame."""
+    return friction.diagnose(frame)
 
 
 @pytest.fixture(scope="session")
