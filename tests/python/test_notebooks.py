@@ -26,9 +26,10 @@ def code_cells(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def test_notebooks_are_the_three_of_the_book():
+def test_notebooks_are_the_four_of_the_book():
     page = (conftest.ROOT / "docs" / "src" / "how-to" / "use-from-python.md").read_text()
-    assert [path.stem for path in NOTEBOOKS] == ["from-log-to-c-header", "my-first-log", "pressure-or-temperature"]
+    names = ["a-strangers-session", "from-log-to-c-header", "my-first-log", "pressure-or-temperature"]
+    assert [path.stem for path in NOTEBOOKS] == names
     assert all(f"`python/notebooks/{path.name}`" in page for path in NOTEBOOKS)
 
 
