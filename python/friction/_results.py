@@ -363,7 +363,9 @@ class Fit(_OfLog):
             ImportError: If matplotlib or pandas is missing.
         """
         residuals = self._residuals({"": self._own}, None)
-        held_out = [name for name in self._document["data"].get("test_runs", []) if (residuals["run"] == name).any()]
+        data = self._document["data"]
+        # Of a single run, blocks are held out.
+        held_out = [one for one in data["test_runs"] if one not in data["train_runs"] and (residuals["run"] == one).any()]
         name = str(run) if run is not None else next(iter(held_out), residuals["run"].iloc[0])
         ax = _plot.run_of_log(residuals, self._own.torque_column, self._own.name, name, ax)
         part = ", held out" if name in held_out else ""

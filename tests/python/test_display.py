@@ -162,7 +162,7 @@ def test_plot_of_a_model_draws_its_friction_in_both_directions(frame, fit, found
         linear.plot(speed=0.0)
 
 
-def test_plot_of_a_fit_draws_measured_predicted_and_residual(fit):
+def test_plot_of_a_fit_draws_measured_predicted_and_residual(frame, fit):
     axes = fit.plot()
     held_out = fit.to_dict()["data"]["test_runs"][0]
     assert axes.get_title().startswith(f"Run {held_out}, held out. Held-out error {fit.test['rmse']:.4g} Nm")
@@ -176,6 +176,9 @@ def test_plot_of_a_fit_draws_measured_predicted_and_residual(fit):
     assert fit.plot(ax=own, run=0) is own and own.get_title().startswith("Run 0")
     with pytest.raises(friction.FrictionError, match="run='77': found no such run, expected one of 0, 1"):
         fit.plot(run=77)
+    # Of a single run, blocks are held out.
+    single = frame[frame["run"] == 0].drop(columns="run")
+    assert friction.identify(single, "linear", starts=1).plot().get_title().startswith("Run data. Held-out error")
 
 
 def test_plot_of_a_diagnosis_draws_the_residual_before_and_after(found):
