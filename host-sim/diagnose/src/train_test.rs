@@ -422,6 +422,7 @@ mod tests {
             left_out_columns: vec![],
             notes: vec![],
             torque_law: None,
+            torque_constant: None,
             sources: vec![],
         }
     }

@@ -38,6 +38,8 @@ pub struct Dataset {
     pub notes: Vec<String>,
     /// The control law of the servo that the torque is computed by, in words; `None` for a torque of the log.
     pub torque_law: Option<String>,
+    /// The torque of one ampere, Nm/A or N/A, by which the log's current became the torque; `None` for a log of a torque.
+    pub torque_constant: Option<f64>,
     /// Origin of each column, `time_s` first; empty for data that were not read from a file.
     pub sources: Vec<SourceColumn>,
 }
@@ -308,6 +310,7 @@ mod tests {
             left_out_columns: vec![],
             notes: vec![],
             torque_law: None,
+            torque_constant: None,
             sources: vec![],
         };
         assert_eq!(data.constant(&data.runs[0], "kp").as_deref(), Some("7"));

@@ -394,6 +394,7 @@ fn distinct_stems(files: &[PathBuf]) -> Vec<String> {
 /// Drops the first samples of each run, and computes the torque by a servo's law if the options give one.
 fn finish(mut data: Dataset, options: &ReadOptions) -> Result<Dataset, DataError> {
     shorten(&mut data, options)?;
+    data.torque_constant = options.torque_constant.map(|constant| constant.value);
     if let Some(servo) = &options.torque_from {
         servo.apply(&mut data)?;
     }

@@ -132,6 +132,7 @@ impl Dataset {
             left_out_columns: self.left_out_columns.clone(),
             notes: self.notes.clone(),
             torque_law: self.torque_law.clone(),
+            torque_constant: self.torque_constant,
             sources: self.sources.clone(),
         }
     }
@@ -297,6 +298,7 @@ mod tests {
             left_out_columns: vec![],
             notes: vec![],
             torque_law: None,
+            torque_constant: None,
             sources: vec![],
         }
     }

@@ -119,6 +119,7 @@ fn campaign() -> Dataset {
         left_out_columns: Vec::new(),
         notes: Vec::new(),
         torque_law: None,
+        torque_constant: None,
         sources: Vec::new(),
     }
 }

@@ -47,6 +47,7 @@ fn measured() -> Dataset {
         left_out_columns: vec![],
         notes: vec![],
         torque_law: None,
+        torque_constant: None,
         sources: vec![],
     }
 }
