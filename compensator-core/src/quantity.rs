@@ -141,6 +141,17 @@ macro_rules! define_quantities {
                     _ => Reading::missing(),
                 }
             }
+
+            /// Sets the reading, in the internal unit. Has no effect if the compensator does not read the quantity.
+            #[inline(always)]
+            fn set_in_inputs<T: Real>(self, inputs: &mut Inputs<T>, reading: Reading<T>) {
+                match self {
+                    $($(Self::$quantity => inputs.$input = reading,)?)*
+                    $($(Self::$quantity => inputs.$covariate = reading,)?)*
+                    Self::CampaignTime => inputs.campaign_time_h = reading.value,
+                    _ => {}
+                }
+            }
         }
 
         /// Inputs of a model for one sample. A value that is not measured keeps its default.
@@ -240,16 +251,24 @@ impl<T: Real> Inputs<T> {
         Self { velocity_rad_s: Reading::fresh(velocity_rad_s), ..Self::missing() }
     }
 
-    /// Sets the pressure difference from a value in Pa, as sensors and logs give it. The age is in s.
+    /// Sets a reading from a value in the unit of its log column: rad, rad/s^2, N, Pa, deg C, Nm or s. The age is in s.
     ///
-    /// The field is in MPa, because the range of fixed point ends at 2048. The conversion is one product in `f32`.
-    /// [`Fixed`](crate::Fixed) converts through an emulated double. Without an FPU, call this function where the sensor
-    /// is read and not in the current loop.
+    /// [`Sample`] has units in which fixed point holds the values, such as MPa. The conversion is one product in `f32`.
+    /// [`Fixed`](crate::Fixed) converts through an emulated double: without an FPU, call this function where the sensor is read
+    /// and not in the current loop. The campaign time has no age. A quantity that no compensator reads has no effect.
     #[must_use]
-    pub fn with_pressure_pa(self, pressure_diff_pa: T::Setting, age_s: T) -> Self {
-        let mega_pascal = pressure_diff_pa * T::Setting::from_f64(1e-6);
-        let pressure_diff_mpa = Reading { value: T::from_setting(mega_pascal), age_s };
-        Self { pressure_diff_mpa, ..self }
+    #[inline(always)]
+    pub fn with(mut self, quantity: Quantity, value: T::Setting, age_s: T) -> Self {
+        let value = T::from_setting(value * quantity.inside_scale::<T::Setting>());
+        quantity.set_in_inputs(&mut self, Reading { value, age_s });
+        self
+    }
+
+    /// Sets the velocity of the set-point, rad/s. Near rest, where the sign of a measured velocity is not reliable, it is used
+    /// instead.
+    #[must_use]
+    pub fn with_reference(self, velocity_rad_s: T) -> Self {
+        Self { velocity_reference_rad_s: Reading::fresh(velocity_rad_s), ..self }
     }
 }
 
@@ -336,11 +355,20 @@ mod tests {
     }
 
     #[test]
-    fn with_pressure_pa_converts_to_megapascals() {
-        let float = Inputs::<f32>::velocity(1.0).with_pressure_pa(1.5e5, 0.01).pressure_diff_mpa;
+    fn with_converts_every_reading_to_its_internal_unit() {
+        let float = Inputs::<f32>::velocity(1.0).with(Quantity::Pressure, 1.5e5, 0.01);
+        let float = float.pressure_diff_mpa;
         assert!((float.value - 0.15).abs() < 1e-7 && float.age_s == 0.01);
         let age_s = crate::Fixed::from_f64(0.01);
-        let fixed = Inputs::missing().with_pressure_pa(1.5e5, age_s).pressure_diff_mpa;
+        let fixed = Inputs::missing().with(Quantity::Pressure, 1.5e5, age_s).pressure_diff_mpa;
         assert_eq!((fixed.value, fixed.age_s), (crate::Fixed::from_f64(0.15), age_s));
+        let later = Inputs::<f32>::missing().with(Quantity::CampaignTime, 7200.0, 0.0);
+        assert_eq!(later.campaign_time_h, 2.0);
+        for quantity in Quantity::ALL.iter().filter(|of| of.info().stale != of.info().invalid) {
+            let inputs = Inputs::<f64>::missing().with(*quantity, 3.0, 0.25);
+            let reading = quantity.reading_in(&inputs);
+            assert_eq!(reading.value, 3.0 * quantity.info().inside_scale, "{quantity:?}");
+            assert_eq!(reading.age_s, 0.25);
+        }
     }
 }

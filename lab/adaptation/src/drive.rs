@@ -9,7 +9,7 @@ use crate::plant::{Measured, PERIOD_S};
 use compensator_core::adaptation::{Adaptation, AdaptationParameters, Frozen, Gains, Observation};
 use compensator_core::compensator::{Compensator, CompensatorParameters, Inputs, Reading};
 use compensator_core::configuration::Configuration;
-use compensator_core::{ParameterId, Parameters, Sample};
+use compensator_core::{ParameterId, Parameters, Quantity, Sample};
 use std::f64::consts::TAU;
 
 /// Crossover of the velocity loop by the usual rule, Hz.
@@ -251,7 +251,7 @@ impl Drive {
             velocity_reference_rad_s: Reading::fresh(wanted_rad_s as f32),
             ..Inputs::missing()
         }
-        .with_pressure_pa(self.pressure[0] as f32, self.pressure[1] as f32)
+        .with(Quantity::Pressure, self.pressure[0] as f32, self.pressure[1] as f32)
     }
 
     /// Passes means of some samples to the adaptation.

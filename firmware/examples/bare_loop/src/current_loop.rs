@@ -1,7 +1,7 @@
 //! A current loop that uses the compensator.
 
 use crate::friction;
-use compensator_core::{Compensator, Inputs, ParameterError};
+use compensator_core::{Compensator, Inputs, ParameterError, Quantity};
 
 /// Sample period of the loop, s: 20 kHz.
 const PERIOD_S: f32 = 50e-6;
@@ -24,8 +24,8 @@ pub fn largest_current_a() -> Result<f32, ParameterError> {
         // Up to 1 rad/s and back.
         let share = step as f32 / STEPS as f32;
         let velocity_rad_s = if share < 0.5 { 2.0 * share } else { 2.0 - 2.0 * share };
-        // A fresh reading of 1 bar.
-        let inputs = Inputs::velocity(velocity_rad_s).with_pressure_pa(1e5, 0.0);
+        // A fresh reading of 1 bar. A model with other terms needs `.with(Quantity::Position, ...)` and so on.
+        let inputs = Inputs::velocity(velocity_rad_s).with(Quantity::Pressure, 1e5, 0.0);
         let output = compensator.step(&inputs);
         let (current_a, _flags) = compensator.sum(COMMAND_A, &output);
         largest_a = largest_a.max(current_a);

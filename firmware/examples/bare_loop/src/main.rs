@@ -1,4 +1,5 @@
-//! The compensator in a user's own loop: no driver, no RTIC, no bus.
+//! The compensator in a user's own loop: no driver, no RTIC, no bus. `drive_on_a_bus.rs` is the second example: a feed-forward for a
+//! drive that is not ours.
 //!
 //! `friction.rs` holds the model; `host-sim export params.toml --to rust --out src` wrote it. A loop builds
 //! the compensator once, outside its interrupt, and calls `step` and `sum` in it. Here a `for` loop
@@ -12,12 +13,22 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 mod current_loop;
+// The second example runs on the PC or the controller of the arm.
+#[cfg(not(target_os = "none"))]
+mod drive_on_a_bus;
 #[rustfmt::skip]
 mod friction;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
     println!("largest current {:?}", current_loop::largest_current_a());
+    match drive_on_a_bus::FeedForward::build(20.0) {
+        Ok(mut drive) => {
+            let after_1_s = (0..1000).map(|_| drive.step(1.0, (1e5, 0.0))).last();
+            println!("data of 60B2h at 1 rad/s and 1 bar {after_1_s:02x?}");
+        }
+        Err(refusal) => println!("the model is refused: {refusal}"),
+    }
 }
 
 #[cfg(target_os = "none")]
