@@ -65,7 +65,8 @@ pub struct Compensator<T: Real> {
 }
 
 impl<T: Real> Compensator<T> {
-    /// Builds a compensator for a sample period, s. The compensator is disabled and at rest.
+    /// Builds a compensator for a sample period, s. The compensator is disabled and at rest. It adds no inertia, offset, gain or
+    /// delay of the model ([`crate::Parameters::left_out`] lists them).
     ///
     /// # Errors
     /// Returns the errors of [`crate::Parameters::build`] and [`CompensatorParameters::validate`], and an error if the
@@ -75,7 +76,9 @@ impl<T: Real> Compensator<T> {
         T: Real<Setting = f32>,
     {
         configuration.compensator.validate()?;
-        let model = configuration.model.build::<T>(period_s)?;
+        configuration.model.validate()?;
+        let compensated = configuration.model.compensated();
+        let model = compensated.build::<T>(period_s)?;
         let reference = configuration.model.get(crate::ParameterId::TemperatureReference);
         let built = BuiltParameters::new(
             &configuration.compensator,
@@ -92,7 +95,7 @@ impl<T: Real> Compensator<T> {
             pressure: Held::unmeasured(&built),
             covariates: Covariates::unmeasured(&built, &configuration.model.envelope, reference),
             // Built anew: a copy of its fields would take more code.
-            base: configuration.model.build_unchecked(period_s),
+            base: compensated.build_unchecked(period_s),
             model,
             built,
         })

@@ -11,6 +11,7 @@
 //! documentation use this list. [`LawKind`] and [`TermKind`] determine which parameters are active.
 
 mod build;
+mod compensated;
 mod extremes;
 mod validate;
 

@@ -19,5 +19,10 @@ mod moving_joint;
 #[path = "../../tests/snapshot.rs"]
 mod snapshot;
 
+/// The examples of the guide.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/src/how-to/embed-the-compensator.md")]
+mod embed_the_compensator {}
+
 pub use joint_rig::simulated;
 pub use joint_tuning::driver_file;

@@ -154,16 +154,21 @@ class Model(Regressor):
         """
         return _plot.friction_curve(self._fitted(), self._parameter_rows(), ax, speed, covariates)
 
-    def export(self, to: Form) -> Export:
+    def export(self, to: Form, *, gravity: bool = False, compensator: Mapping[str, float] | None = None) -> Export:
         """Returns the model in another form: the bytes of a file, with ``notes`` on what it omits and how it is used.
 
         Args:
-            to: ``"record"``, ``"rust"``, ``"c"``, ``"network"``, ``"onnx"``, ``"mujoco"`` or ``"urdf"``.
+            to: ``"record"``, ``"rust"``, ``"c"``, ``"network"``, ``"onnx"``, ``"mujoco"`` or ``"urdf"``. The first three and the
+                ONNX graph of a law hold friction only.
+            gravity: Also compensate the gravity of the model, which is wrong as soon as the joint is mounted or tilted otherwise.
+            compensator: Settings for ``"record"`` and ``"rust"`` that the model lacks: ``torque_constant_nm_per_a``,
+                ``torque_limit_nm``, ``current_limit_a`` and ``scale``.
 
         Raises:
             FrictionError: If the form does not support a term of the model, or the model has no network for ``"network"``.
         """
-        return Export._of(*self._fitted().export(to))
+        settings = None if compensator is None else dict(compensator)
+        return Export._of(*self._fitted().export(to, gravity, settings))
 
     def fit(self, data: Data, y: Any = None, *, progress: Progress | bool | None = None) -> Model:
         """Fits the model to all rows of a log and returns itself.

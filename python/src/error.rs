@@ -40,6 +40,8 @@ fn keyword(reference: Reference) -> String {
         (Setting::Skip, _) => format!("skip={value}"),
         (Setting::Model, _) => format!("model={}", quoted(value)),
         (Setting::RigidBody, _) => "rigid_body=".into(),
+        (Setting::With, _) => format!("{value}=True"),
+        (Setting::Compensator, _) => "compensator=".into(),
         (Setting::Preset, _) => format!("preset={}", quoted(value)),
         (Setting::Join, _) => "join=True".into(),
         (Setting::Rate, _) => format!("rate_hz={}", value.trim_end_matches("Hz")),

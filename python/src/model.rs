@@ -19,6 +19,7 @@ use joint_log::log_check::{Corrections, check};
 use joint_log::{Cells, Dataset, JointKind, Quantity, ReadOptions, read_tables};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use std::collections::BTreeMap;
 
 /// A covariate with the number of each row, which shows what row of the user's table a prediction belongs to.
 const ROW: &str = "friction row number";
@@ -92,19 +93,28 @@ impl Model {
         self.parameters.active().map(row).collect()
     }
 
-    /// Returns a model in another form as files, each a name and its content, and notes on what the form omits.
+    /// Returns a model in another form as files, each a name and its content, and notes on what the form omits. `compensator` has
+    /// settings of a compensator, which replace those of the model.
+    #[pyo3(signature = (to, gravity=false, compensator=None))]
     #[expect(clippy::type_complexity, reason = "files, named in Python")]
     fn export<'py>(
         &self,
         py: Python<'py>,
         to: &str,
+        gravity: bool,
+        compensator: Option<BTreeMap<String, f32>>,
     ) -> PyResult<(Vec<(&'static str, Bound<'py, PyBytes>)>, Vec<String>)> {
         let Some(format) = ExportFormat::parse(to) else {
             let known = ExportFormat::ALL.map(ExportFormat::name).join(", ");
             return Err(refused(py, &format!("to={to:?}: expected one of {known}")));
         };
         let failed = |error: String| refused(py, &error);
-        let file: ParameterFile = params::parse(&self.toml, &[]).map_err(failed)?;
+        let mut file: ParameterFile = params::parse(&self.toml, &[]).map_err(failed)?;
+        file.compensator.gravity |= gravity;
+        for (name, value) in compensator.into_iter().flatten() {
+            let wrong = |why| refused(py, &format!("compensator={{{name:?}: {value}}}: {why}"));
+            file.compensator.set(&name, value).map_err(wrong)?;
+        }
         let exported = export(&file, format, "params.toml").map_err(|e| failed(with_command(e)))?;
         let further = exported.further_files.iter().map(|(name, content)| (*name, content));
         let files = std::iter::once((format.file_name(&file), &exported.content)).chain(further);

@@ -165,9 +165,11 @@ def test_model_saved_and_loaded_has_the_same_values(found, tmp_path):
 @pytest.mark.parametrize("form", ["record", "rust", "c", "onnx", "mujoco", "urdf"])
 def test_export_equals_command_line(found, plain, tmp_path, form):
     found.model.save(tmp_path / "params.toml")
-    exported = found.model.export(form)
+    settings = {"torque_constant_nm_per_a": 0.9, "torque_limit_nm": 3.0, "current_limit_a": 5.0, "scale": 0.7}
+    exported = found.model.export(form, compensator=settings)
     own = exported.save(tmp_path / "own")
-    document = conftest.document(tmp_path, "export", "params.toml", "--to", form, "--out", "cli")
+    given = ",".join(f"{name}={value}" for name, value in settings.items())
+    document = conftest.document(tmp_path, "export", "params.toml", "--to", form, "--out", "cli", "--compensator", given)
     theirs = tmp_path / "cli"
     assert sorted(path.name for path in own.iterdir()) == sorted(path.name for path in theirs.iterdir())
     assert all((own / path.name).read_bytes() == path.read_bytes() for path in theirs.iterdir())
@@ -182,8 +184,13 @@ def test_export_of_a_form_without_support_names_it_in_keywords(found):
         found.model.export("pdf")
 
 
+def test_export_with_a_current_asks_for_settings_in_keywords(found):
+    with pytest.raises(friction.FrictionError, match=r"lacks scale, torque_limit_nm.*compensator="):
+        found.model.export("record")
+
+
 def test_export_with_unsupported_term_suggests_forms_in_keywords(plain):
-    model = friction.identify(plain.path, "linear+backlash", starts=1).model
+    model = friction.identify(plain.path, "linear+warm-up", starts=1).model
     with pytest.raises(friction.FrictionError, match='use to="rust" or to="record"'):
         model.export("c")
 

@@ -184,6 +184,36 @@ fn lookup_term_with_missing_column_fades_to_zero() {
     }
 }
 
+/// Parts of a drive's torque that are not friction: to add inertia would be positive feedback.
+#[cfg(feature = "terms")]
+#[test]
+fn step_with_rigid_body_parts_adds_friction_alone() {
+    let plain = configuration();
+    let mut whole = configuration();
+    for (kind, id, value) in [
+        (TermKind::UnmodelledInertia, ParameterId::Inertia, 0.5),
+        (TermKind::TorqueOffset, ParameterId::TorqueOffset, 0.7),
+        (TermKind::LoadGain, ParameterId::LoadGain, 0.9),
+        (TermKind::ChannelDelay, ParameterId::ChannelDelay, 5.5 * PERIOD_S),
+    ] {
+        assert!(whole.model.add_term(kind));
+        whole.model.set(id, value);
+    }
+    assert_eq!(whole.model.left_out().count(), 4);
+    let (mut plain, mut whole) = (enabled(&plain), enabled(&whole));
+    for sample in 0..4000 {
+        let accelerating = 100.0 * (sample as f32 * 0.01).sin();
+        let inputs = Inputs {
+            acceleration_rad_s2: Reading::fresh(accelerating),
+            load_torque_nm: Reading::fresh(5.0),
+            ..loaded((sample as f32 * 0.003).sin())
+        };
+        let (plain, whole) = (plain.step(&inputs), whole.step(&inputs));
+        let apart = (plain.feed_forward_current_a - whole.feed_forward_current_a).abs();
+        assert!(apart < 1e-5, "{sample}: {plain:?} {whole:?}");
+    }
+}
+
 #[cfg(feature = "terms")]
 #[test]
 fn step_with_invalid_auxiliary_flags_and_replaces_it() {

@@ -13,7 +13,9 @@
 //! velocity_max_rad_s = 10.5
 //! [choices]                               # optional
 //! damping_fades = true
-//! [compensator]                           # optional
+//! [rigid_body]                            # parts of the drive torque that are not friction, see [`crate::spec`]
+//! inertia = { value = 0.02, unit = "kg m^2" }
+//! [compensator]                           # optional, see [`CompensatorSection`]
 //! scale = 0.9
 //! [fit]                                   # optional, as [log_means]: see [`FitRecord`]
 //! substeps = 1
@@ -34,19 +36,19 @@
 //! example a joint driver's motor. Unknown keys, wrong units and values out of range are errors, each in one line that
 //! names the key.
 
+mod compensator;
 mod fit_record;
 
+pub use compensator::CompensatorSection;
 pub use fit_record::FitRecord;
 
 use crate::linear::LinearModel;
 use crate::measurement::Measurement;
 use crate::network::{BASE, NetworkFile, checksum};
-use crate::spec::Spec;
-use crate::{DriverForm, Outcome};
-use compensator_core::compensator::CompensatorParameters;
-use compensator_core::configuration::Configuration;
+use crate::spec::{Spec, rigid_body_name};
+use crate::{DriverForm, Estimate, Outcome};
 use compensator_core::parameters::{Choices, Envelope};
-use compensator_core::{LawKind, ParameterId, Parameters};
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use joint_log::Dataset;
 use joint_log::JointKind;
 use std::fmt::Write;
@@ -62,8 +64,8 @@ pub struct ParameterFile {
     pub spec: Spec,
     /// Its parameters.
     pub parameters: Parameters<f64>,
-    /// The settings of the compensator.
-    pub compensator: CompensatorParameters,
+    /// The settings of the compensator that the file has.
+    pub compensator: CompensatorSection,
     /// How the model was fitted.
     pub fit: FitRecord,
     /// The network that supplies levels and stiffness, if there is one.
@@ -91,11 +93,6 @@ impl ParameterFile {
     /// Returns what lies between the shaft and the log for the driver's law.
     pub fn measurement_of_driver(&self) -> &Measurement {
         self.driver_measurement.as_ref().unwrap_or(&self.measurement)
-    }
-
-    /// Returns the friction model for a driver.
-    pub fn friction(&self) -> Configuration {
-        Configuration { model: self.parameters.convert(), compensator: self.compensator }
     }
 }
 
@@ -125,15 +122,18 @@ pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> Strin
     let (form, joint) = (outcome.for_driver(), data.joint);
     let DriverForm { parameters, estimates, train, .. } = form;
     let mut text = head(joint, &outcome.spec.full_name());
-    // Writing to a string does not fail.
-    for estimate in &estimates {
+    let line = |estimate: &Estimate| {
         let (name, value) = (estimate.id.name(), estimate.value);
         let unit = unit(estimate.id, joint);
-        let _ = write!(text, "{name} = {{ value = {value:?}, unit = \"{unit}\"");
-        if let Some(error) = estimate.std_error {
-            let _ = write!(text, ", std_error = {error:?}, state = \"{}\"", estimate.state.name());
-        }
-        text.push_str(" }\n");
+        let error = estimate.std_error.map_or(String::new(), |error| {
+            format!(", std_error = {error:?}, state = \"{}\"", estimate.state.name())
+        });
+        format!("{name} = {{ value = {value:?}, unit = \"{unit}\"{error} }}\n")
+    };
+    let lines = estimates.iter().map(|estimate| (estimate.id, line(estimate)));
+    emit_parameters(&parameters.terms, lines, &mut text);
+    if let Some(constant) = data.torque_constant {
+        emit_section("compensator", &["torque_constant_nm_per_a"], &[constant as f32], &mut text);
     }
     emit_limits(&parameters.envelope, parameters.choices, &mut text);
     FitRecord::new(outcome.resolution, train.rmse, data, auxiliary).emit(joint, &mut text);
@@ -142,13 +142,12 @@ pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> Strin
 
 /// Formats the parameter file of a driver's model. Parsing it returns the same model bit for bit.
 pub fn emit_model(model: &Parameters<f32>, joint: JointKind) -> String {
-    let spec = Spec { terms: model.terms.to_vec(), ..Spec::law(model.law) };
-    let mut text = head(joint, &spec.full_name());
-    for id in model.active() {
-        let (name, value) = (id.name(), model.get(id));
-        let unit = unit(id, joint);
-        let _ = writeln!(text, "{name} = {{ value = {value:?}, unit = \"{unit}\" }}");
-    }
+    let mut text = head(joint, &Spec::of(model).full_name());
+    let line = |id: ParameterId| {
+        let (name, value, unit) = (id.name(), model.get(id), unit(id, joint));
+        (id, format!("{name} = {{ value = {value:?}, unit = \"{unit}\" }}\n"))
+    };
+    emit_parameters(&model.terms, model.active().map(line), &mut text);
     emit_limits(&model.envelope, model.choices, &mut text);
     text
 }
@@ -159,6 +158,26 @@ fn head(joint: JointKind, model: &str) -> String {
         JointKind::Prismatic => "prismatic",
     };
     format!("schema = 1\njoint = \"{kind}\"\nmodel = \"{model}\"\n\n[parameters]\n")
+}
+
+/// Returns true if a parameter belongs to a part of the drive torque that is not friction.
+fn is_rigid_body(id: ParameterId, terms: &[TermKind]) -> bool {
+    let mut parts = terms.iter().filter(|term| rigid_body_name(**term).is_some());
+    parts.any(|term| term.parameters().contains(&id))
+}
+
+/// Appends the lines of the parameters: those of the friction, and in a section of its own the others.
+fn emit_parameters(
+    terms: &[TermKind],
+    lines: impl Iterator<Item = (ParameterId, String)>,
+    text: &mut String,
+) {
+    let (others, friction): (Vec<_>, Vec<_>) = lines.partition(|(id, _)| is_rigid_body(*id, terms));
+    text.extend(friction.into_iter().map(|(_, line)| line));
+    if !others.is_empty() {
+        text.push_str("\n[rigid_body]\n");
+        text.extend(others.into_iter().map(|(_, line)| line));
+    }
 }
 
 /// Appends a section of numbers to a file.
@@ -254,11 +273,12 @@ fn understand(
 ) -> Result<ParameterFile, String> {
     let document = Document::parse(text).map_err(|error| error.to_string())?;
     let root = document.as_table();
-    const OWN: [&str; 13] = [
+    const OWN: [&str; 14] = [
         "schema",
         "joint",
         "model",
         "parameters",
+        "rigid_body",
         "envelope",
         "choices",
         "compensator",
@@ -285,12 +305,17 @@ fn understand(
     let spec = Spec::parse(&string(root, "model")?).map_err(|error| error.to_string())?;
     let mut parameters = spec.parameters().map_err(|error| error.to_string())?;
     let active: Vec<ParameterId> = parameters.active().collect();
-    for (key, item) in section(root, "parameters")? {
-        let id = ParameterId::parse(key).filter(|id| active.contains(id)).ok_or_else(|| {
-            let known: Vec<_> = active.iter().map(|id| id.name()).collect();
-            format!("parameters.{key}: not a parameter of {spec}, expected of {}", known.join(", "))
-        })?;
-        parameters.set(id, value(key, item, unit(id, joint))?);
+    // The first form of the file had all of them in one section.
+    let others: Vec<ParameterId> =
+        active.iter().copied().filter(|id| is_rigid_body(*id, &parameters.terms)).collect();
+    for (name, known) in [("parameters", &active), ("rigid_body", &others)] {
+        for (key, item) in section(root, name)? {
+            let id = ParameterId::parse(key).filter(|id| known.contains(id)).ok_or_else(|| {
+                let known: Vec<_> = known.iter().map(|id| id.name()).collect();
+                format!("{name}.{key}: not a parameter of {spec}, expected of {}", known.join(", "))
+            })?;
+            parameters.set(id, value(&format!("{name}.{key}"), item, unit(id, joint))?);
+        }
     }
     let mut envelope = parameters.envelope.to_array();
     fields(root, "envelope", &Envelope::NAMES, &mut envelope)?;
@@ -308,10 +333,8 @@ fn understand(
             }
         }
     }
-    let mut compensator = CompensatorParameters::default().to_array();
-    fields(root, "compensator", &CompensatorParameters::NAMES, &mut compensator)?;
-    let compensator = CompensatorParameters::from_array(compensator);
-    parameters.validate().and_then(|()| compensator.validate()).map_err(|e| e.to_string())?;
+    let compensator = CompensatorSection::parse(root)?;
+    parameters.validate().map_err(|error| error.to_string())?;
     let further = |section: &Section| {
         let mut values = vec![f32::NAN; section.fields.len()];
         fields(root, section.name, section.fields, &mut values).map(|()| values)
@@ -356,12 +379,12 @@ fn number(item: &Item) -> Option<f64> {
 
 /// Returns a bare number, or the value of a table whose unit, if given, is correct.
 fn value(key: &str, item: &Item, unit: &str) -> Result<f64, String> {
-    let expected = || format!("parameters.{key}: expected a finite number in {unit}");
+    let expected = || format!("{key}: expected a finite number in {unit}");
     let Some(table) = item.as_table_like() else { return number(item).ok_or_else(expected) };
     if let Some(found) = table.get("unit").and_then(Item::as_str)
         && found != unit
     {
-        return Err(format!("parameters.{key}: found unit {found:?}, expected {unit:?}"));
+        return Err(format!("{key}: found unit {found:?}, expected {unit:?}"));
     }
     table.get("value").and_then(number).ok_or_else(expected)
 }
@@ -399,7 +422,7 @@ mod tests {
         assert_eq!(file.parameters.get(ParameterId::CoulombTorque), 1.5);
         assert_eq!(file.parameters.get(ParameterId::StaticTorque), 2.0);
         assert_eq!(file.parameters.envelope.velocity_max_rad_s, 10.5);
-        assert_eq!(file.compensator.scale, 0.8);
+        assert_eq!(file.friction().compensator.scale, 0.8);
         assert_eq!(file.spec.to_string(), "lugre+pressure-coulomb");
     }
 

@@ -91,6 +91,11 @@ impl Spec {
         Self { law, terms: Vec::new(), rigid_body: Vec::new() }
     }
 
+    /// Returns the law and the terms of parameters.
+    pub fn of<S>(parameters: &Parameters<S>) -> Self {
+        Self { terms: parameters.terms.to_vec(), ..Self::law(parameters.law) }
+    }
+
     /// Parses `LAW+TERM+...`.
     ///
     /// # Errors

@@ -31,6 +31,10 @@ named! {
         Model = "model",
         /// Rigid-body parts of the torque column.
         RigidBody = "rigid body",
+        /// Parts of a model that are compensated besides friction.
+        With = "with",
+        /// Settings of a compensator.
+        Compensator = "compensator",
         /// The tool that wrote the log.
         Preset = "preset",
         /// Kinds of findings that are left as logged.

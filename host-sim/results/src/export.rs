@@ -17,6 +17,10 @@
 //! every law and every supported term. The joint of a simulator has neither a Stribeck curve nor bristles. Its two parameters
 //! are fitted to the core's torque in steady sliding, and a note states what is not represented.
 //!
+//! What is exported for a control loop is friction: [`ParameterFile::compensated_model`] leaves out the rigid-body parts of the model,
+//! and gravity unless the file asks for it. A format that has a current needs settings that only the owner of the joint knows; C and
+//! ONNX return a torque.
+//!
 //! A joint at rest holds any torque up to its static level. `c`, `rust` and `onnx` therefore offer a start from the first
 //! measured torque. A driver starts at a bristle torque of 0, because it measures no friction.
 
@@ -112,7 +116,17 @@ pub fn export(
     format: ExportFormat,
     source: &str,
 ) -> Result<ExportedModel, String> {
+    if matches!(format, ExportFormat::Record | ExportFormat::Rust) {
+        require_settings(file, format)?;
+    }
     let mut export = export_without_notes(file, format, source)?;
+    // A simulator's joint and a network have no place for these parts anyway.
+    if matches!(
+        format,
+        ExportFormat::Record | ExportFormat::Rust | ExportFormat::C | ExportFormat::Onnx
+    ) {
+        export.notes.extend(file.left_out_in_words());
+    }
     if file.network.is_some() && !matches!(format, ExportFormat::Network | ExportFormat::Onnx) {
         export.notes.push(format!(
             "the network that scales the levels and the stiffness is not included: this is the law with its constant parameters \
@@ -161,6 +175,23 @@ fn export_without_notes(
         ExportFormat::Mujoco => Ok(simulator::mujoco(file, source)),
         ExportFormat::Urdf => Ok(simulator::urdf(file, source)),
     }
+}
+
+/// Requires the settings of a compensator for which no default is right for every joint.
+fn require_settings(file: &ParameterFile, format: ExportFormat) -> Result<(), String> {
+    let missing: Vec<&str> = file.compensator.missing().collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let example = missing.iter().map(|name| format!("{name}=VALUE")).collect::<Vec<_>>().join(",");
+    Err(format!(
+        "[compensator] lacks {}, which {} needs for a current: {}; {} and {} are a torque and need none",
+        missing.join(", "),
+        format.setting(),
+        Setting::Compensator.suggested(example),
+        ExportFormat::C.setting(),
+        ExportFormat::Onnx.setting(),
+    ))
 }
 
 fn record_notes(file: &ParameterFile, source: &str) -> Vec<String> {

@@ -4,6 +4,7 @@ use super::output::{OutputArguments, pretty, print_text};
 use super::words::text_in_options;
 use crate::driver_file;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use friction_fit::params::{CompensatorSection, ParameterFile};
 use friction_results::export::{ExportFormat, export};
 use serde_json::json;
 use std::path::PathBuf;
@@ -18,7 +19,38 @@ pub struct ExportArguments {
     #[arg(long, value_parser = formats())]
     to: ExportFormat,
     #[command(flatten)]
+    taken: CompensatedArguments,
+    /// Settings of the compensator, for `record` and `rust`: torque_constant_nm_per_a, torque_limit_nm, current_limit_a, scale
+    ///
+    /// They replace those of the file. Separate several by commas.
+    #[arg(long, value_name = "NAME=VALUE", value_delimiter = ',', value_parser = setting)]
+    compensator: Vec<(String, f32)>,
+    #[command(flatten)]
     output: OutputArguments,
+}
+
+/// Which parts of a model are compensated besides friction.
+#[derive(clap::Args, Default)]
+pub struct CompensatedArguments {
+    /// Also compensate the gravity of the model, which is wrong as soon as the joint is mounted or tilted otherwise
+    #[arg(long, value_name = "PART", value_parser = ["gravity"])]
+    with: Option<String>,
+}
+
+impl CompensatedArguments {
+    /// Adds these parts to what the file asks for.
+    pub fn apply(&self, file: &mut ParameterFile) {
+        file.compensator.gravity |= self.with.is_some();
+    }
+}
+
+/// Parses a setting of the compensator.
+fn setting(text: &str) -> Result<(String, f32), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    let value = value.trim().parse().map_err(|_| format!("found {value:?}, expected a number"))?;
+    let mut section = CompensatorSection::default();
+    section.set(name.trim(), value)?;
+    Ok((name.trim().to_owned(), value))
 }
 
 /// Returns the parser of a format, which lists all formats in the help.
@@ -36,7 +68,11 @@ pub fn run(arguments: &ExportArguments) -> Result<(), String> {
     if arguments.to == ExportFormat::Onnx {
         return Err(super::missing_feature::refusal("export --to onnx", "onnx"));
     }
-    let file = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
+    let mut file = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
+    arguments.taken.apply(&mut file);
+    for (name, value) in &arguments.compensator {
+        file.compensator.set(name, *value)?;
+    }
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
     let with_path =
         |error: String| format!("{}: {}", arguments.params.display(), text_in_options(&error));

@@ -18,7 +18,9 @@ mod status;
 mod trend;
 
 use super::bus::BusArguments;
+use super::export::CompensatedArguments;
 use super::output::{pretty, print_text};
+use super::words::text_in_options;
 use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
@@ -103,6 +105,8 @@ enum Action {
         /// Also save the parameters, so that the driver keeps them over a reset
         #[arg(long)]
         save: bool,
+        #[command(flatten)]
+        taken: CompensatedArguments,
     },
     /// Show the differences between the driver and a file, or what it has learnt; exit code 1 if there are any
     Diff {
@@ -245,7 +249,7 @@ fn run_action(
         Action::Trend { write } => return driver.trend(write.as_deref(), json).map(printed),
         Action::Status => return driver.status(json).map(printed),
         Action::BrakeTest => return driver.brake_test(name, json),
-        Action::Set { what, save } => driver.set(what, *save)?,
+        Action::Set { what, save, taken } => driver.set(what, *save, taken)?,
         Action::Save => {
             driver.store(index::STORE, SAVE_SIGNATURE)?;
             "parameters and settings saved, kept over a reset".to_owned()
@@ -421,7 +425,12 @@ impl Driver {
     }
 
     /// Sets parameters from `NAME=VALUE` items and files. Returns a summary of the changes.
-    fn set(&mut self, what: &[String], save: bool) -> Result<String, String> {
+    fn set(
+        &mut self,
+        what: &[String],
+        save: bool,
+        taken: &CompensatedArguments,
+    ) -> Result<String, String> {
         let before = self.read_set()?;
         let mut set = before.clone();
         let (mut settings, mut orders) = (Vec::new(), Vec::new());
@@ -451,7 +460,11 @@ impl Driver {
                     ));
                 }
                 None => {
-                    let file = self.read_file(Path::new(item))?;
+                    let mut file = self.read_file(Path::new(item))?;
+                    taken.apply(&mut file);
+                    if let Some(left_out) = file.left_out_in_words() {
+                        eprintln!("note: {}", text_in_options(&left_out));
+                    }
                     let with_name = |error| format!("{item}: {error}");
                     driver_file::apply(&file, &mut set).map_err(with_name)?;
                 }

@@ -25,6 +25,8 @@ fn option(reference: Reference) -> String {
         Setting::BadRows => "--bad-rows",
         Setting::Model => "--model",
         Setting::RigidBody => "--rigid-body",
+        Setting::With => "--with",
+        Setting::Compensator => "--compensator",
         Setting::Preset => "--from",
         Setting::Join => "--join",
         Setting::Rate => "--rate",

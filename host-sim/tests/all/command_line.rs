@@ -14,7 +14,6 @@ use std::process::{Command, Output, Stdio};
 
 use crate::snapshot;
 use compensator_core::compensator::Compensator;
-use compensator_core::configuration::Configuration;
 use compensator_core::record;
 use compensator_core::{FrictionModel, LawKind};
 use host_sim::driver_file;
@@ -157,9 +156,7 @@ fn assert_schema(document: &Value, models: usize) {
 /// Checks that a driver accepts a parameter file: it survives the f32 record and can be built.
 fn assert_deployable(file: &Path) {
     let read = driver_file::read(file).unwrap_or_else(|error| panic!("{error}"));
-    let configuration =
-        Configuration { model: read.parameters.convert(), compensator: read.compensator };
-    let record = record::emit(&configuration);
+    let record = record::emit(&read.friction());
     let back = record::parse(&record).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(record::emit(&back), record, "{}", file.display());
     let model: Result<FrictionModel<f32>, _> = back.model.build(50e-6);

@@ -25,7 +25,8 @@ const PERIOD_S: f32 = 1e-3;
 const ROWS: usize = 4000;
 
 /// Terms that the C header supports. A test below checks that it rejects all others.
-const C_TERMS: [TermKind; 17] = [
+const C_TERMS: [TermKind; 15] = [
+    TermKind::Backlash,
     TermKind::RadialForceCoulomb,
     TermKind::RadialForceRate,
     TermKind::PressureCoulomb,
@@ -33,14 +34,11 @@ const C_TERMS: [TermKind; 17] = [
     TermKind::PositionRipple,
     TermKind::GravityImbalance,
     TermKind::DirectionAsymmetry,
-    TermKind::TorqueOffset,
     TermKind::QuadraticDrag,
     TermKind::DwellTimeStatic,
     TermKind::TimeDrift,
     TermKind::LoadTorqueCoulomb,
-    TermKind::UnmodelledInertia,
     TermKind::StribeckShape,
-    TermKind::LoadGain,
     TermKind::TorqueRipple,
     TermKind::TemperatureCoulomb,
 ];
@@ -86,6 +84,8 @@ fn joint(law: LawKind, terms: &[TermKind]) -> Parameters<f32> {
         (Id::LoadGain, 0.9),
         (Id::Inertia, 0.05),
         (Id::StribeckExponent, 1.4),
+        (Id::BacklashTravel, 0.05),
+        (Id::BacklashStiffnessRatio, 0.1),
         (Id::TorqueRippleSine1, 0.15),
         (Id::TorqueRippleOrder2, 7.0),
         (Id::TorqueRippleCosine2, 0.1),
@@ -101,7 +101,10 @@ fn joint(law: LawKind, terms: &[TermKind]) -> Parameters<f32> {
 }
 
 fn file(model: &Parameters<f32>) -> ParameterFile {
-    driver_file::parse(&emit_model(model, JointKind::Revolute)).expect("a legal model")
+    let settings = "\n[compensator]\nscale = 0.9\ntorque_limit_nm = 6\ntorque_constant_nm_per_a = 1\n\
+         current_limit_a = 26\ngravity = true\n";
+    let text = emit_model(model, JointKind::Revolute) + settings;
+    driver_file::parse(&text).expect("a legal model")
 }
 
 /// A motion back and forth with rests, under varying loads.
@@ -130,9 +133,11 @@ fn samples() -> Vec<Sample<f32>> {
         .collect()
 }
 
-/// Torques of the core in double precision, so that the reference is free of `float` rounding.
+/// Torques of the core in double precision, so that the reference is free of `float` rounding. Without the offset of the law `atan`,
+/// which is not compensated.
 fn torques_of_core(model: &Parameters<f32>) -> Vec<f64> {
-    let built = model.convert::<f64>().build::<f64>(f64::from(PERIOD_S)).expect("it builds");
+    let built =
+        model.convert::<f64>().compensated().build::<f64>(f64::from(PERIOD_S)).expect("it builds");
     let mut state = ModelState::default();
     samples().iter().map(|sample| built.step(&mut state, &sample.map(f64::from))).collect()
 }
@@ -245,7 +250,8 @@ fn export_to_c_of_every_supported_term_matches_core() {
 
 #[test]
 fn export_to_c_of_unsupported_term_returns_error_with_its_name() {
-    for kind in TermKind::ALL.iter().filter(|kind| !C_TERMS.contains(kind)) {
+    let is_unsupported = |kind: &&TermKind| kind.is_compensated() && !C_TERMS.contains(kind);
+    for kind in TermKind::ALL.iter().filter(is_unsupported) {
         let model = joint(LawKind::Lugre, &[*kind]);
         let error =
             export(&file(&model), ExportFormat::C, "params.toml").expect_err("it has a memory");
@@ -404,6 +410,89 @@ fn export_gives_the_same_error_on_a_log_in_every_form() {
             assert!(apart < 2e-4, "{model} in {form}: {found}, expected {expected}");
         }
     }
+}
+
+/// A model of a complete drive torque: friction, and every rigid-body part.
+const DRIVE_TORQUE: &str = "schema = 1\njoint = \"revolute\"\n\
+    model = \"stribeck+unmodelled-inertia+gravity-imbalance+torque-offset+load-gain+channel-delay+pressure-coulomb\"\n\
+    [parameters]\ncoulomb_torque = 1.5\nstatic_torque = 2\npressure_coulomb = 2e-6\n\
+    [rigid_body]\ninertia = 0.5\ngravity_sine = 3\ngravity_cosine = 1\ntorque_offset = 0.7\nload_gain = 0.9\n\
+    channel_delay = 2e-3\n[compensator]\nscale = 1\ntorque_limit_nm = 60\ntorque_constant_nm_per_a = 0.9\n\
+    current_limit_a = 60\n";
+
+#[test]
+fn export_of_drive_torque_takes_friction_alone_and_gravity_only_if_asked() {
+    let gravity = format!("{DRIVE_TORQUE}gravity = true\n");
+    for (text, gravity_nm) in [(DRIVE_TORQUE, 0.0), (gravity.as_str(), 3.0f64)] {
+        let file = driver_file::parse(text).expect("a legal model");
+        let written = export(&file, ExportFormat::C, "params.toml").expect("exported");
+        let header = String::from_utf8(written.content).expect("text");
+        assert!(!header.contains("acceleration") && !header.contains("load_torque"), "{header}");
+        assert!(header.contains("FRICTION_TORQUE_CONSTANT_NM_PER_A 0.9f"), "{header}");
+        let note = written.notes.last().expect("a note");
+        assert!(
+            note.contains("inertia, load, offset, delay") || note.contains("inertia, offset"),
+            "{note}"
+        );
+        assert_eq!(note.contains("gravity"), gravity_nm == 0.0, "{note}");
+        let at = |acceleration: f32| Sample {
+            velocity_rad_s: 2.0,
+            position_rad: std::f32::consts::FRAC_PI_2,
+            acceleration_rad_s2: acceleration,
+            load_torque_nm: 5.0,
+            pressure_diff_mpa: 0.1,
+            ..Sample::default()
+        };
+        let in_c = run_c(&file, PERIOD_S, &[(None, at(0.0)), (None, at(100.0))]);
+        for torque in in_c {
+            assert!((torque - 1.7 - gravity_nm).abs() < 1e-3, "{torque}");
+        }
+        let record = export(&file, ExportFormat::Record, "params.toml").expect("exported").content;
+        let read = record::parse(&record).expect("a record");
+        assert_eq!(read.compensator.torque_constant_nm_per_a, 0.9);
+        let mut compensator = Compensator::<f32>::build(&read, PERIOD_S).expect("it builds");
+        compensator.set_enabled(true);
+        for acceleration in [0.0, 100.0, -100.0] {
+            let mut inputs = Inputs::velocity(2.0);
+            inputs.position_rad = Reading::fresh(std::f32::consts::FRAC_PI_2);
+            inputs.acceleration_rad_s2 = Reading::fresh(acceleration);
+            inputs.load_torque_nm = Reading::fresh(5.0);
+            inputs.pressure_diff_mpa = Reading::fresh(0.1);
+            let output = compensator.step(&inputs);
+            let torque = f64::from(output.friction_torque_nm);
+            assert!((torque - 1.7 - gravity_nm).abs() < 1e-3, "{acceleration}: {torque}");
+        }
+    }
+}
+
+#[test]
+fn c_example_of_the_guide_compiles_with_an_exported_header() {
+    let guide = include_str!("../../../docs/src/how-to/embed-the-compensator.md");
+    let (_, example) = guide.split_once("```c\n").expect("a block");
+    let (example, _) = example.split_once("```").expect("its end");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = driver_file::parse(DRIVE_TORQUE).expect("a legal model");
+    let header = export(&file, ExportFormat::C, "params.toml").expect("exported").content;
+    std::fs::write(folder.path().join("friction.h"), header).expect("written");
+    std::fs::write(folder.path().join("loop.c"), example).expect("written");
+    let strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-c"];
+    let compiled =
+        Command::new("cc").args(strict).arg("loop.c").current_dir(folder.path()).output();
+    let compiled = compiled.expect("cc, from the package gcc or build-essential");
+    assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+}
+
+#[test]
+fn export_with_a_current_asks_for_the_settings_that_the_file_lacks() {
+    let (model, _) = DRIVE_TORQUE.split_once("[compensator]").expect("a section");
+    let lacking =
+        driver_file::parse(&format!("{model}[compensator]\nscale = 0.7\n")).expect("legal");
+    for format in [ExportFormat::Record, ExportFormat::Rust] {
+        let error = export(&lacking, format, "params.toml").expect_err("settings are missing");
+        assert!(plain(&error).contains("torque_constant_nm_per_a=VALUE"), "{error}");
+        assert!(!error.contains("scale"), "{error}");
+    }
+    assert!(export(&lacking, ExportFormat::C, "params.toml").is_ok());
 }
 
 #[test]

@@ -11,6 +11,7 @@
 //! Every command reads its parameter files with this module, so that the file of a whole driver is accepted wherever a
 //! model is required. The library that fits models does not depend on the motor's parameters.
 
+use compensator_core::TermKind;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::network::JointNetwork;
 use firmware::control::MotorParameters;
@@ -20,7 +21,7 @@ use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 use friction_fit::network::NetworkFile;
 use friction_fit::params::{
-    self, ParameterFile, ParameterFileError, Section, emit_model, emit_section,
+    self, CompensatorSection, ParameterFile, ParameterFileError, Section, emit_model, emit_section,
 };
 use joint_log::JointKind;
 use std::path::Path;
@@ -57,8 +58,8 @@ pub fn network(file: &ParameterFile) -> Result<Option<JointNetwork>, String> {
     file.network.as_ref().map(NetworkFile::for_driver).transpose()
 }
 
-/// Applies a file to a driver's parameter set. The friction model and its network are replaced as a whole. Of the other
-/// sections, only the values in the file are replaced.
+/// Applies a file to a driver's parameter set. The friction model and its network are replaced as a whole; the model's rigid-body
+/// parts are left out. Of the other sections, only the values in the file are replaced.
 ///
 /// # Errors
 /// See [`network`]; the set is unchanged in that case.
@@ -73,7 +74,8 @@ pub fn apply(file: &ParameterFile, set: &mut ParameterSet) -> Result<(), String>
         values
     }
     set.network = network(file)?;
-    set.friction = file.friction();
+    set.friction.model = file.compensated_model();
+    set.friction.compensator = file.compensator.over(&set.friction.compensator);
     let [motor, thresholds, watch, sensors] = [0, 1, 2, 3].map(|at| file.sections.get(at));
     set.motor = MotorParameters::from_array(merge(set.motor.to_array(), motor));
     set.thresholds = Thresholds::from_array(merge(set.thresholds.to_array(), thresholds));
@@ -87,6 +89,9 @@ pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
     let mut text = emit_model(&set.friction.model, joint);
     let compensator = set.friction.compensator.to_array();
     emit_section("compensator", &CompensatorParameters::NAMES, &compensator, &mut text);
+    if set.friction.model.terms.contains(&TermKind::GravityImbalance) {
+        text += &format!("{} = true\n", CompensatorSection::GRAVITY);
+    }
     emit_section("motor", &MotorParameters::NAMES, &set.motor.to_array(), &mut text);
     emit_section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array(), &mut text);
     emit_section("watch", &WatchParameters::NAMES, &set.watch.to_array(), &mut text);
@@ -97,7 +102,7 @@ pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
+    use compensator_core::{LawKind, ParameterId, Parameters};
 
     #[test]
     fn emit_then_apply_returns_the_same_set() {

@@ -167,7 +167,7 @@ impl Learnt {
     }
 
     /// Returns a copy of the set with a model that was fitted to the recordings. Inertia goes to the feed-forward of the velocity
-    /// loop, and the other parts to the compensator, at this scale.
+    /// loop, friction and gravity to the compensator, at this scale.
     pub fn set_with(&self, model: &Outcome, former: &ParameterSet, scale: f32) -> ParameterSet {
         let driver = model.for_driver();
         let mut set = former.clone();
@@ -175,7 +175,7 @@ impl Learnt {
         let mut model: Parameters<f32> = driver.parameters.convert();
         model.choices.allow_active =
             former.friction.model.choices.allow_active || !is_passive(&driver.parameters);
-        model.terms.retain(|term| *term != TermKind::UnmodelledInertia);
+        model.remove_left_out();
         widen(&mut model, &former.friction.model.envelope);
         set.friction.model = model;
         set.friction.compensator.scale = scale;

@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 
 /// Exports the model as a C header.
 pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, String> {
-    let model = &file.friction().model;
+    let model = &file.compensated_model();
     if let Some(term) = law::unsupported_term(model) {
         return Err(format!(
             "{term}: the C header does not support this term, which needs a memory or a table: use {} or {}",
@@ -25,6 +25,12 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
     let has_bristles = model.law.has_bristles();
     let mut text = head(file, source, has_bristles);
     text += " */\n#ifndef FRICTION_H\n#define FRICTION_H\n\n#include <math.h>\n\n";
+    if let Some(constant) = file.compensator.get("torque_constant_nm_per_a") {
+        text += &format!(
+            "/* Torque of one ampere, of the log that the model was fitted to. */\n\
+             #define FRICTION_TORQUE_CONSTANT_NM_PER_A {constant:?}f\n\n"
+        );
+    }
     text +=
         "/* Initialise all fields with zero, then call friction_start(). */\ntypedef struct {\n";
     let others = step.state().into_iter().filter(|name| *name != BRISTLE_TORQUE);
@@ -54,7 +60,7 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
 
 /// Returns the comment at the top of the header, without its end.
 fn head(file: &ParameterFile, source: &str, has_bristles: bool) -> String {
-    let model = &file.friction().model;
+    let model = &file.compensated_model();
     let [torque, speed] = match file.joint {
         JointKind::Revolute => ["Nm", "rad/s"],
         JointKind::Prismatic => {
@@ -68,7 +74,7 @@ fn head(file: &ParameterFile, source: &str, has_bristles: bool) -> String {
          \x20* torque in {torque}, positive for positive velocity. To compensate friction, add it to the torque\n\
          \x20* command and limit the sum. Velocity is in {speed}.\n\
          \x20*\n",
-        file.spec.full_name(),
+        file.compensated_name(),
         source.replace("*/", "* /")
     );
     text += if has_bristles {

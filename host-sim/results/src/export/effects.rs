@@ -20,6 +20,8 @@ pub(super) struct Effects {
     pub level_asymmetry: Option<Expr>,
     /// Factor of the viscous coefficient.
     pub viscous_scale: Option<Expr>,
+    /// Factor of the bristle stiffness.
+    pub stiffness_scale: Option<Expr>,
     /// Bristle deflection rate from the changing side load, rad/s.
     pub carried_rate: Option<Expr>,
     /// Exponent of the Stribeck curve, if it is not 2.

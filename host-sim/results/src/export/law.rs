@@ -125,6 +125,7 @@ impl<'a> Shared<'a> {
             level_scale: None,
             level_asymmetry: None,
             viscous_scale: None,
+            stiffness_scale: None,
             carried_rate: None,
             stribeck_exponent: None,
             torque: None,
@@ -197,6 +198,9 @@ impl<'a> Shared<'a> {
         let stiffness = define("stiffness", stiffness);
         let carried = carried_rate.as_ref().map(|rate| &stiffness * rate);
         let held = define("held", plus(held.clone(), &carried));
+        // A side load bends the bristles whatever the play in the drive.
+        let stiffness =
+            define("stiffness_in_play", times(stiffness, &self.effects.stiffness_scale));
         let level = &levels.level;
         let rate = (level * velocity - speed * &held) / (level + &stiffness * speed);
         let rate = define("rate", rate);

@@ -13,6 +13,7 @@ use super::law::{self, BRISTLE_TORQUE, MEASURED_TORQUE};
 use super::onnx::{Builder, per_joint, single};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
 use super::{ExportFormat, ExportedModel};
+use compensator_core::TermKind;
 use friction_fit::params::ParameterFile;
 use joint_log::JointKind;
 use std::collections::HashMap;
@@ -22,8 +23,10 @@ pub(super) const START_FILE: &str = "friction-start.onnx";
 
 /// Exports a law as a graph of its step, and a graph of its start if it has bristles.
 pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, String> {
-    let model = &file.friction().model;
-    if let Some(term) = law::unsupported_term(model) {
+    let model = &file.compensated_model();
+    // The graph of the start has no state of the play.
+    let play = model.terms.iter().find(|kind| **kind == TermKind::Backlash);
+    if let Some(term) = law::unsupported_term(model).or(play.map(|kind| kind.name())) {
         return Err(format!(
             "{term}: the ONNX graph does not support this term, which needs a memory or a table: use {} or {}",
             ExportFormat::Rust.setting(),
@@ -36,7 +39,7 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
         JointKind::Revolute => "",
         JointKind::Prismatic => " The joint is prismatic: rad means m, and Nm means N.",
     };
-    let name = file.spec.full_name();
+    let name = file.compensated_name();
     let next: Vec<String> = state.iter().map(|field| next(field)).collect();
     let mut note = format!("one step: inputs {}, dt_s", inputs.join(", "));
     if !state.is_empty() {

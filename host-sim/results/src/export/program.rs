@@ -104,6 +104,9 @@ impl Expr {
     pub fn min(&self, other: &Self) -> Self {
         self.binary(Binary::Min, other)
     }
+    pub fn max(&self, other: &Self) -> Self {
+        self.binary(Binary::Max, other)
+    }
     pub fn power(&self, exponent: &Self) -> Self {
         self.binary(Binary::Power, exponent)
     }

@@ -57,7 +57,7 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> ExportedModel {
          use compensator_core::{{FrictionModel, LawKind, ModelState, ParameterId, Parameters, Sample, TermKind}};\n\n\
          /// Friction law.\n\
          pub const LAW: LawKind = LawKind::{:?};\n\n",
-        file.spec.full_name(),
+        file.compensated_name(),
         if model.law.has_bristles() { BRISTLE_START } else { STATIC_START },
         model.law
     );

@@ -1,6 +1,7 @@
 //! The extension terms as statements, the same as in `compensator_core::term`. They stand before those of the law.
 
 use super::effects::Effects;
+use super::law::BRISTLE_TORQUE;
 use super::program::{Expr, Program};
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId as Id, Parameters, TermKind as Kind};
@@ -10,7 +11,7 @@ const CONTACT_AGE_MAX_S: f32 = 1000.0;
 
 /// Returns true if a term can be exported as statements. The others need a table or the memory of many samples.
 pub(super) fn is_supported(kind: Kind) -> bool {
-    !matches!(kind, Kind::Backlash | Kind::ChannelDelay | Kind::LookupTable | Kind::WarmUp)
+    !matches!(kind, Kind::LookupTable | Kind::WarmUp)
 }
 
 /// Adds the statements of a term. A term that [`is_supported`] excludes adds none.
@@ -59,6 +60,7 @@ pub(super) fn add(
             program.scale_by("viscous_scale", &mut effects.viscous_scale, factor);
         }
         Kind::DwellTimeStatic => dwell_time_static(program, effects, model),
+        Kind::Backlash => backlash(program, effects, model),
         Kind::TimeDrift => {
             let factor = by_time(model);
             program.scale_by("level_scale", &mut effects.level_scale, factor);
@@ -86,14 +88,9 @@ fn torques(effects: &Effects, kind: Kind, model: &Parameters<f32>) -> Vec<Expr> 
             let torque = |[order, sine, cosine]: [Expr; 3]| wave(order, sine, cosine);
             waves.map(|ids| torque(ids.map(n))).collect()
         }
-        Kind::TorqueOffset => vec![n(Id::TorqueOffset)],
         Kind::QuadraticDrag => {
             vec![n(Id::QuadraticDrag) * &effects.velocity * &effects.speed]
         }
-        Kind::UnmodelledInertia => {
-            vec![n(Id::Inertia) * Expr::input("acceleration_rad_s2")]
-        }
-        Kind::LoadGain => vec![n(Id::LoadGain) * Expr::input("load_torque_nm")],
         _ => Vec::new(),
     }
 }
@@ -134,6 +131,33 @@ fn radial_force_rate(program: &mut Program, effects: &mut Effects, model: &Param
     program.add_to("carried_rate", &mut effects.carried_rate, rate);
     program.set_state(previous, force);
     program.set_state(has_previous, Expr::number(1.0));
+}
+
+/// Position within the play, from -1 to 1, and the stiffness while the drive crosses it.
+fn backlash(program: &mut Program, effects: &mut Effects, model: &Parameters<f32>) {
+    let (zero, one) = (Expr::number(0.0), Expr::number(1.0));
+    let half_travel = 0.5 * model.get(Id::BacklashTravel);
+    if half_travel <= 0.0 {
+        return;
+    }
+    let share = &effects.speed * Expr::period() / Expr::number(half_travel);
+    let crossing = program.define("crossing", share);
+    let room = &one - Expr::state("play") * &effects.direction;
+    let room = if model.get(Id::BacklashUnloaded) > 0.5 {
+        // Elastic torsion in the opposite direction is released first, with the flanks in contact.
+        let releasing = (Expr::state(BRISTLE_TORQUE) * &effects.direction).negative();
+        releasing.if_positive(&zero, &room)
+    } else {
+        room
+    };
+    let room = program.define("room", room);
+    let beyond = crossing.max(&Expr::number(f32::MIN_POSITIVE));
+    let free = (&room - &crossing).if_positive(&one, &(&room / beyond));
+    let missing = Expr::number(1.0 - model.get(Id::BacklashStiffnessRatio));
+    let scale = program.define("contact", &one - missing * free);
+    program.scale_by("stiffness_scale", &mut effects.stiffness_scale, scale);
+    let play = Expr::state("play") + crossing.min(&room) * &effects.direction;
+    program.set_state("play", play.within(&one));
 }
 
 /// An exponential decrease with temperature.

@@ -128,21 +128,24 @@ mod tests {
         let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
         let items =
             |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
-        let refused = driver.set(&items(&["adapt", "adopt"]), false).unwrap_err();
+        let refused =
+            driver.set(&items(&["adapt", "adopt"]), false, &Default::default()).unwrap_err();
         assert!(refused.contains("2044h:1"), "{refused}");
         crate::snapshot::check(
             "units-of-commands",
             "an order to an adaptation that is off",
             &refused,
         );
-        let done = driver.set(&items(&["adapt", "on"]), false).expect("a mode");
+        let done =
+            driver.set(&items(&["adapt", "on"]), false, &Default::default()).expect("a mode");
         assert!(done.contains("drive.adapt 0 -> 1"), "{done}");
-        let done = driver.set(&items(&["adapt=hold"]), false).expect("a mode");
+        let done = driver.set(&items(&["adapt=hold"]), false, &Default::default()).expect("a mode");
         assert!(done.contains("drive.adapt 1 -> 2"), "{done}");
-        let done = driver.set(&items(&["adapt", "adopt"]), false).expect("an order");
+        let done =
+            driver.set(&items(&["adapt", "adopt"]), false, &Default::default()).expect("an order");
         assert!(done.contains("learnt levels: adopt"), "{done}");
         assert!(driver.diff_learnt(false).is_ok_and(|code| code == ExitCode::SUCCESS));
-        let refused = driver.set(&items(&["adapt"]), false).unwrap_err();
+        let refused = driver.set(&items(&["adapt"]), false, &Default::default()).unwrap_err();
         assert!(refused.contains("on-in-every-mode, adopt or discard"), "{refused}");
     }
 }
