@@ -1,19 +1,21 @@
 //! The columns of a file with the quantity that each may hold, for `--columns help` and for the error of a file with many columns.
 
 use super::column_names::ColumnNames;
-use super::contract::TIME;
+use super::contract::{RUN, TIME};
 use super::error::{DataError, listed};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
-use super::naming::STEP_MARK;
+use super::naming::{STEP_MARK, UNKNOWN_UNIT};
 use super::options::ReadOptions;
-use super::other_unit::other_unit;
+use super::other_unit::{OtherUnit, other_unit};
 use super::preset::Preset;
 use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey};
 use super::{guess, torque_constant, unit};
 use crate::setting::{Setting, shell_word};
+use compensator_core::quantity::{JointKind, Quantity};
+use std::iter::repeat;
 use std::path::Path;
 
 /// Number of columns above which an error names only the likely ones. It is the number that a list shows.
@@ -41,28 +43,47 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     };
     let has_torque = survey.columns.iter().any(|column| is_torque(&column.name));
     let mut found: Vec<Option<Guess>> = Vec::new();
-    for column in &mut survey.columns {
-        let is_symbol = times > 1 && column.name == guess::TORQUE_SYMBOL;
-        let by_name = || guess::quantity(&column.name).or_else(|| guess::by_unit(&column.name));
-        let quantity = if is_symbol { Some("torque_nm") } else { by_name() };
-        // A current beside a torque is one of its causes, not another torque.
-        let quantity = quantity.filter(|_| !(has_torque && guess::is_current(&column.name)));
-        let is_step = column.is_step && (quantity == Some(TIME) || is_step_name(&column.name));
-        let quantity = if is_step { Some(TIME) } else { quantity };
+    let mut doubts = Vec::new();
+    for (column, values) in
+        survey.columns.iter_mut().zip(survey.values.iter().chain(repeat(&Vec::new())))
+    {
+        let name = &column.name;
+        let is_symbol = times > 1 && name == guess::TORQUE_SYMBOL;
         let of_file = column.unit.take();
-        let stated = quantity
-            .and_then(|quantity| unit::stated(quantity, &column.name))
-            .or_else(|| guess::any_unit(&column.name));
-        column.unit = stated.map(str::to_owned).or(of_file.clone());
-        let is_read = column.is_numeric() || quantity == Some("time_s") && column.is_date;
+        let quantity = match guess::by_name(name, of_file.as_deref().unwrap_or_default()) {
+            _ if is_symbol => Some("torque_nm"),
+            _ if guess::is_run(name, values) => Some(RUN),
+            Ok(quantity) => quantity,
+            Err(of) => {
+                doubts.push(format!("{name}: its words are those of {of}, its unit is not."));
+                None
+            }
+        };
+        // A current beside a torque is one of its causes, not another torque.
+        let quantity = quantity.filter(|_| !(has_torque && guess::is_current(name)));
+        let is_step = column.is_step && (quantity == Some(TIME) || is_step_name(name));
+        let quantity = if is_step { Some(TIME) } else { quantity };
+        let stated = quantity.and_then(|of| unit::stated(of, name));
+        let is_known = stated.is_some();
+        column.unit =
+            stated.or_else(|| guess::any_unit(name)).map(str::to_owned).or(of_file.clone());
+        let is_read = column.is_numeric()
+            || quantity == Some(TIME) && column.is_date
+            || quantity == Some(RUN);
         found.push(quantity.filter(|_| is_read).map(|quantity| {
             let fitting = of_file.filter(|unit| unit::conversion(quantity, unit).is_ok());
-            let unit = unit::in_name(quantity, &column.name).map(str::to_owned).or(fitting);
-            let other = || other_unit(&column.name).map(|other| other.suggestion().to_owned());
-            let is_known = unit::stated(quantity, &column.name).is_some();
+            let unit = unit::in_name(quantity, name).map(str::to_owned).or(fitting);
+            let is_ambiguous = unit.is_none() && unit::is_ambiguous(quantity, name);
+            doubts.extend(
+                is_ambiguous
+                    .then(|| format!("{name}: the case of its unit decides, as in mN and MN.")),
+            );
+            let other = || other_unit(name).map(OtherUnit::suggestion);
+            let other = || other().or(is_ambiguous.then_some(UNKNOWN_UNIT)).map(str::to_owned);
             Guess { quantity, unit: unit.or_else(other), is_known, is_by_size: false, is_step }
         }));
     }
+    doubts.extend(of_one_kind(&survey.columns, &mut found));
     add_units_by_size(&survey, &mut found);
     for (column, guess) in survey.columns.iter_mut().zip(&found) {
         let other_name =
@@ -72,9 +93,29 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
         column.suggestion = pair.or(column.suggestion.take());
     }
     survey.notes = notes(&survey.columns, &found);
+    survey.notes.extend(doubts);
     suggest_joints(&mut survey.columns);
     suggest_preset(file, &options, &mut survey);
     Ok(survey)
+}
+
+/// Takes columns without a unit as those of a linear axis, if another column is one of it. Returns a note if the units are those
+/// of both kinds of joint.
+fn of_one_kind(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Option<String> {
+    let is_known = |guess: &&Guess| guess.is_known || guess.quantity == "force_n";
+    let known = found.iter().flatten().filter(is_known);
+    let kinds: Vec<_> = known.filter_map(|guess| Quantity::parse(guess.quantity)?.1).collect();
+    let has = |kind| kinds.contains(&kind);
+    if has(JointKind::Revolute) && has(JointKind::Prismatic) {
+        return Some(
+            "The units are those of a joint and of a linear axis: type those of one.".into(),
+        );
+    }
+    for (guess, column) in found.iter_mut().zip(columns).filter(|_| has(JointKind::Prismatic)) {
+        let open = guess.as_mut().filter(|guess| !guess.is_known && guess.quantity != column.name);
+        open.into_iter().for_each(|guess| guess.quantity = guess::of_both_kinds(guess.quantity)[1]);
+    }
+    None
 }
 
 /// Replaces the suggestions for the columns of several joints by one for all joints.

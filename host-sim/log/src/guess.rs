@@ -5,10 +5,11 @@
 //! of its name.
 
 use super::contract;
+use super::log_check::nearly_named;
 use super::name_words::{is_among, parts};
 use super::other_unit::{OtherUnit, other_unit};
 use super::unit;
-use compensator_core::quantity::Quantity;
+use compensator_core::quantity::{JointKind, Quantity};
 
 /// Words that name a quantity in logs of drives, ROS and MATLAB.
 const WORDS: [(&str, &str); 3] = [
@@ -93,18 +94,64 @@ pub(super) fn is_same_quantity(one: &str, other: &str) -> bool {
     one == other || quantity(one).is_some() && quantity(one) == quantity(other)
 }
 
-/// Returns the unit at the end of a name, of any quantity of the contract. Units of one letter are too common.
+/// Returns the unit at the end of a name, of any quantity of the contract. Units of one letter are too common, except for that of
+/// a force (`F_N`), and `min` mostly is a minimum.
 pub(super) fn any_unit(name: &str) -> Option<&'static str> {
-    unit::any_in_name(name).filter(|unit| unit.len() > 1)
+    let last = name.rsplit(['_', ' ', '.', '-']).next().filter(|last| *last != name);
+    let is_long = last.is_none_or(|last| last.len() > 1) && last != Some("min");
+    let is_explicit = last == Some("N") || name.ends_with([']', ')', '}']);
+    let is_clear = |unit: &&str| is_explicit || unit.contains('/') || is_long && unit.len() > 1;
+    unit::any_in_name(name).filter(is_clear)
 }
 
-/// Returns the contract name of the motion or torque of a rotary joint that a name's unit fits: `bucket_deg_s`.
+/// Returns the contract name of the quantity that a name's unit fits, except for a time: `bucket_deg_s`.
 pub(super) fn by_unit(name: &str) -> Option<&'static str> {
     let unit = any_unit(name)?;
-    ["velocity_rad_s", "position_rad", "torque_nm"]
-        .into_iter()
+    contract::names()
+        .skip_while(|of| *of != "velocity_rad_s")
         .find(|of| unit::conversion(of, unit).is_ok())
 }
+
+/// Returns the contract names of a quantity: its own, and that of a linear axis.
+pub(super) fn of_both_kinds(of: &str) -> [&str; 2] {
+    [of, Quantity::parse(of).map_or(of, |(quantity, _)| quantity.name(JointKind::Prismatic))]
+}
+
+/// Returns the contract name of a quantity in the kind of joint that the unit of a column states, in its name or in the file.
+pub(super) fn in_stated_kind<'a>(of: &'a str, name: &str, in_file: &str) -> Option<&'a str> {
+    let is_stated =
+        |of: &&str| unit::stated(of, name).is_some() || unit::conversion(of, in_file).is_ok();
+    of_both_kinds(of).into_iter().find(is_stated)
+}
+
+/// Returns the contract name that a column's words and unit fit, or its unit alone.
+///
+/// # Errors
+/// Returns the quantity of the words, if the unit contradicts it.
+pub(super) fn by_name(name: &str, in_file: &str) -> Result<Option<&'static str>, &'static str> {
+    let is_load = |of: &Quantity| matches!(of, Quantity::RadialForce | Quantity::LoadTorque);
+    let load = nearly_named::quantity(name).filter(is_load);
+    let words = load.map(|of| of.name(JointKind::Revolute)).or_else(|| quantity(name));
+    let Some(of) = words else { return Ok(by_unit(name)) };
+    let is_force =
+        of == "torque_nm" && parts(name).iter().any(|part| is_among("force kraft", part));
+    match (in_stated_kind(of, name, in_file), any_unit(name)) {
+        (None, Some(_)) if parts(name)[0].len() > 1 => Err(of),
+        // A symbol of one letter has many meanings: `T_degC`.
+        (None, Some(_)) => Ok(by_unit(name)),
+        (stated, _) => Ok(stated.or(Some(of_both_kinds(of)[usize::from(is_force)]))),
+    }
+}
+
+/// Returns true if a name is that of an experiment, and its values are constant over blocks of rows.
+pub(super) fn is_run(name: &str, values: &[f64]) -> bool {
+    let changes = values.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > 0.0).count();
+    let is_named = |first: &String| is_among("run exp experiment trial", first);
+    parts(name).first().is_some_and(is_named) && MIN_ROWS_OF_RUN * changes <= values.len()
+}
+
+/// Minimum mean number of rows of an experiment.
+const MIN_ROWS_OF_RUN: usize = 20;
 
 /// Symbol of a torque. It is a time only if no other column is.
 pub(super) const TORQUE_SYMBOL: &str = "T";
@@ -112,7 +159,7 @@ pub(super) const TORQUE_SYMBOL: &str = "T";
 /// Maximum length of a suggested name, bytes.
 const MAX_NAME_BYTES: usize = 60;
 
-/// Returns the column that probably holds a contract name, with its unit, if exactly one does.
+/// Returns the pair of `--columns` for the column that probably holds a contract name, if exactly one does.
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
@@ -138,22 +185,13 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     if name.len() > MAX_NAME_BYTES || name.contains(char::is_control) {
         return None;
     }
-    Some(match unit::in_name(contract_name, name).filter(|_| *name != "%time") {
-        Some(unit) => format!("{name}:{unit}"),
+    let of = in_stated_kind(contract_name, name, "").unwrap_or(contract_name);
+    Some(match unit::in_name(of, name).filter(|_| *name != "%time") {
+        Some(unit) => format!("{of}={name}:{unit}"),
         None => match other_unit(name) {
-            Some(other) => format!("{name}:{}", other.suggestion()),
-            None => (*name).to_owned(),
+            Some(other) => format!("{of}={name}:{}", other.suggestion()),
+            None => format!("{of}={name}"),
         },
-    })
-}
-
-/// Returns the contract name of a quantity and the unit that `name` ends in, as for `pressure_diff_bar`.
-pub(super) fn quantity_in_unit(name: &str) -> Option<(&'static str, &'static str)> {
-    let mut names = contract::names().filter(|name| !contract::is_joint_position(name));
-    names.find_map(|contract_name| {
-        let unit = unit::in_name(contract_name, name)?;
-        let stem = contract_name.split('_').next()?;
-        name.to_lowercase().starts_with(stem).then_some((contract_name, unit))
     })
 }
 
@@ -164,21 +202,68 @@ mod tests {
     #[test]
     fn column_with_one_probable_name_returns_it() {
         let columns = ["t (ms)", "speed_rpm", "tau_3", "dq_des", "note"];
-        assert_eq!(column("time_s", &columns).as_deref(), Some("t (ms):ms"));
+        assert_eq!(column("time_s", &columns).as_deref(), Some("time_s=t (ms):ms"));
         assert_eq!(column("velocity_rad_s", &columns), None, "speed_rpm or dq_des");
-        assert_eq!(column("velocity_rad_s", &columns[..3]).as_deref(), Some("speed_rpm:rpm"));
-        assert_eq!(column("torque_nm", &columns).as_deref(), Some("tau_3"));
-        assert_eq!(column("time_s", &["%time", "field.velocity0"]).as_deref(), Some("%time"));
+        assert_eq!(
+            column("velocity_rad_s", &columns[..3]).as_deref(),
+            Some("velocity_rad_s=speed_rpm:rpm")
+        );
+        assert_eq!(column("torque_nm", &columns).as_deref(), Some("torque_nm=tau_3"));
+        assert_eq!(
+            column("time_s", &["%time", "field.velocity0"]).as_deref(),
+            Some("time_s=%time")
+        );
+    }
+
+    #[test]
+    fn by_name_follows_the_unit_of_the_name() {
+        for (name, expected) in [
+            ("v_mm_s", Ok(Some("velocity_m_s"))),
+            ("vel_mm_per_s", Ok(Some("velocity_m_s"))),
+            ("w_rpm", Ok(Some("velocity_rad_s"))),
+            ("x_mm", Ok(Some("position_m"))),
+            ("pos_m", Ok(Some("position_m"))),
+            ("F_N", Ok(Some("force_n"))),
+            ("load_cell_kN", Ok(Some("force_n"))),
+            ("force_3", Ok(Some("force_n"))),
+            ("side_load_N", Ok(Some("radial_force_n"))),
+            ("T_degC", Ok(Some("temperature_c"))),
+            ("p_psi", Ok(Some("pressure_diff_pa"))),
+            ("t_ms", Ok(Some("time_s"))),
+            // A minimum, a motor, a joint.
+            ("x_min", Ok(None)),
+            ("F", Ok(None)),
+            ("tau_a", Ok(Some("torque_nm"))),
+            ("pos_nm", Err("position_rad")),
+            ("torque_bar", Err("torque_nm")),
+        ] {
+            assert_eq!(by_name(name, ""), expected, "{name}");
+        }
+        assert_eq!(by_name("pos", "mm"), Ok(Some("position_m")), "by the file");
+    }
+
+    #[test]
+    fn is_run_with_exponent_returns_false() {
+        let blocks: Vec<f64> = (0..100).map(|row| f64::from(row / 50)).collect();
+        let curve: Vec<f64> = (0..100).map(|row| (0.1 * f64::from(row)).exp()).collect();
+        assert!(is_run("exp", &blocks) && is_run("trial_no", &blocks) && is_run("exp", &[]));
+        assert!(!is_run("exp", &curve) && !is_run("speed", &blocks));
     }
 
     #[test]
     fn column_with_time_and_torque_symbol_tells_them_apart() {
         let columns = ["ts_us", "w", "T"];
-        assert_eq!(column("time_s", &columns).as_deref(), Some("ts_us:us"));
-        assert_eq!(column("torque_nm", &columns).as_deref(), Some("T"));
-        assert_eq!(column("torque_nm", &["I [A]", "Torque [%]"]).as_deref(), Some("Torque [%]:%"));
-        assert_eq!(column("torque_nm", &["I [A]", "w"]).as_deref(), Some("I [A]:A"));
-        assert_eq!(column("torque_nm", &["i_q", "i_q_ref", "q"]).as_deref(), Some("i_q:A"));
+        assert_eq!(column("time_s", &columns).as_deref(), Some("time_s=ts_us:us"));
+        assert_eq!(column("torque_nm", &columns).as_deref(), Some("torque_nm=T"));
+        assert_eq!(
+            column("torque_nm", &["I [A]", "Torque [%]"]).as_deref(),
+            Some("torque_nm=Torque [%]:%")
+        );
+        assert_eq!(column("torque_nm", &["I [A]", "w"]).as_deref(), Some("torque_nm=I [A]:A"));
+        assert_eq!(
+            column("torque_nm", &["i_q", "i_q_ref", "q"]).as_deref(),
+            Some("torque_nm=i_q:A")
+        );
         assert_eq!(column("torque_nm", &["i_1 [A]", "i_2 [A]"]), None);
     }
 
@@ -205,14 +290,5 @@ mod tests {
         );
         assert_eq!(unit::stated("time_s", "bucket_deg_s"), None);
         assert_eq!(unit::stated("time_s", "stamp_s"), Some("s"));
-    }
-
-    #[test]
-    fn quantity_in_unit_with_covariate_in_known_unit_returns_it() {
-        assert_eq!(quantity_in_unit("pressure_diff_bar"), Some(("pressure_diff_pa", "bar")));
-        assert_eq!(quantity_in_unit("temperature_k"), Some(("temperature_c", "K")));
-        assert_eq!(quantity_in_unit("position_deg"), Some(("position_rad", "deg")));
-        assert_eq!(quantity_in_unit("flow_bar"), None);
-        assert_eq!(quantity_in_unit("pressure_diff_pa"), None);
     }
 }

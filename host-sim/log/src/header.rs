@@ -22,7 +22,7 @@ use super::contract::{self, DEMAND, RUN, TARGETS, TIME, is_joint_position, parse
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
-use super::naming::{Naming, READ_AS_COVARIATE};
+use super::naming::Naming;
 use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::{Preset, PresetColumns};
@@ -145,7 +145,6 @@ impl Layout {
             contract::names().any(|name| name == source.name)
                 || optional.iter().any(|column| column.name == source.name)
         });
-        self.notes.retain(|note| !note.contains(READ_AS_COVARIATE));
         let used = self.needed().collect::<HashSet<usize>>().len() - own;
         let count = self.names.len() - own;
         self.notes.push(format!(
@@ -394,7 +393,6 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
         name: names[time.index].clone(),
         why: "the times are those of --rate".into(),
     }));
-    layout.notes.extend(naming.hints());
     layout.notes.extend(naming.only_joint_position().map(|(joint, position)| {
         format!("{}: {joint} is read as {position}, because the log has no other", file.display())
     }));

@@ -19,7 +19,7 @@ mod held;
 mod independence;
 mod isolated;
 mod log;
-mod nearly_named;
+pub(crate) mod nearly_named;
 mod outlier;
 mod overview;
 mod position_zero;

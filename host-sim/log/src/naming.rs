@@ -22,15 +22,6 @@ use super::{torque_constant, torque_scale};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
 
-/// What a hint states of a column, after its name. Later steps find the hints by it.
-pub const READ_AS_COVARIATE: &str = "is read as a covariate";
-
-/// Returns the hint that a covariate may be a quantity of the contract. `unit` is empty, or starts with a colon.
-pub fn covariate_hint(name: &str, contract_name: &str, unit: &str) -> String {
-    let pair = shell_word(&format!("{contract_name}={name}{unit}"));
-    format!("{name} {READ_AS_COVARIATE}; --columns {pair} reads it as {contract_name}")
-}
-
 /// The names of a file's columns: those in the file and those given with `--columns`.
 pub(super) struct Naming<'a> {
     /// The names in the file.
@@ -151,17 +142,17 @@ impl<'a> Naming<'a> {
             return Ok(());
         }
         let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
-        let column = match self.mapped.iter().find(|mapped| mapped.name == name) {
-            Some(mapped) => format!("{}:A", self.names[mapped.reading.index]),
+        let pair = match self.mapped.iter().find(|mapped| mapped.name == name) {
+            Some(mapped) => format!("{name}={}:A", self.names[mapped.reading.index]),
             None => guess::column(name, &free)
-                .filter(|column| column.ends_with('A'))
-                .unwrap_or_else(|| "NAME:A".into()),
+                .filter(|pair| pair.ends_with('A'))
+                .unwrap_or_else(|| format!("{name}=NAME:A")),
         };
         let what = Setting::TorqueConstant.given(format!("{}{unit}/A", constant.value));
         Err(DataError::Request {
             what: format!("{}: {what}", file.display()),
             found: format!("no {name} in amperes"),
-            expected: Setting::Columns.suggested(format!("{name}={column}")),
+            expected: Setting::Columns.suggested(pair),
         })
     }
 
@@ -196,17 +187,6 @@ impl<'a> Naming<'a> {
         })
     }
 
-    /// Returns a note for each covariate that may be an optional quantity in another unit.
-    pub fn hints(&self) -> Vec<String> {
-        let own = self.columns().filter(|(reading, name)| self.names[reading.index] == *name);
-        own.filter_map(|(_, name)| {
-            let (contract_name, unit) = guess::quantity_in_unit(name)?;
-            let is_there = self.find(contract_name).is_some();
-            (!is_there).then(|| covariate_hint(name, contract_name, &format!(":{unit}")))
-        })
-        .collect()
-    }
-
     /// Returns the columns whose name was given to another column.
     pub fn replaced(&self) -> Vec<LeftOutColumn> {
         let mut replaced = Vec::new();
@@ -230,11 +210,9 @@ impl<'a> Naming<'a> {
         let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
         let joints = suggested_map(&free).unwrap_or_default();
         let pair = |contract_name: &str| {
-            let of_all = joints.pattern(contract_name);
-            match of_all.or_else(|| guess::column(contract_name, &free)) {
-                Some(guess) => format!("{contract_name}={guess}"),
-                None => format!("{contract_name}=NAME"),
-            }
+            let of_all = joints.pattern(contract_name).map(|of| format!("{contract_name}={of}"));
+            let of_one = of_all.or_else(|| guess::column(contract_name, &free));
+            of_one.unwrap_or_else(|| format!("{contract_name}=NAME"))
         };
         let mut pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
         let position =
@@ -305,7 +283,7 @@ fn check_names(file: &Path, names: &[String], is_unmapped: bool) -> Result<(), D
 pub(super) const STEP_MARK: &str = "step";
 
 /// Stands for a unit that the user must know, in a suggestion.
-const UNKNOWN_UNIT: &str = "UNIT";
+pub(super) const UNKNOWN_UNIT: &str = "UNIT";
 
 /// Resolves the pairs of `--columns` in the file.
 fn mapped_columns<'a>(

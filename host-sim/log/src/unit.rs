@@ -422,6 +422,15 @@ pub(super) fn stated(contract_name: &str, foreign: &str) -> Option<&'static str>
     at_end(contract_name, foreign).map(|unit| unit.symbols[0])
 }
 
+/// Returns true if the case of the unit at the end of a column's name leaves two: `force_mn` may be mN or MN.
+pub(super) fn is_ambiguous(contract_name: &str, foreign: &str) -> bool {
+    let last =
+        bracketed(foreign).or_else(|| foreign.rsplit(['_', ' ', '.']).next().map(str::to_owned));
+    let (symbol, dimension) = (normalise(&last.unwrap_or_default()), dimension(contract_name));
+    let is_it = |unit: &Unit| unit.symbols.iter().any(|of| of.eq_ignore_ascii_case(&symbol));
+    dimension.is_some_and(|of| find(&symbol, of).is_none() && units_of(of).any(is_it))
+}
+
 fn at_end(contract_name: &str, foreign: &str) -> Option<&'static Unit> {
     let dimension = dimension(contract_name)?;
     let text = foreign.trim_end();

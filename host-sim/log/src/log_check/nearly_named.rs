@@ -3,7 +3,7 @@
 //! A column without a name of the contract is tested as any covariate is: by a curve that must gain much. As the
 //! temperature it is tested by the laws of temperature. The name alone does not decide, so the option is suggested.
 
-use crate::naming::{READ_AS_COVARIATE, covariate_hint};
+use crate::setting::shell_word;
 use crate::{Dataset, unit_in_name};
 use compensator_core::quantity::{JointKind, Quantity};
 
@@ -29,22 +29,19 @@ const MAX_SUGGESTIONS: usize = 3;
 /// Returns a note for each column that may be a quantity which the log lacks.
 pub fn suggestions(data: &Dataset) -> Vec<String> {
     let is_there = |quantity: Quantity| data.runs.iter().all(|run| run.get(quantity).is_some());
-    let is_noted = |name: &str| {
-        let start = format!("{name} {READ_AS_COVARIATE}");
-        data.notes.iter().any(|note| note.starts_with(&start))
-    };
     // Several pressures are those of chambers, of which none is the difference across a seal.
     let is_pressure = |name: &&String| quantity(name) == Some(Quantity::Pressure);
     let pressures = data.covariates.iter().filter(is_pressure).count();
     let suggestion = |name: &String| {
-        let quantity = quantity(name).filter(|of| !is_there(*of) && !is_noted(name))?;
+        let quantity = quantity(name).filter(|of| !is_there(*of))?;
         if quantity == Quantity::Pressure && pressures > 1 {
             return None;
         }
         let contract_name = quantity.name(data.joint);
         let unit = unit_in_name(contract_name, name);
         let unit = unit.map_or_else(String::new, |unit| format!(":{unit}"));
-        Some(covariate_hint(name, contract_name, &unit))
+        let pair = shell_word(&format!("{contract_name}={name}{unit}"));
+        Some(format!("{name} is read as a covariate; --columns {pair} reads it as {contract_name}"))
     };
     let is_varied = |(at, _): &(usize, &String)| {
         data.runs.iter().any(|run| run.extra[*at].iter().any(|value| *value != run.extra[*at][0]))
@@ -55,7 +52,7 @@ pub fn suggestions(data: &Dataset) -> Vec<String> {
 }
 
 /// Returns the quantity that a name suggests.
-fn quantity(name: &str) -> Option<Quantity> {
+pub(crate) fn quantity(name: &str) -> Option<Quantity> {
     let is_named = [JointKind::Revolute, JointKind::Prismatic]
         .iter()
         .any(|joint| Quantity::ALL.iter().any(|quantity| quantity.name(*joint) == name));

@@ -110,3 +110,16 @@ fn in_name_with_unit_suffix_returns_unit() {
         assert_eq!(in_name(name, foreign), unit, "{foreign}");
     }
 }
+
+#[test]
+fn is_ambiguous_with_case_of_two_units_returns_true() {
+    for (of, name, expected) in [
+        ("force_n", "force_mn", true),
+        ("force_n", "force_mN", false),
+        ("torque_nm", "tau [MNM]", true),
+        ("pressure_diff_pa", "p_mpa", false),
+        ("run", "exp", false),
+    ] {
+        assert_eq!(is_ambiguous(of, name), expected, "{name}");
+    }
+}

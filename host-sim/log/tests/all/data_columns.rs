@@ -1,8 +1,9 @@
-//! Tables without a header, whose columns are numbered.
+//! Tables without a header, whose columns are numbered, and the suggestions for columns with other names.
 
 use super::folder::{Folder, plain};
 use super::message;
-use joint_log::{Dataset, ReadOptions, read, survey};
+use joint_log::{Dataset, JointKind, Quantity, ReadOptions, read, survey};
+use std::f64::consts::TAU;
 
 /// Rows of time, position, a constant, velocity in degrees per second, and torque.
 fn rows(by: &str) -> String {
@@ -146,4 +147,169 @@ fn read_with_units_beside_the_header_takes_them() {
     message::check("columns", "amperes beside the header", &error, &["column M", "torque_nm=M"]);
     let error = read_log(&format!("t,w,M\nms,rpm,bananas\n{rows}"), &pairs).unwrap_err();
     message::check("columns", "unknown unit beside the header", &error, &["column M", "bananas"]);
+}
+
+/// Names of a column, each with the factor and the offset from the contract's unit to that of the name.
+type Names = [(&'static str, f64, f64); 5];
+
+const DEGREES: f64 = 360.0 / TAU;
+
+const TIMES: Names = [
+    ("t_s", 1.0, 0.0),
+    ("t_ms", 1e3, 0.0),
+    ("time_us", 1e6, 0.0),
+    ("t", 1.0, 0.0),
+    ("Time [ms]", 1e3, 0.0),
+];
+
+/// Position, velocity and target of each kind of joint.
+const OF_JOINT: [[Names; 3]; 2] = [
+    [
+        [
+            ("q_deg", DEGREES, 0.0),
+            ("pos_rad", 1.0, 0.0),
+            ("angle_mrad", 1e3, 0.0),
+            ("theta_rev", 1.0 / TAU, 0.0),
+            ("q", 1.0, 0.0),
+        ],
+        [
+            ("w_rpm", 60.0 / TAU, 0.0),
+            ("dq_deg_s", DEGREES, 0.0),
+            ("omega_rad_s", 1.0, 0.0),
+            ("speed_rps", 1.0 / TAU, 0.0),
+            ("vel_deg_per_s", DEGREES, 0.0),
+        ],
+        [
+            ("tau_Nm", 1.0, 0.0),
+            ("tau_mNm", 1e3, 0.0),
+            ("torque_kNm", 1e-3, 0.0),
+            ("M_Nm", 1.0, 0.0),
+            ("trq [Ncm]", 1e2, 0.0),
+        ],
+    ],
+    [
+        [
+            ("x_mm", 1e3, 0.0),
+            ("pos_m", 1.0, 0.0),
+            ("s_cm", 1e2, 0.0),
+            ("Position (mm)", 1e3, 0.0),
+            ("x_inch", 1.0 / 0.0254, 0.0),
+        ],
+        [
+            ("v_mm_s", 1e3, 0.0),
+            ("vel_mm_per_s", 1e3, 0.0),
+            ("v_m_s", 1.0, 0.0),
+            ("speed [m/min]", 60.0, 0.0),
+            ("v", 1.0, 0.0),
+        ],
+        [
+            ("F_N", 1.0, 0.0),
+            ("force_kN", 1e-3, 0.0),
+            ("F_mN", 1e3, 0.0),
+            ("load_cell_N", 1.0, 0.0),
+            ("force", 1.0, 0.0),
+        ],
+    ],
+];
+
+const TEMPERATURES: Names = [
+    ("T_degC", 1.0, 0.0),
+    ("temp_K", 1.0, 273.15),
+    ("oil_degF", 1.8, 32.0),
+    ("temp_c", 1.0, 0.0),
+    ("Temp [°C]", 1.0, 0.0),
+];
+
+const PRESSURES: Names = [
+    ("p_bar", 1e-5, 0.0),
+    ("p_kPa", 1e-3, 0.0),
+    ("p_MPa", 1e-6, 0.0),
+    ("p_psi", 1.0 / 6_894.757_293_168, 0.0),
+    ("pressure_pa", 1.0, 0.0),
+];
+
+const RUNS: [&str; 5] = ["exp", "trial_no", "run", "run_id", "Experiment"];
+
+/// Returns run, time, position, velocity, target, temperature and pressure of a row in the units of the contract.
+fn measured(row: usize) -> [f64; 7] {
+    let t = 0.005 * row as f64;
+    let (q, v) = (0.2 * (3.0 * t).sin(), 0.6 * (3.0 * t).cos());
+    [(row / 200) as f64, t, q, v, 0.5 * v.signum() + 0.01 * q, 20.0 + 0.1 * t, 2e5 + 1e4 * t]
+}
+
+#[test]
+fn survey_with_units_in_names_suggests_pairs_that_read_the_log() {
+    for drawn in 0..50 {
+        let (kind, pick) = (drawn % 2, |stride: usize| drawn / 2 * stride % 5 + drawn / 10 % 5);
+        let names = |of: &Names, stride| of[pick(stride) % 5];
+        let [position, velocity, target] = &OF_JOINT[kind];
+        let columns = [
+            (RUNS[pick(3) % 5], 1.0, 0.0),
+            names(&TIMES, 1),
+            names(position, 2),
+            names(velocity, 3),
+            names(target, 4),
+            names(&TEMPERATURES, 1),
+            names(&PRESSURES, 2),
+        ];
+        let header = columns.map(|(name, ..)| name).join(",");
+        let line = |row: usize| {
+            let cells = measured(row).into_iter().zip(columns);
+            let cells =
+                cells.map(|(value, (_, factor, offset))| format!("{:?}", value * factor + offset));
+            cells.collect::<Vec<_>>().join(",") + "\n"
+        };
+        let text = format!("{header}\n") + &(0..400).map(line).collect::<String>();
+        let folder = Folder::new();
+        let found = survey(&folder.write("log.csv", &text), &ReadOptions::default()).unwrap();
+        let pairs: Vec<String> = found.columns.into_iter().filter_map(|of| of.suggestion).collect();
+        let pairs: Vec<&str> = pairs.iter().map(|pair| pair.trim_matches('\'')).collect();
+        let data = read_log(&text, &pairs).unwrap_or_else(|error| panic!("{header}: {error}"));
+        assert_eq!(
+            data.joint,
+            [JointKind::Revolute, JointKind::Prismatic][kind],
+            "{header} {pairs:?}"
+        );
+        assert_eq!((data.runs.len(), data.covariates.len()), (2, 0), "{header} {pairs:?}");
+        let run = &data.runs[1];
+        let quantities = [Quantity::Position, Quantity::Temperature, Quantity::Pressure];
+        let read = [&run.time_s, &run.velocity, &run.torque].map(Vec::as_slice).into_iter();
+        let read = read.chain(quantities.map(|of| run.get(of).expect(&header)));
+        let [_, t, q, v, y, c, p] = measured(250);
+        for (values, expected) in read.zip([t, v, y, q, c, p]) {
+            assert!((values[50] / expected - 1.0).abs() < 1e-9, "{header} {pairs:?}: {expected}");
+        }
+    }
+}
+
+#[test]
+fn survey_with_doubtful_units_reports_them() {
+    let line = |row: usize| {
+        let [_, t, q, v, y, ..] = measured(row);
+        format!("{t},{q},{v},{y},{}\n", t.exp())
+    };
+    let rows: String = (0..400).map(line).collect();
+    let surveyed = |header: &str| {
+        let path = Folder::new();
+        survey(&path.write("log.csv", format!("{header}\n{rows}")), &ReadOptions::default())
+            .unwrap()
+    };
+    let mut reports = String::new();
+    for (header, at, suggestion) in [
+        ("t,pos_nm,v_m_s,F_N,exp", 1, None),
+        ("t,x_mm,v_mm_s,force_mn,exp", 3, Some("force_n=force_mn:UNIT")),
+        ("t,x_mm,w_rpm,F_N,exp", 2, Some("velocity_rad_s=w_rpm:rpm")),
+    ] {
+        let found = surveyed(header);
+        assert_eq!(found.columns[at].suggestion.as_deref(), suggestion, "{header}");
+        assert_eq!(found.columns[4].suggestion, None, "an exponential is no experiment");
+        assert_eq!(found.notes.len(), 1, "{header} {:?}", found.notes);
+        reports += &format!("{header}: {}\n", found.notes[0]);
+    }
+    let text = format!("t,x_mm,v_mm_s,force_mn,exp\n{rows}");
+    let pairs =
+        ["time_s=t", "position_m=x_mm:mm", "velocity_m_s=v_mm_s:mm/s", "force_n=force_mn:UNIT"];
+    let error = read_log(&text, &pairs).unwrap_err();
+    assert!(error.contains("UNIT") && error.contains("mN"), "{error}");
+    crate::snapshot::check("columns", "doubtful units", &reports);
 }

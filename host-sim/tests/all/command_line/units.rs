@@ -203,3 +203,28 @@ fn torque_a_thousand_times_off_is_doubted_by_its_inertia() {
     let words = doubt["in_words"].as_str().expect("a sentence");
     assert!(words.contains("--columns torque_nm=torque_nm:mNm"), "{words}");
 }
+
+#[test]
+fn next_experiment_prints_a_command_that_writes_a_motion_within_the_log() {
+    let linear = "time_s,position_m,velocity_m_s,force_n";
+    for (header, column, size) in [(CONTRACT, "position_rad", 1.0), (linear, "position_m", 0.05)] {
+        let folder = Folder::new();
+        write(&folder, "joint.csv", header, |[t, q, v, torque]| {
+            vec![t, size * q, size * v, torque]
+        });
+        let found = folder.json("diagnose joint.csv");
+        let next = number(&found, "/next_experiment").as_str().expect("a text").to_owned();
+        let (_, command) = next.split_once("host-sim ").expect(&next);
+        let (command, _) = command.split_once(" (").expect(&next);
+        folder.run_successfully(command);
+        let motion = std::fs::read_to_string(folder.0.path().join("motion/motion.csv")).unwrap();
+        assert!(motion.starts_with(&format!("time_s,{column}\n")), "{next}");
+        let at = |line: &str| line.split_once(',').unwrap().1.parse::<f64>().unwrap();
+        let positions: Vec<f64> = motion.lines().skip(1).map(at).collect();
+        let range = positions.iter().fold(0.0f64, |most, at| most.max(at.abs()));
+        let speed =
+            positions.windows(2).fold(0.0f64, |most, w| most.max((w[1] - w[0]).abs() / 0.005));
+        assert!((0.7..1.21).contains(&(range / size)), "{next}: {range}");
+        assert!((1.2..1.6).contains(&(speed / size)), "{next}: {speed}");
+    }
+}
