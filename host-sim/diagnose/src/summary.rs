@@ -12,9 +12,10 @@ use super::{Diagnosis, Share};
 use compensator_core::{Quantity, TermKind};
 use friction_fit::State;
 use friction_fit::spec::rigid_body_name;
+use joint_log::Dataset;
 use joint_log::number::{figure, significant};
 
-/// Returns what to measure next.
+/// Returns what to do next: what to measure, with the command that writes a motion for it, or what to correct in the log.
 pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     if let Some(fault) = diagnosis.leading_fault() {
         let what = format!("{}: {}", fault.kind.name(), fault.columns.join(", "));
@@ -28,6 +29,40 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     if let Some(load) = unused_load(diagnosis) {
         return load;
     }
+    next_recording(diagnosis) + &standard_motion(&diagnosis.log.train)
+}
+
+/// Returns the command that writes the standard motion in the range and speed of a log; empty for a log without motion.
+fn standard_motion(data: &Dataset) -> String {
+    let [mut range, mut speed] = [0.0f64; 2];
+    for run in &data.runs {
+        let mut stroke = 0.0f64;
+        for (time, v) in run.time_s.windows(2).zip(run.velocity.windows(2)) {
+            // A stroke ends where the velocity changes its sign. A gap of the log is no motion, and a spike is no speed.
+            let way = 0.5 * (v[0] + v[1]) * (time[1] - time[0]).min(MAX_STEP_S);
+            stroke = if v[0] * v[1] > 0.0 { stroke + way } else { 0.0 };
+            range = range.max(0.5 * stroke.abs());
+            speed = speed.max(v[0].abs().min(v[1].abs()));
+        }
+    }
+    let (unit, end) = (Quantity::Position.unit(data.joint), "(how to: record-a-good-log.md)");
+    match [range, speed].map(|most| figure(most.min(MAX_BOUND))) {
+        _ if range == 0.0 => String::new(),
+        [range, speed] => format!(
+            " A motion in the range and speed of this log: host-sim move --standard --range ±{range}{unit} --speed \
+             {speed}{unit}/s --dry-run --out motion {end}."
+        ),
+    }
+}
+
+/// Longest time between two rows over which a joint is taken to move on, s.
+const MAX_STEP_S: f64 = 0.1;
+
+/// Largest range, rad or m, and speed that `move` accepts.
+const MAX_BOUND: f64 = 100.0;
+
+/// Returns what to measure next.
+fn next_recording(diagnosis: &Diagnosis) -> String {
     let confused = diagnosis.findings.iter().find(|finding| !finding.confusable_with.is_empty());
     if let Some(finding) = confused {
         let mut vary: Vec<String> = finding.columns.clone();
@@ -44,8 +79,17 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
         let others: Vec<&str> =
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
         if hold.is_empty() || vary.is_empty() {
+            let is_of_time = others.iter().all(|name| ["time-drift", "warm-up"].contains(name));
+            let how = match is_of_time && !vary.is_empty() {
+                true => {
+                    format!("vary {} in the order A, B, B, A over the campaign", vary.join(" and "))
+                }
+                false => {
+                    "add slow reversals and pauses of different length in both directions".into()
+                }
+            };
             return format!(
-                "To distinguish {} from {}, add slow reversals and pauses of different length in both directions.",
+                "To distinguish {} from {}, {how}.",
                 finding.cause.name(),
                 others.join(" and ")
             );
@@ -89,11 +133,19 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
         return "Add slow reversals through zero speed: this log does not determine the Stribeck curve.".into();
     }
     // A joint may have no sensor for a quantity that is not in its log.
-    let constant = COVARIATES.iter().filter(|quantity| {
-        let name = name_in(**quantity, diagnosis);
-        diagnosis.log.has_column(name) && !diagnosis.log.varies(name)
-    });
-    let constant: Vec<&str> = constant.map(|quantity| quantity.info().label).collect();
+    let data = &diagnosis.log.train;
+    let is_constant = |name: &str| {
+        let values = || data.runs.iter().flat_map(|run| data.column(run, name).unwrap_or_default());
+        let [least, most] =
+            [values().copied().reduce(f64::min), values().copied().reduce(f64::max)];
+        let range =
+            least.zip(most).map(|(least, most)| (most - least, most.abs().max(least.abs())));
+        range.is_some_and(|(range, size)| range <= NEARLY_CONSTANT * size)
+    };
+    let known = COVARIATES.iter().map(|own| (name_in(*own, diagnosis), own.info().label));
+    let known = known.chain([("payload_kg", "payload")]);
+    let constant: Vec<&str> =
+        known.filter(|(name, _)| is_constant(name)).map(|(_, label)| label).collect();
     if constant.is_empty() {
         "Repeat one of the held-out runs on another day: one campaign cannot show whether its results repeat.".into()
     } else {
@@ -120,6 +172,9 @@ fn unused_load(diagnosis: &Diagnosis) -> Option<String> {
         )
     })
 }
+
+/// Range of a quantity over its size that counts as none: the noise of its sensor.
+const NEARLY_CONSTANT: f64 = 0.05;
 
 /// Quantities that a next experiment may vary.
 const COVARIATES: [Quantity; 4] =

@@ -3,6 +3,7 @@
 use super::bus::BusArguments;
 use clap::Args;
 use compensator_core::can::NodeId;
+use compensator_core::quantity::{JointKind, Quantity};
 use joint_bus::bus::{BusName, Hub};
 use joint_rig::{MotorNode, service};
 use joint_tuning::MotionLimits;
@@ -35,45 +36,63 @@ impl JointArguments {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Motion")]
 pub struct MotionArguments {
-    /// Largest distance from the present position: a number with rad or deg, such as ±0.4rad
+    /// Largest distance from the present position: a number with rad or deg, such as ±0.4rad; with m or mm for a file
     #[arg(long, value_name = "RANGE", default_value = "0.4rad", value_parser = range)]
-    range: f64,
-    /// Largest speed: a number with rad/s or deg/s
+    range: Bound,
+    /// Largest speed: a number with rad/s or deg/s; with m/s or mm/s for the file of a linear axis
     #[arg(long, value_name = "SPEED", default_value = "1.5rad/s", value_parser = speed)]
-    speed: f64,
+    speed: Bound,
 }
 
+/// A bound in rad and s, or in m and s, with the kind of joint of its unit.
+type Bound = (f64, JointKind);
+
 impl MotionArguments {
-    /// Returns the bounds.
-    pub fn limits(&self) -> MotionLimits {
-        MotionLimits::new(self.range, self.speed)
+    /// Returns the bounds, and the column of the position. Only a file may be that of a linear axis.
+    ///
+    /// # Errors
+    /// Returns one line if the units are of two kinds of joint, or of a linear axis on the bus.
+    pub fn limits(&self, is_file: bool) -> Result<(MotionLimits, &'static str), String> {
+        let ((range, kind), (speed, other)) = (self.range, self.speed);
+        if kind != other || kind == JointKind::Prismatic && !is_file {
+            return Err(
+                "--range, --speed: expected rad or deg in both; with --standard --dry-run also m or mm in both".into(),
+            );
+        }
+        Ok((MotionLimits::new(range, speed), Quantity::Position.name(kind)))
     }
 }
 
-/// Parses a number with one of two units; a bare number is in the first one.
-fn number(text: &str, units: [&str; 2], most: f64) -> Result<f64, String> {
+/// Units of a bound without the end of a speed, each with its size and its kind of joint. `mm` is before `m`, which ends it.
+const UNITS: [(&str, f64, JointKind); 4] = [
+    ("rad", 1.0, JointKind::Revolute),
+    ("deg", std::f64::consts::PI / 180.0, JointKind::Revolute),
+    ("mm", 1e-3, JointKind::Prismatic),
+    ("m", 1.0, JointKind::Prismatic),
+];
+
+/// Parses a number with a unit, which `end` follows; a bare number is in the first one.
+fn number(text: &str, end: &str, most: f64) -> Result<Bound, String> {
     let expected = || {
         format!(
-            "found {text:?}, expected a number above 0 and up to {most} {}, such as 0.4{}",
-            units[0], units[0]
+            "found {text:?}, expected a number above 0 and up to {most} rad{end}, such as 0.4rad{end}"
         )
     };
     let trimmed = text.trim().trim_start_matches(['±', '+']).trim_start_matches('-').trim();
-    let (digits, scale) = if let Some(digits) = trimmed.strip_suffix(units[1]) {
-        (digits, std::f64::consts::PI / 180.0)
-    } else {
-        (trimmed.strip_suffix(units[0]).unwrap_or(trimmed), 1.0)
-    };
-    let value = digits.trim().parse::<f64>().map_err(|_| expected())? * scale;
-    if value > 0.0 && value <= most { Ok(value) } else { Err(expected()) }
+    let with_unit =
+        |(symbol, size, kind)| Some((trimmed.strip_suffix(end)?.strip_suffix(symbol)?, size, kind));
+    let (digits, size, kind) =
+        UNITS.into_iter().find_map(with_unit).unwrap_or((trimmed, 1.0, JointKind::Revolute));
+    let value = digits.trim().parse::<f64>().map_err(|_| expected())? * size;
+    if value > 0.0 && value <= most { Ok((value, kind)) } else { Err(expected()) }
 }
 
-fn range(text: &str) -> Result<f64, String> {
-    number(text, ["rad", "deg"], 100.0)
+fn range(text: &str) -> Result<Bound, String> {
+    number(text, "", 100.0)
 }
 
-fn speed(text: &str) -> Result<f64, String> {
-    number(text, ["rad/s", "deg/s"], 100.0)
+fn speed(text: &str) -> Result<Bound, String> {
+    number(text, "/s", 100.0)
 }
 
 /// Returns the hub of the bus `loop`, with a simulated joint attached to it. For any other bus, the hub stays empty.
@@ -107,11 +126,14 @@ mod tests {
 
     #[test]
     fn range_and_speed_have_units() {
-        assert_eq!(range("±0.4rad"), Ok(0.4));
-        assert_eq!(range("0.4"), Ok(0.4));
-        assert_eq!(speed("1.5rad/s"), Ok(1.5));
-        assert!((range("90deg").unwrap() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
-        for wrong in ["", "x", "0", "1e9", "nan", "0.4m"] {
+        use JointKind::{Prismatic, Revolute};
+        assert_eq!(range("±0.4rad"), Ok((0.4, Revolute)));
+        assert_eq!(range("0.4"), Ok((0.4, Revolute)));
+        assert_eq!(range("±50mm"), Ok((0.05, Prismatic)));
+        assert_eq!(speed("1.5rad/s"), Ok((1.5, Revolute)));
+        assert_eq!(speed("0.2m/s"), Ok((0.2, Prismatic)));
+        assert!((range("90deg").unwrap().0 - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        for wrong in ["", "x", "0", "1e9", "nan", "0.4rad/s", "0.4km"] {
             let error = range(wrong).unwrap_err();
             assert!(error.contains(&format!("{wrong:?}")) && error.contains("rad"), "{error}");
         }

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 pub struct MoveArguments {
     #[command(flatten)]
     what: RequestedMotion,
-    /// Write the motion without moving anything: motion.csv with time_s and position_rad
+    /// Write the motion without moving anything: motion.csv with time_s and position_rad, or position_m
     #[arg(long)]
     dry_run: bool,
     /// Do not ask before the joint moves
@@ -100,7 +100,8 @@ impl MoveArguments {
 
 /// Runs the command.
 pub fn run(arguments: &MoveArguments) -> Result<(), String> {
-    let limits = arguments.limits.limits();
+    let is_file = arguments.dry_run && arguments.what.standard;
+    let (limits, column) = arguments.limits.limits(is_file)?;
     if arguments.dry_run {
         if arguments.what.to.is_some() {
             return Err(
@@ -108,7 +109,7 @@ pub fn run(arguments: &MoveArguments) -> Result<(), String> {
             );
         }
         let motion = arguments.motion(&limits)?;
-        let mut text = "time_s,position_rad\n".to_owned();
+        let mut text = format!("time_s,{column}\n");
         for (step, position) in motion.positions_rad.iter().enumerate() {
             text += &format!("{:.3},{position:.6}\n", step as f64 * TARGET_PERIOD_S);
         }

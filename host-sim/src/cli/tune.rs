@@ -87,7 +87,7 @@ pub fn run(arguments: &TuneArguments) -> Result<ExitCode, String> {
     if arguments.foreign.from.is_some() {
         return run_foreign(&arguments.foreign, &arguments.output);
     }
-    let limits = arguments.limits.limits();
+    let (limits, _) = arguments.limits.limits(false)?;
     let motion = arguments.motion.as_ref().map(|path| read_motion(path, &limits)).transpose()?;
     let hub = start_hub(&arguments.bus, &arguments.joint)?;
     let client = arguments.bus.client(arguments.bus.open(&hub)?)?;
