@@ -4,7 +4,8 @@
 //! differ by at most 1.3e-5 of `F_S - F_C`, so the torques are close but not bit-identical. The header contains none of the
 //! compensator's guards (age of inputs, slew rate, limits). A control loop without guards of its own should use the core.
 
-use super::law::{self, BISECTIONS, BRISTLE_TORQUE};
+use super::effects::BRISTLE_TORQUE;
+use super::law::{self, BISECTIONS};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
 use super::{ExportFormat, ExportedModel};
 use friction_fit::params::{ParameterFile, unit};

@@ -3,13 +3,11 @@
 //! The statements are those of `compensator_core::law::bristle` (backward Euler in closed form) and of the static laws. The
 //! core takes the Stribeck curve from a table, which is within 1.3e-5 of the exponential function here.
 
-use super::effects::Effects;
+use super::effects::{BRISTLE_TORQUE, Effects};
 use super::program::{Expr, Program};
 use super::terms;
 use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
 
-/// Field of the state with the torque of the bristle deflection, Nm.
-pub(super) const BRISTLE_TORQUE: &str = "bristle_torque_nm";
 /// Input with the measured torque for [`start`], Nm.
 #[cfg(feature = "onnx")]
 pub(super) const MEASURED_TORQUE: &str = "measured_torque_nm";

@@ -9,7 +9,8 @@
 //! this model. The start is a graph of its own: it reads the inputs of the step and `measured_torque_nm`, and returns
 //! `bristle_torque_nm`. It is the bisection of the core, unrolled, so that neither graph needs control flow.
 
-use super::law::{self, BRISTLE_TORQUE, MEASURED_TORQUE};
+use super::effects::BRISTLE_TORQUE;
+use super::law::{self, MEASURED_TORQUE};
 use super::onnx::{Builder, per_joint, single};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
 use super::{ExportFormat, ExportedModel};

@@ -1,7 +1,6 @@
 //! The extension terms as statements, the same as in `compensator_core::term`. They stand before those of the law.
 
-use super::effects::Effects;
-use super::law::BRISTLE_TORQUE;
+use super::effects::{BRISTLE_TORQUE, Effects};
 use super::program::{Expr, Program};
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId as Id, Parameters, TermKind as Kind};
