@@ -9,6 +9,7 @@
 //! level of one is then not comparable with the level of the other.
 
 mod ageing;
+mod comparison;
 mod jobs;
 mod joint;
 mod page;
@@ -18,12 +19,13 @@ mod task;
 
 pub use ageing::{Ageing, ageing, read_ageing};
 pub use jobs::{FleetJob, find_jobs, jobs_of_files, mixed_forms};
-pub use joint::{JointSummary, attention_in_words, joints};
+pub use joint::{JointSummary, SharedCause, attention_in_words, joints};
 pub use page::page;
 pub use table::jobs_of_table;
 pub use task::{FleetOptions, ROW_FILE, ReadEarlierRow, run_task, run_task_beside, write_fleet};
 
 use crate::table_file::{TableColumn, TableFile};
+use comparison::{Distance, comparisons};
 use serde::{Deserialize, Serialize};
 
 /// Names of the levels of the fixed model, in the order of [`FleetRow::levels`].
@@ -67,6 +69,8 @@ pub struct FleetRow {
     pub size_unit: String,
     /// Ends of the size's 95 % interval.
     pub size_ci95: Option<[f64; 2]>,
+    /// RMS of what the cause takes, as a share of the standard deviation of the held-out torque.
+    pub effect: Option<f64>,
     /// `1 - RMSE of the extended model / RMSE of the base model`, on held-out rows.
     pub gain: Option<f64>,
     /// Ends of the gain's 95 % interval.
@@ -123,6 +127,7 @@ pub fn table(rows: &[FleetRow]) -> TableFile {
     numbers("size", &|row| row.size);
     numbers("size_low", &|row| row.size_ci95.map(|ends| ends[0]));
     numbers("size_high", &|row| row.size_ci95.map(|ends| ends[1]));
+    numbers("effect", &|row| row.effect);
     numbers("gain", &|row| row.gain);
     numbers("gain_low", &|row| row.gain_ci95.map(|ends| ends[0]));
     numbers("gain_high", &|row| row.gain_ci95.map(|ends| ends[1]));
@@ -136,6 +141,20 @@ pub fn table(rows: &[FleetRow]) -> TableFile {
             row.levels[at].map(|level| level.std_error)
         });
     }
+    let mut distances = vec![None; rows.len()];
+    let of_causes = comparisons(rows).into_iter().filter(|of| of.level.is_none());
+    of_causes.for_each(|of| distances[of.row] = of.distance);
+    let mut distance = |name: &str, of: &dyn Fn(&Distance) -> Option<[f64; 3]>| {
+        for (part, end) in ["", "_low", "_high"].into_iter().enumerate() {
+            let value = |own: &Option<Distance>| own.as_ref().and_then(of).map(|of| of[part]);
+            let values = distances.iter().map(|own| value(own).unwrap_or(f64::NAN)).collect();
+            table.push(format!("{name}{end}"), TableColumn::Numbers(values));
+        }
+    };
+    distance("difference", &|own| Some(own.difference));
+    distance("factor", &|own| own.factor);
+    let differs = |own: &Option<Distance>| own.map_or(f64::NAN, |own| f64::from(own.differs));
+    table.push("differs", TableColumn::Numbers(distances.iter().map(differs).collect()));
     table
 }
 
@@ -164,6 +183,6 @@ mod tests {
         assert!(lines[0].starts_with("joint,campaign,files,status,error,"), "{}", lines[0]);
         let cells = ["\"hip, left\"", "", "", "error", failed.error.as_deref().unwrap(), ""];
         assert!(lines[1].starts_with(&cells.join(",")), "{}", lines[1]);
-        assert!(lines[2].ends_with(",1200.0,,1.5,0.01,,,,"), "{}", lines[2]);
+        assert!(lines[2].contains(",1200.0,,1.5,0.01,,,,,"), "{}", lines[2]);
     }
 }

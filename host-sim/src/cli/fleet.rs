@@ -3,6 +3,7 @@
 use super::input::DataArguments;
 use super::output::{pretty, print_formatted, print_message, print_text};
 use super::progress::{LINE_EVERY, duration_in_words, in_stages, with_lines};
+use super::table;
 use super::words::in_options;
 use friction_diagnose::prepare::Error;
 use friction_fit::spec::Spec;
@@ -161,15 +162,18 @@ fn print(
     limits: &[Limit],
 ) -> Result<(), String> {
     let out = arguments.out.display();
+    let (shared, joints) = joints(rows, ageing, limits);
     if arguments.json {
-        let document = json!({ "schema": 1, "rows": rows, "ageing": ageing });
+        let document = json!({
+            "schema": 1, "rows": rows, "ageing": ageing, "shared": shared, "joints": joints,
+        });
         return print_text(&pretty(&document)?);
     }
-    let joints = joints(rows, ageing, limits);
-    let mut text = format!("{}\n", attention_in_words(&joints));
+    let mut text = format!("{}\n", attention_in_words(&shared, &joints));
     for joint in joints.iter().filter(|joint| !joint.reasons.is_empty()) {
         text += &format!("- {}: {}\n", joint.joint, joint.reasons.join("; "));
     }
+    text += &table::joints(&joints);
     let failed: Vec<&FleetRow> = rows.iter().filter(|row| !row.is_ok()).collect();
     let named = rows.iter().filter(|row| row.is_ok() && row.cause != "none").count();
     text += &format!(

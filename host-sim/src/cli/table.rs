@@ -6,6 +6,7 @@ use friction_diagnose::Diagnosis;
 use friction_diagnose::finding::probability_in_words;
 use friction_fit::params::{unit, unit_in_words};
 use friction_fit::{Outcome, State};
+use friction_results::fleet::JointSummary;
 use friction_results::ranking::{gain, left_out_in_words, ranking};
 use friction_results::scope::SignalSummary;
 use joint_log::number::{figure, significant};
@@ -67,6 +68,28 @@ pub fn scope(signals: &[SignalSummary]) -> String {
         table.add_row(row);
     }
     printed(&table)
+}
+
+/// Largest number of joints in the table of a fleet.
+const LISTED_JOINTS: usize = 40;
+
+/// Returns a table with the size of each joint's cause and its distance from the other joints, empty without a size.
+pub fn joints(joints: &[JointSummary]) -> String {
+    let header = ["joint", "cause", "size", "minus the others", "times the others"];
+    let mut table = table(&header, usize::MAX);
+    let sized = joints.iter().filter(|joint| joint.size.is_some());
+    for joint in sized.clone().take(LISTED_JOINTS) {
+        table.add_row(
+            [vec![joint.joint.clone(), joint.cause.clone()], joint.sizes().into()].concat(),
+        );
+    }
+    match sized.count() {
+        0 => String::new(),
+        count if count > LISTED_JOINTS => {
+            format!("{}\n{LISTED_JOINTS} of {count} joints; fleet.html has more\n", printed(&table))
+        }
+        _ => printed(&table) + "\n",
+    }
 }
 
 /// Returns the description of a file's columns, with the suggested pairs of `--columns`.

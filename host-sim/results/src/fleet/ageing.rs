@@ -3,12 +3,12 @@
 //! The slope of a joint's level over the time of learning is robust ([`robust_slope`]). A joint is named if all of this holds:
 //! * The slope is significant in the whole fleet, by a level of significance divided by the number of joints (Bonferroni).
 //! * It differs from the median slope of the other joints: a lubricant, a season or a load case changes all of them. With at
-//!   least [`MIN_JOINTS`] joints the distance is measured in their scatter and the slope's own error, as for levels that
-//!   stand out. With fewer, the scatter is unknown, and the interval of the slope must exclude the median.
+//!   least [`MIN_JOINTS`] joints the distance is measured in their scatter, by the median absolute deviation, and the
+//!   slope's own error. With fewer, the scatter is unknown, and the interval of the slope must exclude the median.
 //! * The level has changed by [`MIN_CHANGE`]: the drivers do not follow smaller changes reliably.
 
 use super::jobs::find_trends;
-use super::statistics::{FLEET_SIGNIFICANCE, MIN_JOINTS, NORMAL_MAD, OUTLIER_SCORE, natural_key};
+use super::statistics::{FLEET_SIGNIFICANCE, natural_key};
 use crate::level_trend::{LevelTrend, RobustSlope, median, robust_slope};
 use joint_log::number::significant;
 use serde::Serialize;
@@ -16,6 +16,15 @@ use std::path::Path;
 
 /// Least change of a level that is called ageing, as a share of the level at the first entry.
 pub const MIN_CHANGE: f64 = 0.05;
+
+/// Modified z-score above which a slope stands out (Iglewicz and Hoaglin, 1993).
+const OUTLIER_SCORE: f64 = 3.5;
+
+/// Minimum number of joints for a scatter. The median absolute deviation of fewer is too uncertain.
+const MIN_JOINTS: usize = 8;
+
+/// Median absolute deviation of a normal distribution, in standard deviations.
+const NORMAL_MAD: f64 = 0.6745;
 
 /// Half width of a 95 % interval in standard deviations.
 const HALF_WIDTH_95: f64 = 1.96;

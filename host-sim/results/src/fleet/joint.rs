@@ -1,18 +1,24 @@
-//! Each joint over its campaigns: its cause, in how many logs, its trend, and whether it needs attention.
+//! Each joint over its campaigns: its cause, the distance to the others, its trend, and whether it needs attention; and the
+//! causes that the joints share.
 
-use super::statistics::{Limit, Outlier, Trend, natural_key, outliers, trends};
+use super::comparison::{Comparison, Distance, comparisons, main_cause, rows_by_joint};
+use super::statistics::{Limit, Trend, natural_key, trends};
 use super::{Ageing, FleetRow, LEVELS};
+use crate::level_trend::median;
 use crate::page::words::counted;
+use friction_diagnose::thresholds::NEGLIGIBLE;
 use joint_log::number::significant;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// A joint over its campaigns.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct JointSummary {
     /// Name of the joint.
     pub joint: String,
     /// Indices of its rows, the latest campaign last.
+    #[serde(skip)]
     pub rows: Vec<usize>,
     /// Number of logs with a diagnosis.
     pub diagnosed: usize,
@@ -20,74 +26,197 @@ pub struct JointSummary {
     pub cause: String,
     /// Number of logs that name it.
     pub named: usize,
+    /// Size of the cause in the latest log that names it, in `size_unit`.
+    pub size: Option<f64>,
+    /// Ends of its 95 % interval.
+    pub size_ci95: Option<[f64; 2]>,
+    /// Unit of the size.
+    pub size_unit: String,
+    /// Distance of the size from the other joints with this cause; `None` with too few.
+    pub distance: Option<Distance>,
     /// The significant changes of its levels, such as `coulomb_torque +1.2 % per day`; empty without one.
     pub trend: String,
     /// Why the joint needs attention, one phrase each; empty if it does not.
     pub reasons: Vec<String>,
 }
 
-/// Returns the joints of a fleet, those that need attention first.
-///
-/// A joint needs attention if more than half of its logs name the same cause, a level has a significant trend, is far from
-/// the other joints or above a limit, the latest log has no result, or its seal ages. A joint may have a trend of its learnt
-/// level and no log.
-pub fn joints(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Vec<JointSummary> {
-    let (trends, outliers) = (trends(rows, limits), outliers(rows));
-    let mut by_joint: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-    rows.iter().enumerate().for_each(|(at, row)| by_joint.entry(&row.joint).or_default().push(at));
-    ageing.iter().for_each(|of| _ = by_joint.entry(&of.joint).or_default());
-    let mut found: Vec<JointSummary> = by_joint
-        .into_iter()
-        .map(|(joint, mut own)| {
-            own.sort_by_key(|at| natural_key(&rows[*at].campaign));
-            let trends = trends.iter().filter(|of| of.joint == joint && of.is_significant);
-            let outliers = outliers.iter().filter(|of| rows[of.row].joint == joint);
-            let mut found =
-                summary(joint, rows, own, &trends.collect::<Vec<_>>(), outliers, limits);
-            let own_ageing = ageing.iter().filter(|of| of.joint == joint);
-            found.reasons.extend(own_ageing.filter_map(|of| of.ageing.clone()));
-            found
-        })
-        .collect();
-    found.sort_by_cached_key(|of| (of.reasons.is_empty(), natural_key(&of.joint)));
-    found
+impl JointSummary {
+    /// Returns the size of the cause, its difference from the other joints and its factor, each with its 95 % interval.
+    pub fn sizes(&self) -> [String; 3] {
+        let unit = &self.size_unit;
+        let ends = self.size_ci95.unwrap_or([f64::INFINITY; 2]);
+        let size = self.size.map(|size| with_interval([size, ends[0], ends[1]], unit));
+        let difference = self.distance.map(|of| with_interval(of.difference, unit));
+        let factor = self.distance.and_then(|of| of.factor).map(|of| with_interval(of, ""));
+        [size, difference, factor].map(Option::unwrap_or_default)
+    }
 }
 
-/// Returns the first sentence of a fleet: how many of its joints need attention.
-pub fn attention_in_words(joints: &[JointSummary]) -> String {
+/// Returns a value with its unit and the ends of its interval; a share in per cent.
+fn with_interval([value, ends @ ..]: [f64; 3], unit: &str) -> String {
+    let scale = if unit == "1" { 100.0 } else { 1.0 };
+    let digits = if unit.is_empty() { 2 } else { 3 };
+    let words = |value: f64| significant(scale * value, digits);
+    let unit = if unit == "1" { "%" } else { unit };
+    let interval = match ends.iter().all(|end| end.is_finite()) {
+        true => format!(" ({})", ends.map(words).join(" to ")),
+        false => String::new(),
+    };
+    format!(
+        "{}{}{interval}",
+        words(value),
+        if unit.is_empty() { String::new() } else { format!(" {unit}") }
+    )
+}
+
+/// A cause of more than half of the joints of a fleet.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SharedCause {
+    /// Name of the cause.
+    pub cause: String,
+    /// Number of joints with it.
+    pub joints: usize,
+    /// Number of joints with a diagnosis.
+    pub of: usize,
+    /// Median, smallest and largest size of those that do not differ from the others, in `unit`.
+    pub size: Option<[f64; 3]>,
+    /// Unit of the size.
+    pub unit: String,
+    /// RMS of what the cause takes, as a share of the torque's standard deviation: the median of the joints.
+    pub effect: Option<f64>,
+    /// True if all these joints need attention: the effect is unknown or at least [`NEGLIGIBLE`].
+    pub is_serious: bool,
+}
+
+impl SharedCause {
+    /// Returns one line.
+    pub fn in_words(&self) -> String {
+        let all = if self.joints == self.of { "all" } else { &format!("{} of", self.joints) };
+        let size = self.size.map_or_else(String::new, |of| {
+            with_interval(of, &self.unit).replacen(')', " from joint to joint), ", 1)
+        });
+        let effect = self.effect.map(|share| significant(100.0 * share, 2) + " %");
+        let effect = effect.unwrap_or_else(|| "an unknown share".to_owned());
+        let verdict = if self.is_serious { "serious" } else { "small" };
+        format!(
+            "{all} {}: {}, {size}{effect} of the torque's standard deviation: {verdict}",
+            self.of, self.cause
+        )
+    }
+}
+
+/// Returns the causes that joints share, and the joints of a fleet, those that need attention first.
+///
+/// A joint needs attention if one of these holds:
+/// * More than half of its logs name the same cause, unless more than half of the joints share that and its effect is small.
+/// * The size of its cause, or a level, differs from the other joints ([`comparisons`]), or the level is above a limit.
+/// * A level has a significant trend, the latest log has no result, or its seal ages.
+///
+/// A joint may have a trend of its learnt level and no log.
+pub fn joints(
+    rows: &[FleetRow],
+    ageing: &[Ageing],
+    limits: &[Limit],
+) -> (Vec<SharedCause>, Vec<JointSummary>) {
+    let trends = trends(rows, limits);
+    let mut compared: BTreeMap<&str, Vec<Comparison>> = BTreeMap::new();
+    let each = comparisons(rows).into_iter();
+    each.for_each(|of| compared.entry(&rows[of.row].joint).or_default().push(of));
+    let mut by_joint = rows_by_joint(rows);
+    ageing.iter().for_each(|of| _ = by_joint.entry(&of.joint).or_default());
+    let summarise = |(joint, own): (&str, Vec<usize>)| {
+        let trends = trends.iter().filter(|of| of.joint == joint && of.is_significant);
+        let compared = compared.get(joint).map_or(&[][..], Vec::as_slice);
+        let mut found = summary(joint, rows, own, &trends.collect::<Vec<_>>(), compared, limits);
+        let own_ageing = ageing.iter().filter(|of| of.joint == joint);
+        found.reasons.extend(own_ageing.filter_map(|of| of.ageing.clone()));
+        found
+    };
+    let mut found: Vec<JointSummary> = by_joint.into_iter().map(summarise).collect();
+    let shared = shared(rows, &found);
+    for joint in found.iter_mut().filter(|of| 2 * of.named > of.diagnosed) {
+        let known = shared.iter().find(|of| of.cause == joint.cause);
+        if known.is_none_or(|of| of.is_serious) {
+            let logs = counted(joint.diagnosed, "log");
+            joint.reasons.insert(0, format!("{} in {} of {logs}", joint.cause, joint.named));
+        }
+    }
+    found.sort_by_cached_key(|of| (of.reasons.is_empty(), natural_key(&of.joint)));
+    (shared, found)
+}
+
+/// Returns the causes of more than half of the joints; none for a single joint.
+fn shared(rows: &[FleetRow], joints: &[JointSummary]) -> Vec<SharedCause> {
+    let of = joints.iter().filter(|joint| joint.diagnosed > 0).count();
+    let mut groups: BTreeMap<&str, Vec<&JointSummary>> = BTreeMap::new();
+    let named = joints.iter().filter(|joint| 2 * joint.named > joint.diagnosed);
+    named.for_each(|joint| groups.entry(&joint.cause).or_default().push(joint));
+    groups.retain(|_, own| own.len() > 1 && 2 * own.len() > of);
+    let range = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        let (first, last) = (*values.first()?, *values.last()?);
+        Some([median(&values), first, last])
+    };
+    let describe = |(cause, own): (&str, Vec<&JointSummary>)| {
+        let unit = &own[0].size_unit;
+        let differs = |joint: &JointSummary| joint.distance.is_some_and(|of| of.differs);
+        let alike = own.iter().filter(|joint| !differs(joint) && joint.size_unit == *unit);
+        let effect = own.iter().filter_map(|joint| rows[main_cause(rows, &joint.rows).2?].effect);
+        let effect = range(effect.collect()).map(|[middle, ..]| middle);
+        SharedCause {
+            cause: cause.to_owned(),
+            joints: own.len(),
+            of,
+            size: range(alike.filter_map(|joint| joint.size).collect()),
+            unit: unit.clone(),
+            effect,
+            is_serious: effect.is_none_or(|share| share >= NEGLIGIBLE),
+        }
+    };
+    groups.into_iter().map(describe).collect()
+}
+
+/// Returns the first sentences of a fleet: how many of its joints need attention, and what they share.
+pub fn attention_in_words(shared: &[SharedCause], joints: &[JointSummary]) -> String {
     let needing = joints.iter().filter(|of| !of.reasons.is_empty()).count();
     let verb = if needing == 1 { "needs" } else { "need" };
-    format!("{needing} of {} {verb} attention", counted(joints.len(), "joint"))
+    let first = format!("{needing} of {} {verb} attention", counted(joints.len(), "joint"));
+    std::iter::once(first)
+        .chain(shared.iter().map(SharedCause::in_words))
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
-fn summary<'a>(
+fn summary(
     joint: &str,
     rows: &[FleetRow],
     own: Vec<usize>,
     trends: &[&Trend],
-    outliers: impl Iterator<Item = &'a Outlier>,
+    compared: &[Comparison],
     limits: &[Limit],
 ) -> JointSummary {
     let good: Vec<&FleetRow> = own.iter().map(|at| &rows[*at]).filter(|row| row.is_ok()).collect();
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    good.iter()
-        .filter(|row| row.cause != "none")
-        .for_each(|row| *counts.entry(&row.cause).or_default() += 1);
-    let most = counts.into_iter().max_by_key(|(name, count)| (*count, std::cmp::Reverse(*name)));
-    let (cause, named) = most.unwrap_or(("none", 0));
+    let (cause, named, latest) = main_cause(rows, &own);
     let trend: Vec<String> = trends.iter().map(|trend| trend_in_words(trend)).collect();
     let mut reasons = Vec::new();
     if own.last().is_some_and(|at| !rows[*at].is_ok()) {
         reasons.push("the latest log has no result".to_owned());
     }
-    if 2 * named > good.len() {
-        reasons.push(format!("{cause} in {named} of {}", counted(good.len(), "log")));
-    }
     reasons.extend(trend.iter().cloned());
-    reasons.extend(outliers.map(|of| {
-        let [value, median] = [of.value, of.median].map(|value| significant(value, 3));
-        format!("{} {value}, median of the fleet {median}", LEVELS[of.level])
-    }));
+    for of in compared {
+        let Some(distance) = of.distance.filter(|distance| distance.differs) else { continue };
+        let row = &rows[of.row];
+        let (name, unit) = match of.level {
+            None => (row.cause.as_str(), row.size_unit.as_str()),
+            Some(level) => (LEVELS[level], level_unit(level, &row.unit)),
+        };
+        let far =
+            distance.factor.map(|of| with_interval(of, "").replacen(' ', " times the others ", 1));
+        let far =
+            far.unwrap_or_else(|| with_interval(distance.difference, unit) + " from the others");
+        let value = with_interval([of.value, f64::INFINITY, f64::INFINITY], unit);
+        reasons.push(format!("{name} {value}, {far}"));
+    }
     let levels = good.last().map(|row| row.levels).unwrap_or_default();
     for (name, level) in LEVELS.iter().zip(levels) {
         let limit = limits.iter().find(|limit| limit.level == *name);
@@ -97,14 +226,28 @@ fn summary<'a>(
             reasons.push(format!("{name} {value} is above the limit {limit}"));
         }
     }
+    let sized = latest.map(|at| &rows[at]);
     JointSummary {
         joint: joint.to_owned(),
         diagnosed: good.len(),
         cause: cause.to_owned(),
         named,
+        size: sized.and_then(|row| row.size),
+        size_ci95: sized.and_then(|row| row.size_ci95),
+        size_unit: sized.map(|row| row.size_unit.clone()).unwrap_or_default(),
+        distance: compared.iter().find(|of| of.level.is_none()).and_then(|of| of.distance),
         trend: trend.join(", "),
         reasons,
         rows: own,
+    }
+}
+
+/// Returns the unit of a level of a joint whose torque or force has this unit.
+fn level_unit(level: usize, unit: &str) -> &str {
+    match (LEVELS[level], unit) {
+        ("viscous_friction", "N") => "N s/m",
+        ("viscous_friction", _) => "Nm s/rad",
+        _ => unit,
     }
 }
 
@@ -156,10 +299,11 @@ mod tests {
             error: Some("i.csv: found no rows".into()),
             ..FleetRow::default()
         });
-        let found = joints(&rows, &[], &[Limit { level: "coulomb_torque".into(), value: 2.4 }]);
+        let (shared, found) =
+            joints(&rows, &[], &[Limit { level: "coulomb_torque".into(), value: 2.4 }]);
         let names: Vec<&str> = found.iter().map(|of| of.joint.as_str()).collect();
         assert_eq!(names, ["g", "h", "i", "a", "b", "c", "d", "e", "f"]);
-        let attention = attention_in_words(&found);
+        let attention = attention_in_words(&shared, &found);
         assert!(attention.starts_with("3 of 9 "), "{attention}");
         let reasons: Vec<String> = found.iter().map(|of| of.reasons.join("; ")).collect();
         assert!(reasons[0].contains("pressure-coulomb in 4 of 5"), "{reasons:?}");
@@ -173,5 +317,58 @@ mod tests {
         );
         let single = found.iter().find(|of| of.joint == "b").unwrap();
         assert_eq!((single.named, single.diagnosed, single.cause.as_str()), (1, 5, "backlash"));
+    }
+
+    /// Returns joints that share a ripple of 15 mNm, of which the last is `factor` times larger.
+    fn rippled(count: usize, factor: f64, effect: f64) -> Vec<FleetRow> {
+        let size = |at: usize| {
+            let own = 0.015 * (1.0 + 0.02 * ((at * 5) % 7) as f64);
+            if at + 1 == count { factor * own } else { own }
+        };
+        let row = |at: usize| FleetRow {
+            size: Some(size(at)),
+            size_ci95: Some([0.97 * size(at), 1.03 * size(at)]),
+            size_unit: "Nm".into(),
+            effect: Some(effect),
+            levels: [None; 3],
+            ..row(&format!("{}", at + 1), 1, "torque-ripple", 1.5)
+        };
+        (0..count).map(row).collect()
+    }
+
+    #[test]
+    fn joints_that_share_a_small_cause_need_no_attention_but_the_one_that_differs() {
+        let rows = rippled(10, 4.0, 0.05);
+        let (shared, found) = joints(&rows, &[], &[]);
+        let text = attention_in_words(&shared, &found);
+        assert!(text.starts_with("1 of 10 ") && text.contains("all 10: torque-ripple, "), "{text}");
+        assert_eq!((found[0].joint.as_str(), found[0].reasons.len()), ("10", 1));
+        let factor = found[0].distance.unwrap().factor.unwrap();
+        assert!(factor[1] < 4.0 && 4.0 < factor[2] && factor[2] < 4.6, "{factor:?}");
+        assert_eq!(found[0].sizes().iter().filter(|of| of.contains(" (")).count(), 3);
+        snapshot::check(
+            "fleet",
+            "shared cause and a joint that differs",
+            &format!("{text}\n{}\n{}", found[0].reasons.join("; "), found[0].sizes().join(" | ")),
+        );
+    }
+
+    #[test]
+    fn joints_that_share_a_serious_cause_all_need_attention() {
+        for effect in [Some(0.3), None] {
+            let mut rows = rippled(3, 1.0, 0.3);
+            rows.iter_mut().for_each(|row| row.effect = effect);
+            let (shared, found) = joints(&rows, &[], &[]);
+            assert!(shared[0].is_serious && found.iter().all(|of| of.reasons.len() == 1));
+        }
+    }
+
+    #[test]
+    fn joints_of_a_small_fleet_do_not_differ() {
+        for count in [2, 3] {
+            let (shared, found) = joints(&rippled(count, 4.0, 0.05), &[], &[]);
+            assert!(found.iter().all(|of| of.reasons.is_empty() && of.distance.is_none()));
+            assert_eq!(shared[0].joints, count);
+        }
     }
 }

@@ -1,11 +1,12 @@
 //! `fleet.html`: the fleet on one page.
 //!
 //! The order is what a maintainer asks: how many joints need attention, each joint over its campaigns, the report of each log,
-//! then the causes, the levels that stand out or change, and the logs that failed. Lists are cut at [`MAX_LISTED`], because ten
+//! then the causes, the levels that change, and the logs that failed. Lists are cut at [`MAX_LISTED`], because ten
 //! thousand rows of HTML stop a browser. The list of logs searches all rows and shows at most that many.
 
+use super::comparison::MIN_COMPARED;
 use super::joint::{JointSummary, attention_in_words, joints};
-use super::statistics::{Limit, OUTLIER_SCORE, Trend, outliers, trends};
+use super::statistics::{Limit, Trend, trends};
 use super::{Ageing, FleetRow, LEVELS};
 use crate::page::words::counted;
 use crate::report::{Axis, Block, Cell, Chart, Finder, Page, Series, Table};
@@ -18,9 +19,6 @@ const MAX_LISTED: usize = 100;
 /// Largest number of trends and of causes that are drawn.
 const MAX_DRAWN: usize = 4;
 
-/// Largest number of joints in the chart of a cause.
-const MAX_DOTS: usize = 400;
-
 /// Returns the page of a fleet. `limits` are the levels above which a joint needs service.
 pub fn page(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Page {
     let learnt = ageing.iter().map(|of| of.joint.as_str());
@@ -29,18 +27,17 @@ pub fn page(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Page {
     let subtitle =
         format!("{}, {}", counted(names.len(), "joint"), counted(campaigns.len(), "campaign"));
     let mut page = Page::new("Friction of a fleet", subtitle);
-    let (trends, joints) = (trends(rows, limits), joints(rows, ageing, limits));
-    page.push(Block::Paragraph(format!("{}.", attention_in_words(&joints))));
+    let (trends, (shared, joints)) = (trends(rows, limits), joints(rows, ageing, limits));
+    for line in attention_in_words(&shared, &joints).lines() {
+        page.push(Block::Paragraph(format!("{line}.")));
+    }
     page.push(Block::Records(joint_table(rows, &joints)));
     page.push(Block::heading("All logs"));
     page.push(Block::Find(finder(rows)));
     page.push(Block::heading("Causes"));
-    page.push(Block::Paragraph(summary(rows, &trends)));
     page.push(Block::Lead { facts: facts(rows), charts: vec![causes(rows)] });
-    standing_out(rows, &mut page);
     trend_blocks(&trends, &mut page);
     ageing_blocks(ageing, &mut page);
-    sizes(rows, &mut page);
     failures(rows, &mut page);
     page
 }
@@ -55,6 +52,8 @@ fn joint_table(rows: &[FleetRow], joints: &[JointSummary]) -> Table {
             0 => Cell::Empty,
             named => format!("{named} of {}", counted(joint.diagnosed, "log")).into(),
         };
+        let text = |text: String| if text.is_empty() { Cell::Empty } else { text.into() };
+        let [size, difference, factor] = joint.sizes().map(text);
         vec![
             shown.map_or_else(|| joint.joint.as_str().into(), joint_cell),
             match joint.reasons.is_empty() {
@@ -62,33 +61,25 @@ fn joint_table(rows: &[FleetRow], joints: &[JointSummary]) -> Table {
                 false => joint.reasons.join("; ").into(),
             },
             joint.cause.as_str().into(),
+            size,
+            difference,
+            factor,
             named,
             if joint.trend.is_empty() { Cell::Empty } else { joint.trend.as_str().into() },
             Cell::Count(joint.rows.len() as u64),
         ]
     });
     let caption = format!(
-        "A joint needs attention if more than half of its logs name the same cause, a level changes or is far from the other \
-         joints, its latest log has no result, or its seal ages. The name leads to the latest report with the cause.{}",
+        "A joint needs attention if more than half of its logs name the same cause (a small one that most joints share \
+         excepted), the size of its cause or a level differs from the other joints, a level changes, its latest log has no \
+         result, or its seal ages. The name leads to the latest report with the cause. The size is compared with the median \
+         of the other joints that do not differ, from {MIN_COMPARED} joints on, with 95 % intervals.{}",
         cut(joints.len())
     );
-    Table::new(caption, "joint|needs attention|cause|named in|trend|logs", listed)
-}
-
-fn summary(rows: &[FleetRow], trends: &[Trend]) -> String {
-    let found = rows.iter().filter(|row| row.is_ok() && row.cause != "none").count();
-    let failed = rows.iter().filter(|row| !row.is_ok()).count();
-    let rising = trends.iter().filter(|trend| trend.is_significant).count();
-    let failures = match failed {
-        0 => "Every diagnosis succeeded.".to_owned(),
-        failed => format!("{} failed; the reasons are below.", counted(failed, "diagnosis run")),
-    };
-    format!(
-        "{} of {} name a cause. {} of the fixed model with a significant trend, {} far from the other joints. {failures}",
-        count(found as u64),
-        counted(rows.len(), "diagnosis run"),
-        counted(rising, "level"),
-        counted(outliers(rows).len(), "level"),
+    Table::new(
+        caption,
+        "joint|needs attention|cause|size|minus the others|times the others|named in|trend|logs",
+        listed,
     )
 }
 
@@ -140,34 +131,6 @@ fn cut(total: usize) -> String {
         true => format!(" The first {MAX_LISTED} of {total}; fleet.parquet has all."),
         false => String::new(),
     }
-}
-
-fn standing_out(rows: &[FleetRow], page: &mut Page) {
-    let found = outliers(rows);
-    page.push(Block::heading("Levels that stand out"));
-    if found.is_empty() {
-        let text = "No level of a joint is far from those of the other joints of its model.";
-        page.push(Block::paragraph(text));
-        return;
-    }
-    let listed = found.iter().take(MAX_LISTED).map(|outlier| {
-        let row = &rows[outlier.row];
-        vec![
-            joint_cell(row),
-            row.campaign.as_str().into(),
-            LEVELS[outlier.level].into(),
-            outlier.value.into(),
-            outlier.median.into(),
-            Cell::ShortNumber(outlier.score, 3),
-            row.cause.as_str().into(),
-        ]
-    });
-    let caption = format!(
-        "Latest level more than {OUTLIER_SCORE} standard deviations, of the fleet and of the level's own error, from the median.{}",
-        cut(found.len())
-    );
-    let header = "joint|campaign|level|value|median|deviations|cause";
-    page.push(Block::Records(Table::new(caption, header, listed)));
 }
 
 fn trend_blocks(trends: &[Trend], page: &mut Page) {
@@ -287,52 +250,6 @@ fn trend_chart(trend: &Trend) -> Chart {
             Series::points("campaigns", trend.times.clone(), trend.values.clone()),
             Series::line("trend", vec![first, last], vec![line(first), line(last)]),
         ],
-    }
-}
-
-/// Pushes a chart of the sizes of each frequent cause.
-fn sizes(rows: &[FleetRow], page: &mut Page) {
-    let mut groups: BTreeMap<(&str, &str), Vec<(f64, f64)>> = BTreeMap::new();
-    for row in rows.iter().filter(|row| row.is_ok()) {
-        if let (Some(size), Some([low, high])) = (row.size, row.size_ci95) {
-            groups
-                .entry((&row.cause, &row.size_unit))
-                .or_default()
-                .push((size, 0.5 * (high - low)));
-        }
-    }
-    let mut groups: Vec<_> = groups.into_iter().collect();
-    groups.sort_by_key(|(_, sizes)| std::cmp::Reverse(sizes.len()));
-    let charts: Vec<Chart> = groups
-        .into_iter()
-        .take(MAX_DRAWN)
-        .map(|((cause, unit), mut sizes)| {
-            sizes.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let step = sizes.len().div_ceil(MAX_DOTS).max(1);
-            let kept: Vec<(usize, (f64, f64))> =
-                sizes.iter().copied().enumerate().step_by(step).collect();
-            let ranks = kept.iter().map(|(rank, _)| (rank + 1) as f64).collect();
-            let values = kept.iter().map(|(_, (size, _))| *size).collect();
-            let errors = kept.iter().map(|(_, (_, half))| *half).collect();
-            Chart {
-                title: cause.to_owned(),
-                caption: format!(
-                    "Size in each of {}, smallest first, with its 95 % interval.",
-                    counted(sizes.len(), "diagnosis run")
-                ),
-                x: Axis::new("rank"),
-                y: Axis::new(if unit.is_empty() {
-                    "size".into()
-                } else {
-                    format!("size ({unit})")
-                }),
-                series: vec![Series::points(cause, ranks, values).with_error(errors)],
-            }
-        })
-        .collect();
-    if !charts.is_empty() {
-        page.push(Block::heading("Sizes of the causes"));
-        page.push(Block::Row(charts));
     }
 }
 

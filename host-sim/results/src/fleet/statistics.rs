@@ -1,16 +1,11 @@
-//! Trends over campaigns, and joints that stand out.
+//! Trends over campaigns.
 //!
 //! A *trend* is a straight line through the levels of one joint under one fixed model. Its interval comes from the scatter
 //! around the line, because the standard error of a single fit leaves out what changes from campaign to campaign:
 //! temperature, motion, mounting. The test is two-sided, and its significance is divided by the number of tests in the
 //! fleet (Bonferroni), so that a thousand healthy joints do not give fifty trends.
-//!
-//! A joint *stands out* if its latest level is far from the median of the joints of the same model and unit. The distance is
-//! measured in standard deviations: of the fleet, by the median absolute deviation, which some bad joints do not change
-//! (Iglewicz and Hoaglin, 1993), and of the level itself, by its standard error. A level that its log determines badly does
-//! not stand out.
 
-use super::{FleetRow, LEVELS, Level};
+use super::{FleetRow, LEVELS};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 
@@ -19,15 +14,6 @@ pub const FLEET_SIGNIFICANCE: f64 = 0.05;
 
 /// Minimum number of campaigns of a trend: two for the line, and two to estimate the scatter around it.
 pub const MIN_CAMPAIGNS: usize = 4;
-
-/// Modified z-score above which a joint stands out (Iglewicz and Hoaglin).
-pub const OUTLIER_SCORE: f64 = 3.5;
-
-/// Minimum number of joints for a comparison. The median absolute deviation of fewer is too uncertain.
-pub const MIN_JOINTS: usize = 8;
-
-/// Median absolute deviation of a normal distribution, in standard deviations.
-pub(super) const NORMAL_MAD: f64 = 0.6745;
 
 /// Unit of the time between campaigns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,21 +69,6 @@ pub struct Trend {
     /// Time from the last campaign until the limit is crossed, with the ends of its 95 % interval, in `unit`. `None` without a
     /// limit, or if the level moves away from it. An end is infinite if the interval of the slope contains 0.
     pub until_limit: Option<[f64; 3]>,
-}
-
-/// Joint with an unusual level.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Outlier {
-    /// Index of the row.
-    pub row: usize,
-    /// Index of the level in [`LEVELS`].
-    pub level: usize,
-    /// Level of the joint.
-    pub value: f64,
-    /// Median over the joints of the same model and unit.
-    pub median: f64,
-    /// Distance from the median in standard deviations of fleet and level together.
-    pub score: f64,
 }
 
 /// Returns the trends of all joints with enough campaigns, most significant first.
@@ -235,58 +206,9 @@ fn parse_day(name: &str) -> Option<f64> {
     joint_log::day_number(name).filter(|day| CAMPAIGN_DAYS.contains(day)).map(|day| day as f64)
 }
 
-/// What makes levels comparable: model, unit, and index of the level.
-type Group<'a> = (&'a str, &'a str, usize);
-
-/// Returns the joints whose latest level is far from those of the other joints, farthest first.
-pub fn outliers(rows: &[FleetRow]) -> Vec<Outlier> {
-    let (times, _) = campaign_times(rows);
-    let time = |row: &FleetRow| times.get(row.campaign.as_str()).copied().unwrap_or(0.0);
-    let mut latest: BTreeMap<&str, usize> = BTreeMap::new();
-    for (at, row) in rows.iter().enumerate().filter(|(_, row)| row.is_ok()) {
-        let known = latest.entry(&row.joint).or_insert(at);
-        if time(row) >= time(&rows[*known]) {
-            *known = at;
-        }
-    }
-    let mut groups: BTreeMap<Group, Vec<(usize, Level)>> = BTreeMap::new();
-    for at in latest.into_values() {
-        let row = &rows[at];
-        for (level, found) in row.levels.iter().enumerate() {
-            if let Some(found) = found {
-                let group = groups.entry((&row.fixed_model, &row.unit, level)).or_default();
-                group.push((at, *found));
-            }
-        }
-    }
-    let mut outliers = Vec::new();
-    for ((_, _, level), group) in groups.into_iter().filter(|(_, own)| own.len() >= MIN_JOINTS) {
-        let middle = median(group.iter().map(|(_, level)| level.value).collect());
-        let deviations = group.iter().map(|(_, level)| (level.value - middle).abs()).collect();
-        let fleet = median(deviations) / NORMAL_MAD;
-        for (row, Level { value, std_error }) in group {
-            let deviation = fleet.hypot(std_error);
-            let score = (value - middle) / deviation;
-            if deviation > 0.0 && score.abs() > OUTLIER_SCORE {
-                outliers.push(Outlier { row, level, value, median: middle, score });
-            }
-        }
-    }
-    outliers.sort_by(|a, b| b.score.abs().total_cmp(&a.score.abs()));
-    outliers
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() % 2 {
-        1 => values[middle],
-        _ => 0.5 * (values[middle - 1] + values[middle]),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::Level;
     use super::*;
     use crate::noise::noise;
 
@@ -346,22 +268,5 @@ mod tests {
         assert_eq!((times["dive 9"], times["dive 10"], unit), (0.0, 1.0, CampaignUnit::Campaign));
         assert_eq!(parse_day("1970-01-02"), Some(1.0));
         assert_eq!(parse_day("12345678"), None);
-    }
-
-    #[test]
-    fn outliers_of_latest_campaign_stand_out() {
-        let mut noise = noise(7);
-        let mut rows: Vec<FleetRow> = (0..30)
-            .map(|joint| row(&format!("{joint}"), "1".into(), 1.5 + 0.05 * noise()))
-            .collect();
-        rows.push(row("bad", "1".into(), 1.5));
-        rows.push(row("bad", "2".into(), 2.4));
-        let found = outliers(&rows);
-        assert_eq!(found.len(), 1, "{found:?}");
-        assert_eq!((found[0].row, found[0].value), (31, 2.4));
-        assert!(outliers(&rows[25..]).is_empty(), "too few joints");
-        let uncertain = Level { value: 2.4, std_error: 0.5 };
-        rows[31].levels[0] = Some(uncertain);
-        assert!(outliers(&rows).is_empty(), "the log of the joint does not determine its level");
     }
 }

@@ -244,6 +244,9 @@ fn row(job: &FleetJob, joint: &str, input: &Prepared, found: &Diagnosis) -> Flee
         size: finding.map(|finding| finding.size.value),
         size_unit: finding.map(|finding| finding.size.unit.to_string()).unwrap_or_default(),
         size_ci95: finding.map(|finding| finding.size.ci95()),
+        effect: finding.map(|finding| {
+            found.before.metrics.nrmse_std * finding.share_of_residual.max(0.0).sqrt()
+        }),
         gain: Some(found.gain.value),
         gain_ci95: Some(found.gain.ci95),
         test_rmse: Some(found.after.metrics.rmse),
