@@ -159,7 +159,7 @@ def tune(
         minutes: Time on the bus, minutes, 1 to 60.
         motion: Motion of the trial: a CSV file with ``time_s`` and ``position_rad``, or a pair of these columns (s, rad; one
             dimension, equal length). By default sines and a slow triangle through reversals.
-        allow_active: Also tries laws that can give out energy, and so keep a joint moving.
+        allow_active: Also tries laws that can supply energy, and so keep a joint moving.
         confirm: Whether the joint may move: True, or a function that is called with the question and returns a bool. A
             simulated joint needs none.
         key: File with the key of the joint, 32 hexadecimal digits; by default the file that the environment variable

@@ -143,7 +143,7 @@ impl<S: Real> Parameters<S> {
             self.get(Id::BristleDamping).single(),
             Bound::AtMost(largest),
             text!(
-                "passivity: more bristle damping can give out energy (damping_fades, or allow_active)"
+                "passivity: more bristle damping can supply energy (damping_fades, or allow_active)"
             ),
         )
     }

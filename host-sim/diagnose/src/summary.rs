@@ -292,28 +292,52 @@ pub fn above_floor(rmse: f64, floor: f64) -> f64 {
     (rmse * rmse - floor * floor).max(0.0).sqrt()
 }
 
-/// Errors up to this many noise floors are not told from the floor, which is an estimate.
+/// Errors up to this multiple of the noise floor do not differ from it, because the floor is an estimate.
 const AT_FLOOR: f64 = 1.05;
 
-/// Returns how much error remains, in noise floors.
-pub fn floors_in_words(diagnosis: &Diagnosis) -> String {
-    let floors = diagnosis.after.metrics.rmse / diagnosis.noise_floor;
-    if floors.is_finite() && floors > AT_FLOOR {
-        format!("{} noise floors remain", significant(floors, 2))
-    } else {
-        "the noise floor is reached".to_owned()
-    }
-}
+/// Least share of the remaining squared error that trees must predict for the reader to look for its reason.
+const WORTHWHILE: f64 = 0.05;
 
-/// Returns a sentence that compares the remaining error with the ceiling and the noise.
+/// Returns sentences on the error that remains: how much of it is noise, whether the logged columns could explain more, what
+/// to do, and the share of the removable error that is removed.
 pub fn remaining_error(diagnosis: &Diagnosis) -> String {
     let unit = diagnosis.log.train.joint.torque_unit();
+    let (after, noise) = (diagnosis.after.metrics.rmse, diagnosis.noise_floor);
+    let plain = diagnosis.hand_over.plain.held_out.metrics.rmse;
+    let ceiling = &diagnosis.ceiling;
+    let least = figure(ceiling.rmse);
+    let share = 1.0 - (ceiling.rmse / after).powi(2);
+    let percent = |share: f64| significant((100.0 * share).clamp(0.0, 100.0), 2);
+    let is_clear = after - ceiling.rmse > 2.0 * ceiling.std_error;
+    let trees = "Boosted trees with all logged columns, evaluated on rows that they have not seen,";
+    let more = if after <= AT_FLOOR * noise {
+        "The rest is noise, so no better model is possible.".to_owned()
+    } else if is_clear && share > WORTHWHILE {
+        format!(
+            "{trees} explain {} % more of its square and leave {least} {unit}. The rest follows a logged column in a way that \
+             no cause describes: vary the columns one at a time to find it.",
+            percent(share)
+        )
+    } else {
+        format!(
+            "{trees} explain no more of it (they leave {least} {unit}). What is above the noise needs a quantity that is not \
+             logged, or a better sensor."
+        )
+    };
+    let removable = plain.powi(2) - ceiling.rmse.powi(2);
+    let removed = match removable > 0.0 {
+        true => format!(
+            " Of the squared error that a model could remove, from plain friction ({} {unit}) to boosted trees \
+             ({least} {unit}), {} % is removed.",
+            figure(plain),
+            percent((plain.powi(2) - after.powi(2)) / removable)
+        ),
+        false => String::new(),
+    };
     format!(
-        "This model leaves {} {unit}, a flexible one of the same columns {} {unit}, and the noise is {} {unit}: {}.",
-        figure(diagnosis.after.metrics.rmse),
-        figure(diagnosis.ceiling.rmse),
-        figure(diagnosis.noise_floor),
-        floors_in_words(diagnosis)
+        "{} {unit} RMS is left, of which {} {unit} is noise. {more}{removed}",
+        figure(after),
+        figure(noise.min(after))
     )
 }
 
@@ -394,7 +418,11 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
     } else {
         "No extension is proposed, so the error stays the same.".to_owned()
     };
-    let better = format!("{better} {}", remaining_error(diagnosis));
+    // Without a cause, the sentence on the causes has it.
+    let better = match diagnosis.findings.is_empty() {
+        true => better,
+        false => format!("{better} {}", remaining_error(diagnosis)),
+    };
     vec![wrong, place, why, better, next_experiment(diagnosis)]
 }
 
@@ -403,7 +431,10 @@ fn why(diagnosis: &Diagnosis) -> String {
     let unnamed = unnamed(&doubts(diagnosis), NAMED);
     let likely = |finding: &Finding| probability_in_words(finding.probability);
     match diagnosis.findings.as_slice() {
-        [] => format!("No cause passed all criteria.{}{unnamed}", closest(diagnosis)),
+        [] => {
+            let left = remaining_error(diagnosis);
+            format!("No cause is likely enough to be named. {left}{}{unnamed}", closest(diagnosis))
+        }
         [first, others @ ..] => {
             let name = first.cause.name();
             let mut text =

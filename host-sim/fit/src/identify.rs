@@ -96,8 +96,8 @@ fn ensure_loadable(outcome: &mut Outcome) {
     match refusal(&outcome.parameters) {
         None if outcome.driver_form.is_some() => {}
         None => outcome.verdicts.push(format!(
-            "the law can give out energy and so keep a joint moving ({error}); params.toml sets allow_active, and a driver \
-             warns when it runs the law. `identify` without --choices allow_active fits a passive law"
+            "the law can supply energy and so keep a joint moving ({error}); params.toml sets allow_active, and a driver \
+             warns when it runs the law. `identify` without --choices allow_active fits a law that only dissipates energy"
         )),
         Some(error) => outcome.verdicts.push(format!("the core rejects these parameters: {error}")),
     }

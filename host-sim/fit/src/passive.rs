@@ -89,8 +89,8 @@ fn towards_passivity(
     if !parameters.choices.damping_fades && !options.fixed.contains(&Id::BristleDamping) {
         parameters.choices.damping_fades = true;
         let note = format!(
-            "the bristle damping fades with speed (damping_fades): a constant damping, {damping} on these rows, can give out \
-             energy; the largest passive value is {}",
+            "the bristle damping fades with speed (damping_fades): a constant damping, {damping} on these rows, can supply \
+             energy, and so keep the joint moving; the largest value that cannot is {}",
             significant(largest, 3)
         );
         return Some(PassivityChange { id: None, note });
@@ -100,7 +100,7 @@ fn towards_passivity(
         options.fixed.push(Id::BristleDamping);
     }
     let note = format!(
-        "bristle_damping: at its bound: the rows alone give {damping}, and more than {} can give out energy",
+        "bristle_damping: at its bound: the rows alone give {damping}, and more than {} can supply energy",
         significant(largest, 3)
     );
     Some(PassivityChange { id: Some(Id::BristleDamping), note })
@@ -121,8 +121,8 @@ pub(super) fn reported(
     notes.push(cost);
     let mut outcome = if is_worse {
         notes.push(
-            "the parameters are those of the rows alone, which give a law that can give out energy; params.toml has the passive \
-             form, which a driver needs (with --choices allow_active it has these)"
+            "the parameters are those of the rows alone, which give a law that can supply energy; params.toml has the closest law \
+             that only dissipates it, which a driver needs (with --choices allow_active it has these)"
                 .to_owned(),
         );
         let Outcome { parameters, estimates, train, test, .. } = passive;
@@ -133,7 +133,9 @@ pub(super) fn reported(
     };
     if !is_worse && !moved.is_empty() {
         let moved = moved.join(", ");
-        notes.push(format!("the passive form moved parameters; the rows alone give {moved}"));
+        notes.push(format!(
+            "to only dissipate energy, the law has other parameters; the rows alone give {moved}"
+        ));
     }
     outcome.verdicts.extend(notes);
     outcome
@@ -150,7 +152,7 @@ fn cost_in_words(alone: &Outcome, passive: &Outcome) -> String {
         )
     };
     format!(
-        "the passive form costs: {}, {}",
+        "a law that only dissipates energy, as a driver needs, costs: {}, {}",
         part("held-out", alone.test.rmse, passive.test.rmse),
         part("training", alone.train.rmse, passive.train.rmse)
     )

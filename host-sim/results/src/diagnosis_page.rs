@@ -264,10 +264,7 @@ fn where_in_motion(scene: &Scene) -> Vec<Block> {
 
 fn candidates(scene: &Scene) -> Vec<Block> {
     let found = scene.about.found;
-    let mut blocks = vec![Block::heading(match scene.is_extended() {
-        true => "Findings and rejected candidates",
-        false => "Rejected candidates",
-    })];
+    let mut blocks = vec![Block::heading("Causes that were tested")];
     if !found.findings.is_empty() {
         blocks.push(tables::findings(scene).into());
         blocks.push(Block::List(words::findings(found)));

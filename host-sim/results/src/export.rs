@@ -47,13 +47,13 @@ joint_log::named! {
     /// Format of an exported model.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum ExportFormat {
-        /// The bytes of the driver's flash record.
+        /// The model as bytes with a checksum, as a driver keeps it in its flash.
         Record = "record",
         /// Rust constants for a control loop that uses the core.
         Rust = "rust",
         /// A C header with one step of the law.
         C = "c",
-        /// The bytes of the network's flash record.
+        /// The network as such bytes.
         Network = "network",
         /// ONNX graphs: one step and the start of a law, or one evaluation of a network.
         Onnx = "onnx",

@@ -247,7 +247,7 @@ fn joint_result(
         training.epochs,
         100.0 * training.outside_share
     );
-    text += "- the network's weights have no standard errors; the model is not passive, but |y| <= max g holds\n";
+    text += "- the network's weights have no standard errors; the model can supply energy, but |y| <= max g holds\n";
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {BASE}: {verdict}\n"));
     if !training.gains_on(fit) {
         text += &format!(

@@ -95,7 +95,7 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
         }
         // Opening the record again would overwrite it.
         if arguments.bus.record.is_some() {
-            return Err("the bus was closed; the record is kept; start monitor again".to_owned());
+            return Err("the bus was closed; the recording is kept; start monitor again".to_owned());
         }
         open(arguments)
     };

@@ -474,7 +474,7 @@ impl Driver {
         set.validate().map_err(|error| error.to_string())?;
         if let Some(error) = passivity_error(&set) {
             eprintln!(
-                "warning: allow_active: the law is not passive, so compensation can keep the joint moving: {error}"
+                "warning: allow_active: the law can supply energy, so compensation can keep the joint moving: {error}"
             );
         }
         if let Some(late) = late_loop_warning(set.friction.model.terms.as_slice()) {

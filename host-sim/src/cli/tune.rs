@@ -25,7 +25,7 @@ pub struct TuneArguments {
     /// Do not ask before the joint moves
     #[arg(long)]
     yes: bool,
-    /// Also try laws that can give out energy, and so keep a joint moving
+    /// Also try laws that can supply energy, and so keep a joint moving
     #[arg(long)]
     allow_active: bool,
     /// Bring back the parameters from before the last tuning, and save them

@@ -136,7 +136,7 @@ fn question(options: &TuneOptions, motion: &Motion, found: &Found) -> String {
         found.facts.iter().map(|(name, value)| format!("  {name}: {value}")).collect();
     let active = match has_active(options, found) {
         true => {
-            "Laws that can give out energy, and so keep the joint moving, are tried too (allow_active).\n"
+            "Laws that can supply energy, and so keep the joint moving, are tried too (allow_active).\n"
         }
         false => "",
     };

@@ -148,9 +148,9 @@ fn identify_with_active_joint_reports_the_truth_and_a_passive_form() {
     assert!(form.test.rmse > 1.05 * outcome.test.rmse, "{} {}", form.test.rmse, outcome.test.rmse);
     let state = |id: Id| form.estimates.iter().find(|own| own.id == id).expect("a parameter").state;
     assert_eq!(state(Id::StribeckVelocity), State::NotDetermined, "the form moves it");
-    let cost = outcome.verdicts.iter().find(|note| note.contains("passive form"));
+    let cost = outcome.verdicts.iter().find(|note| note.contains("only dissipates energy"));
     let cost = cost.expect("a verdict with the cost");
-    message::check("fits", "cost of the passive form", cost, &["held-out", "training"]);
+    message::check("fits", "cost of a passive law", cost, &["held-out", "training"]);
 }
 
 #[test]

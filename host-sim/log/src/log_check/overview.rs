@@ -37,9 +37,6 @@ pub struct ColumnOverview {
     pub source: Option<SourceColumn>,
 }
 
-/// Minimum ratio of two rates that are reported as a range.
-const MIN_RATE_RATIO: f64 = 1.1;
-
 /// Formats a number with four digits. It is rounded first, so that 99.9999 and 100 are formatted alike.
 fn rounded(value: f64) -> String {
     figure(format!("{value:.3e}").parse().unwrap_or(value))
@@ -78,14 +75,21 @@ pub fn overview(data: &Dataset) -> Overview {
 }
 
 impl Overview {
+    /// Returns the rate: one number if both ends are equal as printed, else a range with equal decimals.
+    pub fn rate_in_words(&self) -> String {
+        let [least, most] = self.rate_hz;
+        let fastest = rounded(most);
+        let decimals = fastest.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+        match format!("{least:.decimals$}") {
+            _ if most == 0.0 => "no rate".to_owned(),
+            slowest if slowest == fastest => format!("{fastest} Hz"),
+            slowest => format!("{slowest} to {fastest} Hz"),
+        }
+    }
+
     /// Returns the summary in lines for a terminal, with the notes of the reader.
     pub fn lines(&self, data: &Dataset) -> Vec<String> {
-        let [slowest, fastest] = self.rate_hz.map(rounded);
-        let rate = match self.rate_hz {
-            [_, 0.0] => "no rate".into(),
-            [least, most] if most > MIN_RATE_RATIO * least => format!("{slowest} to {fastest} Hz"),
-            _ => format!("{fastest} Hz"),
-        };
+        let rate = self.rate_in_words();
         let plural = if self.runs == 1 { "run" } else { "runs" };
         let seconds = rounded(self.seconds);
         let mut lines =
@@ -119,6 +123,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn rate_in_words_has_one_number_or_a_range_of_equal_decimals() {
+        let words = |least: f64, most: f64| {
+            let data = Dataset::from_columns(&["time_s".into(), "a".into()], []).unwrap();
+            Overview { rate_hz: [least, most], ..overview(&data) }.rate_in_words()
+        };
+        for (rates, expected) in [
+            ([999.999, 1000.001], "1000 Hz"),
+            ([999.2, 1000.4], "999 to 1000 Hz"),
+            ([99.97, 100.02], "100.0 Hz"),
+            ([9.5, 100.0], "9.5 to 100.0 Hz"),
+        ] {
+            assert_eq!(words(rates[0], rates[1]), expected);
+        }
+    }
+
+    #[test]
     fn lines_with_two_runs_summarises_log() {
         let names = ["time_s", "velocity_rad_s", "torque_nm", "flow"].map(str::to_owned);
         let run = |name: &str, rate: f64| {
@@ -128,7 +148,7 @@ mod tests {
         };
         let data = Dataset::from_columns(&names, [run("a", 100.0), run("b", 50.0)]).unwrap();
         let lines = overview(&data).lines(&data);
-        let figures = ["2 runs", "202 rows", "50.00", "100.0 Hz", "3.000 s"];
+        let figures = ["2 runs", "202 rows", "50.0 to 100.0 Hz", "3.000 s"];
         let ranges = ["time_s", "0", "2.000 s", "velocity_rad_s", "0", "1.000 rad/s"];
         let constants = ["torque_nm", "2.000", "2.000 Nm", "flow", "-3.000", "-3.000"];
         let parts = [&figures[..], &ranges, &constants].concat();

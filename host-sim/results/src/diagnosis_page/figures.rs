@@ -60,7 +60,7 @@ pub(super) fn budget(scene: &Scene) -> Chart {
     Chart {
         title: "Error budget".into(),
         caption: "The held-out error of plain friction, then of a law with one cause more in each row, the one that takes most \
-                  first. The ceiling is what a flexible model of the same columns leaves, the noise what no model can take. \
+                  first. The ceiling is what boosted trees with all logged columns leave on rows that they have not seen, the noise what no model can take. \
                   A step with (PC) has no term in a driver."
             .into(),
         x: Axis::new(format!("RMSE ({})", scene.unit())),

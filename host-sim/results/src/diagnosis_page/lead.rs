@@ -6,7 +6,8 @@
 
 use super::Scene;
 use super::figures::{AFTER, BEFORE};
-use crate::page::words::{capitalised, quantity};
+use super::words;
+use crate::page::words::quantity;
 use crate::report::{Axis, Chart, Series};
 use compensator_core::Quantity;
 use friction_diagnose::cause::definition::Remedy;
@@ -22,10 +23,7 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     let mut facts: Vec<(&str, String)> = Vec::new();
     facts.extend(summary::warning(found).map(|warning| ("Warning", warning)));
     match found.findings.split_first() {
-        None if found.candidates.is_empty() => {
-            facts.push(("Cause", "None: no cause improves the model.".into()));
-        }
-        None => facts.push(("Cause", "None: all candidates were rejected.".into())),
+        None => facts.push(("Cause", format!("{}.", words::none_named(found)))),
         Some((first, others)) => {
             facts.push(("Cause", cause(first)));
             let joint = scene.about.data.joint;
@@ -59,7 +57,7 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     };
     facts.push(("Gain on held-out rows", gain));
     facts.push(("Handed over", hand_over::in_words(found)));
-    facts.push(("Remaining error", remaining(scene)));
+    facts.push(("Remaining error", summary::remaining_error(found)));
     facts.extend(next_step(scene).map(|how| ("Next step", how)));
     facts.push(("Next experiment", summary::next_experiment(found)));
     facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
@@ -93,19 +91,6 @@ fn next_step(scene: &Scene) -> Option<String> {
             found.transferable_model().spec
         )
     })
-}
-
-/// Describes the error that remains, in noise floors, and what a flexible model leaves.
-fn remaining(scene: &Scene) -> String {
-    let found = scene.about.found;
-    let unit = scene.unit();
-    let floors = capitalised(&summary::floors_in_words(found));
-    format!(
-        "{floors}: {}, with a noise floor of {}. A flexible model of the same columns leaves {}.",
-        quantity(found.after.metrics.rmse, unit),
-        quantity(found.noise_floor, unit),
-        quantity(found.ceiling.rmse, unit)
-    )
 }
 
 /// Width of the longest bar, px: a third of a notebook's cell on a small screen.

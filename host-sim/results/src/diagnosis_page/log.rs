@@ -3,7 +3,6 @@
 use super::Scene;
 use crate::report::{Block, Cell, Table};
 use joint_log::log_check::{ColumnOverview, LogFinding, overview};
-use joint_log::number::figure;
 
 /// Returns the section.
 pub(super) fn log(scene: &Scene) -> Vec<Block> {
@@ -47,9 +46,8 @@ fn columns(scene: &Scene) -> Table {
         let [least, most] = column.range.map(|limit| Cell::ShortNumber(limit, 4));
         vec![column.name.as_str().into(), least, most, column.unit.as_str().into(), from.into()]
     };
-    let [slowest, fastest] = read.rate_hz.map(figure);
-    let rate = if slowest == fastest { fastest } else { format!("{slowest} to {fastest}") };
-    let caption = format!("Columns as used: {} rows in {} runs, {rate} Hz", read.rows, read.runs);
+    let rate = read.rate_in_words();
+    let caption = format!("Columns as used: {} rows in {} runs, {rate}", read.rows, read.runs);
     let rows = read.columns.iter().map(row);
     Table::new(caption, "column|minimum|maximum|unit|column in file", rows)
 }

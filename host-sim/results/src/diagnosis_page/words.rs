@@ -11,6 +11,14 @@ use friction_diagnose::thresholds::STRUCTURE;
 use friction_diagnose::{Diagnosis, Finding};
 use joint_log::number::significant;
 
+/// Returns why no cause is named, as the first words of a sentence.
+pub(super) fn none_named(found: &Diagnosis) -> &'static str {
+    match found.candidates.is_empty() {
+        true => "None: no column of the log explains a part of the error",
+        false => "None: no candidate is likely enough to be real",
+    }
+}
+
 /// Text of the evidence section if there is no finding.
 pub(super) fn nothing_found(scene: &Scene) -> String {
     let found = scene.about.found;
@@ -22,12 +30,9 @@ pub(super) fn nothing_found(scene: &Scene) -> String {
         ),
         false => "The residual of the base model does not differ significantly from noise".into(),
     };
-    let tried = match found.candidates.is_empty() {
-        true => "No cause improves the model",
-        false => "All candidates were rejected",
-    };
     format!(
-        "{tried}. {left}. The chart shows the autocorrelation of the residual; white noise has none."
+        "{}. {left}. The chart shows the autocorrelation of the residual; white noise has none.",
+        none_named(found)
     )
 }
 
@@ -211,7 +216,7 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
         ),
         format!(
             "The best few hypotheses are fitted with the law of the driver, all parameters jointly. An extension without gain on \
-             held-out rows is not offered. The probability of a cause comes from its figures in the contest: how often the best \
+             held-out rows is not offered. The probability of a cause comes from these figures: how often the best \
              hypothesis of a resampled log holds it, and what it takes of the error alone and last. The weights of the figures \
              come from {}; a cause below a probability of {} is not named. What is physically impossible is refused by rule. \
              \"Indistinguishable from\" lists causes that win in its place.",

@@ -268,7 +268,7 @@ fn next_steps(view: &View) -> String {
     }
     if best.parameters.choices.allow_active && best.driver_form.is_none() {
         things.push(
-            "before using it on a driver, fit it without `--choices allow_active`, because it may not be passive"
+            "before using it on a driver, fit it without `--choices allow_active`, because its law may supply energy and so keep the joint moving"
                 .to_owned(),
         );
     }

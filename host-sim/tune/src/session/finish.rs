@@ -75,7 +75,7 @@ impl<B: Bus> Work<'_, B> {
         let mut remarks = Vec::new();
         if tried.is_some() && verdict.proven != Some(TuneArm::NewLoop) {
             remarks.push(
-                "the law that was tried can give out energy (allow_active): compensation can keep the joint moving"
+                "the law that was tried can supply energy (allow_active): compensation can keep the joint moving"
                     .to_owned(),
             );
         }
