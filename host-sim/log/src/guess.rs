@@ -98,7 +98,7 @@ pub(super) fn is_same_quantity(one: &str, other: &str) -> bool {
 /// a force (`F_N`), and `min` mostly is a minimum.
 pub(super) fn any_unit(name: &str) -> Option<&'static str> {
     let last = name.rsplit(['_', ' ', '.', '-']).next().filter(|last| *last != name);
-    let is_long = last.is_none_or(|last| last.len() > 1) && last != Some("min");
+    let is_long = last.unwrap_or(name).len() > 1 && last != Some("min");
     let is_explicit = last == Some("N") || name.ends_with([']', ')', '}']);
     let is_clear = |unit: &&str| is_explicit || unit.contains('/') || is_long && unit.len() > 1;
     unit::any_in_name(name).filter(is_clear)

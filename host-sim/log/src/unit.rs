@@ -491,7 +491,9 @@ fn of_last_words(name: &str, count: usize, dimension: Dimension) -> Option<&'sta
     let words: Vec<&str> = name.split(['_', ' ', '.', '-']).filter(|w| !w.is_empty()).collect();
     let last = &words[words.len().checked_sub(count)?..];
     let ratio: Vec<&str> = last.iter().copied().filter(|word| *word != "per").collect();
-    find(&ratio.join("/"), dimension).or_else(|| find(&last.concat(), dimension))
+    // A symbol before a unit is no prefix of it: `M_Nm`.
+    let joined = || (count == 1 || words.len() > count).then(|| last.concat());
+    find(&ratio.join("/"), dimension).or_else(|| find(&joined()?, dimension))
 }
 
 #[cfg(test)]

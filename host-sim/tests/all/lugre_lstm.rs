@@ -104,7 +104,9 @@ fn assert_network_is_usable(folder: &Path) {
     let record = fs::read(folder.join("e/network.bin")).expect("written");
     let network = compensator_core::network::record::parse(&record).expect("a record");
     assert_eq!(network.map(|network| network.feeds.len()), Some(1));
-    run("export out/identify-log/params.toml --to record --out e", 0, &["network"]);
+    let settings = "scale=0.8,torque_limit_nm=6,torque_constant_nm_per_a=1,current_limit_a=26";
+    let record = "export out/identify-log/params.toml --to record --out e --compensator";
+    run(&format!("{record} {settings}"), 0, &["network"]);
     // Commands that require a law with constant parameters.
     refused += &run("diagnose log.csv --params out/identify-log/params.toml", 2, &["network"]);
     refused += &run("diagnose log.csv --model lugre-lstm", 2, &["identify --model lugre-lstm"]);

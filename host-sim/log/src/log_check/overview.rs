@@ -79,6 +79,7 @@ impl Overview {
     pub fn rate_in_words(&self) -> String {
         let [least, most] = self.rate_hz;
         let fastest = rounded(most);
+        let least: f64 = rounded(least).parse().unwrap_or(least);
         let decimals = fastest.split_once('.').map_or(0, |(_, decimals)| decimals.len());
         match format!("{least:.decimals$}") {
             _ if most == 0.0 => "no rate".to_owned(),
@@ -124,17 +125,16 @@ mod tests {
 
     #[test]
     fn rate_in_words_has_one_number_or_a_range_of_equal_decimals() {
-        let words = |least: f64, most: f64| {
-            let data = Dataset::from_columns(&["time_s".into(), "a".into()], []).unwrap();
-            Overview { rate_hz: [least, most], ..overview(&data) }.rate_in_words()
-        };
+        let empty = overview(&Dataset::default());
+        let words = |rate_hz| Overview { rate_hz, ..empty.clone() }.rate_in_words();
         for (rates, expected) in [
             ([999.999, 1000.001], "1000 Hz"),
             ([999.2, 1000.4], "999 to 1000 Hz"),
             ([99.97, 100.02], "100.0 Hz"),
+            ([12_345.6, 12_345.9], "12350 Hz"),
             ([9.5, 100.0], "9.5 to 100.0 Hz"),
         ] {
-            assert_eq!(words(rates[0], rates[1]), expected);
+            assert_eq!(words(rates), expected);
         }
     }
 

@@ -282,10 +282,10 @@ mod tests {
             println!(
                 "{name}: found of 100 that are 1.5, 2, 4 times the others: {rates:?}; of two: {two}"
             );
-            // A joint of 1.5 times is within the spread of the wide fleets.
-            let least = if name == "narrow" { [50.0, 90.0, 98.0] } else { [0.0, 0.0, 60.0] };
+            // The standard deviation of the wide fleets is a fourth to a third of their mean.
+            let least = if name == "narrow" { [50.0, 90.0, 98.0] } else { [0.0, 0.0, 25.0] };
             assert!(rates.iter().zip(least).all(|(rate, least)| *rate >= least), "{rates:?}");
-            assert!(two > 40.0, "{name}: {two}");
+            assert!(two > 20.0, "{name}: {two}");
         }
     }
 
