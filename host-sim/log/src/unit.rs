@@ -492,7 +492,8 @@ fn of_last_words(name: &str, count: usize, dimension: Dimension) -> Option<&'sta
     let last = &words[words.len().checked_sub(count)?..];
     let ratio: Vec<&str> = last.iter().copied().filter(|word| *word != "per").collect();
     // A symbol before a unit is no prefix of it: `M_Nm`.
-    let joined = || (count == 1 || words.len() > count).then(|| last.concat());
+    let is_prefix = count > 1 && last[0].len() == 1 && !last[0].eq_ignore_ascii_case("n");
+    let joined = || (!is_prefix).then(|| last.concat());
     find(&ratio.join("/"), dimension).or_else(|| find(&joined()?, dimension))
 }
 

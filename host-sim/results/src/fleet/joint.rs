@@ -109,7 +109,7 @@ impl SharedCause {
 ///
 /// A joint needs attention if one of these holds:
 /// * More than half of its logs name the same cause, unless more than half of the joints share that and its effect is small.
-/// * The size of its cause, or a level, differs from the other joints ([`comparisons`]), or the level is above a limit.
+/// * The size of its cause, or a level, differs from the other joints (`comparisons`), or the level is above a limit.
 /// * A level has a significant trend, the latest log has no result, or its seal ages.
 ///
 /// A joint may have a trend of its learnt level and no log.
