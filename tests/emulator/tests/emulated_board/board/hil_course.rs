@@ -26,9 +26,12 @@ pub struct Model {
     pub friction: Configuration,
 }
 
-/// Returns true if both number types accept a model, and the driver also in its current loop.
+/// Returns true if both number types accept a model, alone and in a compensator, which leaves terms out; and the driver also in
+/// its current loop.
 fn is_legal(friction: &Configuration) -> bool {
-    Compensator::<f32>::build(friction, control::PERIOD_S).is_ok()
+    friction.model.build::<f32>(PERIOD_S).is_ok()
+        && friction.model.build::<Fixed>(PERIOD_S).is_ok()
+        && Compensator::<f32>::build(friction, control::PERIOD_S).is_ok()
         && Compensator::<f32>::build(friction, PERIOD_S).is_ok()
         && Compensator::<Fixed>::build(friction, PERIOD_S).is_ok()
 }
