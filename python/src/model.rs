@@ -244,13 +244,8 @@ impl Model {
 
     /// Reads a log for a prediction: without leaving out rows, with the motion as the fit used it.
     fn dataset(&self, log: &Log) -> Result<Dataset, Error> {
-        let correct = Corrections {
-            motion: log.smooths_motion() && !self.is_motion_logged,
-            motion_by_evidence: false,
-            outliers: false,
-            held: false,
-            ..Corrections::default()
-        };
+        let is_reconstructed = log.smooths_motion() && !self.is_motion_logged;
+        let correct = Corrections::of_motion(Some(is_reconstructed)).of_every_row();
         Ok(check(log.dataset()?, correct).data)
     }
 

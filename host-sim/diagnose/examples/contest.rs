@@ -72,7 +72,7 @@ fn main() -> Result<(), String> {
     let arguments = arguments()?;
     let begin = processor_s();
     let data = read(&arguments.files, &arguments.read, &|_, _| {}).map_err(|e| e.to_string())?;
-    let correct = Corrections { motion: !arguments.is_motion_logged, ..Corrections::default() };
+    let correct = Corrections::of_motion(arguments.is_motion_logged.then_some(false));
     let data: Dataset = log_check::check(data, correct).data;
     let read = processor_s();
     let mut rows = Rows::new(&data, arguments.rigid_body, arguments.decimate);

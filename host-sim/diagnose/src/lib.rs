@@ -73,6 +73,7 @@ pub mod experiment;
 pub mod extended;
 pub mod finalist;
 pub mod finding;
+mod gravity_load;
 pub mod hand_over;
 pub mod late_channel;
 pub mod leading_fault;

@@ -185,8 +185,8 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
     log_check::refuse(&data)?;
     let checked = log_check::check(data, options.corrections);
     let is_motion_logged = checked.is_motion_logged || !options.corrections.motion;
-    let CheckedLog { data, findings: log_findings, overview, suspected_unit, .. } = checked;
-    if let Some(suspicion) = suspected_unit {
+    let CheckedLog { data, findings: log_findings, overview, suspicion, .. } = checked;
+    if let Some(suspicion) = suspicion {
         return Err(suspicion.error(&data).into());
     }
     let overview = overview.lines(&data);
@@ -260,11 +260,7 @@ pub fn identify_each(
 /// # Errors
 /// Returns the first name that is no kind, or a kind that is never corrected, as the end of a message.
 pub fn corrections(motion: Option<bool>, as_logged: &[String]) -> Result<Corrections, String> {
-    let mut correct = Corrections {
-        motion: motion.unwrap_or(true),
-        motion_by_evidence: motion.is_none(),
-        ..Corrections::default()
-    };
+    let mut correct = Corrections::of_motion(motion);
     for name in as_logged {
         match LogFindingKind::parse(name.trim()) {
             Some(
@@ -274,14 +270,15 @@ pub fn corrections(motion: Option<bool>, as_logged: &[String]) -> Result<Correct
             ) => {
                 correct.motion = false;
             }
-            Some(LogFindingKind::WrappedAngle) => correct.wrapped = false,
-            Some(LogFindingKind::Outlier) => correct.outliers = false,
-            Some(LogFindingKind::HeldChannel) => correct.held = false,
-            Some(LogFindingKind::SignSuspect) => correct.sign = false,
-            Some(LogFindingKind::UnitSuspect) => correct.units = false,
-            // The diagnosis detects this kind itself.
-            Some(LogFindingKind::TorqueLag) => {}
-            Some(_) => return Err(format!("{name} is never corrected")),
+            Some(
+                LogFindingKind::ChannelLag
+                | LogFindingKind::Saturated
+                | LogFindingKind::TimeJump
+                | LogFindingKind::ComputedTorque
+                | LogFindingKind::TooLittle,
+            ) => return Err(format!("{name} is never corrected")),
+            // The diagnosis detects a torque lag and a channel gain itself.
+            Some(kind) => correct = correct.without(&[kind]),
             None => return Err(format!("unknown kind {name:?}")),
         }
     }

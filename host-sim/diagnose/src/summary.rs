@@ -6,6 +6,7 @@
 use super::cause::definition::Remedy;
 use super::experiment::most_informative;
 use super::finding::{Finding, probability_in_words};
+use super::gravity_load;
 use super::left_out::LeftOut;
 use super::naming::NAMED;
 use super::{Diagnosis, Share};
@@ -394,7 +395,7 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
         figure(diagnosis.noise_floor)
     );
     let place = place(diagnosis);
-    let why = why(diagnosis);
+    let why = why(diagnosis) + &gravity_load::sentence(diagnosis).unwrap_or_default();
     let gain = &diagnosis.gain;
     let better = if let Some(extension) = diagnosis.extension() {
         let [before, after] = [before, diagnosis.after.metrics.rmse]

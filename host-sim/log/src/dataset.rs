@@ -13,6 +13,8 @@ use std::path::PathBuf;
 
 use super::contract;
 use super::error::BadRows;
+use super::segment::segments;
+use super::velocity::differences;
 use compensator_core::quantity::{JointKind, Quantity};
 
 /// All data that were read and validated.
@@ -93,6 +95,9 @@ pub struct Run {
     /// 1 in rows whose torque was a spike and is replaced by an estimate, else 0; empty if there is none. These rows have
     /// a valid motion, and weight 0 in fits and errors.
     pub torque_spikes: Vec<f64>,
+    /// The number of the piece that each row belongs to, where the position jumps from one piece to the next; empty if it does
+    /// not. No computation with memory crosses from piece to piece ([`crate::segments`]).
+    pub pieces: Vec<f64>,
     /// True if [`Run::velocity`] has negligible noise: exact as logged, or smoothed ([`crate::motion`]). Its
     /// derivative may then be taken from row to row.
     pub velocity_is_smooth: bool,
@@ -156,6 +161,15 @@ impl Run {
         part
     }
 
+    /// Derives the velocity from the position, piece by piece.
+    pub(crate) fn derive_velocity(&mut self) {
+        let Some(position) = self.get(Quantity::Position) else { return };
+        let pieces = segments(self).into_iter();
+        self.velocity = pieces
+            .flat_map(|rows| differences(&self.time_s[rows.clone()], &position[rows]))
+            .collect();
+    }
+
     /// Applies `f` to every numeric column including time. `f` must treat all columns alike.
     pub(crate) fn with_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
         let time_s = f(&self.time_s);
@@ -174,14 +188,16 @@ impl Run {
             extra: self.extra.iter().map(&f).collect(),
             labels: self.labels.clone(),
             velocity_draws: self.velocity_draws.iter().map(&f).collect(),
-            torque_spikes: if self.torque_spikes.is_empty() {
-                Vec::new()
-            } else {
-                f(&self.torque_spikes)
-            },
+            torque_spikes: if_any(&self.torque_spikes, &f),
+            pieces: if_any(&self.pieces, &f),
             velocity_is_smooth: self.velocity_is_smooth,
         }
     }
+}
+
+/// Applies `f` to a column that may be absent.
+fn if_any(column: &Vec<f64>, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Vec<f64> {
+    if column.is_empty() { Vec::new() } else { f(column) }
 }
 
 impl Dataset {

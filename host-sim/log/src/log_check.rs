@@ -2,10 +2,13 @@
 //!
 //! A model explains whatever its columns hold, so it explains a logger's defects as friction: a late torque looks like
 //! backlash, a noisy velocity at rest like a bristle. Each module here looks for one kind of defect and reports its
-//! size in the log's own units; `CHECKS` is the list. Only five defects are corrected: a position that wraps is
-//! unwrapped, a torque whose sign is reversed is turned, impossible values are left out and spikes have weight 0, the motion is reconstructed ([`crate::motion`]), and the rows between two readings of a held channel
-//! are left out. Each correction can be switched off ([`Corrections`]), and the finding states whether it was applied.
-//! All other defects are only reported, because a correction would need information that the log does not hold.
+//! size in the log's own units; `CHECKS` is the list. Some defects are corrected (`CORRECTIONS`): a position that wraps is
+//! unwrapped, a torque whose sign is reversed is turned, impossible values are left out and spikes have weight 0, a run is
+//! divided where the position jumps, rows at an end stop or with the drive off are left out, offsets of runs are subtracted, the
+//! motion is reconstructed ([`crate::motion`]), and the rows between two readings of a held channel are left out. Each
+//! correction can be switched off ([`Corrections`]), and the finding states whether it was applied. Columns that contradict each
+//! other refuse the log (`SUSPICIONS`). All other defects are only reported, because a correction would need information that
+//! the log does not hold.
 //!
 //! A check must not report anything on an exact log, and every finding must be true. So each requires many standard
 //! errors and a relevant size. A log to which no model can be fitted is refused ([`refuse`]).
@@ -14,24 +17,32 @@ mod channel_lag;
 mod column;
 mod computed_torque;
 mod constant_torque;
+mod drive_off;
+mod end_stop;
 mod finding;
 mod held;
 mod independence;
 mod isolated;
 mod log;
+mod magnitude;
 pub(crate) mod nearly_named;
 mod outlier;
 mod overview;
+mod position_jump;
 mod position_zero;
 mod quantised;
 mod rate;
 mod register;
+mod run_offset;
 mod saturated;
 mod sign;
 mod spike;
+mod suspicion;
 mod swapped;
 mod time;
+mod torque_fit;
 mod torque_lag;
+mod two_sources;
 mod unit;
 mod velocity;
 mod wrap;
@@ -41,7 +52,7 @@ pub use finding::{LogFinding, LogFindingKind};
 pub use log::Corrections;
 pub use overview::{ColumnOverview, Overview, overview};
 pub use sign::drives_both_ways;
-pub use unit::UnitSuspicion;
+pub use suspicion::Suspicion;
 
 use crate::motion::{self, Sensors};
 use crate::setting::shell_word;
@@ -64,6 +75,25 @@ const CHECKS: [fn(&Log) -> Vec<LogFinding>; 10] = [
     saturated::saturated,
 ];
 
+/// The checks that refuse a log unless its kind is kept as logged, the gravest first.
+const SUSPICIONS: [fn(&Log) -> Option<Suspicion>; 4] =
+    [two_sources::suspicion, register::suspicion, unit::suspicion, magnitude::suspicion];
+
+/// A correction of the log as read.
+type Correction = fn(Dataset, bool) -> (Dataset, Vec<LogFinding>);
+
+/// The corrections before the motion is reconstructed, in their order, each with the kind that keeps the log as it is.
+const CORRECTIONS: [(LogFindingKind, Correction); 8] = [
+    (LogFindingKind::Outlier, outlier::outliers),
+    (LogFindingKind::Outlier, isolated::isolated),
+    (LogFindingKind::PositionJump, position_jump::position_jumps),
+    (LogFindingKind::EndStop, end_stop::end_stop),
+    (LogFindingKind::DriveOff, drive_off::drive_off),
+    (LogFindingKind::Outlier, spike::spikes),
+    (LogFindingKind::SignSuspect, sign::sign),
+    (LogFindingKind::OffsetPerRun, run_offset::run_offset),
+];
+
 /// The checks that refuse a log, because no model can be fitted to it.
 const REFUSALS: [fn(&Dataset) -> Option<DataError>; 3] =
     [rate::impossible, constant_torque::constant_torque, swapped::swapped];
@@ -75,8 +105,8 @@ pub struct CheckedLog {
     pub data: Dataset,
     /// The defects.
     pub findings: Vec<LogFinding>,
-    /// Set if the units of the log contradict each other and [`Corrections::units`] is true: the log is to be refused.
-    pub suspected_unit: Option<UnitSuspicion>,
+    /// Set if the log is to be refused.
+    pub suspicion: Option<Suspicion>,
     /// Properties of the motion sensors.
     pub sensors: Sensors,
     /// True if the motion is used as logged because the torque follows it more closely.
@@ -98,18 +128,16 @@ pub fn refuse(data: &Dataset) -> Result<(), DataError> {
 
 /// Checks a log and applies the corrections.
 pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
-    let (data, mut findings) = wrap::unwrapped(data, correct.wrapped);
-    let suggestions = nearly_named::suggestions(&data);
+    let (mut data, mut findings) =
+        wrap::unwrapped(data, correct.corrects(LogFindingKind::WrappedAngle));
+    data.notes.extend(nearly_named::suggestions(&data));
     let overview = overview(&data);
-    let (mut data, outliers) = outlier::outliers(data, correct.outliers);
-    data.notes.extend(suggestions);
-    findings.extend(outliers);
-    let (data, isolated) = isolated::isolated(data, correct.outliers);
-    findings.extend(isolated);
-    let (data, spikes) = spike::spikes(data, correct.outliers);
-    findings.extend(spikes);
-    let (mut data, turned) = sign::sign(data, correct.sign);
-    findings.extend(turned);
+    for (kind, correction) in CORRECTIONS {
+        checkpoint();
+        let found;
+        (data, found) = correction(data, correct.corrects(kind));
+        findings.extend(found);
+    }
     let (mut smoothed, mut sensors) = motion::reconstruct(&data);
     let log = Log::new(&data, &smoothed, sensors, correct);
     let fresh = held::fresh_rows(&log);
@@ -125,7 +153,12 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
         checkpoint();
         check(&log)
     }));
-    let suspected_unit = unit::suspicion(&log).filter(|_| correct.units);
+    let suspicions = SUSPICIONS.iter().filter_map(|suspicion| suspicion(&log));
+    let (refused, kept): (Vec<_>, Vec<_>) =
+        suspicions.partition(|suspicion| correct.corrects(suspicion.kind));
+    // A unit has a finding of its own.
+    let kept = kept.into_iter().filter(|kept| kept.kind != LogFindingKind::UnitSuspect);
+    findings.extend(kept.map(Suspicion::finding));
     findings.extend(held);
     if let Some(fresh) = fresh.filter(|fresh| !fresh.is_motion_held) {
         (data, smoothed) = (fresh.select(&data), fresh.select(&smoothed));
@@ -137,7 +170,8 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     if is_motion_logged {
         data.notes.push(MOTION_AS_LOGGED.to_owned());
     }
-    CheckedLog { data, findings, suspected_unit, sensors, overview, is_motion_logged }
+    let suspicion = refused.into_iter().next();
+    CheckedLog { data, findings, suspicion, sensors, overview, is_motion_logged }
 }
 
 /// Returns the pair of `--columns` that reads a column in this unit, as a shell takes it.

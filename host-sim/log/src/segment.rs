@@ -14,9 +14,24 @@ use super::dataset::Run;
 /// not matter for a smooth motion; longer losses do.
 pub const GAP_FACTOR: f64 = 5.0;
 
-/// Returns the segments of a run as row ranges in order. Together they cover all rows.
+/// Returns the segments of a run as row ranges in order. Together they cover all rows. A piece ([`Run::pieces`]) ends a segment
+/// too.
 pub fn segments(run: &Run) -> Vec<Range<usize>> {
-    segments_of(&run.time_s)
+    let mut found = segments_of(&run.time_s);
+    if run.pieces.is_empty() {
+        return found;
+    }
+    let split = |rows: Range<usize>| {
+        let mut start = rows.start;
+        let pieces = run.pieces[rows].chunk_by(|one, next| one == next);
+        let pieces = pieces.map(move |piece| {
+            start += piece.len();
+            start - piece.len()..start
+        });
+        pieces.collect::<Vec<_>>()
+    };
+    found = found.into_iter().flat_map(split).collect();
+    found
 }
 
 /// Returns the segments of a run, given its times.

@@ -103,7 +103,7 @@ fn check_with_noisy_velocity_reports_and_reconstructs_it() {
     let finding = only(&found(spoil), LogFindingKind::VelocityNoise, &[]);
     near(finding.value, 5e-3, 1e-3);
     assert!(finding.corrected);
-    let as_logged = check(log(spoil), Corrections { motion: false, ..Corrections::default() });
+    let as_logged = check(log(spoil), Corrections::of_motion(Some(false)));
     assert!(!only(&as_logged.findings, LogFindingKind::VelocityNoise, &[]).corrected);
     assert_eq!(as_logged.data.runs, log(spoil).runs);
 }
@@ -159,7 +159,8 @@ fn check_with_held_torque_leaves_out_rows_between() {
     for (row, (time, torque)) in run.time_s.iter().zip(&run.torque).enumerate() {
         assert_eq!((*time, *torque), (exact[0][4 * row], exact[2][4 * row]), "row {row}");
     }
-    let as_logged = check(log(spoil), Corrections { held: false, ..Corrections::default() });
+    let as_logged =
+        check(log(spoil), Corrections::default().without(&[LogFindingKind::HeldChannel]));
     assert_eq!(as_logged.data.runs[0].len(), ROWS);
     assert!(as_logged.findings.iter().all(|finding| !finding.corrected));
 }
@@ -172,7 +173,7 @@ fn check_with_held_motion_leaves_out_rows_between_and_keeps_rests() {
             columns[column] = (0..all.len()).map(|row| all[row - row % 3]).collect();
         }
     };
-    let checked = check(log(spoil), Corrections { motion: false, ..Corrections::default() });
+    let checked = check(log(spoil), Corrections::of_motion(Some(false)));
     let position = checked.findings.iter().find(|finding| finding.columns == ["position_rad"]);
     assert!(position.is_some_and(|finding| finding.corrected), "{:?}", checked.findings);
     for (index, run) in checked.data.runs.iter().enumerate() {
@@ -339,7 +340,8 @@ fn check_with_inverted_torque_reports_suspect_sign() {
     let checked = check(log(turn), Corrections::default());
     assert!(only(&checked.findings, LogFindingKind::SignSuspect, &[]).corrected);
     assert_eq!(checked.data.runs[0].torque, log(|_, _| ()).runs[0].torque);
-    let as_logged = check(log(turn), Corrections { sign: false, ..Corrections::default() });
+    let as_logged =
+        check(log(turn), Corrections::default().without(&[LogFindingKind::SignSuspect]));
     assert!(!only(&as_logged.findings, LogFindingKind::SignSuspect, &[]).corrected);
     assert_eq!(as_logged.data.runs[0].torque, log(turn).runs[0].torque);
 }
@@ -357,7 +359,7 @@ fn check_with_impossible_values_leaves_out_rows() {
     near(finding.value.abs(), 9999.0, 1e-9);
     assert!(finding.corrected);
     assert_eq!(checked.data.rows, RUNS * ROWS - 2);
-    let kept = check(log(spoil), Corrections { outliers: false, ..Corrections::default() });
+    let kept = check(log(spoil), Corrections::default().without(&[LogFindingKind::Outlier]));
     assert_eq!(kept.data.rows, RUNS * ROWS);
     assert!(!only(&kept.findings, LogFindingKind::Outlier, &[]).corrected);
 }
@@ -394,7 +396,7 @@ fn check_with_many_spikes_keeps_the_fit() {
     for loss in [Loss::Squares, Loss::Huber] {
         near(level(&checked.data, loss) / clean, 1.0, 0.01);
     }
-    let as_logged = check(log(spiked), Corrections { outliers: false, ..Corrections::default() });
+    let as_logged = check(log(spiked), Corrections::default().without(&[LogFindingKind::Outlier]));
     assert!(as_logged.findings.iter().any(|found| !found.corrected));
     assert_eq!(as_logged.data.runs[0].torque, log(spiked).runs[0].torque);
 }
@@ -406,7 +408,7 @@ fn check_with_all_channels_held_keeps_one_row_of_each_reading() {
             *column = (0..ROWS).map(|row| column[row - row % 10]).collect();
         }
     };
-    let checked = check(log(spoil), Corrections { motion: false, ..Corrections::default() });
+    let checked = check(log(spoil), Corrections::of_motion(Some(false)));
     let held = checked.findings.iter().filter(|own| own.kind == LogFindingKind::HeldChannel);
     for finding in held.filter(|own| own.columns != ["gauge_torque_nm"]) {
         assert!(finding.corrected, "{finding:?}");

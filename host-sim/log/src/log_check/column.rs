@@ -1,5 +1,6 @@
 //! A column of a log, run by run, with its name and unit; and the robust statistics the checks share.
 
+use crate::setting::shell_word;
 use crate::work::checkpoint;
 use crate::{Dataset, contract};
 use compensator_core::quantity::Quantity;
@@ -83,6 +84,31 @@ fn unit(name: &str) -> String {
     // `bucket_deg_s` is in deg/s, not in seconds.
     let longer = crate::unit_of_name(name).filter(|unit| unit.len() > 1);
     longer.or(found).unwrap_or("as logged").into()
+}
+
+/// Returns `COLUMN=VALUES` for each of two groups of rows, by the first covariate with few values and none in both groups: it
+/// tells the groups apart.
+pub fn telling_column(data: &Dataset, is_second: &[Vec<bool>]) -> Option<[String; 2]> {
+    const MAX_VALUES: usize = 4;
+    (0..data.covariates.len()).find_map(|column| {
+        let mut values = [Vec::new(), Vec::new()];
+        for (run, is_second) in data.runs.iter().zip(is_second) {
+            for (value, is_second) in run.extra[column].iter().zip(is_second) {
+                let group = &mut values[usize::from(*is_second)];
+                if !group.contains(value) && group.len() <= MAX_VALUES {
+                    group.push(*value);
+                }
+            }
+        }
+        let is_in_both = values[0].iter().any(|value| values[1].contains(value));
+        let name = super::header(data, &data.covariates[column]);
+        let pair = |values: &Vec<f64>| {
+            let values: Vec<String> = values.iter().map(f64::to_string).collect();
+            shell_word(&format!("{name}={}", values.join(",")))
+        };
+        let are_few = values.iter().all(|group| (1..=MAX_VALUES).contains(&group.len()));
+        (are_few && !is_in_both).then(|| [pair(&values[0]), pair(&values[1])])
+    })
 }
 
 /// Returns the least and the largest value; infinities for no values.

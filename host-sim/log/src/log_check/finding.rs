@@ -32,6 +32,20 @@ named! {
         ChannelGain = "channel-gain",
         /// A column holds impossible values.
         Outlier = "outlier",
+        /// The position jumps farther than any speed allows.
+        PositionJump = "position-jump",
+        /// A column has a sign bit that is read as a part of the number.
+        SignBit = "sign-bit",
+        /// The torque is a magnitude without its sign.
+        MagnitudeOnly = "magnitude-only",
+        /// The drive was off while the joint moved.
+        DriveOff = "drive-off",
+        /// The joint is pushed against an end stop.
+        EndStop = "end-stop",
+        /// The offset of the torque differs from run to run.
+        OffsetPerRun = "offset-per-run",
+        /// The rows are of two sources.
+        TwoSources = "two-sources",
         /// The log has too few independent rows.
         TooLittle = "too-little",
     }

@@ -63,7 +63,7 @@ impl FreshRows {
 
 /// Returns the [`FreshRows`], or `None` if nothing is to be corrected.
 pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
-    if !log.correct.held {
+    if !log.correct.corrects(LogFindingKind::HeldChannel) {
         return None;
     }
     let held = |name: &str| {

@@ -7,7 +7,7 @@
 
 use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
-use super::outlier::without;
+use super::outlier::leave_out;
 use super::spike;
 use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
@@ -130,16 +130,10 @@ impl Isolated {
     /// Leaves the rows out. A velocity that was derived from the position is derived again.
     fn leave_out(&self, data: &mut Dataset, quantity: Quantity) {
         let is_derived = quantity == Quantity::Position && is_velocity_derived(data);
-        for (run, rows) in data.runs.iter_mut().zip(&self.runs).filter(|(_, rows)| !rows.is_empty())
-        {
-            *run = without(run, rows);
-            if let Some(position) = run.get(Quantity::Position).filter(|_| is_derived) {
-                run.velocity = crate::differences(&run.time_s, position);
-            }
+        leave_out(data, &self.runs);
+        if is_derived {
+            data.runs.iter_mut().for_each(Run::derive_velocity);
         }
-        data.runs.retain(|run| !run.is_empty());
-        data.rows = data.runs.iter().map(Run::len).sum();
-        data.bad_rows.count += self.count;
     }
 }
 

@@ -1,40 +1,54 @@
 //! The data that every check of a log reads.
 
 use super::column::{self, Column};
+use super::finding::LogFindingKind;
 use crate::Dataset;
 use crate::motion::Sensors;
 use compensator_core::quantity::Quantity;
 
-/// The corrections to apply to a log.
+/// The corrections to apply to a log, and the kinds for which a log is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Corrections {
     /// Reconstruct the motion ([`crate::motion::reconstruct`]).
     pub motion: bool,
     /// Keep the logged motion if the torque follows it more closely ([`crate::motion::choice`]).
     pub motion_by_evidence: bool,
-    /// Unwrap a position that wraps.
-    pub wrapped: bool,
-    /// Leave out rows with impossible values, and give weight 0 to spikes of the torque.
-    pub outliers: bool,
-    /// Turn a torque that drives the motion.
-    pub sign: bool,
-    /// Refuse a log whose units contradict each other.
-    pub units: bool,
-    /// Leave out the rows between two readings of a held torque or motion.
-    pub held: bool,
+    /// One bit for each kind that is kept as logged.
+    kept: u32,
 }
 
 impl Default for Corrections {
     fn default() -> Self {
-        Self {
-            motion: true,
-            motion_by_evidence: true,
-            wrapped: true,
-            outliers: true,
-            sign: true,
-            units: true,
-            held: true,
-        }
+        Self::of_motion(None)
+    }
+}
+
+impl Corrections {
+    /// Returns all corrections, with the reconstructed motion or the logged one; `None` selects that to which the torque is
+    /// closer.
+    pub fn of_motion(is_reconstructed: Option<bool>) -> Self {
+        let motion_by_evidence = is_reconstructed.is_none();
+        Self { motion: is_reconstructed.unwrap_or(true), motion_by_evidence, kept: 0 }
+    }
+
+    /// Returns the corrections without those of some kinds, which are kept as logged.
+    #[must_use]
+    pub fn without(mut self, kinds: &[LogFindingKind]) -> Self {
+        kinds.iter().for_each(|kind| self.kept |= 1 << *kind as u32);
+        self
+    }
+
+    /// Returns the corrections that leave no row out and change no torque, for a prediction of every row.
+    #[must_use]
+    pub fn of_every_row(self) -> Self {
+        use LogFindingKind as Kind;
+        let left_out = [Kind::Outlier, Kind::HeldChannel, Kind::DriveOff, Kind::EndStop];
+        self.without(&left_out).without(&[Kind::OffsetPerRun])
+    }
+
+    /// Returns true if a kind is corrected, or refused.
+    pub fn corrects(self, kind: LogFindingKind) -> bool {
+        self.kept & 1 << kind as u32 == 0
     }
 }
 

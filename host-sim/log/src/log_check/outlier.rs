@@ -52,26 +52,25 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
         return (data, found);
     }
     let mut kept = data;
-    for (index, run) in kept.runs.iter_mut().enumerate() {
-        let bad: BTreeSet<usize> =
-            rows.range((index, 0)..(index + 1, 0)).map(|(_, row)| *row).collect();
-        if !bad.is_empty() {
-            *run = without(run, &bad);
-        }
-    }
-    kept.runs.retain(|run| !run.is_empty());
-    kept.rows = kept.runs.iter().map(Run::len).sum();
-    kept.bad_rows.count += rows.len();
+    let of_run =
+        |index: usize| rows.range((index, 0)..(index + 1, 0)).map(|(_, row)| *row).collect();
+    let of_runs: Vec<BTreeSet<usize>> = (0..kept.runs.len()).map(of_run).collect();
+    leave_out(&mut kept, &of_runs);
     (kept, found)
 }
 
-/// Returns a run without these rows.
-pub(super) fn without(run: &Run, bad: &BTreeSet<usize>) -> Run {
-    let keep = |column: &Vec<f64>| -> Vec<f64> {
-        let rows = column.iter().enumerate().filter(|(row, _)| !bad.contains(row));
-        rows.map(|(_, value)| *value).collect()
-    };
-    run.with_columns(keep)
+/// Leaves rows of each run out. A velocity that was derived from the position stays.
+pub(super) fn leave_out(data: &mut Dataset, bad: &[BTreeSet<usize>]) {
+    for (run, bad) in data.runs.iter_mut().zip(bad).filter(|(_, bad)| !bad.is_empty()) {
+        let keep = |column: &Vec<f64>| -> Vec<f64> {
+            let rows = column.iter().enumerate().filter(|(row, _)| !bad.contains(row));
+            rows.map(|(_, value)| *value).collect()
+        };
+        *run = run.with_columns(keep);
+        data.bad_rows.count += bad.len();
+    }
+    data.runs.retain(|run| !run.is_empty());
+    data.rows = data.runs.iter().map(Run::len).sum();
 }
 
 /// A cell, as (run, row).

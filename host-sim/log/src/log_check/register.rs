@@ -6,7 +6,10 @@
 
 use super::column::Column;
 use super::log::Log;
+use super::suspicion::Suspicion;
+use super::{LogFindingKind, header};
 use crate::Quantity;
+use crate::motion::quantum::quantum;
 use crate::unit::conversion;
 
 /// Bits that hold a sign in known registers, and those between.
@@ -24,6 +27,10 @@ const MIN_CORRELATION: f64 = 0.8;
 /// Maximum correlation with it as logged.
 const MAX_LOGGED_CORRELATION: f64 = 0.5;
 
+/// Minimum gap below the bit, and maximum least magnitude, as shares of the bit.
+const MIN_GAP: f64 = 0.2;
+const MAX_BEGIN: f64 = 0.03;
+
 /// A column whose sign bit is read as a part of the number.
 pub struct SignBit {
     /// The name of the column in the contract.
@@ -32,34 +39,66 @@ pub struct SignBit {
     pub unit: String,
     /// The bit.
     pub bit: u32,
-    /// The values with their sign.
-    values: Vec<Vec<f64>>,
+    /// The values with their sign, counts.
+    pub values: Vec<Vec<f64>>,
+    /// The size of a count in the unit of the contract.
+    pub size: f64,
 }
 
-/// Returns the velocity with a sign bit, and the torque if it has one too.
-pub fn sign_bits(log: &Log) -> Vec<SignBit> {
-    let Some(velocity) = log.column(log.velocity()).and_then(|column| sign_bit(log, column)) else {
-        return Vec::new();
-    };
-    let Some(derivative) = derivative(log) else { return Vec::new() };
+impl SignBit {
+    /// Returns true if the numbers with the bit begin anew at its value, as magnitudes do, above a gap: a number without a sign
+    /// passes through the values below.
+    pub fn begins_anew(&self) -> bool {
+        let sign = 2f64.powi(self.bit as i32);
+        let counts = || self.values.iter().flatten().copied();
+        let largest = |of: f64| counts().map(|count| count * of).fold(0.0, f64::max);
+        let nearly_0 =
+            |of: f64| counts().any(|count| count * of > 0.0 && count * of <= MAX_BEGIN * sign);
+        largest(1.0) < (1.0 - MIN_GAP) * sign && nearly_0(1.0) && nearly_0(-1.0)
+    }
+
+    /// Returns the pair of `--columns` that reads it.
+    pub fn pair(&self, log: &Log) -> String {
+        format!("{}={}:{}", self.name, header(log.data, &self.name), self.unit)
+    }
+}
+
+/// Returns the reason to refuse a velocity with a sign bit, and the torque if it has one too.
+pub fn suspicion(log: &Log) -> Option<Suspicion> {
+    let velocity = log.column(log.velocity()).and_then(|column| sign_bit(log, column))?;
+    let derivative = derivative(log)?;
     let logged = log.data.runs.iter().map(|run| run.velocity.as_slice());
     let follows = correlation(velocity.values.iter().map(Vec::as_slice), &derivative);
     if follows < MIN_CORRELATION || correlation(logged, &derivative) > MAX_LOGGED_CORRELATION {
-        return Vec::new();
+        return None;
     }
     let torque = log.column(log.torque()).and_then(|column| sign_bit(log, column));
-    [Some(velocity), torque].into_iter().flatten().collect()
+    let bits = [Some(velocity), torque].into_iter().flatten().collect();
+    Some(refusal(log, bits, &format!("contradicts {}", log.position())))
+}
+
+/// Returns the reason to refuse columns with a sign bit; `evidence` says how the first shows it.
+pub fn refusal(log: &Log, bits: Vec<SignBit>, evidence: &str) -> Suspicion {
+    let names: Vec<&str> = bits.iter().map(|bit| bit.name.as_str()).collect();
+    let found = format!("a {} that {evidence}, whose bit {} is its sign", names[0], bits[0].bit);
+    let pairs = bits.iter().map(|bit| bit.pair(log)).collect::<Vec<_>>().join(",");
+    Suspicion::typed(LogFindingKind::SignBit, &names, found, &[pairs])
 }
 
 /// Returns the sign bit of a column of whole positive counts: the highest bit, if it is set in many rows and not in others.
-fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
+pub fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
     let source = log.data.sources.iter().find(|source| source.name == column.name);
     let unit = source.and_then(|source| source.unit.clone());
     let conversion = unit.as_deref().and_then(|unit| conversion(&column.name, unit).ok());
     if conversion.is_some_and(|conversion| conversion.is_signed_counter()) {
         return None;
     }
-    let count = |value: f64| conversion.map_or(value, |of| of.inverse(value));
+    // A scale that is given beside the unit, such as the rated torque, is in the steps of the column.
+    let step = quantum(column.runs.iter().copied());
+    let is_scaled = conversion.is_none() && unit.is_some() && step > 0.0;
+    let size = if is_scaled { step } else { 1.0 };
+    let size = conversion.map_or(size, |of| (of.apply(1.0) - of.apply(0.0)).abs());
+    let count = |value: f64| conversion.map_or(value / size, |of| of.inverse(value));
     let is_count = |value: f64| {
         let count = count(value);
         count > -0.5 && (count - count.round()).abs() < MAX_FRACTION
@@ -81,7 +120,7 @@ fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
     };
     let values = column.runs.iter().map(|run| run.iter().map(signed).collect()).collect();
     let unit = format!("sign{bit} {}", unit.unwrap_or_else(|| column.unit.clone()));
-    Some(SignBit { name: column.name.clone(), unit, bit, values })
+    Some(SignBit { name: column.name.clone(), unit, bit, values, size })
 }
 
 /// Returns the differences of the position from row to row, with 0 at the start of each segment.

@@ -37,7 +37,11 @@ pub fn sign(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     }
     let pairs = data.runs.iter().flat_map(|run| run.torque.iter().zip(&run.velocity));
     let is_friction = drives_both_ways(pairs.map(|(torque, velocity)| (*torque, *velocity)));
-    let corrected = correct && power / size < TURNED_POWER_RATIO && is_friction;
+    // A magnitude, or a register with a sign bit, is no friction of the other sign.
+    let torques = || data.runs.iter().flat_map(|run| &run.torque);
+    let has_both_signs =
+        torques().any(|torque| *torque > 0.0) && torques().any(|torque| *torque < 0.0);
+    let corrected = correct && power / size < TURNED_POWER_RATIO && is_friction && has_both_signs;
     let (torque, velocity) =
         (Quantity::Torque.name(data.joint), Quantity::Velocity.name(data.joint));
     // The unit that was given stays: a current is no torque.

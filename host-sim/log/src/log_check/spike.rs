@@ -11,7 +11,7 @@
 
 use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
-use super::outlier::without;
+use super::outlier::leave_out;
 use crate::number::figure;
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
@@ -56,14 +56,11 @@ pub fn spikes(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     // No joint crosses its range of speeds for a single row, so a few spikes of the velocity suffice.
     if let Some(found) = Spikes::find(&data, |run| &run.velocity, 0.0) {
         findings.push(found.finding(&data, Quantity::Velocity, correct, "their rows are left out"));
-        let mut left_out = 0;
-        for (run, (is_spike, _)) in data.runs.iter_mut().zip(&found.runs).filter(|_| correct) {
-            let bad: BTreeSet<usize> = (0..is_spike.len()).filter(|row| is_spike[*row]).collect();
-            left_out += bad.len();
-            *run = without(run, &bad);
+        let bad = |is_spike: &Vec<bool>| (0..is_spike.len()).filter(|row| is_spike[*row]).collect();
+        let bad: Vec<BTreeSet<usize>> = found.runs.iter().map(|(run, _)| bad(run)).collect();
+        if correct {
+            leave_out(&mut data, &bad);
         }
-        data.rows -= left_out;
-        data.bad_rows.count += left_out;
     }
     if let Some(found) = Spikes::find(&data, |run| &run.torque, MIN_SHARE) {
         let done = "their rows have weight 0 in every fit and error; their motion is used";

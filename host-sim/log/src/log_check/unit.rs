@@ -7,12 +7,12 @@
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
-use super::register::{self, SignBit};
+use super::suspicion::Suspicion;
 use super::{header, rate, typed};
 use crate::number::figure;
-use crate::setting::{Setting, shell_word};
+use crate::setting::shell_word;
 use crate::unit::conversion;
-use crate::{DataError, Dataset, derivative, segments};
+use crate::{derivative, segments};
 use compensator_core::quantity::{JointKind, Quantity};
 use nalgebra::{Matrix4, Vector4};
 
@@ -165,73 +165,73 @@ fn probable_causes(log: &Log, gain: f64) -> Vec<UnitCause> {
 /// Rates of slow logs, Hz: a row each second may be a slow log, or one with 1000 rows a second and a time in ms.
 const SLOW_RATES_HZ: std::ops::Range<f64> = 0.2..2.5;
 
-/// A log whose units contradict each other: what was found, and what to type.
-#[derive(Clone, Debug, PartialEq)]
-pub struct UnitSuspicion {
-    found: String,
-    expected: String,
-}
-
-impl UnitSuspicion {
-    fn new(found: String, pairs: &[String]) -> Self {
-        let each: Vec<String> = pairs.iter().map(|pair| Setting::Columns.suggested(pair)).collect();
-        let kept = Setting::AsLogged.suggested(LogFindingKind::UnitSuspect.name());
-        Self { found, expected: format!("{}, or {kept} to keep the units", each.join(" or ")) }
-    }
-
-    /// Returns the error of a log with such units.
-    pub fn error(self, data: &Dataset) -> DataError {
-        let file = data.files.first().cloned().unwrap_or_default();
-        DataError::File { file, found: self.found, expected: self.expected }
-    }
-}
-
 /// Returns the reason to refuse a log whose units are clearly others: parameters in wrong units look like right ones.
-pub fn suspicion(log: &Log) -> Option<UnitSuspicion> {
-    let gain = clear_gain(log).filter(|gain| *gain > 0.0);
-    let of_register = || {
-        let found = register::sign_bits(log);
-        let first = found.first()?;
-        let pair = |of: &SignBit| format!("{}={}:{}", of.name, header(log.data, &of.name), of.unit);
-        let pairs: Vec<String> = found.iter().map(pair).collect();
-        let words = format!(
-            "a {} that contradicts {}, whose bit {} is its sign",
-            first.name,
-            log.position(),
-            first.bit
-        );
-        Some(UnitSuspicion::new(words, &[pairs.join(",")]))
+pub fn suspicion(log: &Log) -> Option<Suspicion> {
+    of_gain(log).or_else(|| of_rate(log)).or_else(|| of_speed(log))
+}
+
+fn suspicion_of(columns: &[&str], found: String, pairs: &[String]) -> Suspicion {
+    Suspicion::typed(LogFindingKind::UnitSuspect, columns, found, pairs)
+}
+
+/// A velocity and a position in different units, or with a gear or a belt between them.
+fn of_gain(log: &Log) -> Option<Suspicion> {
+    let gain = clear_gain(log).filter(|gain| *gain > 0.0)?;
+    let mut causes = probable_causes(log, gain);
+    if causes.is_empty() && (gain - 1.0).abs() > MIN_GAIN_ERROR {
+        causes = ratio_causes(log, gain);
+    }
+    if causes.is_empty() {
+        return None;
+    }
+    let in_words: Vec<&str> = causes.iter().map(|cause| cause.in_words.as_str()).collect();
+    let pairs: Vec<String> = causes.iter().map(|cause| cause.pairs(log)).collect();
+    let found = format!(
+        "a velocity that is {} times the derivative of the position: {}",
+        figure(gain),
+        in_words.join(", or ")
+    );
+    Some(suspicion_of(&[log.velocity(), log.position()], found, &pairs))
+}
+
+/// Returns the units by which a velocity and a position on two sides of a gear are the motion of one side.
+fn ratio_causes(log: &Log, gain: f64) -> Vec<UnitCause> {
+    let scaled = |name: &'static str, unit: &str, factor: f64, of: &str| {
+        let given = given_unit(log, name).and_then(|unit| conversion(name, unit).ok());
+        let size = given.map_or(1.0, |given| given.apply(1.0) - given.apply(0.0));
+        let unit = format!("{}{unit}", rounded(size * factor));
+        let in_words =
+            format!("with a gear or belt of this ratio between them, {of} may be the motion");
+        UnitCause { in_words, columns: vec![(name, unit)] }
     };
-    let of_gain = || {
-        let causes = probable_causes(log, gain?);
-        let in_words: Vec<&str> = causes.iter().map(|cause| cause.in_words.as_str()).collect();
-        let pairs: Vec<String> = causes.iter().map(|cause| cause.pairs(log)).collect();
-        let words = format!(
-            "a velocity that is {} times the derivative of the position: {}",
-            figure(gain?),
-            in_words.join(", or ")
-        );
-        (!causes.is_empty()).then(|| UnitSuspicion::new(words, &pairs))
-    };
-    let of_rate = || {
-        let (rate, unit) =
-            rate::probable_unit(log).filter(|(rate, _)| !SLOW_RATES_HZ.contains(rate))?;
-        let words =
-            format!("{} rows a second by the column {}", figure(rate), header(log.data, "time_s"));
-        let pair = format!("time_s={}:{unit}", header(log.data, "time_s"));
-        Some(UnitSuspicion::new(words, &[pair]))
-    };
-    let of_speed = || {
-        let (speed, unit) = impossible_speed(log)?;
-        let name = log.velocity();
-        let words = format!(
-            "{} {} in {name}, which no joint reaches",
-            figure(speed),
-            log.data.joint.velocity_unit()
-        );
-        Some(UnitSuspicion::new(words, &[format!("{name}={}:{unit}", header(log.data, name))]))
-    };
-    of_register().or_else(of_gain).or_else(of_rate).or_else(of_speed)
+    let joint = log.data.joint;
+    vec![
+        scaled(log.velocity(), joint.velocity_unit(), 1.0 / gain, "the position"),
+        scaled(log.position(), joint.position_unit(), gain, "the velocity"),
+    ]
+}
+
+/// Returns a factor with four digits.
+fn rounded(factor: f64) -> f64 {
+    format!("{factor:.3e}").parse().unwrap_or(factor)
+}
+
+/// Stamps in another unit.
+fn of_rate(log: &Log) -> Option<Suspicion> {
+    let (rate, unit) =
+        rate::probable_unit(log).filter(|(rate, _)| !SLOW_RATES_HZ.contains(rate))?;
+    let column = header(log.data, "time_s");
+    let found = format!("{} rows a second by the column {column}", figure(rate));
+    Some(suspicion_of(&["time_s"], found, &[format!("time_s={column}:{unit}")]))
+}
+
+/// A velocity in another unit.
+fn of_speed(log: &Log) -> Option<Suspicion> {
+    let (speed, unit) = impossible_speed(log)?;
+    let (name, own) = (log.velocity(), log.data.joint.velocity_unit());
+    let found = format!("{} {own} in {name}, which no joint reaches", figure(speed));
+    let pair = format!("{name}={}:{unit}", header(log.data, name));
+    Some(suspicion_of(&[name], found, &[pair]))
 }
 
 /// Returns the unit that `--columns` gives for a column.

@@ -9,7 +9,7 @@ use super::finding::{LogFinding, LogFindingKind};
 use super::typed;
 use crate::number::figure;
 use crate::unit::conversion;
-use crate::{Dataset, Run, differences, segments};
+use crate::{Dataset, Run, segments};
 use compensator_core::quantity::{JointKind, Quantity};
 use std::f64::consts::{PI, TAU};
 
@@ -130,10 +130,10 @@ fn unwrap_run(run: &mut Run, wrap: Wrap, derives_velocity: bool) {
         before = *value;
         *value += turns * wrap.period;
     }
-    if derives_velocity {
-        run.velocity = differences(&run.time_s, &position);
-    }
     run.set(Quantity::Position, position);
+    if derives_velocity {
+        run.derive_velocity();
+    }
 }
 
 /// Returns the periods at which a position may wrap: turns of a rotary joint, and the ranges of counters.
@@ -318,7 +318,7 @@ mod tests {
     fn unwrapped_with_derived_velocity_derives_it_again() {
         let mut data = log(|t| true_position(t).rem_euclid(TAU), |_| 0.0);
         let position = data.runs[0].get(Quantity::Position).expect("a position").to_vec();
-        data.runs[0].velocity = differences(&data.runs[0].time_s, &position);
+        data.runs[0].velocity = crate::differences(&data.runs[0].time_s, &position);
         data.sources = vec![crate::SourceColumn { name: "time_s".into(), ..Default::default() }];
         assert!(data.runs[0].velocity.iter().any(|v| v.abs() > 500.0));
         let (data, _) = unwrapped(data, true);

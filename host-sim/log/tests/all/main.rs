@@ -20,3 +20,4 @@ mod message;
 mod motion;
 #[path = "../../../../tests/snapshot.rs"]
 mod snapshot;
+mod torque_against_motion;

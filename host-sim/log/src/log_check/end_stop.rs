@@ -1,0 +1,96 @@
+//! A joint that is pushed against an end stop: at rest at an end of its travel, with more torque than any motion took.
+//!
+//! Static friction holds a joint at rest up to the torque at which it breaks away, so the torque of a rest that exceeds all
+//! torques of the motion is held by something else. The stop's torque is no friction. Such rows are left out.
+
+use super::LogFindingKind;
+use super::column::{extent, quantile};
+use super::finding::LogFinding;
+use super::outlier::leave_out;
+use super::torque_fit::least_moving_speed;
+use crate::number::figure;
+use crate::{Dataset, Run};
+use compensator_core::quantity::Quantity;
+use std::collections::BTreeSet;
+
+/// Minimum number of consecutive rows at a stop.
+const MIN_CONSECUTIVE_ROWS: usize = 5;
+
+/// Minimum largest torque of a push, in the 99.5th percentile of the torques of the motion.
+const MIN_TORQUE_RATIO: f64 = 1.3;
+
+/// Maximum distance from the end of the travel, as a share of it. A stop yields.
+const MAX_DISTANCE_SHARE: f64 = 0.03;
+
+/// Maximum share of such rows.
+const MAX_SHARE: f64 = 0.5;
+
+/// Finds rows at an end stop, and leaves them out if `correct` is true.
+pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+    let Some((rows, torque)) = rows_at_stop(&data) else { return (data, Vec::new()) };
+    let count: usize = rows.iter().map(BTreeSet::len).sum();
+    let first = data.runs.iter().zip(&rows).find_map(|(run, rows)| Some((run, *rows.first()?)));
+    let place = first.map_or(String::new(), |(run, row)| {
+        format!("run {} at {} s", run.name, figure(run.time_s[row]))
+    });
+    let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
+    let done = if correct { "They are left out" } else { "They are left in, as asked" };
+    let finding = LogFinding {
+        kind: LogFindingKind::EndStop,
+        columns: vec![Quantity::Position.name(data.joint).into(), name.into()],
+        value: torque,
+        unit: unit.into(),
+        corrected: correct,
+        in_words: format!(
+            "In {count} rows (first in {place}) the joint rests at an end of its travel with up to {} {unit}, more than any motion \
+             took: it is pushed against an end stop. {done}.",
+            figure(torque)
+        ),
+    };
+    if correct {
+        leave_out(&mut data, &rows);
+    }
+    (data, vec![finding])
+}
+
+/// Returns the rows of each run at a stop, and the largest torque there.
+fn rows_at_stop(data: &Dataset) -> Option<(Vec<BTreeSet<usize>>, f64)> {
+    let positions: Vec<&[f64]> =
+        data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
+    let [least, most] = extent(positions.iter().flat_map(|run| run.iter().copied()));
+    let reach = MAX_DISTANCE_SHARE * (most - least);
+    let slow = least_moving_speed(data);
+    let pairs = || data.runs.iter().flat_map(|run| run.torque.iter().zip(&run.velocity));
+    let moving = pairs().filter(|(_, velocity)| velocity.abs() > slow);
+    let mut torques: Vec<f64> = moving.map(|(torque, _)| torque.abs()).collect();
+    let usual = quantile(&mut torques, 0.995);
+    let side = |run: &Run, position: f64, row: usize| {
+        let rests = run.velocity[row].abs() <= slow;
+        let is_end = |end: f64| rests && (position - end).abs() <= reach;
+        // The torque pushes outwards, at either end.
+        match (is_end(least), is_end(most), run.torque[row] > 0.0) {
+            (true, _, false) => -1,
+            (_, true, true) => 1,
+            _ => 0,
+        }
+    };
+    let (mut found, mut largest) = (Vec::new(), 0.0f64);
+    for (run, position) in data.runs.iter().zip(&positions) {
+        let sides: Vec<i32> = (0..run.len()).map(|row| side(run, position[row], row)).collect();
+        let (mut rows, mut at) = (BTreeSet::new(), 0);
+        for same in sides.chunk_by(|one, next| one == next) {
+            let stretch = at..at + same.len();
+            at = stretch.end;
+            let push =
+                run.torque[stretch.clone()].iter().fold(0.0, |most: f64, t| most.max(t.abs()));
+            let is_push = same[0] != 0 && same.len() >= MIN_CONSECUTIVE_ROWS;
+            if is_push && push > MIN_TORQUE_RATIO * usual {
+                largest = largest.max(push);
+                rows.extend(stretch);
+            }
+        }
+        found.push(rows);
+    }
+    let count: usize = found.iter().map(BTreeSet::len).sum();
+    (count > 0 && count as f64 <= MAX_SHARE * data.rows as f64).then_some((found, largest))
+}

@@ -1,0 +1,154 @@
+//! Positions that jump farther than any speed allows: blocks of rows are lost or out of order, or a count slipped.
+//!
+//! The travel from row to row is compared with the logged velocity and with the travel beside it. A jump contradicts both. What
+//! happened in between is unknown, so no computation crosses it: the run continues as another piece ([`crate::Run::pieces`]).
+//! This needs no clock. A slip of a joint that sticks has a speed, which the row beside it shows.
+
+use super::LogFindingKind;
+use super::column::quantile;
+use super::finding::LogFinding;
+use super::wrap::is_velocity_derived;
+use crate::motion::quantum::quantum;
+use crate::number::figure;
+use crate::{Dataset, Run, segments};
+use compensator_core::quantity::Quantity;
+
+/// Minimum jump, in the 99th percentile of the travel of a row that its velocity explains; and of a log without a velocity.
+const MIN_TRAVELS: f64 = 1.5;
+const MIN_TRAVELS_ALONE: f64 = 3.0;
+
+/// Minimum jump, in the 90th percentile of what travel and velocity differ by, and in steps of the position.
+const MIN_DIFFERENCES: f64 = 10.0;
+const MIN_QUANTA: f64 = 4.0;
+
+/// Maximum share of rows with a jump.
+const MAX_SHARE: f64 = 0.1;
+
+/// Rows on either side of a row from which its travel is estimated.
+const NEIGHBOURS: usize = 3;
+
+/// Maximum number of jumps that are listed.
+const LISTED: usize = 5;
+
+/// A row before which the position jumps.
+struct Jump {
+    run: usize,
+    row: usize,
+    size: f64,
+}
+
+/// Finds jumps of the position, and ends the pieces of the runs there if `correct` is true.
+pub fn position_jumps(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+    let Some(jumps) = jumps(&data) else { return (data, Vec::new()) };
+    let largest = jumps.iter().map(|jump| jump.size).fold(0.0, f64::max);
+    let place = |jump: &Jump| {
+        let run = &data.runs[jump.run];
+        format!("run {} at {} s", run.name, figure(run.time_s[jump.row]))
+    };
+    let mut places: Vec<String> = jumps.iter().take(LISTED).map(place).collect();
+    if jumps.len() > LISTED {
+        places.push("..".into());
+    }
+    let (name, unit) = (Quantity::Position.name(data.joint), data.joint.position_unit());
+    let done =
+        if correct { "The parts between are used separately." } else { "Nothing is changed." };
+    let finding = LogFinding {
+        kind: LogFindingKind::PositionJump,
+        columns: vec![name.into()],
+        value: largest,
+        unit: unit.into(),
+        corrected: correct,
+        in_words: format!(
+            "{name} jumps at {} rows by up to {} {unit}, farther than any speed of the log allows ({}): rows are lost or out of \
+             order there, or the count slipped. {done}",
+            jumps.len(),
+            figure(largest),
+            places.join(", ")
+        ),
+    };
+    if correct {
+        cut(&mut data, &jumps);
+    }
+    (data, vec![finding])
+}
+
+/// Begins a new piece at each jump. A velocity that was derived from the position is derived again.
+fn cut(data: &mut Dataset, jumps: &[Jump]) {
+    let is_derived = is_velocity_derived(data);
+    for (index, run) in data.runs.iter_mut().enumerate() {
+        let rows: Vec<usize> =
+            jumps.iter().filter(|jump| jump.run == index).map(|jump| jump.row).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        run.pieces =
+            (0..run.len()).map(|row| rows.partition_point(|at| *at <= row) as f64).collect();
+        if is_derived {
+            run.derive_velocity();
+        }
+    }
+}
+
+/// Returns the jumps; `None` if there are none, or too many for single events.
+fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
+    let positions: Vec<&[f64]> =
+        data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
+    let is_derived = is_velocity_derived(data);
+    let gain = if is_derived { None } else { velocity_gain(data, &positions) };
+    let (mut all, mut explained) = (Vec::new(), Vec::new());
+    for (index, (run, position)) in data.runs.iter().zip(&positions).enumerate() {
+        for rows in segments(run) {
+            for row in rows.start + 1..rows.end {
+                let travel = position[row] - position[row - 1];
+                let by_velocity = gain.map(|gain| gain * mean_travel(run, row));
+                let beside = travel_beside(run, position, rows.clone(), row);
+                let off = |expected: f64| (travel - expected).abs();
+                let size = off(beside).min(by_velocity.map_or(f64::INFINITY, off));
+                explained.push(by_velocity.unwrap_or(beside).abs());
+                all.push(Jump { run: index, row, size });
+            }
+        }
+    }
+    let mut sizes: Vec<f64> = all.iter().map(|jump| jump.size).collect();
+    let travels = if gain.is_some() { MIN_TRAVELS } else { MIN_TRAVELS_ALONE };
+    let least = (travels * quantile(&mut explained, 0.99))
+        .max(MIN_DIFFERENCES * quantile(&mut sizes, 0.9))
+        .max(MIN_QUANTA * quantum(positions.iter().copied()));
+    let rows = all.len();
+    all.retain(|jump| jump.size > least);
+    (!all.is_empty() && all.len() as f64 <= MAX_SHARE * rows as f64).then_some(all)
+}
+
+/// Returns the travel of a row by its velocity.
+fn mean_travel(run: &Run, row: usize) -> f64 {
+    0.5 * (run.velocity[row] + run.velocity[row - 1]) * (run.time_s[row] - run.time_s[row - 1])
+}
+
+/// Returns the travel of a row by the median speed of the rows beside it.
+fn travel_beside(run: &Run, position: &[f64], rows: std::ops::Range<usize>, row: usize) -> f64 {
+    let near =
+        row.saturating_sub(NEIGHBOURS).max(rows.start + 1)..(row + NEIGHBOURS + 1).min(rows.end);
+    let step = |at: usize| run.time_s[at] - run.time_s[at - 1];
+    let speed = |at: usize| (position[at] - position[at - 1]) / step(at);
+    let mut speeds: Vec<f64> = near.filter(|at| *at != row && step(*at) > 0.0).map(speed).collect();
+    quantile(&mut speeds, 0.5) * step(row)
+}
+
+/// Returns the travel of the position per travel of the velocity, by the median of the rows that travel most; `None` if the
+/// velocity does not follow the position.
+fn velocity_gain(data: &Dataset, positions: &[&[f64]]) -> Option<f64> {
+    let runs = data.runs.iter().zip(positions);
+    let mut pairs: Vec<(f64, f64)> = runs
+        .flat_map(|(run, position)| {
+            let rows = segments(run).into_iter().flat_map(|rows| rows.start + 1..rows.end);
+            rows.map(|row| (mean_travel(run, row), position[row] - position[row - 1]))
+        })
+        .collect();
+    let fast = quantile(&mut pairs.iter().map(|pair| pair.0.abs()).collect::<Vec<_>>(), 0.5);
+    pairs.retain(|(by_velocity, _)| by_velocity.abs() > fast.max(0.0));
+    let ratio = |(by_velocity, travel): &(f64, f64)| travel / by_velocity;
+    let mut ratios: Vec<f64> = pairs.iter().map(ratio).collect();
+    let gain = quantile(&mut ratios, 0.5);
+    let spread = quantile(&mut ratios, 0.75) - quantile(&mut ratios, 0.25);
+    (gain != 0.0 && spread < 0.5 * gain.abs()).then_some(gain)
+}

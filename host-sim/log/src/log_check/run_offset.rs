@@ -1,0 +1,114 @@
+//! A torque sensor that was zeroed anew before each run: its offset differs from run to run.
+//!
+//! One law with an offset for each run is compared with one law for all. The offsets must differ by many of their own errors,
+//! which the parts of each run show, and take a large part of what the one law leaves. A force on the joint that differs from run
+//! to run is alike. So the report names both. A column with one value in each run may name the cause, and nothing is changed.
+
+use super::LogFindingKind;
+use super::column::{all, extent};
+use super::finding::LogFinding;
+use super::torque_fit::{MIN_ROWS, MovingRow, Regressors, fit, moves_both_ways, moving_rows};
+use crate::Dataset;
+use crate::number::figure;
+use compensator_core::quantity::Quantity;
+
+/// Maximum error of the law with an offset for each run, relative to that with one.
+const MAX_SCATTER_RATIO: f64 = 0.6;
+
+/// Minimum spread of the offsets, in their errors.
+const MIN_SPREAD_ERRORS: f64 = 5.0;
+
+/// Parts of a run whose offsets show their error.
+const PARTS: usize = 4;
+
+/// Finds an offset that differs from run to run, and subtracts its difference from the mean if `correct` is true.
+pub fn run_offset(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+    let Some(offsets) = offsets(&data) else { return (data, Vec::new()) };
+    let mean = offsets.iter().sum::<f64>() / offsets.len() as f64;
+    let [least, most] = extent(offsets.iter().copied());
+    let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
+    let done = if correct {
+        format!("Each run's difference from their mean, {} {unit}, is subtracted", figure(mean))
+    } else {
+        "Nothing is changed".to_owned()
+    };
+    let finding = LogFinding {
+        kind: LogFindingKind::OffsetPerRun,
+        columns: vec![name.into()],
+        value: most - least,
+        unit: unit.into(),
+        corrected: correct,
+        in_words: format!(
+            "The offset of {name} differs from run to run, from {} to {} {unit}: its sensor was zeroed before each run, or the \
+             load of the joint changed. {done}, so the offset of another run is not known.",
+            figure(least),
+            figure(most)
+        ),
+    };
+    if correct {
+        for (run, offset) in data.runs.iter_mut().zip(&offsets) {
+            run.torque.iter_mut().for_each(|torque| *torque -= offset - mean);
+        }
+    }
+    (data, vec![finding])
+}
+
+/// Returns the offset of each run.
+fn offsets(data: &Dataset) -> Option<Vec<f64>> {
+    if data.runs.len() < 2 || has_column_of_runs(data) {
+        return None;
+    }
+    let rows = moving_rows(data);
+    let runs: Vec<&[MovingRow]> = rows.chunk_by(|one, next| one.run == next.run).collect();
+    let is_long = |run: &&[MovingRow]| run.len() >= MIN_ROWS && moves_both_ways(run.iter());
+    if runs.len() < data.runs.len() || !runs.iter().all(is_long) {
+        return None;
+    }
+    let common = fit(rows.iter().map(|row| (row.regressors, row.torque)))?;
+    let means: Vec<(Regressors, f64)> = runs
+        .iter()
+        .map(|run| {
+            let count = run.len() as f64;
+            let regressors: Regressors = run.iter().map(|row| row.regressors).sum();
+            (regressors / count, run.iter().map(|row| row.torque).sum::<f64>() / count)
+        })
+        .collect();
+    let centred = |row: &MovingRow| {
+        let (regressors, torque) = &means[row.run];
+        (row.regressors - regressors, row.torque - torque)
+    };
+    let own = fit(rows.iter().map(centred))?;
+    if own.scatter > MAX_SCATTER_RATIO * common.scatter {
+        return None;
+    }
+    let offsets: Vec<f64> = means
+        .iter()
+        .map(|(regressors, torque)| torque - own.coefficients.dot(regressors))
+        .collect();
+    // What a part of a run leaves beside its offset.
+    let part_error = |run: &&[MovingRow]| {
+        let parts = run.chunks(run.len().div_ceil(PARTS));
+        let left = |part: &[MovingRow]| {
+            let left = part.iter().map(|row| {
+                let (regressors, torque) = centred(row);
+                torque - own.coefficients.dot(&regressors)
+            });
+            left.sum::<f64>() / part.len() as f64
+        };
+        parts.map(|part| left(part).powi(2)).sum::<f64>() / (PARTS * (PARTS - 1)) as f64
+    };
+    let error = (runs.iter().map(part_error).sum::<f64>() / runs.len() as f64).sqrt();
+    let mean = offsets.iter().sum::<f64>() / offsets.len() as f64;
+    let squares: f64 = offsets.iter().map(|offset| (offset - mean).powi(2)).sum();
+    let spread = (squares / (offsets.len() - 1) as f64).sqrt();
+    (spread > MIN_SPREAD_ERRORS * error).then_some(offsets)
+}
+
+/// Returns true if a covariate has one value in each run, and not the same in all: it may be the cause.
+fn has_column_of_runs(data: &Dataset) -> bool {
+    all(data).iter().any(|column| {
+        let each: Vec<[f64; 2]> =
+            column.runs.iter().map(|run| extent(run.iter().copied())).collect();
+        each.iter().all(|[least, most]| least == most) && each.iter().any(|of| *of != each[0])
+    })
+}
