@@ -105,7 +105,7 @@ pub fn answer(
     chosen.corrected.memory_rows = autocorrelation_time(residuals);
     let corrected = &chosen.corrected;
     chosen.base = resolved(&chosen.excerpt, &chosen.base);
-    let baseline = match &options.given {
+    let mut baseline = match &options.given {
         Some((spec, parameters)) => corrected.identify(&FittedModel {
             spec: spec.clone(),
             parameters: parameters.clone(),
@@ -121,7 +121,7 @@ pub fn answer(
         }
         None => corrected.held_out(&model_of(&baseline, &chosen.base)),
     };
-    let offer = loop {
+    let mut offer = loop {
         progress("fitting the extended model to all rows");
         let offer = corrected.offer((&chosen.finalist, &chosen.excerpt), &before, options.seed)?;
         let names: Vec<bool> = weighed.iter().map(WeighedCause::is_named).collect();
@@ -140,6 +140,10 @@ pub fn answer(
     let extended = offer.as_ref().map(|offer| (&offer.after, possible(&offer.outcome)));
     let base = Some((&before, possible(&baseline)));
     let mut hand_over = search.hand_over(&chosen, &original, [base, extended])?;
+    if let Some(plain) = &hand_over.driver_plain {
+        baseline.doubt_beside(plain);
+        offer.iter_mut().for_each(|offer| offer.outcome.doubt_beside(plain));
+    }
     let judged = chosen.corrected.judged.clone();
     let follows =
         offer.as_ref().and_then(|offer| offer.model.follows.clone()).filter(|own| own.extra);

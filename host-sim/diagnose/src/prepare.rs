@@ -273,7 +273,6 @@ pub fn corrections(motion: Option<bool>, as_logged: &[String]) -> Result<Correct
             Some(
                 LogFindingKind::ChannelLag
                 | LogFindingKind::Saturated
-                | LogFindingKind::TimeJump
                 | LogFindingKind::ComputedTorque
                 | LogFindingKind::TooLittle,
             ) => return Err(format!("{name} is never corrected")),

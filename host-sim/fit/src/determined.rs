@@ -40,6 +40,11 @@ const PARTNER_CORRELATION: f64 = 0.9;
 /// Absolute correlation above which two parts of the torque that both exceed it cancel.
 const CANCELLING_CORRELATION: f64 = 0.98;
 
+/// Least fall of a Stribeck curve, as a share of its level, and the speed at which it has ended, in Stribeck velocities: 2 % of it
+/// are left.
+const MIN_FALL: f64 = 0.03;
+const SLIDING_SPEEDS: f64 = 2.0;
+
 /// Difference of the halves above which they disagree: in standard errors, and as a share of the value.
 const MAX_HALVES_ERRORS: f64 = 3.0;
 const MAX_HALVES_SHARE: f64 = 0.25;
@@ -81,11 +86,13 @@ impl Shown {
                 value.abs() + INTERVAL * error <= self.torque
                     && parameters.get(Id::StribeckVelocity) >= self.speeds[0]
             }
-            Id::CoulombTorque
-            | Id::CoulombTorqueNegative
-            | Id::TorqueOffset
-            | Id::GravitySine
-            | Id::GravityCosine => value.abs() + INTERVAL * error <= self.torque,
+            Id::CoulombTorque | Id::CoulombTorqueNegative => {
+                value.abs() + INTERVAL * error <= self.torque && self.shows_sliding(parameters)
+            }
+            Id::ViscousFriction => self.shows_sliding(parameters),
+            Id::TorqueOffset | Id::GravitySine | Id::GravityCosine => {
+                value.abs() + INTERVAL * error <= self.torque
+            }
             Id::StribeckVelocity => {
                 inside(self.speeds, value) && value + INTERVAL * error <= self.speeds[1]
             }
@@ -95,6 +102,17 @@ impl Shown {
             ),
             _ => true,
         }
+    }
+}
+
+impl Shown {
+    /// Returns true if the log is fast enough to show the law beyond its Stribeck curve. Within the curve, its fall and the
+    /// viscous friction compensate each other.
+    fn shows_sliding(&self, parameters: &Parameters<f64>) -> bool {
+        let [coulomb, level] = [Id::CoulombTorque, Id::StaticTorque].map(|id| parameters.get(id));
+        let has_curve = parameters.active().any(|id| id == Id::StribeckVelocity)
+            && (level - coulomb).abs() > MIN_FALL * level.max(coulomb);
+        !has_curve || SLIDING_SPEEDS * parameters.get(Id::StribeckVelocity) <= self.speeds[1]
     }
 }
 

@@ -11,6 +11,9 @@ use crate::spec::Spec;
 use compensator_core::{ParameterId, Parameters};
 use nalgebra::DMatrix;
 
+/// Maximum difference of a parameter from that of a simpler law which errs as little, as a share of the latter.
+const MAX_DISAGREEMENT: f64 = 0.05;
+
 /// Whether the data determine a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
@@ -98,6 +101,21 @@ pub struct DriverForm {
 }
 
 impl Outcome {
+    /// Marks the parameters as not determined to which a simpler law, which errs as little on held-out rows, gives another value.
+    pub fn doubt_beside(&mut self, simpler: &Outcome) {
+        for own in self.estimates.iter_mut().filter(|own| own.state == State::Determined) {
+            let other = simpler.estimates.iter().find(|other| other.id == own.id);
+            let Some(other) = other.filter(|other| other.state == State::Determined) else {
+                continue;
+            };
+            if (own.value - other.value).abs() > MAX_DISAGREEMENT * other.value.abs() {
+                (own.state, own.reason) = (State::NotDetermined, Some(Reason::SimplerLawDisagrees));
+                let why = Reason::SimplerLawDisagrees.in_words();
+                self.verdicts.push(format!("{}: not determined{why}", own.id.name()));
+            }
+        }
+    }
+
     /// Returns what a joint driver runs: the passive form, if there is one, or else this fit.
     pub fn for_driver(&self) -> DriverForm {
         let this = || DriverForm {

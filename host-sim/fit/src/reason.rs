@@ -24,6 +24,8 @@ pub enum Reason {
     Cancels(Id),
     /// Both halves of the log give different values.
     HalvesDisagree,
+    /// A simpler law that errs as little on held-out rows gives another value.
+    SimplerLawDisagrees,
 }
 
 impl Reason {
@@ -46,6 +48,10 @@ impl Reason {
             }
             Self::HalvesDisagree => {
                 ": the two halves of the runs, or of the log, give different values".to_owned()
+            }
+            Self::SimplerLawDisagrees => {
+                ": plain friction errs as little on held-out rows and gives another value"
+                    .to_owned()
             }
         }
     }

@@ -24,6 +24,7 @@ mod held;
 mod independence;
 mod isolated;
 mod log;
+mod lost_rows;
 mod magnitude;
 pub(crate) mod nearly_named;
 mod outlier;
@@ -83,10 +84,11 @@ const SUSPICIONS: [fn(&Log) -> Option<Suspicion>; 4] =
 type Correction = fn(Dataset, bool) -> (Dataset, Vec<LogFinding>);
 
 /// The corrections before the motion is reconstructed, in their order, each with the kind that keeps the log as it is.
-const CORRECTIONS: [(LogFindingKind, Correction); 8] = [
+const CORRECTIONS: [(LogFindingKind, Correction); 9] = [
     (LogFindingKind::Outlier, outlier::outliers),
     (LogFindingKind::Outlier, isolated::isolated),
     (LogFindingKind::PositionJump, position_jump::position_jumps),
+    (LogFindingKind::TimeJump, lost_rows::lost_rows),
     (LogFindingKind::EndStop, end_stop::end_stop),
     (LogFindingKind::DriveOff, drive_off::drive_off),
     (LogFindingKind::Outlier, spike::spikes),

@@ -4,6 +4,9 @@
 //! printed with few digits. A column is held if it changes nearly always after the same number of rows, and then by more
 //! than its smallest step. If several are held, the report states which is read last.
 //!
+//! A column may also be held now and then, where the logger is faster than a bus that is not regular. Then it repeats a value
+//! in rows in which the joint travels by several of its steps, which no sensor that is read in each row does.
+//!
 //! A held covariate is used as logged: its values in between were never measured. A torque that is held while the joint
 //! moves is wrong in every row but the first, and so is a held motion under a live torque. Then only the rows in which
 //! the held channel is read anew are kept ([`fresh_rows`]). If both are held and are read in the same rows, these rows are
@@ -12,6 +15,7 @@
 use super::column::{Column, quantile};
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
+use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
 use crate::number::figure;
 use crate::{Dataset, Run};
@@ -56,6 +60,10 @@ impl FreshRows {
                 rows.iter().filter_map(|row| column.get(*row)).copied().collect()
             });
         }
+        // The differences across the rows that are left out were 0, and too large after them.
+        if self.is_motion_held && is_velocity_derived(data) {
+            kept.runs.iter_mut().for_each(Run::derive_velocity);
+        }
         kept.rows = kept.runs.iter().map(Run::len).sum();
         kept
     }
@@ -84,9 +92,16 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         (Some(motion), None) => motion,
         (None, Some(torque)) => torque,
         (Some(motion), Some(torque)) if are_read_together(&motion, &torque) => motion,
+        (None, None) => return repeated(log).map(|found| found.fresh),
         _ => return None,
     };
     let most = held.rows.round().max(2.0) as usize;
+    let runs = rows_read(&log.columns[held.column], most);
+    Some(FreshRows { is_motion_held, is_torque_held, runs })
+}
+
+/// Returns the rows of each run in which a column is read anew: where it changes, and at the latest after `most` rows.
+fn rows_read(column: &Column, most: usize) -> Vec<Vec<usize>> {
     let fresh = |values: &&[f64]| {
         let mut rows = vec![0];
         for row in 1..values.len() {
@@ -98,8 +113,88 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         }
         rows
     };
-    let runs = log.columns[held.column].runs.iter().map(fresh).collect();
-    Some(FreshRows { is_motion_held, is_torque_held, runs })
+    column.runs.iter().map(fresh).collect()
+}
+
+/// A position, or a velocity without one, that repeats values although the joint moves.
+struct Repeated {
+    /// Index of the column.
+    column: usize,
+    /// Share of the rows in motion that repeat the value before.
+    share: f64,
+    fresh: FreshRows,
+}
+
+/// Minimum travel of a row that shows whether a position is read anew, in steps of the position.
+const MIN_TRAVEL_STEPS: f64 = 2.0;
+
+/// Rows on either side of a row that show its travel.
+const TRAVEL_ROWS: usize = 4;
+
+/// Minimum share of such rows that repeat a value, and minimum number of them.
+const MIN_REPEATED_SHARE: f64 = 0.03;
+const MIN_REPEATED_ROWS: usize = 20;
+
+/// Finds a motion that is held now and then.
+fn repeated(log: &Log) -> Option<Repeated> {
+    let column = log.columns.iter().position(|column| column.name == log.position())?;
+    let position = &log.columns[column];
+    let least =
+        2.0 * TRAVEL_ROWS as f64 * MIN_TRAVEL_STEPS * quantum(position.runs.iter().copied());
+    let (mut travelling, mut repeats, mut lengths) = (0usize, Vec::new(), Vec::new());
+    for (index, values) in position.runs.iter().enumerate() {
+        let mut length = 1;
+        for row in TRAVEL_ROWS..values.len().saturating_sub(TRAVEL_ROWS) {
+            if (values[row + TRAVEL_ROWS] - values[row - TRAVEL_ROWS]).abs() <= least {
+                length = 1;
+                continue;
+            }
+            travelling += 1;
+            if values[row] == values[row - 1] {
+                repeats.push((index, row));
+                length += 1;
+            } else {
+                lengths.push(f64::from(length));
+                length = 1;
+            }
+        }
+    }
+    let share = repeats.len() as f64 / travelling.max(1) as f64;
+    if repeats.len() < MIN_REPEATED_ROWS || share < MIN_REPEATED_SHARE {
+        return None;
+    }
+    let repeats_too = |column: Option<&Column>| {
+        let again = |(index, row): &&(usize, usize)| {
+            column.is_some_and(|column| column.runs[*index][*row] == column.runs[*index][row - 1])
+        };
+        repeats.iter().filter(again).count() as f64 > MIN_FOLLOWING_SHARE * repeats.len() as f64
+    };
+    // A velocity of its own that goes on shows the motion.
+    if !is_velocity_derived(log.data) && !repeats_too(log.column(log.velocity())) {
+        return None;
+    }
+    let is_torque_held = repeats_too(log.column(log.torque()));
+    let most = quantile(&mut lengths, 0.95).round().max(2.0) as usize;
+    let fresh = FreshRows { is_motion_held: true, is_torque_held, runs: rows_read(position, most) };
+    Some(Repeated { column, share, fresh })
+}
+
+/// Returns the finding of a motion that is held now and then.
+fn finding_of_repeated(log: &Log, found: &Repeated) -> LogFinding {
+    let name = &log.columns[found.column].name;
+    let corrected = log.correct.corrects(LogFindingKind::HeldChannel);
+    let done = if corrected { "These rows are left out." } else { "They are used, as asked." };
+    LogFinding {
+        kind: LogFindingKind::HeldChannel,
+        columns: vec![name.clone()],
+        value: found.share,
+        unit: "of the rows".into(),
+        corrected,
+        in_words: format!(
+            "{name} is held now and then: {} % of the rows in motion repeat the value before. {done}",
+            figure(100.0 * found.share)
+        ),
+    }
 }
 
 /// Returns true if rows are left out because this column is held.
@@ -121,6 +216,11 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
     let found: Vec<Held> =
         (0..log.columns.len()).filter_map(|index| held_column(log, index)).collect();
     let fresh = fresh_rows(log);
+    let is_regular = |name: &str| found.iter().any(|held| log.columns[held.column].name == name);
+    let now_and_then = match is_regular(log.position()) || is_regular(log.torque()) {
+        true => None,
+        false => repeated(log).map(|found| finding_of_repeated(log, &found)),
+    };
     let findings = found.iter().map(|held| {
         let column = &log.columns[held.column];
         let corrected = is_corrected(log, fresh.as_ref(), column);
@@ -154,7 +254,7 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
             ),
         }
     });
-    findings.collect()
+    findings.chain(now_and_then).collect()
 }
 
 fn held_column(log: &Log, index: usize) -> Option<Held> {

@@ -3,7 +3,8 @@
 //! A joint has inertia, so its position and velocity cannot leave their course for one row and return. Such a row is far from
 //! the line between its neighbours, measured in usual steps from row to row, while the neighbours agree. It is left out. A
 //! velocity must also be off by a part of its range, and must not be a slip of a joint that sticks. A torque, which a shock does
-//! change for one row, must be off by twice its range.
+//! change for one row, must be off by twice its range. A single position is also found in fast motion: both its neighbours are
+//! half as far off the lines through them, to the other side.
 
 use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
@@ -73,6 +74,7 @@ impl Isolated {
         let columns: Option<Vec<&[f64]>> = data.runs.iter().map(|run| run.get(quantity)).collect();
         let columns = columns?;
         let least = least_distance(data, &columns, quantity)?;
+        let bend = least_bend(data, &columns);
         let mut speeds: Vec<f64> =
             columns.iter().flat_map(|run| run.iter().map(|v| v.abs())).collect();
         let slow = MAX_REST_SHARE * quantile(&mut speeds, 0.95);
@@ -80,7 +82,11 @@ impl Isolated {
         for (index, (run, values)) in data.runs.iter().zip(&columns).enumerate() {
             let mut rows = BTreeSet::new();
             for segment in segments(run) {
-                for (row, distance) in isolated_rows(&run.time_s, values, segment, least) {
+                let mut found_here = isolated_rows(&run.time_s, values, segment.clone(), least);
+                if quantity == Quantity::Position {
+                    found_here.extend(bent_rows(&run.time_s, values, segment, bend));
+                }
+                for (row, distance) in found_here {
                     if quantity == Quantity::Velocity && may_be_slip(run, row, slow) {
                         continue;
                     }
@@ -203,6 +209,35 @@ fn isolated_rows(
         }
     }
     found
+}
+
+/// Returns the distance of a row from the line through its neighbours.
+fn bend(time: &[f64], values: &[f64], row: usize) -> f64 {
+    let step = time[row + 1] - time[row - 1];
+    let share = if step > 0.0 { (time[row] - time[row - 1]) / step } else { 0.5 };
+    values[row] - values[row - 1] - share * (values[row + 1] - values[row - 1])
+}
+
+/// Returns the minimum distance of a single position from the line through its neighbours.
+fn least_bend(data: &Dataset, columns: &[&[f64]]) -> f64 {
+    let runs = data.runs.iter().zip(columns);
+    let bends = runs.flat_map(|(run, values)| {
+        let rows = 1..values.len().saturating_sub(1).max(1);
+        rows.map(|row| bend(&run.time_s, values, row).abs())
+    });
+    let usual = quantile(&mut bends.collect::<Vec<_>>(), LARGE_STEP);
+    (MIN_STEPS * usual).max(MIN_QUANTA * quantum(columns.iter().copied()))
+}
+
+/// Returns the single rows of a segment by which both neighbours are off their lines by half as much, with their distances.
+fn bent_rows(time: &[f64], values: &[f64], segment: Range<usize>, least: f64) -> Vec<(usize, f64)> {
+    let inner = segment.start + 2..segment.end.saturating_sub(2);
+    let bent = |row: usize| {
+        let own = bend(time, values, row);
+        let is_half = |near: usize| (0.3..0.7).contains(&(-bend(time, values, near) / own));
+        (own.abs() > least && is_half(row - 1) && is_half(row + 1)).then_some((row, own.abs()))
+    };
+    inner.filter_map(bent).collect()
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::motion::quantum::quantum;
 use crate::number::figure;
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
+use std::ops::Range;
 
 /// Minimum jump, in the 99th percentile of the travel of a row that its velocity explains; and of a log without a velocity.
 const MIN_TRAVELS: f64 = 1.5;
@@ -24,7 +25,7 @@ const MIN_QUANTA: f64 = 4.0;
 /// Maximum share of rows with a jump.
 const MAX_SHARE: f64 = 0.1;
 
-/// Rows on either side of a row from which its travel is estimated.
+/// Changes on either side of a change from which its travel is estimated.
 const NEIGHBOURS: usize = 3;
 
 /// Maximum number of jumps that are listed.
@@ -98,14 +99,19 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
     let (mut all, mut explained) = (Vec::new(), Vec::new());
     for (index, (run, position)) in data.runs.iter().zip(&positions).enumerate() {
         for rows in segments(run) {
-            for row in rows.start + 1..rows.end {
-                let travel = position[row] - position[row - 1];
-                let by_velocity = gain.map(|gain| gain * mean_travel(run, row));
-                let beside = travel_beside(run, position, rows.clone(), row);
-                let off = |expected: f64| (travel - expected).abs();
+            let steps = steps(run, position, rows);
+            for (at, step) in steps.iter().enumerate() {
+                let by_velocity = gain.map(|gain| gain * travel_of_velocity(run, step));
+                let beside = speed_beside(&steps, at) * step.time_s;
+                // A joint that starts after a rest travels less than the speed beside it, which is no jump.
+                let off = |expected: f64| {
+                    let is_farther =
+                        step.travel * expected < 0.0 || step.travel.abs() > expected.abs();
+                    if is_farther { (step.travel - expected).abs() } else { 0.0 }
+                };
                 let size = off(beside).min(by_velocity.map_or(f64::INFINITY, off));
-                explained.push(by_velocity.unwrap_or(beside).abs());
-                all.push(Jump { run: index, row, size });
+                explained.push(by_velocity.unwrap_or(beside).abs() / step.count() as f64);
+                all.push(Jump { run: index, row: step.row, size });
             }
         }
     }
@@ -119,24 +125,58 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
     (!all.is_empty() && all.len() as f64 <= MAX_SHARE * rows as f64).then_some(all)
 }
 
+/// A change of the position, from the last row before which it changed too.
+pub struct Step {
+    pub from: usize,
+    pub row: usize,
+    pub travel: f64,
+    pub time_s: f64,
+}
+
+impl Step {
+    /// Returns the number of rows.
+    pub fn count(&self) -> usize {
+        self.row - self.from
+    }
+}
+
+/// Returns the changes of a position in a segment.
+pub fn steps(run: &Run, position: &[f64], rows: Range<usize>) -> Vec<Step> {
+    let mut from = rows.start;
+    let mut found = Vec::new();
+    for row in rows.start + 1..rows.end {
+        if position[row] != position[from] {
+            let (travel, time_s) =
+                (position[row] - position[from], run.time_s[row] - run.time_s[from]);
+            found.push(Step { from, row, travel, time_s });
+            from = row;
+        }
+    }
+    found
+}
+
+/// Returns the median speed of the changes beside one.
+pub fn speed_beside(steps: &[Step], at: usize) -> f64 {
+    let near = at.saturating_sub(NEIGHBOURS)..(at + NEIGHBOURS + 1).min(steps.len());
+    let speed = |near: usize| steps[near].travel / steps[near].time_s;
+    let mut speeds: Vec<f64> =
+        near.filter(|near| *near != at && steps[*near].time_s > 0.0).map(speed).collect();
+    quantile(&mut speeds, 0.5)
+}
+
+/// Returns the travel of a change by the velocity.
+fn travel_of_velocity(run: &Run, step: &Step) -> f64 {
+    (step.from + 1..=step.row).map(|row| mean_travel(run, row)).sum()
+}
+
 /// Returns the travel of a row by its velocity.
 fn mean_travel(run: &Run, row: usize) -> f64 {
     0.5 * (run.velocity[row] + run.velocity[row - 1]) * (run.time_s[row] - run.time_s[row - 1])
 }
 
-/// Returns the travel of a row by the median speed of the rows beside it.
-fn travel_beside(run: &Run, position: &[f64], rows: std::ops::Range<usize>, row: usize) -> f64 {
-    let near =
-        row.saturating_sub(NEIGHBOURS).max(rows.start + 1)..(row + NEIGHBOURS + 1).min(rows.end);
-    let step = |at: usize| run.time_s[at] - run.time_s[at - 1];
-    let speed = |at: usize| (position[at] - position[at - 1]) / step(at);
-    let mut speeds: Vec<f64> = near.filter(|at| *at != row && step(*at) > 0.0).map(speed).collect();
-    quantile(&mut speeds, 0.5) * step(row)
-}
-
 /// Returns the travel of the position per travel of the velocity, by the median of the rows that travel most; `None` if the
 /// velocity does not follow the position.
-fn velocity_gain(data: &Dataset, positions: &[&[f64]]) -> Option<f64> {
+pub fn velocity_gain(data: &Dataset, positions: &[&[f64]]) -> Option<f64> {
     let runs = data.runs.iter().zip(positions);
     let mut pairs: Vec<(f64, f64)> = runs
         .flat_map(|(run, position)| {

@@ -7,6 +7,7 @@
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
+use super::position_jump;
 use super::suspicion::Suspicion;
 use super::{header, rate, typed};
 use crate::number::figure;
@@ -178,7 +179,7 @@ fn suspicion_of(columns: &[&str], found: String, pairs: &[String]) -> Suspicion 
 fn of_gain(log: &Log) -> Option<Suspicion> {
     let gain = clear_gain(log).filter(|gain| *gain > 0.0)?;
     let mut causes = probable_causes(log, gain);
-    if causes.is_empty() && (gain - 1.0).abs() > MIN_GAIN_ERROR {
+    if causes.is_empty() && (gain - 1.0).abs() > MIN_GAIN_ERROR && is_in_most_rows(log, gain) {
         causes = ratio_causes(log, gain);
     }
     if causes.is_empty() {
@@ -192,6 +193,14 @@ fn of_gain(log: &Log) -> Option<Suspicion> {
         in_words.join(", or ")
     );
     Some(suspicion_of(&[log.velocity(), log.position()], found, &pairs))
+}
+
+/// Returns true if most single rows have a ratio too. Where rows are lost, only the mean of all rows has.
+fn is_in_most_rows(log: &Log, gain: f64) -> bool {
+    let positions: Option<Vec<&[f64]>> =
+        log.data.runs.iter().map(|run| run.get(Quantity::Position)).collect();
+    let travel = positions.and_then(|positions| position_jump::velocity_gain(log.data, &positions));
+    travel.is_some_and(|travel| (travel * gain - 1.0).abs() < MAX_GAIN_DIFFERENCE)
 }
 
 /// Returns the units by which a velocity and a position on two sides of a gear are the motion of one side.
