@@ -135,6 +135,10 @@ const TRAVEL_ROWS: usize = 4;
 const MIN_REPEATED_SHARE: f64 = 0.03;
 const MIN_REPEATED_ROWS: usize = 20;
 
+/// Minimum median travel of the row after a hold, in those of as many rows as the hold has. A joint that has rested goes on with the
+/// travel of one row.
+const MIN_CATCH_UP: f64 = 0.7;
+
 /// Finds a motion that is held now and then.
 fn repeated(log: &Log) -> Option<Repeated> {
     let column = log.columns.iter().position(|column| column.name == log.position())?;
@@ -142,25 +146,32 @@ fn repeated(log: &Log) -> Option<Repeated> {
     let least =
         2.0 * TRAVEL_ROWS as f64 * MIN_TRAVEL_STEPS * quantum(position.runs.iter().copied());
     let (mut travelling, mut repeats, mut lengths) = (0usize, Vec::new(), Vec::new());
+    let mut catch_ups = Vec::new();
     for (index, values) in position.runs.iter().enumerate() {
-        let mut length = 1;
+        let mut length = 1.0;
         for row in TRAVEL_ROWS..values.len().saturating_sub(TRAVEL_ROWS) {
-            if (values[row + TRAVEL_ROWS] - values[row - TRAVEL_ROWS]).abs() <= least {
-                length = 1;
+            let travel = (values[row + TRAVEL_ROWS] - values[row - TRAVEL_ROWS]).abs();
+            if travel <= least {
+                length = 1.0;
                 continue;
             }
             travelling += 1;
-            if values[row] == values[row - 1] {
+            let step = (values[row] - values[row - 1]).abs();
+            if step == 0.0 {
                 repeats.push((index, row));
-                length += 1;
-            } else {
-                lengths.push(f64::from(length));
-                length = 1;
+                length += 1.0;
+                continue;
             }
+            lengths.push(length);
+            if length > 1.0 {
+                catch_ups.push(step * (2 * TRAVEL_ROWS) as f64 / (travel * length));
+            }
+            length = 1.0;
         }
     }
     let share = repeats.len() as f64 / travelling.max(1) as f64;
-    if repeats.len() < MIN_REPEATED_ROWS || share < MIN_REPEATED_SHARE {
+    let catches_up = quantile(&mut catch_ups, 0.5) > MIN_CATCH_UP;
+    if repeats.len() < MIN_REPEATED_ROWS || share < MIN_REPEATED_SHARE || !catches_up {
         return None;
     }
     let repeats_too = |column: Option<&Column>| {

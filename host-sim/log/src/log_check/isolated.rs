@@ -3,8 +3,8 @@
 //! A joint has inertia, so its position and velocity cannot leave their course for one row and return. Such a row is far from
 //! the line between its neighbours, measured in usual steps from row to row, while the neighbours agree. It is left out. A
 //! velocity must also be off by a part of its range, and must not be a slip of a joint that sticks. A torque, which a shock does
-//! change for one row, must be off by twice its range. A single position is also found in fast motion: both its neighbours are
-//! half as far off the lines through them, to the other side.
+//! change for one row, must be off by twice its range. A single position of a log without a velocity is also found in fast motion:
+//! both its neighbours are half as far off the lines through them, to the other side.
 
 use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
@@ -74,7 +74,7 @@ impl Isolated {
         let columns: Option<Vec<&[f64]>> = data.runs.iter().map(|run| run.get(quantity)).collect();
         let columns = columns?;
         let least = least_distance(data, &columns, quantity)?;
-        let bend = least_bend(data, &columns);
+        let (is_alone, bend) = (is_velocity_derived(data), least_bend(data, &columns));
         let mut speeds: Vec<f64> =
             columns.iter().flat_map(|run| run.iter().map(|v| v.abs())).collect();
         let slow = MAX_REST_SHARE * quantile(&mut speeds, 0.95);
@@ -83,7 +83,7 @@ impl Isolated {
             let mut rows = BTreeSet::new();
             for segment in segments(run) {
                 let mut found_here = isolated_rows(&run.time_s, values, segment.clone(), least);
-                if quantity == Quantity::Position {
+                if quantity == Quantity::Position && is_alone {
                     found_here.extend(bent_rows(&run.time_s, values, segment, bend));
                 }
                 for (row, distance) in found_here {

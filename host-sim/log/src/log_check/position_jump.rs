@@ -28,6 +28,9 @@ const MAX_SHARE: f64 = 0.1;
 /// Changes on either side of a change from which its travel is estimated.
 const NEIGHBOURS: usize = 3;
 
+/// Rows on either side of a jump whose medians show that it stays.
+const MEDIAN_ROWS: usize = 5;
+
 /// Maximum number of jumps that are listed.
 const LISTED: usize = 5;
 
@@ -36,6 +39,8 @@ struct Jump {
     run: usize,
     row: usize,
     size: f64,
+    /// The speed beside it.
+    speed: f64,
 }
 
 /// Finds jumps of the position, and ends the pieces of the runs there if `correct` is true.
@@ -102,16 +107,16 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
             let steps = steps(run, position, rows);
             for (at, step) in steps.iter().enumerate() {
                 let by_velocity = gain.map(|gain| gain * travel_of_velocity(run, step));
-                let beside = speed_beside(&steps, at) * step.time_s;
+                let speed = speed_beside(&steps, at);
+                let beside = speed * step.time_s;
                 // A joint that starts after a rest travels less than the speed beside it, which is no jump.
-                let off = |expected: f64| {
-                    let is_farther =
-                        step.travel * expected < 0.0 || step.travel.abs() > expected.abs();
-                    if is_farther { (step.travel - expected).abs() } else { 0.0 }
+                let off = |expected: f64| match step.travel * expected < 0.0 {
+                    true => step.travel.abs(),
+                    false => (step.travel.abs() - expected.abs()).max(0.0),
                 };
                 let size = off(beside).min(by_velocity.map_or(f64::INFINITY, off));
                 explained.push(by_velocity.unwrap_or(beside).abs() / step.count() as f64);
-                all.push(Jump { run: index, row: step.row, size });
+                all.push(Jump { run: index, row: step.row, size, speed });
             }
         }
     }
@@ -121,8 +126,22 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
         .max(MIN_DIFFERENCES * quantile(&mut sizes, 0.9))
         .max(MIN_QUANTA * quantum(positions.iter().copied()));
     let rows = all.len();
-    all.retain(|jump| jump.size > least);
+    all.retain(|jump| {
+        let run = &data.runs[jump.run];
+        jump.size > least && stays(run, positions[jump.run], jump)
+    });
     (!all.is_empty() && all.len() as f64 <= MAX_SHARE * rows as f64).then_some(all)
+}
+
+/// Returns true if the position stays where it jumped to: the medians of the rows before and after are as far apart. A failed
+/// reading returns.
+fn stays(run: &Run, position: &[f64], jump: &Jump) -> bool {
+    let (first, last) =
+        (jump.row.saturating_sub(MEDIAN_ROWS), (jump.row + MEDIAN_ROWS).min(run.len()));
+    let median = |rows: Range<usize>| quantile(&mut position[rows].to_vec(), 0.5);
+    let travel = median(jump.row..last) - median(first..jump.row);
+    let time_s = 0.5 * (run.time_s[last - 1] - run.time_s[first]);
+    (travel - jump.speed * time_s).abs() > 0.5 * jump.size
 }
 
 /// A change of the position, from the last row before which it changed too.

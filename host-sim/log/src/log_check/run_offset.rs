@@ -5,7 +5,7 @@
 //! to run is alike. So the report names both. A column with one value in each run may name the cause, and nothing is changed.
 
 use super::LogFindingKind;
-use super::column::{all, extent};
+use super::column::{Column, all, extent, quantile};
 use super::finding::LogFinding;
 use super::torque_fit::{MIN_ROWS, MovingRow, Regressors, fit, moves_both_ways, moving_rows};
 use crate::Dataset;
@@ -104,11 +104,15 @@ fn offsets(data: &Dataset) -> Option<Vec<f64>> {
     (spread > MIN_SPREAD_ERRORS * error).then_some(offsets)
 }
 
-/// Returns true if a covariate has one value in each run, and not the same in all: it may be the cause.
+/// Returns true if a covariate differs from run to run by more than inside of them: it may be the cause.
 fn has_column_of_runs(data: &Dataset) -> bool {
-    all(data).iter().any(|column| {
-        let each: Vec<[f64; 2]> =
-            column.runs.iter().map(|run| extent(run.iter().copied())).collect();
-        each.iter().all(|[least, most]| least == most) && each.iter().any(|of| *of != each[0])
+    let is_motion =
+        |column: &Column| column.is_motion() || column.quantity == Some(Quantity::Torque);
+    all(data).iter().filter(|column| !is_motion(column)).any(|column| {
+        let sorted = |run: &&[f64]| [0.1, 0.5, 0.9].map(|share| quantile(&mut run.to_vec(), share));
+        let runs: Vec<[f64; 3]> = column.runs.iter().map(sorted).collect();
+        let inside = runs.iter().map(|[low, _, high]| high - low).sum::<f64>() / runs.len() as f64;
+        let [least, most] = extent(runs.iter().map(|[_, middle, _]| *middle));
+        most - least > inside
     })
 }
