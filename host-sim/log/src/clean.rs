@@ -219,7 +219,7 @@ impl<'a> Cleaner<'a> {
             return Ok(());
         }
         if self.layout.collects {
-            self.collected.add_row(self.layout.names.len(), row);
+            self.collected.add_row(number, self.layout.names.len(), row);
             return Ok(());
         }
         if !self.is_selected(row) {

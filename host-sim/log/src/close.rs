@@ -9,6 +9,7 @@
 //! distances. It is a partial merge if rows with neither hold values of columns that are rare elsewhere.
 
 mod clock_check;
+mod long_rows;
 mod notes;
 
 use std::mem::take;
@@ -70,6 +71,11 @@ impl Cleaner<'_> {
             return Ok(self.described());
         }
         if self.layout.collects {
+            if let Some(long) = self.layout.long.take() {
+                self.rows += self.collected.lines.len();
+                self.check_bad_share()?;
+                return self.read_long(&long);
+            }
             let table = self.collected.finish(self.file, self.layout.names);
             return Ok(FileData { table: Some(table), ..FileData::default() });
         }
@@ -237,7 +243,10 @@ impl Cleaner<'_> {
             self.tallies.iter().filter(|tally| is_slow(tally.numbers - tally.covariate_only));
         let explained: usize = slow.map(|tally| tally.covariate_only).sum();
         let rows = self.covariate_only_rows;
-        if rows > 0 && explained as f64 >= MIN_EXPLAINED_SHARE * rows as f64 {
+        let is_explained = explained as f64 >= MIN_EXPLAINED_SHARE * rows as f64;
+        // A channel with a higher rate than velocity and torque.
+        let is_slower = (both as f64) < MERGED_CHANNEL_SHARE * self.rows as f64;
+        if rows > 0 && (is_explained || fewest > 0 && is_slower && self.is_regular()) {
             return ChannelLayout::SeparateCovariates;
         }
         ChannelLayout::Single
