@@ -219,6 +219,11 @@ impl<'a> Cleaner<'a> {
             return Ok(());
         }
         if self.layout.collects {
+            // A long table of several series may have the header of each.
+            let mut names = self.layout.names.iter().enumerate();
+            if self.layout.long.is_some() && names.all(|(at, of)| *row.text(at) == *of.as_bytes()) {
+                return Ok(());
+            }
             self.collected.add_row(number, self.layout.names.len(), row);
             return Ok(());
         }

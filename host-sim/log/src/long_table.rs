@@ -93,8 +93,8 @@ impl LongTable {
             return options;
         }
         let is_wincc = header == WINCC_TIME && table.columns.iter().any(|(of, _)| of == WINCC_NAME);
-        let is_date = matches!(cells, Cells::Texts(_) | Cells::Stamps(_));
-        let by_rate = || time_unit(&wide.times).filter(|_| !is_date);
+        let has_numbers = (0..cells.len()).any(|row| is_number(cells, row));
+        let by_rate = || time_unit(&wide.times).filter(|_| has_numbers);
         let unit = is_wincc.then_some(WINCC_UNIT).or_else(|| unit::stated(TIME, header));
         let unit = unit.or_else(by_rate).map_or_else(String::new, |unit| format!(":{unit}"));
         options.columns.push((TIME.to_owned(), format!("{header}{unit}")));
@@ -124,9 +124,7 @@ impl LongTable {
             let (recording, time, repeat) = series.entry((key, name)).or_default().add(times[row]);
             Sample { order: (recording, time, key, repeat), name, row }
         };
-        // A header in the middle of a file is no value.
-        let is_value = |row: &usize| text(value, *row) != table.columns[value].0;
-        let mut samples: Vec<Sample> = (0..count).filter(is_value).map(&mut sample).collect();
+        let mut samples: Vec<Sample> = (0..count).map(&mut sample).collect();
         samples.sort_by(|a, b| a.order.partial_cmp(&b.order).unwrap_or(Ordering::Equal));
         let rows: Vec<&[Sample]> = samples.chunk_by(|a, b| a.order == b.order).collect();
         // A state beside one measurement has each time once.
@@ -181,9 +179,10 @@ impl LongTable {
             }
         }
         parts.sort_unstable();
+        let parts: Vec<(usize, bool)> = parts.into_iter().map(|at| (at, is_words(at))).collect();
         let name = |row: usize| {
-            let words = parts.iter().map(|at| match text(*at, row) {
-                number if !is_words(*at) => format!("{}_{number}", table.columns[*at].0),
+            let words = parts.iter().map(|(at, is_words)| match text(*at, row) {
+                number if !is_words => format!("{}_{number}", table.columns[*at].0),
                 word => word,
             });
             words.collect::<Vec<_>>().join("/")

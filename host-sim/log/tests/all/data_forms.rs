@@ -252,6 +252,27 @@ fn read_with_faster_channel_beside_velocity_and_torque_leaves_no_row_out() {
 }
 
 #[test]
+fn read_with_slow_channel_in_the_first_rows_returns_error() {
+    for slow in [&["torque_nm"][..], &["velocity_rad_s", "torque_nm"]] {
+        let of = |row: u32, name: &str| {
+            let (is_slow, is_velocity) = (slow.contains(&name), name.starts_with('v'));
+            let time_s = f64::from(row) * if is_slow { 1e-3 } else { 2e-4 };
+            let value = if is_velocity { velocity(time_s) } else { torque(time_s) };
+            if is_slow && row >= ROWS { String::new() } else { value.to_string() }
+        };
+        let line = |row: u32| {
+            let [velocity, torque] = ["velocity_rad_s", "torque_nm"].map(|name| of(row, name));
+            format!("{:.4},{row},{velocity},{torque}\n", f64::from(row) * 2e-4)
+        };
+        let rows: String = (0..5 * ROWS).map(line).collect();
+        let text = format!("time_s,current,velocity_rad_s,torque_nm\n{rows}");
+        let error = try_read(&text, &ReadOptions::default()).unwrap_err();
+        let parts = ["log.csv", slow[0], "first 300 of 1500 rows", "1/5"];
+        message::check("reading", &format!("{} slow channels", slow.len()), &error, &parts);
+    }
+}
+
+#[test]
 fn read_with_clock_for_each_rate_merges_channels() {
     for (fast, slow) in
         [("velocity_rad_s", "torque_nm"), ("torque_nm", "velocity_rad_s"), ("current", "x")]
