@@ -63,7 +63,9 @@ impl LongTable {
             |at: &usize, words: &str| parts(&header[*at]).iter().any(|part| is_among(words, part));
         let is_key = |at: &usize| {
             let name = header[*at].trim().to_lowercase();
-            name == RUN || is_among(JOINT_NAMES, &name) || DATE_NAMES.contains(&&*name)
+            // `data` is a date in Italian, and the value in a log of topics.
+            let is_date = DATE_NAMES.contains(&&*name) && !has(at, VALUE_WORDS);
+            name == RUN || is_among(JOINT_NAMES, &name) || is_date
         };
         let place = |name: &str| header.iter().position(|of| of == name);
         let fine = place(WINCC_TIME).filter(|_| place(WINCC_NAME).is_some());

@@ -12,6 +12,7 @@ use super::read_table;
 use crate::clean::FileData;
 use crate::contract::{RUN, TIME};
 use crate::error::DataError;
+use crate::setting::Setting;
 use crate::table::{Cells, Table};
 use crate::unit::conversion;
 use serde_json::Value;
@@ -27,12 +28,12 @@ const KEYS: [&[u8]; 5] = [
 ];
 
 /// Columns of a mechanism after the time. POSITION and VELOCITY stand for names with the unit of the file.
-const MECHANISM: [&str; 3] = ["voltage_v", "POSITION", "VELOCITY"];
+const MECHANISM: [&str; 3] = ["voltage (V)", "POSITION", "VELOCITY"];
 
 /// Columns of a drivetrain after the time.
 const DRIVETRAIN: [&str; 8] = [
-    "left_voltage_v",
-    "right_voltage_v",
+    "left voltage (V)",
+    "right voltage (V)",
     "left_POSITION",
     "right_POSITION",
     "left_VELOCITY",
@@ -69,8 +70,11 @@ fn read(input: Input) -> Result<FileData, DataError> {
         .map_err(|error| refused(format!("damaged JSON: {error}"), "a file of SysId"))?;
     let table = table(input.path.display().to_string(), &document)
         .ok_or_else(|| refused("no test with rows of numbers".into(), "a file of SysId"))?;
-    let hint = "SysId logs the voltage, which is no torque: log the motor's current or torque, or give the torque of a volt";
-    let mut data = read_table(&table, input.options).map_err(|error| error.with_hint(hint))?;
+    let of_volt = Setting::Columns.suggested(format!("torque_nm={}:0.1Nm", table.columns[2].0));
+    let hint = format!(
+        "a voltage is no torque: log the motor's torque or current, or state the torque of 1 V, as {of_volt}"
+    );
+    let mut data = read_table(&table, input.options).map_err(|error| error.with_hint(&hint))?;
     data.notes.push(format!("{}: a file of SysId, each test is a run", table.name));
     Ok(data)
 }
@@ -128,7 +132,7 @@ mod tests {
             |name: &str| found.columns.iter().find(|(of, _)| of == name).unwrap().1.clone();
         let rev = std::f64::consts::TAU;
         assert_eq!(column("velocity_rad_s"), Cells::Numbers(vec![2.0 * rev, 0.0, rev]));
-        assert_eq!(column("voltage_v"), Cells::Numbers(vec![7.0, 1.0, 2.0]));
+        assert_eq!(column("voltage (V)"), Cells::Numbers(vec![7.0, 1.0, 2.0]));
         assert_eq!(column("run").text_of(2), "slow-forward");
         let drivetrain =
             of(r#"{"slow-forward": [[0, 1, 2, 3, 4, 5, 6, 7, 8]], "units": "Meters"}"#).unwrap();

@@ -71,6 +71,8 @@ fn read_with_long_table_makes_a_column_of_each_name() {
                     .replace('.', ",")
             },
         ),
+        long("timestamp,topic,data", |name, time, value| format!("{time:.3},{name},{value:.7}")),
+        long("", |name, time, value| format!("{time:.3};{name};{value:.7}")),
         long("t,quoi,value", |name, time, value| format!("{time:.3},{name},{value:.7}")),
         long("ts_ms,point,val", |name, time, value| format!("{:.0},{name},{value:.7}", 1e3 * time)),
         long("time,device,metric,value,quality", |name, time, value| {
@@ -342,10 +344,12 @@ fn read_with_test_of_sysid_names_the_missing_torque() {
     );
     for text in [text.clone(), text.replace(":[[", ":\n[[").replacen('{', "{\n", 1)] {
         let error = try_read(&text, &ReadOptions::default()).unwrap_err();
-        let parts = ["voltage_v", "torque_nm", "no torque"];
+        let parts = ["voltage (V)", "torque_nm", "no torque", "torque_nm=voltage (V):0.1Nm"];
         message::check("reading", "test of SysId", &error, &parts);
-        let data = try_read(&text, &with_columns("torque_nm=voltage_v:0.08333333333Nm")).unwrap();
+        let data = try_read(&text, &with_columns("torque_nm=voltage (V):0.08333333333Nm")).unwrap();
         check_rows(&data, 100, 1e-9);
         assert_eq!(data.runs.len(), 2);
+        let error = try_read(&text, &with_columns("torque_nm=voltage (V)")).unwrap_err();
+        assert!(error.contains("volts") && error.contains("1 V"), "{error}");
     }
 }
