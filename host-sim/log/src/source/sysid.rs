@@ -42,15 +42,13 @@ const DRIVETRAIN: [&str; 8] = [
     "robot_angular_rate",
 ];
 
-/// Units of SysId with those of the contract, and their names as `--columns` takes them.
-const UNITS: [(&str, &str, &str, &str); 6] = [
-    ("rotations", "rev", "position_rad", "velocity_rad_s"),
-    ("radians", "rad", "position_rad", "velocity_rad_s"),
-    ("degrees", "deg", "position_rad", "velocity_rad_s"),
-    ("meters", "m", "position_m", "velocity_m_s"),
-    ("feet", "ft", "position_m", "velocity_m_s"),
-    ("inches", "in", "position_m", "velocity_m_s"),
-];
+/// Units of SysId, as `--columns` takes them. Others stay as they are, in columns without a unit.
+const UNITS: [(&str, &str); 4] =
+    [("rotations", "rev"), ("radians", "rad"), ("degrees", "deg"), ("meters", "m")];
+
+/// Names of position and velocity, of both kinds of joint.
+const MOTIONS: [(&str, &str); 2] =
+    [("position_rad", "velocity_rad_s"), ("position_m", "velocity_m_s")];
 
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_sysid, read };
 
@@ -95,8 +93,8 @@ fn table(name: String, document: &Value) -> Option<Table> {
         _ => return None,
     };
     let unit = document.get("units").and_then(Value::as_str).unwrap_or_default().to_lowercase();
-    let unit = UNITS.iter().find(|(name, ..)| *name == unit);
-    let unit = unit.and_then(|of| Some((conversion(of.2, of.1).ok()?, of.2, of.3)));
+    let unit = UNITS.iter().find(|(name, _)| *name == unit).map(|(_, unit)| *unit);
+    let unit = MOTIONS.iter().find_map(|(q, v)| Some((conversion(q, unit?).ok()?, *q, *v)));
     let (position, velocity) = unit.map_or(("position", "velocity"), |of| (of.1, of.2));
     let value = |row: &[f64], at: usize, is_motion: bool| {
         let value = row.get(at).copied().unwrap_or(f64::NAN);
@@ -109,7 +107,7 @@ fn table(name: String, document: &Value) -> Option<Table> {
         (own, Cells::Numbers(values.collect()))
     });
     let runs = Cells::Texts(rows.iter().map(|(test, _)| (*test).clone()).collect());
-    let times = Cells::Numbers(rows.iter().map(|(_, row)| row[0]).collect());
+    let times = Cells::Numbers(rows.iter().map(|(_, row)| value(row, 0, false)).collect());
     let first = [(RUN.to_owned(), runs), (TIME.to_owned(), times)];
     Some(Table { name, columns: first.into_iter().chain(named).collect() })
 }
@@ -141,6 +139,7 @@ mod tests {
             names[4..8],
             ["left_position_m", "right_position_m", "left_velocity_m_s", "right_velocity_m_s"]
         );
+        assert!(of(r#"{"slow-forward": [[0, 1, 0, 0], []]}"#).is_some(), "a row without values");
         for text in [
             r#"{"sysid": true}"#,
             r#"{"slow-forward": [[0, "x", 1, 2]]}"#,

@@ -269,8 +269,9 @@ fn read_with_slow_channel_in_the_first_rows_returns_error() {
         let rows: String = (0..5 * ROWS).map(line).collect();
         let text = format!("time_s,current,velocity_rad_s,torque_nm\n{rows}");
         let error = try_read(&text, &ReadOptions::default()).unwrap_err();
-        let parts = ["log.csv", slow[0], "first 300 of 1500 rows", "1/5"];
-        message::check("reading", &format!("{} slow channels", slow.len()), &error, &parts);
+        let error = error.replace(slow[0], "SLOW");
+        let parts = ["log.csv", "SLOW", "first 300 of 1500 rows", "1/5"];
+        message::check("reading", "slow channel in the first rows", &error, &parts);
     }
 }
 
