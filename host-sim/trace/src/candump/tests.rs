@@ -143,6 +143,8 @@ fn parse_with_malformed_line_returns_the_malformed_part() {
         ("(1.5) can0 1234 [1] 11", Identifier),
         ("(1.5) can0 123 [9] 11 22 33 44 55 66 77 88 99", Length),
         ("(1.5) can0 123 [65] 11", Length),
+        ("(1.5) can0 20000004 [01] 11", Length),
+        ("(1.5) can0 20000004 [1] remote request", Data),
         ("(1.5) can0 123 [x] 11", Length),
         ("(1.5) can0 123 [2] 11", Data),
         ("(1.5) can0 123 [1] 1G", Data),

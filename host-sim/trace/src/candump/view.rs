@@ -45,14 +45,16 @@ pub(super) fn parse(text: &[u8]) -> Result<Line<'_>, LineError> {
         _ => return Err(LineError::Identifier),
     };
     let length = length.and_then(|length| u8::try_from(length).ok()).ok_or(LineError::Length)?;
-    let frame = if is_fd {
+    let frame = if is_error && !is_fd {
+        let class = identifier & super::MAX_EXTENDED_IDENTIFIER;
+        CanFrame::Error { class, length, bytes: data(length, text)? }
+    } else if is_error {
+        return Err(LineError::Length);
+    } else if is_fd {
         let bytes = data(length, text)?;
         CanFrame::Flexible { identifier, extended, flags, length, bytes }
     } else if words(text).next() == Some(b"remote") && length <= 8 {
         CanFrame::Remote { identifier, extended, length }
-    } else if is_error {
-        let class = identifier & super::MAX_EXTENDED_IDENTIFIER;
-        CanFrame::Error { class, length, bytes: data(length, text)? }
     } else {
         CanFrame::Data { identifier, extended, length, bytes: data(length, text)? }
     };
