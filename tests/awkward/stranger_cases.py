@@ -3,7 +3,7 @@
 from datetime import datetime, timedelta
 
 from cases import RPM, case, error
-from joint import ROWS, RUNS, joint, on_one_clock, table
+from joint import ROWS, RUNS, joint, on_one_clock, rows, table
 
 START = datetime(2024, 3, 14, 23, 59, 58)
 
@@ -131,16 +131,33 @@ error(
     "log.csv: --columns torque_nm=velocity_rad_s: found the column of velocity_rad_s, expected a column for each quantity",
     "--columns velocity_rad_s=velocity_rad_s,torque_nm=velocity_rad_s",
 )
-INFLUX = (
-    "#group,false,false,true\n#datatype,string,dateTime:RFC3339,double\n#default,_result,,\n"
-    ",_time,_value,_field\n,2024-03-14T09:00:00Z,1.5,torque\n"
+
+
+def influx():
+    """Rows of InfluxDB, one field after the other, each with its header."""
+    lines = ["#group,false,false,false,true", "#datatype,string,long,dateTime:RFC3339,double", "#default,_result,,,"]
+    for at, (field, key) in enumerate([("speed", "v"), ("torque", "tau")]):
+        lines.append(",result,table,_time,_value,_field")
+        for row in rows():
+            t = on_one_clock(row)
+            lines.append(f",,{at},2024-03-14T09:00:{t:09.6f}Z,{row[key]!r},{field}")
+        lines.append("")
+    return "\n".join(lines) + "\n"
+
+
+case(
+    "a long table of InfluxDB",
+    influx(),
+    "--columns velocity_rad_s=speed,torque_nm=torque",
+    data={"runs": RUNS, "rows": RUNS * ROWS, "rows_left_out": 0},
+    expected_lines=["the long table (one value a line: _field, _value) is read with a column for each name"],
 )
 error(
-    "a long table of InfluxDB",
-    INFLUX,
-    "log.csv: found a long table: one row for each field, expected a column for each field: python -c 'import pandas; "
-    "pandas.read_csv('\\''log.csv'\\'', comment='\\''#'\\'').pivot_table(index='\\''_time'\\'', "
-    "columns='\\''_field'\\'', values='\\''_value'\\'').to_csv('\\''wide.csv'\\'')'",
+    "a long table without a known name",
+    influx(),
+    "log.csv: found only the columns _time, speed, torque, expected velocity_rad_s (or velocity_m_s) and torque_nm (or force_n) in "
+    "the header, or --columns velocity_rad_s=speed,torque_nm=torque; the long table (one value a line: _field, _value) is read "
+    "with a column for each name",
 )
 BLANKS = {"t": lambda row: on_one_clock(row), "dq": lambda row: row["v"], "tau": lambda row: row["tau"]}
 BY_BLANKS = "time_s=t,velocity_rad_s=dq,torque_nm=tau"

@@ -219,7 +219,12 @@ impl<'a> Cleaner<'a> {
             return Ok(());
         }
         if self.layout.collects {
-            self.collected.add_row(self.layout.names.len(), row);
+            // A long table of several series may have the header of each.
+            let mut names = self.layout.names.iter().enumerate();
+            if self.layout.long.is_some() && names.all(|(at, of)| *row.text(at) == *of.as_bytes()) {
+                return Ok(());
+            }
+            self.collected.add_row(number, self.layout.names.len(), row);
             return Ok(());
         }
         if !self.is_selected(row) {

@@ -9,6 +9,7 @@
 //! distances. It is a partial merge if rows with neither hold values of columns that are rare elsewhere.
 
 mod clock_check;
+mod long_rows;
 mod notes;
 
 use std::mem::take;
@@ -70,12 +71,18 @@ impl Cleaner<'_> {
             return Ok(self.described());
         }
         if self.layout.collects {
+            if let Some(long) = self.layout.long.take() {
+                self.rows += self.collected.lines.len();
+                self.check_bad_share()?;
+                return self.read_long(&long);
+            }
             let table = self.collected.finish(self.file, self.layout.names);
             return Ok(FileData { table: Some(table), ..FileData::default() });
         }
         self.check_not_empty()?;
         self.check_single_joint()?;
         self.check_signs()?;
+        self.check_rates()?;
         let uses = self.column_uses()?;
         let channels = self.channel_layout();
         let (mut repeated, mut late, mut duplicates) = (0, 0, 0);
@@ -229,7 +236,8 @@ impl Cleaner<'_> {
         let both = self.rows - self.covariate_only_rows.min(self.rows);
         let fewest = velocities.numbers.min(torques.numbers);
         let is_rare = (fewest as f64) < MERGED_CHANNEL_SHARE * both as f64;
-        if fewest > 0 && is_rare && self.is_regular() {
+        let distance = if fewest > 0 { self.regular_distance() } else { None };
+        if is_rare && distance.is_some() {
             return ChannelLayout::Merged;
         }
         let is_slow = |numbers: usize| (numbers as f64) < SEPARATE_COVARIATE_SHARE * both as f64;
@@ -237,14 +245,18 @@ impl Cleaner<'_> {
             self.tallies.iter().filter(|tally| is_slow(tally.numbers - tally.covariate_only));
         let explained: usize = slow.map(|tally| tally.covariate_only).sum();
         let rows = self.covariate_only_rows;
-        if rows > 0 && explained as f64 >= MIN_EXPLAINED_SHARE * rows as f64 {
+        let is_explained = explained as f64 >= MIN_EXPLAINED_SHARE * rows as f64;
+        // A channel with a higher rate than velocity and torque.
+        let is_slower = (both as f64) < MERGED_CHANNEL_SHARE * self.rows as f64;
+        let is_slower = is_slower && distance.is_some_and(|distance| distance > 1);
+        if rows > 0 && (is_explained || is_slower) {
             return ChannelLayout::SeparateCovariates;
         }
         ChannelLayout::Single
     }
 
-    /// Returns true if the rarer of velocity and torque occurs at regular distances, in rows.
-    fn is_regular(&self) -> bool {
+    /// Returns the usual distance of the values of the rarer of velocity and torque, in rows, if it is regular.
+    fn regular_distance(&self) -> Option<usize> {
         let rarer = 1 + usize::from(self.missing[1].numbers < self.missing[0].numbers);
         let mut distances = Vec::new();
         for run in &self.runs {
@@ -253,14 +265,14 @@ impl Cleaner<'_> {
             distances.extend(rows.windows(2).map(|pair| pair[1] - pair[0]));
         }
         if distances.is_empty() {
-            return false;
+            return None;
         }
         let mut quantile = |share: f64| {
             let at = ((distances.len() - 1) as f64 * share) as usize;
             *distances.select_nth_unstable(at).1
         };
         let (usual, long) = (quantile(0.5), quantile(0.9));
-        long <= 2 * usual + 1
+        (long <= 2 * usual + 1).then_some(usual)
     }
 
     /// Removes the rows whose clock goes back, and returns how many rows repeat a stamp.

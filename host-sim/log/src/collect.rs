@@ -22,10 +22,13 @@ struct CollectedColumn {
 #[derive(Debug, Default)]
 pub(super) struct CollectedCells {
     columns: Vec<CollectedColumn>,
+    /// The line of each row.
+    pub lines: Vec<u64>,
 }
 
 impl CollectedCells {
-    pub fn add_row(&mut self, columns: usize, row: &impl LogRow) {
+    pub fn add_row(&mut self, number: u64, columns: usize, row: &impl LogRow) {
+        self.lines.push(number);
         self.columns.resize_with(columns, CollectedColumn::default);
         for (at, column) in self.columns.iter_mut().enumerate() {
             let number = row.number(at);
@@ -108,7 +111,7 @@ mod tests {
         let mut cells = CollectedCells::default();
         let rows: [&[&str]; 3] =
             [&["s", "deg", "-"], &["1700000000000000001", "0.5", ""], &["2", "1", "x"]];
-        rows[1..].iter().for_each(|row| cells.add_row(3, &Row(row)));
+        rows[1..].iter().for_each(|row| cells.add_row(2, 3, &Row(row)));
         let names = || ["t", "q", "note"].map(str::to_owned).to_vec();
         let table = cells.finish(Path::new("f.csv"), names());
         assert_eq!(
@@ -118,8 +121,8 @@ mod tests {
         assert_eq!(table.columns[1].1, Cells::Numbers(vec![0.5, 1.0]));
         assert_eq!(table.columns[2].1, Cells::Texts(vec![String::new(), "x".into()]));
         let mut cells = CollectedCells::default();
-        rows[..1].iter().for_each(|row| cells.add_row(3, &Row(row)));
-        cells.add_row(3, &Row(&["0.1", "2", "3"]));
+        rows[..1].iter().for_each(|row| cells.add_row(2, 3, &Row(row)));
+        cells.add_row(2, 3, &Row(&["0.1", "2", "3"]));
         let table = cells.finish(Path::new("f.csv"), names());
         assert_eq!(table.columns[1], ("q [deg]".to_owned(), Cells::Numbers(vec![2.0])));
     }

@@ -22,13 +22,15 @@ use super::contract::{self, DEMAND, RUN, TARGETS, TIME, is_joint_position, parse
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
+use super::long_table::LongTable;
+use super::name_words::{DATE_NAMES, JOINT_NAMES};
 use super::naming::Naming;
 use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::{Preset, PresetColumns};
 use super::row_clock::Timing;
 use super::unit::conversion;
-use crate::setting::{Setting, shell_word};
+use crate::setting::Setting;
 use required::RequiredColumns;
 
 /// A column other than time, velocity and torque.
@@ -96,6 +98,8 @@ pub(super) struct Layout {
     pub is_survey: bool,
     /// True if the cells are only collected as a table.
     pub collects: bool,
+    /// The columns of a long table, whose cells are collected first.
+    pub long: Option<Box<LongTable>>,
     /// The preset that the names suggest, if the columns are only described.
     pub suggested: Option<Preset>,
     /// The units that the file states, if the columns are only described.
@@ -216,14 +220,6 @@ fn wrong_unit(file: &Path, column: &str, name: &str, unit: &str, expected: Strin
     DataError::Request { what: format!("{}: column {column}", file.display()), found, expected }
 }
 
-/// Names of columns that identify a row's joint. A column `name` mostly names something else and is treated
-/// separately.
-const JOINT_NAMES: &str = "joint joint_name joint_id joint_index axis axis_name axis_id motor motor_id motor_name \
-                           actuator actuator_id drive node_id controller controller_id";
-
-/// Names of columns of dates beside a column of times of day.
-const DATE_NAMES: [&str; 5] = ["date", "datum", "day", "fecha", "data"];
-
 /// Returns the column that may hold the dates of the times in `time`.
 fn date_column(names: &[String], time: usize) -> Option<usize> {
     let is_date = |name: &String| DATE_NAMES.contains(&&*name.trim().to_lowercase());
@@ -240,7 +236,20 @@ pub(super) fn layout(
     options: &ReadOptions,
 ) -> Result<Layout, DataError> {
     let names = names.into();
-    check_wide(file, &names.names)?;
+    let long = LongTable::find(&names.names, options);
+    if let Some(long) = long.filter(|_| !options.is_wide && !options.collects) {
+        let wide = ReadOptions { is_wide: true, is_survey: false, ..options.clone() };
+        if layout(file, names.clone(), &wide).is_err() {
+            let (long, max_bad_share) = (Some(Box::new(long)), options.max_bad_share);
+            return Ok(Layout {
+                long,
+                collects: true,
+                is_survey: false,
+                max_bad_share,
+                ..Layout::of_survey(names)
+            });
+        }
+    }
     if options.is_survey || options.collects {
         let collects = options.collects;
         return Ok(Layout { collects, is_survey: !collects, ..Layout::of_survey(names) });
@@ -323,26 +332,6 @@ fn check_rate(rate_hz: f64, options: &ReadOptions) -> Result<(), DataError> {
         }
         None => Ok(()),
     }
-}
-
-/// Columns of InfluxDB that make a table long: its rows hold one field each.
-const LONG_COLUMNS: [&str; 3] = ["_time", "_field", "_value"];
-
-/// Refuses a long table, with the command that turns it into a wide one.
-fn check_wide(file: &Path, names: &[String]) -> Result<(), DataError> {
-    if !LONG_COLUMNS.iter().all(|long| names.iter().any(|name| name == long)) {
-        return Ok(());
-    }
-    let path = file.display().to_string().replace('\\', "\\\\").replace('\'', "\\'");
-    let script = format!(
-        "import pandas; pandas.read_csv('{path}', comment='#').pivot_table(index='_time', columns='_field', \
-         values='_value').to_csv('wide.csv')"
-    );
-    Err(DataError::File {
-        file: file.into(),
-        found: "a long table: one row for each field".into(),
-        expected: format!("a column for each field: python -c {}", shell_word(&script)),
-    })
 }
 
 /// Interprets the names of the columns.

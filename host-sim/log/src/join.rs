@@ -25,6 +25,10 @@ const MIN_COMMON_SHARE: f64 = 0.9;
 /// Minimum share of the shortest file that is at times of all files.
 const MIN_OVERLAP: f64 = 0.5;
 
+/// Maximum number of rows, and share of the rows, that the longest of files without times has more than the shortest.
+const MAX_EXTRA_ROWS: f64 = 10.0;
+const MAX_EXTRA_SHARE: f64 = 0.01;
+
 /// The quantities whose words tell channels apart.
 const CHANNELS: [&str; 6] = [
     "torque_nm",
@@ -164,7 +168,7 @@ struct Channel {
 /// Joins the tables of a recording, each with the word of its channel. `name` is its name in messages.
 ///
 /// # Errors
-/// If a table has no column of times, or the times do not overlap.
+/// If no table has a column of times, or the times do not overlap.
 pub(super) fn join_tables(
     name: &str,
     tables: Vec<(String, Table)>,
@@ -176,8 +180,18 @@ pub(super) fn join_tables(
         .collect::<Result<_, _>>()?;
     let files: Vec<String> = channels.iter().map(|channel| channel.file.clone()).collect();
     name_columns(&mut channels);
-    let rows =
-        if options.rate_hz.is_some() { counted_rows(&channels)? } else { matched_rows(&channels)? };
+    let is_timed = |channel: &Channel| !channel.times.is_empty();
+    if options.rate_hz.is_none() && !channels.iter().any(is_timed) {
+        return Err(no_times(&channels[0]));
+    }
+    let is_one_length = channels.iter().all(|channel| channel.rows == channels[0].rows);
+    // With a rate, the clock matters only where the lengths differ.
+    let is_counted = options.rate_hz.is_some() && is_one_length;
+    let rows = if is_counted || !channels.iter().all(is_timed) {
+        counted_rows(&channels)?
+    } else {
+        matched_rows(&channels)?
+    };
     let mut columns = Vec::new();
     for (at, channel) in channels.iter_mut().enumerate() {
         for (name, cells) in std::mem::take(&mut channel.columns) {
@@ -201,32 +215,36 @@ fn refused(file: &str, found: String, expected: String) -> DataError {
     DataError::File { file: file.into(), found, expected }
 }
 
+/// Returns the column of the times: the one that `--columns` names, or else the first with the name of a time.
+pub(super) fn time_place(names: &[String], options: &ReadOptions) -> Option<usize> {
+    let given = options.columns.iter().find(|(ours, _)| ours == TIME).map(|(_, theirs)| theirs);
+    let is_given = |name: &String| {
+        given.is_some_and(|given| {
+            given.strip_prefix(&**name).is_some_and(|rest| rest.is_empty() || rest.starts_with(':'))
+        })
+    };
+    let is_time = |name: &String| guess::quantity(name) == Some(TIME);
+    names.iter().position(is_given).or_else(|| names.iter().position(is_time))
+}
+
+/// Returns the error of a file without times.
+fn no_times(channel: &Channel) -> DataError {
+    let names: Vec<&str> = channel.columns.iter().map(|(name, _)| name.as_str()).collect();
+    let pair = Setting::Columns.suggested(format!("{TIME}=NAME"));
+    let expected = format!("a column of times, as {pair}, or {}", Setting::Rate.suggested("200Hz"));
+    refused(&channel.file, format!("only the columns {}", listed(&names)), expected)
+}
+
 /// Splits a table into its clock and its other columns.
 fn channel(word: String, table: Table, options: &ReadOptions) -> Result<Channel, DataError> {
     let Table { name: file, mut columns } = table;
     let rows = columns.first().map_or(0, |(_, cells)| cells.len());
-    let given = options.columns.iter().find(|(ours, _)| ours == TIME).map(|(_, theirs)| theirs);
-    let is_given = |name: &str| {
-        given.is_some_and(|given| {
-            given.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(':'))
-        })
-    };
-    let is_time = |name: &str| guess::quantity(name) == Some(TIME);
+    let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     // A file without a header has its times first.
-    let place = columns
-        .iter()
-        .position(|(name, _)| is_given(name))
-        .or_else(|| columns.iter().position(|(name, _)| is_time(name)))
-        .or_else(|| (columns.len() > 1 && columns[0].0 == "1").then_some(0));
+    let has_no_header = columns.len() > 1 && names[0] == "1";
+    let place = time_place(&names, options).or_else(|| has_no_header.then_some(0));
     let Some(place) = place else {
-        if options.rate_hz.is_some() {
-            return Ok(Channel { file, word, time_name: None, times: Vec::new(), columns, rows });
-        }
-        let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
-        let pair = Setting::Columns.suggested(format!("{TIME}=NAME"));
-        let expected =
-            format!("a column of times, as {pair}, or {}", Setting::Rate.suggested("200Hz"));
-        return Err(refused(&file, format!("only the columns {}", listed(&names)), expected));
+        return Ok(Channel { file, word, time_name: None, times: Vec::new(), columns, rows });
     };
     let (time_name, cells) = columns.remove(place);
     let times = times(&file, &time_name, &cells)?;
@@ -234,7 +252,7 @@ fn channel(word: String, table: Table, options: &ReadOptions) -> Result<Channel,
 }
 
 /// Returns the times of a column in its unit, or in s for dates.
-fn times(file: &str, name: &str, cells: &Cells) -> Result<Vec<f64>, DataError> {
+pub(super) fn times(file: &str, name: &str, cells: &Cells) -> Result<Vec<f64>, DataError> {
     let time = |row: usize| match cells {
         Cells::Numbers(cells) => cells[row],
         Cells::Integers(cells) | Cells::Stamps(cells) => cells[row].map_or(f64::NAN, |n| n as f64),
@@ -272,15 +290,21 @@ fn name_columns(channels: &mut [Channel]) {
     }
 }
 
-/// Joins files without times row by row.
+/// Joins files row by row. Rows at the end that a shorter file does not have are left out.
 fn counted_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
-    let rows = channels[0].rows;
-    if let Some(other) = channels.iter().find(|channel| channel.rows != rows) {
-        let expected = format!("{rows} as in {}", channels[0].file);
-        return Err(refused(&other.file, format!("{} rows", other.rows), expected));
+    let order = |(at, channel): (usize, &Channel)| (channel.rows, at);
+    let (rows, shortest) = channels.iter().enumerate().map(order).min().unwrap_or_default();
+    let (most, longest) = channels.iter().enumerate().map(order).max().unwrap_or_default();
+    let (shortest, longest) = (&channels[shortest].file, &channels[longest].file);
+    let extra = most - rows;
+    if extra as f64 > (MAX_EXTRA_SHARE * most as f64).max(MAX_EXTRA_ROWS) {
+        return Err(refused(longest, format!("{most} rows"), format!("{rows} as in {shortest}")));
+    }
+    let mut in_words = format!("the number of their rows: {rows} rows");
+    if extra > 0 {
+        in_words += &format!(", as in {shortest}; the last {extra} of {longest} are left out");
     }
     let rows: Vec<_> = (0..rows).map(|row| vec![Some(row); channels.len()]).collect();
-    let in_words = format!("the number of their rows: {} rows", rows.len());
     Ok(MatchedRows { rows, in_words })
 }
 
@@ -323,7 +347,9 @@ fn matched_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
     }
     let common = rows.iter().filter(|row| row.iter().all(Option::is_some)).count();
     if common as f64 >= MIN_COMMON_SHARE * rows.len() as f64 {
-        let others = rows.len() - common;
+        let is_outside = |time: &&f64| **time < from - tolerance || **time > to + tolerance;
+        let outside = sorted.iter().map(|times| times.iter().filter(is_outside).count()).max();
+        let others = rows.len() - common + outside.unwrap_or_default();
         rows.retain(|row| row.iter().all(Option::is_some));
         let note = if others > 0 {
             format!(", {others} times without a row in each are left out")
@@ -368,15 +394,15 @@ fn time_column(channels: &[Channel], rows: &MatchedRows) -> Option<(String, Cell
     let name = channels.iter().find_map(|channel| channel.time_name.clone())?;
     let name = if name.bytes().all(|byte| byte.is_ascii_digit()) { "time".into() } else { name };
     let time = |row: &Vec<Option<usize>>| {
-        let of = row.iter().zip(channels).find_map(|(row, channel)| Some(channel.times[(*row)?]));
+        let of =
+            row.iter().zip(channels).find_map(|(row, channel)| channel.times.get((*row)?).copied());
         of.unwrap_or(f64::NAN)
     };
-    (!channels[0].times.is_empty())
-        .then(|| (name, Cells::Numbers(rows.rows.iter().map(time).collect())))
+    Some((name, Cells::Numbers(rows.rows.iter().map(time).collect())))
 }
 
 /// Returns the cells of some rows of a column; a missing value where there is no row.
-fn select(cells: &Cells, rows: impl Iterator<Item = Option<usize>>) -> Cells {
+pub(super) fn select(cells: &Cells, rows: impl Iterator<Item = Option<usize>>) -> Cells {
     match cells {
         Cells::Numbers(cells) => {
             Cells::Numbers(rows.map(|row| row.map_or(f64::NAN, |row| cells[row])).collect())

@@ -51,6 +51,7 @@ mod join;
 mod joint_pattern;
 mod joints;
 pub mod log_check;
+mod long_table;
 pub mod motion;
 mod name_words;
 mod naming;

@@ -7,6 +7,14 @@ const CURRENT_WORDS: &str = "current iq strom motorstrom courant corriente amps 
 const NOT_CURRENT_WORDS: &str = "position pos angle velocity vel speed time stamp timestamp temperature temp step state mode \
                                  voltage d id";
 
+/// Names of columns that identify a row's joint. A column `name` mostly names something else and is treated
+/// separately.
+pub(super) const JOINT_NAMES: &str = "joint joint_name joint_id joint_index axis axis_name axis_id motor motor_id motor_name \
+                           actuator actuator_id drive node_id controller controller_id";
+
+/// Names of columns of dates beside a column of times of day.
+pub(super) const DATE_NAMES: [&str; 5] = ["date", "datum", "day", "fecha", "data"];
+
 /// Returns true if a word is one of some words.
 pub(super) fn is_among(words: &str, word: &str) -> bool {
     words.split(' ').any(|of| of == word)

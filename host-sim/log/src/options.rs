@@ -37,6 +37,9 @@ pub struct ReadOptions {
     /// True to collect the cells of a file without their meaning; [`Self::join`] needs it.
     #[doc(hidden)]
     pub collects: bool,
+    /// True for a table that is known to have a column for each quantity.
+    #[doc(hidden)]
+    pub is_wide: bool,
     /// True to describe the columns instead of reading them; [`survey`](super::survey) sets it.
     #[doc(hidden)]
     pub is_survey: bool,
@@ -57,6 +60,7 @@ impl Default for ReadOptions {
             max_bad_share: MAX_BAD_SHARE,
             join: false,
             collects: false,
+            is_wide: false,
             is_survey: false,
         }
     }

@@ -34,6 +34,7 @@ mod preamble;
 mod records;
 mod scope_preamble;
 mod separator;
+mod sysid;
 mod table_rows;
 #[cfg(feature = "parquet")]
 mod thrift;
@@ -71,6 +72,7 @@ const FORMATS: &[LogFormat] = &[
     #[cfg(not(feature = "arrow"))]
     left_out::ARROW,
     codesys_trace::FORMAT,
+    sysid::FORMAT,
     json_lines::FORMAT,
     csv_file::FORMAT,
 ];

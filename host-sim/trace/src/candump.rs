@@ -9,11 +9,16 @@
 //! (0000000001.000000) can0 20000004#000C000000000000   error frame
 //! ```
 //!
+//! The module [`view`] reads the lines of candump without `-L`. A stamp may be a date (`-tA`).
+//!
 //! The grammar is that of can-utils (`lib.h`, `candump.c`). The parser reads bytes without copies, because logs have
 //! millions of lines. The parser of the `socketcan` crate is not used: it reads microseconds only, allocates for each
 //! line, and depends on the socket code.
 
+mod view;
+
 use crate::frame::{CanFrame, Direction, Fraction, Line, LineError, MAX_FD_BYTES};
+pub(crate) use view::parse_unstamped;
 
 /// Flag of an error frame in an identifier of eight digits.
 const ERROR_FLAG: u32 = 0x2000_0000;
@@ -57,8 +62,11 @@ pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     let line = line.trim_ascii();
     let (time_ns, rest) = stamp(line).ok_or(LineError::Time)?;
     let (interface, rest) = word(rest).ok_or(LineError::Interface)?;
-    let (text, rest) = word(rest).ok_or(LineError::Identifier)?;
-    let direction = match rest.trim_ascii_start() {
+    let (text, after) = word(rest).ok_or(LineError::Identifier)?;
+    if !text.contains(&b'#') {
+        return view::parse(rest).map(|frame| Line { time_ns, interface, ..frame });
+    }
+    let direction = match after.trim_ascii_start() {
         [] => None,
         [b'R' | b'r'] => Some(Direction::Received),
         [b'T' | b't'] => Some(Direction::Sent),
@@ -111,7 +119,13 @@ fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
         rest = after;
         (digits > 0).then_some((value, digits, *end))
     };
-    let (seconds, _, point) = number(12)?;
+    let (mut seconds, _, mut point) = number(12)?;
+    if point == b'-' {
+        let year = seconds;
+        let mut part = |end: u8| number(2).filter(|of| of.2 == end).map(|of| of.0);
+        let date = [part(b'-')?, part(b' ')?, part(b':')?, part(b':')?, part(b'.')?];
+        (seconds, point) = (seconds_since_1970(year, date)?, b'.');
+    }
     let (fraction, digits, close) = number(9)?;
     if point != b'.' || close != b')' || seconds >= MAX_TIME_S {
         return None;
@@ -119,6 +133,23 @@ fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
     const UNITS: [u64; 10] =
         [0, 100_000_000, 10_000_000, 1_000_000, 100_000, 10_000, 1000, 100, 10, 1];
     Some((seconds * 1_000_000_000 + fraction * UNITS[digits], rest))
+}
+
+/// Returns the time of a year, month, day, hour, minute and second, s.
+fn seconds_since_1970(year: u64, [month, day, hour, minute, second]: [u64; 5]) -> Option<u64> {
+    /// Days from 1 March of the year 0 to 1970.
+    const TO_1970: u64 = 719_468;
+    let is_date = (1970..10_000).contains(&year)
+        && (1..=12).contains(&month)
+        && (1..=31).contains(&day)
+        && hour < 24
+        && minute < 60
+        && second <= 60;
+    // Years that begin in March end with the leap day.
+    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+    let leap_days = year / 4 - year / 100 + year / 400;
+    let days = (365 * year + leap_days + (153 * month + 2) / 5 + day).checked_sub(1 + TO_1970)?;
+    is_date.then_some(((days * 24 + hour) * 60 + minute) * 60 + second)
 }
 
 /// Returns the decimal number, or `None` if a byte is not a digit.
@@ -150,12 +181,7 @@ fn frame(text: &[u8]) -> Result<CanFrame, LineError> {
         }
         _ => return Err(LineError::Identifier),
     };
-    let identifier = identifier.ok_or(LineError::Identifier)?;
-    let is_error = extended && identifier & ERROR_FLAG != 0;
-    let last = if extended { MAX_EXTENDED_IDENTIFIER } else { MAX_STANDARD_IDENTIFIER };
-    if !is_error && identifier > last {
-        return Err(LineError::Identifier);
-    }
+    let (identifier, is_error) = checked(identifier, extended)?;
     match data {
         [b'R' | b'r', length @ ..] if !is_error => {
             let (length, code) = match length {
@@ -185,6 +211,18 @@ fn frame(text: &[u8]) -> Result<CanFrame, LineError> {
             })
         }
     }
+}
+
+/// Returns an identifier, and whether it is that of an error frame.
+#[inline]
+fn checked(identifier: Option<u32>, extended: bool) -> Result<(u32, bool), LineError> {
+    let identifier = identifier.ok_or(LineError::Identifier)?;
+    let is_error = extended && identifier & ERROR_FLAG != 0;
+    let last = if extended { MAX_EXTENDED_IDENTIFIER } else { MAX_STANDARD_IDENTIFIER };
+    if !is_error && identifier > last {
+        return Err(LineError::Identifier);
+    }
+    Ok((identifier, is_error))
 }
 
 #[inline]

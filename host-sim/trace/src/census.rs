@@ -4,7 +4,7 @@
 //! so normal reading does not pay for it.
 
 use crate::fields::Frames;
-use crate::frame::{CanFrame, TextFormat};
+use crate::frame::CanFrame;
 use crate::text::TextReader;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -29,8 +29,7 @@ impl Census {
     /// Returns the error of the reader.
     pub fn of(mut log: impl BufRead) -> io::Result<Self> {
         let (mut census, mut line) = (Self::default(), Vec::new());
-        let format = TextFormat::of(log.fill_buf()?).unwrap_or_default();
-        let mut reader = TextReader::new(format);
+        let mut reader = TextReader::of(log.fill_buf()?);
         loop {
             line.clear();
             if log.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line)? == 0 {

@@ -117,7 +117,7 @@ impl LineError {
             (Self::Time, TextFormat::Trc) => "a time stamp in ms",
             (Self::Interface, _) => "an interface such as can0 after the time stamp",
             (Self::Identifier, TextFormat::Candump) => {
-                "an identifier of three or eight hexadecimal digits and #"
+                "an identifier of three or eight hexadecimal digits, then # or a length in brackets"
             }
             (Self::Identifier, _) => "an identifier up to 7FF, or up to 1FFFFFFF with 29 bits",
             (Self::Length, _) => {
@@ -143,7 +143,7 @@ impl std::error::Error for LineError {}
 /// A text format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TextFormat {
-    /// `candump -L`.
+    /// `candump -L`, or candump's default view with stamps.
     #[default]
     Candump,
     /// Vector's ASC.

@@ -20,8 +20,17 @@ impl TextFormat {
         let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
         // A line that ends at the end of `head` still has a complete time stamp.
         let is_candump = first.is_some_and(|line| candump::parse(line) != Err(LineError::Time));
-        is_candump.then_some(Self::Candump)
+        (is_candump || lacks_stamps(head)).then_some(Self::Candump)
     }
+}
+
+/// Number of lines at the start of a file, one of which must be a frame for a log of candump without stamps.
+const JUDGED_LINES: usize = 5;
+
+/// Returns true for a log of candump whose lines have no stamps.
+fn lacks_stamps(head: &[u8]) -> bool {
+    let mut lines = head.split(|byte| *byte == b'\n').take(JUDGED_LINES);
+    lines.any(|line| candump::parse_unstamped(line).is_ok())
 }
 
 /// Reads the lines of a file in order.
@@ -30,6 +39,7 @@ pub struct TextReader {
     format: TextFormat,
     /// Sum of the stamps so far, ns, if a candump log states the time since the frame before.
     since_start_ns: Option<u64>,
+    lacks_stamps: bool,
     asc: asc::State,
     trc: trc::State,
 }
@@ -44,8 +54,15 @@ impl TextReader {
     /// added up.
     pub fn of(head: &[u8]) -> Self {
         let format = TextFormat::of(head).unwrap_or_default();
-        let is_relative = format == TextFormat::Candump && candump::has_relative_stamps(head);
-        Self { since_start_ns: is_relative.then_some(0), ..Self::new(format) }
+        let is_candump = format == TextFormat::Candump;
+        let is_relative = is_candump && candump::has_relative_stamps(head);
+        let lacks_stamps = is_candump && lacks_stamps(head);
+        Self { since_start_ns: is_relative.then_some(0), lacks_stamps, ..Self::new(format) }
+    }
+
+    /// Returns true if the lines of a candump log have no stamps. The time of each frame is then 0.
+    pub fn lacks_stamps(&self) -> bool {
+        self.lacks_stamps
     }
 
     /// Returns true if the stamps of a candump log are added up.
@@ -57,6 +74,9 @@ impl TextReader {
     #[inline]
     pub fn read<'a>(&mut self, line: &'a [u8]) -> Frames<'a> {
         match self.format {
+            TextFormat::Candump if self.lacks_stamps => {
+                candump::parse_unstamped(line).map_or(Frames::None, Frames::Line)
+            }
             TextFormat::Candump => match candump::parse(line) {
                 Ok(mut line) => {
                     if let Some(total_ns) = &mut self.since_start_ns {

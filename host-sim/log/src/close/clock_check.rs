@@ -18,7 +18,34 @@ const STEP_UNITS: [&str; 3] = ["ms", "us", "ns"];
 /// A rate in an example.
 const EXAMPLE_RATE: &str = "200Hz";
 
+/// Minimum number of values of a column for their share of the rows to show a rate.
+const MIN_FIRST_ROWS: usize = 100;
+
 impl Cleaner<'_> {
+    /// Refuses a column of a slower channel whose values fill the first rows: they belong to other times than that of their row.
+    ///
+    /// # Errors
+    /// If velocity or torque is in just the first half, third .. of all rows.
+    pub(super) fn check_rates(&self) -> Result<(), DataError> {
+        let [run] = self.runs.as_slice() else { return Ok(()) };
+        for (values, reading) in run.required.iter().zip(&self.layout.required) {
+            let (rows, first) = (values.len(), values.iter().take_while(|of| !of.is_nan()).count());
+            let factor = (rows as f64 / first.max(1) as f64).round() as usize;
+            let is_share = factor > 1 && (factor * first).abs_diff(rows) < factor;
+            if first >= MIN_FIRST_ROWS && is_share && values[first..].iter().all(|of| of.is_nan()) {
+                let column = &self.layout.names[reading.index];
+                return Err(DataError::File {
+                    file: self.file.into(),
+                    found: format!(
+                        "column {column} in just the first {first} of {rows} rows, as of a channel with 1/{factor} of the rate"
+                    ),
+                    expected: "a column of times for each rate".into(),
+                });
+            }
+        }
+        Ok(())
+    }
+
     /// Refuses a time column that is no clock, with the option to type.
     pub(super) fn check_clock(&self, runs: &[OpenRun]) -> Result<(), DataError> {
         if !self.clock.reads_stamps() {

@@ -22,6 +22,7 @@ use crate::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, is_too_bad, list
 use crate::header::layout;
 use crate::preset::Preset;
 use crate::row::LogRow;
+use crate::setting::Setting;
 use compensator_core::can::JointKind;
 use compensator_core::quantity::Quantity;
 use drive_trace::DriveTrace;
@@ -35,7 +36,7 @@ const PROGRESS_LINES: u64 = 64 * 1024;
 /// Maximum length of a line, bytes. No line of a CAN log is longer.
 const MAX_LINE_BYTES: u64 = 4096;
 
-/// The text formats of `candump -L` and of the tools of Vector and PEAK.
+/// The text formats of `candump`, with `-L` or its default view, and of the tools of Vector and PEAK.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_trace, read };
 
 /// Returns true if a file that begins with `head` is a CAN log.
@@ -107,6 +108,18 @@ fn read(input: Input) -> Result<FileData, DataError> {
         DriveTrace::find(path, file, (format, lines), (preset, max_share), &first_half)
     };
     let asked = options.preset.filter(|preset| drive_trace::protocol(*preset).is_some());
+    // A rate is that of the SYNC. The frames of other drives have no common one.
+    if lines.lacks_stamps() && (options.rate_hz.is_none() || asked.is_some()) {
+        return Err(DataError::File {
+            file: path.into(),
+            found: "CAN frames without time stamps".into(),
+            expected: format!(
+                "a log of candump -l can0, or of candump -L can0 > can.log; for a joint with a constant period of the SYNC \
+                 also {}",
+                Setting::Rate.suggested("500Hz")
+            ),
+        });
+    }
     if let Some(preset) = asked {
         return match of_drive(&mut file, preset)? {
             Some(trace) => trace.read(path, options),
@@ -116,7 +129,9 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let overview = match scan(path, &mut file, (format, lines), max_share, &first_half) {
         Err(error @ (DataError::TooManyBad { .. } | DataError::Io { .. })) => return Err(error),
         Err(error) => {
-            for preset in [Preset::ODrive, Preset::Moteus] {
+            for preset in
+                [Preset::ODrive, Preset::Moteus].into_iter().filter(|_| !lines.lacks_stamps())
+            {
                 if let Some(trace) = of_drive(&mut file, preset)? {
                     return trace.read(path, options);
                 }

@@ -218,6 +218,9 @@ impl TextTable<'_> {
             if is_row(&records.record, format) {
                 return Ok(ColumnNames::numbered(records.record.len()));
             }
+            if let Some(names) = long_row_names(&records.record, format) {
+                return Ok(ColumnNames { names, is_numbered: true, ..ColumnNames::default() });
+            }
             names = cell_names(&records.record);
         }
         Ok(names.into())
@@ -354,6 +357,16 @@ fn is_row(record: &csv::ByteRecord, format: &NumberFormat) -> bool {
     let is_value = |cell: &[u8]| is_number(cell) || is_missing_value(cell) || is_date(cell);
     let numbers = record.iter().filter(|cell| is_number(cell)).count();
     record.len() > 1 && numbers > 0 && 2 * numbers >= record.len() && record.iter().all(is_value)
+}
+
+/// Returns the names of the columns of a long table without a header, if a record is its first row: a time, a name and a number.
+fn long_row_names(record: &csv::ByteRecord, format: &NumberFormat) -> Option<Vec<String>> {
+    let is_number = |cell: &[u8]| format.parse(cell.trim_ascii()).is_some();
+    record.get(0).filter(|cell| is_number(cell) || is_date(cell))?;
+    let mut others = record.iter().skip(1);
+    let (one, other) = (is_number(others.next()?), is_number(others.next()?));
+    let names = if other { ["time", "name", "value"] } else { ["time", "value", "name"] };
+    (record.len() == 3 && one != other).then(|| names.map(str::to_owned).to_vec())
 }
 
 /// Describes a record of the wrong number of cells.

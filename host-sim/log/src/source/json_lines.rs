@@ -139,7 +139,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let Columns { names, by_name, fewest } = columns;
     let count = names.len();
     let mut layout = layout(path, names, input.options)?;
-    let has_channels = fewest < count && !layout.is_survey;
+    let has_channels = fewest < count && !layout.is_survey && !layout.collects;
     if has_channels {
         layout.keep_named_columns(path, 0);
     }

@@ -1,5 +1,7 @@
 //! Detection of files that are often given as logs but are not supported, with the command that converts each.
 
+use super::sysid::is_sysid;
+
 /// A file that is not supported: what it is, and what is expected. FILE stands for its path.
 type Refusal = (&'static str, &'static str);
 
@@ -87,6 +89,23 @@ const PICKLE: Refusal = (
 const PYARROW: &str = "a CSV or Parquet file: python -c \"import pyarrow.feather as f, pyarrow.parquet as p; \
                        p.write_table(f.read_table('FILE'), 'log.parquet')\"";
 
+/// Words of XML documents of tools, in lower case, with what to export instead.
+const XML_TOOLS: [(&[u8], &str); 7] = [
+    (b"tcscope", "a CSV file: Export in TwinCAT Scope"),
+    (b"beckhoff", "a CSV file: Export in TwinCAT Scope"),
+    (
+        b"ctrlx",
+        "a CSV file: the CSV export of the oscilloscope in ctrlX DRIVE Engineering; for a PLC trace, Save trace as *.trace.csv",
+    ),
+    (
+        b"rexroth",
+        "a CSV file: the CSV export of the oscilloscope in ctrlX DRIVE Engineering; for a PLC trace, Save trace as *.trace.csv",
+    ),
+    (b"tracedata", "a CSV file: the CSV export of the trace in Startdrive or STARTER"),
+    (b"trace", "a CSV file: in CODESYS, Save trace with the type *.trace.csv"),
+    (b"", "a CSV or Parquet file: the CSV export of the tool that wrote it"),
+];
+
 /// The mark of a tar archive, and its place.
 const TAR: (usize, &[u8]) = (257, b"ustar");
 
@@ -104,7 +123,9 @@ pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
     let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
     if text.trim_ascii().is_empty() {
         Some(("an empty file", "a header and a row per sample"))
-    } else if is_json_document(text) {
+    } else if let Some(tool) = xml_tool(text) {
+        Some(("an XML document", tool))
+    } else if is_json_document(text) && !is_sysid(text) {
         Some(("a JSON document", "JSON lines, one object a row: jq -c '.[]' FILE > log.jsonl"))
     } else if is_yaml(text) {
         Some((
@@ -137,6 +158,18 @@ pub(super) fn in_zip(has: &dyn Fn(&str) -> bool) -> Option<Refusal> {
     } else {
         None
     }
+}
+
+/// Returns what the tool that wrote an XML document exports instead; `None` for other text.
+fn xml_tool(text: &[u8]) -> Option<&'static str> {
+    let line = text.trim_ascii_start().split(|byte| *byte == b'\n').next()?.trim_ascii();
+    let is_tag = line.starts_with(b"<") && line.ends_with(b">") && !line.contains(&b',');
+    if !is_tag && !line.starts_with(b"<?xml") {
+        return None;
+    }
+    let text = text.to_ascii_lowercase();
+    let has = |word: &[u8]| word.is_empty() || text.windows(word.len()).any(|part| part == word);
+    XML_TOOLS.iter().find(|(word, _)| has(word)).map(|(_, expected)| *expected)
 }
 
 /// Returns true for documents of YAML, as `ros2 topic echo` writes them: keys, some of them indented.
@@ -177,6 +210,7 @@ mod tests {
         assert_eq!(recognise(b"a,b\n"), None);
         assert_eq!(recognise(b"Settings:\n  a,b\n"), None);
         assert_eq!(recognise(b"MDF,time_s\n1,2\n"), None, "a header may begin alike");
+        assert_eq!(recognise(b"<DATE>,<TIME>,<q>\n1,2,3\n"), None);
         let mut table = String::new();
         for (head, name) in [
             (&b""[..], "empty"),
@@ -194,6 +228,8 @@ mod tests {
             (b"#ROSBAG V2.0\n", "ROS 1"),
             (b"MDF     4.10", "MDF"),
             (b"TDSm\x0e\0\0\0", "TDMS"),
+            (b"<?xml version=\"1.0\"?>\n<Trace><Variable/></Trace>", "XML"),
+            (b"<Oscilloscope Vendor=\"Bosch Rexroth\">\n</Oscilloscope>", "XML"),
             (b"header:\n  stamp:\n    sec: 1\n---\n", "YAML"),
             (b"\x80\x04\x95\x10", "pickle"),
             (b"a,b\r1,2\r", " CR "),

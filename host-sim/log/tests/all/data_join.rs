@@ -161,6 +161,50 @@ fn read_with_join_of_rows_without_times_needs_rate() {
 }
 
 #[test]
+fn read_with_join_of_different_lengths_reports_the_rows_left_out() {
+    let one = |word: &str, values: fn(u32) -> f64, rows: u32, is_timed: bool| {
+        let stamp = |row| if is_timed { format!("{:.2},", time(row)) } else { String::new() };
+        let lines: String =
+            (0..rows).map(|row| format!("{}{}\n", stamp(row), values(row))).collect();
+        let header = if is_timed { "time," } else { "" };
+        (format!("{word}.csv"), format!("{header}{word}\n{lines}"))
+    };
+    let rated =
+        ReadOptions { rate_hz: Some(100.0), ..options("torque_nm=effort,velocity_rad_s=velocity") };
+    let timed = options("time_s=time,torque_nm=effort,velocity_rad_s=velocity");
+    for (is_timed, options, section) in [
+        ([false, false], &rated, "different lengths"),
+        ([false, true], &timed, "different lengths"),
+        ([true, true], &timed, "different lengths with a clock"),
+    ] {
+        let folder = Folder::new();
+        let files = [
+            one("effort", torque, ROWS, is_timed[0]),
+            one("velocity", velocity, ROWS - 3, is_timed[1]),
+        ];
+        let files = files.map(|(name, text)| folder.write(&name, text));
+        let data = read_with(&folder, &files, options).unwrap();
+        assert_eq!((data.rows, data.bad_rows.count), (197, 0));
+        let run = &data.runs[0];
+        assert!(
+            (run.time_s[150] - 1.5).abs() < 1e-9
+                && (run.velocity[150] - velocity(150)).abs() < 1e-9
+        );
+        message::check("joins", section, &data.notes[0], &[]);
+    }
+    let folder = Folder::new();
+    let files = [one("effort", torque, ROWS, false), one("velocity", velocity, 150, false)];
+    let files = files.map(|(name, text)| folder.write(&name, text));
+    let error = read_with(&folder, &files, &rated).unwrap_err();
+    message::check(
+        "joins",
+        "other lengths",
+        &error,
+        &["effort.csv", "200 rows", "150 as in velocity.csv"],
+    );
+}
+
+#[test]
 fn read_tables_with_join_joins_them() {
     let table = |word: &str, values: fn(u32) -> f64| Table {
         name: word.into(),

@@ -181,3 +181,62 @@ fn read_of_odrive_trace_with_many_malformed_lines_returns_error() {
     let error = read_text(&text, &preset(Preset::ODrive)).expect_err("damaged");
     assert!(error.contains("row 1") || error.contains("line 1"), "{error}");
 }
+
+/// Returns the lines of `candump -L` as candump shows them by default, with other stamps.
+fn default_view(text: &str, stamp: impl Fn(usize, f64) -> String) -> String {
+    let view = |(at, line): (usize, &str)| {
+        let (time_s, frame) = line.split_once(") can0 ").expect("a line");
+        let (identifier, data) = frame.split_once('#').expect("a frame");
+        let bytes: Vec<String> = data
+            .as_bytes()
+            .chunks(2)
+            .map(|pair| String::from_utf8_lossy(pair).into_owned())
+            .collect();
+        let (length, bytes) = (bytes.len(), bytes.join(" "));
+        let time_s = time_s[1..].parse().expect("a stamp");
+        format!(" {}  can0  {identifier}   [{length}]  {bytes}   'a) #.'\n", stamp(at, time_s))
+    };
+    text.lines().enumerate().map(view).collect()
+}
+
+#[test]
+fn read_of_default_view_of_candump_needs_stamps() {
+    let mut text = String::new();
+    odrive(&mut text, 3, 0x1C);
+    for stamp in [
+        |_, time_s: f64| format!("({time_s:.6})"),
+        |_, time_s: f64| format!("(2026-11-30 10:11:{:09.6})", time_s - 1_700_000_000.0),
+    ] {
+        let data = read_text(&default_view(&text, stamp), &ReadOptions::default()).expect("a log");
+        assert_is_log(&data, LATER_S, 1.0, 1e-3);
+    }
+    let unstamped = default_view(&text, |_, _| String::new());
+    for rate_hz in [None, Some(100.0)] {
+        let options = ReadOptions { rate_hz, ..preset(Preset::ODrive) };
+        let error = read_text(&unstamped, &options).expect_err("no times");
+        let parts = ["drive.log", "without time stamps", "candump -l can0", "candump -L", "rate"];
+        message::check("drives", "default view without stamps", &error, &parts);
+    }
+}
+
+#[test]
+fn read_of_joint_without_stamps_counts_syncs_at_the_given_rate() {
+    let mut text = String::new();
+    for row in 0..ROWS {
+        let time_s = PERIOD_S * f64::from(row);
+        line(&mut text, time_s, 0x481, &pair(velocity(time_s), position(time_s)));
+        line(&mut text, time_s, 0x681, &pair(torque(time_s), f64::NAN));
+        line(&mut text, time_s, 0x080, &[(row % 240 + 1) as u8]);
+    }
+    let unstamped = default_view(&text, |_, _| String::new());
+    let options = ReadOptions { rate_hz: Some(1.0 / PERIOD_S), ..ReadOptions::default() };
+    let (counted, stamped) =
+        (read_text(&unstamped, &options), read_text(&text, &ReadOptions::default()));
+    let (counted, stamped) = (counted.expect("a log"), stamped.expect("a log"));
+    assert_eq!((counted.rows, stamped.rows), (ROWS as usize, ROWS as usize));
+    assert_eq!(counted.runs[0].torque, stamped.runs[0].torque);
+    let off =
+        counted.runs[0].time_s.iter().zip(&stamped.runs[0].time_s).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-6);
+    assert!(read_text(&unstamped, &ReadOptions::default()).is_err());
+}

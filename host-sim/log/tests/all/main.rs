@@ -6,6 +6,7 @@
 mod data_arrow;
 mod data_clock;
 mod data_columns;
+mod data_forms;
 mod data_garbage;
 mod data_join;
 mod data_measured;

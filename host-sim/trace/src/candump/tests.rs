@@ -61,8 +61,56 @@ fn parse_with_stamp_interface_and_direction_returns_them() {
 }
 
 #[test]
+fn parse_of_default_view_returns_the_frame_of_the_log() {
+    for (view, log) in [
+        ("123   [3]  11 22 33", "123#112233"),
+        ("     123   [3]  11 22 33            '.\"3'", "123#112233"),
+        ("12345678   [2]  27 20   '' '", "12345678#2720"),
+        ("123   [0] ", "123#"),
+        ("123   {E}  11 22 33 44 55 66 77 88", "123#1122334455667788_E"),
+        ("123   [2]  00010001 00100010", "123#1122"),
+        ("123   [3]  33`22`11", "123#112233"),
+        ("123  [08]  11 22 33 44 55 66 77 88", "123##01122334455667788"),
+        ("123   [0]  remote request", "123#R"),
+        ("12345678   [4]  remote request", "12345678#R4"),
+        ("20000004   [8]  00 0C 00 00 00 00 00 00   ERRORFRAME", "20000004#000C000000000000"),
+        ("RX - -  123   [1]  11", "123#11 R"),
+        ("TX B E  123  [01]  11", "123##311 T"),
+    ] {
+        for stamp in ["1764497532.123456", "2025-11-30 10:12:12.123456"] {
+            let line = |text: &str| format!(" ({stamp})  can0  {text}");
+            let (view, log) = (line(view), line(log));
+            assert_eq!(parse(view.as_bytes()), parse(log.as_bytes()), "{view}");
+            assert_eq!(parse(view.as_bytes()).unwrap().time_ns, 1_764_497_532_123_456_000);
+        }
+        let unstamped = format!("  can0  {view}\r\n");
+        let found = parse_unstamped(unstamped.as_bytes()).unwrap();
+        assert_eq!((found.interface, found.frame), (&b"can0"[..], frame_of(log)), "{view}");
+    }
+    for (date, seconds) in [("2000-02-29 00:00:00.0", 951_782_400), ("1970-01-01 00:00:01.0", 1)] {
+        let line = format!("({date}) can0 123#");
+        assert_eq!(parse(line.as_bytes()).unwrap().time_ns, seconds * 1_000_000_000, "{date}");
+    }
+}
+
+#[test]
+fn parse_unstamped_with_other_text_returns_error() {
+    for text in [
+        "",
+        "can0",
+        "can0 123#11",
+        "(1.5) can0 123 [1] 11",
+        "t v [1]",
+        "x 0.5 [3]  1 2 3",
+        "a,b [1]",
+    ] {
+        assert!(parse_unstamped(text.as_bytes()).is_err(), "{text}");
+    }
+}
+
+#[test]
 fn parse_with_malformed_line_returns_the_malformed_part() {
-    use LineError::{Data, Direction, Identifier, Interface, Time};
+    use LineError::{Data, Direction, Identifier, Interface, Length, Time};
     for (line, wrong) in [
         ("", Time),
         ("1436509052.249713 can0 123#", Time),
@@ -90,6 +138,16 @@ fn parse_with_malformed_line_returns_the_malformed_part() {
         ("(1.5) can0 123##G11", Data),
         ("(1.5) can0 20000004#R", Data),
         ("(1.5) can0 123#11 X", Direction),
+        ("(2026-13-01 10:11:12.5) can0 123#", Time),
+        ("(2026-11-30 10:11:12) can0 123#", Time),
+        ("(1.5) can0 1234 [1] 11", Identifier),
+        ("(1.5) can0 123 [9] 11 22 33 44 55 66 77 88 99", Length),
+        ("(1.5) can0 123 [65] 11", Length),
+        ("(1.5) can0 20000004 [01] 11", Length),
+        ("(1.5) can0 20000004 [1] remote request", Data),
+        ("(1.5) can0 123 [x] 11", Length),
+        ("(1.5) can0 123 [2] 11", Data),
+        ("(1.5) can0 123 [1] 1G", Data),
         ("(1.5) can0 123#11 R T", Direction),
     ] {
         assert_eq!(parse(line.as_bytes()).map(|_| ()), Err(wrong), "{line}");

@@ -65,6 +65,17 @@ fn reader_with_each_trc_version_returns_the_same_frame() {
 }
 
 #[test]
+fn reader_of_default_view_without_stamps_returns_frames_at_zero() {
+    let text = "  can0  201   [2]  80 3F\n\tcontroller-problem{}\n  can0  201   [2]  80\n";
+    let of = |text: &'static str| TextReader::of(text.as_bytes());
+    let mut reader = of(text);
+    assert!(reader.lacks_stamps() && !of("(1.0)  can0  201   [2]  80 3F\n").lacks_stamps());
+    let found: Vec<Frames> = text.lines().map(|line| reader.read(line.as_bytes())).collect();
+    let line = Line { time_ns: 0, interface: b"can0", direction: None, ..example() };
+    assert_eq!(found, [Frames::Line(line), Frames::None, Frames::None]);
+}
+
+#[test]
 fn reader_after_writer_returns_the_same_lines() {
     for format in [TextFormat::Candump, TextFormat::Asc, TextFormat::Trc] {
         for (fraction, time_ns) in
