@@ -13,12 +13,16 @@ use crate::segment::median_step;
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
 
-/// Minimum travel of a row that shows whether rows are lost, in steps of the position.
-const MIN_TRAVEL_STEPS: f64 = 6.0;
+/// Minimum travel of a row that shows whether rows are lost, in steps of the position; and of a row whose ratio must be whole.
+const MIN_TRAVEL_STEPS: f64 = 3.0;
+const MIN_WHOLE_STEPS: f64 = 6.0;
 
 /// Maximum distance of a ratio of travels from a whole number, and largest number.
 const MAX_FRACTION: f64 = 0.25;
 const MAX_RATIO: f64 = 4.0;
+
+/// Minimum ratio of a slow row, whose travel is rounded to a step.
+const MIN_SLOW_RATIO: f64 = 1.6;
 
 /// Minimum share of whole ratios, and of those above 1; and minimum number of the latter.
 const MIN_WHOLE_SHARE: f64 = 0.93;
@@ -76,7 +80,8 @@ fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
     if !data.runs.iter().all(counts_rows) {
         return None;
     }
-    let least = MIN_TRAVEL_STEPS * quantum(positions.iter().copied());
+    let quantum = quantum(positions.iter().copied());
+    let least = MIN_TRAVEL_STEPS * quantum;
     let (mut all, mut whole, mut found) = (0usize, 0usize, Vec::new());
     for (run, position) in data.runs.iter().zip(&positions) {
         let mut lost = Vec::new();
@@ -91,10 +96,14 @@ fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
                 {
                     continue;
                 }
-                all += 1;
                 let is_whole = (ratio - ratio.round()).abs() < MAX_FRACTION && ratio > 0.5;
-                whole += usize::from(is_whole);
-                if is_whole && ratio > 1.5 {
+                if beside.abs() > MIN_WHOLE_STEPS * quantum {
+                    all += 1;
+                    whole += usize::from(is_whole);
+                } else if ratio < MIN_SLOW_RATIO {
+                    continue;
+                }
+                if ratio > 1.5 {
                     lost.push((step.row, ratio.round() as usize - 1));
                 }
             }

@@ -133,15 +133,14 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
     (!all.is_empty() && all.len() as f64 <= MAX_SHARE * rows as f64).then_some(all)
 }
 
-/// Returns true if the position stays where it jumped to: the medians of the rows before and after are as far apart. A failed
-/// reading returns.
+/// Returns true if the position stays where it jumped to: without the travel of the usual speed, the medians of the rows before
+/// and after are as far apart. A failed reading returns, and a late stamp is made up for.
 fn stays(run: &Run, position: &[f64], jump: &Jump) -> bool {
     let (first, last) =
         (jump.row.saturating_sub(MEDIAN_ROWS), (jump.row + MEDIAN_ROWS).min(run.len()));
-    let median = |rows: Range<usize>| quantile(&mut position[rows].to_vec(), 0.5);
-    let travel = median(jump.row..last) - median(first..jump.row);
-    let time_s = 0.5 * (run.time_s[last - 1] - run.time_s[first]);
-    (travel - jump.speed * time_s).abs() > 0.5 * jump.size
+    let at = |row: usize| position[row] - jump.speed * (run.time_s[row] - run.time_s[jump.row]);
+    let median = |rows: Range<usize>| quantile(&mut rows.map(at).collect::<Vec<_>>(), 0.5);
+    (median(jump.row..last) - median(first..jump.row)).abs() > 0.5 * jump.size
 }
 
 /// A change of the position, from the last row before which it changed too.
