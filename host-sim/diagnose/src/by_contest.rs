@@ -26,6 +26,7 @@ use super::leading_fault::Corrected;
 use super::left_out::{LeftOut, one_step_left_out, unit};
 use super::model::FittedModel;
 use super::naming::{IMPOSSIBLE, WeighedCause, confounded, weigh};
+use super::rigid_body_hint::RigidBodyHint;
 use super::rules::{self, Rejection};
 use super::train_test::TrainTest;
 use super::two_positions::TwoPositions;
@@ -72,6 +73,8 @@ pub struct Answer {
     pub weighed: Vec<WeighedCause>,
     /// What is handed over.
     pub hand_over: HandOver,
+    /// Rigid-body parts that were not requested and that a part of the error follows.
+    pub rigid_body_hint: Option<RigidBodyHint>,
 }
 
 /// Answers by the contest. `positions` is what positions on both sides of a gear show of its play.
@@ -87,6 +90,7 @@ pub fn answer(
     progress("comparing hypotheses");
     let mut rows = Rows::new(&log.train, rigid_body(&log.rigid_body), log.decimate);
     let outcome = contest(&mut rows);
+    let rigid_body_hint = RigidBodyHint::of(&mut rows, &outcome.plain);
     let mut weighed = weigh(&outcome, &rows);
     check_torques(&mut weighed, &outcome, &rows);
     positions.into_iter().for_each(|positions| positions.weigh(&mut weighed));
@@ -174,6 +178,7 @@ pub fn answer(
         findings,
         weighed,
         hand_over,
+        rigid_body_hint,
     })
 }
 

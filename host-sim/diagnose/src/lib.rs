@@ -82,6 +82,7 @@ pub mod model;
 pub mod naming;
 pub mod prepare;
 pub mod regime;
+pub mod rigid_body_hint;
 pub mod rules;
 pub mod sensitivities;
 pub mod summary;
@@ -115,6 +116,7 @@ use friction_fit::{Loss, Outcome, Predicted, State};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{Dataset, Split};
 use left_out::LeftOut;
+use rigid_body_hint::RigidBodyHint;
 use stochastic_extension::Certificate;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
 use two_positions::TwoPositions;
@@ -165,6 +167,8 @@ pub struct Diagnosis {
     pub gain: Gain,
     /// What is handed over.
     pub hand_over: HandOver,
+    /// Rigid-body parts that were not requested and that a part of the error follows.
+    pub rigid_body_hint: Option<RigidBodyHint>,
     /// What a flexible model with the same columns leaves.
     pub ceiling: Ceiling,
     /// Where in the motion the base model is wrong, held-out rows.
@@ -328,6 +332,7 @@ pub fn diagnose(
         findings,
         gain: answer.gain,
         hand_over: answer.hand_over,
+        rigid_body_hint: answer.rigid_body_hint,
         unexplained_memory_rows,
         seconds: begin.elapsed().as_secs_f64(),
     })

@@ -30,7 +30,8 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     if let Some(load) = unused_load(diagnosis) {
         return load;
     }
-    next_recording(diagnosis) + &standard_motion(&diagnosis.log.train)
+    let body = missing_rigid_body(diagnosis).map(|words| words + " ").unwrap_or_default();
+    body + &next_recording(diagnosis) + &standard_motion(&diagnosis.log.train)
 }
 
 /// Returns the command that writes the standard motion in the range and speed of a log; empty for a log without motion.
@@ -172,6 +173,15 @@ fn unused_load(diagnosis: &Diagnosis) -> Option<String> {
             parts.join(",")
         )
     })
+}
+
+/// Returns the advice to take parts of the rigid body that were not requested, unless a cause that is none of them explains more.
+fn missing_rigid_body(diagnosis: &Diagnosis) -> Option<String> {
+    let hint = diagnosis.rigid_body_hint.as_ref()?;
+    let is_body = |finding: &Finding| matches!(finding.cause.remedy(), Remedy::RigidBody(_));
+    let is_explained = diagnosis.after.metrics.rmse < hint.rmse_with_parts;
+    let is_of_body = diagnosis.findings.iter().any(is_body);
+    (is_of_body || !is_explained).then(|| hint.in_words(diagnosis.log.train.joint.torque_unit()))
 }
 
 /// Range of a quantity over its size that counts as none: the noise of its sensor.

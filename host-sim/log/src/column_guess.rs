@@ -6,21 +6,7 @@
 use super::clock_fault::is_step_column;
 use super::contract::TIME;
 use super::naming::STEP_MARK;
-
-/// Units of position and velocity, by the ratio of the velocity to the derivative of the position.
-const RATIOS: [(f64, [&str; 2]); 5] = {
-    use std::f64::consts::PI;
-    [
-        (1.0, ["", ""]),
-        (180.0 / PI, ["", ":deg/s"]),
-        (PI / 180.0, [":deg", ""]),
-        (30.0 / PI, ["", ":rpm"]),
-        (1.0 / 6.0, [":deg", ":rpm"]),
-    ]
-};
-
-/// Maximum difference of a ratio from that of known units, as a share.
-const MAX_RATIO_DIFFERENCE: f64 = 0.1;
+use super::size::{self, MotionSample, MotionUnits};
 
 /// Minimum correlation of a velocity with the derivative of a position.
 const MIN_MOTION_FIT: f64 = 0.9;
@@ -42,9 +28,9 @@ const CLOCK_UNITS: [(&str, f64, std::ops::Range<f64>); 4] = [
     (":ns", 1e-9, 1e5..1e9),
 ];
 
-/// Returns for each column the contract name that it may hold, with its unit.
-pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Option<String>> {
-    let mut found = vec![None; columns.len()];
+/// Returns for each column the contract names that it may hold, with their units; the most probable first.
+pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<String>> {
+    let mut found: Vec<Vec<String>> = vec![Vec::new(); columns.len()];
     if columns.iter().map(Vec::len).min().unwrap_or_default() < MIN_ROWS {
         return found;
     }
@@ -54,30 +40,41 @@ pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Option<String>> {
     let has_others = (0..columns.len()).filter(varies).count() > 1;
     let steps = || (0..columns.len()).find_map(|at| Some((at, step(&columns[at])?)));
     let clock = stamps.or_else(|| has_others.then(steps).flatten());
-    let mut time = None;
-    if let Some((at, (name, length_s))) = clock {
-        found[at] = Some(name);
-        time = length_s.map(|length_s| columns[at].iter().map(|t| t * length_s).collect());
+    // The times in s; none for a column of steps, and without a clock.
+    let mut times: Vec<Option<Vec<f64>>> = vec![None];
+    if let Some((at, (name, length_s))) = &clock {
+        found[*at].push(name.clone());
+        let scaled = |length_s: f64| -> Option<Vec<f64>> {
+            Some(columns[*at].iter().map(|t| t * length_s).collect())
+        };
+        times = vec![length_s.and_then(scaled)];
+        // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
+        times.extend(length_s.filter(|length_s| *length_s != 1.0).map(|_| scaled(1.0)));
     }
     let mut free: Vec<usize> = (0..columns.len()).collect();
-    free.retain(|at| found[*at].is_none() && varies(at));
-    let time: Option<Vec<f64>> = time;
-    let pairs = free.iter().flat_map(|q| free.iter().map(|v| (*q, *v))).filter(|(q, v)| q != v);
-    let rated = pairs.map(|(q, v)| {
-        let rate = derivative(&columns[q], time.as_deref());
-        let (fit, ratio) = regression(&rate, &columns[v]);
-        (q, v, fit, ratio)
-    });
-    let motion = rated.max_by(|a, b| a.2.total_cmp(&b.2)).filter(|pair| pair.2 >= MIN_MOTION_FIT);
+    free.retain(|at| found[*at].is_empty() && varies(at));
+    let motion = motion(columns, &free, times[0].as_deref());
     let signs: Vec<(usize, Vec<f64>)> = match motion {
-        Some((q, v, _, ratio)) => {
-            let is_near = |known: f64| (ratio / known - 1.0).abs() < MAX_RATIO_DIFFERENCE;
-            let known = RATIOS.iter().find(|(known, _)| time.is_some() && is_near(*known));
-            let [of_position, of_velocity] = known.map_or(["", ""], |(_, units)| *units);
-            found[q] = Some(format!("position_rad{of_position}"));
-            found[v] = Some(format!("velocity_rad_s{of_velocity}"));
-            free.retain(|at| found[*at].is_none());
-            vec![(v, columns[v].clone())]
+        Some((q, v)) => {
+            let (position, velocity) = (Some(&columns[q][..]), Some(&columns[v][..]));
+            let of = MotionSample { position, velocity, ..MotionSample::default() };
+            let units = |time: &Option<Vec<f64>>| {
+                size::motion_units(MotionSample { time_s: time.as_deref(), ..of })
+            };
+            let place = times.iter().position(|time| units(time).is_by_ratio).unwrap_or_default();
+            let (time, units) = (times[place].as_deref(), units(&times[place]));
+            if let (Some((at, _)), 1..) = (&clock, place) {
+                found[*at] = vec![TIME.into()];
+            }
+            // A voltage follows the velocity in no known ratio.
+            let is_velocity = units.is_by_ratio || time.is_none();
+            found[q].extend(units.all.iter().map(|[_, unit]| named("position_rad", unit)));
+            if is_velocity {
+                found[v].extend(units.all.iter().map(|[unit, _]| named("velocity_rad_s", unit)));
+            }
+            free.retain(|at| found[*at].is_empty() && *at != v);
+            let of_position = || derivative(&columns[q], time);
+            vec![if is_velocity { (v, columns[v].clone()) } else { (q, of_position()) }]
         }
         // Without a pair, any column may be the motion: a velocity itself, or a position.
         None => {
@@ -85,22 +82,58 @@ pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Option<String>> {
             free.iter().flat_map(|at| both(at).map(|values| (*at, values))).collect()
         }
     };
-    let torques =
-        free.iter().flat_map(|torque| signs.iter().enumerate().map(move |s| (*torque, s)));
-    let torques =
-        torques.filter(|(torque, (_, (of, _)))| torque != of).map(|(torque, (number, sign))| {
+    let is_only = motion.is_some() && free.len() == 1;
+    let Some((torque, number, of)) = torque(columns, &free, &signs, is_only) else { return found };
+    found[torque].push("torque_nm".into());
+    if found[of].is_empty() {
+        found[of] = names_of_motion(&columns[of], number % 2 == 0);
+    }
+    found
+}
+
+/// Returns the contract name of a velocity or a position without the other, with its possible units.
+fn names_of_motion(values: &[f64], is_velocity: bool) -> Vec<String> {
+    let (velocity, position) =
+        if is_velocity { (Some(values), None) } else { (None, Some(values)) };
+    let units = size::motion_units(MotionSample { velocity, position, ..MotionSample::default() });
+    let name = |[v, q]: &MotionUnits| {
+        if is_velocity { named("velocity_rad_s", v) } else { named("position_rad", q) }
+    };
+    units.all.iter().map(name).collect()
+}
+
+/// Returns the columns of a position and a velocity that follows its derivative best.
+fn motion(columns: &[Vec<f64>], free: &[usize], time: Option<&[f64]>) -> Option<(usize, usize)> {
+    let pairs = free.iter().flat_map(|q| free.iter().map(|v| (*q, *v))).filter(|(q, v)| q != v);
+    let rated =
+        pairs.map(|(q, v)| (q, v, regression(&derivative(&columns[q], time), &columns[v]).0));
+    let best = rated.max_by(|a, b| a.2.total_cmp(&b.2)).filter(|pair| pair.2 >= MIN_MOTION_FIT);
+    best.map(|(q, v, _)| (q, v))
+}
+
+/// Returns the column that follows the sign of a motion best, the place of that motion among `signs`, and its column. The only free
+/// column need not follow it well.
+fn torque(
+    columns: &[Vec<f64>],
+    free: &[usize],
+    signs: &[(usize, Vec<f64>)],
+    is_only: bool,
+) -> Option<(usize, usize, usize)> {
+    let pairs = free.iter().flat_map(|torque| signs.iter().enumerate().map(move |s| (*torque, s)));
+    let rated =
+        pairs.filter(|(torque, (_, (of, _)))| torque != of).map(|(torque, (number, sign))| {
             let signum: Vec<f64> =
                 sign.1.iter().map(|v| if *v == 0.0 { 0.0 } else { v.signum() }).collect();
             (torque, number, sign.0, regression(&signum, &columns[torque]).0)
         });
-    if let Some((torque, number, of, fit)) = torques.max_by(|a, b| a.3.total_cmp(&b.3))
-        && (fit >= MIN_SIGN_FIT || motion.is_some() && free.len() == 1)
-    {
-        found[torque] = Some("torque_nm".into());
-        let name = if number % 2 == 0 { "velocity_rad_s" } else { "position_rad" };
-        found[of].get_or_insert_with(|| name.into());
-    }
-    found
+    let best =
+        rated.max_by(|a, b| a.3.total_cmp(&b.3)).filter(|of| is_only || of.3 >= MIN_SIGN_FIT);
+    best.map(|(torque, number, of, _)| (torque, number, of))
+}
+
+/// Returns a contract name with a unit.
+fn named(name: &str, unit: &Option<&str>) -> String {
+    unit.map_or_else(|| name.to_owned(), |unit| format!("{name}:{unit}"))
 }
 
 /// Returns the unit of a column of times, by its step.
@@ -164,14 +197,14 @@ fn regression(x: &[f64], y: &[f64]) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    fn columns(of: &[fn(f64) -> f64]) -> Vec<Option<String>> {
+    fn columns(of: &[fn(f64) -> f64]) -> Vec<Vec<String>> {
         let columns: Vec<Vec<f64>> =
             of.iter().map(|of| (0..400).map(|row| of(0.005 * f64::from(row))).collect()).collect();
         guesses(&columns)
     }
 
-    fn names(found: &[Option<String>]) -> Vec<&str> {
-        found.iter().map(|name| name.as_deref().unwrap_or("-")).collect()
+    fn names(found: &[Vec<String>]) -> Vec<&str> {
+        found.iter().map(|names| names.first().map_or("-", String::as_str)).collect()
     }
 
     const POSITION: fn(f64) -> f64 = |t| 2.0 * (3.0 * t).sin();
@@ -206,6 +239,20 @@ mod tests {
             ["time_s", "position_rad", "torque_nm"]
         );
         assert_eq!(names(&columns(&[|_| 1.0, |_| 2.0])), ["-", "-"]);
-        assert_eq!(guesses(&[vec![1.0; 3], vec![2.0; 3]]), [None, None]);
+        assert!(guesses(&[vec![1.0; 3], vec![2.0; 3]]).iter().all(Vec::is_empty));
+    }
+
+    #[test]
+    fn guesses_with_a_voltage_in_place_of_the_velocity_names_no_velocity() {
+        let voltage: fn(f64) -> f64 = |t| 2.1 * VELOCITY(t) + 3.0 * TORQUE(t);
+        let found = columns(&[|t| t, POSITION, voltage, TORQUE]);
+        assert_eq!(names(&found), ["time_s", "position_rad", "-", "torque_nm"]);
+    }
+
+    #[test]
+    fn guesses_of_many_turns_names_both_units() {
+        let found = columns(&[|t| t, |t| 1e3 * POSITION(t), |t| 1e3 * VELOCITY(t), TORQUE]);
+        assert_eq!(found[1], ["position_rad", "position_rad:deg"]);
+        assert_eq!(found[2], ["velocity_rad_s", "velocity_rad_s:deg/s"]);
     }
 }

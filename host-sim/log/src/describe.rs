@@ -80,17 +80,27 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
             );
             let other = || other_unit(name).map(OtherUnit::suggestion);
             let other = || other().or(is_ambiguous.then_some(UNKNOWN_UNIT)).map(str::to_owned);
-            Guess { quantity, unit: unit.or_else(other), is_known, is_by_size: false, is_step }
+            Guess {
+                quantity,
+                unit: unit.or_else(other),
+                other_units: Vec::new(),
+                is_known,
+                is_by_size: false,
+                is_step,
+            }
         }));
     }
     doubts.extend(of_one_kind(&survey.columns, &mut found));
+    doubts.extend(without_constants(&survey, &mut found));
+    doubts.extend(one_of_each(&survey.columns, &mut found));
     add_units_by_size(&survey, &mut found);
     for (column, guess) in survey.columns.iter_mut().zip(&found) {
-        let other_name =
-            guess.as_ref().filter(|guess| guess.quantity != column.name || guess.is_step);
-        let pair = other_name.map(|guess| shell_word(&guess.pair(&column.name)));
+        let is_other = |guess: &&Guess| guess.quantity != column.name || guess.is_step;
+        let Some(guess) = guess.as_ref().filter(is_other) else { continue };
         // Columns without names have a suggestion by their values.
-        column.suggestion = pair.or(column.suggestion.take());
+        column.suggestion = Some(guess.pair(&column.name, guess.unit.as_deref()));
+        let other = |unit: &Option<&str>| guess.pair(&column.name, *unit);
+        column.alternatives = guess.other_units.iter().map(other).collect();
     }
     survey.notes = notes(&survey.columns, &found);
     survey.notes.extend(doubts);
@@ -134,6 +144,8 @@ struct Guess {
     quantity: &'static str,
     /// Its unit, if `--columns` needs one.
     unit: Option<String>,
+    /// Other units that the sizes of the values allow; `None` for that of the contract.
+    other_units: Vec<Option<&'static str>>,
     /// True if the column's name states its unit.
     is_known: bool,
     /// True if the unit is by the size of the values.
@@ -143,12 +155,75 @@ struct Guess {
 }
 
 impl Guess {
-    /// Returns the pair of `--columns` that reads the column.
-    fn pair(&self, name: &str) -> String {
-        let unit = self.unit.as_ref().map_or_else(String::new, |unit| format!(":{unit}"));
+    /// Returns the pair of `--columns` that reads the column in a unit, as a shell takes it.
+    fn pair(&self, name: &str, unit: Option<&str>) -> String {
+        let unit = unit.map_or_else(String::new, |unit| format!(":{unit}"));
         let step = if self.is_step { format!(":{STEP_MARK}") } else { String::new() };
-        format!("{}={name}{unit}{step}", self.quantity)
+        shell_word(&format!("{}={name}{unit}{step}", self.quantity))
     }
+}
+
+/// Removes the guess for a column whose numbers are all equal and not 0, and not the torque of a log without another: a motor's
+/// torque constant is no torque. Returns a note for each.
+fn without_constants(survey: &Survey, found: &mut [Option<Guess>]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for ((guess, values), column) in found.iter_mut().zip(&survey.values).zip(&survey.columns) {
+        let is_moving = |of: &Guess| {
+            let quantity = Quantity::parse(of.quantity).map(|(quantity, _)| quantity);
+            matches!(quantity, Some(Quantity::Velocity | Quantity::Torque))
+                && of.quantity != column.name
+        };
+        let mut numbers = values.iter().filter(|value| !value.is_nan());
+        let first = numbers.next().copied().unwrap_or_default();
+        let is_constant =
+            values.len() >= MIN_CONSTANT_ROWS && first != 0.0 && numbers.all(|of| *of == first);
+        if let Some(of) = guess.take_if(|guess| is_constant && is_moving(guess)) {
+            notes.push(format!(
+                "{}: constant, so it is not suggested as {}.",
+                column.name, of.quantity
+            ));
+        }
+    }
+    notes
+}
+
+/// Minimum number of rows for a column to be called constant.
+const MIN_CONSTANT_ROWS: usize = 20;
+
+/// Keeps the best guess of each quantity, as `--columns` takes each once. Returns a note for each other column that may hold it.
+fn one_of_each(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Vec<String> {
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let mut notes = Vec::new();
+    if suggested_map(&names).is_some() {
+        return notes;
+    }
+    let is_target = |of: &str| Quantity::parse(of).is_some_and(|of| of.0 == Quantity::Torque);
+    for at in 0..found.len() {
+        let Some(guess) = &found[at] else { continue };
+        let rank = |at: usize, of: &Guess| {
+            let has_unit =
+                of.is_known || of.unit.as_deref().is_some_and(|unit| unit != UNKNOWN_UNIT);
+            (of.quantity == names[at], guess::score(of.quantity, names[at]), has_unit)
+        };
+        let own = rank(at, guess);
+        let is_same = |of: &Guess| {
+            of.quantity == guess.quantity || is_target(of.quantity) && is_target(guess.quantity)
+        };
+        // Of equal ranks, the first.
+        let better = (0..found.len()).find(|other| {
+            let is_better = |of: &Guess| {
+                let rank = rank(*other, of);
+                is_same(of) && (rank > own || rank == own && *other < at)
+            };
+            *other != at && found[*other].as_ref().is_some_and(is_better)
+        });
+        if let Some(better) = better {
+            let pair = guess.pair(names[at], guess.unit.as_deref());
+            notes.push(format!("In place of {}, {pair} may be the column.", names[better]));
+            found[at] = None;
+        }
+    }
+    notes
 }
 
 /// Adds the units that the sizes of the values show, where neither the name nor the file states one.
@@ -168,30 +243,51 @@ fn add_units_by_size(survey: &Survey, found: &mut [Option<Guess>]) {
         (place("time_s"), place("position_rad"), place("velocity_rad_s"));
     let is_date = |at: &usize| survey.columns[*at].is_date;
     let time = time.filter(|at| found[*at].as_ref().is_some_and(|guess| !guess.is_step));
-    let time_unit = time.filter(|at| !is_date(at) && stated(*at).is_none());
-    let time_unit = time_unit.and_then(|at| size::time_unit(values(at)));
-    let time_s: Option<Vec<f64>> = time.filter(|at| !is_date(at)).map(|at| {
-        let unit = stated(at).filter(|unit| !unit.is_empty()).or(time_unit).unwrap_or("s");
+    let is_open = |at: &usize| !is_date(at) && stated(*at).is_none();
+    let by_rate = time.filter(is_open).and_then(|at| size::time_unit(values(at)));
+    let seconds = |unit: &str| -> Option<Vec<f64>> {
+        let at = time.filter(|at| !is_date(at))?;
+        let unit = stated(at).filter(|unit| !unit.is_empty()).unwrap_or(unit);
         let conversion = unit::conversion("time_s", unit).ok();
         let seconds = |t: &f64| conversion.map_or(*t, |conversion| conversion.apply(*t));
-        values(at).iter().map(seconds).collect()
-    });
+        Some(values(at).iter().map(seconds).collect())
+    };
     let unit = |at: Option<usize>, own: &'static str| {
         at.and_then(stated).map(|unit| if unit.is_empty() { own } else { unit }.to_owned())
     };
     let (position_unit, velocity_unit) = (unit(position, "rad"), unit(velocity, "rad/s"));
-    let by_size = size::motion_units(MotionSample {
-        time_s: time_s.as_deref(),
-        position: position.map(values),
-        position_unit: position_unit.as_deref(),
-        velocity: velocity.map(values),
-        velocity_unit: velocity_unit.as_deref(),
-    });
-    for (at, unit) in [(time, time_unit), (velocity, by_size.0), (position, by_size.1)] {
-        if let (Some(guess), Some(unit)) = (at.and_then(|at| found[at].as_mut()), unit) {
-            guess.unit = Some(unit.to_owned());
-            guess.is_by_size = true;
-        }
+    let of_time = |unit: &str| {
+        size::motion_units(MotionSample {
+            time_s: seconds(unit).as_deref(),
+            position: position.map(values),
+            position_unit: position_unit.as_deref(),
+            velocity: velocity.map(values),
+            velocity_unit: velocity_unit.as_deref(),
+        })
+    };
+    // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
+    let (mut time_unit, mut motion) = (by_rate, of_time(by_rate.unwrap_or("s")));
+    if by_rate.is_some() && !motion.is_by_ratio && of_time("s").is_by_ratio {
+        (time_unit, motion) = (None, of_time("s"));
+    }
+    let of_times = match by_rate {
+        Some(_) if !motion.is_by_ratio => vec![time_unit, None],
+        _ => vec![time_unit],
+    };
+    let [of_velocity, of_position]: [Vec<Option<&str>>; 2] =
+        [0, 1].map(|at| motion.all.iter().map(|of| of[at]).collect());
+    let open = [time, velocity, position].map(|at| at.filter(is_open));
+    let is_shown = motion.is_unique;
+    let units = [(of_times, true), (of_velocity, is_shown), (of_position, is_shown)];
+    for (at, (units, is_shown)) in open.into_iter().zip(units) {
+        let guess = at.and_then(|at| found[at].as_mut());
+        let Some((guess, [first, others @ ..])) = guess.zip(Some(units.as_slice())) else {
+            continue;
+        };
+        guess.unit = first.map(str::to_owned);
+        guess.other_units = others.iter().copied().filter(|unit| unit != first).collect();
+        guess.is_by_size = first.is_some() || !guess.other_units.is_empty();
+        guess.is_known |= is_shown;
     }
 }
 
@@ -201,20 +297,35 @@ const BY_SIZE: &str = "The units of ";
 /// Returns what else to type or to check.
 fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
     let guesses = columns.iter().zip(found).filter_map(|(column, of)| Some((column, of.as_ref()?)));
-    let by_size: Vec<&str> = guesses
-        .clone()
-        .filter(|(_, guess)| guess.is_by_size)
-        .map(|(column, _)| column.name.as_str())
-        .collect();
+    let names = |is_it: &dyn Fn(&Guess) -> bool| -> Vec<&str> {
+        let those = guesses.clone().filter(|(_, guess)| is_it(guess));
+        those.map(|(column, _)| column.name.as_str()).collect()
+    };
+    let by_size = names(&|guess| guess.is_by_size);
+    let is_open = |guess: &Guess| {
+        !guess.is_known
+            && !guess.is_by_size
+            && guess.unit.is_none()
+            && unit::has_unit(guess.quantity)
+    };
+    let open = guesses.clone().filter(|(column, of)| is_open(of) && of.quantity != column.name);
+    let open = open.filter(|(column, of)| !of.is_step && !column.is_date);
+    let open: Vec<&str> = open.map(|(column, _)| column.name.as_str()).collect();
     let current = guesses.clone().find(|(column, _)| guess::is_current(&column.name));
     let by_size = (!by_size.is_empty()).then(|| {
         format!("{BY_SIZE}{} are by the sizes of their values: check them.", listed(&by_size))
+    });
+    let open = (!open.is_empty()).then(|| {
+        format!(
+            "No unit is stated of {}: the suggestion takes that of the contract. Type another one after a colon.",
+            listed(&open)
+        )
     });
     let current = current.map(|(column, _)| {
         let constant = Setting::TorqueConstant.suggested(torque_constant::EXAMPLE);
         format!("{} is a current: add the motor's torque constant, as {constant}.", column.name)
     });
-    by_size.into_iter().chain(current).collect()
+    by_size.into_iter().chain(open).chain(current).collect()
 }
 
 /// Words of a column that holds the step between rows.
@@ -254,10 +365,10 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
     };
     if missing.is_empty() {
         let columns = survey(&file, options).map(|found| found.columns).unwrap_or_default();
-        let pairs: Vec<String> = columns.into_iter().filter_map(|of| of.suggestion).collect();
-        return match pairs.is_empty() {
+        let sets = pair_sets(&columns);
+        return match sets.iter().all(String::is_empty) {
             true => DataError::MissingColumns { file, found, expected, missing, count },
-            false => no_header(&file, &pairs.join(","), count),
+            false => no_header(&file, &sets, count),
         };
     }
     if count <= MANY_COLUMNS {
@@ -286,14 +397,31 @@ fn pairs_by_size(file: &Path, options: &ReadOptions) -> String {
     if !notes.iter().any(|note| note.starts_with(BY_SIZE)) {
         return String::new();
     }
-    let pairs: Vec<String> = columns.into_iter().filter_map(|column| column.suggestion).collect();
+    let sets = pair_sets(&columns);
     // A name that cannot be typed does not help.
-    if pairs.iter().any(|pair| pair.contains(char::is_control)) {
+    if sets.iter().any(|pairs| pairs.contains(char::is_control)) {
         return String::new();
     }
-    // The front end quotes the pairs as a whole.
-    let pairs: Vec<&str> = pairs.iter().map(|pair| pair.trim_matches('\'')).collect();
-    format!("; by the sizes of the values, {}", Setting::Columns.suggested(pairs.join(",")))
+    let sets: Vec<String> =
+        sets.into_iter().map(|pairs| Setting::Columns.suggested(pairs)).collect();
+    format!("; by the sizes of the values, {}", sets.join(" or "))
+}
+
+/// Returns the pairs of all columns as one value of `--columns`: the suggestions, and the alternatives in their order.
+fn pair_sets(columns: &[ColumnSummary]) -> Vec<String> {
+    let count = columns.iter().map(|column| column.alternatives.len()).max().unwrap_or_default();
+    let set = |place: usize| {
+        let other = |column: &ColumnSummary| {
+            let last = column.alternatives.len().min(place);
+            let other = last.checked_sub(1).map(|at| column.alternatives[at].clone());
+            other.or_else(|| column.suggestion.clone())
+        };
+        // The front end quotes the pairs as a whole.
+        let pairs: Vec<String> = columns.iter().filter_map(other).collect();
+        let pairs: Vec<&str> = pairs.iter().map(|pair| pair.trim_matches('\'')).collect();
+        pairs.join(",")
+    };
+    (0..=count).map(set).collect()
 }
 
 /// Returns the names of the numeric columns that probably hold a quantity, the most probable first.

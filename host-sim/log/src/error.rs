@@ -204,13 +204,17 @@ pub(super) fn is_too_bad(bad: usize, rows: usize, max_share: f64) -> bool {
     bad as f64 > max_share * rows as f64 * (1.0 + 1e-9)
 }
 
-/// Returns the option that leaves the bad rows out. Where most rows are bad, the file is misread, and nothing is suggested.
+/// Minimum number of good rows beside which most rows may be bad. A few rows are no log.
+const MIN_GOOD_ROWS: usize = 20;
+
+/// Returns the option that leaves the bad rows out. Where most rows are bad, the file may be misread.
 fn bad_rows_option(bad: usize, rows: usize) -> String {
     let percent = (100 * bad).div_ceil(rows.max(1));
-    if percent >= 50 {
+    if percent >= 100 || percent >= 50 && rows - bad < MIN_GOOD_ROWS {
         return String::new();
     }
-    format!("; {} leaves them out", Setting::BadRows.suggested(format!("{percent}%")))
+    let doubt = if percent >= 50 { "if the other rows are read correctly, " } else { "" };
+    format!("; {doubt}{} leaves them out", Setting::BadRows.suggested(format!("{percent}%")))
 }
 
 /// Returns a reference to a selection of rows, for a message.

@@ -6,7 +6,7 @@
 
 use super::contract;
 use super::log_check::nearly_named;
-use super::name_words::{is_among, parts};
+use super::name_words::{is_among, is_voltage, parts};
 use super::other_unit::{OtherUnit, other_unit};
 use super::unit;
 use compensator_core::quantity::{JointKind, Quantity};
@@ -31,7 +31,8 @@ const OTHER_WORDS: [(&str, &str); 4] = [
 ];
 
 /// Words of a value that is not measured.
-const NOT_MEASURED: &str = "des desired cmd command ref reference target goal setpoint limit max min err error std cov filt";
+const NOT_MEASURED: &str = "des desired cmd command ref reference target goal setpoint limit max min err error std cov filt \
+                            const constant rated nominal";
 
 /// Minimum length of a word that is recognised inside another word (`ActVelo` has none, `motorspeed` has one).
 const MIN_INNER_CHARS: usize = 4;
@@ -41,8 +42,9 @@ pub(super) fn score(contract_name: &str, name: &str) -> u32 {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let words = WORDS.iter().find(|(of, _)| about.starts_with(of)).map(|(_, words)| *words);
     let other = OTHER_WORDS.iter().find(|(of, _)| *of == contract_name).map(|(_, words)| *words);
-    let Some(words) = words.or(other) else { return 0 };
-    let parts = parts(name);
+    let Some(words) = words.or(other).filter(|_| !is_voltage(name)) else { return 0 };
+    // A unit is no word of the name: `Torque (V)`.
+    let parts = parts(unit::without_brackets(name));
     let is_measured = !parts.iter().any(|part| is_among(NOT_MEASURED, part));
     if is_current(name) {
         return if about.starts_with("torque") && is_measured { 3 } else { 0 };
@@ -162,9 +164,14 @@ const MAX_NAME_BYTES: usize = 60;
 /// Returns the pair of `--columns` for the column that probably holds a contract name, if exactly one does.
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
-    let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
-    let is_alike =
-        |name: &str| !is_current(name) && parts(name).iter().any(|part| is_among(words, part));
+    let mut all = WORDS.iter().chain(&OTHER_WORDS[..1]);
+    let (_, words) = all.find(|(of, _)| about.starts_with(of) || about == *of)?;
+    let is_alike = |name: &str| {
+        let parts = parts(name);
+        let is_other = is_current(name) || is_voltage(name);
+        let is_constant = parts.iter().any(|part| is_among("const constant", part));
+        !is_other && !is_constant && parts.iter().any(|part| is_among(words, part))
+    };
     let all: Vec<&&str> = columns.iter().filter(|name| is_alike(name)).collect();
     // Of several times, the one with a unit: `ts_us` beside `T`.
     let with_unit = all.iter().filter(|name| unit::stated(contract_name, name).is_some());
@@ -277,6 +284,33 @@ mod tests {
         assert_eq!(quantity("current_position"), Some("position_rad"));
         assert_eq!(quantity("currentVelocity"), Some("velocity_rad_s"));
         assert_eq!(quantity("i_d [A]"), Some("torque_nm"), "by its unit");
+    }
+
+    #[test]
+    fn quantity_of_voltage_is_none() {
+        for name in [
+            "V",
+            "voltage",
+            "motor_voltage",
+            "v_bus",
+            "Vdc",
+            "u_q [V]",
+            "Speed voltage",
+            "U_bat",
+            "V_supply",
+            "volts",
+            "bus_voltage_V",
+            "v [V]",
+            "state.V [V]",
+            "Spannung",
+        ] {
+            assert_eq!(by_name(name, ""), Ok(None), "{name}");
+            assert_eq!(column("velocity_rad_s", &["t", name, "tau"]), None, "{name}");
+        }
+        for name in ["v", "v_m_s", "v_act", "vel", "Speed (V)", "v_1"] {
+            assert!(quantity(name) == Some("velocity_rad_s"), "{name}");
+        }
+        assert_eq!(quantity("Torque (V)"), Some("torque_nm"), "of a transducer");
     }
 
     #[test]

@@ -11,6 +11,7 @@
 mod required;
 
 use std::collections::HashSet;
+use std::fmt;
 use std::path::Path;
 
 use compensator_core::quantity::{JointKind, Quantity};
@@ -255,7 +256,7 @@ pub(super) fn layout(
         return Ok(Layout { collects, is_survey: !collects, ..Layout::of_survey(names) });
     }
     if names.is_numbered && options.columns.is_empty() {
-        return Err(no_header(file, NUMBERED_EXAMPLE, names.names.len()));
+        return Err(no_header(file, &[NUMBERED_EXAMPLE], names.names.len()));
     }
     let options = &with_contract_names_first(options);
     if let Some(rate_hz) = options.rate_hz {
@@ -283,9 +284,10 @@ pub(super) fn layout(
 /// Pairs of a file without a header, for an example.
 const NUMBERED_EXAMPLE: &str = "1=time_s,2=velocity_rad_s,3=torque_nm";
 
-/// Returns the error of a file without a header. `pairs` name its columns.
-pub(super) fn no_header(file: &Path, pairs: &str, count: usize) -> DataError {
-    let (pairs, help) = (Setting::Columns.suggested(pairs), Setting::Columns.given("help"));
+/// Returns the error of a file without a header. Each of `sets` names its columns.
+pub(super) fn no_header(file: &Path, sets: &[impl fmt::Display], count: usize) -> DataError {
+    let sets: Vec<String> = sets.iter().map(|pairs| Setting::Columns.suggested(pairs)).collect();
+    let (pairs, help) = (sets.join(" or "), Setting::Columns.given("help"));
     DataError::MissingColumns {
         file: file.into(),
         found: "numbers in the first row and no header".into(),

@@ -15,6 +15,28 @@ pub(super) const JOINT_NAMES: &str = "joint joint_name joint_id joint_index axis
 /// Names of columns of dates beside a column of times of day.
 pub(super) const DATE_NAMES: [&str; 5] = ["date", "datum", "day", "fecha", "data"];
 
+/// Words that name a voltage or the duty cycle that makes it.
+const VOLTAGE_WORDS: &str = "voltage volt volts spannung tension voltaje vbus vbat vbatt vdc vin vout vcc vdd vmot vsupply vq vd \
+                             valpha vbeta ubat udc ubus uq ud pwm duty emf";
+
+/// Words behind a `v` or `u` that is a voltage: `v_bus`.
+const SUPPLY_WORDS: &str =
+    "bus bat batt battery dc in out supply motor mot link cc dd q d alpha beta phase";
+
+/// Returns true if a name is that of a voltage: `v_bus`, `Spannung`, `u [V]`, `V`. A transducer's signal is not: `Torque (V)`.
+pub(super) fn is_voltage(name: &str) -> bool {
+    // A field of an object: `state.v`.
+    let last = name.rsplit('.').next().unwrap_or(name).trim();
+    let volts = ["[V]", "(V)", "{V}"].iter().find_map(|unit| last.strip_suffix(unit));
+    let of_last = parts(volts.unwrap_or(last));
+    let has = |parts: &[String], words: &str| parts.iter().any(|part| is_among(words, part));
+    let is_symbol = of_last.first().is_some_and(|first| is_among("v u", first));
+    last == "V"
+        || has(&parts(name), VOLTAGE_WORDS)
+        || volts.is_some() && has(&of_last, "v u")
+        || is_symbol && has(&of_last[1..], SUPPLY_WORDS)
+}
+
 /// Returns true if a word is one of some words.
 pub(super) fn is_among(words: &str, word: &str) -> bool {
     words.split(' ').any(|of| of == word)

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::cell::CellReader;
 use super::clock::is_date;
-use super::contract::{self, POSITIONS, TARGETS, TIME};
+use super::contract::{self, POSITIONS, TARGETS, TIME, VELOCITIES};
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
@@ -211,7 +211,12 @@ impl<'a> Naming<'a> {
         let joints = suggested_map(&free).unwrap_or_default();
         let pair = |contract_name: &str| {
             let of_all = joints.pattern(contract_name).map(|of| format!("{contract_name}={of}"));
-            let of_one = of_all.or_else(|| guess::column(contract_name, &free));
+            // The position is a motion, too.
+            let position = || {
+                let is_velocity = VELOCITIES.iter().any(|(name, _)| *name == contract_name);
+                is_velocity.then(|| guess::column(POSITIONS[0].0, &free)).flatten()
+            };
+            let of_one = of_all.or_else(|| guess::column(contract_name, &free)).or_else(position);
             of_one.unwrap_or_else(|| format!("{contract_name}=NAME"))
         };
         let mut pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();

@@ -55,34 +55,63 @@ pub(super) struct MotionSample<'a> {
     pub velocity_unit: Option<&'a str>,
 }
 
-/// Returns the units of velocity and position by their sizes; `None` for one that is the contract's or is not clear.
-pub(super) fn motion_units(of: MotionSample) -> (Option<&'static str>, Option<&'static str>) {
-    let velocities = candidates("velocity_rad_s", &VELOCITY_UNITS, of.velocity_unit);
-    let positions = candidates("position_rad", &POSITION_UNITS, of.position_unit);
-    let is_new = |unit: &'static str, given: Option<&str>, own: &str| {
+/// Units of velocity and position; `None` for one that is given or the contract's.
+pub(super) type MotionUnits = [Option<&'static str>; 2];
+
+/// Units that a motion may have, by the sizes of its values.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct PossibleUnits {
+    /// The most probable first; at least one.
+    pub all: Vec<MotionUnits>,
+    /// True if the ratio of velocity and derivative is that of the units.
+    pub is_by_ratio: bool,
+    /// True if it is that of no other units.
+    pub is_unique: bool,
+}
+
+/// Returns the units of velocity and position by their sizes.
+pub(super) fn motion_units(of: MotionSample) -> PossibleUnits {
+    let new = |unit: &'static str, given: Option<&str>, own: &str| {
         (given.is_none() && unit != own).then_some(unit)
     };
-    if let Some(ratio) = ratio(of) {
-        let pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
-        let fits = |(v, q): &(&(&str, f64), &(&str, f64))| {
-            (ratio / (v.1 / q.1) - 1.0).abs() < MAX_RATIO_ERROR
+    let known = |v, q| [new(v, of.velocity_unit, "rad/s"), new(q, of.position_unit, "rad")];
+    let fitting = ratio(of).map_or_else(Vec::new, |ratio| fitting(of, ratio));
+    let turns = of.position.map_or(Turns::Few, turns);
+    if let [first, others @ ..] = fitting.as_slice() {
+        // One ratio for rad/s and rad, for deg/s and deg, and for turns: the range of the angle decides, if it can.
+        let of_degrees = || others.iter().copied().find(|(_, q)| *q == "deg");
+        let all = match (others.is_empty(), turns, of_degrees()) {
+            (true, ..) | (_, Turns::Few, _) | (_, _, None) => vec![*first],
+            (_, Turns::OfDegrees, Some(degrees)) => vec![degrees, *first],
+            (_, Turns::Many, Some(degrees)) => vec![*first, degrees],
         };
-        let mut fitting = pairs.filter(fits);
-        return match (fitting.next(), fitting.next()) {
-            (Some((v, q)), None) => {
-                (is_new(v.0, of.velocity_unit, "rad/s"), is_new(q.0, of.position_unit, "rad"))
-            }
-            // One ratio for rad/s and rad, and for deg/s and deg: the range of the angle decides.
-            (Some(_), Some(_)) if of.position.is_some_and(is_in_degrees) => {
-                (is_new("deg/s", of.velocity_unit, ""), is_new("deg", of.position_unit, ""))
-            }
-            _ => (None, None),
-        };
+        let all = all.into_iter().map(|(v, q)| known(v, q)).collect();
+        return PossibleUnits { all, is_by_ratio: true, is_unique: others.is_empty() };
     }
     let is_fast = |speeds: &[f64]| speeds.iter().any(|speed| speed.abs() > MAX_SPEED_RAD_S);
-    let velocity = of.velocity.filter(|speeds| of.velocity_unit.is_none() && is_fast(speeds));
-    let position = of.position.filter(|angles| of.position_unit.is_none() && is_in_degrees(angles));
-    (velocity.map(|_| "rpm"), position.map(|_| "deg"))
+    let velocities = match of.velocity.filter(|v| of.velocity_unit.is_none() && is_fast(v)) {
+        Some(_) => &[Some("rpm"), None, Some("deg/s")][..],
+        None => &[None][..],
+    };
+    let positions = match (of.position_unit, turns) {
+        (None, Turns::OfDegrees) => &[Some("deg"), None][..],
+        (None, Turns::Many) => &[None, Some("deg")][..],
+        _ => &[None][..],
+    };
+    let at = |all: &[Option<&'static str>], place: usize| all[place.min(all.len() - 1)];
+    let count = velocities.len().max(positions.len());
+    let all = (0..count).map(|place| [at(velocities, place), at(positions, place)]).collect();
+    PossibleUnits { all, is_by_ratio: false, is_unique: false }
+}
+
+/// Returns the pairs of units whose sizes have the ratio of the velocity and the derivative.
+fn fitting(of: MotionSample, ratio: f64) -> Vec<(&'static str, &'static str)> {
+    let velocities = candidates("velocity_rad_s", &VELOCITY_UNITS, of.velocity_unit);
+    let positions = candidates("position_rad", &POSITION_UNITS, of.position_unit);
+    let pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
+    let fits =
+        |(v, q): &(&(&str, f64), &(&str, f64))| (ratio / (v.1 / q.1) - 1.0).abs() < MAX_RATIO_ERROR;
+    pairs.filter(fits).map(|(v, q)| (v.0, q.0)).collect()
 }
 
 /// Returns units with the number in the column for one unit of the contract: all, or the known one.
@@ -96,9 +125,24 @@ fn candidates(name: &str, units: &[&'static str], known: Option<&str>) -> Vec<(&
     }
 }
 
-fn is_in_degrees(angles: &[f64]) -> bool {
+/// What the range of an angle without a unit shows.
+#[derive(Clone, Copy)]
+enum Turns {
+    /// It is that of a joint in rad.
+    Few,
+    /// It is that of a joint in degrees, or of a motor with several turns in rad.
+    OfDegrees,
+    /// It is that of a motor with many turns in rad, or with some turns in degrees.
+    Many,
+}
+
+fn turns(angles: &[f64]) -> Turns {
     let [least, most] = crate::log_check::extent(angles.iter().copied().filter(|q| !q.is_nan()));
-    most - least > MIN_DEGREES && most.max(-least) < MAX_DEGREES
+    match (most - least > MIN_DEGREES, most.max(-least) < MAX_DEGREES) {
+        (false, _) => Turns::Few,
+        (true, true) => Turns::OfDegrees,
+        (true, false) => Turns::Many,
+    }
 }
 
 /// Returns the velocity over the derivative of the position, if enough displacements show it.
@@ -141,10 +185,7 @@ mod tests {
         [time, position, velocity]
     }
 
-    fn units(
-        position_size: f64,
-        velocity_size: f64,
-    ) -> (Option<&'static str>, Option<&'static str>) {
+    fn units(position_size: f64, velocity_size: f64) -> Vec<MotionUnits> {
         let [time, position, velocity] = motion(position_size, velocity_size);
         motion_units(MotionSample {
             time_s: Some(&time),
@@ -152,17 +193,20 @@ mod tests {
             velocity: Some(&velocity),
             ..MotionSample::default()
         })
+        .all
     }
 
     #[test]
     fn motion_units_with_known_ratio_returns_them() {
         let (degree, rpm) = (57.295_78, 9.549_297);
-        assert_eq!(units(1.0, 1.0), (None, None));
-        assert_eq!(units(degree, rpm), (Some("rpm"), Some("deg")));
-        assert_eq!(units(1.0, rpm), (Some("rpm"), None));
-        assert_eq!(units(degree, 1.0), (None, Some("deg")));
-        assert_eq!(units(degree, degree), (Some("deg/s"), Some("deg")));
-        assert_eq!(units(1.0, 3.0), (None, None), "no known ratio");
+        assert_eq!(units(1.0, 1.0), [[None; 2]]);
+        assert_eq!(units(degree, rpm), [[Some("rpm"), Some("deg")]]);
+        assert_eq!(units(1.0, rpm), [[Some("rpm"), None]]);
+        assert_eq!(units(degree, 1.0), [[None, Some("deg")]]);
+        let degrees = [Some("deg/s"), Some("deg")];
+        assert_eq!(units(degree, degree), [degrees, [None; 2]], "degrees, or turns in rad");
+        assert_eq!(units(4e3, 4e3), [[None; 2], degrees], "hundreds of turns");
+        assert_eq!(units(1.0, 3.0), [[None; 2]], "no known ratio");
     }
 
     #[test]
@@ -175,16 +219,17 @@ mod tests {
             velocity: Some(&velocity),
             velocity_unit: None,
         });
-        assert_eq!(found, (Some("rpm"), None));
+        assert_eq!(found.all, [[Some("rpm"), None]]);
+        assert!(found.is_by_ratio && found.is_unique);
     }
 
     #[test]
     fn motion_units_of_one_column_follow_its_size() {
         let [_, position, velocity] = motion(57.3, 300.0);
         let of = MotionSample { velocity: Some(&velocity), ..MotionSample::default() };
-        assert_eq!(motion_units(of), (Some("rpm"), None));
+        assert_eq!(motion_units(of).all, [[Some("rpm"), None], [None; 2], [Some("deg/s"), None]]);
         let of = MotionSample { position: Some(&position), ..MotionSample::default() };
-        assert_eq!(motion_units(of), (None, Some("deg")));
+        assert_eq!(motion_units(of).all, [[None, Some("deg")], [None; 2]]);
     }
 
     #[test]

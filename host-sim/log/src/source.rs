@@ -19,6 +19,7 @@ mod csv_file;
 #[cfg(any(feature = "arrow", feature = "parquet"))]
 mod date_text;
 mod format;
+mod json_document;
 mod json_lines;
 #[cfg(any(test, not(all(feature = "arrow", feature = "mcap", feature = "parquet"))))]
 mod left_out;

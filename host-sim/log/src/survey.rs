@@ -47,6 +47,8 @@ pub struct ColumnSummary {
     pub unit: Option<String>,
     /// The pair of `--columns` that may read it.
     pub suggestion: Option<String>,
+    /// Pairs that may read it instead: the sizes of the values do not show its unit.
+    pub alternatives: Vec<String>,
     /// True if its values may be the steps between rows.
     pub is_step: bool,
 }
@@ -119,8 +121,10 @@ impl ColumnSamples {
             column.is_step = is_step_column(values);
         }
         let guesses = if is_numbered { guesses(&self.values) } else { Vec::new() };
-        for (column, guess) in self.columns.iter_mut().zip(guesses) {
-            column.suggestion = guess.map(|guess| format!("{}={guess}", column.name));
+        for (column, guesses) in self.columns.iter_mut().zip(guesses) {
+            let mut pairs = guesses.into_iter().map(|guess| format!("{}={guess}", column.name));
+            column.suggestion = pairs.next();
+            column.alternatives = pairs.collect();
         }
         for (column, unit) in self.columns.iter_mut().zip(units) {
             column.unit = Some(unit).filter(|unit| !unit.is_empty());

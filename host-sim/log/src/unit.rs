@@ -442,12 +442,22 @@ fn at_end(contract_name: &str, foreign: &str) -> Option<&'static Unit> {
     }
 }
 
+/// Splits a name into what is before the brackets at its end, and the text in these.
+fn split_brackets(text: &str) -> Option<(&str, &str)> {
+    [('[', ']'), ('(', ')'), ('{', '}')]
+        .iter()
+        .find_map(|(open, close)| text.strip_suffix(*close)?.rsplit_once(*open))
+}
+
 /// Returns the text in brackets at the end of a name.
 fn bracketed(text: &str) -> Option<String> {
-    [('[', ']'), ('(', ')'), ('{', '}')].iter().find_map(|(open, close)| {
-        let inside = text.strip_suffix(*close)?;
-        Some(inside[inside.rfind(*open)? + open.len_utf8()..].to_owned())
-    })
+    split_brackets(text).map(|(_, inside)| inside.to_owned())
+}
+
+/// Returns a name without brackets at its end; the name itself if there is nothing else.
+pub(super) fn without_brackets(name: &str) -> &str {
+    let head = split_brackets(name.trim_end()).map(|(head, _)| head);
+    head.filter(|head| !head.trim().is_empty()).unwrap_or(name)
 }
 
 /// Returns true if the last word of a name is a part of a longer unit.

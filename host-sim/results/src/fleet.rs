@@ -12,6 +12,7 @@ mod ageing;
 mod comparison;
 mod jobs;
 mod joint;
+mod mirror;
 mod page;
 pub mod statistics;
 mod table;
@@ -19,17 +20,20 @@ mod task;
 
 pub use ageing::{Ageing, ageing, read_ageing};
 pub use jobs::{FleetJob, find_jobs, jobs_of_files, mixed_forms};
-pub use joint::{JointSummary, SharedCause, attention_in_words, joints};
+pub use joint::{FleetSummary, JointSummary, SharedCause, summarise};
 pub use page::page;
 pub use table::jobs_of_table;
 pub use task::{FleetOptions, ROW_FILE, ReadEarlierRow, run_task, run_task_beside, write_fleet};
 
 use crate::table_file::{TableColumn, TableFile};
-use comparison::{Distance, comparisons};
+use comparison::{Compared, Distance, comparisons};
 use serde::{Deserialize, Serialize};
 
 /// Names of the levels of the fixed model, in the order of [`FleetRow::levels`].
 pub const LEVELS: [&str; 3] = ["coulomb_torque", "static_torque", "viscous_friction"];
+
+/// Names of the parts of the rigid body whose sign is that of the direction, in the order of [`FleetRow::signed`].
+pub const SIGNED: [&str; 3] = ["torque_offset", "gravity_sine", "gravity_cosine"];
 
 /// A parameter of the fixed model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -89,6 +93,10 @@ pub struct FleetRow {
     pub fixed_model: String,
     /// Levels of the fixed model, as [`LEVELS`]; `None` if the data do not determine one.
     pub levels: [Option<Level>; LEVELS.len()],
+    /// The same of the linear law with the terms of the fixed model. All joints have them, as this law needs no slow motion.
+    pub linear_levels: [Option<Level>; LEVELS.len()],
+    /// Signed parts of the rigid body beside the linear law, as [`SIGNED`]; `None` without the part in `--rigid-body`.
+    pub signed: [Option<Level>; SIGNED.len()],
     /// Path of the joint's report, relative to the folder of the fleet; empty if there is none.
     pub report: String,
 }
@@ -135,14 +143,28 @@ pub fn table(rows: &[FleetRow]) -> TableFile {
     numbers("noise_floor", &|row| row.noise_floor);
     numbers("rows", &|row| row.rows.map(|rows| rows as f64));
     numbers("seconds", &|row| row.seconds);
-    for (at, level) in LEVELS.iter().enumerate() {
-        numbers(&format!("fixed_{level}"), &|row| row.levels[at].map(|level| level.value));
-        numbers(&format!("fixed_{level}_std_error"), &|row| {
-            row.levels[at].map(|level| level.std_error)
-        });
+    let mut level = |name: &str, of: &dyn Fn(&FleetRow) -> Option<Level>| {
+        numbers(name, &|row| of(row).map(|level| level.value));
+        numbers(&format!("{name}_std_error"), &|row| of(row).map(|level| level.std_error));
+    };
+    for (at, name) in LEVELS.iter().enumerate() {
+        level(&format!("fixed_{name}"), &|row| row.levels[at]);
     }
+    // The linear law has no static level.
+    for (at, name) in LEVELS.iter().enumerate().filter(|(_, name)| **name != "static_torque") {
+        level(&format!("linear_{name}"), &|row| row.linear_levels[at]);
+    }
+    for (at, name) in SIGNED.iter().enumerate() {
+        level(name, &|row| row.signed[at]);
+    }
+    push_distances(rows, &mut table);
+    table
+}
+
+/// Adds how far the size of each joint's cause is from those of the others.
+fn push_distances(rows: &[FleetRow], table: &mut TableFile) {
     let mut distances = vec![None; rows.len()];
-    let of_causes = comparisons(rows).into_iter().filter(|of| of.level.is_none());
+    let of_causes = comparisons(rows).each.into_iter().filter(|of| of.what == Compared::Cause);
     of_causes.for_each(|of| distances[of.row] = of.distance);
     let mut distance = |name: &str, of: &dyn Fn(&Distance) -> Option<[f64; 3]>| {
         for (part, end) in ["", "_low", "_high"].into_iter().enumerate() {
@@ -155,7 +177,6 @@ pub fn table(rows: &[FleetRow]) -> TableFile {
     distance("factor", &|own| own.factor);
     let differs = |own: &Option<Distance>| own.map_or(f64::NAN, |own| f64::from(own.differs));
     table.push("differs", TableColumn::Numbers(distances.iter().map(differs).collect()));
-    table
 }
 
 #[cfg(test)]

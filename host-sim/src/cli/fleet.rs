@@ -9,8 +9,8 @@ use friction_diagnose::prepare::Error;
 use friction_fit::spec::Spec;
 use friction_results::fleet::statistics::Limit;
 use friction_results::fleet::{
-    Ageing, FleetJob, FleetOptions, FleetRow, LEVELS, attention_in_words, find_jobs, jobs_of_table,
-    joints, mixed_forms, read_ageing, run_task, write_fleet,
+    Ageing, FleetJob, FleetOptions, FleetRow, LEVELS, find_jobs, jobs_of_table, mixed_forms,
+    read_ageing, run_task, summarise, write_fleet,
 };
 use joint_log::SplitRule;
 use joint_log::work;
@@ -162,18 +162,20 @@ fn print(
     limits: &[Limit],
 ) -> Result<(), String> {
     let out = arguments.out.display();
-    let (shared, joints) = joints(rows, ageing, limits);
+    let fleet = summarise(rows, ageing, limits);
+    let joints = &fleet.joints;
     if arguments.json {
         let document = json!({
-            "schema": 1, "rows": rows, "ageing": ageing, "shared": shared, "joints": joints,
+            "schema": 1, "rows": rows, "ageing": ageing, "shared": fleet.shared, "notes": fleet.notes,
+            "joints": joints,
         });
         return print_text(&pretty(&document)?);
     }
-    let mut text = format!("{}\n", attention_in_words(&shared, &joints));
+    let mut text = format!("{}\n", fleet.in_words());
     for joint in joints.iter().filter(|joint| !joint.reasons.is_empty()) {
         text += &format!("- {}: {}\n", joint.joint, joint.reasons.join("; "));
     }
-    text += &table::joints(&joints);
+    text += &table::joints(joints);
     let failed: Vec<&FleetRow> = rows.iter().filter(|row| !row.is_ok()).collect();
     let named = rows.iter().filter(|row| row.is_ok() && row.cause != "none").count();
     text += &format!(

@@ -103,7 +103,9 @@ pub fn columns(file: &Path, survey: &Survey) -> String {
             (false, false) => format!("text: {}", column.samples.join(", ")),
         };
         let unit = column.unit.clone().unwrap_or_default();
-        let suggestion = column.suggestion.clone().unwrap_or_default();
+        let pairs: Vec<&str> =
+            column.suggestion.iter().chain(&column.alternatives).map(String::as_str).collect();
+        let suggestion = pairs.join(" or ");
         table.add_row(vec![column.name.clone(), values, unit, suggestion]);
     }
     let hint = preset.map_or_else(String::new, |preset| {

@@ -82,7 +82,7 @@ fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
     }
     let quantum = quantum(positions.iter().copied());
     let least = MIN_TRAVEL_STEPS * quantum;
-    let (mut all, mut whole, mut found) = (0usize, 0usize, Vec::new());
+    let (mut all, mut whole, mut clear, mut found) = (0usize, 0usize, 0usize, Vec::new());
     for (run, position) in data.runs.iter().zip(&positions) {
         let mut lost = Vec::new();
         for rows in segments(run) {
@@ -100,6 +100,7 @@ fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
                 if beside.abs() > MIN_WHOLE_STEPS * quantum {
                     all += 1;
                     whole += usize::from(is_whole);
+                    clear += usize::from(is_whole && ratio > 1.5);
                 } else if ratio < MIN_SLOW_RATIO {
                     continue;
                 }
@@ -110,9 +111,8 @@ fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
         }
         found.push(lost);
     }
-    let count = found.iter().flatten().count();
-    let is_lost = count >= MIN_LOST
-        && count as f64 >= MIN_LOST_SHARE * all as f64
+    let is_lost = clear >= MIN_LOST
+        && clear as f64 >= MIN_LOST_SHARE * all as f64
         && whole as f64 >= MIN_WHOLE_SHARE * all as f64;
     is_lost.then_some(found)
 }

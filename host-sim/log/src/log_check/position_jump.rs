@@ -28,6 +28,9 @@ const MAX_SHARE: f64 = 0.1;
 /// Changes on either side of a change from which its travel is estimated.
 const NEIGHBOURS: usize = 3;
 
+/// Minimum share of a jump that stays.
+const MIN_STAYING_SHARE: f64 = 0.75;
+
 /// Rows on either side of a jump whose medians show that it stays.
 const MEDIAN_ROWS: usize = 5;
 
@@ -140,7 +143,7 @@ fn stays(run: &Run, position: &[f64], jump: &Jump) -> bool {
         (jump.row.saturating_sub(MEDIAN_ROWS), (jump.row + MEDIAN_ROWS).min(run.len()));
     let at = |row: usize| position[row] - jump.speed * (run.time_s[row] - run.time_s[jump.row]);
     let median = |rows: Range<usize>| quantile(&mut rows.map(at).collect::<Vec<_>>(), 0.5);
-    (median(jump.row..last) - median(first..jump.row)).abs() > 0.5 * jump.size
+    (median(jump.row..last) - median(first..jump.row)).abs() > MIN_STAYING_SHARE * jump.size
 }
 
 /// A change of the position, from the last row before which it changed too.

@@ -45,7 +45,7 @@ fn parse(line: &[u8]) -> Option<Value> {
 }
 
 /// Replaces `NaN`, `Infinity` and `-Infinity` outside of strings by `null`.
-fn without_nan(text: &str) -> String {
+pub(super) fn without_nan(text: &str) -> String {
     let parts = text.split('"').collect::<Vec<_>>();
     let mut out = String::with_capacity(text.len());
     let mut is_string = false;

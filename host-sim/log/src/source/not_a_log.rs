@@ -1,5 +1,6 @@
 //! Detection of files that are often given as logs but are not supported, with the command that converts each.
 
+use super::json_document;
 use super::sysid::is_sysid;
 
 /// A file that is not supported: what it is, and what is expected. FILE stands for its path.
@@ -110,7 +111,17 @@ const XML_TOOLS: [(&[u8], &str); 7] = [
 const TAR: (usize, &[u8]) = (257, b"ustar");
 
 /// Returns what a file that begins with `head` is, and what is expected; `None` if it may be a log.
-pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
+pub(super) fn recognise(head: &[u8]) -> Option<(&'static str, String)> {
+    let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
+    let of_json = || {
+        let command = json_document::command(text).filter(|_| !is_sysid(text))?;
+        Some(("a JSON document", command))
+    };
+    by_first_bytes(head).map(|(found, expected)| (found, expected.to_owned())).or_else(of_json)
+}
+
+/// Returns what a file that begins with `head` is, unless it is JSON.
+fn by_first_bytes(head: &[u8]) -> Option<Refusal> {
     if let Some((_, refusal)) = PACKED.iter().find(|(magic, _)| head.starts_with(magic)) {
         return Some(*refusal);
     }
@@ -125,8 +136,6 @@ pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
         Some(("an empty file", "a header and a row per sample"))
     } else if let Some(tool) = xml_tool(text) {
         Some(("an XML document", tool))
-    } else if is_json_document(text) && !is_sysid(text) {
-        Some(("a JSON document", "JSON lines, one object a row: jq -c '.[]' FILE > log.jsonl"))
     } else if is_yaml(text) {
         Some((
             "a YAML document",
@@ -192,14 +201,6 @@ fn is_yaml(text: &[u8]) -> bool {
         && (is_key(second) == Some(true) || !second.contains(&b','))
 }
 
-/// Returns true for a document of JSON that is not one object a line.
-fn is_json_document(text: &[u8]) -> bool {
-    let text = text.trim_ascii_start();
-    let inside = text.strip_prefix(b"[").map(<[u8]>::trim_ascii_start);
-    let first_line = text.split(|byte| *byte == b'\n').next().unwrap_or_default().trim_ascii();
-    inside.is_some_and(|inside| inside.starts_with(b"{")) || first_line == b"{"
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,8 +219,8 @@ mod tests {
             (&[&[b'a'; 257][..], b"ustar\x0000"].concat(), "tar"),
             (b"\x1f\x8b\x08", "gzip"),
             (b"PK\x03\x04\0\0log.csv", "zip"),
-            (b"[\n {\"t\": 0}]", "JSON"),
-            (b"{\n \"t\": [0]}", "JSON"),
+            (b"[\n {\"t\": 0},\n {\"t\": 1}]", "JSON"),
+            (b"{\n \"t\": [0, 1], \"q\": [0, 1]}", "JSON"),
             (b"\xd0\xcf\x11\xe0\xa1\xb1", "spreadsheet"),
             (b"\x89HDF\r\n\x1a\n", "HDF5"),
             (b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "a MAT "),

@@ -12,6 +12,7 @@ mod data_join;
 mod data_measured;
 #[cfg(feature = "parquet")]
 mod data_parquet;
+mod data_proposals;
 mod data_reading;
 mod drive_trace;
 mod filtered_velocity;

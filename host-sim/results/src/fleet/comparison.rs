@@ -7,10 +7,16 @@
 //!
 //! The distribution of the joints is unknown. Values of one sign must differ on a linear and on a logarithmic scale, and the
 //! degrees of freedom are limited ([`MOST_FREEDOM`]), so that skewness or a long tail alone gives few such joints.
+//!
+//! Levels are compared under the linear law, which all logs determine: a richer law divides the same torque among more parameters,
+//! and a log without slow motion determines none of them. Signed quantities of mirrored joints are compared with the sign of the
+//! others ([`mirror`](super::mirror)).
 
-use super::FleetRow;
+use super::mirror::{SignedValues, is_turned, mirrored};
 use super::statistics::{FLEET_SIGNIFICANCE, natural_key};
+use super::{FleetRow, LEVELS, Level, SIGNED};
 use crate::level_trend::median;
+use crate::page::words::{counted, listed};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
@@ -41,21 +47,51 @@ pub struct Distance {
     pub differs: bool,
 }
 
+/// What is compared. The order is that of the reasons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Compared {
+    /// The size of the cause.
+    Cause,
+    /// A level of the fixed model, by its index in [`LEVELS`](super::LEVELS).
+    Level(usize),
+    /// The same of the linear law.
+    LinearLevel(usize),
+    /// A signed part of the rigid body, by its index in [`SIGNED`](super::SIGNED).
+    Signed(usize),
+}
+
 /// A value of a joint and its distance from those of the others; `None` with fewer than [`MIN_COMPARED`] joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
     /// Index of the row.
     pub row: usize,
-    /// Index of the level in [`LEVELS`](super::LEVELS); `None` for the size of the cause.
-    pub level: Option<usize>,
+    /// What is compared.
+    pub what: Compared,
     /// The value.
     pub value: f64,
-    /// Its distance.
+    /// Its distance. That of a mirrored joint has the sign of the others.
     pub distance: Option<Distance>,
 }
 
-/// Index of the level, model or cause, and unit: what makes values comparable.
-type Group<'a> = (Option<usize>, &'a str, &'a str);
+/// The values of a fleet beside each other.
+pub struct Comparisons {
+    /// One for each joint and quantity.
+    pub each: Vec<Comparison>,
+    /// How they were compared, one sentence each: mirrored joints, and joints under another model.
+    pub notes: Vec<String>,
+}
+
+/// What, model or cause, and unit: what makes values comparable.
+type Group<'a> = (Compared, &'a str, &'a str);
+
+/// A value with its row and standard error.
+type Value = (usize, f64, f64);
+
+/// Causes whose size has the sign of the direction.
+const SIGNED_CAUSES: [&str; 2] = ["torque-offset", "direction-asymmetry"];
+
+/// Largest number of joints that a note names.
+const MAX_NAMED: usize = 8;
 
 /// Returns the rows of each joint, the latest campaign last.
 pub(super) fn rows_by_joint(rows: &[FleetRow]) -> BTreeMap<&str, Vec<usize>> {
@@ -81,41 +117,159 @@ pub(super) fn main_cause<'a>(
     most.map_or(("none", 0, None), |(name, (count, latest))| (name, count, Some(latest)))
 }
 
-/// Compares the size of each joint's main cause, and its latest levels, with those of the other joints.
-pub fn comparisons(rows: &[FleetRow]) -> Vec<Comparison> {
-    let mut groups: BTreeMap<Group, Vec<(usize, f64, f64)>> = BTreeMap::new();
+/// Compares the size of each joint's main cause, its latest levels, and the signed parts of its rigid body, with those of the
+/// other joints.
+pub fn comparisons(rows: &[FleetRow]) -> Comparisons {
+    let latest = latest(rows);
+    let groups = groups(rows, &latest);
+    let mirrored = mirrored(&groups.iter().filter_map(|of| signed(rows, of)).collect::<Vec<_>>());
+    let has_enough = |own: &Vec<Value>| own.len() >= MIN_COMPARED;
+    let is_tested = |&(what, model, unit): &Group| match what {
+        Compared::Level(level) => {
+            !groups.get(&(Compared::LinearLevel(level), model, unit)).is_some_and(has_enough)
+        }
+        _ => true,
+    };
+    let tested = groups.iter().filter(|of| has_enough(of.1) && is_tested(of.0)).count();
+    let mut each: BTreeMap<(usize, Compared), Comparison> = BTreeMap::new();
+    let mut turned = Vec::new();
+    for (key, group) in &groups {
+        let is_turned = signed(rows, (key, group)).is_some_and(|of| is_turned(&of, &mirrored));
+        let side = |row: usize| if mirrored.contains(&&*rows[row].joint) { -1.0 } else { 1.0 };
+        let values: Vec<(f64, f64)> = group
+            .iter()
+            .map(|(row, value, error)| {
+                (if is_turned { side(*row) * value } else { *value }, *error)
+            })
+            .collect();
+        if is_turned {
+            turned.push(if let Compared::Signed(at) = key.0 { SIGNED[at] } else { key.1 });
+        }
+        let found = distances(&values, FLEET_SIGNIFICANCE / tested as f64);
+        for (at, &(row, value, _)) in group.iter().enumerate() {
+            let distance = found.get(at).copied();
+            each.insert((row, key.0), Comparison { row, what: key.0, value, distance });
+        }
+    }
+    of_one_model(&mut each);
+    let mut notes = Vec::new();
+    if !turned.is_empty() {
+        let verb = if mirrored.len() == 1 { "is" } else { "are" };
+        notes.push(format!(
+            "{} {verb} mirrored, and compared with the other sign of {}",
+            listed(&mirrored, MAX_NAMED),
+            turned.join(", ")
+        ));
+    }
+    notes.extend(models_in_words(rows, &latest, &each));
+    Comparisons { each: each.into_values().collect(), notes }
+}
+
+/// Returns the latest row with a result of each joint.
+fn latest(rows: &[FleetRow]) -> Vec<usize> {
+    let by_joint = rows_by_joint(rows).into_values();
+    by_joint.filter_map(|own| own.into_iter().rev().find(|at| rows[*at].is_ok())).collect()
+}
+
+/// Returns the comparable values.
+fn groups<'a>(rows: &'a [FleetRow], latest: &[usize]) -> BTreeMap<Group<'a>, Vec<Value>> {
+    let mut groups: BTreeMap<Group, Vec<Value>> = BTreeMap::new();
     for own in rows_by_joint(rows).into_values() {
         let sized = main_cause(rows, &own).2.map(|at| (at, &rows[at]));
         if let Some((at, row)) = sized
             && let (Some(size), Some([low, high])) = (row.size, row.size_ci95)
         {
             let error = (high - low) / (2.0 * HALF_WIDTH_95);
-            groups.entry((None, &row.cause, &row.size_unit)).or_default().push((at, size, error));
+            let key = (Compared::Cause, row.cause.as_str(), row.size_unit.as_str());
+            groups.entry(key).or_default().push((at, size, error));
         }
-        let Some(&at) = own.iter().rev().find(|at| rows[**at].is_ok()) else { continue };
-        for (level, found) in rows[at].levels.iter().enumerate() {
-            let Some(found) = found else { continue };
-            let key = (Some(level), rows[at].fixed_model.as_str(), rows[at].unit.as_str());
-            groups.entry(key).or_default().push((at, found.value, found.std_error));
-        }
+    }
+    for &at in latest {
+        let row = &rows[at];
+        let mut add = |what, model, of: &Option<Level>| {
+            let Some(of) = of else { return };
+            let values = groups.entry((what, model, row.unit.as_str())).or_default();
+            values.push((at, of.value, of.std_error));
+        };
+        let levels = row.levels.iter().enumerate();
+        levels.for_each(|(level, of)| add(Compared::Level(level), &row.fixed_model, of));
+        let levels = row.linear_levels.iter().enumerate().filter(|_| !has_linear_model(row));
+        levels.for_each(|(level, of)| add(Compared::LinearLevel(level), &row.fixed_model, of));
+        let parts = row.signed.iter().enumerate();
+        parts.for_each(|(part, of)| add(Compared::Signed(part), "", of));
     }
     // A size that its log does not determine has an infinite interval.
     groups.values_mut().for_each(|own| own.retain(|(_, value, error)| (value + error).is_finite()));
-    let tested = groups.values().filter(|own| own.len() >= MIN_COMPARED).count();
-    let mut all = Vec::new();
-    for ((level, ..), group) in groups {
-        let values: Vec<(f64, f64)> =
-            group.iter().map(|(_, value, error)| (*value, *error)).collect();
-        let found = distances(&values, FLEET_SIGNIFICANCE / tested as f64);
-        let each = group.into_iter().enumerate();
-        all.extend(each.map(|(at, (row, value, _))| Comparison {
-            row,
-            level,
-            value,
-            distance: found.get(at).copied(),
-        }));
-    }
-    all
+    groups
+}
+
+/// Returns true if the fixed model is the linear law.
+fn has_linear_model(row: &FleetRow) -> bool {
+    row.fixed_model.split('+').next() == Some("linear")
+}
+
+/// Share of the distance under the linear law that the fixed model must allow.
+const MIN_AGREEMENT: f64 = 0.5;
+
+/// Removes, of a level under both models, the comparison under the fixed model. The linear law is the more precise one. It lacks
+/// what happens at low speed, so a joint with another motion may have another level. Where the fixed model determines the level
+/// and excludes even a part of the distance, the joint does not differ.
+fn of_one_model(each: &mut BTreeMap<(usize, Compared), Comparison>) {
+    let fixed: BTreeMap<(usize, Compared), Option<Distance>> =
+        each.iter().map(|(key, of)| (*key, of.distance)).collect();
+    each.retain(|&(row, what), of| match what {
+        Compared::Level(level) => {
+            fixed.get(&(row, Compared::LinearLevel(level))).is_none_or(Option::is_none)
+        }
+        Compared::LinearLevel(level) => {
+            let own = fixed.get(&(row, Compared::Level(level))).copied().flatten();
+            if let (Some(distance), Some(own)) = (&mut of.distance, own) {
+                let least = MIN_AGREEMENT * distance.difference[0];
+                let [_, low, high] = own.difference;
+                distance.differs &= if least > 0.0 { high >= least } else { low <= least };
+            }
+            true
+        }
+        _ => true,
+    });
+}
+
+/// Returns a sentence for each level that the fixed model does not determine on some of the joints.
+fn models_in_words(
+    rows: &[FleetRow],
+    latest: &[usize],
+    each: &BTreeMap<(usize, Compared), Comparison>,
+) -> Vec<String> {
+    let in_words = |(level, name): (usize, &&str)| {
+        let open = latest.iter().filter(|at| rows[**at].levels[level].is_none()).count();
+        let is_linear = |at: &usize| {
+            let of = each.get(&(*at, Compared::LinearLevel(level)));
+            of.is_some_and(|of| of.distance.is_some())
+        };
+        let how = match latest.iter().any(is_linear) {
+            _ if open == 0 => return None,
+            true => "all are compared under the linear law",
+            false if open == latest.len() => return None,
+            false => "these are not compared",
+        };
+        let model = &rows[*latest.first()?].fixed_model;
+        let all = counted(latest.len(), "joint");
+        Some(format!("{name}: not determined by {model} on {open} of {all}, {how}"))
+    };
+    LEVELS.iter().enumerate().filter_map(in_words).collect()
+}
+
+/// Returns the values of a signed quantity with the names of their joints; `None` for another quantity, and of too few joints.
+fn signed<'a>(
+    rows: &'a [FleetRow],
+    (key, group): (&Group, &Vec<Value>),
+) -> Option<SignedValues<'a>> {
+    let is_signed = match key.0 {
+        Compared::Cause => SIGNED_CAUSES.contains(&key.1),
+        what => matches!(what, Compared::Signed(_)),
+    };
+    let named = |(row, value, error): &Value| (rows[*row].joint.as_str(), *value, *error);
+    (is_signed && group.len() >= MIN_COMPARED).then(|| group.iter().map(named).collect())
 }
 
 /// Returns the distance of each value with its standard error from the others; empty if there are too few.

@@ -5,7 +5,7 @@
 //! thousand rows of HTML stop a browser. The list of logs searches all rows and shows at most that many.
 
 use super::comparison::MIN_COMPARED;
-use super::joint::{JointSummary, attention_in_words, joints};
+use super::joint::{JointSummary, summarise};
 use super::statistics::{Limit, Trend, trends};
 use super::{Ageing, FleetRow, LEVELS};
 use crate::page::words::counted;
@@ -27,11 +27,11 @@ pub fn page(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Page {
     let subtitle =
         format!("{}, {}", counted(names.len(), "joint"), counted(campaigns.len(), "campaign"));
     let mut page = Page::new("Friction of a fleet", subtitle);
-    let (trends, (shared, joints)) = (trends(rows, limits), joints(rows, ageing, limits));
-    for line in attention_in_words(&shared, &joints).lines() {
+    let (trends, fleet) = (trends(rows, limits), summarise(rows, ageing, limits));
+    for line in fleet.in_words().lines() {
         page.push(Block::Paragraph(format!("{line}.")));
     }
-    page.push(Block::Records(joint_table(rows, &joints)));
+    page.push(Block::Records(joint_table(rows, &fleet.joints)));
     page.push(Block::heading("All logs"));
     page.push(Block::Find(finder(rows)));
     page.push(Block::heading("Causes"));

@@ -5,7 +5,7 @@
 //! temperature, motion, mounting. The test is two-sided, and its significance is divided by the number of tests in the
 //! fleet (Bonferroni), so that a thousand healthy joints do not give fifty trends.
 
-use super::{FleetRow, LEVELS};
+use super::{FleetRow, LEVELS, Level};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 
@@ -81,12 +81,15 @@ pub fn trends(rows: &[FleetRow], limits: &[Limit]) -> Vec<Trend> {
     let mut trends = Vec::new();
     for ((joint, ..), own) in &by_joint {
         for (level, name) in LEVELS.iter().enumerate() {
-            let mut points: Vec<(f64, f64)> = own
-                .iter()
-                .filter_map(|row| {
-                    Some((*times.get(row.campaign.as_str())?, row.levels[level]?.value))
-                })
-                .collect();
+            let points = |of: fn(&FleetRow) -> &[Option<Level>; LEVELS.len()]| -> Vec<(f64, f64)> {
+                let point = |row: &&FleetRow| {
+                    Some((*times.get(row.campaign.as_str())?, of(row)[level]?.value))
+                };
+                own.iter().filter_map(point).collect()
+            };
+            // A line joins values of one model: of the one that more campaigns determine.
+            let (fixed, linear) = (points(|row| &row.levels), points(|row| &row.linear_levels));
+            let mut points = if linear.len() > fixed.len() { linear } else { fixed };
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
             let limit = limits.iter().find(|limit| limit.level == *name);
             trends.extend(trend(joint, level, &points, unit, limit));
@@ -208,7 +211,6 @@ fn parse_day(name: &str) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Level;
     use super::*;
     use crate::noise::noise;
 

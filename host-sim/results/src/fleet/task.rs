@@ -5,14 +5,14 @@
 //! the files: a changed log or option is computed again.
 
 use super::statistics::Limit;
-use super::{Ageing, FleetJob, FleetRow, LEVELS, Level};
+use super::{Ageing, FleetJob, FleetRow, LEVELS, Level, SIGNED};
 use crate::table_file::TableFormat;
 use crate::{diagnosis, write_atomically};
-use compensator_core::ParameterId;
+use compensator_core::{LawKind, ParameterId};
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, file_sha256, prepare};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, State, identify};
+use friction_fit::{FitOptions, Outcome, State, identify};
 use joint_log::DataError;
 use joint_log::setting::Message;
 use joint_log::work::{self, Cancelled};
@@ -39,7 +39,7 @@ pub struct FleetOptions {
 impl FleetOptions {
     /// Creates options with the defaults of the command `fleet`.
     pub fn new(out: PathBuf) -> Self {
-        let fixed_model = Spec::law(compensator_core::LawKind::Lugre);
+        let fixed_model = Spec::law(LawKind::Lugre);
         let worded = |error: Error| error.marked();
         Self { prepare: PrepareOptions::default(), model: None, fixed_model, out, worded }
     }
@@ -160,7 +160,12 @@ fn one_joint(
     let found = diagnose(&input.data, &input.split, &question, &|_| work::checkpoint())?;
     let mut row = row(job, joint, &input, &found);
     row.fixed_model = options.fixed_model.to_string();
-    row.levels = levels(&input, &options.fixed_model)?;
+    let fit = fit(&input, &options.fixed_model)?;
+    row.levels = determined(&fit, LEVELS);
+    let linear = Spec { law: LawKind::Linear, ..options.fixed_model.clone() };
+    let linear = if linear == options.fixed_model { fit } else { self::fit(&input, &linear)? };
+    row.linear_levels = determined(&linear, LEVELS);
+    row.signed = determined(&linear, SIGNED);
     row.seconds = Some(begin.elapsed().as_secs_f64());
     row.report = format!("{folder}/report.html");
     let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
@@ -198,7 +203,7 @@ fn key(job: &FleetJob, options: &FleetOptions, read: &PrepareOptions) -> Result<
         job.files.iter().map(|file| file_sha256(file)).collect::<Result<_, _>>()?;
     let model = options.model.as_ref().map(ToString::to_string).unwrap_or_default();
     Ok(format!(
-        "{} | {model} | {} | {read:?} | {}",
+        "{} | {model} | {} and linear | {read:?} | {}",
         env!("CARGO_PKG_VERSION"),
         options.fixed_model,
         hashes.join(" ")
@@ -257,18 +262,22 @@ fn row(job: &FleetJob, joint: &str, input: &Prepared, found: &Diagnosis) -> Flee
     }
 }
 
-/// Fits the fixed model and returns its levels that the data determine.
-fn levels(input: &Prepared, model: &Spec) -> Result<[Option<Level>; LEVELS.len()], Error> {
+/// Fits a model of the levels, which is the same for all logs.
+fn fit(input: &Prepared, model: &Spec) -> Result<Outcome, Error> {
     let spec = model.clone().on(&input.rigid_body);
     let base = spec.parameters()?;
     let options = FitOptions { passive: true, ..FitOptions::default() };
-    let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)?;
-    Ok(LEVELS.map(|name| {
+    Ok(identify(&spec, &base, input.train_rows(), input.test_rows(), &options)?)
+}
+
+/// Returns the parameters of these names that the data determine.
+fn determined<const COUNT: usize>(fit: &Outcome, names: [&str; COUNT]) -> [Option<Level>; COUNT] {
+    names.map(|name| {
         let id = ParameterId::parse(name)?;
         let estimate = fit.estimates.iter().find(|estimate| estimate.id == id)?;
         let std_error = estimate.std_error.filter(|_| estimate.state == State::Determined)?;
         Some(Level { value: estimate.value, std_error })
-    }))
+    })
 }
 
 #[cfg(test)]

@@ -228,3 +228,28 @@ fn next_experiment_prints_a_command_that_writes_a_motion_within_the_log() {
         assert!((1.2..1.6).contains(&(speed / size)), "{next}: {speed}");
     }
 }
+
+#[test]
+fn next_experiment_names_the_rigid_body_that_lowers_the_held_out_error() {
+    let folder = Folder::new();
+    write(&folder, "arm.csv", CONTRACT, |[t, q, v, torque]| {
+        let acceleration = -0.81 * (0.9 * t).sin() - 0.69 * 2.3 * (2.3 * t).sin();
+        vec![t, q, v, torque + 2.4 * q.sin() + 0.3 * acceleration + 0.2]
+    });
+    let next = |found: &serde_json::Value| {
+        number(found, "/next_experiment").as_str().expect("a text").to_owned()
+    };
+    let said = next(&folder.json("diagnose arm.csv"));
+    let (_, option) = said.split_once("--rigid-body ").expect(&said);
+    let parts = option.split([':', ' ']).next().expect("parts");
+    assert_eq!(parts, "inertia,gravity,offset", "{said}");
+    let error = said.split_once(" to ").and_then(|(_, rest)| rest.split(' ').next());
+    let error: f64 = error.expect(&said).parse().expect(&said);
+    let typed = folder.json(&format!("diagnose arm.csv --model linear --rigid-body {parts}"));
+    let reached = number(&typed, "/baseline/test_rmse").as_f64().expect("a number");
+    assert!(error < 0.1 && reached < 1.3 * error, "{reached}: {said}");
+    assert!(!next(&typed).contains("--rigid-body"), "{}", next(&typed));
+    write(&folder, "joint.csv", CONTRACT, |row| row.to_vec());
+    let said = next(&folder.json("diagnose joint.csv"));
+    assert!(!said.contains("--rigid-body"), "a joint without gravity: {said}");
+}
