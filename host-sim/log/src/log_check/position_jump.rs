@@ -131,17 +131,24 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
     let rows = all.len();
     all.retain(|jump| {
         let run = &data.runs[jump.run];
-        jump.size > least && stays(run, positions[jump.run], jump)
+        jump.size > least && stays(run, positions[jump.run], jump, gain)
     });
     (!all.is_empty() && all.len() as f64 <= MAX_SHARE * rows as f64).then_some(all)
 }
 
-/// Returns true if the position stays where it jumped to: without the travel of the usual speed, the medians of the rows before
-/// and after are as far apart. A failed reading returns, and a late stamp is made up for.
-fn stays(run: &Run, position: &[f64], jump: &Jump) -> bool {
+/// Returns true if the position stays where it jumped to: without the travel of the velocity, or else of the speed beside it, the
+/// medians of the rows before and after are as far apart. A failed reading returns, and a late stamp is made up for.
+fn stays(run: &Run, position: &[f64], jump: &Jump, gain: Option<f64>) -> bool {
+    let travel = |from: usize, to: usize| match gain {
+        Some(gain) => gain * (from + 1..=to).map(|row| mean_travel(run, row)).sum::<f64>(),
+        None => jump.speed * (run.time_s[to] - run.time_s[from]),
+    };
+    let at = |row: usize| match row < jump.row {
+        true => position[row] + travel(row, jump.row),
+        false => position[row] - travel(jump.row, row),
+    };
     let (first, last) =
         (jump.row.saturating_sub(MEDIAN_ROWS), (jump.row + MEDIAN_ROWS).min(run.len()));
-    let at = |row: usize| position[row] - jump.speed * (run.time_s[row] - run.time_s[jump.row]);
     let median = |rows: Range<usize>| quantile(&mut rows.map(at).collect::<Vec<_>>(), 0.5);
     (median(jump.row..last) - median(first..jump.row)).abs() > MIN_STAYING_SHARE * jump.size
 }
