@@ -13,8 +13,6 @@ use std::path::PathBuf;
 
 use super::contract;
 use super::error::BadRows;
-use super::segment::segments;
-use super::velocity::differences;
 use compensator_core::quantity::{JointKind, Quantity};
 
 /// All data that were read and validated.
@@ -159,15 +157,6 @@ impl Run {
         let mut part = self.map_columns(cut);
         part.time_s = cut(&self.time_s);
         part
-    }
-
-    /// Derives the velocity from the position, piece by piece.
-    pub(crate) fn derive_velocity(&mut self) {
-        let Some(position) = self.get(Quantity::Position) else { return };
-        let pieces = segments(self).into_iter();
-        self.velocity = pieces
-            .flat_map(|rows| differences(&self.time_s[rows.clone()], &position[rows]))
-            .collect();
     }
 
     /// Applies `f` to every numeric column including time. `f` must treat all columns alike.

@@ -4,7 +4,20 @@
 //! motion ([`crate::motion`]) recognises it by its delay of half a row and uses the position instead. A smoother
 //! estimate would distort the reversals. No difference is taken over a gap.
 
-use super::segment::segments_of;
+use super::dataset::Run;
+use super::segment::{segments, segments_of};
+use compensator_core::quantity::Quantity;
+
+impl Run {
+    /// Derives the velocity from the position, piece by piece.
+    pub(crate) fn derive_velocity(&mut self) {
+        let Some(position) = self.get(Quantity::Position) else { return };
+        let pieces = segments(self).into_iter();
+        self.velocity = pieces
+            .flat_map(|rows| differences(&self.time_s[rows.clone()], &position[rows]))
+            .collect();
+    }
+}
 
 /// Returns the differences of a position from row to row in each segment. The first row gets the value of the second.
 /// The result is late by half a row.
