@@ -285,7 +285,7 @@ fn check_with_coarse_clock_or_gap_reports_time_jump() {
 }
 
 #[test]
-fn check_with_lost_rows_and_regular_clock_reports_time_jump() {
+fn check_with_lost_rows_and_regular_clock_reports_position_jump() {
     let spoil = |run: usize, columns: &mut Columns| {
         if run == 1 {
             // Somewhere in a fast swing, a twentieth of a second.
@@ -295,8 +295,8 @@ fn check_with_lost_rows_and_regular_clock_reports_time_jump() {
             columns[0].truncate(ROWS - 25);
         }
     };
-    let finding = only(&found(spoil), LogFindingKind::TimeJump, &[]);
-    assert_eq!(finding.columns, ["position_rad", "time_s"]);
+    let finding = only(&found(spoil), LogFindingKind::PositionJump, &[]);
+    assert_eq!(finding.columns, ["position_rad"]);
 }
 
 #[test]

@@ -77,7 +77,9 @@ fn set_forward(run: &mut Run, lost: &[(usize, usize)]) {
 fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
     let positions: Vec<&[f64]> =
         data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
-    if !data.runs.iter().all(counts_rows) {
+    let may_be_lost =
+        positions.iter().map(|position| long_steps(position)).sum::<usize>() >= MIN_LOST;
+    if !may_be_lost || !data.runs.iter().all(counts_rows) {
         return None;
     }
     let quantum = quantum(positions.iter().copied());
@@ -115,6 +117,16 @@ fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
         && clear as f64 >= MIN_LOST_SHARE * all as f64
         && whole as f64 >= MIN_WHOLE_SHARE * all as f64;
     is_lost.then_some(found)
+}
+
+/// Returns the number of rows that travel clearly farther than both rows beside them.
+fn long_steps(position: &[f64]) -> usize {
+    let travel = |pair: &[f64]| (pair[1] - pair[0]).abs();
+    let is_long = |rows: &&[f64]| {
+        let [before, own, after] = [&rows[..2], &rows[1..3], &rows[2..]].map(travel);
+        before.min(after) > 0.0 && own > 1.5 * before.max(after)
+    };
+    position.windows(4).filter(is_long).count()
 }
 
 /// Returns true if the clock of a run has even steps, as that of counted rows.

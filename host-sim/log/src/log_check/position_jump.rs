@@ -104,23 +104,24 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
         data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
     let is_derived = is_velocity_derived(data);
     let gain = if is_derived { None } else { velocity_gain(data, &positions) };
-    let (mut all, mut explained) = (Vec::new(), Vec::new());
+    let (mut all, mut explained, mut changes) = (Vec::new(), Vec::new(), Vec::new());
     for (index, (run, position)) in data.runs.iter().zip(&positions).enumerate() {
         for rows in segments(run) {
             let steps = steps(run, position, rows);
             for (at, step) in steps.iter().enumerate() {
-                let by_velocity = gain.map(|gain| gain * travel_of_velocity(run, step));
-                let speed = speed_beside(&steps, at);
-                let beside = speed * step.time_s;
-                // A joint that starts after a rest travels less than the speed beside it, which is no jump.
-                let off = |expected: f64| match step.travel * expected < 0.0 {
-                    true => step.travel.abs(),
-                    false => (step.travel.abs() - expected.abs()).max(0.0),
+                let expected = match gain {
+                    Some(gain) => gain * travel_of_velocity(run, step),
+                    None => speed_beside(&steps, at) * step.time_s,
                 };
-                let size = off(beside).min(by_velocity.map_or(f64::INFINITY, off));
-                explained.push(by_velocity.unwrap_or(beside).abs() / step.count() as f64);
-                all.push(Jump { run: index, row: step.row, size, speed });
+                explained.push(expected.abs() / step.count() as f64);
+                all.push(Jump {
+                    run: index,
+                    row: step.row,
+                    size: step.beyond(expected),
+                    speed: 0.0,
+                });
             }
+            changes.push(steps);
         }
     }
     let mut sizes: Vec<f64> = all.iter().map(|jump| jump.size).collect();
@@ -129,6 +130,15 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
         .max(MIN_DIFFERENCES * quantile(&mut sizes, 0.9))
         .max(MIN_QUANTA * quantum(positions.iter().copied()));
     let rows = all.len();
+    // The travel beside a row is needed for the few that differ from their velocity only.
+    let mut changes = changes.iter().flat_map(|steps| (0..steps.len()).map(move |at| (steps, at)));
+    for jump in &mut all {
+        let (steps, at) = changes.next()?;
+        if jump.size > least {
+            jump.speed = speed_beside(steps, at);
+            jump.size = jump.size.min(steps[at].beyond(jump.speed * steps[at].time_s));
+        }
+    }
     all.retain(|jump| {
         let run = &data.runs[jump.run];
         jump.size > least && stays(run, positions[jump.run], jump, gain)
@@ -165,6 +175,14 @@ impl Step {
     /// Returns the number of rows.
     pub fn count(&self) -> usize {
         self.row - self.from
+    }
+
+    /// Returns by how much the travel exceeds the expected one. A joint that starts after a rest travels less, which is no jump.
+    fn beyond(&self, expected: f64) -> f64 {
+        match self.travel * expected < 0.0 {
+            true => self.travel.abs(),
+            false => (self.travel.abs() - expected.abs()).max(0.0),
+        }
     }
 }
 

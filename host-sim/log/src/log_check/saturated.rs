@@ -27,8 +27,9 @@ const MIN_SHARE: f64 = 1e-3;
 const MAX_REPEAT_SHARE: f64 = 0.1;
 const MAX_STRAIGHT_SHARE: f64 = 0.5;
 
-/// Minimum last step before the end, as a share of the median step, and the share of the stretches that have it.
-const MIN_ARRIVAL: f64 = 0.5;
+/// Minimum last step before the end, as a share of the median step, and the share of the stretches that have it. The end cuts the
+/// step off.
+const MIN_ARRIVAL: f64 = 0.1;
 const MIN_ARRIVING_SHARE: f64 = 0.5;
 
 /// Minimum speed of the position beside a clipped velocity, relative to it.
