@@ -223,6 +223,12 @@ impl<'a> Naming<'a> {
         let position =
             joints.pattern("position_rad").map(|theirs| format!("position_rad={theirs}"));
         pairs.extend(position.filter(|pair| !pairs.contains(pair)));
+        // The current of a linear motor makes a force.
+        if pairs.iter().any(|pair| LINEAR.iter().any(|linear| pair.starts_with(linear))) {
+            let torque =
+                pairs.iter_mut().filter(|pair| pair.ends_with(":A") || pair.ends_with(":mA"));
+            torque.for_each(|pair| *pair = pair.replacen("torque_nm=", "force_n=", 1));
+        }
         let names = names.join(" and ");
         let hint = torque_hint(&pairs, &free);
         let pairs = Setting::Columns.suggested(pairs.join(",")) + &hint;
@@ -242,13 +248,18 @@ impl<'a> Naming<'a> {
     }
 }
 
+/// How the pairs of a linear motion begin.
+const LINEAR: [&str; 2] = ["velocity_m_s=", "position_m="];
+
 /// Returns what gives the torque, as the end of what an error expects: of a current the torque constant, and beside a target
 /// the gains of the servo.
 fn torque_hint(pairs: &[String], free: &[&str]) -> String {
     let is_target = |pair: &&String| TARGETS.iter().any(|(name, _)| pair.starts_with(name));
     let Some(torque) = pairs.iter().find(is_target) else { return String::new() };
     if torque.ends_with(":A") || torque.ends_with(":mA") {
-        let constant = Setting::TorqueConstant.suggested(torque_constant::EXAMPLE);
+        let example =
+            if torque.starts_with("force_n") { "40N/A" } else { torque_constant::EXAMPLE };
+        let constant = Setting::TorqueConstant.suggested(example);
         return format!(" with the motor's torque constant, {constant}");
     }
     match free.iter().find(|name| guess::is_position_target(name)) {

@@ -86,7 +86,11 @@ fn rows_at_stop(data: &Dataset) -> Option<(Vec<BTreeSet<usize>>, f64)> {
             let is_push = same[0] != 0 && same.len() >= MIN_CONSECUTIVE_ROWS;
             if is_push && push > MIN_TORQUE_RATIO * usual {
                 largest = largest.max(push);
-                rows.extend(stretch);
+                // The stop yields while the joint arrives and leaves.
+                let end = if same[0] < 0 { least } else { most };
+                let is_near = |row: &usize| (position[*row] - end).abs() <= reach;
+                rows.extend((0..stretch.start).rev().take_while(is_near));
+                rows.extend((stretch.start..run.len()).take_while(is_near));
             }
         }
         found.push(rows);

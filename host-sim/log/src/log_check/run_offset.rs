@@ -21,17 +21,12 @@ const MIN_SPREAD_ERRORS: f64 = 5.0;
 /// Parts of a run whose offsets show their error.
 const PARTS: usize = 4;
 
-/// Finds an offset that differs from run to run, and subtracts its difference from the mean if `correct` is true.
+/// Finds an offset that differs from run to run, and subtracts it if `correct` is true.
 pub fn run_offset(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let Some(offsets) = offsets(&data) else { return (data, Vec::new()) };
-    let mean = offsets.iter().sum::<f64>() / offsets.len() as f64;
     let [least, most] = extent(offsets.iter().copied());
     let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
-    let done = if correct {
-        format!("Each run's difference from their mean, {} {unit}, is subtracted", figure(mean))
-    } else {
-        "Nothing is changed".to_owned()
-    };
+    let done = if correct { "It is subtracted" } else { "Nothing is changed" };
     let finding = LogFinding {
         kind: LogFindingKind::OffsetPerRun,
         columns: vec![name.into()],
@@ -47,7 +42,7 @@ pub fn run_offset(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>
     };
     if correct {
         for (run, offset) in data.runs.iter_mut().zip(&offsets) {
-            run.torque.iter_mut().for_each(|torque| *torque -= offset - mean);
+            run.torque.iter_mut().for_each(|torque| *torque -= offset);
         }
     }
     (data, vec![finding])

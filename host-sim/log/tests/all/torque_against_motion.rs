@@ -298,7 +298,7 @@ fn check_with_end_stop_leaves_rows_out() {
 }
 
 #[test]
-fn check_with_offset_for_each_run_subtracts_differences() {
+fn check_with_offset_for_each_run_subtracts_it() {
     found_in_most(Kind::OffsetPerRun, |joint| {
         let run = |_| {
             let (offset, mut rows) = (joint.coulomb * joint.normal(), joint.rows(15.0));
