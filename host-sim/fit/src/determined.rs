@@ -86,13 +86,11 @@ impl Shown {
                 value.abs() + INTERVAL * error <= self.torque
                     && parameters.get(Id::StribeckVelocity) >= self.speeds[0]
             }
-            Id::CoulombTorque | Id::CoulombTorqueNegative => {
-                value.abs() + INTERVAL * error <= self.torque && self.shows_sliding(parameters)
-            }
-            Id::ViscousFriction => self.shows_sliding(parameters),
-            Id::TorqueOffset | Id::GravitySine | Id::GravityCosine => {
-                value.abs() + INTERVAL * error <= self.torque
-            }
+            Id::CoulombTorque
+            | Id::CoulombTorqueNegative
+            | Id::TorqueOffset
+            | Id::GravitySine
+            | Id::GravityCosine => value.abs() + INTERVAL * error <= self.torque,
             Id::StribeckVelocity => {
                 inside(self.speeds, value) && value + INTERVAL * error <= self.speeds[1]
             }
@@ -217,6 +215,11 @@ impl<'a> Evidence<'a> {
         }
         if !self.shown.contains(id, error, self.parameters) {
             return Some(Reason::BeyondLog);
+        }
+        let is_of_sliding =
+            matches!(id, Id::CoulombTorque | Id::CoulombTorqueNegative | Id::ViscousFriction);
+        if is_of_sliding && !self.shown.shows_sliding(self.parameters) {
+            return Some(Reason::InsideCurve);
         }
         if let Some(other) = self.cancelled_by(index) {
             return Some(Reason::Cancels(other));

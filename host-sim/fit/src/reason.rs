@@ -20,6 +20,8 @@ pub enum Reason {
     PartnerAtBound(Id),
     /// Its interval exceeds what the log can show.
     BeyondLog,
+    /// The log is too slow to show the law beyond its Stribeck curve.
+    InsideCurve,
     /// Its part of the torque and that of this parameter cancel.
     Cancels(Id),
     /// Both halves of the log give different values.
@@ -43,6 +45,9 @@ impl Reason {
                 format!(": {}, which compensates it, is at its bound", id.name())
             }
             Self::BeyondLog => ": its interval exceeds what the log can show".to_owned(),
+            Self::InsideCurve => {
+                ": the log is too slow to show the law beyond its Stribeck curve".to_owned()
+            }
             Self::Cancels(id) => {
                 format!(": it cancels {}, and both exceed the logged torque", id.name())
             }
