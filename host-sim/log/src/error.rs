@@ -198,8 +198,34 @@ impl std::error::Error for DataError {
     }
 }
 
+impl BadRows {
+    /// Counts a row.
+    pub(super) fn add(&mut self, cell: impl FnOnce() -> BadCell) {
+        self.count += 1;
+        if self.first.len() < NAMED_BAD_ROWS {
+            self.first.push(cell());
+        }
+    }
+
+    /// Keeps the first rows in file order, with one cell each.
+    pub(super) fn sort(&mut self) {
+        self.first.sort_by_key(|cell| cell.row);
+        self.first.dedup_by_key(|cell| cell.row);
+        self.first.truncate(NAMED_BAD_ROWS);
+    }
+
+    /// Returns an error if too many of `rows` rows are bad. `lines` is the number of bad lines that are no rows.
+    pub(super) fn check(&self, lines: usize, rows: usize, max_share: f64) -> Result<(), DataError> {
+        let bad = self.count - lines;
+        let Some(first) = self.first.first().filter(|_| is_too_bad(bad, rows, max_share)) else {
+            return Ok(());
+        };
+        Err(DataError::TooManyBad { first: Box::new(first.clone()), bad, rows, max_share })
+    }
+}
+
 /// Returns true if too many rows are bad.
-pub(super) fn is_too_bad(bad: usize, rows: usize, max_share: f64) -> bool {
+fn is_too_bad(bad: usize, rows: usize, max_share: f64) -> bool {
     // A limit of 29 % allows 29 of 100 rows, though 0.29 times 100 is rounded to less.
     bad as f64 > max_share * rows as f64 * (1.0 + 1e-9)
 }
