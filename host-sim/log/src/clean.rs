@@ -23,7 +23,7 @@ use super::header::{Layout, OptionalColumn};
 use super::log_table::LogTable;
 use super::plan::Reading;
 use super::split::are_equal;
-use super::table::Row;
+use super::table::{Cells, Row};
 use super::work::checkpoint_at;
 use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
@@ -172,10 +172,10 @@ pub(super) struct Cleaner<'a> {
     /// Number of rows that `--where` excludes.
     pub(super) unselected_rows: usize,
     pub(super) rows: usize,
-    /// Rows that are left out, except those that the format left out until the end.
+    /// Number of rows for which a new run has room.
+    expected_rows: usize,
+    /// Rows that are left out, until the end without those that the format left out.
     pub(super) bad: BadRows,
-    /// Lines among the bad rows that are no rows of the table.
-    pub(super) bad_lines: usize,
 }
 
 /// Validates the rows of a table, and evaluates it at its end.
@@ -183,26 +183,26 @@ pub(super) struct Cleaner<'a> {
 /// # Errors
 /// If the file holds more than [`MAX_RUNS`] runs, and as [`Cleaner::finish`].
 pub(super) fn clean(table: LogTable) -> Result<FileData, DataError> {
-    let LogTable { file, plan, columns, lines, bad, bad_rows, left_out, notes, hint } = table;
+    let LogTable { file, plan, columns, lines, bad, bad_lines, left_out, notes, hint } = table;
     let Reading::Data(layout) = plan.reading else { return Ok(FileData::default()) };
     let mut cleaner = Cleaner::new(&file, *layout);
-    cleaner.rows = bad_rows;
-    cleaner.bad_lines = bad.count - bad_rows;
+    cleaner.rows = bad.count;
     let read = || {
+        let cells: Vec<&Cells> = columns.iter().map(Cow::as_ref).collect();
+        cleaner.expected_rows = if cleaner.layout.run.is_none() { lines.len() } else { 0 };
         for (row, line) in lines.into_iter().enumerate() {
             checkpoint_at(row);
-            cleaner.add_row(line, &Row { columns: &columns, row })?;
+            cleaner.add_row(line, &Row { columns: &cells, row })?;
         }
         drop(columns);
-        cleaner.bad.count += bad.count;
-        cleaner.bad.first.extend(bad.first);
-        cleaner.bad.sort();
+        cleaner.bad.extend(bad);
         cleaner.finish()
     };
     let mut data = read().map_err(|error| match hint {
         Some(hint) => error.with_hint(&hint),
         None => error,
     })?;
+    data.bad.extend(bad_lines);
     data.left_out.extend(left_out);
     data.notes.extend(notes);
     Ok(data)
@@ -227,8 +227,8 @@ impl<'a> Cleaner<'a> {
             selection_texts: texts(layout.only.len()),
             unselected_rows: 0,
             rows: 0,
+            expected_rows: 0,
             bad: BadRows::default(),
-            bad_lines: 0,
             layout,
         }
     }
@@ -365,6 +365,8 @@ impl<'a> Cleaner<'a> {
                 }
                 name
             }
+            // A comparison of two empty names would take a third of the time of a row.
+            None if !self.runs.is_empty() => return Ok(Some(0)),
             None => Cow::Borrowed(&[][..]),
         };
         if self.runs.get(self.current).is_some_and(|run| *run.name == *name) {
@@ -388,10 +390,10 @@ impl<'a> Cleaner<'a> {
         self.by_name.insert(name.as_ref().into(), self.current);
         self.runs.push(OpenRun {
             name: name.as_ref().into(),
-            required: Default::default(),
+            required: std::array::from_fn(|_| Vec::with_capacity(self.expected_rows)),
             optional: std::iter::repeat_with(OptionalValues::default).take(columns).collect(),
             labels: std::iter::repeat_with(RunLabel::default).take(columns).collect(),
-            row_numbers: Vec::new(),
+            row_numbers: Vec::with_capacity(self.expected_rows),
             accepted: 0,
         });
         Ok(Some(self.current))

@@ -426,7 +426,7 @@ impl Cleaner<'_> {
     /// Returns an error if the file has too many bad rows.
     fn check_bad_share(&mut self) -> Result<(), DataError> {
         self.bad.sort();
-        self.bad.check(self.bad_lines, self.rows, self.layout.max_bad_share)
+        self.bad.check(self.rows, self.layout.max_bad_share)
     }
 }
 

@@ -207,6 +207,13 @@ impl BadRows {
         }
     }
 
+    /// Adds other rows of the file.
+    pub(super) fn extend(&mut self, others: Self) {
+        self.count += others.count;
+        self.first.extend(others.first);
+        self.sort();
+    }
+
     /// Keeps the first rows in file order, with one cell each.
     pub(super) fn sort(&mut self) {
         self.first.sort_by_key(|cell| cell.row);
@@ -214,9 +221,9 @@ impl BadRows {
         self.first.truncate(NAMED_BAD_ROWS);
     }
 
-    /// Returns an error if too many of `rows` rows are bad. `lines` is the number of bad lines that are no rows.
-    pub(super) fn check(&self, lines: usize, rows: usize, max_share: f64) -> Result<(), DataError> {
-        let bad = self.count - lines;
+    /// Returns an error if too many of `rows` rows are bad.
+    pub(super) fn check(&self, rows: usize, max_share: f64) -> Result<(), DataError> {
+        let bad = self.count;
         let Some(first) = self.first.first().filter(|_| is_too_bad(bad, rows, max_share)) else {
             return Ok(());
         };

@@ -17,10 +17,10 @@ pub(super) struct LogTable<'a> {
     pub columns: Vec<Cow<'a, Cells>>,
     /// The number of each row, as defined by [`BadCell::row`].
     pub lines: Vec<u64>,
-    /// Rows and lines that are left out.
+    /// Rows that are left out.
     pub bad: BadRows,
-    /// Number of these that are rows of the table.
-    pub bad_rows: usize,
+    /// Lines that are left out and are no rows of the table.
+    pub bad_lines: BadRows,
     pub left_out: Vec<LeftOutColumn>,
     pub notes: Vec<String>,
     /// What to do about an error of this log.
@@ -36,10 +36,11 @@ impl<'a> LogTable<'a> {
     ) -> Self {
         let columns: Vec<Cow<Cells>> = columns.into_iter().map(Into::into).collect();
         let rows = columns.iter().map(|cells| cells.len()).max().unwrap_or_default();
-        let (lines, bad) = ((2..).take(rows).collect(), BadRows::default());
+        let lines = (2..).take(rows).collect();
+        let (bad, bad_lines) = (BadRows::default(), BadRows::default());
         let (left_out, notes) = (Vec::new(), Vec::new());
         let file = request.path.into();
-        Self { file, plan, columns, lines, bad, bad_rows: 0, left_out, notes, hint: None }
+        Self { file, plan, columns, lines, bad, bad_lines, left_out, notes, hint: None }
     }
 
     /// Creates a table of named columns.
@@ -76,13 +77,14 @@ impl<'a> LogTable<'a> {
     pub fn widen(self, request: Request) -> Result<Self, DataError> {
         let Reading::Long(long) = &self.plan.reading else { return Ok(self) };
         let long = long.clone();
-        let (bad, mut notes) = (self.bad.clone(), self.notes.clone());
-        bad.check(0, self.lines.len() + self.bad_rows, request.options.max_bad_share)?;
+        let (bad_lines, mut notes) = (self.bad.clone(), self.notes.clone());
+        let rows = self.lines.len() + bad_lines.count;
+        bad_lines.check(rows, request.options.max_bad_share)?;
         let (table, lines) = self.into_table();
         let request = Request { is_wide: true, ..request };
         let Some(wide) = long.widen(&table) else {
             let table = Self::of_table(&request, table.columns)?;
-            return Ok(Self { lines, bad, notes, ..table });
+            return Ok(Self { lines, bad_lines, notes, ..table });
         };
         let [name, value] = wide.columns.map(|at| table.columns[at].0.as_str());
         let note = format!(
@@ -93,7 +95,7 @@ impl<'a> LogTable<'a> {
         let wide = Self::of_table(&Request { options, ..request }, wide.table.columns);
         let wide = wide.map_err(|error| error.with_hint(&note))?;
         notes.insert(0, format!("{}: {note}", table.name));
-        Ok(Self { lines, bad, notes, hint: Some(note), ..wide })
+        Ok(Self { lines, bad_lines, notes, hint: Some(note), ..wide })
     }
 
     /// Returns the named columns. A first row of words without a number holds units, which are added to the names.
@@ -144,7 +146,6 @@ pub(super) struct TableRows {
     lines: Vec<u64>,
     file: PathBuf,
     pub bad: BadRows,
-    bad_rows: usize,
 }
 
 impl TableRows {
@@ -153,7 +154,7 @@ impl TableRows {
         let needed = needed.filter(|(_, need)| *need != Need::Skip);
         let columns = needed.map(|(at, need)| (at, need, MixedCells::default())).collect();
         let (file, bad) = (file.into(), BadRows::default());
-        Self { plan, columns, lines: Vec::new(), file, bad, bad_rows: 0 }
+        Self { plan, columns, lines: Vec::new(), file, bad }
     }
 
     /// Returns true if no more rows are needed.
@@ -180,7 +181,6 @@ impl TableRows {
 
     /// Leaves a row out and counts it. `column` is `None` if no single cell is the cause.
     pub fn reject_row(&mut self, row: u64, column: Option<usize>, found: String, expected: &str) {
-        self.bad_rows += 1;
         self.bad.add(|| {
             let column = column.map_or("(all)", |at| &*self.plan.names.names[at]).into();
             let (file, expected) = (self.file.clone(), expected.into());
@@ -199,7 +199,7 @@ impl TableRows {
             columns,
             lines: self.lines,
             bad: self.bad,
-            bad_rows: self.bad_rows,
+            bad_lines: BadRows::default(),
             left_out: Vec::new(),
             notes: Vec::new(),
             hint: None,

@@ -132,7 +132,7 @@ impl Plan {
     fn new(names: ColumnNames, reading: Reading) -> Self {
         let all = match reading {
             Reading::Data(_) => Need::Skip,
-            Reading::Survey => Need::Numbers,
+            Reading::Survey => Need::Both,
             Reading::Long(_) | Reading::Cells => Need::Words,
         };
         let mut needs = vec![all; names.names.len()];

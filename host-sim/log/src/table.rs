@@ -133,7 +133,7 @@ pub struct Table {
 /// One row of columns.
 #[derive(Clone, Copy)]
 pub(super) struct Row<'a> {
-    pub columns: &'a [Cow<'a, Cells>],
+    pub columns: &'a [&'a Cells],
     pub row: usize,
 }
 
@@ -154,6 +154,7 @@ impl<'a> Row<'a> {
 #[cfg(test)]
 pub(super) fn each_text_row<T>(rows: &[&[&str]], mut read: impl FnMut(&Row) -> T) -> Vec<T> {
     let cells = |at: usize| Cells::Texts(rows.iter().map(|row| row[at].to_owned()).collect());
-    let columns: Vec<Cow<Cells>> = (0..rows[0].len()).map(|at| Cow::Owned(cells(at))).collect();
+    let columns: Vec<Cells> = (0..rows[0].len()).map(cells).collect();
+    let columns: Vec<&Cells> = columns.iter().collect();
     (0..rows.len()).map(|row| Row { columns: &columns, row }).map(|row| read(&row)).collect()
 }

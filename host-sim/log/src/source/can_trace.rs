@@ -169,7 +169,7 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     )?;
     let mut table = table.finish();
     add_notes(path, &overview, &mut table);
-    table.bad = overview.bad;
+    table.bad_lines = overview.bad;
     Ok(table)
 }
 
@@ -224,7 +224,7 @@ fn scan(
         origin_ns.get_or_insert(sample.time_ns);
         Ok(())
     })?;
-    bad.check(0, summary.frames as usize + bad.count, max_share)?;
+    bad.check(summary.frames as usize + bad.count, max_share)?;
     let wrong = |found: String, expected: &str| {
         Err(DataError::File { file: path.into(), found, expected: expected.into() })
     };

@@ -24,6 +24,9 @@ pub(super) struct Group {
 /// Stamps of at least this size are FILETIME: 100 ns since 1601. It is the year 1918.
 const MIN_FILETIME: f64 = 1e17;
 
+/// Limit of a stamp: FILETIME has 64 bits.
+const MAX_STAMP: f64 = 9e18;
+
 /// 1970 in FILETIME.
 const FILETIME_OF_1970: i128 = 116_444_736_000_000_000;
 
@@ -154,7 +157,8 @@ impl ChannelClocks {
             // A slower channel has fewer samples.
             return Ok(());
         }
-        let stamp = number(cell(time)).ok_or_else(|| (0, quoted(cell(time)), FINITE.to_owned()))?;
+        let stamp = number(cell(time)).filter(|stamp| stamp.abs() < MAX_STAMP);
+        let stamp = stamp.ok_or_else(|| (0, quoted(cell(time)), FINITE.to_owned()))?;
         let time = self.time(cell(time), stamp);
         let last = self.samples[at].time.last().copied();
         if let Some(last) = last.filter(|last| time < *last) {

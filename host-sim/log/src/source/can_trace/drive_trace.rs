@@ -88,7 +88,7 @@ impl DriveTrace {
             }
             Ok(())
         })?;
-        bad.check(0, frames + bad.count, max_bad_share)?;
+        bad.check(frames + bad.count, max_bad_share)?;
         let nodes: Vec<u8> =
             counts.iter().filter(|(_, of)| of.is_complete()).map(|(node, _)| *node).collect();
         readings.retain(|of| {
@@ -121,7 +121,7 @@ impl DriveTrace {
             let text = |at| number(at).map(|value| value.to_string()).unwrap_or_default();
             table.add_row(*line, number, |at| text(at).into_bytes().into());
         }
-        Ok(LogTable { bad: self.bad, ..table.finish() })
+        Ok(LogTable { bad_lines: self.bad, ..table.finish() })
     }
 
     fn columns(&self) -> Vec<DriveColumn> {
