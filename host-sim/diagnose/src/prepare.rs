@@ -326,6 +326,7 @@ pub fn table_sha256(table: &Table) -> String {
                     bytes.extend(cells[row].unwrap_or_default().to_le_bytes());
                 }
                 Cells::Texts(cells) => text(&cells[row], &mut bytes),
+                Cells::Mixed(_) => text(&cells.text_of(row), &mut bytes),
                 Cells::Unreadable { .. } => {}
             }
             // Hashed in pieces, which is faster than cell by cell.

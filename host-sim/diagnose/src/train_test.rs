@@ -254,6 +254,14 @@ impl TrainTest {
         log
     }
 
+    /// Returns the log with the rows in motion only. At rest, the direction of the velocity is noise, and a law of the direction
+    /// alone errs.
+    #[must_use]
+    pub fn of_motion(&self) -> Self {
+        let slowest = REST * Scales::of(&self.train_tracks).speed;
+        self.clone().excluding(slowest)
+    }
+
     fn excluding(mut self, slowest: f64) -> Self {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
             let moves: Vec<bool> =

@@ -3,7 +3,7 @@
 //! A cell usually holds one number. It may be in another unit ([`Conversion`]), or hold a list, as ROS writes arrays
 //! into CSV (`[0.1 0.2]`, `"[0.1, 0.2]"`, `array('d', [0.1, 0.2])`). `velocity[1]` selects one element of a list.
 
-use super::row::LogRow;
+use super::table::Row;
 use super::unit::Conversion;
 
 /// Reads the numbers of one column.
@@ -25,7 +25,7 @@ impl CellReader {
 
     /// Returns the number as in the file.
     #[inline]
-    pub fn raw(&self, row: &impl LogRow) -> Option<f64> {
+    pub fn raw(&self, row: &Row) -> Option<f64> {
         match self.element {
             None => row.number(self.index),
             Some(element) => element_of(&row.text(self.index), element),
@@ -34,7 +34,7 @@ impl CellReader {
 
     /// Returns the number in the contract's unit.
     #[inline]
-    pub fn value(&self, row: &impl LogRow) -> Option<f64> {
+    pub fn value(&self, row: &Row) -> Option<f64> {
         let raw = self.raw(row)?;
         Some(self.conversion.map_or(raw, |conversion| conversion.apply(raw)))
     }

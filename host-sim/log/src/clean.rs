@@ -1,6 +1,6 @@
 //! Row-by-row validation of a log.
 //!
-//! Every file format passes its rows to one [`Cleaner`], so that a log means the same in each format. A row needs a
+//! Every file format is read to one kind of table, so that a log means the same in each format. A row needs a
 //! run name, a finite time, a velocity and a torque. Its time must not be before that of the last accepted row of the
 //! same run. Other rows are left out and counted, and the first few are reported. Time stamps may *repeat*: a logger
 //! that is faster than its clock writes such rows, and all of them are measurements. Runs may be interleaved row by
@@ -16,15 +16,15 @@ use std::path::Path;
 
 use super::cell::is_list;
 use super::clock::{self, Clock};
-use super::collect::CollectedCells;
 use super::columns::{ColumnTally, FINITE, OptionalValues, RunLabel, is_missing_value};
 use super::dataset::{LeftOutColumn, SourceColumn};
-use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
+use super::error::{BadCell, BadRows, DataError, listed, quoted};
 use super::header::{Layout, OptionalColumn};
-use super::row::LogRow;
+use super::log_table::LogTable;
+use super::plan::Reading;
 use super::split::are_equal;
-use super::survey::{ColumnSamples, Survey};
-use super::table::Table;
+use super::table::{Cells, Row};
+use super::work::checkpoint_at;
 use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
 
@@ -83,10 +83,6 @@ pub(super) struct FileData {
     pub has_runs: bool,
     pub rows: usize,
     pub bad: BadRows,
-    /// The columns, if they are only described.
-    pub survey: Survey,
-    /// The cells, if they are only collected.
-    pub table: Option<Table>,
 }
 
 /// One run of a file.
@@ -176,15 +172,44 @@ pub(super) struct Cleaner<'a> {
     /// Number of rows that `--where` excludes.
     pub(super) unselected_rows: usize,
     pub(super) rows: usize,
+    /// Number of rows for which a new run has room.
+    expected_rows: usize,
+    /// Rows that are left out, until the end without those that the format left out.
     pub(super) bad: BadRows,
-    /// Sample values, if the columns are only described.
-    pub(super) samples: ColumnSamples,
-    /// All cells, if they are only collected.
-    pub(super) collected: CollectedCells,
+}
+
+/// Validates the rows of a table, and evaluates it at its end.
+///
+/// # Errors
+/// If the file holds more than [`MAX_RUNS`] runs, and as [`Cleaner::finish`].
+pub(super) fn clean(table: LogTable) -> Result<FileData, DataError> {
+    let LogTable { file, plan, columns, lines, bad, bad_lines, left_out, notes, hint } = table;
+    let Reading::Data(layout) = plan.reading else { return Ok(FileData::default()) };
+    let mut cleaner = Cleaner::new(&file, *layout);
+    cleaner.rows = bad.count;
+    let read = || {
+        let cells: Vec<&Cells> = columns.iter().map(Cow::as_ref).collect();
+        cleaner.expected_rows = if cleaner.layout.run.is_none() { lines.len() } else { 0 };
+        for (row, line) in lines.into_iter().enumerate() {
+            checkpoint_at(row);
+            cleaner.add_row(line, &Row { columns: &cells, row })?;
+        }
+        drop(columns);
+        cleaner.bad.extend(bad);
+        cleaner.finish()
+    };
+    let mut data = read().map_err(|error| match hint {
+        Some(hint) => error.with_hint(&hint),
+        None => error,
+    })?;
+    data.bad.extend(bad_lines);
+    data.left_out.extend(left_out);
+    data.notes.extend(notes);
+    Ok(data)
 }
 
 impl<'a> Cleaner<'a> {
-    pub fn new(file: &'a Path, layout: Layout) -> Self {
+    fn new(file: &'a Path, layout: Layout) -> Self {
         let tallies = layout.optional.iter().map(|_| ColumnTally::default()).collect();
         let texts = |count| std::iter::repeat_with(DistinctTexts::default).take(count).collect();
         Cleaner {
@@ -202,9 +227,8 @@ impl<'a> Cleaner<'a> {
             selection_texts: texts(layout.only.len()),
             unselected_rows: 0,
             rows: 0,
+            expected_rows: 0,
             bad: BadRows::default(),
-            samples: ColumnSamples::default(),
-            collected: CollectedCells::default(),
             layout,
         }
     }
@@ -213,20 +237,7 @@ impl<'a> Cleaner<'a> {
     ///
     /// # Errors
     /// If the file holds more than [`MAX_RUNS`] runs.
-    pub fn add_row(&mut self, number: u64, row: &impl LogRow) -> Result<(), DataError> {
-        if self.layout.is_survey {
-            self.samples.add_row(&self.layout.names, row);
-            return Ok(());
-        }
-        if self.layout.collects {
-            // A long table of several series may have the header of each.
-            let mut names = self.layout.names.iter().enumerate();
-            if self.layout.long.is_some() && names.all(|(at, of)| *row.text(at) == *of.as_bytes()) {
-                return Ok(());
-            }
-            self.collected.add_row(number, self.layout.names.len(), row);
-            return Ok(());
-        }
+    fn add_row(&mut self, number: u64, row: &Row) -> Result<(), DataError> {
         if !self.is_selected(row) {
             self.unselected_rows += 1;
             // Rows of another joint are at the same instants, all others at their own.
@@ -305,7 +316,7 @@ impl<'a> Cleaner<'a> {
     }
 
     /// Returns true if `--where` selects the row.
-    fn is_selected(&mut self, row: &impl LogRow) -> bool {
+    fn is_selected(&mut self, row: &Row) -> bool {
         let mut is_selected = true;
         for (only, texts) in self.layout.only.iter().zip(&mut self.selection_texts) {
             let text = row.text(only.index);
@@ -317,7 +328,7 @@ impl<'a> Cleaner<'a> {
     }
 
     /// Leaves a row out because of a required cell: 0 time, 1 velocity, 2 torque.
-    fn reject_cell(&mut self, number: u64, row: &impl LogRow, at: usize, error: &'static str) {
+    fn reject_cell(&mut self, number: u64, row: &Row, at: usize, error: &'static str) {
         let column = self.layout.required[at].index;
         let text = row.text(column);
         let date = if at == 0 { self.time_error(row, &text) } else { None };
@@ -326,7 +337,7 @@ impl<'a> Cleaner<'a> {
     }
 
     /// Returns what is expected instead of a date that cannot be read: that of the time column, or that beside it.
-    fn time_error(&self, row: &impl LogRow, text: &[u8]) -> Option<&'static str> {
+    fn time_error(&self, row: &Row, text: &[u8]) -> Option<&'static str> {
         let order = self.clock.date_order();
         self.clock
             .step_error(row)
@@ -336,35 +347,15 @@ impl<'a> Cleaner<'a> {
 
     /// Leaves a row out and counts it. `column` is `None` if no single cell is the cause.
     pub fn reject_row(&mut self, row: u64, column: Option<usize>, found: String, expected: &str) {
-        self.bad.count += 1;
-        if self.bad.first.len() < NAMED_BAD_ROWS {
+        self.bad.add(|| {
             let column = column.map_or("(all)", |at| self.layout.names[at].as_str()).into();
             let (file, expected) = (self.file.into(), expected.into());
-            self.bad.first.push(BadCell { file, row, column, found, expected });
-        }
-    }
-
-    /// Leaves a row out that is not passed to [`Self::add_row`], and counts it.
-    pub fn reject_sample(
-        &mut self,
-        row: u64,
-        column: Option<usize>,
-        found: String,
-        expected: &str,
-    ) {
-        self.rows += 1;
-        self.reject_row(row, column, found, expected);
-    }
-
-    /// Leaves a row out because it has too few or too many cells.
-    pub fn reject_ragged_row(&mut self, row: u64, found: String) {
-        self.rows += 1;
-        let expected = format!("{} cells as in the header", self.layout.names.len());
-        self.reject_row(row, None, found, &expected);
+            BadCell { file, row, column, found, expected }
+        });
     }
 
     /// Returns the index of the row's run, which it adds if it is new. Returns `None` if the row has no run name.
-    fn run_index(&mut self, number: u64, row: &impl LogRow) -> Result<Option<usize>, DataError> {
+    fn run_index(&mut self, number: u64, row: &Row) -> Result<Option<usize>, DataError> {
         let name = match self.layout.run {
             Some(column) => {
                 let name = row.text(column);
@@ -374,6 +365,8 @@ impl<'a> Cleaner<'a> {
                 }
                 name
             }
+            // A comparison of two empty names would take a third of the time of a row.
+            None if !self.runs.is_empty() => return Ok(Some(0)),
             None => Cow::Borrowed(&[][..]),
         };
         if self.runs.get(self.current).is_some_and(|run| *run.name == *name) {
@@ -397,10 +390,10 @@ impl<'a> Cleaner<'a> {
         self.by_name.insert(name.as_ref().into(), self.current);
         self.runs.push(OpenRun {
             name: name.as_ref().into(),
-            required: Default::default(),
+            required: std::array::from_fn(|_| Vec::with_capacity(self.expected_rows)),
             optional: std::iter::repeat_with(OptionalValues::default).take(columns).collect(),
             labels: std::iter::repeat_with(RunLabel::default).take(columns).collect(),
-            row_numbers: Vec::new(),
+            row_numbers: Vec::with_capacity(self.expected_rows),
             accepted: 0,
         });
         Ok(Some(self.current))

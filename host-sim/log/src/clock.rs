@@ -8,8 +8,8 @@
 
 use super::cell::CellReader;
 use super::date::{ACCEPTED, DateOrder, Stamp, parse_day, parse_stamp};
-use super::row::LogRow;
 use super::row_clock::{RowClock, STEP, Timing};
+use super::table::Row;
 use chrono::{DateTime, NaiveDate, Timelike};
 
 /// Stamps of at least this size, ns (three years), count from 1970. Smaller ones count from the start of the logger.
@@ -61,7 +61,7 @@ impl Clock {
     }
 
     /// Returns what the time column of a row should hold, if it is not a step.
-    pub fn step_error(&self, row: &impl LogRow) -> Option<&'static str> {
+    pub fn step_error(&self, row: &Row) -> Option<&'static str> {
         let is_negative = self.reading.raw(row).is_some_and(|step| step < 0.0);
         (!self.reads_stamps() && is_negative).then_some(STEP)
     }
@@ -73,7 +73,7 @@ impl Clock {
 
     /// Returns the time of a row, s, or `None` if the cell holds no time.
     #[inline]
-    pub fn time_s(&mut self, row: &impl LogRow) -> Option<f64> {
+    pub fn time_s(&mut self, row: &Row) -> Option<f64> {
         if let Some(rows) = &mut self.rows {
             return rows.time_s(&self.reading, row);
         }
@@ -95,7 +95,7 @@ impl Clock {
 
     /// Returns the nanoseconds of a stamp. A time of day gets the date of its row. Without one, a step back by more than
     /// half a day is midnight; other steps back are left for the check of the order.
-    fn absolute_ns(&mut self, stamp: Stamp, row: &impl LogRow) -> Option<i128> {
+    fn absolute_ns(&mut self, stamp: Stamp, row: &Row) -> Option<i128> {
         let Stamp::Cyclic { ns, period } = stamp else { return Some(stamp.nanoseconds()) };
         let date = |column| parse_day(&row.text(column), self.date_order());
         match self.dates.map(date) {
@@ -114,7 +114,7 @@ impl Clock {
         Some(ns)
     }
 
-    fn convert_count(&mut self, row: &impl LogRow, value: f64) -> Option<f64> {
+    fn convert_count(&mut self, row: &Row, value: f64) -> Option<f64> {
         let Some(conversion) = self.reading.conversion else { return Some(value) };
         let whole = if value.fract() != 0.0 || !value.is_finite() {
             None
@@ -174,13 +174,6 @@ pub(super) fn is_date(text: &[u8]) -> bool {
         || date_error(text, None).is_some_and(|of| of != ACCEPTED)
 }
 
-/// Formats a stamp, ns since 1970, as ISO 8601 in UTC. Returns `None` if the calendar does not cover it.
-pub(super) fn format_stamp(ns: i128) -> Option<String> {
-    let seconds = i64::try_from(ns.div_euclid(1_000_000_000)).ok()?;
-    let stamp = DateTime::from_timestamp(seconds, ns.rem_euclid(1_000_000_000) as u32)?;
-    Some(stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string())
-}
-
 /// Formats seconds since 1970 as `2026-11-22 12:34`, in UTC.
 pub fn utc_minute(epoch_s: u64) -> String {
     let stamp = DateTime::from_timestamp(epoch_s as i64, 0).unwrap_or_default();
@@ -219,21 +212,11 @@ pub(super) fn format_origin(origin_ns: i128) -> String {
 mod tests {
     use super::*;
 
-    struct Cells<'a>(&'a [&'a str]);
-
-    impl LogRow for Cells<'_> {
-        fn number(&self, column: usize) -> Option<f64> {
-            self.0[column].parse().ok()
-        }
-
-        fn text(&self, column: usize) -> std::borrow::Cow<'_, [u8]> {
-            std::borrow::Cow::Borrowed(self.0[column].as_bytes())
-        }
-    }
+    use crate::table::each_text_row;
 
     fn times(dates: Option<usize>, rows: &[&[&str]]) -> Vec<Option<f64>> {
         let mut clock = Clock::new(CellReader::plain(0), dates);
-        rows.iter().map(|row| clock.time_s(&Cells(row))).collect()
+        each_text_row(rows, |row| clock.time_s(row))
     }
 
     #[test]

@@ -9,7 +9,6 @@
 //! distances. It is a partial merge if rows with neither hold values of columns that are rare elsewhere.
 
 mod clock_check;
-mod long_rows;
 mod notes;
 
 use std::mem::take;
@@ -20,7 +19,7 @@ use super::columns::{ColumnUse, FINITE};
 use super::counter_wrap::{ClockWrap, unwrap_times};
 use super::dataset::LeftOutColumn;
 use super::duplicates::remove_duplicates;
-use super::error::{DataError, NAMED_BAD_ROWS, asked_rows, is_too_bad};
+use super::error::{DataError, asked_rows};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::number::figure;
@@ -28,7 +27,6 @@ use super::options::MAX_BAD_SHARE;
 use super::order::{check_order, late_rows, recordings, sorting_order};
 use super::segment::{GAP_FACTOR, median_step};
 use super::spread::spread;
-use super::survey::Survey;
 use super::velocity::differences;
 
 /// Maximum share of rows with a value of velocity or torque for it to be a channel with its own stamps.
@@ -67,18 +65,6 @@ impl Cleaner<'_> {
     /// # Errors
     /// If the file holds no rows, several joints, too many bad rows, or text in a column that `--columns` names.
     pub fn finish(mut self) -> Result<FileData, DataError> {
-        if self.layout.is_survey {
-            return Ok(self.described());
-        }
-        if self.layout.collects {
-            if let Some(long) = self.layout.long.take() {
-                self.rows += self.collected.lines.len();
-                self.check_bad_share()?;
-                return self.read_long(&long);
-            }
-            let table = self.collected.finish(self.file, self.layout.names);
-            return Ok(FileData { table: Some(table), ..FileData::default() });
-        }
         self.check_not_empty()?;
         self.check_single_joint()?;
         self.check_signs()?;
@@ -145,8 +131,6 @@ impl Cleaner<'_> {
             has_runs,
             rows,
             bad,
-            survey: Survey::default(),
-            table: None,
         })
     }
 
@@ -166,17 +150,6 @@ impl Cleaner<'_> {
                      go on"
                 ));
             }
-        }
-    }
-
-    /// Returns the description of the columns instead of data.
-    fn described(self) -> FileData {
-        let preset = self.layout.suggested;
-        let Layout { names, units, is_numbered, .. } = self.layout;
-        let (columns, values) = self.samples.finish(names, units, is_numbered);
-        FileData {
-            survey: Survey { columns, preset, values, ..Survey::default() },
-            ..FileData::default()
         }
     }
 
@@ -452,17 +425,8 @@ impl Cleaner<'_> {
 
     /// Returns an error if the file has too many bad rows.
     fn check_bad_share(&mut self) -> Result<(), DataError> {
-        self.bad.first.sort_by_key(|cell| cell.row);
-        self.bad.first.dedup_by_key(|cell| cell.row);
-        self.bad.first.truncate(NAMED_BAD_ROWS);
-        let (bad, rows) = (self.bad.count, self.rows);
-        match self.bad.first.first() {
-            Some(first) if is_too_bad(bad, rows, self.layout.max_bad_share) => {
-                let max_share = self.layout.max_bad_share;
-                Err(DataError::TooManyBad { first: Box::new(first.clone()), bad, rows, max_share })
-            }
-            _ => Ok(()),
-        }
+        self.bad.sort();
+        self.bad.check(self.rows, self.layout.max_bad_share)
     }
 }
 

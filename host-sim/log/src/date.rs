@@ -362,5 +362,12 @@ fn nanoseconds(time: NaiveDateTime) -> i128 {
     i128::from(stamp.timestamp()) * SECOND_NS + i128::from(stamp.timestamp_subsec_nanos())
 }
 
+/// Formats a stamp, ns since 1970, as ISO 8601 in UTC. Returns `None` if the calendar does not cover it.
+pub(super) fn format_stamp(ns: i128) -> Option<String> {
+    let seconds = i64::try_from(ns.div_euclid(1_000_000_000)).ok()?;
+    let stamp = DateTime::from_timestamp(seconds, ns.rem_euclid(1_000_000_000) as u32)?;
+    Some(stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string())
+}
+
 #[cfg(test)]
 mod tests;

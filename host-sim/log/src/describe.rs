@@ -8,10 +8,11 @@ use super::joint_pattern::suggested_map;
 use super::naming::{STEP_MARK, UNKNOWN_UNIT};
 use super::options::ReadOptions;
 use super::other_unit::{OtherUnit, other_unit};
+use super::plan::{Purpose, Request};
 use super::preset::Preset;
 use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
-use super::survey::{ColumnSummary, Survey};
+use super::survey::{self, ColumnSummary, Survey};
 use super::{guess, torque_constant, unit};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
@@ -33,8 +34,14 @@ const REQUIRED: [&str; 3] = ["time_s", "velocity_rad_s", "torque_nm"];
 /// If the file cannot be read as a table.
 pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     let size = file_size(file)?;
-    let options = ReadOptions { is_survey: true, ..options.clone() };
-    let mut survey = read_file(file, size, &options, &|_| {})?.survey;
+    let request = Request {
+        path: file,
+        options,
+        purpose: Purpose::Survey,
+        is_wide: false,
+        progress: &|_| {},
+    };
+    let mut survey = survey::survey(&read_file(request, size)?);
     let is_time = |name: &str| guess::quantity(name) == Some("time_s");
     let times = survey.columns.iter().filter(|column| is_time(&column.name)).count();
     let is_torque = |name: &str| {
@@ -105,7 +112,7 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     survey.notes = notes(&survey.columns, &found);
     survey.notes.extend(doubts);
     suggest_joints(&mut survey.columns);
-    suggest_preset(file, &options, &mut survey);
+    suggest_preset(file, options, &mut survey);
     Ok(survey)
 }
 

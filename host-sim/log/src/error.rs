@@ -198,8 +198,41 @@ impl std::error::Error for DataError {
     }
 }
 
+impl BadRows {
+    /// Counts a row.
+    pub(super) fn add(&mut self, cell: impl FnOnce() -> BadCell) {
+        self.count += 1;
+        if self.first.len() < NAMED_BAD_ROWS {
+            self.first.push(cell());
+        }
+    }
+
+    /// Adds other rows of the file.
+    pub(super) fn extend(&mut self, others: Self) {
+        self.count += others.count;
+        self.first.extend(others.first);
+        self.sort();
+    }
+
+    /// Keeps the first rows in file order, with one cell each.
+    pub(super) fn sort(&mut self) {
+        self.first.sort_by_key(|cell| cell.row);
+        self.first.dedup_by_key(|cell| cell.row);
+        self.first.truncate(NAMED_BAD_ROWS);
+    }
+
+    /// Returns an error if too many of `rows` rows are bad.
+    pub(super) fn check(&self, rows: usize, max_share: f64) -> Result<(), DataError> {
+        let bad = self.count;
+        let Some(first) = self.first.first().filter(|_| is_too_bad(bad, rows, max_share)) else {
+            return Ok(());
+        };
+        Err(DataError::TooManyBad { first: Box::new(first.clone()), bad, rows, max_share })
+    }
+}
+
 /// Returns true if too many rows are bad.
-pub(super) fn is_too_bad(bad: usize, rows: usize, max_share: f64) -> bool {
+fn is_too_bad(bad: usize, rows: usize, max_share: f64) -> bool {
     // A limit of 29 % allows 29 of 100 rows, though 0.29 times 100 is rounded to less.
     bad as f64 > max_share * rows as f64 * (1.0 + 1e-9)
 }

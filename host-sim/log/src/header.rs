@@ -23,7 +23,6 @@ use super::contract::{self, DEMAND, RUN, TARGETS, TIME, is_joint_position, parse
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
-use super::long_table::LongTable;
 use super::name_words::{DATE_NAMES, JOINT_NAMES};
 use super::naming::Naming;
 use super::options::ReadOptions;
@@ -95,42 +94,9 @@ pub(super) struct Layout {
     pub sources: Vec<SourceColumn>,
     /// Maximum share of bad rows.
     pub max_bad_share: f64,
-    /// True if the columns are only described.
-    pub is_survey: bool,
-    /// True if the cells are only collected as a table.
-    pub collects: bool,
-    /// The columns of a long table, whose cells are collected first.
-    pub long: Option<Box<LongTable>>,
-    /// The preset that the names suggest, if the columns are only described.
-    pub suggested: Option<Preset>,
-    /// The units that the file states, if the columns are only described.
-    pub units: Vec<String>,
-    /// True if the file has no names, if the columns are only described.
-    pub is_numbered: bool,
 }
 
 impl Layout {
-    /// Returns the layout that describes all columns without interpreting them.
-    fn of_survey(names: ColumnNames) -> Self {
-        let suggested = Preset::recognise(&names);
-        let ColumnNames { names, units, is_numbered, .. } = names;
-        let optional = names.iter().enumerate().map(|(index, name)| OptionalColumn {
-            quantity: None,
-            name: name.clone(),
-            reading: CellReader::plain(index),
-            is_mapped: false,
-        });
-        Self {
-            optional: optional.collect(),
-            is_survey: true,
-            suggested,
-            units,
-            names,
-            is_numbered,
-            ..Self::default()
-        }
-    }
-
     /// Returns the columns of the file that must be read.
     pub fn needed(&self) -> impl Iterator<Item = usize> {
         let required = self.required.iter().map(|reading| reading.index).chain(self.run);
@@ -237,24 +203,6 @@ pub(super) fn layout(
     options: &ReadOptions,
 ) -> Result<Layout, DataError> {
     let names = names.into();
-    let long = LongTable::find(&names.names, options);
-    if let Some(long) = long.filter(|_| !options.is_wide && !options.collects) {
-        let wide = ReadOptions { is_wide: true, is_survey: false, ..options.clone() };
-        if layout(file, names.clone(), &wide).is_err() {
-            let (long, max_bad_share) = (Some(Box::new(long)), options.max_bad_share);
-            return Ok(Layout {
-                long,
-                collects: true,
-                is_survey: false,
-                max_bad_share,
-                ..Layout::of_survey(names)
-            });
-        }
-    }
-    if options.is_survey || options.collects {
-        let collects = options.collects;
-        return Ok(Layout { collects, is_survey: !collects, ..Layout::of_survey(names) });
-    }
     if names.is_numbered && options.columns.is_empty() {
         return Err(no_header(file, &[NUMBERED_EXAMPLE], names.names.len()));
     }

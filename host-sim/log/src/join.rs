@@ -195,7 +195,7 @@ pub(super) fn join_tables(
     let mut columns = Vec::new();
     for (at, channel) in channels.iter_mut().enumerate() {
         for (name, cells) in std::mem::take(&mut channel.columns) {
-            columns.push((name, select(&cells, rows.rows.iter().map(|row| row[at]))));
+            columns.push((name, cells.select(rows.rows.iter().map(|row| row[at]))));
         }
     }
     if let Some(time) = time_column(&channels, &rows) {
@@ -259,6 +259,10 @@ pub(super) fn times(file: &str, name: &str, cells: &Cells) -> Result<Vec<f64>, D
         Cells::Texts(cells) => match parse_stamp(cells[row].as_bytes(), None) {
             Ok(Some(stamp)) => stamp.nanoseconds() as f64 / 1e9,
             _ => cells[row].trim().parse().unwrap_or(f64::NAN),
+        },
+        Cells::Mixed(cells) => match parse_stamp(cells.text(row).unwrap_or_default(), None) {
+            Ok(Some(stamp)) if cells.number(row).is_nan() => stamp.nanoseconds() as f64 / 1e9,
+            _ => cells.number(row),
         },
         Cells::Unreadable { .. } => f64::NAN,
     };
@@ -399,21 +403,4 @@ fn time_column(channels: &[Channel], rows: &MatchedRows) -> Option<(String, Cell
         of.unwrap_or(f64::NAN)
     };
     Some((name, Cells::Numbers(rows.rows.iter().map(time).collect())))
-}
-
-/// Returns the cells of some rows of a column; a missing value where there is no row.
-pub(super) fn select(cells: &Cells, rows: impl Iterator<Item = Option<usize>>) -> Cells {
-    match cells {
-        Cells::Numbers(cells) => {
-            Cells::Numbers(rows.map(|row| row.map_or(f64::NAN, |row| cells[row])).collect())
-        }
-        Cells::Integers(cells) => Cells::Integers(rows.map(|row| cells[row?]).collect()),
-        Cells::Stamps(cells) => Cells::Stamps(rows.map(|row| cells[row?]).collect()),
-        Cells::Texts(cells) => Cells::Texts(
-            rows.map(|row| row.map_or_else(String::new, |row| cells[row].clone())).collect(),
-        ),
-        Cells::Unreadable { kind, .. } => {
-            Cells::Unreadable { rows: rows.count(), kind: kind.clone() }
-        }
-    }
 }

@@ -9,8 +9,9 @@
 //! - Decimation is anti-aliased ([`AntiAlias`]).
 //! - Training and test data are contiguous parts of runs, never shuffled rows ([`split()`]).
 //!
-//! A row passes through `source` (one module per format), `header` (quantity and unit of each column), `clean`
-//! (validation), `close` (missing values, recordings) and `read` (join of several files to one [`Dataset`]).
+//! A log passes through `source` (one module per format, which reads it to a table), `plan` and `header` (which columns are
+//! read, with quantity and unit), `clean` (validation), `close` (missing values, recordings) and `read` (one [`Dataset`] of
+//! several files).
 //!
 //! [`log_check`] then reports and corrects what is wrong with a measurement, and [`motion`] estimates the true motion from the
 //! logged motion. [`work`] stops long computations. [`setting`] is how a front end names the settings that an error refers to.
@@ -31,7 +32,6 @@ mod clean;
 mod clock;
 mod clock_fault;
 mod close;
-mod collect;
 mod column_guess;
 mod column_names;
 mod columns;
@@ -51,7 +51,9 @@ mod join;
 mod joint_pattern;
 mod joints;
 pub mod log_check;
+mod log_table;
 mod long_table;
+mod mixed_cells;
 pub mod motion;
 mod name_words;
 mod naming;
@@ -59,9 +61,9 @@ pub mod number;
 mod options;
 mod order;
 mod other_unit;
+mod plan;
 mod preset;
 mod read;
-mod row;
 mod row_clock;
 mod segment;
 mod servo_torque;
@@ -89,6 +91,7 @@ pub use decimate::AntiAlias;
 pub use describe::survey;
 pub use error::{BadCell, BadRows, DataError};
 pub use joints::JOINT;
+pub use mixed_cells::MixedCells;
 pub use options::{MAX_BAD_SHARE, ReadOptions};
 pub use preset::Preset;
 pub use read::{FileContent, read, read_contents, read_tables};

@@ -5,7 +5,7 @@
 //! cells empty, which `close` treats as in every log with merged channels.
 
 use super::contract::{self, RUN, TIME};
-use super::join::{select, time_place, times};
+use super::join::{time_place, times};
 use super::name_words::{DATE_NAMES, JOINT_NAMES, is_among, parts};
 use super::options::ReadOptions;
 use super::size::time_unit;
@@ -77,13 +77,20 @@ impl LongTable {
             others.into_iter().filter(|at| Some(*at) != units).partition(|at| has(at, VALUE_WORDS));
         let (names, others): (Vec<usize>, Vec<usize>) =
             others.into_iter().partition(|at| has(at, NAME_WORDS));
-        let options = ReadOptions { is_wide: true, ..options.clone() };
         let is_named = !values.is_empty() && !names.is_empty();
         // The third column of three is known by its values.
         let is_long = is_named || header.len() == 3 && names.len() + values.len() == 1;
         let either = |own: Vec<usize>| if own.is_empty() { others.clone() } else { own };
         let (names, values) = (either(names), either(values));
-        is_long.then_some(Self { time, names, values, is_named, units, keys, options })
+        is_long.then_some(Self {
+            time,
+            names,
+            values,
+            is_named,
+            units,
+            keys,
+            options: options.clone(),
+        })
     }
 
     /// Returns the options with the column of the times, in the unit of its name or of its rate.
@@ -144,12 +151,12 @@ impl LongTable {
                 || !has_role && varies() && rows.iter().all(is_of_row)
         };
         let kept = (0..table.columns.len()).filter(is_kept).map(|at| {
-            let cells = select(cells(at), first.iter().map(|row| Some(*row)));
+            let cells = cells(at).select(first.iter().map(|row| Some(*row)));
             (table.columns[at].0.clone(), cells)
         });
         let own = names.iter().enumerate().map(|(at, name)| {
             let row_of = |row: &&[Sample]| row.iter().find(|of| of.name == at).map(|of| of.row);
-            (name.clone(), select(cells(value), rows.iter().map(row_of)))
+            (name.clone(), cells(value).select(rows.iter().map(row_of)))
         });
         let columns = kept.chain(own).collect();
         let times = (0..count).filter(|row| series_of[*row] == 0).map(|row| times[row]).collect();
@@ -273,7 +280,7 @@ impl Series {
 }
 
 fn is_number(cells: &Cells, row: usize) -> bool {
-    cells.number(row).is_some_and(|number| !number.is_nan())
+    cells.number(row).is_some()
 }
 
 /// Returns the index of each item among the distinct ones, and these in the order of their first occurrence.

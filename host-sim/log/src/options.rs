@@ -34,15 +34,6 @@ pub struct ReadOptions {
     pub max_bad_share: f64,
     /// True to join files that hold one channel each by their times.
     pub join: bool,
-    /// True to collect the cells of a file without their meaning; [`Self::join`] needs it.
-    #[doc(hidden)]
-    pub collects: bool,
-    /// True for a table that is known to have a column for each quantity.
-    #[doc(hidden)]
-    pub is_wide: bool,
-    /// True to describe the columns instead of reading them; [`survey`](super::survey) sets it.
-    #[doc(hidden)]
-    pub is_survey: bool,
 }
 
 impl Default for ReadOptions {
@@ -59,9 +50,6 @@ impl Default for ReadOptions {
             torque_from: None,
             max_bad_share: MAX_BAD_SHARE,
             join: false,
-            collects: false,
-            is_wide: false,
-            is_survey: false,
         }
     }
 }

@@ -6,17 +6,19 @@
 //! a campaign keep a common clock. Finally `skip` drops the start of each run, while the logger's filters settle.
 
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use compensator_core::quantity::Quantity;
 
-use super::clean::{CleanRun, FileData};
+use super::clean::{CleanRun, FileData, clean};
 use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::describe::with_likely_columns;
 use super::error::DataError;
 use super::join;
+use super::log_table::LogTable;
 use super::options::ReadOptions;
-use super::source::{file_size, read_content, read_file, read_table};
+use super::plan::{Purpose, Request};
+use super::source::{file_size, read_content, read_file};
 use super::table::Table;
 use crate::setting::Setting;
 use crate::work::checkpoint;
@@ -45,17 +47,19 @@ pub fn read(
     if options.join {
         return read_joined(files, options, progress);
     }
-    let parts = read_each(files, options, progress)
+    let parts = read_each(files, options, Purpose::Data, progress, &clean)
         .map_err(|error| with_join(with_likely_columns(error, options), files, options))?;
     finish(merge(files, parts)?, options)
 }
 
 /// Reads each file by itself.
-fn read_each(
+fn read_each<T>(
     files: &[PathBuf],
     options: &ReadOptions,
+    purpose: Purpose,
     progress: &dyn Fn(u64, u64),
-) -> Result<Vec<FileData>, DataError> {
+    use_table: &dyn Fn(LogTable) -> Result<T, DataError>,
+) -> Result<Vec<T>, DataError> {
     let sizes = sizes(files)?;
     let total = sizes.iter().sum();
     let mut done = 0;
@@ -66,7 +70,8 @@ fn read_each(
             checkpoint();
             progress(done + bytes.min(size), total);
         };
-        parts.push(read_file(path, size, options, &so_far)?);
+        let request = Request { path, options, purpose, is_wide: false, progress: &so_far };
+        parts.push(use_table(read_file(request, size)?)?);
         done += size;
         progress(done, total);
     }
@@ -79,9 +84,16 @@ fn read_joined(
     options: &ReadOptions,
     progress: &dyn Fn(u64, u64),
 ) -> Result<Dataset, DataError> {
-    let collect = ReadOptions { collects: true, ..options.clone() };
-    let parts = read_each(files, &collect, progress)?;
-    join_recordings(files, collected(parts), options)
+    let table = |table: LogTable| Ok(table.into_table().0);
+    join_recordings(files, read_each(files, options, Purpose::Join, progress, &table)?, options)
+}
+
+/// Validates a table in memory.
+fn read_table(table: &Table, options: &ReadOptions) -> Result<FileData, DataError> {
+    let (path, purpose) = (Path::new(&table.name), Purpose::Data);
+    let request = Request { path, options, purpose, is_wide: false, progress: &|_| {} };
+    let columns = table.columns.iter().map(|(name, of)| (name.clone(), of));
+    clean(LogTable::of_table(&request, columns)?.widen(request)?)
 }
 
 /// Joins the tables of the channels of each recording, and validates the results as runs.
@@ -172,25 +184,26 @@ pub fn read_contents(
     let total = contents.iter().map(|content| content.bytes.len() as u64).sum();
     let mut done = 0;
     let mut parts = Vec::with_capacity(contents.len());
-    let each = &ReadOptions { collects: options.join, ..options.clone() };
+    let purpose = if options.join { Purpose::Join } else { Purpose::Data };
+    let (mut tables, is_wide) = (Vec::new(), false);
     for FileContent { name, bytes } in contents {
         let so_far = |bytes: u64| {
             checkpoint();
             progress(done + bytes, total);
         };
-        parts.push(read_content(name, bytes, each, &so_far)?);
+        let request = Request { path: name, options, purpose, is_wide, progress: &so_far };
+        let table = read_content(request, bytes)?;
+        match purpose {
+            Purpose::Join => tables.push(table.into_table().0),
+            _ => parts.push(clean(table)?),
+        }
         done += bytes.len() as u64;
         progress(done, total);
     }
     if options.join {
-        return join_recordings(&names, collected(parts), options);
+        return join_recordings(&names, tables, options);
     }
     finish(merge(&names, parts)?, options)
-}
-
-/// Returns the tables of files whose cells were collected.
-fn collected(parts: Vec<FileData>) -> Vec<Table> {
-    parts.into_iter().map(|part| part.table.unwrap_or_default()).collect()
 }
 
 /// Fails if there is no name, or one is given twice.

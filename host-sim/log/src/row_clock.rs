@@ -4,7 +4,7 @@
 //! it ends, so that the runs of a campaign follow each other in time.
 
 use super::cell::CellReader;
-use super::row::LogRow;
+use super::table::Row;
 use std::collections::HashMap;
 
 /// Origin of the times of a log.
@@ -54,7 +54,7 @@ impl RowClock {
     }
 
     /// Returns the time of the next row, s; `None` if it has no valid step.
-    pub fn time_s(&mut self, reading: &CellReader, row: &impl LogRow) -> Option<f64> {
+    pub fn time_s(&mut self, reading: &CellReader, row: &Row) -> Option<f64> {
         let step = match self.timing {
             Timing::Stamps => return None,
             Timing::Rate(_) => Some(1.0),
@@ -81,26 +81,14 @@ impl RowClock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::each_text_row;
     use crate::unit::conversion;
-    use std::borrow::Cow;
-
-    struct Cells<'a>(&'a [&'a str]);
-
-    impl LogRow for Cells<'_> {
-        fn number(&self, column: usize) -> Option<f64> {
-            self.0[column].parse().ok()
-        }
-
-        fn text(&self, column: usize) -> Cow<'_, [u8]> {
-            Cow::Borrowed(self.0[column].as_bytes())
-        }
-    }
 
     fn times(timing: Timing, rows: &[&[&str]]) -> Vec<Option<f64>> {
         let mut clock = RowClock::new(timing, Some(1));
         let conversion = conversion("time_s", "ms").ok();
         let reading = CellReader { conversion, ..CellReader::plain(0) };
-        rows.iter().map(|row| clock.time_s(&reading, &Cells(row))).collect()
+        each_text_row(rows, |row| clock.time_s(&reading, row))
     }
 
     #[test]

@@ -1,9 +1,8 @@
 //! The supported log formats, one module each.
 //!
 //! The first bytes of a file identify its format, not its name: a `.csv` may be packed, come from a spreadsheet in
-//! UTF-16, or be a CAN log. Each [`LogFormat`] tests whether a file is in that format, and passes its rows to a
-//! [`Cleaner`](super::clean::Cleaner), which validates them alike for all formats. Known unsupported files get an
-//! error that names their type, instead of a hundred bad rows.
+//! UTF-16, or be a CAN log. Each [`LogFormat`] tests whether a file is in that format, and reads it to a [`LogTable`]. Known
+//! unsupported files get an error that names their type, instead of a hundred bad rows.
 
 mod above_table;
 #[cfg(feature = "arrow")]
@@ -36,20 +35,16 @@ mod records;
 mod scope_preamble;
 mod separator;
 mod sysid;
-mod table_rows;
-#[cfg(feature = "parquet")]
-mod thrift;
 mod unpack;
 mod utf16;
 mod windows_1252;
 
 #[cfg(feature = "parquet")]
 pub use parquet_file::parquet_table;
-pub(super) use table_rows::read_table;
 
-use super::clean::FileData;
 use super::error::DataError;
-use super::options::ReadOptions;
+use super::log_table::LogTable;
+use super::plan::Request;
 use crate::setting::Setting;
 use format::{HEAD_BYTES, Input, LogFormat};
 use std::fs::File;
@@ -93,24 +88,21 @@ pub(super) fn file_size(path: &Path) -> Result<u64, DataError> {
 }
 
 /// Reads a file of `size` bytes in any supported format, which may be packed with gzip or zip.
-pub(super) fn read_file(
-    path: &Path,
-    size: u64,
-    options: &ReadOptions,
-    progress: &dyn Fn(u64),
-) -> Result<FileData, DataError> {
+pub(super) fn read_file(request: Request, size: u64) -> Result<LogTable<'static>, DataError> {
+    let path = request.path;
     let io = |source| DataError::Io { file: path.into(), source };
     let mut file = File::open(path).map_err(io)?;
     let head = read_head(&mut file).map_err(io)?;
     let Some(unpacked) = unpack(path, &file, &head)? else {
-        return read_unpacked(path, path, file, size, options, progress);
+        return read_unpacked(request, path, file, size);
     };
     let Unpacked { file, size: unpacked_size, name } = unpacked;
     let scale = size as f64 / unpacked_size.max(1) as f64;
-    let of_archive = |bytes: u64| progress((bytes as f64 * scale) as u64);
-    let mut data = read_unpacked(path, &name, file, unpacked_size, options, &of_archive)?;
-    data.notes.push(format!("{}: the log is {} in the archive", path.display(), name.display()));
-    Ok(data)
+    let of_archive = |bytes: u64| (request.progress)((bytes as f64 * scale) as u64);
+    let inside = Request { progress: &of_archive, ..request };
+    let mut table = read_unpacked(inside, &name, file, unpacked_size)?;
+    table.notes.push(format!("{}: the log is {} in the archive", path.display(), name.display()));
+    Ok(table)
 }
 
 /// Returns the first bytes of a file, and goes back to its start.
@@ -122,35 +114,33 @@ fn read_head(file: &mut File) -> std::io::Result<Vec<u8>> {
     Ok(head)
 }
 
-/// Reads a file that is not packed. `name` is its own name, and `path` that of the archive that it is in.
+/// Reads a file that is not packed. `name` is its own name; the request has that of the archive that it is in.
 fn read_unpacked(
-    path: &Path,
+    request: Request,
     name: &Path,
     mut file: File,
     size: u64,
-    options: &ReadOptions,
-    progress: &dyn Fn(u64),
-) -> Result<FileData, DataError> {
+) -> Result<LogTable<'static>, DataError> {
+    let path = request.path;
     let head =
         read_head(&mut file).map_err(|source| DataError::Io { file: path.into(), source })?;
     refuse_other_files(path, name, &head)?;
-    if options.skip_lines > 0 {
-        return read_below_lines(Input { path, file, head: &head, size, options, progress });
-    }
-    let format = FORMATS.iter().find(|format| (format.matches)(&head)).unwrap_or(&csv_file::FORMAT);
-    (format.read)(Input { path, file, head: &head, size, options, progress })
+    let skip = request.options.skip_lines;
+    let format = if skip > 0 {
+        refuse_without_lines(path, &head, skip)?;
+        &csv_file::FORMAT
+    } else {
+        FORMATS.iter().find(|format| (format.matches)(&head)).unwrap_or(&csv_file::FORMAT)
+    };
+    (format.read)(Input { request, file, head: &head, size })?.widen(request)
 }
 
 /// Reads a table as text that is in memory. `path` is its name in messages.
 ///
 /// # Errors
 /// As a file, and for every other format: archives and binary formats need a file.
-pub(super) fn read_content(
-    path: &Path,
-    bytes: &[u8],
-    options: &ReadOptions,
-    progress: &dyn Fn(u64),
-) -> Result<FileData, DataError> {
+pub(super) fn read_content(request: Request, bytes: &[u8]) -> Result<LogTable<'static>, DataError> {
+    let (path, skip) = (request.path, request.options.skip_lines);
     let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
     let wrong = |found: &str, expected: &str| DataError::File {
         file: path.into(),
@@ -161,9 +151,9 @@ pub(super) fn read_content(
         return Err(wrong("an archive", "the table in it: unpack it"));
     }
     refuse_other_files(path, path, head)?;
-    if options.skip_lines > 0 {
-        refuse_without_lines(path, head, options.skip_lines)?;
-        return csv_file::read_bytes(path, bytes, options, progress);
+    if skip > 0 {
+        refuse_without_lines(path, head, skip)?;
+        return csv_file::read_bytes(request, bytes)?.widen(request);
     }
     let is_binary = head.contains(&0) && utf16::byte_order(head).is_none();
     // The last format matches every text.
@@ -171,7 +161,7 @@ pub(super) fn read_content(
     if is_binary || is_other {
         return Err(wrong("a log of another format", "a table as text (CSV)"));
     }
-    csv_file::read_bytes(path, bytes, options, progress)
+    csv_file::read_bytes(request, bytes)?.widen(request)
 }
 
 /// Refuses files that are known to be no log.
@@ -185,12 +175,6 @@ fn refuse_other_files(path: &Path, name: &Path, head: &[u8]) -> Result<(), DataE
         found: format!("{found}{place}"),
         expected: expected.replace("FILE", &name.display().to_string()),
     })
-}
-
-/// Reads the table below the lines that the user skips. They must be in the first [`HEAD_BYTES`] bytes.
-fn read_below_lines(input: Input) -> Result<FileData, DataError> {
-    refuse_without_lines(input.path, input.head, input.options.skip_lines)?;
-    (csv_file::FORMAT.read)(input)
 }
 
 /// Refuses a file that has no table below the lines that the user skips.

@@ -1,15 +1,14 @@
-//! Description of a file's columns: names and sample values, collected row by row.
+//! Description of a file's columns: names and sample values.
 
 use super::clock::is_date;
 use super::clock_fault::is_step_column;
 use super::column_guess::guesses;
 use super::columns::is_missing_value;
 use super::error::one_line;
+use super::log_table::LogTable;
+use super::plan::SURVEY_ROWS;
 use super::preset::Preset;
-use super::row::LogRow;
-
-/// Number of rows that are looked at.
-const SURVEY_ROWS: usize = 1000;
+use super::table::Cells;
 
 /// Number of sample values of a column.
 const SAMPLES: usize = 3;
@@ -60,75 +59,50 @@ impl ColumnSummary {
     }
 }
 
-/// Sample values of all columns, collected row by row.
-#[derive(Debug, Default)]
-pub(super) struct ColumnSamples {
-    columns: Vec<ColumnSummary>,
-    /// Numbers of each column; NaN for other cells.
-    values: Vec<Vec<f64>>,
-    rows: usize,
+/// Describes the columns of a table by its first rows. Columns without names in the file are suggested by their values.
+pub(super) fn survey(table: &LogTable) -> Survey {
+    let names = &table.plan.names;
+    let rows = table.lines.len().min(SURVEY_ROWS);
+    let mut survey = Survey { preset: Preset::recognise(names), ..Survey::default() };
+    for (at, (name, cells)) in names.names.iter().zip(&table.columns).enumerate() {
+        let values: Vec<f64> = (0..rows).map(|row| cells.number(row).unwrap_or(f64::NAN)).collect();
+        let mut column = summary(name, cells, rows);
+        column.is_step = is_step_column(&values);
+        column.unit = names.units.get(at).filter(|unit| !unit.is_empty()).cloned();
+        survey.columns.push(column);
+        survey.values.push(values);
+    }
+    let guesses = if names.is_numbered { guesses(&survey.values) } else { Vec::new() };
+    for (column, guesses) in survey.columns.iter_mut().zip(guesses) {
+        let mut pairs = guesses.into_iter().map(|guess| format!("{}={guess}", column.name));
+        column.suggestion = pairs.next();
+        column.alternatives = pairs.collect();
+    }
+    survey
 }
 
-impl ColumnSamples {
-    pub fn add_row(&mut self, names: &[String], row: &impl LogRow) {
-        if self.columns.is_empty() {
-            let named =
-                |name: &String| ColumnSummary { name: name.clone(), ..ColumnSummary::default() };
-            self.columns = names.iter().map(named).collect();
-            self.values = vec![Vec::new(); names.len()];
+/// Returns the sample values of a column.
+fn summary(name: &str, cells: &Cells, rows: usize) -> ColumnSummary {
+    let mut column = ColumnSummary { name: name.to_owned(), ..ColumnSummary::default() };
+    for row in 0..rows {
+        let text = cells.text(row);
+        if is_missing_value(&text) {
+            continue;
         }
-        if self.rows == SURVEY_ROWS {
-            return;
+        match cells.number(row) {
+            Some(_) => column.numbers += 1,
+            None => {
+                column.is_date |= column.texts == 0 && is_date(&text);
+                column.texts += 1;
+            }
         }
-        self.rows += 1;
-        for (index, column) in self.columns.iter_mut().enumerate() {
-            let text = row.text(index);
-            self.values[index].push(row.number(index).unwrap_or(f64::NAN));
-            if is_missing_value(&text) {
-                continue;
-            }
-            match row.number(index) {
-                Some(_) => column.numbers += 1,
-                None => {
-                    column.is_date |= column.texts == 0 && is_date(&text);
-                    column.texts += 1;
-                }
-            }
-            if column.samples.len() < SAMPLES {
-                let text: String =
-                    String::from_utf8_lossy(&text).chars().take(SAMPLE_CHARS).collect();
-                let text = one_line(&text);
-                if !column.samples.contains(&text) {
-                    column.samples.push(text);
-                }
+        if column.samples.len() < SAMPLES {
+            let text: String = String::from_utf8_lossy(&text).chars().take(SAMPLE_CHARS).collect();
+            let text = one_line(&text);
+            if !column.samples.contains(&text) {
+                column.samples.push(text);
             }
         }
     }
-
-    /// Returns the columns. Without a row, they have only names. Columns without names in the file (`is_numbered`) are
-    /// suggested by their values.
-    pub fn finish(
-        mut self,
-        names: Vec<String>,
-        units: Vec<String>,
-        is_numbered: bool,
-    ) -> (Vec<ColumnSummary>, Vec<Vec<f64>>) {
-        if self.columns.is_empty() {
-            let named = |name| ColumnSummary { name, ..ColumnSummary::default() };
-            self.columns = names.into_iter().map(named).collect();
-        }
-        for (column, values) in self.columns.iter_mut().zip(&self.values) {
-            column.is_step = is_step_column(values);
-        }
-        let guesses = if is_numbered { guesses(&self.values) } else { Vec::new() };
-        for (column, guesses) in self.columns.iter_mut().zip(guesses) {
-            let mut pairs = guesses.into_iter().map(|guess| format!("{}={guess}", column.name));
-            column.suggestion = pairs.next();
-            column.alternatives = pairs.collect();
-        }
-        for (column, unit) in self.columns.iter_mut().zip(units) {
-            column.unit = Some(unit).filter(|unit| !unit.is_empty());
-        }
-        (self.columns, self.values)
-    }
+    column
 }

@@ -1,8 +1,7 @@
-//! Tables as named columns of cells: data frames, Parquet files, Arrow files.
-//!
-//! `source::table_rows` validates them.
+//! Tables as named columns of cells: data frames, and what each format is read to (`log_table`).
 
-use super::clock::format_stamp;
+use super::date::format_stamp;
+use super::mixed_cells::MixedCells;
 use std::borrow::Cow;
 
 /// The cells of a column, one for each row.
@@ -16,6 +15,8 @@ pub enum Cells {
     Texts(Vec<String>),
     /// Points in time, ns since 1970 (UTC).
     Stamps(Vec<Option<i64>>),
+    /// Numbers and texts, as in a file of text.
+    Mixed(MixedCells),
     /// Cells of a type that is no measurement.
     Unreadable {
         /// Number of rows.
@@ -27,7 +28,6 @@ pub enum Cells {
 
 impl Cells {
     /// The cells of a file's column that is not needed.
-    #[cfg(any(feature = "arrow", feature = "parquet"))]
     pub(super) const NOT_READ: Self = Self::Unreadable { rows: 0, kind: String::new() };
 
     /// Returns the number of rows.
@@ -36,6 +36,7 @@ impl Cells {
             Self::Numbers(cells) => cells.len(),
             Self::Integers(cells) | Self::Stamps(cells) => cells.len(),
             Self::Texts(cells) => cells.len(),
+            Self::Mixed(cells) => cells.len(),
             Self::Unreadable { rows, .. } => *rows,
         }
     }
@@ -46,7 +47,7 @@ impl Cells {
     }
 
     /// Adds the cells of the next rows of the same column.
-    #[cfg(feature = "parquet")]
+    #[cfg(any(feature = "arrow", feature = "parquet"))]
     pub(super) fn append(&mut self, next: Self) {
         match (self, next) {
             (Self::Numbers(cells), Self::Numbers(next)) => cells.extend(next),
@@ -60,30 +61,63 @@ impl Cells {
         String::from_utf8_lossy(&self.text(row)).into_owned()
     }
 
+    /// Returns a cell as a number, which may be infinite. Returns `None` if it is no number.
+    #[inline]
     pub(super) fn number(&self, row: usize) -> Option<f64> {
-        match self {
-            Self::Numbers(cells) => cells.get(row).copied(),
-            Self::Integers(cells) => cells.get(row).map(|cell| cell.map_or(f64::NAN, |n| n as f64)),
-            Self::Texts(cells) => fast_float2::parse(cells.get(row)?.trim().as_bytes()).ok(),
-            Self::Stamps(_) | Self::Unreadable { .. } => None,
-        }
+        let number = match self {
+            Self::Numbers(cells) => *cells.get(row)?,
+            Self::Integers(cells) => (*cells.get(row)?)? as f64,
+            Self::Texts(cells) => fast_float2::parse(cells.get(row)?.trim()).ok()?,
+            Self::Mixed(cells) => cells.number(row),
+            Self::Stamps(_) | Self::Unreadable { .. } => return None,
+        };
+        (!number.is_nan()).then_some(number)
     }
 
+    /// Returns a cell as text without surrounding blanks.
     pub(super) fn text(&self, row: usize) -> Cow<'_, [u8]> {
+        let integer = |cells: &[Option<i64>]| cells.get(row).copied().flatten();
         let text = match self {
             Self::Texts(cells) => {
                 return cells.get(row).map_or(&[][..], |cell| cell.trim().as_bytes()).into();
             }
-            Self::Numbers(cells) => {
-                cells.get(row).filter(|cell| !cell.is_nan()).map(f64::to_string)
-            }
-            Self::Integers(cells) => cells.get(row).copied().flatten().map(|cell| cell.to_string()),
-            Self::Stamps(cells) => {
-                cells.get(row).copied().flatten().and_then(|stamp| format_stamp(i128::from(stamp)))
-            }
+            Self::Integers(cells) => integer(cells).map(|cell| cell.to_string()),
+            Self::Stamps(cells) => integer(cells).and_then(|stamp| format_stamp(stamp.into())),
+            Self::Mixed(cells) if let Some(text) = cells.text(row) => return text.into(),
+            Self::Numbers(_) | Self::Mixed(_) => self.number(row).map(|number| number.to_string()),
             Self::Unreadable { .. } => None,
         };
         text.unwrap_or_default().into_bytes().into()
+    }
+
+    /// Returns the cells of some rows; a missing value where there is no row.
+    pub(super) fn select(&self, rows: impl Iterator<Item = Option<usize>>) -> Self {
+        match self {
+            Self::Numbers(cells) => {
+                Self::Numbers(rows.map(|row| row.map_or(f64::NAN, |row| cells[row])).collect())
+            }
+            Self::Integers(cells) => Self::Integers(rows.map(|row| cells[row?]).collect()),
+            Self::Stamps(cells) => Self::Stamps(rows.map(|row| cells[row?]).collect()),
+            Self::Texts(cells) => Self::Texts(
+                rows.map(|row| row.map_or_else(String::new, |row| cells[row].clone())).collect(),
+            ),
+            Self::Mixed(cells) => Self::Mixed(cells.select(rows)),
+            Self::Unreadable { kind, .. } => {
+                Self::Unreadable { rows: rows.count(), kind: kind.clone() }
+            }
+        }
+    }
+}
+
+impl From<Cells> for Cow<'_, Cells> {
+    fn from(cells: Cells) -> Self {
+        Cow::Owned(cells)
+    }
+}
+
+impl<'a> From<&'a Cells> for Cow<'a, Cells> {
+    fn from(cells: &'a Cells) -> Self {
+        Cow::Borrowed(cells)
     }
 }
 
@@ -94,4 +128,33 @@ pub struct Table {
     pub name: String,
     /// Names and cells of the columns, which all have the same number of rows.
     pub columns: Vec<(String, Cells)>,
+}
+
+/// One row of columns.
+#[derive(Clone, Copy)]
+pub(super) struct Row<'a> {
+    pub columns: &'a [&'a Cells],
+    pub row: usize,
+}
+
+impl<'a> Row<'a> {
+    /// Returns the cell as a number, which may be infinite. Returns `None` if it is not a number.
+    #[inline]
+    pub fn number(&self, column: usize) -> Option<f64> {
+        self.columns[column].number(self.row)
+    }
+
+    /// Returns the cell as text without surrounding blanks.
+    pub fn text(&self, column: usize) -> Cow<'a, [u8]> {
+        self.columns[column].text(self.row)
+    }
+}
+
+/// Calls `read` with each row of a table of texts.
+#[cfg(test)]
+pub(super) fn each_text_row<T>(rows: &[&[&str]], mut read: impl FnMut(&Row) -> T) -> Vec<T> {
+    let cells = |at: usize| Cells::Texts(rows.iter().map(|row| row[at].to_owned()).collect());
+    let columns: Vec<Cells> = (0..rows[0].len()).map(cells).collect();
+    let columns: Vec<&Cells> = columns.iter().collect();
+    (0..rows.len()).map(|row| Row { columns: &columns, row }).map(|row| read(&row)).collect()
 }

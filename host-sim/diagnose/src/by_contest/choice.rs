@@ -71,8 +71,9 @@ impl Search<'_> {
         if spec.rigid_body.is_empty() {
             spec = spec.on(&[TermKind::TorqueOffset]);
         }
-        let start = fitted(self.log, &spec, None, &[], None)?;
-        CorrectedRows::uncorrected(self.log).identify(&start)
+        let log = self.log.of_motion();
+        let start = fitted(&log, &spec, None, &[], None)?;
+        CorrectedRows::uncorrected(&log).identify(&start)
     }
 }
 

@@ -1,14 +1,14 @@
-//! Arrow IPC as a source of rows: files (Feather of version 2) and streams.
+//! Arrow IPC: files (Feather of version 2) and streams.
 //!
 //! A null is an empty cell. Numbers, booleans, text, categories and dates are read; lists, structures and decimals are left
 //! out by name. Memory holds one batch.
 
 use super::arrow_messages::check_lengths;
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
-use super::format::{ARROW_FILE_MARK as FILE_MARK, Input, LogFormat, is_arrow};
-use super::table_rows::{TableHeader, read_damaged};
-use crate::clean::FileData;
+use super::format::{ARROW_FILE_MARK as FILE_MARK, Input, LogFormat, is_arrow, read_damaged};
 use crate::error::{DataError, one_line};
+use crate::log_table::LogTable;
+use crate::mixed_cells::Need;
 use crate::table::Cells;
 use arrow_array::cast::AsArray;
 use arrow_array::types as of;
@@ -22,17 +22,18 @@ use std::path::Path;
 /// Arrow IPC.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_arrow, read };
 
-fn read(input: Input) -> Result<FileData, DataError> {
-    read_damaged(input.path, "an intact Arrow file", || open(&input))
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    read_damaged(input.request.path, "an intact Arrow file", || open(&input))
 }
 
-fn open(input: &Input) -> Result<FileData, DataError> {
-    let failed = |error: ArrowError| failed(input.path, &error);
+fn open(input: &Input) -> Result<LogTable<'static>, DataError> {
+    let request = input.request;
+    let failed = |error: ArrowError| failed(request.path, &error);
     // A file is a stream between marks, with an index that is not needed here.
     let is_file = input.head.starts_with(FILE_MARK);
     if is_file && !ends_in_mark(&input.file) {
         return Err(DataError::File {
-            file: input.path.into(),
+            file: request.path.into(),
             found: "an Arrow file without its end".into(),
             expected: EXPECTED.into(),
         });
@@ -45,19 +46,23 @@ fn open(input: &Input) -> Result<FileData, DataError> {
     let schema = reader.schema();
     let fields = schema.fields().iter();
     let unreadable = fields.clone().map(|field| unreadable(field.data_type()).map(str::to_owned));
-    let header = TableHeader {
-        names: fields.map(|field| field.name().clone()).collect(),
-        unreadable: unreadable.collect(),
-    };
-    header.read(input.path, input.options, |is_needed| {
-        Ok(reader.map(move |batch| {
-            let batch = batch.map_err(failed)?;
-            let columns = batch.columns().iter().zip(&is_needed);
-            Ok(columns
-                .map(|(array, needed)| if *needed { cells(array) } else { Cells::NOT_READ })
-                .collect())
-        }))
-    })
+    let names = fields.map(|field| field.name().clone()).collect();
+    let plan = request.plan_columns(names, unreadable.collect())?;
+    let mut columns = vec![Cells::NOT_READ; plan.needs.len()];
+    let mut rows = 0;
+    for batch in reader {
+        (request.progress)(input.size * u64::from(rows > 0) / 2);
+        let batch = batch.map_err(failed)?;
+        rows += batch.num_rows();
+        let needed = columns.iter_mut().zip(batch.columns()).zip(&plan.needs);
+        for ((column, array), _) in needed.filter(|(_, need)| **need != Need::Skip) {
+            column.append(cells(array));
+        }
+        if rows >= plan.max_rows() {
+            break;
+        }
+    }
+    Ok(LogTable::of_columns(&request, plan, columns))
 }
 
 /// Returns the start of the stream in a file: after the mark and zeros for alignment, which writers choose.

@@ -1,10 +1,9 @@
-//! CAN logs as a source of rows.
+//! CAN logs.
 //!
 //! A log of another maker's drive is read by [`drive_trace`]: if a preset asks for it, or if the log has no samples of a
 //! joint.
 //!
-//! [`joint_trace`] assembles frames into samples, and the samples go through the same validation (`clean`) as the rows
-//! of a CSV file, under the names of the contract. The row number of a sample is the line of its SYNC. Only the data
+//! [`joint_trace`] assembles frames into samples, and the samples are rows under the names of the contract. The row number of a sample is the line of its SYNC. Only the data
 //! show which columns a joint measures, so the log is read twice: first for the columns, then for the rows. The
 //! driver's answers are left out: they are computed, and a model must not be evaluated on another model's output.
 
@@ -16,12 +15,11 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::format::{Input, LogFormat};
-use crate::clean::{Cleaner, FileData};
 use crate::dataset::LeftOutColumn;
-use crate::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, is_too_bad, listed, quoted};
-use crate::header::layout;
+use crate::error::{BadCell, BadRows, DataError, listed, quoted};
+use crate::log_table::{LogTable, TableRows};
+use crate::plan::Request;
 use crate::preset::Preset;
-use crate::row::LogRow;
 use crate::setting::Setting;
 use compensator_core::can::JointKind;
 use compensator_core::quantity::Quantity;
@@ -61,7 +59,7 @@ struct TraceRow<'a> {
     columns: &'a [TraceColumn],
 }
 
-impl LogRow for TraceRow<'_> {
+impl TraceRow<'_> {
     fn number(&self, column: usize) -> Option<f64> {
         match self.columns.get(column)? {
             TraceColumn::Run => self.sample.run.map(f64::from),
@@ -71,7 +69,7 @@ impl LogRow for TraceRow<'_> {
         }
     }
 
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+    fn text(&self, column: usize) -> Cow<'static, [u8]> {
         let text = match (self.columns.get(column), self.number(column), &self.sample.fault) {
             (Some(TraceColumn::Run), _, _) => {
                 self.sample.run.map(|run| run.to_string()).unwrap_or_default()
@@ -98,8 +96,9 @@ struct TraceOverview {
     adds_up_stamps: bool,
 }
 
-fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, mut file, head, size, options, progress } = input;
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let Input { request, mut file, head, size } = input;
+    let Request { path, options, progress, .. } = request;
     let format = TextFormat::of(head).unwrap_or_default();
     let lines = TextReader::of(head);
     let max_share = options.max_bad_share;
@@ -122,7 +121,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     }
     if let Some(preset) = asked {
         return match of_drive(&mut file, preset)? {
-            Some(trace) => trace.read(path, options),
+            Some(trace) => trace.read(request),
             None => Err(no_drive(path, &mut file, preset)?),
         };
     }
@@ -133,7 +132,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
                 [Preset::ODrive, Preset::Moteus].into_iter().filter(|_| !lines.lacks_stamps())
             {
                 if let Some(trace) = of_drive(&mut file, preset)? {
-                    return trace.read(path, options);
+                    return trace.read(request);
                 }
             }
             return Err(error);
@@ -150,10 +149,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     };
     let columns = &overview.columns;
     let names: Vec<String> = columns.iter().map(|column| name(column).to_owned()).collect();
-    let mut cleaner = Cleaner::new(path, layout(path, names, options)?);
-    for bad in &overview.bad.first {
-        cleaner.reject_row(bad.row, None, bad.found.clone(), &bad.expected);
-    }
+    let mut table = TableRows::new(path, request.plan(names.into())?);
     let second_half = |bytes| progress((size + bytes) / 2);
     for_each_sample(
         path,
@@ -166,17 +162,19 @@ fn read(input: Input) -> Result<FileData, DataError> {
             // millisecond; multiplying by 1e-9 would not.
             let since_ns = i128::from(sample.time_ns) - i128::from(overview.origin_ns);
             let time_s = since_ns as f64 / 1e9;
-            cleaner.add_row(sample.line, &TraceRow { sample, time_s, columns })
+            let row = TraceRow { sample, time_s, columns };
+            table.add_row(sample.line, |at| row.number(at), |at| row.text(at));
+            Ok(())
         },
     )?;
-    let mut data = cleaner.finish()?;
-    data.bad.count += overview.bad.count - overview.bad.first.len();
-    add_notes(path, &overview, &mut data);
-    Ok(data)
+    let mut table = table.finish();
+    add_notes(path, &overview, &mut table);
+    table.bad_lines = overview.bad;
+    Ok(table)
 }
 
 /// Adds notes on the log's frames that are not part of a row.
-fn add_notes(path: &Path, overview: &TraceOverview, data: &mut FileData) {
+fn add_notes(path: &Path, overview: &TraceOverview, data: &mut LogTable) {
     let (file, summary) = (path.display(), &overview.summary);
     if summary.answers > 0 {
         for name in ["friction_torque_nm", "feed_forward_current_a", "flags"] {
@@ -226,7 +224,7 @@ fn scan(
         origin_ns.get_or_insert(sample.time_ns);
         Ok(())
     })?;
-    refuse_bad_lines(&bad, summary.frames as usize, max_share)?;
+    bad.check(summary.frames as usize + bad.count, max_share)?;
     let wrong = |found: String, expected: &str| {
         Err(DataError::File { file: path.into(), found, expected: expected.into() })
     };
@@ -287,24 +285,11 @@ struct MalformedLine<'a> {
 
 impl MalformedLine<'_> {
     fn add_to(&self, path: &Path, format: TextFormat, bad: &mut BadRows) {
-        bad.count += 1;
-        if bad.first.len() < NAMED_BAD_ROWS {
+        bad.add(|| {
             let (column, found) = ("(all)".into(), quoted(self.line));
             let expected = self.error.expected(format).into();
-            bad.first.push(BadCell { file: path.into(), row: self.row, column, found, expected });
-        }
-    }
-}
-
-/// Refuses a log with too many malformed lines.
-fn refuse_bad_lines(bad: &BadRows, frames: usize, max_share: f64) -> Result<(), DataError> {
-    let rows = frames + bad.count;
-    match bad.first.first().filter(|_| is_too_bad(bad.count, rows, max_share)) {
-        Some(first) => {
-            let (first, bad) = (Box::new(first.clone()), bad.count);
-            Err(DataError::TooManyBad { first, bad, rows, max_share })
-        }
-        None => Ok(()),
+            BadCell { file: path.into(), row: self.row, column, found, expected }
+        });
     }
 }
 

@@ -5,13 +5,11 @@
 //! stamps form one row; the others leave cells empty, which `close` fills as for every log with merged channels.
 
 use super::records::{RecordPosition, is_blank};
-use crate::clean::Cleaner;
 use crate::column_names::ColumnNames;
 use crate::columns::{FINITE, is_missing_value};
-use crate::error::{DataError, quoted};
+use crate::error::quoted;
+use crate::log_table::TableRows;
 use crate::options::ReadOptions;
-use crate::row::LogRow;
-use std::borrow::Cow;
 
 /// Words of a time column.
 const TIME_WORDS: [&str; 3] = ["t", "time", "timestamp"];
@@ -25,6 +23,9 @@ pub(super) struct Group {
 
 /// Stamps of at least this size are FILETIME: 100 ns since 1601. It is the year 1918.
 const MIN_FILETIME: f64 = 1e17;
+
+/// Limit of a stamp: FILETIME has 64 bits.
+const MAX_STAMP: f64 = 9e18;
 
 /// 1970 in FILETIME.
 const FILETIME_OF_1970: i128 = 116_444_736_000_000_000;
@@ -79,24 +80,6 @@ pub(super) struct ChannelClocks {
     first_filetime: Option<i128>,
 }
 
-/// A row of the merged table.
-struct MergedRow<'a> {
-    values: &'a [f64],
-}
-
-impl LogRow for MergedRow<'_> {
-    fn number(&self, column: usize) -> Option<f64> {
-        self.values.get(column).copied()
-    }
-
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        match self.values.get(column) {
-            Some(value) if !value.is_nan() => value.to_string().into_bytes().into(),
-            _ => Cow::Borrowed(&[]),
-        }
-    }
-}
-
 impl ChannelClocks {
     pub fn new(groups: Vec<Group>) -> Self {
         let samples = groups.iter().map(|_| GroupSamples::default()).collect();
@@ -139,7 +122,7 @@ impl ChannelClocks {
     /// Adds the samples of a record. `number` parses a cell.
     pub fn add(
         &mut self,
-        cleaner: &mut Cleaner,
+        table: &mut TableRows,
         position: &RecordPosition,
         record: &csv::ByteRecord,
         number: &dyn Fn(&[u8]) -> Option<f64>,
@@ -152,7 +135,7 @@ impl ChannelClocks {
             if let Err((column, found, expected)) =
                 self.add_sample(at, position.line, record, number)
             {
-                cleaner.reject_sample(position.line, Some(column), found, &expected);
+                table.reject_row(position.line, Some(column), found, &expected);
             }
         }
     }
@@ -174,7 +157,8 @@ impl ChannelClocks {
             // A slower channel has fewer samples.
             return Ok(());
         }
-        let stamp = number(cell(time)).ok_or_else(|| (0, quoted(cell(time)), FINITE.to_owned()))?;
+        let stamp = number(cell(time)).filter(|stamp| stamp.abs() < MAX_STAMP);
+        let stamp = stamp.ok_or_else(|| (0, quoted(cell(time)), FINITE.to_owned()))?;
         let time = self.time(cell(time), stamp);
         let last = self.samples[at].time.last().copied();
         if let Some(last) = last.filter(|last| time < *last) {
@@ -212,11 +196,8 @@ impl ChannelClocks {
         (ticks - *self.first_filetime.get_or_insert(ticks)) as f64 / 1e4
     }
 
-    /// Passes the merged rows to the cleaner. Returns a note on the origin of the times, if the file states it.
-    ///
-    /// # Errors
-    /// As [`Cleaner::add_row`].
-    pub fn finish(self, cleaner: &mut Cleaner) -> Result<Option<String>, DataError> {
+    /// Adds the merged rows. Returns a note on the origin of the times, if the file states it.
+    pub fn finish(self, table: &mut TableRows) -> Option<String> {
         let mut next = vec![0; self.groups.len()];
         let mut row = vec![f64::NAN; self.kept.len()];
         let offsets: Vec<usize> = self
@@ -245,12 +226,17 @@ impl ChannelClocks {
                 line = line.min(samples.lines[at]);
                 next[group] += 1;
             }
-            cleaner.add_row(line, &MergedRow { values: &row })?;
+            let text = |at: usize| row[at].to_string().into_bytes().into();
+            table.add_row(
+                line,
+                |at| Some(row[at]),
+                |at| if row[at].is_nan() { b"".into() } else { text(at) },
+            );
         }
-        Ok(self.first_filetime.map(|ticks| {
+        self.first_filetime.map(|ticks| {
             let origin = crate::clock::format_origin((ticks - FILETIME_OF_1970) * 100);
             format!("times count from {origin}")
-        }))
+        })
     }
 }
 

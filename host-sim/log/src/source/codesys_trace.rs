@@ -4,12 +4,12 @@
 //! `0.Data;` come its samples, one a line: `; time in ms; value`. The samples of all variables are joined by their times.
 
 use super::format::{Input, LogFormat};
-use super::table_rows::read_table;
-use crate::clean::FileData;
 use crate::contract::TIME;
 use crate::error::DataError;
 use crate::join::join_tables;
+use crate::log_table::LogTable;
 use crate::options::ReadOptions;
+use crate::plan::Request;
 use crate::table::{Cells, Table};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -34,8 +34,9 @@ struct Variable {
     values: Vec<f64>,
 }
 
-fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, file, options, progress, .. } = input;
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let Input { request, file, .. } = input;
+    let Request { path, progress, .. } = request;
     let io = |source| DataError::Io { file: path.into(), source };
     let mut variables: Vec<Variable> = Vec::new();
     let (mut bytes, mut bad) = (0, None);
@@ -57,7 +58,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     if variables.is_empty() {
         return Err(refused(path, "no variable with samples".into(), "a trace with data"));
     }
-    read_variables(path, variables, options)
+    read_variables(request, variables)
 }
 
 fn refused(path: &Path, found: String, expected: &str) -> DataError {
@@ -93,13 +94,12 @@ fn add_line(line: &str, variables: &mut Vec<Variable>) -> bool {
     }
 }
 
-/// Joins the variables to a table, and validates it.
+/// Joins the variables to a table.
 fn read_variables(
-    path: &Path,
+    request: Request,
     variables: Vec<Variable>,
-    options: &ReadOptions,
-) -> Result<FileData, DataError> {
-    let name = path.display().to_string();
+) -> Result<LogTable<'static>, DataError> {
+    let name = request.path.display().to_string();
     let count = variables.len();
     let tables = variables.into_iter().map(|Variable { name: variable, time_s, values }| {
         let columns = vec![
@@ -110,12 +110,12 @@ fn read_variables(
     });
     // The samples of a trace have times in each mode of reading.
     let joined = join_tables(&name, tables.collect(), &ReadOptions::default())?;
-    let mut data = read_table(&joined.table, options)?;
-    data.notes.push(format!(
+    let mut table = LogTable::of_table(&request, joined.table.columns)?;
+    table.notes.push(format!(
         "{name}: a trace of CODESYS: {count} variables, joined by {}, with times in ms",
         joined.in_words
     ));
-    Ok(data)
+    Ok(table)
 }
 
 #[cfg(test)]

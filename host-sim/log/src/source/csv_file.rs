@@ -1,13 +1,12 @@
-//! CSV files as a source of rows.
+//! CSV files.
 //!
-//! A log of several gigabytes must not be held as text. Rows stream through one reused record (`records`), and only
-//! numbers are kept. The `csv` crate splits the rows (quotes, embedded line ends). `fast-float2` parses the numbers
+//! A log of several gigabytes must not be held as text. Rows stream through one reused record (`records`), and of numbers only
+//! their values are kept. The `csv` crate splits the rows (quotes, embedded line ends). `fast-float2` parses the numbers
 //! directly from the bytes, which is most of the work.
 //!
 //! A number with separators of thousands may show that earlier ones were misread. The file is then read once more, and
 //! a third time without such separators if other numbers contradict them.
 
-use std::borrow::Cow;
 use std::cell::Cell;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -23,15 +22,14 @@ use super::records::{
 };
 use super::separator::separator;
 use super::{utf16, windows_1252};
-use crate::clean::{Cleaner, FileData};
 use crate::clock::is_date;
 use crate::column_names::ColumnNames;
 use crate::columns::is_missing_value;
 use crate::error::DataError;
 use crate::error::quoted;
-use crate::header::{Layout, layout};
+use crate::log_table::{LogTable, TableRows};
 use crate::options::ReadOptions;
-use crate::row::LogRow;
+use crate::plan::{Reading, Request};
 
 /// Rows between two calls of the progress function.
 const PROGRESS_ROWS: u64 = 16 * 1024;
@@ -64,75 +62,54 @@ impl NumberFormat {
     }
 }
 
-/// A record with its number format.
-struct CsvRow<'a> {
-    record: &'a csv::ByteRecord,
-    format: &'a NumberFormat,
-}
-
-impl LogRow for CsvRow<'_> {
-    #[inline]
-    fn number(&self, column: usize) -> Option<f64> {
-        self.format.parse(self.record.get(column)?.trim_ascii())
-    }
-
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        Cow::Borrowed(self.record.get(column).unwrap_or_default().trim_ascii())
-    }
-}
-
 /// Tables as text. Every text matches, so this format is tried last.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: |_| true, read };
 
 /// The byte order mark of UTF-8, which some programs write first.
 const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 
-fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, mut file, head, size, options, progress } = input;
-    let io = |source| DataError::Io { file: path.into(), source };
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let Input { request, mut file, head, size } = input;
+    let io = |source| DataError::Io { file: request.path.into(), source };
     let order = utf16::byte_order(head);
     let is_windows_1252 = order.is_none() && windows_1252::is_windows_1252(head);
     if order.is_some() || is_windows_1252 {
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(io)?;
-        let progress = |bytes: u64| progress(bytes.min(size));
+        let progress = |bytes: u64| (request.progress)(bytes.min(size));
         if is_windows_1252 {
             bytes = windows_1252::decode(&bytes).into_bytes();
         }
-        let mut data = read_bytes(path, &bytes, options, &progress)?;
+        let mut table = read_bytes(Request { progress: &progress, ..request }, &bytes)?;
         if is_windows_1252 {
             let note = "the text is not UTF-8 and is read as Windows-1252";
-            data.notes.push(format!("{}: {note}", path.display()));
+            table.notes.push(format!("{}: {note}", request.path.display()));
         }
-        return Ok(data);
+        return Ok(table);
     }
-    let before = preamble_after_mark(head, options);
+    let before = preamble_after_mark(head, request.options);
     let start = before.start as u64;
     let from_start = || -> std::io::Result<File> {
         let mut file = file.try_clone()?;
         file.seek(SeekFrom::Start(start))?;
         Ok(file)
     };
-    TextTable { path, head, before, size }.read(from_start, options, progress)
+    TextTable { request, head, before, size }.read(from_start)
 }
 
-/// Reads a table that is in memory. `path` is its name in messages.
-pub(super) fn read_bytes(
-    path: &Path,
-    bytes: &[u8],
-    options: &ReadOptions,
-    progress: &dyn Fn(u64),
-) -> Result<FileData, DataError> {
+/// Reads a table that is in memory.
+pub(super) fn read_bytes(request: Request, bytes: &[u8]) -> Result<LogTable<'static>, DataError> {
     let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
     if let Some(order) = utf16::byte_order(head) {
         let text = utf16::decode(bytes, order);
         let size = bytes.len() as u64;
-        return read_bytes(path, text.as_bytes(), options, &|bytes| progress(bytes.min(size)));
+        let progress = |bytes: u64| (request.progress)(bytes.min(size));
+        return read_bytes(Request { progress: &progress, ..request }, text.as_bytes());
     }
-    let before = preamble_after_mark(head, options);
+    let before = preamble_after_mark(head, request.options);
     let start = before.start;
-    let table = TextTable { path, head, before, size: bytes.len() as u64 };
-    table.read(|| Ok(&bytes[start..]), options, progress)
+    let table = TextTable { request, head, before, size: bytes.len() as u64 };
+    table.read(|| Ok(&bytes[start..]))
 }
 
 /// Returns what precedes the rows of a text, which may begin with a byte order mark.
@@ -158,7 +135,7 @@ fn csv_error(path: &Path, error: csv::Error) -> DataError {
 
 /// A table and its position in the file.
 struct TextTable<'a> {
-    path: &'a Path,
+    request: Request<'a>,
     head: &'a [u8],
     before: Preamble,
     size: u64,
@@ -170,22 +147,20 @@ impl TextTable<'_> {
     fn read<R: Read>(
         &self,
         open: impl Fn() -> std::io::Result<R>,
-        options: &ReadOptions,
-        progress: &dyn Fn(u64),
-    ) -> Result<FileData, DataError> {
-        let io = |source| DataError::Io { file: self.path.into(), source };
+    ) -> Result<LogTable<'static>, DataError> {
+        let io = |source| DataError::Io { file: self.request.path.into(), source };
         let first = NumberStyle::default();
-        let (data, style) = self.read_in_style(open().map_err(io)?, first, options, progress);
+        let (data, style) = self.read_in_style(open().map_err(io)?, first);
         let was_misread = style.thousands_comma || style.thousands_point;
         if !was_misread {
             return data;
         }
-        let (data, style) = self.read_in_style(open().map_err(io)?, style, options, progress);
+        let (data, style) = self.read_in_style(open().map_err(io)?, style);
         if !style.is_contradictory() {
             return data;
         }
         let plain = NumberStyle { is_plain: true, ..NumberStyle::default() };
-        self.read_in_style(open().map_err(io)?, plain, options, progress).0
+        self.read_in_style(open().map_err(io)?, plain).0
     }
 
     /// Returns the names of the columns: those of the preamble or those of the first record. If the first record is a row, the
@@ -250,14 +225,12 @@ impl TextTable<'_> {
         &self,
         text: impl Read,
         style: NumberStyle,
-        options: &ReadOptions,
-        progress: &dyn Fn(u64),
-    ) -> (Result<FileData, DataError>, NumberStyle) {
+    ) -> (Result<LogTable<'static>, DataError>, NumberStyle) {
         let separator = self.separator();
         let format = NumberFormat { is_comma_free: separator != b',', style: Cell::new(style) };
         let bytes = self.size.saturating_sub(self.before.start as u64);
         let records = RecordReader::new(text, separator, self.before.lines, bytes);
-        let data = self.read_records(records, &format, options, progress).map(|mut data| {
+        let data = self.read_records(records, &format).map(|mut data| {
             data.notes.extend(self.notes(format.style.get()));
             data
         });
@@ -268,57 +241,61 @@ impl TextTable<'_> {
         &self,
         mut records: RecordReader<R>,
         format: &NumberFormat,
-        options: &ReadOptions,
-        progress: &dyn Fn(u64),
-    ) -> Result<FileData, DataError> {
-        let path = self.path;
+    ) -> Result<LogTable<'static>, DataError> {
+        let Request { path, options, progress, .. } = self.request;
         let failed = |error: csv::Error| csv_error(path, error);
         let names = self.names(&mut records, format).map_err(failed)?;
         let width = names.names.len();
         let mut clocks = groups(&names, options).map(ChannelClocks::new);
         let merged = clocks.as_ref().map(|clocks| clocks.names(&names));
-        let mut layout: Layout = layout(path, merged.unwrap_or_else(|| names.clone()), options)?;
+        let mut plan = self.request.plan(merged.unwrap_or_else(|| names.clone()))?;
         if let Some(line) = self.before.units.clone().map(|range| &self.head[range]) {
             let units = cells(line, self.separator());
             let cells = clocks.as_ref().map_or(units.clone(), |clocks| clocks.cells(&units));
-            layout.take_units(path, &cells, "above")?;
+            plan.take_units(path, &cells, "above")?;
         }
         let mut has_record = names.is_numbered || records.advance().map_err(failed)?;
         if has_record && records.record.len() == width {
             let row: Vec<&[u8]> = records.record.iter().map(<[u8]>::trim_ascii).collect();
             let cells = clocks.as_ref().map_or(row.clone(), |clocks| clocks.cells(&row));
-            if layout.take_units(path, &cells, "below")? {
+            if plan.take_units(path, &cells, "below")? {
                 has_record = records.advance().map_err(failed)?;
             }
         }
-        let mut cleaner = Cleaner::new(path, layout);
+        let is_long = matches!(plan.reading, Reading::Long(_));
+        let mut table = TableRows::new(path, plan);
         let mut count: u64 = 0;
-        while has_record {
+        while has_record && !table.is_full() {
             let position = records.position();
             let record = &records.record;
             count += 1;
             if count.is_multiple_of(PROGRESS_ROWS) {
                 progress(records.bytes_read());
             }
+            let cell = |at: usize| record.get(at).unwrap_or_default().trim_ascii();
+            let is_header = |at: usize| *cell(at) == *names.names[at].as_bytes();
             if is_blank(record) || self.is_end_mark(record) {
                 // An empty line.
             } else if position.is_open || record.len() != width && clocks.is_none() {
-                cleaner.reject_ragged_row(position.line, found_cells(&position, record.len()));
+                let expected = format!("{} cells as in the header", table.plan.names.names.len());
+                let found = found_cells(&position, record.len());
+                table.reject_row(position.line, None, found, &expected);
             } else if let Some(clocks) = &mut clocks {
-                clocks.add(&mut cleaner, &position, record, &|cell| format.parse(cell));
-            } else {
-                cleaner.add_row(position.line, &CsvRow { record, format })?;
+                clocks.add(&mut table, &position, record, &|cell| format.parse(cell));
+            } else if !(is_long && (0..width).all(is_header)) {
+                // A long table of several series may have the header of each.
+                table.add_row(position.line, |at| format.parse(cell(at)), |at| cell(at).into());
             }
             has_record = records.advance().map_err(failed)?;
         }
         let mut notes = Vec::new();
         if let Some(clocks) = clocks {
             notes.push(clocks.note(&names));
-            notes.extend(clocks.finish(&mut cleaner)?);
+            notes.extend(clocks.finish(&mut table));
         }
-        let mut data = cleaner.finish()?;
-        data.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
-        Ok(data)
+        let mut table = table.finish();
+        table.notes = notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
+        Ok(table)
     }
 
     /// Returns true for the line that ends an export of TwinCAT Scope.
@@ -346,7 +323,7 @@ impl TextTable<'_> {
         if style.decimal_comma {
             notes.push("commas inside numbers are decimal points".into());
         }
-        let file = self.path.display();
+        let file = self.request.path.display();
         notes.into_iter().map(|note| format!("{file}: {note}")).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! Dates of binary formats as the text of a CSV file.
 
-use crate::clock::format_stamp;
+use crate::date::format_stamp;
 
 pub(super) const SECOND_NS: i64 = 1_000_000_000;
 pub(super) const DAY_NS: i64 = 86_400 * SECOND_NS;

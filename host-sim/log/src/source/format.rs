@@ -1,9 +1,14 @@
 //! The interface of a log format.
 
-use crate::clean::FileData;
 use crate::error::DataError;
-use crate::options::ReadOptions;
+use crate::log_table::LogTable;
+use crate::plan::Request;
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+use crate::work::Cancelled;
 use std::fs::File;
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+#[cfg(any(feature = "arrow", feature = "parquet"))]
 use std::path::Path;
 
 /// A log format.
@@ -11,7 +16,7 @@ pub(super) struct LogFormat {
     /// Returns true if a file that begins with `head` is in this format.
     pub matches: fn(head: &[u8]) -> bool,
     /// Reads such a file.
-    pub read: fn(input: Input) -> Result<FileData, DataError>,
+    pub read: fn(input: Input) -> Result<LogTable<'static>, DataError>,
 }
 
 /// First bytes of an Arrow file.
@@ -40,15 +45,31 @@ pub(super) const HEAD_BYTES: u64 = 64 * 1024;
 
 /// A file to be read.
 pub(super) struct Input<'a> {
-    pub path: &'a Path,
+    pub request: Request<'a>,
     /// The file, at its start.
     pub file: File,
     /// Its first [`HEAD_BYTES`] bytes.
     pub head: &'a [u8],
     /// Its length, bytes.
     pub size: u64,
-    /// How it is to be read.
-    pub options: &'a ReadOptions,
-    /// Called with the number of bytes read so far.
-    pub progress: &'a dyn Fn(u64),
+}
+
+/// Calls `read`, which uses a library that reports a few damaged files with a panic, for example a page that refers to a missing
+/// dictionary. A damaged file must not look like a defect of this program, so a panic becomes an error.
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+pub(super) fn read_damaged<T>(
+    path: &Path,
+    expected: &str,
+    read: impl FnOnce() -> Result<T, DataError>,
+) -> Result<T, DataError> {
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
+        if panic.is::<Cancelled>() {
+            resume_unwind(panic);
+        }
+        Err(DataError::File {
+            file: path.into(),
+            found: "damaged data".into(),
+            expected: expected.into(),
+        })
+    })
 }

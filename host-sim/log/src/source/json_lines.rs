@@ -1,4 +1,4 @@
-//! JSON lines as a source of rows: one object a line.
+//! JSON lines: one object a line.
 //!
 //! A field of a nested object is a column with a dotted name, `data.velocity`; an element of a list is `q[1]`. Objects
 //! need not have the same fields: a logger of several channels writes an object for each. Only the columns that the
@@ -6,10 +6,9 @@
 //! first for the columns, then for the rows.
 
 use super::format::{Input, LogFormat};
-use crate::clean::{Cleaner, FileData};
 use crate::error::{DataError, quoted};
-use crate::header::{Layout, layout};
-use crate::row::LogRow;
+use crate::log_table::{LogTable, TableRows};
+use crate::plan::Request;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -88,26 +87,21 @@ fn each_field(name: &str, value: &Value, depth: usize, add: &mut dyn FnMut(&str,
     }
 }
 
-/// The fields of an object as a row.
-struct JsonRow<'a> {
-    values: &'a [Option<Value>],
+/// Returns a field as a number.
+fn number(value: Option<&Value>) -> Option<f64> {
+    match value? {
+        Value::Number(number) => number.as_f64(),
+        Value::String(text) => fast_float2::parse(text.trim()).ok(),
+        _ => None,
+    }
 }
 
-impl LogRow for JsonRow<'_> {
-    fn number(&self, column: usize) -> Option<f64> {
-        match self.values.get(column)?.as_ref()? {
-            Value::Number(number) => number.as_f64(),
-            Value::String(text) => fast_float2::parse(text.trim()).ok(),
-            _ => None,
-        }
-    }
-
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        match self.values.get(column).and_then(Option::as_ref) {
-            Some(Value::String(text)) => text.as_bytes().trim_ascii().into(),
-            Some(Value::Null) | None => Cow::Borrowed(&[]),
-            Some(value) => value.to_string().into_bytes().into(),
-        }
+/// Returns a field as text.
+fn text(value: Option<&Value>) -> Cow<'_, [u8]> {
+    match value {
+        Some(Value::String(text)) => text.as_bytes().trim_ascii().into(),
+        Some(Value::Null) | None => Cow::Borrowed(&[]),
+        Some(value) => value.to_string().into_bytes().into(),
     }
 }
 
@@ -120,10 +114,10 @@ struct Columns {
     fewest: usize,
 }
 
-fn read(input: Input) -> Result<FileData, DataError> {
-    let path = input.path;
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let Request { path, progress, .. } = input.request;
     let mut columns = Columns { fewest: usize::MAX, ..Columns::default() };
-    each_line(&input, &|bytes| (input.progress)(bytes / 2), &mut |_, line| {
+    each_line(&input, &|bytes| progress(bytes / 2), &mut |_, line| {
         if let Some(object) = parse(line) {
             columns.add(&object);
         }
@@ -138,19 +132,19 @@ fn read(input: Input) -> Result<FileData, DataError> {
     })?;
     let Columns { names, by_name, fewest } = columns;
     let count = names.len();
-    let mut layout = layout(path, names, input.options)?;
-    let has_channels = fewest < count && !layout.is_survey && !layout.collects;
-    if has_channels {
-        layout.keep_named_columns(path, 0);
-    }
-    let is_measured = measured_columns(&layout);
-    let mut cleaner = Cleaner::new(path, layout);
+    let has_channels = fewest < count;
+    let plan = match has_channels {
+        true => input.request.plan_named(names, 0)?,
+        false => input.request.plan(names.into())?,
+    };
+    let is_measured = plan.measured();
+    let mut table = TableRows::new(path, plan);
     let mut ignored = 0_u64;
     let mut values = vec![None; count];
     let half = input.size / 2;
-    each_line(&input, &|bytes| (input.progress)(half + bytes / 2), &mut |number, line| {
+    each_line(&input, &|bytes| progress(half + bytes / 2), &mut |line_number, line| {
         let Some(object) = parse(line) else {
-            cleaner.reject_sample(number, None, quoted(line), "a JSON object");
+            table.reject_row(line_number, None, quoted(line), "a JSON object");
             return Ok(());
         };
         values.fill(None);
@@ -164,15 +158,21 @@ fn read(input: Input) -> Result<FileData, DataError> {
             ignored += 1;
             return Ok(());
         }
-        cleaner.add_row(number, &JsonRow { values: &values })
+        table.add_row(
+            line_number,
+            |at| number(values[at].as_ref()),
+            |at| text(values[at].as_ref()),
+        );
+        Ok(())
     })?;
-    let mut data = cleaner.finish()?;
+    let mut table = table.finish();
     if ignored > 0 {
         let file = path.display();
-        data.notes
+        table
+            .notes
             .push(format!("{file}: {ignored} objects have none of these columns and are no rows"));
     }
-    Ok(data)
+    Ok(table)
 }
 
 impl Columns {
@@ -189,21 +189,12 @@ impl Columns {
     }
 }
 
-/// Returns for each column whether it is a measurement, and not the time or a name.
-fn measured_columns(layout: &Layout) -> Vec<bool> {
-    let mut is_measured = vec![false; layout.names.len()];
-    let required = layout.required[1..].iter().map(|reading| reading.index);
-    let optional = layout.optional.iter().map(|column| column.reading.index);
-    required.chain(optional).for_each(|at| is_measured[at] = true);
-    is_measured
-}
-
 /// Receives the number and text of a line.
 type AddLine<'a> = dyn FnMut(u64, &[u8]) -> Result<(), DataError> + 'a;
 
 /// Calls `add` with the number and text of each line that is not blank.
 fn each_line(input: &Input, progress: &dyn Fn(u64), add: &mut AddLine) -> Result<(), DataError> {
-    let io = |source| DataError::Io { file: input.path.into(), source };
+    let io = |source| DataError::Io { file: input.request.path.into(), source };
     let mut file = input.file.try_clone().map_err(io)?;
     file.rewind().map_err(io)?;
     let mut reader = BufReader::new(file);

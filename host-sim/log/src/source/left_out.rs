@@ -2,8 +2,8 @@
 //! the feature; as a table of text, they would give a hundred bad rows.
 
 use super::format::{self, Input, LogFormat};
-use crate::clean::FileData;
 use crate::error::DataError;
+use crate::log_table::LogTable;
 
 /// Recordings of ROS 2 and Foxglove.
 #[cfg(any(test, not(feature = "mcap")))]
@@ -30,8 +30,8 @@ fn refuse(
     input: &Input,
     format: &'static str,
     feature: &'static str,
-) -> Result<FileData, DataError> {
-    Err(DataError::LeftOut { file: input.path.into(), format, feature })
+) -> Result<LogTable<'static>, DataError> {
+    Err(DataError::LeftOut { file: input.request.path.into(), format, feature })
 }
 
 #[cfg(test)]
@@ -39,6 +39,7 @@ mod tests {
     use super::*;
     use crate::message;
     use crate::options::ReadOptions;
+    use crate::plan::{Purpose, Request};
     use std::path::Path;
 
     #[test]
@@ -53,7 +54,9 @@ mod tests {
             assert!((format.matches)(head), "{expected}");
             let (options, file) = (ReadOptions::default(), tempfile::tempfile().expect("a file"));
             let path = Path::new("my.log");
-            let input = Input { path, file, head, size: 8, options: &options, progress: &|_| {} };
+            let (purpose, progress) = (Purpose::Data, &|_| {});
+            let request = Request { path, options: &options, purpose, is_wide: false, progress };
+            let input = Input { request, file, head, size: 8 };
             let Err(error) = (format.read)(input) else { panic!("read") };
             let DataError::LeftOut { file, format, feature } = &error else { panic!("{error}") };
             assert_eq!((&**file, *feature), (path, expected));

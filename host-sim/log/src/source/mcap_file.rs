@@ -8,11 +8,10 @@
 
 use super::cdr::Definition;
 use super::format::{Input, LogFormat, is_mcap};
-use crate::clean::{Cleaner, FileData};
 use crate::contract;
 use crate::error::{DataError, one_line};
-use crate::header::layout;
-use crate::row::LogRow;
+use crate::log_table::{LogTable, TableRows};
+use crate::mixed_cells::Need;
 use mcap::{McapError, Message, MessageStream};
 use serde_json::Value;
 use std::borrow::Cow;
@@ -34,7 +33,7 @@ struct MessageRow {
     values: Vec<(usize, f64)>,
 }
 
-impl LogRow for MessageRow {
+impl MessageRow {
     fn number(&self, column: usize) -> Option<f64> {
         if column == 0 {
             return Some(self.time_ns as f64);
@@ -42,12 +41,10 @@ impl LogRow for MessageRow {
         self.values.iter().find(|(of, _)| *of == column).map(|(_, value)| *value)
     }
 
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        match (column, self.number(column)) {
-            (0, _) => self.time_ns.to_string().into_bytes().into(),
-            (_, Some(value)) => value.to_string().into_bytes().into(),
-            (_, None) => Cow::Borrowed(&[]),
-        }
+    fn text(&self, column: usize) -> Cow<'static, [u8]> {
+        let value = || self.number(column).map(|value| value.to_string()).unwrap_or_default();
+        let text = if column == 0 { self.time_ns.to_string() } else { value() };
+        text.into_bytes().into()
     }
 }
 
@@ -62,8 +59,9 @@ struct MessageTable {
     ignored: usize,
 }
 
-fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, mut file, options, progress, size, .. } = input;
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let Input { request, mut file, size, .. } = input;
+    let path = request.path;
     let io = |source| DataError::Io { file: path.into(), source };
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(io)?;
@@ -77,30 +75,26 @@ fn read(input: Input) -> Result<FileData, DataError> {
         table.add_message(&message.map_err(failed)?);
     }
     drop(bytes);
-    progress(size);
+    (request.progress)(size);
     let MessageTable { names, mut rows, ignored, .. } = table;
     rows.sort_by_key(|row| row.time_ns);
-    let mut layout = layout(path, names, options)?;
-    if !layout.is_survey {
-        layout.keep_named_columns(path, 1);
+    let plan = request.plan_named(names, 1)?;
+    let needs = plan.needs.clone();
+    let mut table = TableRows::new(path, plan);
+    for (number, row) in rows.into_iter().enumerate() {
+        // A message without a needed column makes no row.
+        if row.values.iter().any(|(column, _)| needs[*column] != Need::Skip) {
+            table.add_row(number as u64 + 1, |at| row.number(at), |at| row.text(at));
+        }
     }
+    let mut table = table.finish();
     if ignored > 0 {
-        layout.notes.push(format!(
+        table.notes.push(format!(
             "{}: {ignored} messages are ignored: they are damaged, or neither CDR nor JSON",
             path.display()
         ));
     }
-    let mut needed = vec![false; layout.names.len()];
-    layout.needed().for_each(|at| needed[at] = true);
-    let mut cleaner = Cleaner::new(path, layout);
-    for (number, mut row) in rows.into_iter().enumerate() {
-        row.values.retain(|(column, _)| needed[*column]);
-        // A message without a needed column makes no row.
-        if !row.values.is_empty() {
-            cleaner.add_row(number as u64 + 1, &row)?;
-        }
-    }
-    cleaner.finish()
+    Ok(table)
 }
 
 impl MessageTable {

@@ -1,8 +1,7 @@
-//! Parquet files as a source of rows.
+//! Parquet files.
 //!
-//! Parquet stores columns separately and compressed, but a row is accepted or rejected as a whole. So one reader per
-//! needed column advances some thousand rows at a time. A null is an empty cell. Memory holds one such batch and the pages
-//! being decompressed.
+//! Parquet stores columns separately and compressed. One reader per needed column advances some thousand rows at a time, so that
+//! columns of different length are noticed. A null is an empty cell.
 //!
 //! Supported are the flat columns that pandas, polars and similar tools write: numbers, booleans (as the words `true`
 //! and `false`), text, and dates with or without a time of day (as the text of a CSV file, to the nanosecond),
@@ -20,11 +19,11 @@ use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::date_text::{DAY_NS, SECOND_NS, date_text};
-use super::format::{Input, LogFormat, is_parquet};
-use super::parquet_zstd::ZstdPages;
-use super::table_rows::{TableHeader, read_damaged};
-use crate::clean::FileData;
+use super::format::{Input, LogFormat, is_parquet, read_damaged};
+use super::parquet_zstd::{ZstdPages, damaged};
 use crate::error::{DataError, one_line};
+use crate::log_table::LogTable;
+use crate::mixed_cells::Need;
 use crate::table::{Cells, Table};
 
 /// Rows that are decompressed at a time.
@@ -43,57 +42,30 @@ enum ColumnType {
     },
 }
 
+/// What is expected instead of a file that cannot be read.
+const EXPECTED: &str = "a Parquet file, uncompressed or compressed with snappy, zstd or brotli";
+
 /// Apache Parquet.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_parquet, read };
 
-fn read(input: Input) -> Result<FileData, DataError> {
-    let path = input.path;
-    read_damaged(path, "an intact Parquet file", || read_table(input))
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let Input { request, file, size, .. } = input;
+    read_damaged(request.path, "an intact Parquet file", || {
+        let parquet =
+            ParquetFile::open(file).map_err(|error| failed(request.path, error, EXPECTED))?;
+        let unreadable = parquet.kinds.iter().map(|kind| kind.err().map(str::to_owned));
+        let plan = request.plan_columns(parquet.names.clone(), unreadable.collect())?;
+        let is_needed = plan.needs.iter().map(|need| *need != Need::Skip);
+        let progress = |share: f64| (request.progress)((share * size as f64) as u64);
+        let cells = parquet.cells(is_needed.collect(), plan.max_rows(), &progress);
+        let cells = cells.map_err(|error| failed(request.path, error, EXPECTED))?;
+        Ok(LogTable::of_columns(&request, plan, cells))
+    })
 }
 
-fn read_table(input: Input) -> Result<FileData, DataError> {
-    let Input { path, file, size, options, progress, .. } = input;
-    let failed = |error: ParquetError| DataError::File {
-        file: path.into(),
-        found: one_line(&error.to_string()),
-        expected: "a Parquet file, uncompressed or compressed with snappy, zstd or brotli".into(),
-    };
-    let pages = file.try_clone().map_err(|error| failed(error.into()))?;
-    let reader = SerializedFileReader::new(file).map_err(failed)?;
-    let file_metadata = reader.metadata().file_metadata();
-    let columns = file_metadata.schema_descr().columns();
-    let kinds: Vec<Result<ColumnType, &str>> =
-        columns.iter().map(|column| column_type(column)).collect();
-    let header = TableHeader {
-        names: columns.iter().map(|column| column.path().parts().join(".")).collect(),
-        unreadable: kinds.iter().map(|kind| kind.err().map(str::to_owned)).collect(),
-    };
-    let total = file_metadata.num_rows().max(1) as f64;
-    header.read(path, options, |is_needed| {
-        let (mut group, mut done) = (0, 0);
-        let mut readers: Option<Vec<Option<BatchReader>>> = None;
-        let mut next = move || loop {
-            let open = match &mut readers {
-                Some(open) => open,
-                None if group == reader.num_row_groups() => return Ok(None),
-                None => {
-                    let rows = reader.get_row_group(group)?;
-                    group += 1;
-                    readers.insert(open_readers(&pages, &*rows, &kinds, &is_needed)?)
-                }
-            };
-            let columns = next_batches(open)?;
-            let rows = rows_of(&columns)?;
-            if rows > 0 {
-                // The rows before these are validated.
-                progress(((done as f64 / total).min(1.0) * size as f64) as u64);
-                done += rows;
-                return Ok(Some(columns));
-            }
-            readers = None;
-        };
-        Ok(std::iter::from_fn(move || next().map_err(failed).transpose()))
-    })
+fn failed(path: &Path, error: ParquetError, expected: &str) -> DataError {
+    let found = one_line(&error.to_string());
+    DataError::File { file: path.into(), found, expected: expected.into() }
 }
 
 /// Reads all columns of a Parquet file into memory. A column that is no measurement has no cells.
@@ -101,32 +73,60 @@ fn read_table(input: Input) -> Result<FileData, DataError> {
 /// # Errors
 /// If the file is damaged or compressed in another way.
 pub fn parquet_table(path: &Path) -> Result<Table, DataError> {
-    let failed = |error: ParquetError| DataError::File {
-        file: path.into(),
-        found: one_line(&error.to_string()),
-        expected: "an intact Parquet file".into(),
-    };
+    let expected = "an intact Parquet file";
     let open = || -> Result<Table, ParquetError> {
-        let file = File::open(path)?;
+        let parquet = ParquetFile::open(File::open(path)?)?;
+        let cells = parquet.cells(vec![true; parquet.kinds.len()], usize::MAX, &|_| {})?;
+        let columns = parquet.names.into_iter().zip(cells).collect();
+        Ok(Table { name: path.display().to_string(), columns })
+    };
+    read_damaged(path, expected, || open().map_err(|error| failed(path, error, expected)))
+}
+
+/// An open file.
+struct ParquetFile {
+    file: File,
+    reader: SerializedFileReader<File>,
+    names: Vec<String>,
+    /// How each column is read, or why it is not, as the end of "it is ..".
+    kinds: Vec<Result<ColumnType, &'static str>>,
+}
+
+impl ParquetFile {
+    fn open(file: File) -> Result<Self, ParquetError> {
         let reader = SerializedFileReader::new(file.try_clone()?)?;
-        let columns = reader.metadata().file_metadata().schema_descr().columns().to_vec();
-        let kinds: Vec<_> = columns.iter().map(|column| column_type(column)).collect();
-        let mut cells: Vec<Cells> = vec![Cells::NOT_READ; columns.len()];
-        for group in 0..reader.num_row_groups() {
-            let rows = reader.get_row_group(group)?;
-            let mut readers = open_readers(&file, &*rows, &kinds, &vec![true; kinds.len()])?;
-            loop {
+        let columns = reader.metadata().file_metadata().schema_descr().columns();
+        let kinds = columns.iter().map(|column| column_type(column)).collect();
+        let names = columns.iter().map(|column| column.path().parts().join(".")).collect();
+        Ok(Self { file, reader, names, kinds })
+    }
+
+    /// Reads the cells of the needed columns, at least the first `rows`. `progress` is called with the share that is read.
+    fn cells(
+        &self,
+        is_needed: Vec<bool>,
+        rows: usize,
+        progress: &dyn Fn(f64),
+    ) -> Result<Vec<Cells>, ParquetError> {
+        let total = self.reader.metadata().file_metadata().num_rows().max(1) as f64;
+        let mut cells = vec![Cells::NOT_READ; self.kinds.len()];
+        let mut done = 0;
+        for group in 0..self.reader.num_row_groups() {
+            let group = self.reader.get_row_group(group)?;
+            let mut readers = open_readers(&self.file, &*group, &self.kinds, &is_needed)?;
+            while done < rows {
+                progress((done as f64 / total).min(1.0));
                 let batch = next_batches(&mut readers)?;
-                if rows_of(&batch)? == 0 {
+                let count = rows_of(&batch)?;
+                if count == 0 {
                     break;
                 }
+                done += count;
                 cells.iter_mut().zip(batch).for_each(|(all, batch)| all.append(batch));
             }
         }
-        let names = columns.iter().map(|column| column.path().parts().join("."));
-        Ok(Table { name: path.display().to_string(), columns: names.zip(cells).collect() })
-    };
-    read_damaged(path, "an intact Parquet file", || open().map_err(failed))
+        Ok(cells)
+    }
 }
 
 /// Returns the type of a column, or why it cannot be read, as the end of "it is ..".
@@ -200,12 +200,13 @@ fn open_readers(
         let start = about.dictionary_page_offset().unwrap_or(about.data_page_offset());
         match kind {
             Ok(_) if *needed && (start < 0 || about.compressed_size() < 0) => {
-                Err(ParquetError::General("a column that starts before the file".into()))
+                Err(damaged("a column that starts before the file"))
             }
             Ok(kind) if *needed => Ok(Some(BatchReader {
                 values: match about.compression() {
                     Compression::ZSTD(_) => {
-                        let pages = ZstdPages::new(file, about)?;
+                        let rows = group.metadata().num_rows();
+                        let pages = ZstdPages::new(file, about, rows as usize)?;
                         get_column_reader(about.column_descr_ptr(), Box::new(pages))
                     }
                     _ => group.get_column_reader(at)?,
@@ -305,7 +306,7 @@ fn rows_of(columns: &[Cells]) -> Result<usize, ParquetError> {
     let mut lengths = columns.iter().filter(|cells| **cells != Cells::NOT_READ).map(Cells::len);
     let rows = lengths.next().unwrap_or(0);
     if lengths.any(|length| length != rows) {
-        return Err(ParquetError::General("columns of different length".into()));
+        return Err(damaged("columns of different length"));
     }
     Ok(rows)
 }

@@ -8,10 +8,9 @@
 //! voltage is no torque, so a file is read only with the value of a volt, or to show its columns.
 
 use super::format::{Input, LogFormat};
-use super::read_table;
-use crate::clean::FileData;
 use crate::contract::{RUN, TIME};
 use crate::error::DataError;
+use crate::log_table::LogTable;
 use crate::setting::Setting;
 use crate::table::{Cells, Table};
 use crate::unit::conversion;
@@ -58,23 +57,25 @@ pub(super) fn is_sysid(head: &[u8]) -> bool {
     head.trim_ascii_start().starts_with(b"{") && KEYS.into_iter().any(has)
 }
 
-fn read(input: Input) -> Result<FileData, DataError> {
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let path = input.request.path;
     let refused = |found: String, expected: &str| DataError::File {
-        file: input.path.into(),
+        file: path.into(),
         found,
         expected: expected.into(),
     };
     let document: Value = serde_json::from_reader(BufReader::new(input.file))
         .map_err(|error| refused(format!("damaged JSON: {error}"), "a file of SysId"))?;
-    let table = table(input.path.display().to_string(), &document)
+    let table = table(path.display().to_string(), &document)
         .ok_or_else(|| refused("no test with rows of numbers".into(), "a file of SysId"))?;
     let of_volt = Setting::Columns.suggested(format!("torque_nm={}:0.1Nm", table.columns[2].0));
     let hint = format!(
         "a voltage is no torque: log the motor's torque or current, or state the torque of 1 V, as {of_volt}"
     );
-    let mut data = read_table(&table, input.options).map_err(|error| error.with_hint(&hint))?;
-    data.notes.push(format!("{}: a file of SysId, each test is a run", table.name));
-    Ok(data)
+    let table = LogTable::of_table(&input.request, table.columns);
+    let table = table.map_err(|error| error.with_hint(&hint))?;
+    let notes = vec![format!("{}: a file of SysId, each test is a run", path.display())];
+    Ok(LogTable { notes, hint: Some(hint), ..table })
 }
 
 /// Makes a table of all tests.

@@ -354,3 +354,29 @@ fn read_with_test_of_sysid_names_the_missing_torque() {
         assert!(error.contains("volts") && error.contains("1 V"), "{error}");
     }
 }
+
+#[test]
+fn read_with_stamps_of_a_channel_that_are_no_times_rejects_them() {
+    let mut text = "t1,velocity_rad_s,t2,torque_nm\n".to_owned();
+    for row in 0..ROWS {
+        let (time_s, stamp) = (time(row), ["", "inf", "-nan", "1e38"].get(row as usize / 10));
+        let stamp = stamp
+            .filter(|of| row % 10 == 0 && !of.is_empty())
+            .map_or(time_s.to_string(), |of| (*of).to_owned());
+        let _ = writeln!(text, "{stamp},{},{time_s},{}", velocity(time_s), torque(time_s));
+    }
+    let data = try_read(&text, &with_columns("time_s=t1")).unwrap();
+    let found: Vec<(u64, &str)> =
+        data.bad_rows.first.iter().map(|cell| (cell.row, &*cell.found)).collect();
+    assert_eq!(found, [(12, "\"inf\""), (22, "\"-nan\""), (32, "\"1e38\"")]);
+    assert_eq!(data.rows, ROWS as usize - 3);
+}
+
+#[test]
+fn survey_with_numbers_returns_them_as_written() {
+    let folder = Folder::new();
+    let path = folder.write("log.csv", "time_s,v,n\n0.10,007,nan\n0.20,1e3,-\n");
+    let found = survey(&path, &ReadOptions::default()).unwrap();
+    let samples: Vec<Vec<String>> = found.columns.into_iter().map(|of| of.samples).collect();
+    assert_eq!(samples, [vec!["0.10", "0.20"], vec!["007", "1e3"], vec![]]);
+}

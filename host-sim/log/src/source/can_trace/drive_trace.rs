@@ -1,22 +1,20 @@
-//! CAN logs of other makers' drives as a source of rows.
+//! CAN logs of other makers' drives.
 //!
 //! Each frame with a measured value becomes a row under the protocol's own signal names, and the tool's [`Preset`] gives
 //! their meaning and unit. A row lacks the signals of other frames, and `close` merges them as in every log with channels
 //! of their own. The row number is the line of the frame.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
-use super::{NonFrameLine, for_each_frame, refuse_bad_lines};
-use crate::clean::{Cleaner, FileData};
+use super::{NonFrameLine, for_each_frame};
 use crate::error::{BadRows, DataError};
-use crate::header::layout;
 use crate::joints::JOINT;
+use crate::log_table::{LogTable, TableRows};
 use crate::options::ReadOptions;
+use crate::plan::Request;
 use crate::preset::Preset;
-use crate::row::LogRow;
 use joint_trace::{DriveProtocol, DriveReading, TextFormat, TextReader};
 
 /// Minimum number of values of velocity and of torque that make a node a drive.
@@ -90,7 +88,7 @@ impl DriveTrace {
             }
             Ok(())
         })?;
-        refuse_bad_lines(&bad, frames, max_bad_share)?;
+        bad.check(frames + bad.count, max_bad_share)?;
         let nodes: Vec<u8> =
             counts.iter().filter(|(_, of)| of.is_complete()).map(|(node, _)| *node).collect();
         readings.retain(|of| {
@@ -102,27 +100,28 @@ impl DriveTrace {
         Ok((!nodes.is_empty()).then_some(Self { preset, readings, nodes, bad }))
     }
 
-    /// Passes the readings on as rows.
+    /// Returns the readings as a table.
     ///
     /// # Errors
     /// As a table with these columns.
-    pub fn read(self, path: &Path, options: &ReadOptions) -> Result<FileData, DataError> {
+    pub fn read(self, request: Request) -> Result<LogTable<'static>, DataError> {
         let columns = self.columns();
         let names: Vec<String> = columns.iter().map(|of| of.name(self.preset).to_owned()).collect();
-        let options = ReadOptions { preset: Some(self.preset), ..options.clone() };
-        let mut cleaner = Cleaner::new(path, layout(path, names, &options)?);
-        for bad in &self.bad.first {
-            cleaner.reject_row(bad.row, None, bad.found.clone(), &bad.expected);
-        }
+        let options = &ReadOptions { preset: Some(self.preset), ..request.options.clone() };
+        let plan = Request { options, ..request }.plan(names.into())?;
+        let mut table = TableRows::new(request.path, plan);
         let origin_ns = self.readings.first().map_or(0, |first| first.time_ns);
         for Stamped { line, time_ns, reading } in &self.readings {
             // Signed, because a clock may have been set back.
             let time_s = (i128::from(*time_ns) - i128::from(origin_ns)) as f64 / 1e9;
-            cleaner.add_row(*line, &DriveRow { time_s, reading, columns: &columns })?;
+            let number = |at: usize| match columns[at] {
+                DriveColumn::Time => Some(time_s),
+                column => column.value(reading).map(f64::from).filter(|value| !value.is_nan()),
+            };
+            let text = |at| number(at).map(|value| value.to_string()).unwrap_or_default();
+            table.add_row(*line, number, |at| text(at).into_bytes().into());
         }
-        let mut data = cleaner.finish()?;
-        data.bad.count += self.bad.count - self.bad.first.len();
-        Ok(data)
+        Ok(LogTable { bad_lines: self.bad, ..table.finish() })
     }
 
     fn columns(&self) -> Vec<DriveColumn> {
@@ -190,29 +189,6 @@ impl DriveColumn {
             Self::Velocity => reading.velocity_turns_s,
             Self::Torque => reading.torque_nm,
             Self::Current => reading.current_a,
-        }
-    }
-}
-
-/// A reading as a row of that table.
-struct DriveRow<'a> {
-    time_s: f64,
-    reading: &'a DriveReading,
-    columns: &'a [DriveColumn],
-}
-
-impl LogRow for DriveRow<'_> {
-    fn number(&self, column: usize) -> Option<f64> {
-        match self.columns.get(column)? {
-            DriveColumn::Time => Some(self.time_s),
-            column => Some(column.value(self.reading).map_or(f64::NAN, f64::from)),
-        }
-    }
-
-    fn text(&self, column: usize) -> Cow<'_, [u8]> {
-        match self.number(column) {
-            Some(value) if !value.is_nan() => value.to_string().into_bytes().into(),
-            _ => Cow::Borrowed(&[]),
         }
     }
 }
