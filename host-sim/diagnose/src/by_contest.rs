@@ -500,11 +500,16 @@ fn findings(
         finding
     };
     let mut findings: Vec<Finding> = named.map(finding).collect();
+    // Chance names a cause that most resampled logs do not show.
+    findings.retain(|own| own.is_in_model || own.stability >= MIN_STABILITY);
     // Of equally likely causes the more material one stays first.
     let rank = |own: &Finding| (own.probability / SAME_PROBABILITY).floor();
     findings.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
     findings
 }
+
+/// Minimum share of the resampled logs that show a cause without a term in the model.
+const MIN_STABILITY: f64 = 0.5;
 
 /// A finding whose term is in the extended model.
 fn in_model(realised: &Realised, offer: &Offer, log: &TrainTest) -> Finding {

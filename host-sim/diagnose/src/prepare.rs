@@ -4,13 +4,13 @@
 //! data, and cuts both into tracks. The same log and options give the same result, whatever holds the log.
 
 use crate::DiagnosisOptions;
-use compensator_core::TermKind;
 use compensator_core::parameters::Choices;
+use compensator_core::{Quantity, TermKind};
 use friction_fit::dataset_tracks::{campaign_start, tracks_since};
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::{FitOptions, Loss, Outcome, Rows, Track, identify_robustly};
 use joint_log::log_check::{self, CheckedLog, Corrections, LogFinding, LogFindingKind};
-use joint_log::setting::Message;
+use joint_log::setting::{Message, Setting};
 use joint_log::work::{self, Cancelled, Progress};
 use joint_log::{
     Cells, DataError, Dataset, FileContent, Part, ReadOptions, Split, SplitRule, Table, read_tables,
@@ -183,6 +183,7 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
     };
     work::report_stage("checking the log");
     log_check::refuse(&data)?;
+    check_gravity(&data, &options.rigid_body)?;
     let checked = log_check::check(data, options.corrections);
     let is_motion_logged = checked.is_motion_logged || !options.corrections.motion;
     let CheckedLog { data, findings: log_findings, overview, suspicion, .. } = checked;
@@ -230,6 +231,23 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         is_motion_logged,
         loss: options.loss.unwrap_or(automatic),
         seed: options.seed,
+    })
+}
+
+/// Refuses the torque of gravity for a log without a position, of which it is a function.
+fn check_gravity(data: &Dataset, rigid_body: &[TermKind]) -> Result<(), DataError> {
+    let has_position = data.runs.iter().all(|run| run.get(Quantity::Position).is_some());
+    if has_position || !rigid_body.contains(&TermKind::GravityImbalance) {
+        return Ok(());
+    }
+    let name = Quantity::Position.name(data.joint);
+    Err(DataError::Request {
+        what: Setting::RigidBody.given("gravity"),
+        found: "a log without a position".into(),
+        expected: format!(
+            "the column {name}, or {}",
+            Setting::Columns.suggested(format!("{name}=NAME"))
+        ),
     })
 }
 

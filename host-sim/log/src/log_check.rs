@@ -76,9 +76,9 @@ const CHECKS: [fn(&Log) -> Vec<LogFinding>; 10] = [
     saturated::saturated,
 ];
 
-/// The checks that refuse a log unless its kind is kept as logged, the gravest first.
-const SUSPICIONS: [fn(&Log) -> Option<Suspicion>; 4] =
-    [two_sources::suspicion, register::suspicion, unit::suspicion, magnitude::suspicion];
+/// The checks of the columns as read that refuse a log unless its kind is kept as logged, the gravest first.
+const SUSPICIONS: [fn(&Log) -> Option<Suspicion>; 3] =
+    [two_sources::suspicion, register::suspicion, magnitude::suspicion];
 
 /// A correction of the log as read.
 type Correction = fn(Dataset, bool) -> (Dataset, Vec<LogFinding>);
@@ -134,6 +134,11 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
         wrap::unwrapped(data, correct.corrects(LogFindingKind::WrappedAngle));
     data.notes.extend(nearly_named::suggestions(&data));
     let overview = overview(&data);
+    let as_read = Log::new(&data, &data, Sensors::default(), correct);
+    let suspicions = SUSPICIONS.iter().filter_map(|suspicion| suspicion(&as_read));
+    let (mut refused, kept): (Vec<_>, Vec<_>) =
+        suspicions.partition(|suspicion| correct.corrects(suspicion.kind));
+    findings.extend(kept.into_iter().map(Suspicion::finding));
     for (kind, correction) in CORRECTIONS {
         checkpoint();
         let found;
@@ -155,12 +160,9 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
         checkpoint();
         check(&log)
     }));
-    let suspicions = SUSPICIONS.iter().filter_map(|suspicion| suspicion(&log));
-    let (refused, kept): (Vec<_>, Vec<_>) =
-        suspicions.partition(|suspicion| correct.corrects(suspicion.kind));
-    // A unit has a finding of its own.
-    let kept = kept.into_iter().filter(|kept| kept.kind != LogFindingKind::UnitSuspect);
-    findings.extend(kept.map(Suspicion::finding));
+    // A unit that is kept has a finding of its own.
+    let is_kept = |suspicion: &Suspicion| !correct.corrects(suspicion.kind);
+    refused.extend(unit::suspicion(&log).filter(|suspicion| !is_kept(suspicion)));
     findings.extend(held);
     if let Some(fresh) = fresh.filter(|fresh| !fresh.is_motion_held) {
         (data, smoothed) = (fresh.select(&data), fresh.select(&smoothed));

@@ -220,9 +220,19 @@ impl<'a> Naming<'a> {
             of_one.unwrap_or_else(|| format!("{contract_name}=NAME"))
         };
         let mut pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
-        let position =
-            joints.pattern("position_rad").map(|theirs| format!("position_rad={theirs}"));
-        pairs.extend(position.filter(|pair| !pairs.contains(pair)));
+        // Checks and causes need the position, also beside a velocity.
+        let is_there =
+            POSITIONS.iter().any(|(name, _)| free.contains(name) || self.is_mapped(name));
+        let position = joints
+            .pattern("position_rad")
+            .map(|theirs| format!("position_rad={theirs}"))
+            .or_else(|| guess::column(POSITIONS[0].0, &free).filter(|_| !is_there));
+        let is_read = |pair: &String| {
+            pair.split_once('=').is_some_and(|(_, own)| {
+                pairs.iter().any(|other| other.ends_with(&format!("={own}")))
+            })
+        };
+        pairs.extend(position.filter(|pair| !is_read(pair)));
         // The current of a linear motor makes a force.
         if pairs.iter().any(|pair| LINEAR.iter().any(|linear| pair.starts_with(linear))) {
             let torque =

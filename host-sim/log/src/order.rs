@@ -55,19 +55,19 @@ pub(super) fn sorting_order(time: &[f64], max_bad_share: f64) -> Option<Vec<usiz
     let is_one_recording = repeats(&sorted) <= repeats(time)
         && gaps(&sorted) <= gaps(time)
         && regular as f64 >= REGULAR_STEP_SHARE * (rows - 1) as f64
-        && are_blocks_apart(time, &sorted);
+        && are_blocks_apart(time, &sorted, GAP_FACTOR * step);
     is_one_recording.then_some(order)
 }
 
-/// Returns true if no block of rows in order has rows of another block between its own. Two recordings at the same rate
-/// have, and their clocks may interleave regularly.
-fn are_blocks_apart(time: &[f64], sorted: &[f64]) -> bool {
-    let blocks = time.chunk_by(|before, now| before <= now);
+/// Returns true if no block of rows in order, without a step above `longest`, has as many rows of other blocks between its own as
+/// a second recording at the same rate has. Single rows that come late leave a few places in a block.
+fn are_blocks_apart(time: &[f64], sorted: &[f64], longest: f64) -> bool {
+    let blocks = time.chunk_by(|before, now| before <= now && now - before <= longest);
     let is_apart = |block: &[f64]| {
         let between = |limit: f64| sorted.partition_point(|time| *time < limit);
         let (first, last) = (block[0], block[block.len() - 1]);
         let inside = sorted[between(first)..].iter().take_while(|time| **time <= last).count();
-        inside == block.len()
+        2 * inside <= 3 * block.len()
     };
     blocks.filter(|block| block.len() >= RESTART_ROWS).all(is_apart)
 }
