@@ -117,7 +117,7 @@ error(
     "JSON lines with other names",
     json_lines(lambda r: {"t": r["t"], "q": {"d": r["v"]}, "effort": r["tau"]}),
     "log.csv: found only the columns t, q.d, effort, expected time_s and velocity_rad_s (or velocity_m_s) and torque_nm (or "
-    "force_n) in the header, or --columns time_s=t,velocity_rad_s=NAME,torque_nm=effort",
+    "force_n) in the header, or --columns time_s=t,position_rad=q.d,torque_nm=effort",
 )
 
 # ---- clocks

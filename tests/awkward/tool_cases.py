@@ -40,7 +40,8 @@ error(
     plotjuggler(),
     "log.csv: found only the columns __time, /joint_states/elbow/position, /joint_states/elbow/velocity, "
     "/joint_states/elbow/effort, expected time_s and velocity_rad_s (or velocity_m_s) and torque_nm (or force_n) in the "
-    "header, or --columns time_s=__time,velocity_rad_s=/joint_states/elbow/velocity,torque_nm=/joint_states/elbow/effort; "
+    "header, or --columns time_s=__time,velocity_rad_s=/joint_states/elbow/velocity,torque_nm=/joint_states/elbow/effort,"
+    "position_rad=/joint_states/elbow/position; "
     "this looks like a log of plotjuggler: add --from plotjuggler",
 )
 error(
@@ -83,7 +84,7 @@ error(
     table(MOTEUS),
     "log.csv: found only the columns timestamp, position, torque_Nm, velocity, expected time_s and velocity_rad_s (or "
     "velocity_m_s) and torque_nm (or force_n) in the header, or --columns "
-    "time_s=timestamp,velocity_rad_s=velocity,torque_nm=torque_Nm; this looks like a log of moteus: add --from moteus",
+    "time_s=timestamp,velocity_rad_s=velocity,torque_nm=torque_Nm,position_rad=position; this looks like a log of moteus: add --from moteus",
 )
 
 

@@ -255,7 +255,6 @@ impl LogArguments {
             max_bad_share: self.bad_rows.unwrap_or(MAX_BAD_SHARE),
             rate_hz: self.rate,
             join: self.join,
-            ..ReadOptions::default()
         })
     }
 

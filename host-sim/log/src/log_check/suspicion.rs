@@ -20,12 +20,8 @@ impl Suspicion {
     pub fn new(kind: LogFindingKind, columns: &[&str], found: String, expected: String) -> Self {
         let columns = columns.iter().map(|name| (*name).to_owned()).collect();
         let kept = Setting::AsLogged.suggested(kind.name());
-        Self {
-            kind,
-            columns,
-            found,
-            expected: format!("{expected}, or {kept} to keep it as it is"),
-        }
+        let what = if kind == LogFindingKind::UnitSuspect { "the units" } else { "it as it is" };
+        Self { kind, columns, found, expected: format!("{expected}, or {kept} to keep {what}") }
     }
 
     /// Returns a suspicion that one of some values of `--columns` ends.

@@ -2,6 +2,7 @@
 //!
 //! The command depends on where the rows are: in a list of objects, in a list for each column, or in objects one after another.
 
+use super::json_lines::without_nan;
 use serde_json::{Deserializer, Value};
 
 /// Minimum number of rows of a column, and of columns.
@@ -21,7 +22,10 @@ pub(super) fn command(text: &[u8]) -> Option<String> {
     let text = text.trim_ascii();
     let mut lines = text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
     let first = lines.next().unwrap_or_default();
-    let is_whole = |line: &[u8]| serde_json::from_slice::<Value>(line).is_ok();
+    let is_whole = |line: &[u8]| {
+        let line = without_nan(&String::from_utf8_lossy(line));
+        serde_json::from_str::<Value>(&line).is_ok()
+    };
     let is_object = text.starts_with(b"{");
     if !is_object && !text.starts_with(b"[") {
         return None;
@@ -129,7 +133,7 @@ fn step(path: &str, name: &str) -> Option<String> {
 /// Returns the values at the beginning of a text. What is cut off is completed.
 fn values(text: &[u8]) -> Vec<Value> {
     let text = String::from_utf8_lossy(text);
-    let text = super::json_lines::without_nan(&text);
+    let text = without_nan(&text);
     let parse = |text: &str| -> Vec<Value> {
         Deserializer::from_str(text)
             .into_iter::<Value>()
@@ -182,9 +186,13 @@ mod tests {
             let found = command(text.as_bytes()).unwrap_or_default();
             assert!(found.contains(filter), "{text}: {found}");
         }
-        for text in
-            ["{\"t\":0}\n{\"t\":1}\n", "{\"q\":[1,2]}\n{\"q\":[1,2]}\n", "[a]\n1,2\n", "a,b\n1,2\n"]
-        {
+        for text in [
+            "{\"t\":0}\n{\"t\":1}\n",
+            "{\"t\":NaN}\n{\"t\":1}\n",
+            "{\"q\":[1,2]}\n{\"q\":[1,2]}\n",
+            "[a]\n1,2\n",
+            "a,b\n1,2\n",
+        ] {
             assert_eq!(command(text.as_bytes()), None, "{text}");
         }
     }
