@@ -44,48 +44,44 @@ pub fn read(
     options: &ReadOptions,
     progress: &dyn Fn(u64, u64),
 ) -> Result<Dataset, DataError> {
-    if options.join {
-        return read_joined(files, options, progress);
-    }
-    let parts = read_each(files, options, Purpose::Data, progress, &clean)
-        .map_err(|error| with_join(with_likely_columns(error, options), files, options))?;
-    finish(merge(files, parts)?, options)
+    let sizes = sizes(files)?;
+    let read = |at: usize, request: Request| read_file(request, sizes[at]);
+    read_logs(files, &sizes, options, progress, &read).map_err(|error| match options.join {
+        true => error,
+        false => with_join(with_likely_columns(error, options), files, options),
+    })
 }
 
-/// Reads each file by itself.
-fn read_each<T>(
-    files: &[PathBuf],
+/// Reads each log with `read`, which gets its place, and makes one data set of them. `sizes` are in bytes.
+fn read_logs(
+    names: &[PathBuf],
+    sizes: &[u64],
     options: &ReadOptions,
-    purpose: Purpose,
     progress: &dyn Fn(u64, u64),
-    use_table: &dyn Fn(LogTable) -> Result<T, DataError>,
-) -> Result<Vec<T>, DataError> {
-    let sizes = sizes(files)?;
-    let total = sizes.iter().sum();
-    let mut done = 0;
-    let mut parts = Vec::with_capacity(files.len());
+    read: &dyn Fn(usize, Request) -> Result<LogTable<'static>, DataError>,
+) -> Result<Dataset, DataError> {
+    let purpose = if options.join { Purpose::Join } else { Purpose::Data };
+    let (total, mut done) = (sizes.iter().sum(), 0);
+    let (mut parts, mut channels) = (Vec::new(), Vec::new());
     progress(0, total);
-    for (path, size) in files.iter().zip(sizes) {
+    for (at, (path, size)) in names.iter().zip(sizes).enumerate() {
         let so_far = |bytes: u64| {
             checkpoint();
-            progress(done + bytes.min(size), total);
+            progress(done + bytes.min(*size), total);
         };
         let request = Request { path, options, purpose, is_wide: false, progress: &so_far };
-        parts.push(use_table(read_file(request, size)?)?);
+        let table = read(at, request)?;
+        match purpose {
+            Purpose::Join => channels.push(table.into_table().0),
+            _ => parts.push(clean(table)?),
+        }
         done += size;
         progress(done, total);
     }
-    Ok(parts)
-}
-
-/// Reads files that hold one channel each, and joins those of a recording by their times.
-fn read_joined(
-    files: &[PathBuf],
-    options: &ReadOptions,
-    progress: &dyn Fn(u64, u64),
-) -> Result<Dataset, DataError> {
-    let table = |table: LogTable| Ok(table.into_table().0);
-    join_recordings(files, read_each(files, options, Purpose::Join, progress, &table)?, options)
+    match purpose {
+        Purpose::Join => join_recordings(names, channels, options),
+        _ => finish(merge(names, parts)?, options),
+    }
 }
 
 /// Validates a table in memory.
@@ -139,8 +135,7 @@ fn with_join(error: DataError, files: &[PathBuf], options: &ReadOptions) -> Data
         return error;
     }
     let option = Setting::Join.alone();
-    let pairs = match read_joined(files, &ReadOptions { join: true, ..options.clone() }, &|_, _| {})
-    {
+    let pairs = match read(files, &ReadOptions { join: true, ..options.clone() }, &|_, _| {}) {
         Ok(_) => String::new(),
         Err(DataError::MissingColumns { expected, .. }) => {
             let pairs = expected.rsplit_once(", or ").map_or(expected.as_str(), |(_, pairs)| pairs);
@@ -181,29 +176,9 @@ pub fn read_contents(
 ) -> Result<Dataset, DataError> {
     let names: Vec<PathBuf> = contents.iter().map(|content| content.name.clone()).collect();
     validate_names(&names, "two files of this name")?;
-    let total = contents.iter().map(|content| content.bytes.len() as u64).sum();
-    let mut done = 0;
-    let mut parts = Vec::with_capacity(contents.len());
-    let purpose = if options.join { Purpose::Join } else { Purpose::Data };
-    let (mut tables, is_wide) = (Vec::new(), false);
-    for FileContent { name, bytes } in contents {
-        let so_far = |bytes: u64| {
-            checkpoint();
-            progress(done + bytes, total);
-        };
-        let request = Request { path: name, options, purpose, is_wide, progress: &so_far };
-        let table = read_content(request, bytes)?;
-        match purpose {
-            Purpose::Join => tables.push(table.into_table().0),
-            _ => parts.push(clean(table)?),
-        }
-        done += bytes.len() as u64;
-        progress(done, total);
-    }
-    if options.join {
-        return join_recordings(&names, tables, options);
-    }
-    finish(merge(&names, parts)?, options)
+    let sizes: Vec<u64> = contents.iter().map(|content| content.bytes.len() as u64).collect();
+    let read = |at: usize, request: Request| read_content(request, &contents[at].bytes);
+    read_logs(&names, &sizes, options, progress, &read)
 }
 
 /// Fails if there is no name, or one is given twice.

@@ -17,6 +17,7 @@ mod codesys_trace;
 mod csv_file;
 #[cfg(any(feature = "arrow", feature = "parquet"))]
 mod date_text;
+mod encoding;
 mod format;
 mod json_document;
 mod json_lines;
@@ -36,8 +37,6 @@ mod scope_preamble;
 mod separator;
 mod sysid;
 mod unpack;
-mod utf16;
-mod windows_1252;
 
 #[cfg(feature = "parquet")]
 pub use parquet_file::parquet_table;
@@ -46,6 +45,7 @@ use super::error::DataError;
 use super::log_table::LogTable;
 use super::plan::Request;
 use crate::setting::Setting;
+use encoding::encoding;
 use format::{HEAD_BYTES, Input, LogFormat};
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -155,7 +155,7 @@ pub(super) fn read_content(request: Request, bytes: &[u8]) -> Result<LogTable<'s
         refuse_without_lines(path, head, skip)?;
         return csv_file::read_bytes(request, bytes)?.widen(request);
     }
-    let is_binary = head.contains(&0) && utf16::byte_order(head).is_none();
+    let is_binary = head.contains(&0) && encoding(head).is_none();
     // The last format matches every text.
     let is_other = FORMATS[..FORMATS.len() - 1].iter().any(|format| (format.matches)(head));
     if is_binary || is_other {
@@ -179,7 +179,7 @@ fn refuse_other_files(path: &Path, name: &Path, head: &[u8]) -> Result<(), DataE
 
 /// Refuses a file that has no table below the lines that the user skips.
 fn refuse_without_lines(path: &Path, head: &[u8], skip: usize) -> Result<(), DataError> {
-    let is_utf16 = utf16::byte_order(head).is_some();
+    let is_utf16 = encoding(head).is_some();
     let lines = head.iter().filter(|byte| **byte == b'\n').count();
     let found = if head.contains(&0) && !is_utf16 {
         "a binary file".to_owned()

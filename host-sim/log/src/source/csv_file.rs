@@ -7,6 +7,7 @@
 //! A number with separators of thousands may show that earlier ones were misread. The file is then read once more, and
 //! a third time without such separators if other numbers contradict them.
 
+use encoding_rs::WINDOWS_1252;
 use std::cell::Cell;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -14,6 +15,7 @@ use std::path::Path;
 
 use super::above_table::{Preamble, cells};
 use super::channel_clocks::{ChannelClocks, groups};
+use super::encoding::encoding;
 use super::format::{HEAD_BYTES, Input, LogFormat};
 use super::number_style::NumberStyle;
 use super::preamble::find_preamble;
@@ -21,7 +23,6 @@ use super::records::{
     RecordPosition, RecordReader, cell_names, is_blank, reader_builder, without_blanks,
 };
 use super::separator::separator;
-use super::{utf16, windows_1252};
 use crate::clock::is_date;
 use crate::column_names::ColumnNames;
 use crate::columns::is_missing_value;
@@ -71,21 +72,10 @@ const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let Input { request, mut file, head, size } = input;
     let io = |source| DataError::Io { file: request.path.into(), source };
-    let order = utf16::byte_order(head);
-    let is_windows_1252 = order.is_none() && windows_1252::is_windows_1252(head);
-    if order.is_some() || is_windows_1252 {
+    if encoding(head).is_some() {
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(io)?;
-        let progress = |bytes: u64| (request.progress)(bytes.min(size));
-        if is_windows_1252 {
-            bytes = windows_1252::decode(&bytes).into_bytes();
-        }
-        let mut table = read_bytes(Request { progress: &progress, ..request }, &bytes)?;
-        if is_windows_1252 {
-            let note = "the text is not UTF-8 and is read as Windows-1252";
-            table.notes.push(format!("{}: {note}", request.path.display()));
-        }
-        return Ok(table);
+        return read_bytes(request, &bytes);
     }
     let before = preamble_after_mark(head, request.options);
     let start = before.start as u64;
@@ -99,17 +89,21 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
 
 /// Reads a table that is in memory.
 pub(super) fn read_bytes(request: Request, bytes: &[u8]) -> Result<LogTable<'static>, DataError> {
+    let size = bytes.len() as u64;
     let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
-    if let Some(order) = utf16::byte_order(head) {
-        let text = utf16::decode(bytes, order);
-        let size = bytes.len() as u64;
-        let progress = |bytes: u64| (request.progress)(bytes.min(size));
-        return read_bytes(Request { progress: &progress, ..request }, text.as_bytes());
+    let Some(encoding) = encoding(head) else {
+        let before = preamble_after_mark(head, request.options);
+        let start = before.start;
+        return TextTable { request, head, before, size }.read(|| Ok(&bytes[start..]));
+    };
+    let (text, ..) = encoding.decode(bytes);
+    let progress = |bytes: u64| (request.progress)(bytes.min(size));
+    let mut table = read_bytes(Request { progress: &progress, ..request }, text.as_bytes())?;
+    if encoding == WINDOWS_1252 {
+        let note = "the text is not UTF-8 and is read as Windows-1252";
+        table.notes.push(format!("{}: {note}", request.path.display()));
     }
-    let before = preamble_after_mark(head, request.options);
-    let start = before.start;
-    let table = TextTable { request, head, before, size: bytes.len() as u64 };
-    table.read(|| Ok(&bytes[start..]))
+    Ok(table)
 }
 
 /// Returns what precedes the rows of a text, which may begin with a byte order mark.
