@@ -10,6 +10,7 @@ use super::suspicion::Suspicion;
 use super::{LogFindingKind, header};
 use crate::Quantity;
 use crate::motion::quantum::quantum;
+use crate::torque_scale::amperes;
 use crate::unit::conversion;
 
 /// Bits that hold a sign in known registers, and those between.
@@ -93,8 +94,11 @@ pub fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
     if conversion.is_some_and(|conversion| conversion.is_signed_counter()) {
         return None;
     }
-    // A scale that is given beside the unit, such as the rated torque, is in the steps of the column.
-    let step = quantum(column.runs.iter().copied());
+    // The scale of a current is known; another one that is given beside the unit, such as the rated torque, is in the steps of
+    // the column.
+    let amperes = || amperes(unit.as_deref()?).zip(log.data.torque_constant);
+    let of_current = amperes().map(|(amperes, constant)| (amperes * constant).abs());
+    let step = of_current.unwrap_or_else(|| quantum(column.runs.iter().copied()));
     let is_scaled = conversion.is_none() && unit.is_some() && step > 0.0;
     let size = if is_scaled { step } else { 1.0 };
     let size = conversion.map_or(size, |of| (of.apply(1.0) - of.apply(0.0)).abs());

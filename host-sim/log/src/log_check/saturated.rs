@@ -2,8 +2,8 @@
 //!
 //! At a clipped end, many consecutive rows hold exactly the same extreme value, while elsewhere the column rarely repeats itself
 //! and is not straight. The column approaches its end with speed and stops there within a row. A joint that comes to rest slows
-//! down first, and stands because it does not move: so a position counts only in rows with a velocity, and a velocity or a torque
-//! not at 0. A velocity is clipped only if the position goes on faster.
+//! down first, and stands because it does not move: so any column but the torque counts only in rows with a velocity, and a
+//! velocity or a torque not at 0. A velocity is clipped only if the position goes on faster.
 
 use super::column::{Column, extent, quantile};
 use super::finding::{LogFinding, LogFindingKind};
@@ -145,6 +145,6 @@ fn may_be_clipped(
             took > 0.0 && speed > MIN_HIDDEN_SPEED * end.abs() && speed > slow
         }
         Some(Quantity::Torque) => end != 0.0,
-        _ => true,
+        _ => mean_speed() > slow,
     }
 }
