@@ -126,7 +126,6 @@ impl Log {
                 max_bad_share,
                 rate_hz,
                 join,
-                ..ReadOptions::default()
             },
             columns: texts,
             corrections,

@@ -167,8 +167,15 @@ fn list<'py>(py: Python<'py>, cells: &Cells) -> PyResult<Bound<'py, PyList>> {
         Cells::Texts(cells) => {
             PyList::new(py, cells.iter().map(|text| (!text.is_empty()).then_some(text)))
         }
+        Cells::Mixed(_) => PyList::new(py, cell_texts(cells)),
         Cells::Unreadable { rows, .. } => PyList::new(py, vec![None::<f64>; *rows]),
     }
+}
+
+/// Returns the cells as texts; `None` for a missing value.
+fn cell_texts(cells: &Cells) -> Vec<Option<String>> {
+    let texts = (0..cells.len()).map(|row| cells.text_of(row));
+    texts.map(|text| (!text.is_empty()).then_some(text)).collect()
 }
 
 fn array_of(cells: &Cells) -> ArrayRef {
@@ -181,6 +188,7 @@ fn array_of(cells: &Cells) -> ArrayRef {
         Cells::Texts(cells) => Arc::new(StringArray::from_iter(
             cells.iter().map(|text| (!text.is_empty()).then_some(text)),
         )),
+        Cells::Mixed(_) => Arc::new(StringArray::from_iter(cell_texts(cells))),
         Cells::Unreadable { rows, .. } => Arc::new(Float64Array::from(vec![None; *rows])),
     }
 }
@@ -293,16 +301,5 @@ fn of_dictionary(array: &ArrayRef) -> Cells {
     let values = cells_of(dictionary.values());
     let keys = dictionary.normalized_keys();
     let place = |row: usize| dictionary.is_valid(row).then(|| keys[row]);
-    let rows = 0..array.len();
-    match values {
-        Cells::Numbers(of) => {
-            Cells::Numbers(rows.map(|row| place(row).map_or(f64::NAN, |at| of[at])).collect())
-        }
-        Cells::Integers(of) => Cells::Integers(rows.map(|row| of[place(row)?]).collect()),
-        Cells::Stamps(of) => Cells::Stamps(rows.map(|row| of[place(row)?]).collect()),
-        Cells::Texts(of) => Cells::Texts(
-            rows.map(|row| place(row).map_or(String::new(), |at| of[at].clone())).collect(),
-        ),
-        Cells::Unreadable { kind, .. } => Cells::Unreadable { rows: array.len(), kind },
-    }
+    values.select((0..array.len()).map(place))
 }

@@ -91,7 +91,10 @@ impl Cells {
     }
 
     /// Returns the cells of some rows; a missing value where there is no row.
-    pub(super) fn select(&self, rows: impl Iterator<Item = Option<usize>>) -> Self {
+    ///
+    /// # Panics
+    /// If a row is outside of the column.
+    pub fn select(&self, rows: impl Iterator<Item = Option<usize>>) -> Self {
         match self {
             Self::Numbers(cells) => {
                 Self::Numbers(rows.map(|row| row.map_or(f64::NAN, |row| cells[row])).collect())
