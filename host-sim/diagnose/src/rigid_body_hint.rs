@@ -24,7 +24,7 @@ pub struct RigidBodyHint {
 }
 
 impl RigidBodyHint {
-    /// Returns the parts beside those of the rows; `None` if the error does not fall by [`MIN_FALL`].
+    /// Returns the parts beside those of the rows; `None` if the error does not fall by enough.
     ///
     /// `without` is plain friction with the requested parts.
     pub fn of(rows: &mut Rows, without: &LinearAnswer) -> Option<Self> {

@@ -9,7 +9,7 @@
 //! (0000000001.000000) can0 20000004#000C000000000000   error frame
 //! ```
 //!
-//! The module [`view`] reads the lines of candump without `-L`. A stamp may be a date (`-tA`).
+//! The module `view` reads the lines of candump without `-L`. A stamp may be a date (`-tA`).
 //!
 //! The grammar is that of can-utils (`lib.h`, `candump.c`). The parser reads bytes without copies, because logs have
 //! millions of lines. The parser of the `socketcan` crate is not used: it reads microseconds only, allocates for each
