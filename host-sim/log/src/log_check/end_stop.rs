@@ -1,7 +1,7 @@
 //! A joint that is pushed against an end stop: at rest at an end of its travel, with more torque than any motion took.
 //!
 //! Static friction holds a joint at rest up to the torque at which it breaks away, so the torque of a rest that exceeds all
-//! torques of the motion is held by something else. The stop's torque is no friction. Such rows are left out.
+//! torques of the motion of the same run is held by something else. The stop's torque is no friction. Such rows are left out.
 
 use super::LogFindingKind;
 use super::column::{extent, quantile};
@@ -24,6 +24,9 @@ const MAX_DISTANCE_SHARE: f64 = 0.03;
 
 /// Maximum share of such rows.
 const MAX_SHARE: f64 = 0.5;
+
+/// Minimum share of the rows of a run in which it moves, for its torques to show what motion takes.
+const MIN_MOVING_SHARE: f64 = 0.2;
 
 /// Finds rows at an end stop, and leaves them out if `correct` is true.
 pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
@@ -60,10 +63,6 @@ fn rows_at_stop(data: &Dataset) -> Option<(Vec<BTreeSet<usize>>, f64)> {
     let [least, most] = extent(positions.iter().flat_map(|run| run.iter().copied()));
     let reach = MAX_DISTANCE_SHARE * (most - least);
     let slow = least_moving_speed(data);
-    let pairs = || data.runs.iter().flat_map(|run| run.torque.iter().zip(&run.velocity));
-    let moving = pairs().filter(|(_, velocity)| velocity.abs() > slow);
-    let mut torques: Vec<f64> = moving.map(|(torque, _)| torque.abs()).collect();
-    let usual = quantile(&mut torques, 0.995);
     let side = |run: &Run, position: f64, row: usize| {
         let rests = run.velocity[row].abs() <= slow;
         let is_end = |end: f64| rests && (position - end).abs() <= reach;
@@ -76,6 +75,10 @@ fn rows_at_stop(data: &Dataset) -> Option<(Vec<BTreeSet<usize>>, f64)> {
     };
     let (mut found, mut largest) = (Vec::new(), 0.0f64);
     for (run, position) in data.runs.iter().zip(&positions) {
+        let Some(usual) = usual_torque(run, slow) else {
+            found.push(BTreeSet::new());
+            continue;
+        };
         let sides: Vec<i32> = (0..run.len()).map(|row| side(run, position[row], row)).collect();
         let (mut rows, mut at) = (BTreeSet::new(), 0);
         for same in sides.chunk_by(|one, next| one == next) {
@@ -89,12 +92,23 @@ fn rows_at_stop(data: &Dataset) -> Option<(Vec<BTreeSet<usize>>, f64)> {
                 // The stop yields while the joint arrives and leaves.
                 let end = if same[0] < 0 { least } else { most };
                 let is_near = |row: &usize| (position[*row] - end).abs() <= reach;
-                rows.extend((0..stretch.start).rev().take_while(is_near));
-                rows.extend((stretch.start..run.len()).take_while(is_near));
+                let most_beside = stretch.len();
+                rows.extend((0..stretch.start).rev().take(most_beside).take_while(is_near));
+                rows.extend((stretch.end..run.len()).take(most_beside).take_while(is_near));
+                rows.extend(stretch);
             }
         }
         found.push(rows);
     }
     let count: usize = found.iter().map(BTreeSet::len).sum();
     (count > 0 && count as f64 <= MAX_SHARE * data.rows as f64).then_some((found, largest))
+}
+
+/// Returns the largest torque of a run's motion; `None` for a run that hardly moves, whose friction may differ from that of others.
+fn usual_torque(run: &Run, slow: f64) -> Option<f64> {
+    let rows = run.torque.iter().zip(&run.velocity);
+    let moving = rows.filter(|(_, velocity)| velocity.abs() > slow);
+    let mut torques: Vec<f64> = moving.map(|(torque, _)| torque.abs()).collect();
+    let moves = torques.len() as f64 > MIN_MOVING_SHARE * run.len() as f64;
+    moves.then(|| quantile(&mut torques, 0.995))
 }

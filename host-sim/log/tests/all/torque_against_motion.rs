@@ -195,6 +195,16 @@ fn check_with_sound_logs_reports_no_contradiction() {
         };
         loads.map(run).to_vec()
     });
+    clean_in_most("a run below a breakaway that pressure raises", |joint| {
+        let rows = joint.rows(40.0);
+        let end = rows.iter().map(|row| row[1]).fold(f64::INFINITY, f64::min);
+        let held = rows.iter().take(1000).enumerate().map(|(row, moving)| {
+            let push = -4.0 * joint.coulomb * (row as f64 / 500.0).sin().powi(2);
+            [moving[0], end, 0.0, push, 10.0]
+        });
+        let held = held.collect();
+        vec![rows, held]
+    });
     clean_in_most("a torque with few digits", |joint| {
         let (step, mut rows) = (0.3 * joint.coulomb, joint.rows(40.0));
         rows.iter_mut().for_each(|row| row[3] = (row[3] / step).round() * step);
