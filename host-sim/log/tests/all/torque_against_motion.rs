@@ -30,6 +30,9 @@ struct Joint {
     coulomb: f64,
     viscous: f64,
     gravity: f64,
+    /// Fall of the Stribeck curve, as a share of the Coulomb torque, and its velocity.
+    fall: f64,
+    stribeck: f64,
     noise: f64,
     velocity_noise: f64,
     /// Amplitude, frequency in Hz and phase of the parts of its motion.
@@ -55,6 +58,8 @@ impl Joint {
             coulomb,
             viscous: coulomb / speed * random.random_range(0.1..1.5),
             gravity: [0.0, coulomb * random.random_range(0.2..1.5)][random.random_range(0..2)],
+            fall: random.random_range(0.0..0.6),
+            stribeck: speed * random.random_range(0.02..0.2),
             noise: coulomb * random.random_range(0.01..0.05),
             velocity_noise: speed * random.random_range(1e-4..3e-3),
             moves_s: random.random_range(4.0..12.0),
@@ -110,7 +115,10 @@ impl Joint {
             let time = self.step_s * row as f64;
             let [position, velocity, acceleration] = self.motion(time);
             let direction = (velocity / 1e-3).tanh();
-            let friction = self.coulomb * direction + self.viscous * velocity;
+            // A Stribeck curve and a loaded gear, which the law of the checks does not have.
+            let curve = 1.0 + self.fall * (-(velocity / self.stribeck).powi(2)).exp();
+            let load = 0.1 * (self.gravity * position.sin()).abs();
+            let friction = (self.coulomb * curve + load) * direction + self.viscous * velocity;
             let torque = self.inertia * acceleration + friction + self.gravity * position.sin();
             let torque = torque + self.noise * self.normal();
             [time, position, velocity + self.velocity_noise * self.normal(), torque, 10.0]
