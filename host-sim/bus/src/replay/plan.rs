@@ -105,6 +105,12 @@ pub enum PlanError {
         /// Expected text.
         expected: &'static str,
     },
+    /// The lines have no time stamps.
+    #[error("{file}: no time stamps, expected a log of candump -l can0, or of candump -L can0")]
+    Unstamped {
+        /// The file.
+        file: String,
+    },
     /// The log has no inputs of a joint.
     #[error(
         "{file}: {samples} SYNCs (080) and {motions} Motion frames (480 + node) of a joint, expected at least 2 and 1; found {census}"
@@ -340,6 +346,9 @@ impl Builder {
     ) -> Result<Plan, PlanError> {
         let plan = &mut self.plan;
         let (bad, lines) = (plan.skipped.bad_lines, plan.lines);
+        if self.reader.lacks_stamps() {
+            return Err(PlanError::Unstamped { file: file.into() });
+        }
         if let Some((first, expected)) = plan.first_bad
             && bad as f64 > MAX_BAD_LINE_SHARE * lines as f64
         {
