@@ -25,8 +25,9 @@ use super::header::Layout;
 use super::number::figure;
 use super::options::MAX_BAD_SHARE;
 use super::order::{check_order, late_rows, recordings, sorting_order};
-use super::segment::{GAP_FACTOR, median_step};
+use super::segment::GAP_FACTOR;
 use super::spread::spread;
+use super::statistics::median_step;
 use super::velocity::differences;
 
 /// Maximum share of rows with a value of velocity or torque for it to be a channel with its own stamps.

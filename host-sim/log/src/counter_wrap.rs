@@ -3,7 +3,8 @@
 //! Microseconds in 32 bits wrap after 72 minutes, milliseconds in 16 bits after 66 s. A wrap differs from a new recording in
 //! what it skips: with the range of the counter added, the next row comes one step after the row before.
 
-use super::segment::{GAP_FACTOR, median_step};
+use super::segment::GAP_FACTOR;
+use super::statistics::median_step;
 
 /// Widths of counters, bits.
 const WIDTHS_BITS: [i32; 3] = [16, 31, 32];

@@ -10,7 +10,7 @@ use super::date::parse_stamp;
 use super::error::{DataError, listed};
 use super::guess;
 use super::options::ReadOptions;
-use super::segment::median_step;
+use super::statistics::median_step;
 use super::table::{Cells, Table};
 use crate::setting::Setting;
 use std::collections::BTreeMap;

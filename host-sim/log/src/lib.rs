@@ -72,6 +72,7 @@ mod size;
 mod source;
 mod split;
 mod spread;
+pub mod statistics;
 mod survey;
 mod table;
 mod torque_constant;

@@ -48,7 +48,6 @@ mod unit;
 mod velocity;
 mod wrap;
 
-pub(crate) use column::extent;
 pub use finding::{LogFinding, LogFindingKind};
 pub use log::Corrections;
 pub use overview::{ColumnOverview, Overview, overview};

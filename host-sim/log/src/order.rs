@@ -11,7 +11,8 @@
 //! recordings with overlapping clocks would have them. And the clock does not simply run backwards, which is another
 //! fault.
 
-use super::segment::{GAP_FACTOR, median_step};
+use super::segment::GAP_FACTOR;
+use super::statistics::median_step;
 use std::ops::Range;
 
 /// Minimum pause between two recordings, s. A logger that drops packets loses less than a second.

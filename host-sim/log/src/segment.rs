@@ -9,6 +9,7 @@
 use std::ops::Range;
 
 use super::dataset::Run;
+use super::statistics::median_step;
 
 /// Minimum length of a gap, median steps. The jitter of a log stays well below twice the median. A few lost samples do
 /// not matter for a smooth motion; longer losses do.
@@ -58,17 +59,6 @@ pub(super) fn segments_of(time: &[f64]) -> Vec<Range<usize>> {
     }
     found.push(start..time.len());
     found
-}
-
-/// Returns the median of the steps that are not zero, s; `None` if there is none.
-pub(super) fn median_step(time: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> =
-        time.windows(2).map(|pair| pair[1] - pair[0]).filter(|&step| step > 0.0).collect();
-    if steps.is_empty() {
-        return None;
-    }
-    let middle = steps.len() / 2;
-    Some(*steps.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

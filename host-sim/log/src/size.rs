@@ -3,6 +3,7 @@
 //! The derivative of a position is the velocity, so their ratio shows the units of both: a speed in rpm over an angle in
 //! degrees is a sixth of the derivative. The time has a unit by its rate.
 
+use crate::statistics::{median, median_step};
 use crate::unit::conversion;
 
 /// Rates of a log, Hz, in a probable unit of its time.
@@ -35,9 +36,7 @@ const MAX_SPEED_RAD_S: f64 = 150.0;
 
 /// Returns the unit of a time column by its rate, if it is not seconds.
 pub(super) fn time_unit(time: &[f64]) -> Option<&'static str> {
-    let mut steps: Vec<f64> =
-        time.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > 0.0).collect();
-    let step = median(&mut steps)?;
+    let step = median_step(time)?;
     let is_probable = |unit: &&&str| {
         conversion("time_s", unit)
             .is_ok_and(|of| PROBABLE_RATES_HZ.contains(&(1.0 / of.apply(step))))
@@ -137,7 +136,7 @@ enum Turns {
 }
 
 fn turns(angles: &[f64]) -> Turns {
-    let [least, most] = crate::log_check::extent(angles.iter().copied().filter(|q| !q.is_nan()));
+    let [least, most] = crate::statistics::extent(angles.iter().copied().filter(|q| !q.is_nan()));
     match (most - least > MIN_DEGREES, most.max(-least) < MAX_DEGREES) {
         (false, _) => Turns::Few,
         (true, true) => Turns::OfDegrees,
@@ -166,12 +165,6 @@ fn ratio(of: MotionSample) -> Option<f64> {
     // The columns describe one motion only if the ratios agree.
     let mut off: Vec<f64> = ratios.iter().map(|ratio| (ratio / middle - 1.0).abs()).collect();
     median(&mut off).filter(|off| *off < MAX_RATIO_ERROR).map(|_| middle)
-}
-
-/// Returns the median; `None` for no values.
-fn median(values: &mut [f64]) -> Option<f64> {
-    let at = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
 #[cfg(test)]

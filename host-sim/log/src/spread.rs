@@ -4,7 +4,7 @@
 //! rate of the log appears as that of its clock. Of a clock that stands still now and then, only the rows of a stamp are spread
 //! after which it goes on where it should be.
 
-use super::segment::median_step;
+use super::statistics::median_step;
 use std::ops::Range;
 
 /// Minimum mean number of rows of a stamp. Pairs of rows may be two channels, or written twice.

@@ -1,7 +1,7 @@
 //! A column of a log, run by run, with its name and unit; and the robust statistics the checks share.
 
 use crate::setting::shell_word;
-use crate::work::checkpoint;
+use crate::statistics::quantile_range;
 use crate::{Dataset, contract};
 use compensator_core::quantity::Quantity;
 
@@ -35,7 +35,7 @@ impl Column<'_> {
     /// Returns the distance between the quantiles `share` and `1 - share`.
     pub fn range(&self, share: f64) -> f64 {
         let mut all: Vec<f64> = self.values().collect();
-        quantile(&mut all, 1.0 - share) - quantile(&mut all, share)
+        quantile_range(&mut all, share)
     }
 }
 
@@ -109,21 +109,4 @@ pub fn telling_column(data: &Dataset, is_second: &[Vec<bool>]) -> Option<[String
         let are_few = values.iter().all(|group| (1..=MAX_VALUES).contains(&group.len()));
         (are_few && !is_in_both).then(|| [pair(&values[0]), pair(&values[1])])
     })
-}
-
-/// Returns the least and the largest value; infinities for no values.
-pub fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| {
-        [least.min(value), most.max(value)]
-    })
-}
-
-/// Returns a quantile; 0 for no values.
-pub fn quantile(values: &mut [f64], share: f64) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    checkpoint();
-    let at = ((values.len() - 1) as f64 * share).round() as usize;
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }

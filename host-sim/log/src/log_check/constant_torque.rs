@@ -1,9 +1,9 @@
 //! Torques that hold no information: one value throughout, or one in each run while the motion of the run changes.
 
-use super::column::extent as range;
 use super::header;
 use crate::number::figure;
 use crate::setting::Setting;
+use crate::statistics::extent as range;
 use crate::{DataError, Dataset, Run};
 use compensator_core::quantity::Quantity;
 

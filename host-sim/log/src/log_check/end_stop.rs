@@ -4,11 +4,11 @@
 //! torques of the motion of the same run is held by something else. The stop's torque is no friction. Such rows are left out.
 
 use super::LogFindingKind;
-use super::column::{extent, quantile};
 use super::finding::LogFinding;
 use super::outlier::leave_out;
 use super::torque_fit::least_moving_speed;
 use crate::number::figure;
+use crate::statistics::{extent, quantile};
 use crate::{Dataset, Run};
 use compensator_core::quantity::Quantity;
 use std::collections::BTreeSet;
@@ -110,5 +110,5 @@ fn usual_torque(run: &Run, slow: f64) -> Option<f64> {
     let moving = rows.filter(|(_, velocity)| velocity.abs() > slow);
     let mut torques: Vec<f64> = moving.map(|(torque, _)| torque.abs()).collect();
     let moves = torques.len() as f64 > MIN_MOVING_SHARE * run.len() as f64;
-    moves.then(|| quantile(&mut torques, 0.995))
+    quantile(&mut torques, 0.995).filter(|_| moves)
 }

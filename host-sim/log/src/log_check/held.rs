@@ -12,12 +12,13 @@
 //! the held channel is read anew are kept ([`fresh_rows`]). If both are held and are read in the same rows, these rows are
 //! kept. If they are read at different times, no row is left out.
 
-use super::column::{Column, quantile};
+use super::column::Column;
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
 use crate::number::figure;
+use crate::statistics::{median, quantile};
 use crate::{Dataset, Run};
 
 /// Minimum number of changes for a decision.
@@ -170,7 +171,7 @@ fn repeated(log: &Log) -> Option<Repeated> {
         }
     }
     let share = repeats.len() as f64 / travelling.max(1) as f64;
-    let catches_up = quantile(&mut catch_ups, 0.5) > MIN_CATCH_UP;
+    let catches_up = median(&mut catch_ups).unwrap_or_default() > MIN_CATCH_UP;
     if repeats.len() < MIN_REPEATED_ROWS || share < MIN_REPEATED_SHARE || !catches_up {
         return None;
     }
@@ -185,7 +186,7 @@ fn repeated(log: &Log) -> Option<Repeated> {
         return None;
     }
     let is_torque_held = repeats_too(log.column(log.torque()));
-    let most = quantile(&mut lengths, 0.95).round().max(2.0) as usize;
+    let most = quantile(&mut lengths, 0.95).unwrap_or_default().round().max(2.0) as usize;
     let fresh = FreshRows { is_motion_held: true, is_torque_held, runs: rows_read(position, most) };
     Some(Repeated { column, share, fresh })
 }
@@ -296,7 +297,7 @@ fn held_column(log: &Log, index: usize) -> Option<Held> {
     if lengths.len() < MIN_CHANGES {
         return None;
     }
-    let usual = quantile(&mut lengths.clone(), 0.5);
+    let usual = median(&mut lengths.clone()).unwrap_or_default();
     let within = (0.25 * usual).max(if usual > 2.0 { 1.0 } else { 0.0 });
     let alike = lengths.iter().filter(|length| (**length - usual).abs() <= within).count();
     if usual < 2.0 || (alike as f64) < MIN_REGULAR_SHARE * lengths.len() as f64 {

@@ -6,13 +6,13 @@
 //! change for one row, must be off by twice its range. A single position of a log without a velocity is also found in fast motion:
 //! both its neighbours are half as far off the lines through them, to the other side.
 
-use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
 use super::outlier::leave_out;
 use super::spike;
 use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
 use crate::number::figure;
+use crate::statistics::{quantile, quantile_range};
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
 use std::collections::BTreeSet;
@@ -77,7 +77,7 @@ impl Isolated {
         let (is_alone, bend) = (is_velocity_derived(data), least_bend(data, &columns));
         let mut speeds: Vec<f64> =
             columns.iter().flat_map(|run| run.iter().map(|v| v.abs())).collect();
-        let slow = MAX_REST_SHARE * quantile(&mut speeds, 0.95);
+        let slow = MAX_REST_SHARE * quantile(&mut speeds, 0.95).unwrap_or_default();
         let mut found = Self { runs: Vec::new(), count: 0, farthest: ((0, 0), 0.0) };
         for (index, (run, values)) in data.runs.iter().zip(&columns).enumerate() {
             let mut rows = BTreeSet::new();
@@ -162,7 +162,7 @@ fn least_distance(data: &Dataset, columns: &[&[f64]], quantity: Quantity) -> Opt
     let steps = columns.iter().flat_map(|values| values.windows(2).map(|w| (w[1] - w[0]).abs()));
     // A joint at rest would make the steps of its motion look large.
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
-    let large = quantile(&mut steps, LARGE_STEP);
+    let large = quantile(&mut steps, LARGE_STEP).unwrap_or_default();
     let least = (MIN_STEPS * large).max(MIN_QUANTA * quantum(columns.iter().copied()));
     let ranges = match quantity {
         Quantity::Velocity => MIN_VELOCITY_RANGES,
@@ -170,7 +170,7 @@ fn least_distance(data: &Dataset, columns: &[&[f64]], quantity: Quantity) -> Opt
         _ => 0.0,
     };
     let mut all: Vec<f64> = columns.iter().flat_map(|values| values.iter().copied()).collect();
-    let range = quantile(&mut all, 0.99) - quantile(&mut all, 0.01);
+    let range = quantile_range(&mut all, 0.01);
     let has_rows = data.rows > MAX_CONSECUTIVE_ROWS + 2;
     (has_rows && large > 0.0).then_some(least.max(ranges * range))
 }
@@ -225,7 +225,7 @@ fn least_bend(data: &Dataset, columns: &[&[f64]]) -> f64 {
         let rows = 1..values.len().saturating_sub(1).max(1);
         rows.map(|row| bend(&run.time_s, values, row).abs())
     });
-    let usual = quantile(&mut bends.collect::<Vec<_>>(), LARGE_STEP);
+    let usual = quantile(&mut bends.collect::<Vec<_>>(), LARGE_STEP).unwrap_or_default();
     (MIN_STEPS * usual).max(MIN_QUANTA * quantum(columns.iter().copied()))
 }
 

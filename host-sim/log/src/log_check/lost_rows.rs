@@ -9,7 +9,7 @@ use super::finding::LogFinding;
 use super::position_jump::{speed_beside, steps};
 use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
-use crate::segment::median_step;
+use crate::statistics::median_step;
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
 

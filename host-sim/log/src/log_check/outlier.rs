@@ -3,9 +3,10 @@
 //! The criterion is strict. Such a value is far outside the range of 99 % of its column, occurs in at most three
 //! consecutive rows, and differs from the values before and after by as much. Its row is left out.
 
-use super::column::{Column, all, quantile};
+use super::column::{Column, all};
 use super::finding::{LogFinding, LogFindingKind};
 use crate::number::figure;
+use crate::statistics::{median, quantile_range};
 use crate::{Dataset, Run};
 use std::collections::BTreeSet;
 
@@ -79,8 +80,8 @@ type Place = (usize, usize);
 /// Returns the cells with impossible values, and the farthest of them.
 fn failed(column: &Column) -> Option<(Vec<Place>, Place)> {
     let mut all: Vec<f64> = column.values().collect();
-    let middle = quantile(&mut all, 0.5);
-    let span = quantile(&mut all, 0.99) - quantile(&mut all, 0.01);
+    let middle = median(&mut all).unwrap_or_default();
+    let span = quantile_range(&mut all, 0.01);
     if span <= 0.0 {
         return None;
     }

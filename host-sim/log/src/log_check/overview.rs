@@ -3,8 +3,9 @@
 //! Most misread logs show at a glance: a rate of 1 Hz, a speed of 3000 rad/s, half of the rows left out. So the
 //! summary states rows, runs, rate, and the range, unit and origin of each column.
 
-use super::column::{Column, all, extent, quantile};
+use super::column::{Column, all};
 use crate::number::figure;
+use crate::statistics::{extent, median_step};
 use crate::{Dataset, SourceColumn};
 
 /// Summary of a log.
@@ -57,11 +58,8 @@ pub fn overview(data: &Dataset) -> Overview {
         range: extent(column.values()),
         source: source(&column.name),
     }));
-    let rates = data.runs.iter().filter_map(|run| {
-        let steps = run.time_s.windows(2).map(|pair| pair[1] - pair[0]);
-        let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
-        (!steps.is_empty()).then(|| 1.0 / quantile(&mut steps, 0.5))
-    });
+    let steps = data.runs.iter().filter_map(|run| median_step(&run.time_s));
+    let rates = steps.map(|step| 1.0 / step);
     let [least, most] = extent(rates);
     let ends = data.runs.iter().filter_map(|run| Some((run.time_s.first()?, run.time_s.last()?)));
     Overview {

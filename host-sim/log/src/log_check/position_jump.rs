@@ -5,11 +5,11 @@
 //! This needs no clock. A slip of a joint that sticks has a speed, which the row beside it shows.
 
 use super::LogFindingKind;
-use super::column::quantile;
 use super::finding::LogFinding;
 use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
 use crate::number::figure;
+use crate::statistics::{median, quantile, quantile_range};
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
 use std::ops::Range;
@@ -126,8 +126,8 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
     }
     let mut sizes: Vec<f64> = all.iter().map(|jump| jump.size).collect();
     let travels = if gain.is_some() { MIN_TRAVELS } else { MIN_TRAVELS_ALONE };
-    let least = (travels * quantile(&mut explained, 0.99))
-        .max(MIN_DIFFERENCES * quantile(&mut sizes, 0.9))
+    let least = (travels * quantile(&mut explained, 0.99).unwrap_or_default())
+        .max(MIN_DIFFERENCES * quantile(&mut sizes, 0.9).unwrap_or_default())
         .max(MIN_QUANTA * quantum(positions.iter().copied()));
     let rows = all.len();
     // The travel beside a row is needed for the few that differ from their velocity only.
@@ -159,7 +159,8 @@ fn stays(run: &Run, position: &[f64], jump: &Jump, gain: Option<f64>) -> bool {
     };
     let (first, last) =
         (jump.row.saturating_sub(MEDIAN_ROWS), (jump.row + MEDIAN_ROWS).min(run.len()));
-    let median = |rows: Range<usize>| quantile(&mut rows.map(at).collect::<Vec<_>>(), 0.5);
+    let median =
+        |rows: Range<usize>| median(&mut rows.map(at).collect::<Vec<_>>()).unwrap_or_default();
     (median(jump.row..last) - median(first..jump.row)).abs() > MIN_STAYING_SHARE * jump.size
 }
 
@@ -207,7 +208,7 @@ pub fn speed_beside(steps: &[Step], at: usize) -> f64 {
     let speed = |near: usize| steps[near].travel / steps[near].time_s;
     let mut speeds: Vec<f64> =
         near.filter(|near| *near != at && steps[*near].time_s > 0.0).map(speed).collect();
-    quantile(&mut speeds, 0.5)
+    median(&mut speeds).unwrap_or_default()
 }
 
 /// Returns the travel of a change by the velocity.
@@ -230,11 +231,12 @@ pub fn velocity_gain(data: &Dataset, positions: &[&[f64]]) -> Option<f64> {
             rows.map(|row| (mean_travel(run, row), position[row] - position[row - 1]))
         })
         .collect();
-    let fast = quantile(&mut pairs.iter().map(|pair| pair.0.abs()).collect::<Vec<_>>(), 0.5);
+    let fast =
+        median(&mut pairs.iter().map(|pair| pair.0.abs()).collect::<Vec<_>>()).unwrap_or_default();
     pairs.retain(|(by_velocity, _)| by_velocity.abs() > fast.max(0.0));
     let ratio = |(by_velocity, travel): &(f64, f64)| travel / by_velocity;
     let mut ratios: Vec<f64> = pairs.iter().map(ratio).collect();
-    let gain = quantile(&mut ratios, 0.5);
-    let spread = quantile(&mut ratios, 0.75) - quantile(&mut ratios, 0.25);
+    let gain = median(&mut ratios).unwrap_or_default();
+    let spread = quantile_range(&mut ratios, 0.25);
     (gain != 0.0 && spread < 0.5 * gain.abs()).then_some(gain)
 }

@@ -1,11 +1,11 @@
 //! Rates of a log that indicate another unit of its time.
 
-use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::{header, typed};
 use crate::number::figure;
 use crate::setting::Setting;
+use crate::statistics::median;
 use crate::unit::conversion;
 use crate::{DataError, Dataset};
 
@@ -39,7 +39,7 @@ fn probable_units(data: &Dataset, rate_hz: f64) -> Vec<(&'static str, f64)> {
 pub fn impossible(data: &Dataset) -> Option<DataError> {
     let steps = data.runs.iter().flat_map(|run| run.time_s.windows(2).map(|w| w[1] - w[0]));
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
-    let median_s = quantile(&mut steps, 0.5);
+    let median_s = median(&mut steps)?;
     // Rows that arrive in bursts have short steps, but not on average.
     let mean_s = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
     if steps.is_empty() || median_s.max(mean_s) * MAX_RATE_HZ >= 1.0 {

@@ -5,11 +5,12 @@
 //! to run is alike. So the report names both. A column with one value in each run may name the cause, and nothing is changed.
 
 use super::LogFindingKind;
-use super::column::{Column, all, extent, quantile};
+use super::column::{Column, all};
 use super::finding::LogFinding;
 use super::torque_fit::{MIN_ROWS, MovingRow, Regressors, fit, moves_both_ways, moving_rows};
 use crate::Dataset;
 use crate::number::figure;
+use crate::statistics::{extent, quantile};
 use compensator_core::quantity::Quantity;
 
 /// Maximum error of the law with an offset for each run, relative to that with one.
@@ -104,7 +105,9 @@ fn has_column_of_runs(data: &Dataset) -> bool {
     let is_motion =
         |column: &Column| column.is_motion() || column.quantity == Some(Quantity::Torque);
     all(data).iter().filter(|column| !is_motion(column)).any(|column| {
-        let sorted = |run: &&[f64]| [0.1, 0.5, 0.9].map(|share| quantile(&mut run.to_vec(), share));
+        let sorted = |run: &&[f64]| {
+            [0.1, 0.5, 0.9].map(|share| quantile(&mut run.to_vec(), share).unwrap_or_default())
+        };
         let runs: Vec<[f64; 3]> = column.runs.iter().map(sorted).collect();
         let inside = runs.iter().map(|[low, _, high]| high - low).sum::<f64>() / runs.len() as f64;
         let [least, most] = extent(runs.iter().map(|[_, middle, _]| *middle));

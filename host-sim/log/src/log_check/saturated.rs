@@ -5,12 +5,13 @@
 //! down first, and stands because it does not move: so any column but the torque counts only in rows with a velocity, and a
 //! velocity or a torque not at 0. A velocity is clipped only if the position goes on faster.
 
-use super::column::{Column, extent, quantile};
+use super::column::Column;
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::torque_fit::least_moving_speed;
 use super::wrap::is_velocity_derived;
 use crate::number::figure;
+use crate::statistics::{extent, median};
 use compensator_core::quantity::Quantity;
 use std::ops::Range;
 
@@ -52,7 +53,7 @@ fn of_column(log: &Log, column: &Column, slow: f64) -> Vec<LogFinding> {
     }
     let mut steps: Vec<f64> =
         column.pairs().map(|(one, next)| (next - one).abs()).filter(|step| *step > 0.0).collect();
-    let usual = quantile(&mut steps, 0.5);
+    let usual = median(&mut steps).unwrap_or_default();
     let count = column.values().count() as f64;
     let at_end = |end: f64| {
         let (mut rows, mut stretches, mut arriving) = (0, 0.0, 0.0);

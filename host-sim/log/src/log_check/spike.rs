@@ -9,10 +9,10 @@
 //! median of its neighbours with the noise of a row nearby, because estimates such as that of the noise use every torque.
 //! A spike of the velocity has no motion to keep, and its row is left out.
 
-use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
 use super::outlier::leave_out;
 use crate::number::figure;
+use crate::statistics::{median, quantile};
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
 use std::collections::BTreeSet;
@@ -148,9 +148,12 @@ impl Spikes {
         };
         let distances = off(&first);
         let mut levels: Vec<f64> = first.iter().flatten().copied().collect();
-        let (low, high) = (quantile(&mut levels, 0.01), quantile(&mut levels, 0.99));
+        let (low, high) = (
+            quantile(&mut levels, 0.01).unwrap_or_default(),
+            quantile(&mut levels, 0.99).unwrap_or_default(),
+        );
         let mut sizes: Vec<f64> = distances.iter().flatten().copied().collect();
-        let noise = quantile(&mut sizes, 0.5) / NORMAL_MEDIAN;
+        let noise = median(&mut sizes).unwrap_or_default() / NORMAL_MEDIAN;
         let least = (MIN_RANGES * (high - low)).max(MIN_DEVIATIONS * noise);
         if least <= 0.0 {
             return None;
@@ -204,7 +207,7 @@ fn medians(torque: &[f64], rows: &Range<usize>, is_spike: Option<&[bool]>) -> Ve
                 break median_of_nine(all);
             }
             match near.is_empty() {
-                false => break quantile(&mut near, 0.5),
+                false => break median(&mut near).unwrap_or_default(),
                 true if is_whole => break torque[row],
                 true => reach *= 2,
             }

@@ -4,7 +4,7 @@
 //! magnitude, a torque with and without a sign bit, one offset and one for each run. Rows at rest are left out, because there the
 //! direction of friction is unknown.
 
-use super::column::quantile;
+use crate::statistics::quantile;
 use crate::{Dataset, Run};
 use compensator_core::quantity::{JointKind, Quantity};
 use nalgebra::{SMatrix, SVector};
@@ -55,7 +55,7 @@ impl TorqueFit {
 /// Returns the speed above which a row counts as moving.
 pub fn least_moving_speed(data: &Dataset) -> f64 {
     let speeds = data.runs.iter().flat_map(|run| run.velocity.iter().map(|v| v.abs()));
-    MIN_MOVING_SHARE * quantile(&mut speeds.collect::<Vec<_>>(), 0.95)
+    MIN_MOVING_SHARE * quantile(&mut speeds.collect::<Vec<_>>(), 0.95).unwrap_or_default()
 }
 
 /// Returns the rows in which the joint moves.

@@ -15,6 +15,7 @@ use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use crate::number::figure;
 use crate::segments;
+use crate::statistics::median;
 use std::ops::Range;
 
 /// Minimum number of reversals.
@@ -147,8 +148,7 @@ fn intercept(turns: &[(f64, f64)]) -> Option<(f64, f64)> {
         let mut sizes: Vec<f64> =
             turns.iter().map(|(x, y)| (y - start - slope * x).abs()).collect();
         let sizes_in_order = sizes.clone();
-        let middle = sizes.len() / 2;
-        let scale = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745 + 1e-12;
+        let scale = median(&mut sizes)? / 0.6745 + 1e-12;
         // Huber's weights.
         weights = sizes_in_order.iter().map(|size| (1.5 * scale / size).min(1.0)).collect();
         result = Some((start, scale * (xx / determinant).sqrt()));

@@ -4,10 +4,10 @@
 //! travel beside them, and all values lie within one period. A real step has no travel beside it, and a lost row jumps
 //! along the travel. The position is unwrapped, and a velocity that was derived from it is derived again.
 
-use super::column::quantile;
 use super::finding::{LogFinding, LogFindingKind};
 use super::typed;
 use crate::number::figure;
+use crate::statistics::{median, quantile_range};
 use crate::unit::conversion;
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::{JointKind, Quantity};
@@ -158,7 +158,7 @@ pub fn find(data: &Dataset) -> Option<Wrap> {
     let positions: Vec<&[f64]> =
         data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
     let mut all: Vec<f64> = positions.iter().flat_map(|q| q.iter().copied()).collect();
-    let range = quantile(&mut all, 0.999) - quantile(&mut all, 0.001);
+    let range = quantile_range(&mut all, 0.001);
     if range <= 0.0 {
         return None;
     }
@@ -192,7 +192,7 @@ fn jumps_of(time: &[f64], position: &[f64], velocity: Option<&[f64]>, least: f64
         let closest = |at: &&usize| at.abs_diff(row) <= 2;
         let mut rates: Vec<f64> = beside.iter().filter(closest).filter_map(rate).collect();
         let length = time[row] - time[row - 1];
-        let travel = length * quantile(&mut rates, 0.5);
+        let travel = length * median(&mut rates).unwrap_or_default();
         Jump { step: step(row), travel, beside: beside.into_iter().map(step).sum() }
     };
     let explained = |row: &usize| {
@@ -206,7 +206,7 @@ fn jumps_of(time: &[f64], position: &[f64], velocity: Option<&[f64]>, least: f64
 /// Returns the common size of the jumps, if they are wraps: of a known period, or of any other if `takes_any` is true.
 fn period(jumps: &[Jump], known: &[f64], takes_any: bool) -> Option<Wrap> {
     let mut sizes: Vec<f64> = jumps.iter().map(Jump::size).collect();
-    let usual = quantile(&mut sizes, 0.5);
+    let usual = median(&mut sizes).unwrap_or_default();
     let is_usual = |jump: &&Jump| {
         let tolerance = MAX_TRAVEL_ERROR * jump.travel.abs() + MAX_SIZE_DIFFERENCE * usual;
         (jump.size() - usual).abs() < tolerance

@@ -5,6 +5,7 @@
 //! viscous friction, inertia, gravity and an offset leave of the torque. Noise of the velocity makes the logged motion worse,
 //! so that the reconstructed one is kept unless the other leaves clearly less.
 
+use crate::statistics::quantile_by_count;
 use crate::{Dataset, JointKind, Quantity};
 use nalgebra::{Cholesky, SMatrix, SVector};
 
@@ -38,8 +39,7 @@ pub fn logged_is_better(logged: &Dataset, reconstructed: &Dataset) -> bool {
 fn plain_error(data: &Dataset) -> Option<f64> {
     let mut speeds: Vec<f64> =
         data.runs.iter().flat_map(|run| run.velocity.iter().map(|v| v.abs())).collect();
-    let at = ((speeds.len() as f64 * TOP_SPEED) as usize).min(speeds.len().checked_sub(1)?);
-    let slowest = NO_DIRECTION * *speeds.select_nth_unstable_by(at, f64::total_cmp).1;
+    let slowest = NO_DIRECTION * quantile_by_count(&mut speeds, TOP_SPEED)?;
     let mut products = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();
     let (mut squares, mut rows) = (0.0, 0.0);

@@ -9,6 +9,7 @@ use super::filter::{Noise, Series, draws};
 use super::levels::{Levels, adapt, likeliest, noise_alone};
 use super::quantum::{quantum, unstepped};
 use super::rest::at_rest;
+use crate::statistics::{median, quantile};
 use crate::work::checkpoint;
 
 /// Number of draws of the uncertain motion. Three give a row's variance to a factor of two, and that of all rows
@@ -135,9 +136,10 @@ impl MotionAnalysis {
     /// Analyses all segments: noise levels, lag, rest.
     pub fn new(stretches: &[MotionSegment]) -> Self {
         let steps = stretches.iter().flat_map(|s| s.time_s.windows(2).map(|w| w[1] - w[0]));
-        let step_s = median(steps);
-        let speed =
-            quantile(stretches.iter().flat_map(|s| s.velocity.iter().map(|v| v.abs())), 0.95);
+        let step_s = median(&mut steps.filter(|step| *step > 0.0).collect::<Vec<_>>());
+        let speeds = stretches.iter().flat_map(|s| s.velocity.iter().map(|v| v.abs()));
+        let speed = quantile(&mut speeds.collect::<Vec<_>>(), 0.95).unwrap_or_default();
+        let step_s = step_s.unwrap_or_default();
         let sensors = Sensors { step_s, speed, exact: true, ..Sensors::default() };
         let mut study = Self { sensors, all: Vec::new(), levels: None };
         if step_s <= 0.0 || speed <= 0.0 {
@@ -191,11 +193,12 @@ impl MotionAnalysis {
             let inside = series.at_rest.windows(3).map(|near| near.iter().all(|rests| *rests));
             inside.zip(&stretch.velocity[1..]).filter(|(rests, _)| *rests)
         });
-        let speeds: Vec<f64> = resting.map(|(_, v)| v.abs()).collect();
+        let mut speeds: Vec<f64> = resting.map(|(_, v)| v.abs()).collect();
         let squares: f64 = speeds.iter().map(|v| v * v).sum();
         sensors.flicker_at_rest = (squares / speeds.len().max(1) as f64).sqrt();
         sensors.rows_at_rest = speeds.len();
-        sensors.noise_at_rest = quantile(speeds.into_iter(), NOISE_QUANTILE) / NORMAL_QUANTILE;
+        sensors.noise_at_rest =
+            quantile(&mut speeds, NOISE_QUANTILE).unwrap_or_default() / NORMAL_QUANTILE;
         let nothing = MAX_EXACT_NOISE * sensors.speed;
         sensors.exact = !sensors.from_position_alone
             && (own_noise / step_s).min(sensors.velocity_noise) < nothing
@@ -262,7 +265,7 @@ fn is_sum(stretches: &[MotionSegment]) -> bool {
             off[1].push((travel - 0.5 * step * (now + before)).abs());
         }
     }
-    let [rectangle, trapezoid] = off.map(|off| quantile(off.into_iter(), 0.9));
+    let [rectangle, trapezoid] = off.map(|mut off| quantile(&mut off, 0.9).unwrap_or_default());
     rectangle < MAX_SUM_RESIDUAL * trapezoid
 }
 
@@ -329,19 +332,4 @@ fn motion(
         *v = still(row, *v / step_s);
     }
     SegmentMotion { position, velocity, draws, at_rest: series.at_rest.clone() }
-}
-
-/// Returns the median of the values above 0; 0 if there are none.
-pub fn median(values: impl Iterator<Item = f64>) -> f64 {
-    quantile(values.filter(|v| *v > 0.0), 0.5)
-}
-
-/// Returns a quantile; 0 for no values.
-pub fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
-    let mut all: Vec<f64> = values.collect();
-    if all.is_empty() {
-        return 0.0;
-    }
-    let at = ((all.len() - 1) as f64 * share).round() as usize;
-    *all.select_nth_unstable_by(at, f64::total_cmp).1
 }

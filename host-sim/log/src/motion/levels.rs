@@ -10,6 +10,7 @@
 //! are included, because a reversal lasts a few rows.
 
 use super::filter::{Noise, Series, Smoothed, log_likelihood, smooth};
+use crate::statistics::median;
 
 /// Maximum number of rows on which the likelihood is evaluated.
 const MAX_EVALUATED_ROWS: usize = 4000;
@@ -144,11 +145,7 @@ fn median_square(all: &[Series], of: impl Fn(&Series) -> Option<Vec<f64>>) -> f6
     const MEDIAN: f64 = 0.4549;
     let mut squares: Vec<f64> =
         all.iter().filter_map(of).flatten().map(|value| value * value).collect();
-    if squares.is_empty() {
-        return 0.0;
-    }
-    let middle = squares.len() / 2;
-    *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
+    median(&mut squares).unwrap_or_default() / MEDIAN
 }
 
 /// Returns parts of the log, evenly spread over its series.
