@@ -162,17 +162,13 @@ impl Cleaner<'_> {
         if let Some((only, texts)) = selection.next_back().filter(|_| self.unselected_rows > 0) {
             let column = &self.layout.names[only.index];
             let asked = asked_rows(column, &only.values);
-            return Err(DataError::Request {
-                what: format!("{}: {asked}", self.file.display()),
-                found: format!("none of {} rows", self.unselected_rows),
-                expected: format!("one of {}", texts.listed()),
-            });
+            return Err(DataError::request(
+                format!("{}: {asked}", self.file.display()),
+                format!("none of {} rows", self.unselected_rows),
+                format!("one of {}", texts.listed()),
+            ));
         }
-        Err(DataError::File {
-            file: self.file.into(),
-            found: "a header and no rows".into(),
-            expected: "a row per sample".into(),
-        })
+        Err(DataError::file(self.file, "a header and no rows", "a row per sample"))
     }
 
     fn check_single_joint(&self) -> Result<(), DataError> {

@@ -133,6 +133,24 @@ pub enum DataError {
 }
 
 impl DataError {
+    /// Returns the error of a file that is invalid as a whole.
+    pub(super) fn file(
+        file: impl Into<PathBuf>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::File { file: file.into(), found: found.into(), expected: expected.into() }
+    }
+
+    /// Returns the error of a request. `what` is the option or argument.
+    pub(super) fn request(
+        what: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Request { what: what.into(), found: found.into(), expected: expected.into() }
+    }
+
     /// Adds a sentence to what was expected.
     pub(super) fn with_hint(mut self, hint: &str) -> Self {
         if let Self::Cell(BadCell { expected, .. })

@@ -184,7 +184,7 @@ fn wrong_unit(file: &Path, column: &str, name: &str, unit: &str, expected: Strin
         Some(other) => other.refusal(name, column),
         None => (format!("the unit {unit}"), expected),
     };
-    DataError::Request { what: format!("{}: column {column}", file.display()), found, expected }
+    DataError::request(format!("{}: column {column}", file.display()), found, expected)
 }
 
 /// Returns the column that may hold the dates of the times in `time`.
@@ -267,10 +267,8 @@ fn with_contract_names_first(options: &ReadOptions) -> ReadOptions {
 
 /// Refuses a rate that is none, and one beside a column of the time.
 fn check_rate(rate_hz: f64, options: &ReadOptions) -> Result<(), DataError> {
-    let refused = |found: &str, expected: &str| DataError::Request {
-        what: Setting::Rate.given(format!("{rate_hz}Hz")),
-        found: found.into(),
-        expected: expected.into(),
+    let refused = |found: &str, expected: &str| {
+        DataError::request(Setting::Rate.given(format!("{rate_hz}Hz")), found, expected)
     };
     if !(rate_hz.is_finite() && rate_hz > 0.0) {
         return Err(refused("no rate", "a positive number of rows a second"));
@@ -412,10 +410,12 @@ fn row_selections(
         let index = naming.find(column).map(|reading| reading.index).or_else(own).or_else(joint);
         let is_joint = is_joint_name(column) || column == "name";
         index.map(|index| RowSelection { index, values: values.clone(), is_joint }).ok_or_else(
-            || DataError::Request {
-                what: format!("{}: {}", file.display(), asked_rows(column, values)),
-                found: format!("no column {column}"),
-                expected: format!("one of {}", listed(names)),
+            || {
+                DataError::request(
+                    format!("{}: {}", file.display(), asked_rows(column, values)),
+                    format!("no column {column}"),
+                    format!("one of {}", listed(names)),
+                )
             },
         )
     };

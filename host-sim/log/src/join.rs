@@ -81,13 +81,15 @@ pub(super) fn recordings(files: &[PathBuf]) -> Result<Vec<Recording>, DataError>
         groups = BTreeMap::from([(String::new(), channels)]);
     }
     let most = groups.values().map(Vec::len).max().unwrap_or_default();
-    let refused = |at: usize, found: String| DataError::File {
-        file: files[at].clone(),
-        found,
-        expected: format!(
-            "for {}, files of each recording whose names differ in one word: effort_1.csv, velocity_1.csv",
-            Setting::Join.alone()
-        ),
+    let refused = |at: usize, found: String| {
+        DataError::file(
+            files[at].clone(),
+            found,
+            format!(
+                "for {}, files of each recording whose names differ in one word: effort_1.csv, velocity_1.csv",
+                Setting::Join.alone()
+            ),
+        )
     };
     if let Some(short) = groups.values().find(|group| group.len() < most) {
         let found = format!("{} of {most} channels of its recording", short.len());
@@ -211,10 +213,6 @@ struct MatchedRows {
     in_words: String,
 }
 
-fn refused(file: &str, found: String, expected: String) -> DataError {
-    DataError::File { file: file.into(), found, expected }
-}
-
 /// Returns the column of the times: the one that `--columns` names, or else the first with the name of a time.
 pub(super) fn time_place(names: &[String], options: &ReadOptions) -> Option<usize> {
     let given = options.columns.iter().find(|(ours, _)| ours == TIME).map(|(_, theirs)| theirs);
@@ -232,7 +230,7 @@ fn no_times(channel: &Channel) -> DataError {
     let names: Vec<&str> = channel.columns.iter().map(|(name, _)| name.as_str()).collect();
     let pair = Setting::Columns.suggested(format!("{TIME}=NAME"));
     let expected = format!("a column of times, as {pair}, or {}", Setting::Rate.suggested("200Hz"));
-    refused(&channel.file, format!("only the columns {}", listed(&names)), expected)
+    DataError::file(&channel.file, format!("only the columns {}", listed(&names)), expected)
 }
 
 /// Splits a table into its clock and its other columns.
@@ -270,7 +268,7 @@ pub(super) fn times(file: &str, name: &str, cells: &Cells) -> Result<Vec<f64>, D
     if times.iter().any(|time| !time.is_nan()) {
         return Ok(times);
     }
-    Err(refused(file, format!("no time in column {name}"), "numbers or dates".into()))
+    Err(DataError::file(file, format!("no time in column {name}"), "numbers or dates"))
 }
 
 /// Gives the columns of all files distinct names: a name that occurs in two files gets the word of its channel.
@@ -302,7 +300,11 @@ fn counted_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
     let (shortest, longest) = (&channels[shortest].file, &channels[longest].file);
     let extra = most - rows;
     if extra as f64 > (MAX_EXTRA_SHARE * most as f64).max(MAX_EXTRA_ROWS) {
-        return Err(refused(longest, format!("{most} rows"), format!("{rows} as in {shortest}")));
+        return Err(DataError::file(
+            longest,
+            format!("{most} rows"),
+            format!("{rows} as in {shortest}"),
+        ));
     }
     let mut in_words = format!("the number of their rows: {rows} rows");
     if extra > 0 {
@@ -386,7 +388,7 @@ fn common_times(channels: &[Channel], sorted: &[Vec<f64>]) -> Result<(f64, f64),
     let other =
         (0..ranges.len()).find(|at| ranges[*at].1 < from || ranges[*at].0 > to).unwrap_or(1);
     let first = usize::from(other == 0);
-    Err(refused(
+    Err(DataError::file(
         &channels[other].file,
         in_words(other),
         format!("{} as in {}: files of one clock", in_words(first), channels[first].file),

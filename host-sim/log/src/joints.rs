@@ -109,11 +109,11 @@ fn chosen<'j>(
         Some(values) => {
             let unknown = values.iter().find(|value| !joints.contains(value));
             if let Some(unknown) = unknown {
-                return Err(DataError::Request {
-                    what: format!("{}: {}", file.display(), asked_rows(JOINT, values)),
-                    found: format!("no joint {unknown}"),
-                    expected: format!("one of {}", listed(joints)),
-                });
+                return Err(DataError::request(
+                    format!("{}: {}", file.display(), asked_rows(JOINT, values)),
+                    format!("no joint {unknown}"),
+                    format!("one of {}", listed(joints)),
+                ));
             }
             joints.iter().filter(|joint| values.contains(joint)).collect()
         }

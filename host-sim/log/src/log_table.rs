@@ -55,11 +55,11 @@ impl<'a> LogTable<'a> {
         let columns: Vec<(String, Cow<Cells>)> = columns.collect();
         let rows = columns.first().map_or(0, |(_, cells)| cells.len());
         if let Some((name, cells)) = columns.iter().find(|(_, cells)| cells.len() != rows) {
-            return Err(DataError::File {
-                file: request.path.into(),
-                found: format!("{} rows in column {name}", cells.len()),
-                expected: format!("{rows} as in column {}", columns[0].0),
-            });
+            return Err(DataError::file(
+                request.path,
+                format!("{} rows in column {name}", cells.len()),
+                format!("{rows} as in column {}", columns[0].0),
+            ));
         }
         let unreadable = |(_, cells): &(String, Cow<Cells>)| match &**cells {
             Cells::Unreadable { kind, .. } => Some(kind.clone()),

@@ -103,7 +103,7 @@ impl<'a> Naming<'a> {
         let refuse = |found: String, expected: String| {
             let target = format!("target={}", servo.target);
             let what = format!("{}: {}", file.display(), Setting::TorqueFrom.given(target));
-            DataError::Request { what, found, expected }
+            DataError::request(what, found, expected)
         };
         let is_linear = self.find(POSITIONS[0].0).is_none() && self.find(POSITIONS[1].0).is_some();
         let kind = usize::from(is_linear);
@@ -149,11 +149,11 @@ impl<'a> Naming<'a> {
                 .unwrap_or_else(|| format!("{name}=NAME:A")),
         };
         let what = Setting::TorqueConstant.given(format!("{}{unit}/A", constant.value));
-        Err(DataError::Request {
-            what: format!("{}: {what}", file.display()),
-            found: format!("no {name} in amperes"),
-            expected: Setting::Columns.suggested(pair),
-        })
+        Err(DataError::request(
+            format!("{}: {what}", file.display()),
+            format!("no {name} in amperes"),
+            Setting::Columns.suggested(pair),
+        ))
     }
 
     /// Returns the column with a name.
@@ -321,12 +321,11 @@ fn mapped_columns<'a>(
     let mut mapped: Vec<Mapped> = Vec::new();
     for (name, foreign) in mapping {
         let what = || Setting::Columns.given(format!("{name}={foreign}"));
-        let refuse = |found: String, expected: String| {
-            Err(DataError::Request { what: what(), found, expected })
-        };
+        let refuse =
+            |found: String, expected: String| Err(DataError::request(what(), found, expected));
         let in_file = |found: String, expected: String| {
             let what = format!("{}: {}", file.display(), what());
-            Err(DataError::Request { what, found, expected })
+            Err(DataError::request(what, found, expected))
         };
         if !contract::names().any(|known| known == name) {
             let known: Vec<&str> = contract::names().collect();
@@ -357,11 +356,9 @@ fn mapped_columns<'a>(
         let conversion = pair.conversion(options).map_err(|wrong| match wrong {
             WrongUnit::OfFile(found, expected) => {
                 let what = format!("{}: {}", file.display(), what());
-                DataError::Request { what, found, expected }
+                DataError::request(what, found, expected)
             }
-            WrongUnit::Unknown(found, expected) => {
-                DataError::Request { what: what(), found, expected }
-            }
+            WrongUnit::Unknown(found, expected) => DataError::request(what(), found, expected),
         })?;
         let is_current = pair.symbol().is_some_and(|unit| torque_scale::amperes(unit).is_some());
         mapped.push(Mapped {

@@ -284,7 +284,7 @@ impl Search<'_> {
     fn request(&self, found: String, expected: String) -> DataError {
         let preset = Setting::Preset.given(self.preset.name());
         let what = format!("{}: {preset}", self.file.display());
-        DataError::Request { what, found, expected }
+        DataError::request(what, found, expected)
     }
 
     fn none(&self, rule: &Rule) -> DataError {

@@ -143,11 +143,11 @@ fn with_join(error: DataError, files: &[PathBuf], options: &ReadOptions) -> Data
         }
         Err(_) => return error,
     };
-    DataError::File {
-        file: file.clone(),
-        found: format!("{found}; the files hold one channel each"),
-        expected: format!("{option}{pairs}, which joins the files by their times"),
-    }
+    DataError::file(
+        file.clone(),
+        format!("{found}; the files hold one channel each"),
+        format!("{option}{pairs}, which joins the files by their times"),
+    )
 }
 
 /// Validates and joins tables in memory as [`read`] does with files. Their names take the place of the files' names.
@@ -188,19 +188,11 @@ fn validate_names(names: &[PathBuf], twice_in_words: &str) -> Result<(), DataErr
     }
     let mut seen = HashSet::new();
     let Some(twice) = names.iter().find(|name| !seen.insert(*name)) else { return Ok(()) };
-    Err(DataError::File {
-        file: twice.clone(),
-        found: twice_in_words.into(),
-        expected: "distinct names".into(),
-    })
+    Err(DataError::file(twice.clone(), twice_in_words, "distinct names"))
 }
 
 fn no_data() -> DataError {
-    DataError::Request {
-        what: "data".into(),
-        found: "no file".into(),
-        expected: "one or more CSV or Parquet files".into(),
-    }
+    DataError::request("data", "no file", "one or more CSV or Parquet files")
 }
 
 /// Returns the sizes, bytes. Fails if a file does not exist, is given twice or is a directory.
@@ -214,11 +206,7 @@ fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
         let failed = |source| DataError::Io { file: path.clone(), source };
         if !seen.insert(path.canonicalize().map_err(failed)?) {
             // The same rows on both sides of a split would understate the held-out error.
-            return Err(DataError::File {
-                file: path.clone(),
-                found: "the file given twice".into(),
-                expected: "each file once".into(),
-            });
+            return Err(DataError::file(path.clone(), "the file given twice", "each file once"));
         }
         Ok(size)
     };
@@ -234,11 +222,11 @@ fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> 
     for (part, file) in parts.iter().zip(files) {
         if part.joint != joint {
             let target = |joint| Quantity::Torque.name(joint);
-            return Err(DataError::File {
-                file: file.clone(),
-                found: target(part.joint).into(),
-                expected: format!("{} as in {}", target(joint), files[0].display()),
-            });
+            return Err(DataError::file(
+                file.clone(),
+                target(part.joint),
+                format!("{} as in {}", target(joint), files[0].display()),
+            ));
         }
     }
     let mut data = Dataset { joint, files: files.to_vec(), ..Dataset::default() };
@@ -400,11 +388,11 @@ fn shorten(data: &mut Dataset, options: &ReadOptions) -> Result<(), DataError> {
     let too_short: Vec<&str> =
         data.runs.iter().filter(|run| run.is_empty()).map(|run| run.name.as_str()).collect();
     if too_short.len() == data.runs.len() {
-        return Err(DataError::Request {
-            what: Setting::Skip.given(options.skip),
-            found: "no run with a row left".into(),
-            expected: "a smaller number or longer runs".into(),
-        });
+        return Err(DataError::request(
+            Setting::Skip.given(options.skip),
+            "no run with a row left",
+            "a smaller number or longer runs",
+        ));
     }
     if !too_short.is_empty() {
         let names = super::error::listed(&too_short);

@@ -84,14 +84,14 @@ impl ServoTorque {
         let name = Quantity::Position.name(data.joint);
         for run in &mut data.runs {
             let Some(position) = run.get(Quantity::Position) else {
-                return Err(DataError::Request {
-                    what: Setting::TorqueFrom.alone(),
-                    found: format!("no {name}"),
-                    expected: format!(
+                return Err(DataError::request(
+                    Setting::TorqueFrom.alone(),
+                    format!("no {name}"),
+                    format!(
                         "the position that the servo controls: {}",
                         Setting::Columns.suggested(format!("{name}=NAME"))
                     ),
-                });
+                ));
             };
             let rows = run.torque.iter().zip(position).zip(&run.velocity);
             let torque = rows.map(|((target, q), v)| {

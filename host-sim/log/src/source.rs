@@ -78,11 +78,7 @@ pub(super) fn file_size(path: &Path) -> Result<u64, DataError> {
     let about =
         std::fs::metadata(path).map_err(|source| DataError::Io { file: path.into(), source })?;
     if about.is_dir() {
-        return Err(DataError::File {
-            file: path.into(),
-            found: "a directory".into(),
-            expected: "a CSV or Parquet file".into(),
-        });
+        return Err(DataError::file(path, "a directory", "a CSV or Parquet file"));
     }
     Ok(about.len())
 }
@@ -142,11 +138,7 @@ fn read_unpacked(
 pub(super) fn read_content(request: Request, bytes: &[u8]) -> Result<LogTable<'static>, DataError> {
     let (path, skip) = (request.path, request.options.skip_lines);
     let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
-    let wrong = |found: &str, expected: &str| DataError::File {
-        file: path.into(),
-        found: found.into(),
-        expected: expected.into(),
-    };
+    let wrong = |found: &str, expected: &str| DataError::file(path, found, expected);
     if is_packed(head) {
         return Err(wrong("an archive", "the table in it: unpack it"));
     }
@@ -170,11 +162,11 @@ fn refuse_other_files(path: &Path, name: &Path, head: &[u8]) -> Result<(), DataE
     let place = if name == path { String::new() } else { " in the archive".to_owned() };
     // tar unpacks gzip itself.
     let expected = expected.replace("tar -xf FILE", &format!("tar -xf {}", path.display()));
-    Err(DataError::File {
-        file: path.into(),
-        found: format!("{found}{place}"),
-        expected: expected.replace("FILE", &name.display().to_string()),
-    })
+    Err(DataError::file(
+        path,
+        format!("{found}{place}"),
+        expected.replace("FILE", &name.display().to_string()),
+    ))
 }
 
 /// Refuses a file that has no table below the lines that the user skips.
@@ -188,9 +180,9 @@ fn refuse_without_lines(path: &Path, head: &[u8], skip: usize) -> Result<(), Dat
     } else {
         return Ok(());
     };
-    Err(DataError::Request {
-        what: format!("{}: {}", path.display(), Setting::SkipLines.given(skip)),
+    Err(DataError::request(
+        format!("{}: {}", path.display(), Setting::SkipLines.given(skip)),
         found,
-        expected: "a table as text below the lines".into(),
-    })
+        "a table as text below the lines",
+    ))
 }

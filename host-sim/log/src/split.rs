@@ -68,7 +68,7 @@ impl SplitRule {
             {
                 Ok(SplitRule::HoldOut { column, values })
             }
-            _ => Err(request("hold-out", format!("{text:?}"), "COLUMN=VALUE[,VALUE..]".into())),
+            _ => Err(DataError::request("hold-out", format!("{text:?}"), "COLUMN=VALUE[,VALUE..]")),
         }
     }
 }
@@ -161,7 +161,11 @@ pub fn split(data: &Dataset, rule: &SplitRule, seed: u64) -> Result<Split, DataE
             if let Some(file) = files.iter().find(|file| !data.files.contains(file)) {
                 let read: Vec<_> = data.files.iter().map(|f| f.to_string_lossy()).collect();
                 let found = file.display().to_string();
-                return Err(request("test files", found, format!("one of {}", listed(&read))));
+                return Err(DataError::request(
+                    "test files",
+                    found,
+                    format!("one of {}", listed(&read)),
+                ));
             }
             whole_runs(data, |_, run| files.contains(&data.files[run.file]))
         }
@@ -170,13 +174,9 @@ pub fn split(data: &Dataset, rule: &SplitRule, seed: u64) -> Result<Split, DataE
         let empty = if split.test.is_empty() { "test" } else { "train" };
         let found =
             format!("{} runs, {} rows, and no rows left to {empty} on", data.runs.len(), data.rows);
-        return Err(request("split", found, "rows on either side".into()));
+        return Err(DataError::request("split", found, "rows on either side"));
     }
     Ok(split)
-}
-
-fn request(what: &str, found: String, expected: String) -> DataError {
-    DataError::Request { what: what.into(), found, expected }
 }
 
 /// Returns the share if it is valid.
@@ -184,7 +184,7 @@ fn checked(share: f64) -> Result<f64, DataError> {
     if share > 0.0 && share < 1.0 {
         return Ok(share);
     }
-    Err(request("test share", share.to_string(), "a number between 0 and 1".into()))
+    Err(DataError::request("test share", share.to_string(), "a number between 0 and 1"))
 }
 
 /// Selects about `share` of `0..n`, evenly spread, at least one and not all. The seed shifts the pattern by less than
@@ -246,7 +246,7 @@ fn hold_out(data: &Dataset, column: &str, values: &[String]) -> Result<Split, Da
         let Some(setting) = data.constant(run, column) else {
             let found = format!("no constant value of {column} in run {}", run.name);
             let there = data.constant_columns();
-            return Err(request(&what, found, format!("one of {}", listed(&there))));
+            return Err(DataError::request(&what, found, format!("one of {}", listed(&there))));
         };
         settings.push(setting);
     }
@@ -256,7 +256,7 @@ fn hold_out(data: &Dataset, column: &str, values: &[String]) -> Result<Split, Da
             there.sort_unstable();
             there.dedup();
             let found = format!("no run with {column}={value}");
-            return Err(request(&what, found, format!("one of {}", listed(&there))));
+            return Err(DataError::request(&what, found, format!("one of {}", listed(&there))));
         }
     }
     Ok(whole_runs(data, |at, _| values.iter().any(|value| are_equal(&settings[at], value))))

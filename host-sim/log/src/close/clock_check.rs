@@ -34,13 +34,13 @@ impl Cleaner<'_> {
             let is_share = factor > 1 && (factor * first).abs_diff(rows) < factor;
             if first >= MIN_FIRST_ROWS && is_share && values[first..].iter().all(|of| of.is_nan()) {
                 let column = &self.layout.names[reading.index];
-                return Err(DataError::File {
-                    file: self.file.into(),
-                    found: format!(
+                return Err(DataError::file(
+                    self.file,
+                    format!(
                         "column {column} in just the first {first} of {rows} rows, as of a channel with 1/{factor} of the rate"
                     ),
-                    expected: "a column of times for each rate".into(),
-                });
+                    "a column of times for each rate",
+                ));
             }
         }
         Ok(())
@@ -83,7 +83,7 @@ impl Cleaner<'_> {
             None => (found, format!("a clock that advances, or {by_rate}")),
         };
         let what = format!("{}: column {column}", self.file.display());
-        Err(DataError::Request { what, found, expected })
+        Err(DataError::request(what, found, expected))
     }
 
     /// Returns the pair of `--columns` that reads a column as steps, and the step, s. `step_s` is the step as it was read.

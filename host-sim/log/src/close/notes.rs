@@ -35,13 +35,11 @@ impl Cleaner<'_> {
             };
             let unit = unit.map_or_else(String::new, |unit| format!(" {unit}"));
             let pair = format!("{name}={column}:int{bits}{unit}");
-            return Err(DataError::Request {
-                what: format!("{}: column {column}", self.file.display()),
-                found: format!(
-                    "jumps by nearly 2^{bits} counts: negative values without their sign"
-                ),
-                expected: Setting::Columns.suggested(pair) + &with_scale,
-            });
+            return Err(DataError::request(
+                format!("{}: column {column}", self.file.display()),
+                format!("jumps by nearly 2^{bits} counts: negative values without their sign"),
+                Setting::Columns.suggested(pair) + &with_scale,
+            ));
         }
         Ok(())
     }

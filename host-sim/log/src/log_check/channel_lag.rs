@@ -42,7 +42,7 @@ pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
         || log.columns.iter().filter(|column| column.quantity.is_none() && !column.is_motion());
     let mut found = Vec::new();
     let mut report = |columns: &[&Column], shift: i64| {
-        let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
+        let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         let seconds = shift as f64 * step_s;
         let late = if shift > 0 { "late" } else { "early" };
         let (are, them) = if names.len() > 1 {
@@ -50,19 +50,13 @@ pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
         } else {
             ("is", "It is taken as it stands")
         };
-        found.push(LogFinding {
-            kind: LogFindingKind::ChannelLag,
-            value: seconds,
-            unit: "s".into(),
-            corrected: false,
-            in_words: format!(
-                "{} {are} another reading of {}, {} ms {late} against it. {them}.",
-                names.join(" and "),
-                log.torque(),
-                figure(1e3 * seconds.abs())
-            ),
-            columns: names,
-        });
+        let words = format!(
+            "{} {are} another reading of {}, {} ms {late} against it. {them}.",
+            names.join(" and "),
+            log.torque(),
+            figure(1e3 * seconds.abs())
+        );
+        found.push(LogFinding::new(LogFindingKind::ChannelLag, &names, seconds, "s", words));
     };
     let alone: Vec<(&Column, i64)> =
         others().filter_map(|column| Some((column, shift(log, &[column], longest)?))).collect();

@@ -33,14 +33,14 @@ pub fn constant_torque(data: &Dataset) -> Option<DataError> {
     };
     let other = torque_column(data).unwrap_or_else(|| "NAME".into());
     let pair = Setting::Columns.suggested(format!("{name}={other}"));
-    Some(DataError::File {
-        file: data.files.first().cloned().unwrap_or_default(),
+    Some(DataError::file(
+        data.files.first().cloned().unwrap_or_default(),
         found,
-        expected: format!(
+        format!(
             "a torque that changes with the motion: check that its channel was logged, or {pair} if another \
              column holds it"
         ),
-    })
+    ))
 }
 
 /// Returns true if the velocity changes in most runs, so that their rows are not the means of steady motions.

@@ -45,16 +45,11 @@ pub fn drive_off(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>)
         None => String::new(),
     };
     let done = if correct { "They are left out" } else { "They are left in, as asked" };
-    let finding = LogFinding {
-        kind: LogFindingKind::DriveOff,
-        columns: vec![name.into()],
-        value: count as f64,
-        unit: "rows".into(),
-        corrected: correct,
-        in_words: format!(
-            "{name} is exactly 0 in {count} rows in which the joint moves{place}: the drive was off. {done}{column}."
-        ),
-    };
+    let words = format!(
+        "{name} is exactly 0 in {count} rows in which the joint moves{place}: the drive was off. {done}{column}."
+    );
+    let finding = LogFinding::new(LogFindingKind::DriveOff, &[name], count as f64, "rows", words)
+        .corrected(correct);
     if correct {
         leave_out(&mut data, &off);
     }

@@ -38,18 +38,19 @@ pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) 
     });
     let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
     let done = if correct { "They are left out" } else { "They are left in, as asked" };
-    let finding = LogFinding {
-        kind: LogFindingKind::EndStop,
-        columns: vec![Quantity::Position.name(data.joint).into(), name.into()],
-        value: torque,
-        unit: unit.into(),
-        corrected: correct,
-        in_words: format!(
-            "In {count} rows (first in {place}) the joint rests at an end of its travel with up to {} {unit}, more than any motion \
+    let words = format!(
+        "In {count} rows (first in {place}) the joint rests at an end of its travel with up to {} {unit}, more than any motion \
              took: it is pushed against an end stop. {done}.",
-            figure(torque)
-        ),
-    };
+        figure(torque)
+    );
+    let finding = LogFinding::new(
+        LogFindingKind::EndStop,
+        &[Quantity::Position.name(data.joint), name],
+        torque,
+        unit,
+        words,
+    )
+    .corrected(correct);
     if correct {
         leave_out(&mut data, &rows);
     }

@@ -67,3 +67,22 @@ pub struct LogFinding {
     /// A description in one sentence.
     pub in_words: String,
 }
+
+impl LogFinding {
+    /// Returns a finding that nothing is corrected for.
+    pub(super) fn new(
+        kind: LogFindingKind,
+        columns: &[&str],
+        value: f64,
+        unit: &str,
+        in_words: String,
+    ) -> Self {
+        let columns = columns.iter().map(|name| (*name).to_owned()).collect();
+        Self { kind, columns, value, unit: unit.to_owned(), corrected: false, in_words }
+    }
+
+    /// Returns the finding of a log that may be corrected for it.
+    pub(super) fn corrected(self, corrected: bool) -> Self {
+        Self { corrected, ..self }
+    }
+}

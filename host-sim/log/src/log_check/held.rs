@@ -196,17 +196,12 @@ fn finding_of_repeated(log: &Log, found: &Repeated) -> LogFinding {
     let name = &log.columns[found.column].name;
     let corrected = log.correct.corrects(LogFindingKind::HeldChannel);
     let done = if corrected { "These rows are left out." } else { "They are used, as asked." };
-    LogFinding {
-        kind: LogFindingKind::HeldChannel,
-        columns: vec![name.clone()],
-        value: found.share,
-        unit: "of the rows".into(),
-        corrected,
-        in_words: format!(
-            "{name} is held now and then: {} % of the rows in motion repeat the value before. {done}",
-            figure(100.0 * found.share)
-        ),
-    }
+    let words = format!(
+        "{name} is held now and then: {} % of the rows in motion repeat the value before. {done}",
+        figure(100.0 * found.share)
+    );
+    LogFinding::new(LogFindingKind::HeldChannel, &[name], found.share, "of the rows", words)
+        .corrected(corrected)
 }
 
 /// Returns true if rows are left out because this column is held.
@@ -252,19 +247,20 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
             }
             None => String::new(),
         };
-        LogFinding {
-            kind: LogFindingKind::HeldChannel,
-            columns: vec![column.name.clone()],
-            value: held.rows * log.sensors.step_s,
-            unit: "s".into(),
-            corrected,
-            in_words: format!(
-                "{} is held: it is read anew every {} rows only ({} s){order}. {done}",
-                column.name,
-                figure(held.rows),
-                figure(held.rows * log.sensors.step_s)
-            ),
-        }
+        let words = format!(
+            "{} is held: it is read anew every {} rows only ({} s){order}. {done}",
+            column.name,
+            figure(held.rows),
+            figure(held.rows * log.sensors.step_s)
+        );
+        LogFinding::new(
+            LogFindingKind::HeldChannel,
+            &[&column.name],
+            held.rows * log.sensors.step_s,
+            "s",
+            words,
+        )
+        .corrected(corrected)
     });
     findings.chain(now_and_then).collect()
 }

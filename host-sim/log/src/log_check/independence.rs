@@ -18,13 +18,14 @@ const MIN_CHANGE: f64 = 0.1;
 
 pub fn too_little(log: &Log) -> Vec<LogFinding> {
     let rows = log.data.rows;
-    let finding = |value: usize, unit: &str, in_words: String| LogFinding {
-        kind: LogFindingKind::TooLittle,
-        columns: vec![log.velocity().into(), log.torque().into()],
-        value: value as f64,
-        unit: unit.into(),
-        corrected: false,
-        in_words,
+    let finding = |value: usize, unit: &str, in_words: String| {
+        LogFinding::new(
+            LogFindingKind::TooLittle,
+            &[log.velocity(), log.torque()],
+            value as f64,
+            unit,
+            in_words,
+        )
     };
     if rows < MIN_ROWS {
         let words = format!(

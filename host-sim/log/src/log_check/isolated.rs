@@ -117,20 +117,14 @@ impl Isolated {
             (1, false) => ("1 row".to_owned(), "left in, as asked"),
             (count, false) => (format!("{count} rows"), "left in, as asked"),
         };
-        LogFinding {
-            kind: LogFindingKind::Outlier,
-            columns: vec![name.into()],
-            value,
-            unit: unit.into(),
-            corrected: correct,
-            in_words: format!(
-                "{rows} of {name} cannot be: each leaves the course of its neighbours and returns at once (the farthest is \
+        let words = format!(
+            "{rows} of {name} cannot be: each leaves the course of its neighbours and returns at once (the farthest is \
                  {} {unit} off, in run {} at {} s): {done}.",
-                figure(distance),
-                run.name,
-                figure(run.time_s[row])
-            ),
-        }
+            figure(distance),
+            run.name,
+            figure(run.time_s[row])
+        );
+        LogFinding::new(LogFindingKind::Outlier, &[name], value, unit, words).corrected(correct)
     }
 
     /// Leaves the rows out. A velocity that was derived from the position is derived again.

@@ -38,17 +38,13 @@ pub fn lost_rows(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>)
     let count: usize = lost.iter().flatten().map(|(_, rows)| rows).sum();
     let (name, places) = (Quantity::Position.name(data.joint), lost.iter().flatten().count());
     let done = if correct { "The clock is set forward there." } else { "Nothing is changed." };
-    let finding = LogFinding {
-        kind: LogFindingKind::TimeJump,
-        columns: vec!["time_s".into(), name.into()],
-        value: count as f64,
-        unit: "rows".into(),
-        corrected: correct,
-        in_words: format!(
-            "At {places} rows {name} travels two or more times as far as in the rows beside them: {count} rows are lost, and the \
+    let words = format!(
+        "At {places} rows {name} travels two or more times as far as in the rows beside them: {count} rows are lost, and the \
              clock does not show it. {done}"
-        ),
-    };
+    );
+    let finding =
+        LogFinding::new(LogFindingKind::TimeJump, &["time_s", name], count as f64, "rows", words)
+            .corrected(correct);
     if correct {
         let is_derived = is_velocity_derived(&data);
         for (run, lost) in data.runs.iter_mut().zip(&lost) {

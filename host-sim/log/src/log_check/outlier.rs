@@ -34,19 +34,22 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
             (true, 1) => "the row is left out",
             (true, _) => "their rows are left out",
         };
-        found.push(LogFinding {
-            kind: LogFindingKind::Outlier,
-            columns: vec![column.name.clone()],
-            value: farthest,
-            unit: column.unit.clone(),
-            corrected: correct,
-            in_words: format!(
-                "{values} of {} cannot be (the farthest is {}, in run {run} at {time_s} s, alone between neighbours of \
+        let words = format!(
+            "{values} of {} cannot be (the farthest is {}, in run {run} at {time_s} s, alone between neighbours of \
                  another size): {done}.",
-                column.name,
-                figure(farthest)
-            ),
-        });
+            column.name,
+            figure(farthest)
+        );
+        found.push(
+            LogFinding::new(
+                LogFindingKind::Outlier,
+                &[&column.name],
+                farthest,
+                &column.unit,
+                words,
+            )
+            .corrected(correct),
+        );
         rows.extend(places);
     }
     if !correct || rows.is_empty() {

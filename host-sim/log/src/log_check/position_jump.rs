@@ -61,20 +61,15 @@ pub fn position_jumps(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFind
     let (name, unit) = (Quantity::Position.name(data.joint), data.joint.position_unit());
     let done =
         if correct { "The parts between are used separately." } else { "Nothing is changed." };
-    let finding = LogFinding {
-        kind: LogFindingKind::PositionJump,
-        columns: vec![name.into()],
-        value: largest,
-        unit: unit.into(),
-        corrected: correct,
-        in_words: format!(
-            "{name} jumps at {} rows by up to {} {unit}, farther than any speed of the log allows ({}): rows are lost or out of \
+    let words = format!(
+        "{name} jumps at {} rows by up to {} {unit}, farther than any speed of the log allows ({}): rows are lost or out of \
              order there, or the count slipped. {done}",
-            jumps.len(),
-            figure(largest),
-            places.join(", ")
-        ),
-    };
+        jumps.len(),
+        figure(largest),
+        places.join(", ")
+    );
+    let finding = LogFinding::new(LogFindingKind::PositionJump, &[name], largest, unit, words)
+        .corrected(correct);
     if correct {
         cut(&mut data, &jumps);
     }

@@ -14,17 +14,17 @@ pub fn position_zero(log: &Log) -> Vec<LogFinding> {
     }
     let Some(column) = log.column(log.position()) else { return Vec::new() };
     let starts: Vec<f64> = column.runs.iter().filter_map(|run| run.first().copied()).collect();
-    vec![LogFinding {
-        kind: LogFindingKind::UnitSuspect,
-        columns: vec![column.name.clone()],
-        value: starts[0],
-        unit: column.unit.clone(),
-        corrected: false,
-        in_words: format!(
-            "The position begins at {} in each of {} runs: it was integrated from the velocity, so where the \
+    let words = format!(
+        "The position begins at {} in each of {} runs: it was integrated from the velocity, so where the \
              shaft stood is not known from run to run. Nothing is changed.",
-            figure(starts[0]),
-            starts.len()
-        ),
-    }]
+        figure(starts[0]),
+        starts.len()
+    );
+    vec![LogFinding::new(
+        LogFindingKind::UnitSuspect,
+        &[&column.name],
+        starts[0],
+        &column.unit,
+        words,
+    )]
 }

@@ -39,19 +39,12 @@ pub fn quantised(log: &Log) -> Vec<LogFinding> {
         } else {
             "it is taken as it stands"
         };
-        found.push(LogFinding {
-            kind: LogFindingKind::Quantised,
-            columns: vec![column.name.clone()],
-            value: step,
-            unit: column.unit.clone(),
-            corrected,
-            in_words: format!(
-                "{} comes in steps of {} {}: {done}.",
-                column.name,
-                figure(step),
-                column.unit
-            ),
-        });
+        let words =
+            format!("{} comes in steps of {} {}: {done}.", column.name, figure(step), column.unit);
+        found.push(
+            LogFinding::new(LogFindingKind::Quantised, &[&column.name], step, &column.unit, words)
+                .corrected(corrected),
+        );
     }
     found
 }

@@ -62,13 +62,11 @@ pub fn impossible(data: &Dataset) -> Option<DataError> {
         false => each.join(" or "),
     };
     let column = header(data, "time_s");
-    Some(DataError::File {
-        file: data.files.first().cloned().unwrap_or_default(),
-        found: format!("{} rows a second by the column {column}", figure(rate)),
-        expected: format!(
-            "at most 1e6; by its rate the time may have another unit: {what_to_type}"
-        ),
-    })
+    Some(DataError::file(
+        data.files.first().cloned().unwrap_or_default(),
+        format!("{} rows a second by the column {column}", figure(rate)),
+        format!("at most 1e6; by its rate the time may have another unit: {what_to_type}"),
+    ))
 }
 
 /// Returns the rate of a log, Hz, if it is not plausible.
@@ -93,17 +91,11 @@ pub fn implausible(log: &Log) -> Vec<LogFinding> {
         }
         None => "may not be in seconds".into(),
     };
-    vec![LogFinding {
-        kind: LogFindingKind::UnitSuspect,
-        columns: vec!["time_s".into()],
-        value: rate,
-        unit: "Hz".into(),
-        corrected: false,
-        in_words: format!(
-            "By its stamps the log has {} rows a second: the time {hint}. Nothing is changed.",
-            figure(rate)
-        ),
-    }]
+    let words = format!(
+        "By its stamps the log has {} rows a second: the time {hint}. Nothing is changed.",
+        figure(rate)
+    );
+    vec![LogFinding::new(LogFindingKind::UnitSuspect, &["time_s"], rate, "Hz", words)]
 }
 
 #[cfg(test)]

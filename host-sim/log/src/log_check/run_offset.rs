@@ -28,19 +28,14 @@ pub fn run_offset(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>
     let [least, most] = extent(offsets.iter().copied());
     let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
     let done = if correct { "It is subtracted" } else { "Nothing is changed" };
-    let finding = LogFinding {
-        kind: LogFindingKind::OffsetPerRun,
-        columns: vec![name.into()],
-        value: most - least,
-        unit: unit.into(),
-        corrected: correct,
-        in_words: format!(
-            "The offset of {name} differs from run to run, from {} to {} {unit}: its sensor was zeroed before each run, or the \
+    let words = format!(
+        "The offset of {name} differs from run to run, from {} to {} {unit}: its sensor was zeroed before each run, or the \
              load of the joint changed. {done}, so the offset of another run is not known.",
-            figure(least),
-            figure(most)
-        ),
-    };
+        figure(least),
+        figure(most)
+    );
+    let finding = LogFinding::new(LogFindingKind::OffsetPerRun, &[name], most - least, unit, words)
+        .corrected(correct);
     if correct {
         for (run, offset) in data.runs.iter_mut().zip(&offsets) {
             run.torque.iter_mut().for_each(|torque| *torque -= offset);

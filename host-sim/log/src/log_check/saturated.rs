@@ -78,19 +78,13 @@ fn of_column(log: &Log, column: &Column, slow: f64) -> Vec<LogFinding> {
 }
 
 fn finding(column: &Column, end: f64, rows: usize) -> LogFinding {
-    LogFinding {
-        kind: LogFindingKind::Saturated,
-        columns: vec![column.name.clone()],
-        value: end,
-        unit: column.unit.clone(),
-        corrected: false,
-        in_words: format!(
-            "{} stands at {} {} in {rows} rows and goes no further: it is clipped there. It is taken as it stands.",
-            column.name,
-            figure(end),
-            column.unit
-        ),
-    }
+    let words = format!(
+        "{} stands at {} {} in {rows} rows and goes no further: it is clipped there. It is taken as it stands.",
+        column.name,
+        figure(end),
+        column.unit
+    );
+    LogFinding::new(LogFindingKind::Saturated, &[&column.name], end, &column.unit, words)
 }
 
 /// Returns true if a column, away from its ends, rarely repeats a value or continues a line: noise and curves show where it

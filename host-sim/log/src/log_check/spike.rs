@@ -107,21 +107,16 @@ impl Spikes {
             Quantity::Velocity => data.joint.velocity_unit(),
             _ => data.joint.torque_unit(),
         };
-        LogFinding {
-            kind: LogFindingKind::Outlier,
-            columns: vec![name.into()],
-            value: share,
-            unit: "of the rows".into(),
-            corrected: correct,
-            in_words: format!(
-                "{} values of {name} ({} % of the rows) are spikes, at least {} {unit} from the median of the rows beside \
+        let words = format!(
+            "{} values of {name} ({} % of the rows) are spikes, at least {} {unit} from the median of the rows beside \
                  them: {}.",
-                self.count,
-                figure(100.0 * share),
-                figure(self.least),
-                if correct { done } else { "left in, as asked" }
-            ),
-        }
+            self.count,
+            figure(100.0 * share),
+            figure(self.least),
+            if correct { done } else { "left in, as asked" }
+        );
+        LogFinding::new(LogFindingKind::Outlier, &[name], share, "of the rows", words)
+            .corrected(correct)
     }
 
     /// Returns the spikes of a column, if they are at least `least_share` of the rows.

@@ -33,7 +33,7 @@ impl Suspicion {
     /// Returns the error of a log that is refused.
     pub fn error(self, data: &Dataset) -> DataError {
         let file = data.files.first().cloned().unwrap_or_default();
-        DataError::File { file, found: self.found, expected: self.expected }
+        DataError::file(file, self.found, self.expected)
     }
 
     /// Returns the finding of a log that is kept as it is.

@@ -47,14 +47,14 @@ pub fn swapped(data: &Dataset) -> Option<DataError> {
     let [from_velocity, from_torque] = [velocity, torque].map(|name| header(data, name));
     let unit = if unit == data.joint.velocity_unit() { String::new() } else { format!(":{unit}") };
     let pairs = format!("{velocity}={from_torque}{unit},{torque}={from_velocity}");
-    Some(DataError::File {
-        file: data.files.first().cloned().unwrap_or_default(),
-        found: format!(
+    Some(DataError::file(
+        data.files.first().cloned().unwrap_or_default(),
+        format!(
             "the derivative of the position in the column {from_torque} of the torque, and not in the column \
              {from_velocity} of the velocity"
         ),
-        expected: Setting::Columns.suggested(pairs),
-    })
+        Setting::Columns.suggested(pairs),
+    ))
 }
 
 /// A column compared with the travel.

@@ -12,13 +12,8 @@ const MIN_REPEATED_SHARE: f64 = 1e-3;
 
 pub fn jumps(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
-    let finding = |columns: Vec<String>, value: f64, unit: &str, in_words: String| LogFinding {
-        kind: LogFindingKind::TimeJump,
-        columns,
-        value,
-        unit: unit.into(),
-        corrected: false,
-        in_words,
+    let finding = |value: f64, unit: &str, in_words: String| {
+        LogFinding::new(LogFindingKind::TimeJump, &["time_s"], value, unit, in_words)
     };
     let (mut repeated, mut steps) = (0usize, 0usize);
     let (mut gaps, mut longest) = (0usize, 0.0f64);
@@ -30,19 +25,18 @@ pub fn jumps(log: &Log) -> Vec<LogFinding> {
             longest = longest.max(run.time_s[pair[1].start] - run.time_s[pair[1].start - 1]);
         }
     }
-    let time = || vec!["time_s".to_owned()];
     if gaps > 0 {
         let words = format!(
             "The log has {gaps} gaps, the longest of {} s: each segment between them is used separately.",
             figure(longest)
         );
-        found.push(finding(time(), longest, "s", words));
+        found.push(finding(longest, "s", words));
     }
     if repeated as f64 > MIN_REPEATED_SHARE * steps as f64 {
         let words = format!(
             "{repeated} rows repeat the stamp of the row before: the clock is coarser than the rows. They are kept."
         );
-        found.push(finding(time(), repeated as f64, "rows", words));
+        found.push(finding(repeated as f64, "rows", words));
     }
     found
 }

@@ -53,20 +53,14 @@ pub fn torque_lag(log: &Log) -> Vec<LogFinding> {
     if lag < MIN_LAG_ERRORS * error || lag < MIN_LAG_ROWS * log.sensors.step_s {
         return Vec::new();
     }
-    vec![LogFinding {
-        kind: LogFindingKind::TorqueLag,
-        columns: vec![log.torque().into()],
-        value: lag,
-        unit: "s".into(),
-        corrected: false,
-        in_words: format!(
-            "At {} reversals the torque changes sides {} ± {} ms after the motion whatever the speed: it is filtered \
+    let words = format!(
+        "At {} reversals the torque changes sides {} ± {} ms after the motion whatever the speed: it is filtered \
              or late. Nothing is changed; a delay is to be a part of the base model.",
-            turns.len(),
-            figure(1e3 * lag),
-            figure(1e3 * error)
-        ),
-    }]
+        turns.len(),
+        figure(1e3 * lag),
+        figure(1e3 * error)
+    );
+    vec![LogFinding::new(LogFindingKind::TorqueLag, &[log.torque()], lag, "s", words)]
 }
 
 /// Returns for each reversal (`sqrt(2/a)`, time from the turn to the middle of the torque's change).

@@ -67,14 +67,7 @@ pub fn units(log: &Log) -> Vec<LogFinding> {
 }
 
 fn finding(columns: &[&str], value: f64, unit: &str, in_words: String) -> LogFinding {
-    LogFinding {
-        kind: LogFindingKind::UnitSuspect,
-        columns: columns.iter().map(|name| (*name).to_owned()).collect(),
-        value,
-        unit: unit.into(),
-        corrected: false,
-        in_words,
-    }
+    LogFinding::new(LogFindingKind::UnitSuspect, columns, value, unit, in_words)
 }
 
 /// Compares the velocity with the derivative of the position.

@@ -62,14 +62,10 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
     } else {
         return Vec::new();
     };
-    vec![LogFinding {
-        kind: LogFindingKind::VelocityNoise,
-        columns: vec![log.velocity().into()],
-        value,
-        unit: unit.into(),
-        corrected,
-        in_words: words,
-    }]
+    vec![
+        LogFinding::new(LogFindingKind::VelocityNoise, &[log.velocity()], value, unit, words)
+            .corrected(corrected),
+    ]
 }
 
 /// Returns true if the velocity is replaced by the derivative of the position, and [`lag`] does not say why.
@@ -114,12 +110,15 @@ pub fn lag(log: &Log) -> Vec<LogFinding> {
             if lag_s > 0.0 { "late" } else { "early" }
         ),
     };
-    vec![LogFinding {
-        kind: LogFindingKind::VelocityLag,
-        columns: vec![log.velocity().into(), log.position().into()],
-        value: lag_s,
-        unit: "s".into(),
-        corrected,
-        in_words: format!("{how}: {done}."),
-    }]
+    let words = format!("{how}: {done}.");
+    vec![
+        LogFinding::new(
+            LogFindingKind::VelocityLag,
+            &[log.velocity(), log.position()],
+            lag_s,
+            "s",
+            words,
+        )
+        .corrected(corrected),
+    ]
 }

@@ -32,11 +32,7 @@ fn open(input: &Input) -> Result<LogTable<'static>, DataError> {
     // A file is a stream between marks, with an index that is not needed here.
     let is_file = input.head.starts_with(FILE_MARK);
     if is_file && !ends_in_mark(&input.file) {
-        return Err(DataError::File {
-            file: request.path.into(),
-            found: "an Arrow file without its end".into(),
-            expected: EXPECTED.into(),
-        });
+        return Err(DataError::file(request.path, "an Arrow file without its end", EXPECTED));
     }
     let start = if is_file { stream_start(input.head) } else { 0 };
     check_lengths(&input.file, start).map_err(|error| failed(error.into()))?;
@@ -72,11 +68,7 @@ fn stream_start(head: &[u8]) -> u64 {
 }
 
 fn failed(path: &Path, error: &ArrowError) -> DataError {
-    DataError::File {
-        file: path.into(),
-        found: one_line(&error.to_string()),
-        expected: EXPECTED.into(),
-    }
+    DataError::file(path, one_line(&error.to_string()), EXPECTED)
 }
 
 /// What is expected instead of a damaged file.

@@ -109,15 +109,15 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let asked = options.preset.filter(|preset| drive_trace::protocol(*preset).is_some());
     // A rate is that of the SYNC. The frames of other drives have no common one.
     if lines.lacks_stamps() && (options.rate_hz.is_none() || asked.is_some()) {
-        return Err(DataError::File {
-            file: path.into(),
-            found: "CAN frames without time stamps".into(),
-            expected: format!(
+        return Err(DataError::file(
+            path,
+            "CAN frames without time stamps",
+            format!(
                 "a log of candump -l can0, or of candump -L can0 > can.log; for a joint with a constant period of the SYNC \
                  also {}",
                 Setting::Rate.suggested("500Hz")
             ),
-        });
+        ));
     }
     if let Some(preset) = asked {
         return match of_drive(&mut file, preset)? {
@@ -225,9 +225,7 @@ fn scan(
         Ok(())
     })?;
     bad.check(summary.frames as usize + bad.count, max_share)?;
-    let wrong = |found: String, expected: &str| {
-        Err(DataError::File { file: path.into(), found, expected: expected.into() })
-    };
+    let wrong = |found: String, expected: &str| Err(DataError::file(path, found, expected));
     if !summary.others.is_empty() {
         let all = summary.joint.iter().chain(&summary.others);
         let all: Vec<String> = all.map(|(bus, node)| format!("{node} on {bus}")).collect();
@@ -265,7 +263,7 @@ fn no_drive(path: &Path, file: &mut File, preset: Preset) -> Result<DataError, D
         _ => "replies with the registers 002 (velocity) and 003 (torque)",
     };
     let found = format!("{census} and no velocity and torque of {}", preset.name());
-    Ok(DataError::File { file: path.into(), found, expected: expected.into() })
+    Ok(DataError::file(path, found, expected))
 }
 
 /// A line that holds no frame.

@@ -12,7 +12,6 @@ use crate::options::ReadOptions;
 use crate::plan::Request;
 use crate::table::{Cells, Table};
 use std::io::{BufRead, BufReader};
-use std::path::Path;
 
 /// The first line of a file.
 const FIRST_LINE: &[u8] = b"[key]; [value]";
@@ -53,16 +52,12 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     }
     variables.retain(|variable| !variable.time_s.is_empty());
     if let Some((row, found)) = bad {
-        return Err(refused(path, format!("{found:?} in line {row}"), "; TIME; VALUE"));
+        return Err(DataError::file(path, format!("{found:?} in line {row}"), "; TIME; VALUE"));
     }
     if variables.is_empty() {
-        return Err(refused(path, "no variable with samples".into(), "a trace with data"));
+        return Err(DataError::file(path, "no variable with samples", "a trace with data"));
     }
     read_variables(request, variables)
-}
-
-fn refused(path: &Path, found: String, expected: &str) -> DataError {
-    DataError::File { file: path.into(), found, expected: expected.into() }
 }
 
 /// Adds a line. Returns false if it begins like a sample and is none.

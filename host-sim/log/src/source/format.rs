@@ -66,10 +66,6 @@ pub(super) fn read_damaged<T>(
         if panic.is::<Cancelled>() {
             resume_unwind(panic);
         }
-        Err(DataError::File {
-            file: path.into(),
-            found: "damaged data".into(),
-            expected: expected.into(),
-        })
+        Err(DataError::file(path, "damaged data", expected))
     })
 }

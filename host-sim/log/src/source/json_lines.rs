@@ -124,11 +124,11 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
         if columns.names.len() <= MAX_COLUMNS {
             return Ok(());
         }
-        Err(DataError::File {
-            file: path.into(),
-            found: format!("more than {MAX_COLUMNS} fields"),
-            expected: "objects with the same fields".into(),
-        })
+        Err(DataError::file(
+            path,
+            format!("more than {MAX_COLUMNS} fields"),
+            "objects with the same fields",
+        ))
     })?;
     let Columns { names, by_name, fewest } = columns;
     let count = names.len();

@@ -65,10 +65,12 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let io = |source| DataError::Io { file: path.into(), source };
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(io)?;
-    let failed = |error: McapError| DataError::File {
-        file: path.into(),
-        found: one_line(&error.to_string()),
-        expected: "an intact MCAP file, uncompressed or compressed with zstd or lz4".into(),
+    let failed = |error: McapError| {
+        DataError::file(
+            path,
+            one_line(&error.to_string()),
+            "an intact MCAP file, uncompressed or compressed with zstd or lz4",
+        )
     };
     let mut table = MessageTable { names: vec![TIME.into()], ..MessageTable::default() };
     for message in MessageStream::new(&bytes).map_err(failed)? {

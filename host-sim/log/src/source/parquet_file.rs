@@ -65,7 +65,7 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
 
 fn failed(path: &Path, error: ParquetError, expected: &str) -> DataError {
     let found = one_line(&error.to_string());
-    DataError::File { file: path.into(), found, expected: expected.into() }
+    DataError::file(path, found, expected)
 }
 
 /// Reads all columns of a Parquet file into memory. A column that is no measurement has no cells.

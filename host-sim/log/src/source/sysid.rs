@@ -59,11 +59,7 @@ pub(super) fn is_sysid(head: &[u8]) -> bool {
 
 fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let path = input.request.path;
-    let refused = |found: String, expected: &str| DataError::File {
-        file: path.into(),
-        found,
-        expected: expected.into(),
-    };
+    let refused = |found: String, expected: &str| DataError::file(path, found, expected);
     let document: Value = serde_json::from_reader(BufReader::new(input.file))
         .map_err(|error| refused(format!("damaged JSON: {error}"), "a file of SysId"))?;
     let table = table(path.display().to_string(), &document)

@@ -58,17 +58,17 @@ pub(super) fn unpack(path: &Path, file: &File, head: &[u8]) -> Result<Option<Unp
         return Ok(None);
     }
     let damaged = |error: &dyn std::fmt::Display| {
-        wrong(
+        DataError::file(
             path,
             format!("a zip archive that cannot be read ({})", one_line(&error.to_string())),
-            "an intact zip archive without a password".into(),
+            "an intact zip archive without a password",
         )
     };
     let mut archive = match ZipArchive::new(reader) {
         Ok(archive) => archive,
         Err(error) => {
             return Err(match not_a_log::in_zip(&|name| contains(head, name.as_bytes())) {
-                Some((found, expected)) => wrong(path, found.into(), with_path(expected, path)),
+                Some((found, expected)) => DataError::file(path, found, with_path(expected, path)),
                 None => damaged(&error),
             });
         }
@@ -80,10 +80,6 @@ pub(super) fn unpack(path: &Path, file: &File, head: &[u8]) -> Result<Option<Unp
 
 fn contains(bytes: &[u8], part: &[u8]) -> bool {
     bytes.windows(part.len()).any(|window| window == part)
-}
-
-fn wrong(path: &Path, found: String, expected: String) -> DataError {
-    DataError::File { file: path.into(), found, expected }
 }
 
 /// Inserts the path into a command.
@@ -101,7 +97,7 @@ fn only_member<R: Read + Seek>(
     if let Some((found, expected)) =
         not_a_log::in_zip(&|name| all.iter().any(|of| of.contains(name)))
     {
-        return Err(wrong(path, found.into(), with_path(expected, path)));
+        return Err(DataError::file(path, found, with_path(expected, path)));
     }
     // macOS adds its own files.
     let is_file = |(_, name): &(usize, String)| {
@@ -110,11 +106,11 @@ fn only_member<R: Read + Seek>(
     let files: Vec<(usize, String)> = all.into_iter().enumerate().filter(is_file).collect();
     match &files[..] {
         [(index, name)] => Ok((*index, name.clone())),
-        [] => Err(wrong(path, "a zip archive without a file".into(), "one log in it".into())),
+        [] => Err(DataError::file(path, "a zip archive without a file", "one log in it")),
         [(_, first), ..] => {
             let (count, archive) = (files.len(), path.display());
             let files: Vec<&str> = files.iter().map(|(_, name)| &**name).collect();
-            Err(wrong(
+            Err(DataError::file(
                 path,
                 format!("a zip archive of {count} files ({})", listed(&files)),
                 format!(
@@ -142,7 +138,7 @@ fn copy(
     loop {
         let count = content.read(&mut buffer).map_err(|error| {
             let error = one_line(&error.to_string());
-            wrong(
+            DataError::file(
                 path,
                 format!("a damaged {kind} archive ({error})"),
                 format!("an intact {kind} archive"),
@@ -154,7 +150,7 @@ fn copy(
         size += count as u64;
         if size > limit {
             let found = format!("a {kind} archive of more than {} MB", limit >> 20);
-            return Err(wrong(path, found, "a log: unpack it, and give the file itself".into()));
+            return Err(DataError::file(path, found, "a log: unpack it, and give the file itself"));
         }
         file.write_all(&buffer[..count]).map_err(io)?;
     }
