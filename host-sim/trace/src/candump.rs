@@ -17,7 +17,10 @@
 
 mod view;
 
+use crate::fields::fraction_digits;
 use crate::frame::{CanFrame, Direction, Fraction, Line, LineError, MAX_FD_BYTES};
+use chrono::NaiveDate;
+use std::io::Write;
 pub(crate) use view::parse_unstamped;
 
 /// Flag of an error frame in an identifier of eight digits.
@@ -121,10 +124,12 @@ fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
     };
     let (mut seconds, _, mut point) = number(12)?;
     if point == b'-' {
-        let year = seconds;
-        let mut part = |end: u8| number(2).filter(|of| of.2 == end).map(|of| of.0);
-        let date = [part(b'-')?, part(b' ')?, part(b':')?, part(b':')?, part(b'.')?];
-        (seconds, point) = (seconds_since_1970(year, date)?, b'.');
+        let mut part = |end: u8| number(2).filter(|of| of.2 == end).map(|of| of.0 as u32);
+        let (month, day) = (part(b'-')?, part(b' ')?);
+        let (hour, minute, second) = (part(b':')?, part(b':')?, part(b'.')?);
+        let date = NaiveDate::from_ymd_opt(i32::try_from(seconds).ok()?, month, day)?;
+        let time = date.and_hms_opt(hour, minute, second)?.and_utc().timestamp();
+        (seconds, point) = (u64::try_from(time).ok()?, b'.');
     }
     let (fraction, digits, close) = number(9)?;
     if point != b'.' || close != b')' || seconds >= MAX_TIME_S {
@@ -133,23 +138,6 @@ fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
     const UNITS: [u64; 10] =
         [0, 100_000_000, 10_000_000, 1_000_000, 100_000, 10_000, 1000, 100, 10, 1];
     Some((seconds * 1_000_000_000 + fraction * UNITS[digits], rest))
-}
-
-/// Returns the time of a year, month, day, hour, minute and second, s.
-fn seconds_since_1970(year: u64, [month, day, hour, minute, second]: [u64; 5]) -> Option<u64> {
-    /// Days from 1 March of the year 0 to 1970.
-    const TO_1970: u64 = 719_468;
-    let is_date = (1970..10_000).contains(&year)
-        && (1..=12).contains(&month)
-        && (1..=31).contains(&day)
-        && hour < 24
-        && minute < 60
-        && second <= 60;
-    // Years that begin in March end with the leap day.
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let leap_days = year / 4 - year / 100 + year / 400;
-    let days = (365 * year + leap_days + (153 * month + 2) / 5 + day).checked_sub(1 + TO_1970)?;
-    is_date.then_some(((days * 24 + hour) * 60 + minute) * 60 + second)
 }
 
 /// Returns the decimal number, or `None` if a byte is not a digit.
@@ -286,71 +274,38 @@ fn raw_length(text: &[u8], length: u8) -> Result<(), LineError> {
 
 /// Appends the line and its line end in the form of candump. A raw length code is not written.
 pub fn emit(line: &Line, fraction: Fraction, out: &mut Vec<u8>) {
-    let (seconds, nanoseconds) = (line.time_ns / 1_000_000_000, line.time_ns % 1_000_000_000);
-    out.push(b'(');
-    decimal(seconds, 10, out);
-    out.push(b'.');
-    match fraction {
-        Fraction::Microseconds => decimal(nanoseconds / 1000, 6, out),
-        Fraction::Nanoseconds => decimal(nanoseconds, 9, out),
-    }
-    out.extend_from_slice(b") ");
-    out.extend_from_slice(line.interface);
-    out.push(b' ');
-    let identifier = |number: u32, extended: bool, out: &mut Vec<u8>| {
+    let (seconds, rest) = (line.time_ns / 1_000_000_000, line.time_ns % 1_000_000_000);
+    let (digits, rest) = fraction_digits(rest, fraction);
+    let name = |identifier: u32, extended: bool| {
         let digits = if extended { 8 } else { 3 };
-        (0..digits).rev().for_each(|at| out.push(nibble(number >> (4 * at))));
-        out.push(b'#');
+        format!("{identifier:0digits$X}")
     };
-    let data = |bytes: &[u8], length: u8, out: &mut Vec<u8>| {
-        for byte in bytes.iter().take(usize::from(length)) {
-            out.extend_from_slice(&[nibble(u32::from(byte >> 4)), nibble(u32::from(*byte))]);
+    // Writing to memory does not fail.
+    let _ = write!(out, "({seconds:010}.{rest:0digits$}) ");
+    out.extend_from_slice(line.interface);
+    let _ = match &line.frame {
+        CanFrame::Data { identifier, extended, .. } => {
+            write!(out, " {}#", name(*identifier, *extended))
         }
+        CanFrame::Remote { identifier, extended, length: 0 } => {
+            write!(out, " {}#R", name(*identifier, *extended))
+        }
+        CanFrame::Remote { identifier, extended, length } => {
+            write!(out, " {}#R{length:X}", name(*identifier, *extended))
+        }
+        CanFrame::Flexible { identifier, extended, flags, .. } => {
+            write!(out, " {}##{:X}", name(*identifier, *extended), flags & 0xF)
+        }
+        CanFrame::Error { class, .. } => write!(out, " {}#", name(class | ERROR_FLAG, true)),
     };
-    match &line.frame {
-        CanFrame::Data { identifier: number, extended, length, bytes } => {
-            identifier(*number, *extended, out);
-            data(bytes, *length, out);
-        }
-        CanFrame::Remote { identifier: number, extended, length } => {
-            identifier(*number, *extended, out);
-            out.push(b'R');
-            if *length > 0 {
-                out.push(nibble(u32::from(*length)));
-            }
-        }
-        CanFrame::Flexible { identifier: number, extended, flags, length, bytes } => {
-            identifier(*number, *extended, out);
-            out.extend_from_slice(&[b'#', nibble(u32::from(*flags))]);
-            data(bytes, *length, out);
-        }
-        CanFrame::Error { class, length, bytes } => {
-            identifier(class | ERROR_FLAG, true, out);
-            data(bytes, *length, out);
-        }
+    for byte in line.frame.data() {
+        let _ = write!(out, "{byte:02X}");
     }
-    match line.direction {
-        Some(Direction::Received) => out.extend_from_slice(b" R"),
-        Some(Direction::Sent) => out.extend_from_slice(b" T"),
-        None => {}
-    }
-    out.push(b'\n');
-}
-
-fn nibble(value: u32) -> u8 {
-    b"0123456789ABCDEF"[(value & 0xF) as usize]
-}
-
-/// Appends a number with leading zeros, at least `digits` long.
-fn decimal(number: u64, digits: usize, out: &mut Vec<u8>) {
-    let mut text = [b'0'; 20];
-    let (mut rest, mut start) = (number, text.len());
-    while rest > 0 && start > 0 {
-        start -= 1;
-        text[start] = b'0' + (rest % 10) as u8;
-        rest /= 10;
-    }
-    out.extend_from_slice(&text[start.min(text.len() - digits)..]);
+    out.extend_from_slice(match line.direction {
+        Some(Direction::Received) => b" R\n",
+        Some(Direction::Sent) => b" T\n",
+        None => b"\n",
+    });
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ use compensator_core::can::{
     FdTelemetry, Frame, FrameError, JointKind, Message, NodeId, SyncFrame, TraceEntry,
 };
 use sample::{NO_MOTION, NO_TORQUE};
+
 /// Counts of a log.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
@@ -46,7 +47,7 @@ pub struct Summary {
 const MAX_OTHER_JOINTS: usize = 16;
 
 /// Assembles frames into samples.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Assembler {
     joint: Option<(Box<[u8]>, NodeId)>,
     /// Values since the last SYNC, and the last values of the slow PDOs.
@@ -63,23 +64,6 @@ pub struct Assembler {
     /// Sequence number announced for the next sample.
     announced: Option<u32>,
     summary: Summary,
-}
-
-impl Default for Assembler {
-    fn default() -> Self {
-        Self {
-            joint: None,
-            open: TraceSample::EMPTY,
-            has_motion: false,
-            has_torque: false,
-            last_torque: None,
-            torque_every: None,
-            closed: None,
-            last: None,
-            announced: None,
-            summary: Summary::default(),
-        }
-    }
 }
 
 impl Assembler {
@@ -121,7 +105,7 @@ impl Assembler {
     #[inline]
     fn frame(&mut self, number: u64, line: &Line, frame: Option<Frame>) -> Option<TraceSample> {
         if let Some((node, position_rad)) = frame.as_ref().and_then(sides) {
-            if self.is_own(line.interface, node) {
+            if self.is_followed(line.interface, node) {
                 self.open.joint_position_rad = position_rad;
             } else {
                 self.summary.foreign += 1;
@@ -160,12 +144,12 @@ impl Assembler {
     #[inline]
     fn select_or_match(&mut self, interface: &[u8], node: NodeId) -> bool {
         match &self.joint {
-            Some((own, own_node)) => {
-                let is_own = *own_node == node && **own == *interface;
-                if !is_own {
+            Some(_) => {
+                let is_followed = self.is_followed(interface, node);
+                if !is_followed {
                     self.count_other(interface, node);
                 }
-                is_own
+                is_followed
             }
             None => {
                 self.joint = Some((interface.into(), node));
@@ -184,74 +168,65 @@ impl Assembler {
         }
     }
 
-    fn is_own(&self, interface: &[u8], node: NodeId) -> bool {
-        self.joint.as_ref().is_some_and(|(own, number)| *number == node && **own == *interface)
+    #[inline]
+    fn is_followed(&self, interface: &[u8], node: NodeId) -> bool {
+        let joint = self.joint.as_ref();
+        joint.is_some_and(|(followed, number)| *number == node && **followed == *interface)
     }
 
     #[inline]
     fn message(&mut self, number: u64, line: &Line, message: Message) -> Option<TraceSample> {
         let interface = line.interface;
         match message {
-            Message::Motion(node, motion) => {
+            Message::Motion(node, _)
+            | Message::Torque(node, _)
+            | Message::Seal(node, _)
+            | Message::Surroundings(node, _)
+            | Message::Entry(node, _) => {
                 if self.select_or_match(interface, node) {
-                    self.open.motion = motion;
-                    self.has_motion = true;
-                    return self.take_completed();
-                }
-            }
-            Message::Torque(node, torque) => {
-                if self.select_or_match(interface, node) {
-                    self.open.torque = torque;
-                    self.has_torque = true;
-                    return self.take_completed();
-                }
-            }
-            Message::Seal(node, seal) => {
-                if self.select_or_match(interface, node) {
-                    self.open.seal = seal;
-                    return self.take_completed();
-                }
-            }
-            Message::Surroundings(node, surroundings) => {
-                if self.select_or_match(interface, node) {
-                    self.open.surroundings = surroundings;
-                    return self.take_completed();
+                    let completed = self.take_completed();
+                    self.input(message);
+                    return completed;
                 }
             }
             // Commands and telemetry are not part of a sample.
             Message::Command(..) | Message::Telemetry(..) => {}
-            Message::Entry(node, entry) => {
-                if self.select_or_match(interface, node) {
-                    let before = self.take_completed();
-                    self.entry(entry);
-                    return before;
-                }
-            }
             Message::Sync(sync) => {
-                let same_bus = |(own, _): &(Box<[u8]>, NodeId)| **own == *interface;
-                if self.joint.as_ref().is_some_and(same_bus) {
-                    let before = self.take_completed();
+                let is_same_bus = |(followed, _): &(Box<[u8]>, NodeId)| **followed == *interface;
+                if self.joint.as_ref().is_some_and(is_same_bus) {
+                    let completed = self.take_completed();
                     self.close(number, line.time_ns, sync);
-                    return before;
+                    return completed;
                 }
                 self.summary.foreign += 1;
             }
-            Message::Answer(node, answer) => {
-                let own = self.is_own(interface, node);
-                match &mut self.closed {
-                    Some(closed) if own => closed.answer = Some(answer),
-                    _ => self.summary.foreign += 1,
-                }
-            }
-            Message::Status(node, status) => {
-                let own = self.is_own(interface, node);
-                match &mut self.closed {
-                    Some(closed) if own => closed.status = Some(status),
+            Message::Answer(node, _) | Message::Status(node, _) => {
+                let is_followed = self.is_followed(interface, node);
+                match (&mut self.closed, message) {
+                    (Some(closed), Message::Answer(_, answer)) if is_followed => {
+                        closed.answer = Some(answer);
+                    }
+                    (Some(closed), Message::Status(_, status)) if is_followed => {
+                        closed.status = Some(status);
+                    }
                     _ => self.summary.foreign += 1,
                 }
             }
         }
         None
+    }
+
+    /// Takes an input of the followed joint over.
+    #[inline]
+    fn input(&mut self, message: Message) {
+        match message {
+            Message::Motion(_, motion) => (self.open.motion, self.has_motion) = (motion, true),
+            Message::Torque(_, torque) => (self.open.torque, self.has_torque) = (torque, true),
+            Message::Seal(_, seal) => self.open.seal = seal,
+            Message::Surroundings(_, surroundings) => self.open.surroundings = surroundings,
+            Message::Entry(_, entry) => self.entry(entry),
+            _ => {}
+        }
     }
 
     fn entry(&mut self, entry: TraceEntry) {
@@ -329,13 +304,13 @@ impl Assembler {
     fn fault(&mut self, line: &Line, frame: &Frame, fault: FrameError) {
         let node = NodeId::new((frame.identifier() & 0x7F) as u8);
         let is_sync = frame.identifier() == 0x080;
-        let own = |(own, number): &(Box<[u8]>, NodeId)| {
-            **own == *line.interface && (is_sync || node == Some(*number))
+        let is_followed = |(interface, number): &(Box<[u8]>, NodeId)| {
+            **interface == *line.interface && (is_sync || node == Some(*number))
         };
         match &self.joint {
             // A damaged SYNC ends no sample. The next sequence number shows the loss.
-            Some(joint) if own(joint) && is_sync => {}
-            Some(joint) if own(joint) => self.open.fault = Some(fault),
+            Some(joint) if is_followed(joint) && is_sync => {}
+            Some(joint) if is_followed(joint) => self.open.fault = Some(fault),
             _ => self.summary.foreign += 1,
         }
     }

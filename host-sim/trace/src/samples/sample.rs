@@ -45,6 +45,12 @@ const NO_SEAL: SealFrame = SealFrame { radial_force_n: f32::NAN, pressure_diff_p
 const NO_SURROUNDINGS: SurroundingsFrame =
     SurroundingsFrame { temperature_c: f32::NAN, auxiliary: f32::NAN };
 
+impl Default for TraceSample {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl TraceSample {
     /// A sample without any value.
     pub const EMPTY: Self = Self {
