@@ -9,7 +9,7 @@
 //! seconds, as a spreadsheet shows them.
 
 use super::zone::{offset_s, split_zone};
-use chrono::{DateTime, NaiveDate, NaiveDateTime, NaiveTime};
+use chrono::{DateTime, Month, NaiveDate, NaiveDateTime, NaiveTime, Weekday};
 
 /// Nanoseconds of a second.
 const SECOND_NS: i128 = 1_000_000_000;
@@ -258,36 +258,14 @@ fn zone_offset_s(local: &NaiveDateTime, zone: &str) -> Result<Option<i64>, &'sta
     offset_s(local, &name).map(Some)
 }
 
-/// The abbreviations of the months in English.
-const MONTHS: [&str; 12] =
-    ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
-
-/// Full names of the months, and their abbreviations in German where these differ from English.
-const LONG_MONTHS: [&[&str]; 12] = [
-    &["january"],
-    &["february"],
-    &["march", "mär", "mrz"],
-    &["april"],
-    &["may", "mai"],
-    &["june"],
-    &["july"],
-    &["august"],
-    &["september", "sept"],
-    &["october", "okt"],
-    &["november"],
-    &["december", "dez"],
-];
-
-/// The days of the week.
-const WEEKDAYS: [&str; 7] = ["mon", "tue", "wed", "thu", "fri", "sat", "sun"];
+/// Short names of months that are none of the English ones of three letters.
+const OTHER_MONTHS: [(&str, u32); 6] =
+    [("mär", 3), ("mrz", 3), ("mai", 5), ("sept", 9), ("okt", 10), ("dez", 12)];
 
 /// Reads the words of a date. Returns `None` if they are not a date.
 fn calendar_day(text: &str, order: Option<DateOrder>) -> Result<Option<NaiveDate>, &'static str> {
     let lower = text.to_lowercase();
-    let is_weekday = |word: &str| {
-        WEEKDAYS.iter().any(|day| word.starts_with(day))
-            && (word.len() == 3 || word.ends_with("day"))
-    };
+    let is_weekday = |word: &str| word.parse::<Weekday>().is_ok();
     let words = lower.split(|c: char| !c.is_alphanumeric());
     let words: Vec<&str> = words.filter(|word| !word.is_empty() && !is_weekday(word)).collect();
     let number = |word: &str| word.parse::<u32>().ok().filter(|_| word.len() <= 4);
@@ -326,8 +304,9 @@ fn calendar_day(text: &str, order: Option<DateOrder>) -> Result<Option<NaiveDate
 }
 
 fn month_number(word: &str) -> Option<u32> {
-    let place = (0..12).find(|at| MONTHS[*at] == word || LONG_MONTHS[*at].contains(&word));
-    place.map(|at| at as u32 + 1).or_else(|| word.parse().ok())
+    let other = OTHER_MONTHS.iter().find(|(name, _)| *name == word).map(|(_, number)| *number);
+    let english = || word.parse::<Month>().ok().map(|month| month.number_from_month());
+    other.or_else(|| word.parse().ok()).or_else(english)
 }
 
 /// Parses the parts of a duration, `1d2h3m4s5ms6us7ns`, as nanoseconds.
