@@ -4,7 +4,6 @@
 //! UTF-16, or be a CAN log. Each [`LogFormat`] tests whether a file is in that format, and reads it to a [`LogTable`]. Known
 //! unsupported files get an error that names their type, instead of a hundred bad rows.
 
-mod above_table;
 #[cfg(feature = "arrow")]
 mod arrow_file;
 #[cfg(feature = "arrow")]
@@ -23,6 +22,7 @@ mod json_document;
 mod json_lines;
 #[cfg(any(test, not(all(feature = "arrow", feature = "mcap", feature = "parquet"))))]
 mod left_out;
+mod line;
 #[cfg(feature = "mcap")]
 mod mcap_file;
 mod not_a_log;
@@ -33,8 +33,6 @@ mod parquet_file;
 mod parquet_zstd;
 mod preamble;
 mod records;
-mod scope_preamble;
-mod separator;
 mod sysid;
 mod unpack;
 

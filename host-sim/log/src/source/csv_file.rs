@@ -13,16 +13,15 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::above_table::{Preamble, cells};
 use super::channel_clocks::{ChannelClocks, groups};
 use super::encoding::encoding;
 use super::format::{HEAD_BYTES, Input, LogFormat};
+use super::line::{cells, separator};
 use super::number_style::NumberStyle;
-use super::preamble::find_preamble;
+use super::preamble::{Preamble, find_preamble};
 use super::records::{
     RecordPosition, RecordReader, cell_names, is_blank, reader_builder, without_blanks,
 };
-use super::separator::separator;
 use crate::clock::is_date;
 use crate::column_names::ColumnNames;
 use crate::columns::is_missing_value;
@@ -111,9 +110,6 @@ fn preamble_after_mark(head: &[u8], options: &ReadOptions) -> Preamble {
     let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let mut before = find_preamble(&head[mark..], options.skip_lines);
     before.start += mark;
-    let moved = |range: std::ops::Range<usize>| range.start + mark..range.end + mark;
-    before.header = before.header.map(moved);
-    before.units = before.units.map(moved);
     before
 }
 
@@ -168,9 +164,9 @@ impl TextTable<'_> {
             return Ok(columns.clone());
         }
         let mut names = Vec::new();
-        if let Some(line) = self.commented() {
+        if let Some(line) = &self.before.header {
             let by = self.separator();
-            let mut header = reader_builder(by).from_reader(line);
+            let mut header = reader_builder(by).from_reader(line.as_slice());
             if header.read_byte_record(&mut records.record)? {
                 let record = &records.record;
                 names = if by == b' ' {
@@ -195,24 +191,10 @@ impl TextTable<'_> {
         Ok(names.into())
     }
 
-    /// Returns the header if it is a comment.
-    fn commented(&self) -> Option<&[u8]> {
-        self.before.header.clone().map(|range| &self.head[range])
-    }
-
     fn separator(&self) -> u8 {
-        let start = self.before.start.min(self.head.len());
-        let below = &self.head[start..];
-        if let Some(separator) = self.before.separator {
-            return separator;
-        }
-        // Rows of numbers may have more decimal commas than separators.
-        if self.before.columns.is_some() {
-            let above = &self.head[..start];
-            let named = above.split(|byte| *byte == b'\n').rfind(|line| line.starts_with(b"Name"));
-            return separator(named.unwrap_or(below));
-        }
-        separator(self.commented().unwrap_or(below))
+        let below = &self.head[self.before.start.min(self.head.len())..];
+        let header = self.before.header.as_deref().unwrap_or(below);
+        self.before.separator.unwrap_or_else(|| separator(header))
     }
 
     fn read_in_style(
@@ -243,7 +225,7 @@ impl TextTable<'_> {
         let mut clocks = groups(&names, options).map(ChannelClocks::new);
         let merged = clocks.as_ref().map(|clocks| clocks.names(&names));
         let mut plan = self.request.plan(merged.unwrap_or_else(|| names.clone()))?;
-        if let Some(line) = self.before.units.clone().map(|range| &self.head[range]) {
+        if let Some(line) = &self.before.units {
             let units = cells(line, self.separator());
             let cells = clocks.as_ref().map_or(units.clone(), |clocks| clocks.cells(&units));
             plan.take_units(path, &cells, "above")?;

@@ -7,12 +7,31 @@
 //! Other lines of text above a header (`Operator;Kim`) are skipped if the rows below that header are numbers, and if
 //! the first line of the file is no such header. TwinCAT Scope has no header but rows of properties of the channels.
 
-use super::above_table::{Preamble, cells, is_number};
-use super::scope_preamble::find_scope_preamble;
-use super::separator::separator;
+mod scope;
+
+use super::line::{cells, is_number, separator};
 use crate::column_names::ColumnNames;
 use crate::{guess, unit};
-use std::ops::Range;
+use scope::find_scope_preamble;
+
+/// The lines above a table.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Preamble {
+    /// Start of the table, bytes: its header, or its first row if the header is a comment.
+    pub start: usize,
+    /// Number of lines above the table.
+    pub lines: u64,
+    /// The header in the last comment, if there is one.
+    pub header: Option<Vec<u8>>,
+    /// The columns, if the lines above the table describe them.
+    pub columns: Option<ColumnNames>,
+    /// The separator of the cells, where the lines above the table show it better than its rows.
+    pub separator: Option<u8>,
+    /// The line of units above the header.
+    pub units: Option<Vec<u8>>,
+    /// The first line of text that is skipped.
+    pub skipped: Option<String>,
+}
 
 /// Minimum number of columns of a table below lines of text: time, motion and torque.
 const MIN_COLUMNS: usize = 3;
@@ -23,21 +42,16 @@ pub(super) fn find_preamble(head: &[u8], skip: usize) -> Preamble {
     let given: usize =
         head.split_inclusive(|byte| *byte == b'\n').take(skip).map(<[u8]>::len).sum();
     let rest = &head[given..];
-    if skip == 0
-        && let Some(found) = find_labview_preamble(rest)
-    {
-        return found;
-    }
-    let scope = if skip == 0 { find_scope_preamble(rest) } else { None };
-    let mut found = scope.unwrap_or_else(|| find_comments(rest));
-    if found.header.is_none() && found.columns.is_none() && skip == 0 {
-        add_text_lines(rest, &mut found);
-    }
+    let of_tool = || find_labview_preamble(rest).or_else(|| find_scope_preamble(rest));
+    let of_tool = if skip == 0 { of_tool() } else { None };
+    let mut found = of_tool.unwrap_or_else(|| {
+        let comments = find_comments(rest);
+        let has_text = comments.header.is_none() && skip == 0;
+        if has_text { with_text_lines(rest, comments) } else { comments }
+    });
+    let new_lines = rest[..found.start].iter().filter(|byte| **byte == b'\n').count();
+    found.lines = (skip + new_lines) as u64;
     found.start += given;
-    found.lines += skip as u64;
-    let moved = |range: Range<usize>| range.start + given..range.end + given;
-    found.header = found.header.map(moved);
-    found.units = found.units.map(moved);
     found
 }
 
@@ -50,23 +64,22 @@ fn find_labview_preamble(head: &[u8]) -> Option<Preamble> {
     if !head.starts_with(LABVIEW) {
         return None;
     }
-    let (mut start, mut lines, mut ends) = (0, 0, 0);
+    let (mut start, mut ends) = (0, 0);
     for line in head.split_inclusive(|byte| *byte == b'\n') {
         start += line.len();
-        lines += 1;
         ends += usize::from(line.starts_with(b"***End_of_Header***"));
         if ends == 2 {
             let skipped = Some(String::from_utf8_lossy(LABVIEW).into_owned());
-            return Some(Preamble { start, lines, skipped, ..Preamble::default() });
+            return Some(Preamble { start, skipped, ..Preamble::default() });
         }
     }
     None
 }
 
-/// Adds the lines of text above the header to the preamble of comments.
-fn add_text_lines(head: &[u8], preamble: &mut Preamble) {
+/// Returns the preamble with the lines of text above the header, below those of comments.
+fn with_text_lines(head: &[u8], comments: Preamble) -> Preamble {
     let mut lines = Vec::new();
-    let mut start = preamble.start;
+    let mut start = comments.start;
     for line in head[start..].split_inclusive(|byte| *byte == b'\n') {
         let text = line.trim_ascii();
         if !text.is_empty() && comment_text(text).is_none() {
@@ -81,29 +94,24 @@ fn add_text_lines(head: &[u8], preamble: &mut Preamble) {
     let is_names = |at: &usize| is_table(at) && !is_all_units(lines[*at].1);
     let Some(last) = (0..lines.len()).find(is_names).or_else(|| (0..lines.len()).find(is_table))
     else {
-        return;
+        return comments;
     };
     // A row of words may follow the header.
-    let at = (0..=last).rev().max_by_key(|at| header_rank(lines[*at].1, lines[last].1));
-    if at.is_some_and(|at| add_groups(head, lines, at, preamble)) {
-        return;
+    let ranked = (0..=last).rev().max_by_key(|at| header_rank(lines[*at].1, lines[last].1));
+    let Some(at) = ranked.filter(|at| *at > 0) else { return comments };
+    if let Some(grouped) = find_groups(lines, at) {
+        return grouped;
     }
-    if let Some(at) = at.filter(|at| *at > 0) {
-        let above = lines[at - 1];
-        let names = cells(lines[at].1, separator(lines[at].1)).len();
-        if is_unit_row(&cells(above.1, separator(lines[at].1)), names) {
-            preamble.units = Some(above.0..above.0 + above.1.len());
-        }
-        let new_lines = head[preamble.start..lines[at].0].iter().filter(|byte| **byte == b'\n');
-        preamble.lines += new_lines.count() as u64;
-        preamble.start = lines[at].0;
-        preamble.skipped = Some(String::from_utf8_lossy(lines[0].1).into_owned());
-    }
+    let ((start, header), (_, above)) = (lines[at], lines[at - 1]);
+    let by = separator(header);
+    let is_units = is_unit_row(&cells(above, by), cells(header, by).len());
+    let skipped = Some(String::from_utf8_lossy(lines[0].1).into_owned());
+    Preamble { start, units: is_units.then(|| above.to_vec()), skipped, ..comments }
 }
 
 /// Joins the names of the header with those of the groups in the line above it (`joint 1,,joint 2,`), if the header has names
-/// twice. pandas writes such tables, with the name of the index in a line below. Returns true if there are groups.
-fn add_groups(head: &[u8], lines: &[(usize, &[u8])], at: usize, preamble: &mut Preamble) -> bool {
+/// twice. pandas writes such tables, with the name of the index in a line below. Returns `None` if there are no groups.
+fn find_groups(lines: &[(usize, &[u8])], at: usize) -> Option<Preamble> {
     let by = separator(lines[at].1);
     let text = |cell: &&[u8]| String::from_utf8_lossy(cell).trim().to_owned();
     let names: Vec<String> = cells(lines[at].1, by).iter().map(text).collect();
@@ -111,10 +119,10 @@ fn add_groups(head: &[u8], lines: &[(usize, &[u8])], at: usize, preamble: &mut P
         |name: &String| !name.is_empty() && names.iter().filter(|of| *of == name).count() > 1;
     // A first name that returns is the clock of each channel.
     let are_groups = names.iter().any(is_twice) && !names.first().is_some_and(is_twice);
-    let Some(above) = at.checked_sub(1).filter(|_| are_groups) else { return false };
+    let above = at.checked_sub(1).filter(|_| are_groups)?;
     let mut groups: Vec<String> = cells(lines[above].1, by).iter().map(text).collect();
     if groups.len() != names.len() || groups.iter().any(|group| is_number(group.as_bytes())) {
-        return false;
+        return None;
     }
     for place in 1..groups.len() {
         if groups[place].is_empty() {
@@ -132,14 +140,9 @@ fn add_groups(head: &[u8], lines: &[(usize, &[u8])], at: usize, preamble: &mut P
         };
         parts.join(" ").trim().to_owned()
     });
-    let columns = ColumnNames { names: joined.collect(), ..ColumnNames::default() };
-    let Some((start, _)) = lines.get(at + 1 + usize::from(index_name.is_some())) else {
-        return false;
-    };
-    let new_lines = head[preamble.start..*start].iter().filter(|byte| **byte == b'\n');
-    preamble.lines += new_lines.count() as u64;
-    (preamble.start, preamble.columns, preamble.separator) = (*start, Some(columns), Some(by));
-    true
+    let columns = Some(ColumnNames { names: joined.collect(), ..ColumnNames::default() });
+    let (start, _) = *lines.get(at + 1 + usize::from(index_name.is_some()))?;
+    Some(Preamble { start, columns, separator: Some(by), ..Preamble::default() })
 }
 
 /// Returns true if a row holds only the name of the index.
@@ -211,27 +214,18 @@ fn is_unit(cell: &&[u8]) -> bool {
 
 /// Finds the comments above a table.
 fn find_comments(head: &[u8]) -> Preamble {
-    let (mut start, mut lines, mut last) = (0, 0, None);
+    let (mut start, mut last) = (0, None);
     for line in head.split_inclusive(|byte| *byte == b'\n') {
         let text = line.trim_ascii();
         match comment_text(text) {
-            Some(inside) => {
-                let at = line.len() - line.trim_ascii_start().len() + text.len() - inside.len();
-                last = Some(start + at..start + at + inside.len());
-            }
+            Some(inside) => last = Some(inside),
             None if text.is_empty() => {}
             None => {
-                let header = last.filter(|at: &Range<usize>| is_header(&head[at.clone()], text));
-                let is_above = header.is_some() || lines > 0;
-                return if is_above {
-                    Preamble { start, lines, header, ..Preamble::default() }
-                } else {
-                    Preamble::default()
-                };
+                let header = last.filter(|last| is_header(last, text)).map(<[u8]>::to_vec);
+                return Preamble { start, header, ..Preamble::default() };
             }
         }
         start += line.len();
-        lines += 1;
     }
     Preamble::default()
 }
@@ -261,8 +255,8 @@ fn is_header(comment: &[u8], row: &[u8]) -> bool {
 mod tests {
     use super::*;
 
-    fn header(text: &str) -> Option<&str> {
-        find_preamble(text.as_bytes(), 0).header.map(|range| &text[range])
+    fn header(text: &str) -> Option<String> {
+        find_preamble(text.as_bytes(), 0).header.and_then(|header| String::from_utf8(header).ok())
     }
 
     #[test]
@@ -278,10 +272,14 @@ mod tests {
 
     #[test]
     fn find_preamble_with_commented_header_returns_it() {
-        assert_eq!(header("# made by numpy\n# time_s,v\n0,1\n"), Some("time_s,v"));
-        assert_eq!(header("  #  time_s;v  \r\n0;1\n"), Some("time_s;v"));
-        assert_eq!(header("#,time_s,v\n0,0.1,1\n"), Some(",time_s,v"));
-        assert_eq!(header("# t  dq tau\n0 0.1  1\n"), Some("t  dq tau"), "aligned blanks");
+        assert_eq!(header("# made by numpy\n# time_s,v\n0,1\n").as_deref(), Some("time_s,v"));
+        assert_eq!(header("  #  time_s;v  \r\n0;1\n").as_deref(), Some("time_s;v"));
+        assert_eq!(header("#,time_s,v\n0,0.1,1\n").as_deref(), Some(",time_s,v"));
+        assert_eq!(
+            header("# t  dq tau\n0 0.1  1\n").as_deref(),
+            Some("t  dq tau"),
+            "aligned blanks"
+        );
         assert_eq!(header("# one, two, three\n0,1\n"), None, "another number of cells");
         assert_eq!(header("# a,b\ntime_s,v\n0,1\n"), None, "the header is below");
     }

@@ -4,9 +4,9 @@
 //! channels, with the property's name before each group of channels: `Name<TAB>v<TAB>Name<TAB>tau`. The column of that
 //! name is the group's time column, in ms. Depending on the settings, only the line `Name` exists.
 
-use super::above_table::{Preamble, cells, is_number};
-use super::separator::separator;
+use super::Preamble;
 use crate::column_names::ColumnNames;
+use crate::source::line::{cells, is_number, separator};
 
 /// Name of the time columns, which have none in the file.
 const TIME: &str = "time";
@@ -16,11 +16,14 @@ pub(super) fn find_scope_preamble(head: &[u8]) -> Option<Preamble> {
     if !head.trim_ascii_start().starts_with(b"Name") {
         return None;
     }
-    let (mut start, mut lines) = (0, 0);
+    let (mut start, mut of_names) = (0, None);
     let mut properties: Vec<Vec<&[u8]>> = Vec::new();
     let mut is_export = false;
     for line in head.split_inclusive(|byte| *byte == b'\n') {
-        let row = cells(line, separator(line));
+        let by = separator(line);
+        let row = cells(line, by);
+        // Rows of numbers may have more decimal commas than separators.
+        of_names = if line.starts_with(b"Name") { Some(by) } else { of_names };
         let key = *row.first()?;
         is_export |= key == b"File" || key == b"SymbolName" || key.starts_with(b"Starttime");
         let columns = groups(&properties).map_or(0, |of| of.len());
@@ -30,12 +33,11 @@ pub(super) fn find_scope_preamble(head: &[u8]) -> Option<Preamble> {
             && !key.is_empty()
             && filled.clone().all(|c| is_number(c))
         {
-            let columns = is_export.then(|| column_names(&properties))??;
-            return Some(Preamble { start, lines, columns: Some(columns), ..Preamble::default() });
+            let columns = Some(is_export.then(|| column_names(&properties))??);
+            return Some(Preamble { start, columns, separator: of_names, ..Preamble::default() });
         }
         properties.push(row);
         start += line.len();
-        lines += 1;
     }
     None
 }
@@ -85,7 +87,7 @@ mod tests {
     use super::*;
 
     fn find(text: &str) -> Option<(ColumnNames, u64)> {
-        let found = find_scope_preamble(text.as_bytes())?;
+        let found = crate::source::preamble::find_preamble(text.as_bytes(), 0);
         Some((found.columns?, found.lines))
     }
 

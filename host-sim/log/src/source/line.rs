@@ -1,4 +1,6 @@
-//! The cell separator of a text table.
+//! The lines of a text table: the separator of the cells, and the cells.
+
+use std::ops::Range;
 
 /// Returns the separator that occurs most often in a line, outside quotes: a comma, a semicolon or a tab; without
 /// any of them, a blank or a colon.
@@ -51,6 +53,31 @@ fn is_separated_by_colons(line: &[u8]) -> bool {
         && cells.len() >= MIN_CELLS
         && cells.iter().all(is_cell)
         && !cells[1..cells.len() - 1].iter().all(is_minute)
+}
+
+/// Splits a line into its cells, outside quotes, without the quotes around a cell.
+pub(super) fn cells(line: &[u8], by: u8) -> Vec<&[u8]> {
+    let mut is_quoted = false;
+    let parts = line.split(move |byte| {
+        is_quoted ^= *byte == b'"';
+        *byte == by && !is_quoted
+    });
+    let bare = |cell: &'_ [u8]| -> Range<usize> {
+        let trimmed = cell.trim_ascii();
+        let start = cell.len() - cell.trim_ascii_start().len();
+        let quotes = usize::from(
+            trimmed.len() > 1 && trimmed.starts_with(b"\"") && trimmed.ends_with(b"\""),
+        );
+        start + quotes..start + trimmed.len() - quotes
+    };
+    let cells = parts.map(|cell| &cell[bare(cell)]);
+    cells.filter(|cell| by != b' ' || !cell.is_empty()).collect()
+}
+
+/// Returns true if a cell is a number, with a decimal point or comma.
+pub(super) fn is_number(cell: &[u8]) -> bool {
+    let plain: Vec<u8> = cell.iter().map(|&byte| if byte == b',' { b'.' } else { byte }).collect();
+    fast_float2::parse::<f64, _>(&plain).is_ok()
 }
 
 #[cfg(test)]
