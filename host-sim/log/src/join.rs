@@ -253,7 +253,8 @@ fn channel(word: String, table: Table, options: &ReadOptions) -> Result<Channel,
 pub(super) fn times(file: &str, name: &str, cells: &Cells) -> Result<Vec<f64>, DataError> {
     let time = |row: usize| match cells {
         Cells::Numbers(cells) => cells[row],
-        Cells::Integers(cells) | Cells::Stamps(cells) => cells[row].map_or(f64::NAN, |n| n as f64),
+        Cells::Integers(cells) => cells[row].map_or(f64::NAN, |n| n as f64),
+        Cells::Stamps(cells) => cells[row].map_or(f64::NAN, |ns| ns as f64 / 1e9),
         Cells::Texts(cells) => match parse_stamp(cells[row].as_bytes(), None) {
             Ok(Some(stamp)) => stamp.nanoseconds() as f64 / 1e9,
             _ => cells[row].trim().parse().unwrap_or(f64::NAN),

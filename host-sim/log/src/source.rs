@@ -14,8 +14,6 @@ mod cdr;
 mod channel_clocks;
 mod codesys_trace;
 mod csv_file;
-#[cfg(any(feature = "arrow", feature = "parquet"))]
-mod date_text;
 mod encoding;
 mod format;
 mod json_document;

@@ -52,6 +52,7 @@ impl Cells {
         match (self, next) {
             (Self::Numbers(cells), Self::Numbers(next)) => cells.extend(next),
             (Self::Texts(cells), Self::Texts(next)) => cells.extend(next),
+            (Self::Stamps(cells), Self::Stamps(next)) => cells.extend(next),
             (cells, next) => *cells = next,
         }
     }

@@ -4,8 +4,9 @@
 //! out by name. Memory holds one batch.
 
 use super::arrow_messages::check_lengths;
-use super::date_text::{DAY_NS, SECOND_NS, date_text};
-use super::format::{ARROW_FILE_MARK as FILE_MARK, Input, LogFormat, is_arrow, read_damaged};
+use super::format::{
+    ARROW_FILE_MARK as FILE_MARK, DAY_NS, Input, LogFormat, SECOND_NS, is_arrow, read_damaged,
+};
 use crate::error::{DataError, one_line};
 use crate::log_table::LogTable;
 use crate::mixed_cells::Need;
@@ -154,10 +155,8 @@ fn numbers<T: ArrowPrimitiveType>(array: &dyn Array, convert: impl Fn(T::Native)
 }
 
 fn dates<T: ArrowPrimitiveType<Native: Into<i64>>>(array: &dyn Array, unit_ns: i64) -> Cells {
-    let text = |count: Option<T::Native>| {
-        count.map(|count| date_text(count.into(), unit_ns)).unwrap_or_default()
-    };
-    Cells::Texts(array.as_primitive::<T>().iter().map(text).collect())
+    let stamp = |count: Option<T::Native>| count?.into().checked_mul(unit_ns);
+    Cells::Stamps(array.as_primitive::<T>().iter().map(stamp).collect())
 }
 
 fn texts(array: &dyn Array) -> Cells {

@@ -11,6 +11,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 #[cfg(any(feature = "arrow", feature = "parquet"))]
 use std::path::Path;
 
+/// Nanoseconds of a second.
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+pub(super) const SECOND_NS: i64 = 1_000_000_000;
+
+/// Nanoseconds of a day.
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+pub(super) const DAY_NS: i64 = 86_400 * SECOND_NS;
+
 /// A log format.
 pub(super) struct LogFormat {
     /// Returns true if a file that begins with `head` is in this format.

@@ -18,8 +18,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
-use super::date_text::{DAY_NS, SECOND_NS, date_text};
-use super::format::{Input, LogFormat, is_parquet, read_damaged};
+use super::format::{DAY_NS, Input, LogFormat, SECOND_NS, is_parquet, read_damaged};
 use super::parquet_zstd::{ZstdPages, damaged};
 use crate::error::{DataError, one_line};
 use crate::log_table::LogTable;
@@ -230,16 +229,16 @@ fn next_batch(reader: &mut BatchReader) -> Result<Cells, ParquetError> {
     let BatchReader { values, kind, value_level } = reader;
     let (value_level, unsigned) = (*value_level, *kind == ColumnType::Number { unsigned: true });
     let unit_ns = if let ColumnType::Date { unit_ns } = *kind { Some(unit_ns) } else { None };
-    let empty = String::new();
     Ok(match (values, unit_ns) {
         (ColumnReader::Int32ColumnReader(values), Some(unit_ns)) => {
-            Cells::Texts(spread(values, value_level, empty, |&v| date_text(i64::from(v), unit_ns))?)
+            let stamp = |count: &i32| i64::from(*count).checked_mul(unit_ns);
+            Cells::Stamps(spread(values, value_level, None, stamp)?)
         }
         (ColumnReader::Int64ColumnReader(values), Some(unit_ns)) => {
-            Cells::Texts(spread(values, value_level, empty, |&v| date_text(v, unit_ns))?)
+            Cells::Stamps(spread(values, value_level, None, |count| count.checked_mul(unit_ns))?)
         }
-        (ColumnReader::Int96ColumnReader(values), Some(unit_ns)) => {
-            Cells::Texts(spread(values, value_level, empty, |v| date_text(v.to_nanos(), unit_ns))?)
+        (ColumnReader::Int96ColumnReader(values), Some(_)) => {
+            Cells::Stamps(spread(values, value_level, None, |stamp| Some(stamp.to_nanos()))?)
         }
         (values, _) => numbers_or_text(values, unsigned, value_level)?,
     })
