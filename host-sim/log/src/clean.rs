@@ -111,6 +111,26 @@ pub(super) struct OpenRun {
     pub accepted: usize,
 }
 
+impl OpenRun {
+    /// Returns the columns of numbers. An optional column may have fewer values than the run has rows.
+    pub fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let optional = self.optional.iter_mut().map(|column| &mut column.values);
+        self.required.iter_mut().chain(optional)
+    }
+
+    /// Removes the rows for which `keep` is false.
+    pub fn retain(&mut self, keep: &[bool]) {
+        self.columns_mut().for_each(|column| retain(column, keep));
+        retain(&mut self.row_numbers, keep);
+    }
+}
+
+/// Removes the rows of a column for which `keep` is false.
+pub(super) fn retain<T>(column: &mut Vec<T>, keep: &[bool]) {
+    let mut keep = keep.iter();
+    column.retain(|_| keep.next() == Some(&true));
+}
+
 /// The distinct texts of a column.
 #[derive(Debug, Default)]
 pub(super) struct DistinctTexts {
@@ -343,6 +363,11 @@ impl<'a> Cleaner<'a> {
             .step_error(row)
             .or_else(|| clock::date_error(text, order))
             .or_else(|| clock::day_error(&row.text(self.layout.dates?), order))
+    }
+
+    /// Adds a note on the file.
+    pub(super) fn note(&mut self, note: impl std::fmt::Display) {
+        self.layout.notes.push(format!("{}: {note}", self.file.display()));
     }
 
     /// Leaves a row out and counts it. `column` is `None` if no single cell is the cause.

@@ -14,7 +14,7 @@ mod notes;
 use std::mem::take;
 use std::ops::Range;
 
-use super::clean::{CleanRun, Cleaner, FileData, OpenRun};
+use super::clean::{CleanRun, Cleaner, FileData, OpenRun, retain};
 use super::columns::{ColumnUse, FINITE};
 use super::counter_wrap::{ClockWrap, unwrap_times};
 use super::dataset::LeftOutColumn;
@@ -145,10 +145,9 @@ impl Cleaner<'_> {
         for run in runs {
             if let Some(wrap) = unwrap_times(&mut run.required[0], count_s) {
                 let ClockWrap { bits, range_s, count } = wrap;
-                let (file, range) = (self.file.display(), figure(range_s));
-                self.layout.notes.push(format!(
-                    "{file}: the clock is a counter of {bits} bits and wraps {count} times, each after {range} s: the times \
-                     go on"
+                let range = figure(range_s);
+                self.note(format!(
+                    "the clock is a counter of {bits} bits and wraps {count} times, each after {range} s: the times go on"
                 ));
             }
         }
@@ -247,7 +246,6 @@ impl Cleaner<'_> {
 
     /// Removes the rows whose clock goes back, and returns how many rows repeat a stamp.
     fn remove_backward_rows(&mut self, run: &mut OpenRun) -> usize {
-        let rows = run.row_numbers.len();
         let found = check_order(&run.required[0], self.layout.run.is_some());
         for &(row, before) in &found.backward {
             let time = &run.required[0];
@@ -257,11 +255,9 @@ impl Cleaner<'_> {
             self.reject_row(run.row_numbers[row], Some(column), time[row].to_string(), &expected);
         }
         if !found.backward.is_empty() {
-            let mut keep = vec![true; rows];
+            let mut keep = vec![true; run.row_numbers.len()];
             found.backward.iter().for_each(|(row, _)| keep[*row] = false);
-            let optional = run.optional.iter_mut().map(|column| &mut column.values);
-            run.required.iter_mut().chain(optional).for_each(|column| retain(column, &keep));
-            retain(&mut run.row_numbers, &keep);
+            run.retain(&keep);
         }
         found.repeated
     }
@@ -436,8 +432,7 @@ fn sort_rows(run: &mut OpenRun) -> usize {
     }
     let Some(order) = sorting_order(&run.required[0], MAX_BAD_SHARE) else { return 0 };
     let late = late_rows(&run.required[0]);
-    let optional = run.optional.iter_mut().map(|column| &mut column.values);
-    for column in run.required.iter_mut().chain(optional).filter(|column| !column.is_empty()) {
+    for column in run.columns_mut().filter(|column| !column.is_empty()) {
         *column = order.iter().map(|row| column[*row]).collect();
     }
     run.row_numbers = order.iter().map(|row| run.row_numbers[*row]).collect();
@@ -465,10 +460,4 @@ fn fill_velocity(runs: &mut [OpenRun], all: &[Recording]) {
         let reach = median_step(&own).map_or(0.0, |step| GAP_FACTOR * step);
         fill(time, velocity, Fill::Interpolate, reach);
     }
-}
-
-/// Removes the rows of a column for which `keep` is false.
-fn retain<T>(column: &mut Vec<T>, keep: &[bool]) {
-    let mut keep = keep.iter();
-    column.retain(|_| *keep.next().unwrap_or(&false));
 }

@@ -7,6 +7,7 @@ use super::clock_fault::is_step_column;
 use super::contract::TIME;
 use super::naming::STEP_MARK;
 use super::size::{self, MotionSample, MotionUnits};
+use super::statistics::{correlation, median};
 
 /// Minimum correlation of a velocity with the derivative of a position.
 const MIN_MOTION_FIT: f64 = 0.9;
@@ -105,8 +106,7 @@ fn names_of_motion(values: &[f64], is_velocity: bool) -> Vec<String> {
 /// Returns the columns of a position and a velocity that follows its derivative best.
 fn motion(columns: &[Vec<f64>], free: &[usize], time: Option<&[f64]>) -> Option<(usize, usize)> {
     let pairs = free.iter().flat_map(|q| free.iter().map(|v| (*q, *v))).filter(|(q, v)| q != v);
-    let rated =
-        pairs.map(|(q, v)| (q, v, regression(&derivative(&columns[q], time), &columns[v]).0));
+    let rated = pairs.map(|(q, v)| (q, v, fit(&derivative(&columns[q], time), &columns[v])));
     let best = rated.max_by(|a, b| a.2.total_cmp(&b.2)).filter(|pair| pair.2 >= MIN_MOTION_FIT);
     best.map(|(q, v, _)| (q, v))
 }
@@ -124,11 +124,16 @@ fn torque(
         pairs.filter(|(torque, (_, (of, _)))| torque != of).map(|(torque, (number, sign))| {
             let signum: Vec<f64> =
                 sign.1.iter().map(|v| if *v == 0.0 { 0.0 } else { v.signum() }).collect();
-            (torque, number, sign.0, regression(&signum, &columns[torque]).0)
+            (torque, number, sign.0, fit(&signum, &columns[torque]))
         });
     let best =
         rated.max_by(|a, b| a.3.total_cmp(&b.3)).filter(|of| is_only || of.3 >= MIN_SIGN_FIT);
     best.map(|(torque, number, of, _)| (torque, number, of))
+}
+
+/// Returns the correlation of two columns.
+fn fit(x: &[f64], y: &[f64]) -> f64 {
+    correlation(x.iter().copied().zip(y.iter().copied()))
 }
 
 /// Returns a contract name with a unit.
@@ -147,9 +152,7 @@ fn step(values: &[f64]) -> Option<(String, Option<f64>)> {
     if !is_step_column(values) {
         return None;
     }
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let (unit, _) = clock_unit(sorted[sorted.len() / 2])?;
+    let (unit, _) = clock_unit(median(&mut values.to_vec())?)?;
     Some((format!("{TIME}{unit}:{STEP_MARK}"), None))
 }
 
@@ -159,8 +162,7 @@ fn clock(values: &[f64]) -> Option<(String, Option<f64>)> {
     if steps.iter().any(|step| *step < 0.0) {
         return None;
     }
-    steps.sort_unstable_by(f64::total_cmp);
-    let median = steps[steps.len() / 2];
+    let median = median(&mut steps)?;
     let is_regular = |step: &&f64| (0.5 * median..=2.0 * median).contains(*step);
     let regular = steps.iter().filter(is_regular).count();
     if median <= 0.0 || (regular as f64) < MIN_REGULAR_STEPS * steps.len() as f64 {
@@ -179,18 +181,6 @@ fn derivative(values: &[f64], time: Option<&[f64]>) -> Vec<f64> {
         (values[after] - values[before]) / if length > 0.0 { length } else { f64::INFINITY }
     };
     (0..=last).map(slope).collect()
-}
-
-/// Returns the correlation of two columns, and the slope of the second over the first.
-fn regression(x: &[f64], y: &[f64]) -> (f64, f64) {
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    let (mean_x, mean_y) = (mean(x), mean(y));
-    let product = |a: &[f64], mean_a: f64, b: &[f64], mean_b: f64| -> f64 {
-        a.iter().zip(b).map(|(a, b)| (a - mean_a) * (b - mean_b)).sum()
-    };
-    let (xx, yy) = (product(x, mean_x, x, mean_x), product(y, mean_y, y, mean_y));
-    let xy = product(x, mean_x, y, mean_y);
-    if xx > 0.0 && yy > 0.0 { (xy / (xx * yy).sqrt(), xy / xx) } else { (0.0, 0.0) }
 }
 
 #[cfg(test)]

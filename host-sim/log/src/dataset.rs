@@ -251,6 +251,26 @@ impl Dataset {
         run.extra.get(at).map(Vec::as_slice)
     }
 
+    /// Returns the column of a quantity in each run; `None` if a run lacks it.
+    pub(crate) fn columns_of(&self, quantity: Quantity) -> Option<Vec<&[f64]>> {
+        self.runs.iter().map(|run| run.get(quantity)).collect()
+    }
+
+    /// Returns the origin of a column; `None` if it was not read from a file.
+    pub(crate) fn source(&self, name: &str) -> Option<&SourceColumn> {
+        self.sources.iter().find(|source| source.name == name)
+    }
+
+    /// Returns the unit that `--columns` gives for a column.
+    pub(crate) fn given_unit(&self, name: &str) -> Option<&str> {
+        self.source(name)?.unit.as_deref()
+    }
+
+    /// Returns the first file, which an error of the whole log names; an empty path for data that were not read from a file.
+    pub(crate) fn first_file(&self) -> PathBuf {
+        self.files.first().cloned().unwrap_or_default()
+    }
+
     /// Returns the value that `column` has throughout a run, as text: the run's name for `run`, a label, or a constant
     /// numeric column. Returns `None` if there is no such column or if it changes inside the run.
     pub fn constant(&self, run: &Run, column: &str) -> Option<String> {

@@ -24,18 +24,10 @@ pub(super) fn remove_duplicates(run: &mut OpenRun) -> usize {
     let keep = kept_rows(run);
     let removed = keep.iter().filter(|keep| !**keep).count();
     if removed > 0 {
-        let optional = run.optional.iter_mut().map(|column| &mut column.values);
-        let columns = run.required.iter_mut().chain(optional);
-        columns.for_each(|column| retain(column, &keep));
-        retain(&mut run.row_numbers, &keep);
+        run.retain(&keep);
         run.accepted -= removed;
     }
     removed
-}
-
-fn retain<T>(column: &mut Vec<T>, keep: &[bool]) {
-    let mut keep = keep.iter();
-    column.retain(|_| *keep.next().unwrap_or(&true));
 }
 
 /// Returns the bits of a row's values.

@@ -184,6 +184,5 @@ fn typed(data: &Dataset, name: &str, unit: &str) -> String {
 
 /// Returns the name of a column in the file.
 fn header<'a>(data: &'a Dataset, name: &'a str) -> &'a str {
-    let source = data.sources.iter().find(|source| source.name == name);
-    source.map_or(name, |source| source.header.as_str())
+    data.source(name).map_or(name, |source| source.header.as_str())
 }

@@ -51,6 +51,20 @@ pub fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
     })
 }
 
+/// Returns the correlation of two columns; 0 if one of them is constant.
+pub fn correlation(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    let count = pairs.clone().count().max(1) as f64;
+    let mean_x = pairs.clone().map(|(x, _)| x).sum::<f64>() / count;
+    let mean_y = pairs.clone().map(|(_, y)| y).sum::<f64>() / count;
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (x, y) in pairs {
+        xx += (x - mean_x).powi(2);
+        xy += (x - mean_x) * (y - mean_y);
+        yy += (y - mean_y).powi(2);
+    }
+    if xx > 0.0 && yy > 0.0 { xy / (xx * yy).sqrt() } else { 0.0 }
+}
+
 /// Returns the value at a rank, counted from 0.
 fn select(values: &mut [f64], rank: usize) -> Option<f64> {
     checkpoint();

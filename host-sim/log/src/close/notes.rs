@@ -102,68 +102,62 @@ impl Cleaner<'_> {
         [repeated, spread]: [usize; 2],
         extra_recordings: usize,
     ) {
-        let mut notes = Vec::new();
         if self.unselected_rows > 0 {
             let asked =
                 self.layout.only.iter().map(|only| {
                     format!("{}={}", self.layout.names[only.index], only.values.join(","))
                 });
             let asked: Vec<String> = asked.collect();
-            notes.push(format!("{} rows are not of {}", self.unselected_rows, asked.join(" and ")));
+            self.note(format!("{} rows are not of {}", self.unselected_rows, asked.join(" and ")));
         }
         if let Some(origin) = self.clock.origin_ns {
-            notes.push(format!("times count from {}", clock::format_origin(origin)));
+            self.note(format!("times count from {}", clock::format_origin(origin)));
         }
         if let Some(dates) = self.layout.dates.filter(|_| self.clock.is_dated) {
-            notes.push(format!("the dates of the times are from {}", self.layout.names[dates]));
+            self.note(format!("the dates of the times are from {}", self.layout.names[dates]));
         }
         if self.layout.is_position {
-            notes.push("no velocity is logged: it is the difference of the positions".into());
+            self.note("no velocity is logged: it is the difference of the positions");
         }
         match channels {
-            ChannelLayout::Merged => notes.push(format!(
+            ChannelLayout::Merged => self.note(format!(
                 "velocity and torque have separate time stamps: {other_rows} rows without a torque are ignored, and \
                  the velocity is interpolated in time at the rows with a torque"
             )),
-            ChannelLayout::SeparateCovariates => notes.push(format!(
+            ChannelLayout::SeparateCovariates => self.note(format!(
                 "{other_rows} rows hold neither velocity nor torque, only columns with separate time stamps"
             )),
             ChannelLayout::Single => {}
         }
         if extra_recordings > 0 {
-            notes.push(format!(
+            self.note(format!(
                 "there is no column {RUN}: the file is split into {} runs, at pauses of more than {MIN_PAUSE_S} s and \
                  where the clock restarts",
                 extra_recordings + 1,
             ));
         }
         if spread > 0 {
-            notes.push(format!(
+            self.note(format!(
                 "{spread} rows repeat the time stamp before them: the rows of a stamp are spread evenly up to the next"
             ));
         }
         let repeated = repeated.saturating_sub(spread);
         if repeated > 0 {
-            notes.push(format!("{repeated} rows repeat the time stamp before them and are kept"));
+            self.note(format!("{repeated} rows repeat the time stamp before them and are kept"));
         }
-        let file = self.file.display();
-        self.layout.notes.extend(notes.into_iter().map(|note| format!("{file}: {note}")));
     }
 
     /// Adds notes on rows that were sorted, and on rows that occur twice.
     pub(super) fn add_order_notes(&mut self, late: usize, duplicates: usize) {
+        let rows = self.rows;
         if duplicates > 0 {
-            let file = self.file.display();
-            self.layout.notes.push(format!(
-                "{file}: {duplicates} of {} rows repeat an earlier row in all columns and are left out",
-                self.rows
+            self.note(format!(
+                "{duplicates} of {rows} rows repeat an earlier row in all columns and are left out"
             ));
         }
         if late > 0 {
-            let file = self.file.display();
-            self.layout.notes.push(format!(
-                "{file}: {late} of {} rows come after a later one: the rows are sorted by time",
-                self.rows
+            self.note(format!(
+                "{late} of {rows} rows come after a later one: the rows are sorted by time"
             ));
         }
     }

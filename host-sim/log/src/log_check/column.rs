@@ -44,8 +44,7 @@ pub fn all(data: &Dataset) -> Vec<Column<'_>> {
     let known = [Quantity::Velocity, Quantity::Torque].into_iter().chain(contract::optional());
     let mut columns: Vec<Column> = Vec::new();
     for quantity in known {
-        let runs: Option<Vec<&[f64]>> = data.runs.iter().map(|run| run.get(quantity)).collect();
-        let Some(runs) = runs else { continue };
+        let Some(runs) = data.columns_of(quantity) else { continue };
         let name = quantity.name(data.joint);
         columns.push(Column {
             name: name.into(),

@@ -34,7 +34,7 @@ pub fn constant_torque(data: &Dataset) -> Option<DataError> {
     let other = torque_column(data).unwrap_or_else(|| "NAME".into());
     let pair = Setting::Columns.suggested(format!("{name}={other}"));
     Some(DataError::file(
-        data.files.first().cloned().unwrap_or_default(),
+        data.first_file(),
         found,
         format!(
             "a torque that changes with the motion: check that its channel was logged, or {pair} if another \

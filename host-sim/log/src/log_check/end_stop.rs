@@ -59,8 +59,7 @@ pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) 
 
 /// Returns the rows of each run at a stop, and the largest torque there.
 fn rows_at_stop(data: &Dataset) -> Option<(Vec<BTreeSet<usize>>, f64)> {
-    let positions: Vec<&[f64]> =
-        data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
+    let positions = data.columns_of(Quantity::Position)?;
     let [least, most] = extent(positions.iter().flat_map(|run| run.iter().copied()));
     let reach = MAX_DISTANCE_SHARE * (most - least);
     let slow = least_moving_speed(data);

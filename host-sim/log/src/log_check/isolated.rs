@@ -71,8 +71,7 @@ struct Isolated {
 
 impl Isolated {
     fn find(data: &Dataset, quantity: Quantity) -> Option<Self> {
-        let columns: Option<Vec<&[f64]>> = data.runs.iter().map(|run| run.get(quantity)).collect();
-        let columns = columns?;
+        let columns = data.columns_of(quantity)?;
         let least = least_distance(data, &columns, quantity)?;
         let (is_alone, bend) = (is_velocity_derived(data), least_bend(data, &columns));
         let mut speeds: Vec<f64> =

@@ -71,8 +71,7 @@ fn set_forward(run: &mut Run, lost: &[(usize, usize)]) {
 
 /// Returns the rows of each run before which rows are lost, with their number.
 fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
-    let positions: Vec<&[f64]> =
-        data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
+    let positions = data.columns_of(Quantity::Position)?;
     let may_be_lost =
         positions.iter().map(|position| long_steps(position)).sum::<usize>() >= MIN_LOST;
     if !may_be_lost || !data.runs.iter().all(counts_rows) {

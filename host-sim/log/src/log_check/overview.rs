@@ -45,18 +45,17 @@ fn rounded(value: f64) -> String {
 
 /// Summarises a log.
 pub fn overview(data: &Dataset) -> Overview {
-    let source = |name: &str| data.sources.iter().find(|source| source.name == name).cloned();
     let mut columns = vec![ColumnOverview {
         name: "time_s".into(),
         unit: "s".into(),
         range: extent(data.runs.iter().flat_map(|run| run.time_s.iter().copied())),
-        source: source("time_s"),
+        source: data.source("time_s").cloned(),
     }];
     columns.extend(all(data).iter().map(|column: &Column| ColumnOverview {
         name: column.name.clone(),
         unit: column.unit.clone(),
         range: extent(column.values()),
-        source: source(&column.name),
+        source: data.source(&column.name).cloned(),
     }));
     let steps = data.runs.iter().filter_map(|run| median_step(&run.time_s));
     let rates = steps.map(|step| 1.0 / step);

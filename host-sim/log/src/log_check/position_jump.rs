@@ -95,8 +95,7 @@ fn cut(data: &mut Dataset, jumps: &[Jump]) {
 
 /// Returns the jumps; `None` if there are none, or too many for single events.
 fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
-    let positions: Vec<&[f64]> =
-        data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
+    let positions = data.columns_of(Quantity::Position)?;
     let is_derived = is_velocity_derived(data);
     let gain = if is_derived { None } else { velocity_gain(data, &positions) };
     let (mut all, mut explained, mut changes) = (Vec::new(), Vec::new(), Vec::new());

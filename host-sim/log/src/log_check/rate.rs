@@ -23,8 +23,7 @@ const TIME_UNITS: [&str; 7] = ["s", "ms", "us", "ns", "min", "h", "days"];
 
 /// Returns the units of time that make a rate probable, with the rate in each.
 fn probable_units(data: &Dataset, rate_hz: f64) -> Vec<(&'static str, f64)> {
-    let source = data.sources.iter().find(|source| source.name == "time_s");
-    let given = source.and_then(|source| source.unit.as_deref()).unwrap_or("s");
+    let given = data.given_unit("time_s").unwrap_or("s");
     let length = |unit: &str| Some(conversion("time_s", unit).ok()?.apply(1.0));
     // A unit in another notation, such as `msec`, leaves the lengths unknown.
     let given_s = TIME_UNITS.contains(&given).then(|| length(given)).flatten();
@@ -63,7 +62,7 @@ pub fn impossible(data: &Dataset) -> Option<DataError> {
     };
     let column = header(data, "time_s");
     Some(DataError::file(
-        data.files.first().cloned().unwrap_or_default(),
+        data.first_file(),
         format!("{} rows a second by the column {column}", figure(rate)),
         format!("at most 1e6; by its rate the time may have another unit: {what_to_type}"),
     ))

@@ -10,6 +10,7 @@ use super::suspicion::Suspicion;
 use super::{LogFindingKind, header};
 use crate::Quantity;
 use crate::motion::quantum::quantum;
+use crate::statistics::correlation;
 use crate::torque_scale::amperes;
 use crate::unit::conversion;
 
@@ -68,9 +69,12 @@ impl SignBit {
 pub fn suspicion(log: &Log) -> Option<Suspicion> {
     let velocity = log.column(log.velocity()).and_then(|column| sign_bit(log, column))?;
     let derivative = derivative(log)?;
-    let logged = log.data.runs.iter().map(|run| run.velocity.as_slice());
-    let follows = correlation(velocity.values.iter().map(Vec::as_slice), &derivative);
-    if follows < MIN_CORRELATION || correlation(logged, &derivative) > MAX_LOGGED_CORRELATION {
+    let derivatives = derivative.iter().flatten().copied();
+    let signed = velocity.values.iter().flatten().copied();
+    let logged = log.data.runs.iter().flat_map(|run| run.velocity.iter().copied());
+    if correlation(signed.zip(derivatives.clone())) < MIN_CORRELATION
+        || correlation(logged.zip(derivatives)) > MAX_LOGGED_CORRELATION
+    {
         return None;
     }
     let torque = log.column(log.torque()).and_then(|column| sign_bit(log, column));
@@ -88,15 +92,14 @@ pub fn refusal(log: &Log, bits: Vec<SignBit>, evidence: &str) -> Suspicion {
 
 /// Returns the sign bit of a column of whole positive counts: the highest bit, if it is set in many rows and not in others.
 pub fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
-    let source = log.data.sources.iter().find(|source| source.name == column.name);
-    let unit = source.and_then(|source| source.unit.clone());
-    let conversion = unit.as_deref().and_then(|unit| conversion(&column.name, unit).ok());
+    let unit = log.data.given_unit(&column.name);
+    let conversion = unit.and_then(|unit| conversion(&column.name, unit).ok());
     if conversion.is_some_and(|conversion| conversion.is_signed_counter()) {
         return None;
     }
     // The scale of a current is known; another one that is given beside the unit, such as the rated torque, is in the steps of
     // the column.
-    let amperes = || amperes(unit.as_deref()?).zip(log.data.torque_constant);
+    let amperes = || amperes(unit?).zip(log.data.torque_constant);
     let of_current = amperes().map(|(amperes, constant)| (amperes * constant).abs());
     let step = of_current.unwrap_or_else(|| quantum(column.runs.iter().copied()));
     let is_scaled = conversion.is_none() && unit.is_some() && step > 0.0;
@@ -123,7 +126,7 @@ pub fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
         if count >= sign { sign - count } else { count }
     };
     let values = column.runs.iter().map(|run| run.iter().map(signed).collect()).collect();
-    let unit = format!("sign{bit} {}", unit.unwrap_or_else(|| column.unit.clone()));
+    let unit = format!("sign{bit} {}", unit.unwrap_or(&column.unit));
     Some(SignBit { name: column.name.clone(), unit, bit, values, size })
 }
 
@@ -134,20 +137,4 @@ fn derivative(log: &Log) -> Option<Vec<Vec<f64>>> {
         Some(crate::differences(&run.time_s, position))
     });
     each.collect()
-}
-
-/// Returns the correlation of columns with others.
-fn correlation<'a>(of: impl Iterator<Item = &'a [f64]>, with: &[Vec<f64>]) -> f64 {
-    let pairs: Vec<(f64, f64)> =
-        of.zip(with).flat_map(|(of, with)| of.iter().copied().zip(with.iter().copied())).collect();
-    let count = pairs.len().max(1) as f64;
-    let mean_x = pairs.iter().map(|pair| pair.0).sum::<f64>() / count;
-    let mean_y = pairs.iter().map(|pair| pair.1).sum::<f64>() / count;
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for (x, y) in pairs {
-        xx += (x - mean_x).powi(2);
-        xy += (x - mean_x) * (y - mean_y);
-        yy += (y - mean_y).powi(2);
-    }
-    if xx > 0.0 && yy > 0.0 { xy / (xx * yy).sqrt() } else { 0.0 }
 }

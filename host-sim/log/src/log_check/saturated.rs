@@ -40,7 +40,7 @@ pub fn saturated(log: &Log) -> Vec<LogFinding> {
     let slow = least_moving_speed(log.data);
     let is_filled = |column: &&Column| {
         // A filled column is constant after its last value.
-        log.data.sources.iter().any(|of| of.name == column.name && of.filled > 0)
+        log.data.source(&column.name).is_some_and(|source| source.filled > 0)
     };
     let columns = log.columns.iter().filter(|column| !is_filled(column));
     columns.flat_map(|column| of_column(log, column, slow)).collect()

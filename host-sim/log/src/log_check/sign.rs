@@ -45,8 +45,7 @@ pub fn sign(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let (torque, velocity) =
         (Quantity::Torque.name(data.joint), Quantity::Velocity.name(data.joint));
     // The unit that was given stays: a current is no torque.
-    let source = data.sources.iter().find(|source| source.name == torque);
-    let unit = source.and_then(|source| source.unit.as_deref()).unwrap_or(data.joint.torque_unit());
+    let unit = data.given_unit(torque).unwrap_or(data.joint.torque_unit());
     let pair = match unit.strip_prefix('-') {
         Some(turned_back) => typed(&data, torque, turned_back),
         None => typed(&data, torque, &format!("-{unit}")),

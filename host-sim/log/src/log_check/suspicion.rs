@@ -32,7 +32,7 @@ impl Suspicion {
 
     /// Returns the error of a log that is refused.
     pub fn error(self, data: &Dataset) -> DataError {
-        let file = data.files.first().cloned().unwrap_or_default();
+        let file = data.first_file();
         DataError::file(file, self.found, self.expected)
     }
 

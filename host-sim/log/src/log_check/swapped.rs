@@ -48,7 +48,7 @@ pub fn swapped(data: &Dataset) -> Option<DataError> {
     let unit = if unit == data.joint.velocity_unit() { String::new() } else { format!(":{unit}") };
     let pairs = format!("{velocity}={from_torque}{unit},{torque}={from_velocity}");
     Some(DataError::file(
-        data.files.first().cloned().unwrap_or_default(),
+        data.first_file(),
         format!(
             "the derivative of the position in the column {from_torque} of the torque, and not in the column \
              {from_velocity} of the velocity"

@@ -131,9 +131,9 @@ fn probable_causes(log: &Log, gain: f64) -> Vec<UnitCause> {
         return Vec::new();
     }
     let joint = log.data.joint;
-    let velocities = relative(&velocity_units(joint), given_unit(log, log.velocity()));
+    let velocities = relative(&velocity_units(joint), log.data.given_unit(log.velocity()));
     let positions = sized(Quantity::Position, joint, &POSITION_UNITS);
-    let positions = relative(&positions, given_unit(log, log.position()));
+    let positions = relative(&positions, log.data.given_unit(log.position()));
     let (velocity, position) = (log.velocity(), log.position());
     let mut causes = Vec::new();
     for (unit, _) in velocities.iter().filter(|(_, size)| is_near(*size)) {
@@ -190,8 +190,7 @@ fn of_gain(log: &Log) -> Option<Suspicion> {
 
 /// Returns true if most single rows have a ratio too. Where rows are lost, only the mean of all rows has.
 fn is_in_most_rows(log: &Log, gain: f64) -> bool {
-    let positions: Option<Vec<&[f64]>> =
-        log.data.runs.iter().map(|run| run.get(Quantity::Position)).collect();
+    let positions = log.data.columns_of(Quantity::Position);
     let travel = positions.and_then(|positions| position_jump::velocity_gain(log.data, &positions));
     travel.is_some_and(|travel| (travel * gain - 1.0).abs() < MAX_GAIN_DIFFERENCE)
 }
@@ -199,7 +198,7 @@ fn is_in_most_rows(log: &Log, gain: f64) -> bool {
 /// Returns the units by which a velocity and a position on two sides of a gear are the motion of one side.
 fn ratio_causes(log: &Log, gain: f64) -> Vec<UnitCause> {
     let scaled = |name: &'static str, unit: &str, factor: f64, of: &str| {
-        let given = given_unit(log, name).and_then(|unit| conversion(name, unit).ok());
+        let given = log.data.given_unit(name).and_then(|unit| conversion(name, unit).ok());
         let size = given.map_or(1.0, |given| given.apply(1.0) - given.apply(0.0));
         let unit = format!("{}{unit}", rounded(size * factor));
         let in_words =
@@ -234,12 +233,6 @@ fn of_speed(log: &Log) -> Option<Suspicion> {
     let found = format!("{} {own} in {name}, which no joint reaches", figure(speed));
     let pair = format!("{name}={}:{unit}", header(log.data, name));
     Some(suspicion_of(&[name], found, &[pair]))
-}
-
-/// Returns the unit that `--columns` gives for a column.
-fn given_unit<'a>(log: &'a Log, name: &str) -> Option<&'a str> {
-    let source = log.data.sources.iter().find(|source| source.name == name);
-    source.and_then(|source| source.unit.as_deref())
 }
 
 /// Returns the other units of a column with their sizes relative to the given one; none if that is not in the table.

@@ -2,6 +2,7 @@
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
+use super::wrap::is_velocity_derived;
 use crate::motion::agreement::Agreement;
 use crate::number::figure;
 use std::f64::consts::TAU;
@@ -78,8 +79,7 @@ pub fn lag(log: &Log) -> Vec<LogFinding> {
     let Some(agreement) = log.sensors.agreement.filter(is_late) else { return Vec::new() };
     let sensors = &log.sensors;
     // A velocity that was derived from the position is late by half a row, but it was not logged.
-    let sources = &log.data.sources;
-    if !sources.is_empty() && sources.iter().all(|source| source.name != log.velocity()) {
+    if is_velocity_derived(log.data) {
         return Vec::new();
     }
     // The lag of an integrated position depends on the method of integration.

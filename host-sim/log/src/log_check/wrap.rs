@@ -112,7 +112,7 @@ pub fn unwrapped(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
 /// Returns true if the velocity was not logged but derived from the position.
 pub fn is_velocity_derived(data: &Dataset) -> bool {
     let velocity = Quantity::Velocity.name(data.joint);
-    !data.sources.is_empty() && data.sources.iter().all(|source| source.name != velocity)
+    !data.sources.is_empty() && data.source(velocity).is_none()
 }
 
 fn unwrap_run(run: &mut Run, wrap: Wrap, derives_velocity: bool) {
@@ -133,9 +133,7 @@ fn unwrap_run(run: &mut Run, wrap: Wrap, derives_velocity: bool) {
 /// Returns the periods at which a position may wrap: turns of a rotary joint, and the ranges of counters.
 fn known_periods(data: &Dataset) -> Vec<f64> {
     let name = Quantity::Position.name(data.joint);
-    let source = data.sources.iter().find(|source| source.name == name);
-    let unit = source.and_then(|source| source.unit.as_deref());
-    let count = unit.and_then(|unit| conversion(name, unit).ok());
+    let count = data.given_unit(name).and_then(|unit| conversion(name, unit).ok());
     let count =
         count.map_or(1.0, |conversion| (conversion.apply(1.0) - conversion.apply(0.0)).abs());
     let ranges = |bits: i32| 2f64.powi(bits) * count;
@@ -149,8 +147,7 @@ fn known_periods(data: &Dataset) -> Vec<f64> {
 
 /// Returns the period of a position that wraps. A slide does not turn, but its counter may wrap.
 pub fn find(data: &Dataset) -> Option<Wrap> {
-    let positions: Vec<&[f64]> =
-        data.runs.iter().map(|run| run.get(Quantity::Position)).collect::<Option<_>>()?;
+    let positions = data.columns_of(Quantity::Position)?;
     let mut all: Vec<f64> = positions.iter().flat_map(|q| q.iter().copied()).collect();
     let range = quantile_range(&mut all, 0.001);
     if range <= 0.0 {
