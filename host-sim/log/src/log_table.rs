@@ -179,6 +179,12 @@ impl TableRows {
         }
     }
 
+    /// Adds a row of numbers. `number` returns that of a column; `None` for an empty cell.
+    pub fn add_numbers(&mut self, line: u64, number: impl Fn(usize) -> Option<f64>) {
+        let text = |at| number(at).map(|number| number.to_string()).unwrap_or_default();
+        self.add_row(line, &number, |at| text(at).into_bytes().into());
+    }
+
     /// Leaves a row out and counts it. `column` is `None` if no single cell is the cause.
     pub fn reject_row(&mut self, row: u64, column: Option<usize>, found: String, expected: &str) {
         self.bad.add(|| {

@@ -129,6 +129,12 @@ impl Request<'_> {
 }
 
 impl Plan {
+    /// Returns the plan to read all numbers of a table, and the texts that are none.
+    pub fn cells(names: ColumnNames) -> Self {
+        let needs = vec![Need::Numbers; names.names.len()];
+        Self { names, needs, reading: Reading::Cells }
+    }
+
     fn new(names: ColumnNames, reading: Reading) -> Self {
         let all = match reading {
             Reading::Data(_) => Need::Skip,

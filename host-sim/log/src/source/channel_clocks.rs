@@ -4,19 +4,19 @@
 //! of their own. The groups (a time column and the channels after it) are merged onto one clock. Samples of equal
 //! stamps form one row; the others leave cells empty, which `close` fills as for every log with merged channels.
 
-use super::records::{RecordPosition, is_blank};
 use crate::column_names::ColumnNames;
 use crate::columns::{FINITE, is_missing_value};
-use crate::error::quoted;
-use crate::log_table::TableRows;
+use crate::error::{listed, quoted};
+use crate::log_table::{LogTable, TableRows};
 use crate::options::ReadOptions;
+use std::borrow::Cow;
 
 /// Words of a time column.
 const TIME_WORDS: [&str; 3] = ["t", "time", "timestamp"];
 
 /// A time column and its channels, as columns of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Group {
+struct Group {
     time: usize,
     channels: std::ops::Range<usize>,
 }
@@ -31,7 +31,7 @@ const MAX_STAMP: f64 = 9e18;
 const FILETIME_OF_1970: i128 = 116_444_736_000_000_000;
 
 /// Returns the groups of a header with several time columns; `None` if it is an ordinary table.
-pub(super) fn groups(names: &ColumnNames, options: &ReadOptions) -> Option<Vec<Group>> {
+fn groups(names: &ColumnNames, options: &ReadOptions) -> Option<Vec<Group>> {
     let names = &names.names;
     let first = clock_name(names.first()?)?;
     let starts: Vec<usize> =
@@ -61,31 +61,29 @@ fn clock_name(name: &str) -> Option<String> {
     TIME_WORDS.contains(&&*word).then(|| rest.trim_end_matches(is_part).to_owned())
 }
 
-/// The samples of one group.
-#[derive(Debug, Default)]
-struct GroupSamples {
-    time: Vec<f64>,
-    lines: Vec<u64>,
-    /// Values of all channels, row by row.
-    values: Vec<f64>,
+/// A sample of a group: its time, and its row in the file.
+struct Sample {
+    time: f64,
+    row: usize,
 }
+
+/// A cell that makes a sample invalid: its column in the merged table, what was found there and what was expected.
+type BadSample = (usize, String, String);
 
 /// A table whose channels have clocks of their own.
 pub(super) struct ChannelClocks {
     groups: Vec<Group>,
-    samples: Vec<GroupSamples>,
     /// The columns of the merged table, as columns of the file: the first clock, then all channels.
     kept: Vec<usize>,
-    /// The first stamp, if stamps are FILETIME.
-    first_filetime: Option<i128>,
 }
 
 impl ChannelClocks {
-    pub fn new(groups: Vec<Group>) -> Self {
-        let samples = groups.iter().map(|_| GroupSamples::default()).collect();
+    /// Returns the clocks of a header with several time columns; `None` if it is an ordinary table.
+    pub fn find(names: &ColumnNames, options: &ReadOptions) -> Option<Self> {
+        let groups = groups(names, options)?;
         let channels = groups.iter().flat_map(|group| group.channels.clone());
         let kept = [groups[0].time].into_iter().chain(channels).collect();
-        Self { groups, samples, kept, first_filetime: None }
+        Some(Self { groups, kept })
     }
 
     /// Returns the names of the merged table.
@@ -94,8 +92,7 @@ impl ChannelClocks {
         ColumnNames {
             names: self.kept.iter().map(|at| of_file.names[*at].clone()).collect(),
             units: self.kept.iter().map(unit).collect(),
-            is_twincat_scope: of_file.is_twincat_scope,
-            is_numbered: of_file.is_numbered,
+            ..*of_file
         }
     }
 
@@ -109,135 +106,102 @@ impl ChannelClocks {
         let clocks: Vec<&str> =
             self.groups.iter().map(|group| &*of_file.names[group.time]).collect();
         let count = clocks.len();
-        let names = if clocks.iter().all(|name| *name == clocks[0]) {
-            clocks[0].to_owned()
-        } else {
-            crate::error::listed(&clocks)
-        };
+        let is_one = clocks.iter().all(|name| *name == clocks[0]);
+        let names = if is_one { clocks[0].to_owned() } else { listed(&clocks) };
         format!(
             "{count} time columns ({names}) are merged onto one clock: each is that of the channels after it"
         )
     }
 
-    /// Adds the samples of a record. `number` parses a cell.
-    pub fn add(
-        &mut self,
-        table: &mut TableRows,
-        position: &RecordPosition,
-        record: &csv::ByteRecord,
-        number: &dyn Fn(&[u8]) -> Option<f64>,
-    ) {
-        // TwinCAT Scope marks the end of a file.
-        if is_blank(record) || record.as_slice().trim_ascii() == b"EOF" {
-            return;
-        }
-        for at in 0..self.groups.len() {
-            if let Err((column, found, expected)) =
-                self.add_sample(at, position.line, record, number)
-            {
-                table.reject_row(position.line, Some(column), found, &expected);
-            }
-        }
-    }
-
-    /// Adds the sample of one group.
-    ///
-    /// # Errors
-    /// The column of the merged table, what was found there and what was expected.
-    fn add_sample(
-        &mut self,
-        at: usize,
-        line: u64,
-        record: &csv::ByteRecord,
-        number: &dyn Fn(&[u8]) -> Option<f64>,
-    ) -> Result<(), (usize, String, String)> {
-        let Group { time, channels } = self.groups[at].clone();
-        let cell = |column: usize| record.get(column).unwrap_or_default().trim_ascii();
-        if cell(time).is_empty() {
-            // A slower channel has fewer samples.
-            return Ok(());
-        }
-        let stamp = number(cell(time)).filter(|stamp| stamp.abs() < MAX_STAMP);
-        let stamp = stamp.ok_or_else(|| (0, quoted(cell(time)), FINITE.to_owned()))?;
-        let time = self.time(cell(time), stamp);
-        let last = self.samples[at].time.last().copied();
-        if let Some(last) = last.filter(|last| time < *last) {
-            return Err((0, time.to_string(), format!("a time not before {last}")));
-        }
-        let is_word =
-            |channel: &usize| number(cell(*channel)).is_none() && !is_missing_value(cell(*channel));
-        if let Some(channel) = channels.clone().find(is_word) {
-            let column = self.kept.iter().position(|kept| *kept == channel).unwrap_or_default();
-            return Err((column, quoted(cell(channel)), FINITE.to_owned()));
-        }
-        let samples = &mut self.samples[at];
-        let values: Vec<f64> =
-            channels.map(|channel| number(cell(channel)).unwrap_or(f64::NAN)).collect();
-        let before = samples.values.len().checked_sub(values.len());
-        let before = before.map(|start| &samples.values[start..]).unwrap_or_default();
-        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
-        if last == Some(time) && bits(before) == bits(&values) {
-            // A slower channel may be repeated until its next sample.
-            return Ok(());
-        }
-        samples.values.extend(values);
-        samples.time.push(time);
-        samples.lines.push(line);
-        Ok(())
-    }
-
-    /// Returns the time of a stamp in the column's unit. FILETIME becomes milliseconds, the unit of TwinCAT Scope.
-    fn time(&mut self, cell: &[u8], stamp: f64) -> f64 {
-        if self.first_filetime.is_none() && stamp < MIN_FILETIME {
-            return stamp;
-        }
-        let ticks = std::str::from_utf8(cell).ok().and_then(|text| text.parse().ok());
-        let ticks: i128 = ticks.unwrap_or(stamp as i128);
-        (ticks - *self.first_filetime.get_or_insert(ticks)) as f64 / 1e4
-    }
-
-    /// Adds the merged rows. Returns a note on the origin of the times, if the file states it.
-    pub fn finish(self, table: &mut TableRows) -> Option<String> {
-        let mut next = vec![0; self.groups.len()];
-        let mut row = vec![f64::NAN; self.kept.len()];
-        let offsets: Vec<usize> = self
-            .groups
-            .iter()
-            .scan(1, |offset, group| {
-                let own = *offset;
-                *offset += group.channels.len();
-                Some(own)
-            })
-            .collect();
-        loop {
-            let times = self.samples.iter().zip(&next).map(|(of, at)| of.time.get(*at).copied());
-            let Some(time) = times.flatten().min_by(f64::total_cmp) else { break };
-            row.fill(f64::NAN);
-            row[0] = time;
-            let mut line = u64::MAX;
-            for (group, samples) in self.samples.iter().enumerate() {
-                let at = next[group];
-                if samples.time.get(at) != Some(&time) {
-                    continue;
+    /// Adds the rows of the file, merged onto one clock, to a table. Returns a note on the origin of the times, if the file
+    /// states it.
+    pub fn merge(&self, file: &LogTable, table: &mut TableRows) -> Option<String> {
+        let mut first_filetime = None;
+        let mut samples: Vec<Vec<Sample>> = self.groups.iter().map(|_| Vec::new()).collect();
+        for row in 0..file.lines.len() {
+            for (group, samples) in self.groups.iter().zip(&mut samples) {
+                match self.sample(file, group, row, samples.last(), &mut first_filetime) {
+                    Ok(sample) => samples.extend(sample),
+                    Err((column, found, expected)) => {
+                        table.reject_row(file.lines[row], Some(column), found, &expected);
+                    }
                 }
-                let width = self.groups[group].channels.len();
-                let values = &samples.values[at * width..(at + 1) * width];
-                row[offsets[group]..offsets[group] + width].copy_from_slice(values);
-                line = line.min(samples.lines[at]);
-                next[group] += 1;
             }
-            let text = |at: usize| row[at].to_string().into_bytes().into();
-            table.add_row(
-                line,
-                |at| Some(row[at]),
-                |at| if row[at].is_nan() { b"".into() } else { text(at) },
-            );
         }
-        self.first_filetime.map(|ticks| {
+        let mut next = vec![0; samples.len()];
+        loop {
+            let heads = samples.iter().zip(&next).filter_map(|(samples, at)| samples.get(*at));
+            let Some(time) = heads.map(|sample| sample.time).min_by(f64::total_cmp) else { break };
+            let row_now = |(samples, at): (&Vec<Sample>, &mut usize)| {
+                let sample = samples.get(*at).filter(|sample| sample.time == time)?;
+                *at += 1;
+                Some(sample.row)
+            };
+            let rows: Vec<Option<usize>> = samples.iter().zip(&mut next).map(row_now).collect();
+            let line = rows.iter().flatten().map(|row| file.lines[*row]).min();
+            table.add_numbers(line.unwrap_or_default(), |at| {
+                let column = self.kept[at];
+                let group = self.groups.iter().position(|group| group.channels.contains(&column));
+                // The first column is the clock.
+                group.map_or(Some(time), |group| file.columns[column].number(rows[group]?))
+            });
+        }
+        first_filetime.map(|ticks: i128| {
             let origin = crate::clock::format_origin((ticks - FILETIME_OF_1970) * 100);
             format!("times count from {origin}")
         })
     }
+
+    /// Returns the sample of a group in a row of the file; `None` if there is none, or it repeats the last one.
+    fn sample(
+        &self,
+        file: &LogTable,
+        group: &Group,
+        row: usize,
+        last: Option<&Sample>,
+        first_filetime: &mut Option<i128>,
+    ) -> Result<Option<Sample>, BadSample> {
+        let text = |column: usize| file.columns[column].text(row);
+        let number = |column: usize, row: usize| file.columns[column].number(row);
+        let stamp = number(group.time, row).filter(|stamp| stamp.abs() < MAX_STAMP);
+        let Some(stamp) = stamp else {
+            let text = text(group.time);
+            // A slower channel has fewer samples.
+            let is_bad = !text.is_empty();
+            return if is_bad { Err((0, quoted(&text), FINITE.into())) } else { Ok(None) };
+        };
+        let time = time(|| text(group.time), stamp, first_filetime);
+        if let Some(last) = last.filter(|last| time < last.time) {
+            return Err((0, time.to_string(), format!("a time not before {}", last.time)));
+        }
+        let is_word =
+            |column: &usize| number(*column, row).is_none() && !is_missing_value(&text(*column));
+        if let Some(channel) = group.channels.clone().find(is_word) {
+            let column = self.kept.iter().position(|kept| *kept == channel).unwrap_or_default();
+            return Err((column, quoted(&text(channel)), FINITE.into()));
+        }
+        let bits = |column: usize, row: usize| number(column, row).map(f64::to_bits);
+        // A slower channel may be repeated until its next sample.
+        let is_repeated = last.is_some_and(|last| {
+            let is_same = |column: usize| bits(column, row) == bits(column, last.row);
+            last.time == time && group.channels.clone().all(is_same)
+        });
+        Ok((!is_repeated).then_some(Sample { time, row }))
+    }
+}
+
+/// Returns the time of a stamp in the column's unit. FILETIME becomes milliseconds, the unit of TwinCAT Scope.
+fn time<'c>(
+    cell: impl FnOnce() -> Cow<'c, [u8]>,
+    stamp: f64,
+    first_filetime: &mut Option<i128>,
+) -> f64 {
+    if first_filetime.is_none() && stamp < MIN_FILETIME {
+        return stamp;
+    }
+    let ticks = std::str::from_utf8(&cell()).ok().and_then(|text| text.parse().ok());
+    let ticks: i128 = ticks.unwrap_or(stamp as i128);
+    (ticks - *first_filetime.get_or_insert(ticks)) as f64 / 1e4
 }
 
 #[cfg(test)]

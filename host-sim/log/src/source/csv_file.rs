@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::channel_clocks::{ChannelClocks, groups};
+use super::channel_clocks::ChannelClocks;
 use super::encoding::encoding;
 use super::format::{HEAD_BYTES, Input, LogFormat};
 use super::line::{cells, separator};
@@ -29,7 +29,7 @@ use crate::error::DataError;
 use crate::error::quoted;
 use crate::log_table::{LogTable, TableRows};
 use crate::options::ReadOptions;
-use crate::plan::{Reading, Request};
+use crate::plan::{Plan, Reading, Request};
 
 /// Rows between two calls of the progress function.
 const PROGRESS_ROWS: u64 = 16 * 1024;
@@ -222,7 +222,7 @@ impl TextTable<'_> {
         let failed = |error: csv::Error| csv_error(path, error);
         let names = self.names(&mut records, format).map_err(failed)?;
         let width = names.names.len();
-        let mut clocks = groups(&names, options).map(ChannelClocks::new);
+        let clocks = ChannelClocks::find(&names, options);
         let merged = clocks.as_ref().map(|clocks| clocks.names(&names));
         let mut plan = self.request.plan(merged.unwrap_or_else(|| names.clone()))?;
         if let Some(line) = &self.before.units {
@@ -240,6 +240,9 @@ impl TextTable<'_> {
         }
         let is_long = matches!(plan.reading, Reading::Long(_));
         let mut table = TableRows::new(path, plan);
+        // The rows of channels with clocks of their own, before they are merged.
+        let mut rows_of_file =
+            clocks.is_some().then(|| TableRows::new(path, Plan::cells(names.clone())));
         let mut count: u64 = 0;
         while has_record && !table.is_full() {
             let position = records.position();
@@ -250,14 +253,14 @@ impl TextTable<'_> {
             }
             let cell = |at: usize| record.get(at).unwrap_or_default().trim_ascii();
             let is_header = |at: usize| *cell(at) == *names.names[at].as_bytes();
-            if is_blank(record) || self.is_end_mark(record) {
+            if is_blank(record) || self.is_end_mark(record, clocks.is_some()) {
                 // An empty line.
             } else if position.is_open || record.len() != width && clocks.is_none() {
                 let expected = format!("{} cells as in the header", table.plan.names.names.len());
                 let found = found_cells(&position, record.len());
                 table.reject_row(position.line, None, found, &expected);
-            } else if let Some(clocks) = &mut clocks {
-                clocks.add(&mut table, &position, record, &|cell| format.parse(cell));
+            } else if let Some(rows) = &mut rows_of_file {
+                rows.add_row(position.line, |at| format.parse(cell(at)), |at| cell(at).into());
             } else if !(is_long && (0..width).all(is_header)) {
                 // A long table of several series may have the header of each.
                 table.add_row(position.line, |at| format.parse(cell(at)), |at| cell(at).into());
@@ -265,9 +268,9 @@ impl TextTable<'_> {
             has_record = records.advance().map_err(failed)?;
         }
         let mut notes = Vec::new();
-        if let Some(clocks) = clocks {
+        if let Some((clocks, rows)) = clocks.zip(rows_of_file) {
             notes.push(clocks.note(&names));
-            notes.extend(clocks.finish(&mut table));
+            notes.extend(clocks.merge(&rows.finish(), &mut table));
         }
         let mut table = table.finish();
         table.notes = notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
@@ -275,8 +278,8 @@ impl TextTable<'_> {
     }
 
     /// Returns true for the line that ends an export of TwinCAT Scope.
-    fn is_end_mark(&self, record: &csv::ByteRecord) -> bool {
-        self.before.columns.is_some() && record.as_slice().trim_ascii() == b"EOF"
+    fn is_end_mark(&self, record: &csv::ByteRecord, has_clocks: bool) -> bool {
+        (has_clocks || self.before.columns.is_some()) && record.as_slice().trim_ascii() == b"EOF"
     }
 
     /// Returns notes on what was assumed of the text.

@@ -118,8 +118,7 @@ impl DriveTrace {
                 DriveColumn::Time => Some(time_s),
                 column => column.value(reading).map(f64::from).filter(|value| !value.is_nan()),
             };
-            let text = |at| number(at).map(|value| value.to_string()).unwrap_or_default();
-            table.add_row(*line, number, |at| text(at).into_bytes().into());
+            table.add_numbers(*line, number);
         }
         Ok(LogTable { bad_lines: self.bad, ..table.finish() })
     }
