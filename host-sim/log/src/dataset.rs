@@ -44,6 +44,25 @@ pub struct Dataset {
     pub sources: Vec<SourceColumn>,
 }
 
+/// Why columns are no data set; one line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ColumnsError {
+    /// There is none of these targets, or both.
+    #[error("columns: expected either {0} or {1}")]
+    Target(&'static str, &'static str),
+    /// This column is missing.
+    #[error("columns: expected {0}")]
+    Missing(&'static str),
+    /// The columns of a run differ in number or length.
+    #[error("run {run}: expected {count} columns of one length")]
+    Lengths {
+        /// The name of the run.
+        run: String,
+        /// The number of columns.
+        count: usize,
+    },
+}
+
 /// The origin of a column.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SourceColumn {
@@ -194,17 +213,17 @@ impl Dataset {
     /// has one column of equal length per name. The values are not validated.
     ///
     /// # Errors
-    /// One line: a required column is missing, or a run's columns differ in number or length.
+    /// A required column is missing, or a run's columns differ in number or length.
     pub fn from_columns(
         names: &[String],
         runs: impl IntoIterator<Item = (String, Vec<Vec<f64>>)>,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, ColumnsError> {
         let has = |name: &str| names.iter().any(|own| own == name);
         let [turns, slides] = Quantity::Torque.info().names;
         let joint = match (has(turns), has(slides)) {
             (true, false) => JointKind::Revolute,
             (false, true) => JointKind::Prismatic,
-            _ => return Err(format!("columns: expected either {turns} or {slides}")),
+            _ => return Err(ColumnsError::Target(turns, slides)),
         };
         let required = [Quantity::CampaignTime, Quantity::Velocity, Quantity::Torque];
         let place = |name: &str| {
@@ -219,13 +238,13 @@ impl Dataset {
         for quantity in required {
             let name = quantity.name(joint);
             if !has(name) {
-                return Err(format!("columns: expected {name}"));
+                return Err(ColumnsError::Missing(name));
             }
         }
         for (name, columns) in runs {
             let rows = columns.first().map_or(0, Vec::len);
             if columns.len() != names.len() || columns.iter().any(|column| column.len() != rows) {
-                return Err(format!("run {name}: expected {} columns of one length", names.len()));
+                return Err(ColumnsError::Lengths { run: name, count: names.len() });
             }
             let mut run = Run { name, ..Run::default() };
             for (column, values) in names.iter().zip(columns) {

@@ -29,7 +29,7 @@ use super::options::ReadOptions;
 use super::other_unit::other_unit;
 use super::preset::{Preset, PresetColumns};
 use super::row_clock::Timing;
-use super::unit::conversion;
+use super::unit::{UnitError, conversion};
 use crate::setting::Setting;
 use required::RequiredColumns;
 
@@ -179,10 +179,10 @@ impl Layout {
 }
 
 /// Returns the error of a column whose unit in the file is none of its quantity.
-fn wrong_unit(file: &Path, column: &str, name: &str, unit: &str, expected: String) -> DataError {
+fn wrong_unit(file: &Path, column: &str, name: &str, unit: &str, expected: UnitError) -> DataError {
     let (found, expected) = match other_unit(&format!("{column} [{unit}]")) {
         Some(other) => other.refusal(name, column),
-        None => (format!("the unit {unit}"), expected),
+        None => (format!("the unit {unit}"), expected.to_string()),
     };
     DataError::request(format!("{}: column {column}", file.display()), found, expected)
 }

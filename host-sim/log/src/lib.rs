@@ -87,7 +87,7 @@ pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::MAX_RUNS;
 pub use clock::{day_number, utc_minute};
 pub use compensator_core::quantity::{JointKind, Quantity};
-pub use dataset::{Dataset, LeftOutColumn, Measured, Run, SourceColumn};
+pub use dataset::{ColumnsError, Dataset, LeftOutColumn, Measured, Run, SourceColumn};
 pub use decimate::AntiAlias;
 pub use describe::survey;
 pub use error::{BadCell, BadRows, DataError};
@@ -98,15 +98,15 @@ pub use preset::Preset;
 pub use read::{FileContent, read, read_contents, read_tables};
 pub use row_clock::parse_rate_hz;
 pub use segment::{GAP_FACTOR, segments};
-pub use servo_torque::ServoTorque;
+pub use servo_torque::{ServoTorque, ServoTorqueError};
 #[cfg(feature = "parquet")]
 pub use source::parquet_table;
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use survey::{ColumnSummary, Survey};
 pub use table::{Cells, Table};
-pub use torque_constant::TorqueConstant;
+pub use torque_constant::{NoTorqueConstant, TorqueConstant};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
-pub use unit::parse_value;
+pub use unit::{UnitError, parse_value};
 
 pub(crate) use unit::any_in_name as unit_of_name;
 pub(crate) use unit::in_name as unit_in_name;

@@ -426,7 +426,7 @@ impl Pair<'_> {
                         format!("the unit {unit}"),
                         torque_scale::expected(name, self.column(), unit)
                             .or_else(|| torque_scale::expected_lever(name, self.column(), unit))
-                            .unwrap_or(expected),
+                            .unwrap_or_else(|| expected.to_string()),
                     ),
                 }),
             },

@@ -17,6 +17,23 @@ pub(crate) fn example(target: &str) -> String {
     EXAMPLE.replace("q_des", target)
 }
 
+/// Why a text is no control law, displayed as what is expected instead.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ServoTorqueError {
+    /// The law is not `pd`.
+    #[error("pd, the control law, as in {EXAMPLE}")]
+    Law,
+    /// The value of this gain is no number.
+    #[error("a number of {0}, as in {EXAMPLE}")]
+    Number(String),
+    /// The law has no such part.
+    #[error("no {0:?}, as in {EXAMPLE}")]
+    Part(String),
+    /// A gain or the target is missing.
+    #[error("kp above 0 and target, as in {EXAMPLE}")]
+    Incomplete,
+}
+
 /// A servo's control law, with the column of its target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ServoTorque {
@@ -35,11 +52,10 @@ impl ServoTorque {
     ///
     /// # Errors
     /// The expected text, as the end of a message.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let wrong = |what: &str| Err(format!("{what}, as in {EXAMPLE}"));
+    pub fn parse(text: &str) -> Result<Self, ServoTorqueError> {
         let mut parts = text.split(',').map(str::trim);
         if parts.next() != Some("pd") {
-            return wrong("pd, the control law");
+            return Err(ServoTorqueError::Law);
         }
         let (mut kp, mut kd, mut target, mut limit) = (None, None, None, None);
         for part in parts {
@@ -49,16 +65,18 @@ impl ServoTorque {
                 ("kp", Some(gain)) => kp = Some(gain),
                 ("kd", Some(gain)) => kd = Some(gain),
                 ("limit", Some(most)) => limit = Some(most),
-                ("kp" | "kd" | "limit", None) => return wrong(&format!("a number of {name}")),
+                ("kp" | "kd" | "limit", None) => {
+                    return Err(ServoTorqueError::Number(name.to_owned()));
+                }
                 ("target", _) if !value.is_empty() => target = Some(value.to_owned()),
-                _ => return wrong(&format!("no {part:?}")),
+                _ => return Err(ServoTorqueError::Part(part.to_owned())),
             }
         }
         match (kp, target) {
             (Some(kp), Some(target)) if kp > 0.0 => {
                 Ok(Self { kp, kd: kd.unwrap_or(0.0), target, limit })
             }
-            _ => wrong("kp above 0 and target"),
+            _ => Err(ServoTorqueError::Incomplete),
         }
     }
 
@@ -123,7 +141,10 @@ mod tests {
             &parts,
         );
         for text in ["pid,kp=1,target=a", "pd,kp=x,target=a", "pd,kp=1", "pd,target=a", "pd,ki=1"] {
-            assert!(ServoTorque::parse(text).is_err_and(|e| e.contains(EXAMPLE)), "{text}");
+            assert!(
+                ServoTorque::parse(text).is_err_and(|e| e.to_string().contains(EXAMPLE)),
+                "{text}"
+            );
         }
     }
 }

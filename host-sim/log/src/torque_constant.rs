@@ -12,6 +12,11 @@ pub struct TorqueConstant {
     pub joint: JointKind,
 }
 
+/// A text is no torque constant. Displayed as what is expected instead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a positive torque of one ampere, such as {EXAMPLE} or 40N/A")]
+pub struct NoTorqueConstant;
+
 /// A torque constant as a user may write it, for messages.
 pub(super) const EXAMPLE: &str = "0.105Nm/A";
 
@@ -20,17 +25,16 @@ impl TorqueConstant {
     ///
     /// # Errors
     /// The expected text, as the end of a message.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let expected = || format!("a positive torque of one ampere, such as {EXAMPLE} or 40N/A");
+    pub fn parse(text: &str) -> Result<Self, NoTorqueConstant> {
         let torque = text.trim().strip_suffix(['A', 'a']).map(str::trim_end);
-        let torque = torque.and_then(|torque| torque.strip_suffix('/')).ok_or_else(expected)?;
+        let torque = torque.and_then(|torque| torque.strip_suffix('/')).ok_or(NoTorqueConstant)?;
         let kinds = [JointKind::Revolute, JointKind::Prismatic].into_iter();
         let mut parsed = kinds.filter_map(|joint| {
             let value = parse_value(Quantity::Torque.name(joint), torque).ok()?;
             Some(Self { value, joint })
         });
         let positive = |found: &Self| found.value.is_finite() && found.value > 0.0;
-        parsed.find(positive).ok_or_else(expected)
+        parsed.find(positive).ok_or(NoTorqueConstant)
     }
 }
 

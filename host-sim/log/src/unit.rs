@@ -14,10 +14,14 @@
 //! A unit in a column's own name (`speed_rpm`, `t (ms)`) is neither applied nor ignored. Without an explicit unit the
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
+mod register;
+
 use super::contract;
 use super::date::DateOrder;
 use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
+use register::Register;
+pub(super) use register::split_register;
 
 /// The dimension of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,51 +144,6 @@ pub(super) struct Conversion {
     offset: f64,
     date_order: Option<DateOrder>,
     register: Register,
-}
-
-/// How a register holds the sign of a number that the log holds without it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Register {
-    /// The log holds the sign.
-    Signed,
-    /// Two's complement, with the range of the register: `int16`.
-    Complement(f64),
-    /// The bit above the magnitude is the sign, with its value: `sign10`.
-    SignBit(f64),
-}
-
-impl Register {
-    /// Registers of two's complement, and their ranges.
-    const COMPLEMENTS: [(&str, f64); 3] =
-        [("int8", 256.0), ("int16", 65_536.0), ("int32", 4_294_967_296.0)];
-
-    /// Largest number of a sign bit.
-    const MAX_SIGN_BIT: u32 = 31;
-
-    /// Splits a unit into its register and the unit of one count: `int16 0.01Nm`, `sign10 0.111rpm`.
-    fn parse(symbol: &str) -> Option<(Self, &str)> {
-        let complement = Self::COMPLEMENTS
-            .iter()
-            .find_map(|(name, range)| Some((Self::Complement(*range), symbol.strip_prefix(name)?)));
-        let sign_bit = || {
-            let rest = symbol.strip_prefix("sign")?;
-            let end = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
-            let bit: u32 = rest[..end].parse().ok().filter(|bit| *bit <= Self::MAX_SIGN_BIT)?;
-            Some((Self::SignBit(2f64.powi(bit as i32)), &rest[end..]))
-        };
-        let (register, unit) = complement.or_else(sign_bit)?;
-        Some((register, unit.trim().trim_start_matches(['*', 'x']).trim()))
-    }
-
-    /// Returns a number of the register with its sign.
-    #[inline]
-    fn signed(self, value: f64) -> f64 {
-        match self {
-            Self::Complement(range) if value >= 0.5 * range => value - range,
-            Self::SignBit(sign) if value >= sign => sign - value,
-            _ => value,
-        }
-    }
 }
 
 impl Conversion {
@@ -334,13 +293,33 @@ fn leading_number(text: &str) -> Option<(f64, &str)> {
     is_number.then(|| (text[..longest].parse().unwrap_or(f64::NAN), text[longest..].trim_start()))
 }
 
+/// Why a text is no unit of a column, displayed as what is expected instead.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UnitError {
+    /// The column of this name has no unit.
+    #[error("no unit: {0} has none")]
+    OfText(String),
+    /// Counts without their number.
+    #[error("the counts of a turn before the unit, as 4096counts")]
+    CountsOfTurn,
+    /// A share of a rated torque that is not known.
+    #[error("{}, which 100 % stands for", Setting::RatedTorque.alone())]
+    RatedTorque,
+    /// The unit is none of these.
+    #[error("one of {}", .0.join(", "))]
+    Unknown(Vec<&'static str>),
+    /// The text does not begin with a number.
+    #[error("a number with a unit, such as 1.2Nm")]
+    NoValue,
+}
+
 /// Returns the conversion from `symbol`, with an optional minus before it, to the unit of a contract column.
 ///
 /// # Errors
 /// The expected units, as the end of a message.
-pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion, String> {
+pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion, UnitError> {
     let Some(dimension) = dimension(contract_name) else {
-        return Err(format!("no unit: {contract_name} has none"));
+        return Err(UnitError::OfText(contract_name.to_owned()));
     };
     let symbol = symbol.trim();
     let date_order = DateOrder::parse(symbol).filter(|_| dimension == Dimension::Time);
@@ -366,33 +345,24 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
         return Ok(Conversion { linear, sign, offset, ..Conversion::UNCHANGED });
     }
     if counts(bare, dimension).is_some() {
-        return Err("the counts of a turn before the unit, as 4096counts".into());
+        return Err(UnitError::CountsOfTurn);
     }
     if bare.ends_with('%') && dimension == Dimension::Torque {
-        return Err(format!("{}, which 100 % stands for", Setting::RatedTorque.alone()));
+        return Err(UnitError::RatedTorque);
     }
-    let known: Vec<&str> = units_of(dimension).map(|unit| unit.symbols[0]).collect();
-    Err(format!("one of {}", known.join(", ")))
+    Err(UnitError::Unknown(units_of(dimension).map(|unit| unit.symbols[0]).collect()))
 }
 
 /// Parses a value with its unit, such as `1.2Nm`, and returns it in the unit of a contract column.
 ///
 /// # Errors
 /// The expected units, as the end of a message.
-pub fn parse_value(contract_name: &str, text: &str) -> Result<f64, String> {
+pub fn parse_value(contract_name: &str, text: &str) -> Result<f64, UnitError> {
     let is_value = text.trim().trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
     if !is_value {
-        return Err("a number with a unit, such as 1.2Nm".into());
+        return Err(UnitError::NoValue);
     }
     Ok(conversion(contract_name, text)?.apply(1.0))
-}
-
-/// Splits a unit into the kind of a register, empty if there is none, and the unit of one count.
-pub(super) fn split_register(symbol: &str) -> (&str, &str) {
-    match Register::parse(symbol) {
-        Some((_, unit)) => symbol.split_at(symbol.len() - unit.len()),
-        None => ("", symbol),
-    }
 }
 
 /// Returns true if the symbol is a known unit. The text after a colon in a header's own name mostly is not.

@@ -100,7 +100,7 @@ const COLUMNS_HELP: &str = "help";
 /// Parses a torque with its unit, Nm.
 fn rated_torque_nm(text: &str) -> Result<f64, String> {
     let torque_nm = joint_log::parse_value("torque_nm", text)
-        .map_err(|e| format!("expected {}", text_in_options(&e)))?;
+        .map_err(|e| format!("expected {}", text_in_options(&e.to_string())))?;
     let is_torque = torque_nm.is_finite() && torque_nm > 0.0;
     is_torque.then_some(torque_nm).ok_or_else(|| "expected a positive torque".to_owned())
 }

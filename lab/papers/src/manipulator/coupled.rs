@@ -191,5 +191,5 @@ fn decimate_rows(data: &Dataset, stride: usize) -> Result<Dataset, String> {
         let thin = |column: &[f64]| column.iter().step_by(stride).copied().collect();
         (run.name.clone(), columns.into_iter().map(thin).collect::<Vec<Vec<f64>>>())
     });
-    Dataset::from_columns(&names, runs)
+    Dataset::from_columns(&names, runs).map_err(|error| error.to_string())
 }

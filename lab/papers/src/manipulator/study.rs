@@ -130,7 +130,7 @@ pub fn fit_torques(campaign: &Campaign, stride: usize) -> Result<Vec<Vec<TorqueS
                 let own = run.joints[joint].iter().take(3);
                 (index.to_string(), std::iter::once(&run.time_s).chain(own).map(thin).collect())
             });
-            let data = Dataset::from_columns(&names, runs)?;
+            let data = Dataset::from_columns(&names, runs).map_err(|error| error.to_string())?;
             let others: Vec<String> = (1..campaign.runs.len()).map(|i| i.to_string()).collect();
             let others: Vec<&str> = others.iter().map(String::as_str).collect();
             Joint::new(data, &others, &[])
