@@ -8,8 +8,11 @@ use friction_diagnose::DiagnosisOptions;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::spec::Spec;
 use friction_results::diagnosis;
+use friction_results::stochastic::StochasticExtension;
 use joint_log::SplitRule;
 use joint_log::work::report_stage;
+#[cfg(feature = "tune")]
+use joint_tuning::learn::Learnt;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -17,14 +20,16 @@ use std::path::PathBuf;
 #[pyclass(frozen, module = "friction._core")]
 pub struct Diagnosis {
     found: friction_diagnose::Diagnosis,
+    stochastic: StochasticExtension,
     input: Prepared,
 }
 
 #[cfg(feature = "tune")]
 impl Diagnosis {
     /// Creates the result of a diagnosis that a session has made.
-    pub fn new(found: friction_diagnose::Diagnosis, input: Prepared) -> Self {
-        Self { found, input }
+    pub fn of_session(learnt: Learnt) -> Self {
+        let Learnt { input, found, stochastic } = learnt;
+        Self { found, stochastic, input }
     }
 }
 
@@ -32,13 +37,14 @@ impl Diagnosis {
 impl Diagnosis {
     /// Returns the text of diagnosis.json.
     fn json(&self) -> PyResult<String> {
-        diagnosis::json_text(&self.found, &self.input).map_err(unserialised)
+        diagnosis::json_text(&self.found, &self.stochastic, &self.input).map_err(unserialised)
     }
 
     /// Returns the text of report.html.
     #[pyo3(signature = (threads=0))]
     fn html(&self, py: Python<'_>, threads: usize) -> PyResult<String> {
-        compute(py, threads, None, || Ok(diagnosis::page_text(&self.found, &self.input)))
+        let page = || diagnosis::page_text(&self.found, &self.stochastic, &self.input);
+        compute(py, threads, None, || Ok(page()))
     }
 
     /// Returns the first screen of the report as an HTML fragment without scripts.
@@ -49,7 +55,10 @@ impl Diagnosis {
     /// Writes all result files into a folder, each completely or not at all.
     #[pyo3(signature = (folder, threads=0))]
     fn write(&self, py: Python<'_>, folder: PathBuf, threads: usize) -> PyResult<()> {
-        let files = || diagnosis::files(&self.found, &self.input).map_err(|e| e.to_string().into());
+        let files = || {
+            let files = diagnosis::files(&self.found, &self.stochastic, &self.input);
+            files.map_err(|e| e.to_string().into())
+        };
         Ok(compute(py, threads, None, files)?.write(&folder)?)
     }
 
@@ -102,6 +111,7 @@ pub fn diagnose(
             DiagnosisOptions { model, given, as_logged: log.as_logged.clone(), ..input.question() };
         let found =
             friction_diagnose::diagnose(&input.data, &input.split, &question, &report_stage)?;
-        Ok::<_, Error>(Diagnosis { found, input })
+        let stochastic = StochasticExtension::new(&found, question.seed, &report_stage);
+        Ok::<_, Error>(Diagnosis { found, stochastic, input })
     })
 }

@@ -291,7 +291,7 @@ pub fn tune(
     }
     let (mut session, files) =
         outcome.map_err(|error| refused(py, &in_keywords(&error.to_string())))?;
-    let diagnosis = session.learnt.take().map(|learnt| Diagnosis::new(learnt.found, learnt.input));
+    let diagnosis = session.learnt.take().map(Diagnosis::of_session);
     Ok(Tuning {
         files,
         runs: joint_tuning::results::runs(&session),

@@ -4,6 +4,7 @@ use friction_diagnose::diagnose;
 use friction_diagnose::prepare::{Error, PrepareOptions, Source, prepare};
 use friction_diagnose::summary::summary;
 use friction_results::diagnosis::{json_text, page_text, parameter_text};
+use friction_results::stochastic::StochasticExtension;
 use joint_log::setting::{Message, Reference, Setting};
 use joint_log::{FileContent, ReadOptions, SplitRule};
 use serde_json::json;
@@ -50,6 +51,7 @@ pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, St
     let input = prepare(&Source::Contents(request.files), &options).map_err(worded)?;
     let found = diagnose(&input.data, &input.split, &input.question(), stage)
         .map_err(|error| worded(error.into()))?;
+    let stochastic = StochasticExtension::new(&found, input.seed, stage);
     stage("writing the report");
     let problems = found.log_findings.iter();
     let problems = problems.map(|found| format!("{}: {}", found.kind.name(), found.in_words));
@@ -57,9 +59,9 @@ pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, St
     let digest = json!({ "cause": found.cause(), "summary": summary(&found), "log": log });
     Ok(Answer {
         digest: digest.to_string(),
-        document: json_text(&found, &input)?,
+        document: json_text(&found, &stochastic, &input)?,
         parameters: parameter_text(&found, &input),
-        report: page_text(&found, &input),
+        report: page_text(&found, &stochastic, &input),
     })
 }
 

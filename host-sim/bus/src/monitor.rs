@@ -1,20 +1,18 @@
 //! A live view of a joint, for continuous display beside a test stand.
 //!
 //! ```text
-//! bus ─ frames, times ─► [joint_view] ─► View ─► [plain] or [paged] on a terminal, or a line of JSON a second
+//! bus ─ frames, times ─► [joint_view] ─► View ─► a view on a terminal, or a line of JSON a second
 //!  ▲                          ▲
 //!  └────── [sdo_poller] ──────┘   state, faults, residual watch: read twice a second from a joint that answers
 //! ```
 //!
 //! [`joint_view`] and [`sdo_poller`] are pure: frames and times in, data out. This module connects them to a [`Bus`]. It
 //! never waits for an answer, so a view stays responsive if the joint is silent. A closed bus is reopened as soon as it
-//! is available. The view `paged` needs the feature `monitor`.
+//! is available. [`plain`] is a view on a terminal; the package `joint-monitor` has another, with charts and keys.
 
-mod connection;
+pub mod connection;
 pub mod joint_view;
 pub mod missing_frame;
-#[cfg(feature = "monitor")]
-pub mod paged;
 pub mod plain;
 pub mod quantity;
 pub mod rates;
@@ -30,8 +28,8 @@ use compensator_core::can::NodeId;
 use joint_trace::CanFrame;
 use joint_view::JointView;
 use quantity::Quantity;
-use sdo_poller::SdoPoller;
-use view_data::{EventKind, Lens};
+use sdo_poller::{Request, SdoPoller};
+use view_data::{EventKind, Lens, View};
 
 /// Duration of receiving frames before keys are read, ns.
 const RECEIVE_STEP_NS: u64 = 20_000_000;
@@ -120,7 +118,29 @@ impl Session {
         }
     }
 
-    fn elapsed_s(&self) -> f64 {
+    /// Returns true if the session sends nothing.
+    pub const fn only_listens(&self) -> bool {
+        self.sdo_poller.only_listens()
+    }
+
+    /// Returns the joint as it is shown at the last step.
+    pub fn view(&self, lens: &Lens) -> View {
+        self.joint.view(self.now_ns, lens)
+    }
+
+    /// Resets the minimum and maximum of each value.
+    pub fn reset_ranges(&mut self) {
+        self.joint.reset_ranges();
+    }
+
+    /// Sends a request of the user to the joint at the next step.
+    pub fn request(&mut self, request: Request) {
+        self.joint.requested(request, self.now_ns);
+        self.sdo_poller.request(request);
+    }
+
+    /// Returns the elapsed bus time, s.
+    pub fn elapsed_s(&self) -> f64 {
         self.now_ns.saturating_sub(self.start_ns) as f64 * 1e-9
     }
 }

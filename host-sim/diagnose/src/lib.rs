@@ -112,12 +112,11 @@ use friction_fit::clock::Instant;
 use friction_fit::predict::predict;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::statistics::autocorrelation_time;
-use friction_fit::{Loss, Outcome, Predicted, State};
+use friction_fit::{Loss, Outcome, Predicted};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{Dataset, Split};
 use left_out::LeftOut;
 use rigid_body_hint::RigidBodyHint;
-use stochastic_extension::Certificate;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
 use two_positions::TwoPositions;
 
@@ -179,8 +178,6 @@ pub struct Diagnosis {
     pub by_column: Vec<(String, Vec<Share>)>,
     /// The causes of the contest with their probabilities: those of the best hypothesis first.
     pub candidates: Vec<WeighedCause>,
-    /// The paper's stochastic extension before and after, and where its verdict and this one part.
-    pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
     pub auxiliary: Option<String>,
     /// What was left out of the fits that were judged there, where nothing is set apart.
@@ -246,17 +243,6 @@ impl Diagnosis {
     }
 }
 
-/// The paper's method beside ours.
-#[derive(Clone, Debug)]
-pub struct Certificates {
-    /// Of the base model.
-    pub before: Certificate,
-    /// Of the extended one.
-    pub after: Certificate,
-    /// Where the verdicts part, and why.
-    pub reading: String,
-}
-
 /// Ratio of the error to the noise floor above which the residual has structure, whatever its autocorrelation time: the
 /// autocorrelation of an oscillation cancels half a period later.
 const STRUCTURE_FLOOR_RATIO: f64 = 1.5;
@@ -306,10 +292,6 @@ pub fn diagnose(
     limit_probabilities(&mut findings, &log_findings, &after, answer.corrected);
     progress("fitting a flexible model");
     let ceiling = ceiling_of(&log, answer.left_out, &after, &extended);
-    progress("certifying");
-    let models = Models { baseline, extended };
-    let certificates = certificates(&log, &models, &findings, question.seed);
-    let Models { baseline, extended } = models;
     let (tracks, resolution) = (&log.test_tracks, baseline.resolution);
     let at = sensitivities::sensitivities(&baseline.parameters, &[], tracks, resolution);
     Ok(Diagnosis {
@@ -321,7 +303,6 @@ pub fn diagnose(
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
         candidates: answer.weighed,
-        certificates,
         auxiliary: answer.auxiliary,
         left_out: answer.left_out,
         log,
@@ -359,12 +340,6 @@ fn most_of_causes(findings: &[Finding]) -> f64 {
     findings.iter().map(|finding| finding.gain.value).fold(0.0, f64::max)
 }
 
-/// Base and extended model, fitted to the whole log and evaluated on held-out rows.
-struct Models {
-    baseline: Outcome,
-    extended: Outcome,
-}
-
 /// Returns what a flexible model leaves of the extended model's error.
 fn ceiling_of(
     log: &TrainTest,
@@ -393,30 +368,6 @@ fn floors(log: &TrainTest, after: &Predicted) -> Floors {
 fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<Item = Finding> {
     let all = cause::ALL.iter().copied();
     all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
-}
-
-/// The paper's certificates of both models on the training runs.
-fn certificates(
-    log: &TrainTest,
-    Models { baseline, extended }: &Models,
-    findings: &[Finding],
-    seed: u64,
-) -> Certificates {
-    let settings =
-        stochastic_extension::Settings { seed, joint: log.train.joint, ..Default::default() };
-    let certify = |outcome: &Outcome| {
-        let fitted = outcome.estimates.iter().filter(|e| e.std_error.is_some());
-        let free: Vec<ParameterId> = fitted.map(|e| e.id).collect();
-        stochastic_extension::certify(&outcome.parameters, &free, &log.train_tracks, &settings)
-    };
-    let before = certify(baseline);
-    let after = if extended.spec == baseline.spec { before.clone() } else { certify(extended) };
-    let loose = baseline.estimates.iter().filter(|e| e.state != State::Determined);
-    let loose: Vec<ParameterId> = loose.map(|e| e.id).collect();
-    let causes: Vec<(&str, &[ParameterId])> =
-        findings.iter().map(|finding| (finding.cause.name(), finding.cause.acts_on())).collect();
-    let reading = stochastic_extension::reading(&before, &loose, &causes);
-    Certificates { before, after, reading }
 }
 
 /// Returns the autocorrelation time of the residual in rows if it is more than noise, else 0.

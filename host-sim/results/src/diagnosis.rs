@@ -15,6 +15,7 @@ use crate::loop_cost::late_loop_warning;
 #[cfg(feature = "pages")]
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
+use crate::stochastic::StochasticExtension;
 use friction_diagnose::ceiling;
 use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_diagnose::finding::Finding;
@@ -197,17 +198,22 @@ fn log_finding(finding: &LogFinding, found: &Diagnosis) -> Value {
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON, or the core rejects the extended model.
-pub fn json_text(found: &Diagnosis, input: &Prepared) -> Result<String, String> {
+pub fn json_text(
+    found: &Diagnosis,
+    stochastic: &StochasticExtension,
+    input: &Prepared,
+) -> Result<String, String> {
     let predicted = PredictedLog::of_text(&parameter_text(found, input), &input.data)?;
-    document_text(found, input, &predicted)
+    document_text(found, stochastic, input, &predicted)
 }
 
 fn document_text(
     found: &Diagnosis,
+    stochastic: &StochasticExtension,
     input: &Prepared,
     predicted: &PredictedLog,
 ) -> Result<String, String> {
-    let mut document = document(found, &input.data, &input.split, &input.hashes);
+    let mut document = document(found, stochastic, &input.data, &input.split, &input.hashes);
     document.set_prediction(predicted.summary.clone());
     pretty(&document)
 }
@@ -255,26 +261,35 @@ pub fn transferable_model(found: &Diagnosis) -> Outcome {
 
 /// Returns the page of a diagnosis, for another page that contains it.
 #[cfg(feature = "pages")]
-pub fn page(found: &Diagnosis, input: &Prepared) -> crate::report::Page {
-    diagnosis_page::page(&report(found, input))
+pub fn page(
+    found: &Diagnosis,
+    stochastic: &StochasticExtension,
+    input: &Prepared,
+) -> crate::report::Page {
+    diagnosis_page::page(&report(found, Some(stochastic), input))
 }
 
 /// Returns `report.html`.
 #[cfg(feature = "pages")]
-pub fn page_text(found: &Diagnosis, input: &Prepared) -> String {
-    page(found, input).render()
+pub fn page_text(found: &Diagnosis, stochastic: &StochasticExtension, input: &Prepared) -> String {
+    page(found, stochastic, input).render()
 }
 
 /// Returns the first screen of `report.html` as an HTML fragment, for a notebook.
 #[cfg(feature = "pages")]
 pub fn first_screen(found: &Diagnosis, input: &Prepared) -> String {
-    diagnosis_page::first_screen(&report(found, input))
+    diagnosis_page::first_screen(&report(found, None, input))
 }
 
 #[cfg(feature = "pages")]
-fn report<'a>(found: &'a Diagnosis, input: &'a Prepared) -> DiagnosisReport<'a> {
+fn report<'a>(
+    found: &'a Diagnosis,
+    stochastic: Option<&'a StochasticExtension>,
+    input: &'a Prepared,
+) -> DiagnosisReport<'a> {
     DiagnosisReport {
         found,
+        stochastic,
         data: &input.data,
         split: &input.split,
         hashes: &input.hashes,
@@ -289,12 +304,16 @@ fn report<'a>(found: &'a Diagnosis, input: &'a Prepared) -> DiagnosisReport<'a> 
 /// # Errors
 /// See [`json_text`].
 #[cfg(feature = "pages")]
-pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
-    let html = page_text(found, input);
+pub fn files(
+    found: &Diagnosis,
+    stochastic: &StochasticExtension,
+    input: &Prepared,
+) -> Result<Files, String> {
+    let html = page_text(found, stochastic, input);
     let toml = parameter_text(found, input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
     let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
-    let document = ("diagnosis.json", document_text(found, input, &predicted)?);
+    let document = ("diagnosis.json", document_text(found, stochastic, input, &predicted)?);
     let mut files = Files { document, others };
     predicted.add_rows(&input.data, &mut files)?;
     Ok(files)
@@ -306,17 +325,28 @@ pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
 /// # Errors
 /// See [`json_text`].
 #[cfg(feature = "pages")]
-pub fn short_files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
-    let html = diagnosis_page::short_page(&report(found, input)).render();
+pub fn short_files(
+    found: &Diagnosis,
+    stochastic: &StochasticExtension,
+    input: &Prepared,
+) -> Result<Files, String> {
+    let html = diagnosis_page::short_page(&report(found, None, input)).render();
     let toml = parameter_text(found, input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?.without_rows();
     let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
-    Ok(Files { document: ("diagnosis.json", document_text(found, input, &predicted)?), others })
+    Ok(Files {
+        document: ("diagnosis.json", document_text(found, stochastic, input, &predicted)?),
+        others,
+    })
 }
+
+/// Key of the stochastic extension, which is absent without its feature.
+const EXTENSION: &str = "stochastic_extension";
 
 /// Returns the document of a diagnosis. `hashes` are those of the files, in order.
 pub fn document(
     found: &Diagnosis,
+    stochastic: &StochasticExtension,
     data: &Dataset,
     split: &Split,
     hashes: &[String],
@@ -333,7 +363,7 @@ pub fn document(
     if let Some(auxiliary) = &found.auxiliary {
         extended.insert("auxiliary".into(), json!(auxiliary));
     }
-    DiagnosisDocument(json!({
+    let mut document = json!({
         "schema": 1,
         "data": about,
         "log": found.log_findings.iter().map(|own| log_finding(own, found)).collect::<Vec<_>>(),
@@ -354,11 +384,7 @@ pub fn document(
             "std_error": finite(found.ceiling.std_error),
             "method": ceiling::METHOD,
         },
-        "stochastic_extension": {
-            "before": found.certificates.before.json(),
-            "after": found.certificates.after.json(),
-            "reading": found.certificates.reading,
-        },
+        (EXTENSION): stochastic.json(),
         "next_experiment": summary::next_experiment(found),
         "story": summary::summary(found),
         "residual": {
@@ -374,5 +400,11 @@ pub fn document(
         "decisions": found.candidates.iter().filter_map(decision).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
-    }))
+    });
+    if document[EXTENSION].is_null()
+        && let Some(keys) = document.as_object_mut()
+    {
+        keys.shift_remove(EXTENSION);
+    }
+    DiagnosisDocument(document)
 }

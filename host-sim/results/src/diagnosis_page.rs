@@ -20,20 +20,24 @@ mod lead;
 mod log;
 mod over_time;
 mod rows;
+#[cfg(feature = "stochastic")]
 mod stochastic;
 mod tables;
 mod words;
 
+#[cfg(feature = "stochastic")]
 pub use stochastic::stochastic_section;
 
 use super::page::{self as shared, FitReport, View};
 use super::ranking::{RankedCandidate, left_out_in_words, ranking};
 use crate::report::{Block, Page};
+use crate::stochastic::StochasticExtension;
 use friction_diagnose::{Diagnosis, summary};
 use friction_fit::predict::{Predicted, predict};
 use friction_fit::statistics::autocorrelation_time;
 use joint_log::{Dataset, Split};
 use rows::Rows;
+#[cfg(feature = "stochastic")]
 use serde_json::Value;
 
 /// Maximum number of candidates in the chart.
@@ -46,6 +50,8 @@ const MAX_TABLE_CANDIDATES: usize = 12;
 pub struct DiagnosisReport<'a> {
     /// The diagnosis.
     pub found: &'a Diagnosis,
+    /// Its stochastic extension, for the page that is not short.
+    pub stochastic: Option<&'a StochasticExtension>,
     /// All runs.
     pub data: &'a Dataset,
     /// Training and test parts.
@@ -180,7 +186,7 @@ fn page_of(scene: &Scene, is_short: bool) -> Page {
         if is_short { vec![Block::paragraph(words::SHORT)] } else { left_over(scene) },
         if is_short { Vec::new() } else { where_in_motion(scene) },
         parameters(scene),
-        if is_short { Vec::new() } else { stochastic(scene) },
+        stochastic(scene),
         shared::methods(&scene.view, words::methods(scene)),
         shared::data(&scene.view, words::sources(scene)),
     ];
@@ -306,8 +312,16 @@ fn parameters(scene: &Scene) -> Vec<Block> {
     blocks
 }
 
+#[cfg(feature = "stochastic")]
 fn stochastic(scene: &Scene) -> Vec<Block> {
-    let made = &scene.about.found.certificates;
-    let after = if scene.is_extended() { made.after.json() } else { Value::Null };
-    stochastic_section(&made.before.json(), &after, Some(&made.reading))
+    let Some(StochasticExtension { certificates }) = scene.about.stochastic else {
+        return Vec::new();
+    };
+    let after = if scene.is_extended() { certificates.after.json() } else { Value::Null };
+    stochastic_section(&certificates.before.json(), &after, Some(&certificates.reading))
+}
+
+#[cfg(not(feature = "stochastic"))]
+fn stochastic(_: &Scene) -> Vec<Block> {
+    Vec::new()
 }

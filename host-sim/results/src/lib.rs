@@ -9,6 +9,7 @@
 //! - [`ranking`]: the candidates of a diagnosis and why they were rejected.
 //! - `page` and `diagnosis_page`: the HTML pages, built from the blocks of `report`.
 //! - `scope`: captures of a joint's current loop. [`tune`]: the session that tunes a joint.
+//! - [`stochastic`]: the stochastic extension, with the feature of this name.
 //! - `rows`: every row of a log with the prediction of a model, as Parquet or CSV.
 //! - [`write_atomically`]: writes a file completely or not at all.
 
@@ -46,6 +47,7 @@ pub mod scope;
 #[cfg(all(test, feature = "fleet"))]
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
+pub mod stochastic;
 #[cfg(feature = "rows")]
 pub mod table_file;
 pub mod tune;

@@ -21,6 +21,7 @@ use friction_fit::measurement::Measurement;
 use friction_fit::params;
 use friction_results::diagnosis;
 use friction_results::diagnosis_page::{self, DiagnosisReport};
+use friction_results::stochastic::StochasticExtension;
 use joint_bus::replay::{Plan, ReplaySetup, Tally, in_process};
 use joint_log::number::figure;
 use joint_log::work;
@@ -96,8 +97,12 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         data.runs.len()
     ))?;
     let question = DiagnosisOptions { seed, ..DiagnosisOptions::default() };
-    let diagnosis = || Ok::<_, Error>(diagnose(&data, &parts, &question, &work::report_stage)?);
-    let found = in_stages(0, diagnosis).map_err(in_options)?;
+    let diagnosis = || {
+        let found = diagnose(&data, &parts, &question, &work::report_stage)?;
+        let stochastic = StochasticExtension::new(&found, seed, &work::report_stage);
+        Ok::<_, Error>((found, stochastic))
+    };
+    let (found, stochastic) = in_stages(0, diagnosis).map_err(in_options)?;
     printer.step(&format!(
         "Fitted {} and evaluated {} candidate causes{}.",
         found.baseline.spec,
@@ -106,7 +111,8 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     ))?;
 
     let bar = spinner("writing the report".into());
-    let document = diagnosis::document(&found, &data, &parts, std::slice::from_ref(&hash));
+    let hashes = std::slice::from_ref(&hash);
+    let document = diagnosis::document(&found, &stochastic, &data, &parts, hashes);
     let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
     let toml = diagnosis::handed_over_text(&found, |model, auxiliary, measurement| {
         let mut text = params::emit(model, &data, auxiliary);
@@ -115,9 +121,10 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     });
     let about = DiagnosisReport {
         found: &found,
+        stochastic: Some(&stochastic),
         data: &data,
         split: &parts,
-        hashes: std::slice::from_ref(&hash),
+        hashes,
         columns: &[],
         skip: 0,
         seed,

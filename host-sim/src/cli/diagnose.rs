@@ -15,6 +15,7 @@ use friction_fit::params::ParameterFile;
 use friction_fit::spec::Spec;
 use friction_results::diagnosis;
 use friction_results::loop_cost::late_loop_warning;
+use friction_results::stochastic::StochasticExtension;
 use joint_log::SplitRule;
 use joint_log::log_check::LogFinding;
 use joint_log::work;
@@ -75,8 +76,9 @@ fn diagnose_joint(
         ..input.question()
     };
     let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;
+    let stochastic = StochasticExtension::new(&found, input.seed, &work::report_stage);
     work::report_stage("writing the report");
-    let files = diagnosis::files(&found, input)?;
+    let files = diagnosis::files(&found, &stochastic, input)?;
     let mut text = String::new();
     // The others were reported when the log was read.
     let is_new = |finding: &&LogFinding| !input.log_findings.contains(finding);

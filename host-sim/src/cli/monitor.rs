@@ -7,11 +7,11 @@
 use super::bus::BusArguments;
 use crate::demo_joint;
 use joint_bus::bus::{Bus, BusName, Hub};
-#[cfg(feature = "monitor")]
-use joint_bus::monitor::paged::{run_screen, screen};
 use joint_bus::monitor::plain::{Terminal, run_plain};
 use joint_bus::monitor::rows::Setting;
 use joint_bus::monitor::{Session, run_lines};
+#[cfg(feature = "monitor")]
+use joint_monitor::{run_screen, screen};
 use rustix::termios::tcgetwinsize;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};

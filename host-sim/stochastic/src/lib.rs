@@ -9,6 +9,7 @@
 //!      -> largest permitted spreads, alone and together (eq. 5)                search, study
 //!      -> CV = sigma / |mean|, per parameter and class (eq. 8)                 certificate
 //!      -> verdict of the paper's rule, as printed and calibrated               verdict, calibrate
+//!      -> both models of a diagnosis, and how the verdicts differ              comparison
 //! ```
 //!
 //! The logarithms of the parameters vary, because variances in Nm and in Nm/rad cannot be added in a trace. Every simulation
@@ -26,6 +27,7 @@ mod snapshot;
 pub mod calibrate;
 pub mod certificate;
 pub mod classes;
+mod comparison;
 pub mod draw;
 pub mod ensemble;
 pub mod levels;
@@ -38,6 +40,7 @@ pub mod verdict;
 
 pub use calibrate::{Calibrated, calibrated_verdict, certify_calibrated};
 pub use certificate::{Certificate, ExcludedParameter, MAX_CV};
+pub use comparison::ModelCertificates;
 pub use levels::{Campaign, Counts, Levels};
 pub use settings::{Form, Settings};
 pub use verdict::reading;

@@ -312,7 +312,7 @@ fn assert_ends_without_terminal(arguments: &[&str]) {
 #[cfg(feature = "monitor")]
 #[ignore = "takes the terminal and panics"]
 fn panics_on_its_terminal() {
-    let _ = joint_bus::monitor::paged::screen::with_terminal::<()>(|terminal| {
+    let _ = joint_monitor::screen::with_terminal::<()>(|terminal| {
         terminal.draw(|frame| frame.render_widget("drawn", frame.area())).expect("drawn");
         panic!("intended panic");
     });

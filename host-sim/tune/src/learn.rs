@@ -9,6 +9,7 @@ use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_fit::predict::predict;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Outcome, Rows, identify_robustly};
+use friction_results::stochastic::StochasticExtension;
 use joint_log::SplitRule;
 use joint_log::log_check::LogFindingKind;
 
@@ -19,6 +20,8 @@ pub struct Learnt {
     pub input: Prepared,
     /// The diagnosis.
     pub found: Diagnosis,
+    /// Its stochastic extension.
+    pub stochastic: StochasticExtension,
 }
 
 /// Diagnoses recordings. The torque is that of the motor, so inertia is a part of the base model.
@@ -37,7 +40,8 @@ pub fn learn(recordings: &[Recording], seed: u64) -> Result<Learnt, Error> {
     let as_logged = vec![LogFindingKind::TorqueLag, LogFindingKind::ChannelLag];
     let question = DiagnosisOptions { seed, as_logged, ..input.question() };
     let found = diagnose(&input.data, &input.split, &question, &|_| {})?;
-    Ok(Learnt { input, found })
+    let stochastic = StochasticExtension::new(&found, seed, &|_| {});
+    Ok(Learnt { input, found, stochastic })
 }
 
 /// Terms that act on the bristles.

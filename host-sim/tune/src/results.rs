@@ -19,9 +19,9 @@ pub fn files(session: &Session) -> Result<Files, String> {
     texts.push(("params.toml", emit(saved.unwrap_or(&session.before.set))));
     let mut page = None;
     if let Some(learnt) = &session.learnt {
-        let text = diagnosis::json_text(&learnt.found, &learnt.input)?;
+        let text = diagnosis::json_text(&learnt.found, &learnt.stochastic, &learnt.input)?;
         texts.push(("diagnosis.json", text));
-        page = Some(diagnosis::page(&learnt.found, &learnt.input));
+        page = Some(diagnosis::page(&learnt.found, &learnt.stochastic, &learnt.input));
     }
     session.report.files(&runs(session), page, texts)
 }

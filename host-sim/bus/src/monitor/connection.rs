@@ -13,7 +13,7 @@ const REOPEN_PERIOD: Duration = Duration::from_secs(2);
 pub type Opened = Result<Box<dyn Bus>, String>;
 
 /// The bus of a screen, which is reopened after it was closed.
-pub(super) struct Connection {
+pub struct Connection {
     bus: Option<Box<dyn Bus>>,
     /// Time of the last attempt to reopen the bus.
     tried: Instant,
@@ -22,13 +22,25 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    pub(super) fn new(bus: Box<dyn Bus>, now_ns: u64) -> Self {
+    /// Connects the view of a session to its opened bus.
+    pub fn new(bus: Box<dyn Bus>, session: &Session) -> Self {
         let now = Instant::now();
-        Self { bus: Some(bus), tried: now, last_step: (now, now_ns) }
+        Self { bus: Some(bus), tried: now, last_step: (now, session.now_ns) }
     }
 
     /// Runs a step of the session on the bus, or tries to reopen the bus. Returns how long to wait for a key.
-    pub(super) fn step(
+    pub fn step(
+        &mut self,
+        session: &mut Session,
+        setting: &mut Setting,
+        open: &mut impl FnMut() -> Opened,
+    ) -> Duration {
+        let wait = self.advance(session, setting, open);
+        setting.asks_later = session.sdo_poller.is_held(session.now_ns);
+        wait
+    }
+
+    fn advance(
         &mut self,
         session: &mut Session,
         setting: &mut Setting,

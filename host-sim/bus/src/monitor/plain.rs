@@ -38,17 +38,16 @@ pub fn run_plain(
     mut open: impl FnMut() -> Opened,
     mut is_over: impl FnMut(f64) -> bool,
 ) -> Result<(), String> {
-    let listen = session.sdo_poller.only_listens();
-    let mut connection = Connection::new(bus, session.now_ns);
+    let listen = session.only_listens();
+    let mut connection = Connection::new(bus, session);
     let mut drawn: Option<(Instant, usize)> = None;
     while !is_over(session.elapsed_s()) {
         std::thread::sleep(connection.step(session, &mut setting, &mut open));
-        setting.asks_later = session.sdo_poller.is_held(session.now_ns);
         let rows_above = drawn.map_or(0, |(_, rows)| rows);
         if drawn.is_none_or(|(at, _)| at.elapsed() >= REDRAW_PERIOD) {
             let terminal = terminal();
             let lens = Lens { window_s: 1.0, columns: 0, events: LOG_LINES };
-            let view = session.joint.view(session.now_ns, &lens);
+            let view = session.view(&lens);
             let rows = screen(&view, listen, &setting, &terminal);
             let text = text(&rows, rows_above, &terminal);
             match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

@@ -76,8 +76,13 @@ pub(super) const PARAMETERS: &str = "Values are given with one standard error. O
      machine. A parameter that changes from before to after compensated for the missing cause in the base model.";
 
 /// Where the charts are that a short page leaves out.
-pub(super) const SHORT: &str = "This is the short page of a fleet. The command diagnose on the same log draws the remaining residual over every \
-     column, the error by state of motion and the stochastic extension too.";
+pub(super) const SHORT: &str = if cfg!(feature = "stochastic") {
+    "This is the short page of a fleet. The command diagnose on the same log draws the remaining residual over every \
+     column, the error by state of motion and the stochastic extension too."
+} else {
+    "This is the short page of a fleet. The command diagnose on the same log draws the remaining residual over every \
+     column and the error by state of motion too."
+};
 
 /// Returns the title of the page: the files and the causes.
 pub(super) fn title(scene: &Scene) -> String {

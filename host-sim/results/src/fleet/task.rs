@@ -6,6 +6,7 @@
 
 use super::statistics::Limit;
 use super::{Ageing, FleetJob, FleetRow, LEVELS, Level, SIGNED};
+use crate::stochastic::StochasticExtension;
 use crate::table_file::TableFormat;
 use crate::{diagnosis, write_atomically};
 use compensator_core::{LawKind, ParameterId};
@@ -169,7 +170,8 @@ fn one_joint(
     row.seconds = Some(begin.elapsed().as_secs_f64());
     row.report = format!("{folder}/report.html");
     let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
-    let mut files = diagnosis::short_files(&found, &input)?;
+    let stochastic = StochasticExtension::new(&found, input.seed, &|_| work::checkpoint());
+    let mut files = diagnosis::short_files(&found, &stochastic, &input)?;
     files.others.push((ROW_FILE, stored.map_err(|error| error.to_string())?));
     let temporary = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&options.out);
     let place = options.out.join(&folder);

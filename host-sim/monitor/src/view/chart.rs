@@ -1,9 +1,9 @@
 //! Rolling charts: one line of numbers each, and a chart below it if there is room.
 
 use super::{DIM, style};
-use crate::monitor::quantity::Quantity;
-use crate::monitor::rows::{self, Mark, short};
-use crate::monitor::view_data::{Reading, View};
+use joint_bus::monitor::quantity::Quantity;
+use joint_bus::monitor::rows::{self, Mark, short};
+use joint_bus::monitor::view_data::{Reading, View};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};

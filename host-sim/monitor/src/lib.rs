@@ -1,15 +1,35 @@
-//! The paged view: charts, log and keys on the terminal's alternate screen.
+//! The paged view of a joint: charts, log and keys on the terminal's alternate screen.
+//!
+//! ```text
+//! keyboard ─ keys ─► controls ─ actions ─► joint_bus::monitor::Session ─ View ─► view ─► terminal
+//! ```
+//!
+//! [`joint_bus::monitor`] receives the frames and keeps the state of the joint. Its plain view needs no library for terminals;
+//! this one draws with ratatui.
 
 mod controls;
 pub mod screen;
 mod view;
 
-use super::Session;
-use super::connection::{Connection, Opened};
-use super::rows::Setting;
-use super::view_data::Lens;
-use crate::bus::Bus;
+#[cfg(test)]
+#[path = "../../../tests/snapshot.rs"]
+mod snapshot;
+/// The joint of the tests of the plain view.
+#[cfg(test)]
+#[path = "../../bus/src/monitor/test_joint.rs"]
+mod test_joint;
+
 use controls::{Action, Controls};
+use joint_bus::bus::Bus;
+use joint_bus::monitor::Session;
+use joint_bus::monitor::connection::{Connection, Opened};
+use joint_bus::monitor::rows::Setting;
+use joint_bus::monitor::view_data::Lens;
+#[cfg(test)]
+use joint_bus::{
+    bus,
+    monitor::{joint_view, rows, view_data},
+};
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event as Input};
 use screen::Keyboard;
@@ -35,13 +55,12 @@ pub fn run_screen(
     mut open: impl FnMut() -> Opened,
     mut is_over: impl FnMut(f64) -> bool,
 ) -> Result<(), String> {
-    let mut controls = Controls::new(session.sdo_poller.only_listens());
-    let mut connection = Connection::new(bus, session.now_ns);
+    let mut controls = Controls::new(session.only_listens());
+    let mut connection = Connection::new(bus, session);
     let mut drawn: Option<Instant> = None;
     let keyboard = Keyboard::open();
     while !is_over(session.elapsed_s()) {
         let wait = connection.step(session, &mut setting, &mut open);
-        setting.asks_later = session.sdo_poller.is_held(session.now_ns);
         // Reading keys from a closed terminal would never return.
         if keyboard.has_gone_within(wait) {
             return Ok(());
@@ -55,10 +74,10 @@ pub fn run_screen(
             if action == Some(Action::Quit) {
                 return Ok(());
             }
-            session.execute(action, &mut controls);
+            execute(session, action, &mut controls);
         }
         if pressed || drawn.is_none_or(|at| at.elapsed() >= REDRAW_PERIOD) {
-            let view = session.joint.view(session.now_ns, &lens(&controls));
+            let view = session.view(&lens(&controls));
             controls.scroll = controls.scroll.min(view.events.len().saturating_sub(1));
             let draw = |frame: &mut ratatui::Frame| view::draw(frame, &view, &controls, &setting);
             if let Err(error) = terminal.draw(draw) {
@@ -72,23 +91,18 @@ pub fn run_screen(
     Ok(())
 }
 
-impl Session {
-    /// Executes the action of a key, except [`Action::Quit`].
-    fn execute(&mut self, action: Option<Action>, controls: &mut Controls) {
-        match action {
-            Some(Action::Pause) => {
-                controls.held = match controls.held.take() {
-                    None => Some(self.joint.view(self.now_ns, &lens(controls))),
-                    Some(_) => None,
-                };
-            }
-            Some(Action::ResetRanges) => self.joint.reset_ranges(),
-            Some(Action::Request(request)) => {
-                self.joint.requested(request, self.now_ns);
-                self.sdo_poller.request(request);
-            }
-            Some(Action::Quit | Action::Redraw) | None => {}
+/// Executes the action of a key, except [`Action::Quit`].
+fn execute(session: &mut Session, action: Option<Action>, controls: &mut Controls) {
+    match action {
+        Some(Action::Pause) => {
+            controls.held = match controls.held.take() {
+                None => Some(session.view(&lens(controls))),
+                Some(_) => None,
+            };
         }
+        Some(Action::ResetRanges) => session.reset_ranges(),
+        Some(Action::Request(request)) => session.request(request),
+        Some(Action::Quit | Action::Redraw) | None => {}
     }
 }
 

@@ -13,8 +13,8 @@
 mod chart;
 
 use super::controls::Controls;
-use crate::monitor::rows::{self, Mark, Row, Setting, age, part};
-use crate::monitor::view_data::View;
+use joint_bus::monitor::rows::{self, Mark, Row, Setting, age, part};
+use joint_bus::monitor::view_data::View;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};

@@ -1,12 +1,12 @@
 use super::*;
 mod picture;
 
-use crate::monitor::joint_view::JointView;
-use crate::monitor::sdo_poller::SdoReply;
-use crate::monitor::test_joint::{MS, assert_shows, check_screen, model, receive, seen, setting};
+use crate::test_joint::{MS, assert_shows, check_screen, model, receive, seen, setting};
 use compensator_core::can::{Frame as JointFrame, NodeId};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::NetworkObject;
+use joint_bus::monitor::joint_view::JointView;
+use joint_bus::monitor::sdo_poller::SdoReply;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;

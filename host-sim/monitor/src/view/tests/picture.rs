@@ -1,7 +1,7 @@
 //! The picture of the monitor in the book: the screen of the joint of these tests, as SVG.
 //!
 //! Drawn by the code that draws the terminal, and compared with the file in git, so the picture cannot show what the
-//! program does not. `UPDATE_TABLES=1 cargo test -p joint-bus picture` writes it anew.
+//! program does not. `UPDATE_TABLES=1 cargo test -p joint-monitor picture` writes it anew.
 
 use super::*;
 use ratatui::buffer::Cell;

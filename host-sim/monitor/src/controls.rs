@@ -1,7 +1,7 @@
 //! The keys of the monitor. The functions are pure, so that tests can call them.
 
-use crate::monitor::sdo_poller::Request;
-use crate::monitor::view_data::View;
+use joint_bus::monitor::sdo_poller::Request;
+use joint_bus::monitor::view_data::View;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 /// Durations of the charts, s.
