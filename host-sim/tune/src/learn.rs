@@ -6,9 +6,8 @@ use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use firmware::parameter_set::ParameterSet;
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, prepare};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
-use friction_fit::predict::predict;
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Outcome, Rows, identify_robustly};
+use friction_fit::{FitOptions, Outcome, Rows, identify_robustly, predict};
 use joint_log::SplitRule;
 use joint_log::log_check::LogFindingKind;
 
