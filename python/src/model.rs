@@ -6,14 +6,13 @@ use crate::log::Log;
 use crate::table::Table;
 use compensator_core::{ParameterId, Parameters};
 use friction_diagnose::prepare::{Error, Prepared};
-use friction_fit::dataset_tracks::tracks_with;
 use friction_fit::params::{self, ParameterFile};
-use friction_fit::prediction::adapted::{AdaptationOptions, predict_adapted};
 use friction_fit::prediction::{
-    LogPrediction, PredictionOptions, PredictionStart, log_tracks, predict_tracks,
+    AdaptationOptions, LogPrediction, PredictionOptions, PredictionStart, log_tracks,
+    predict_adapted, predict_tracks,
 };
 use friction_fit::spec::Spec;
-use friction_fit::{DriverForm, Outcome};
+use friction_fit::{DriverForm, Outcome, tracks_with};
 use friction_results::export::{ExportFormat, export};
 use joint_log::log_check::{Corrections, check};
 use joint_log::{Cells, Dataset, JointKind, Quantity, ReadOptions, read_tables};

@@ -10,12 +10,11 @@
 mod choice;
 mod corrected_rows;
 
-use super::contest::correction::Correction;
-use super::contest::ledger::CauseKey;
 use super::contest::{
-    Finalist, FinalistCause, LawStart, Outcome as ContestOutcome, RigidBody, Rows, contest,
+    CauseKey, Correction, DRAWS, Finalist, FinalistCause, LawStart, Outcome as ContestOutcome,
+    RigidBody, Rows, contest,
 };
-use super::evaluation::{Gain, gain};
+use super::evaluation::Gain;
 use super::extended::{Extended, Size};
 use super::finalist::{
     FittedFinalist, Realised, excerpt, fit_finalist, fitted, law_kind, law_parameters, resolved,
@@ -33,11 +32,8 @@ use super::two_positions::TwoPositions;
 use super::{DiagnosisOptions, uncertain_motion, unknown_zero};
 use compensator_core::{LawKind, TermKind};
 use corrected_rows::CorrectedRows;
-use friction_fit::metrics::Metrics;
-use friction_fit::predict::{Predicted, predict};
 use friction_fit::spec::{Spec, SpecError};
-use friction_fit::statistics::autocorrelation_time;
-use friction_fit::{Loss, Outcome};
+use friction_fit::{Loss, Metrics, Outcome, Predicted, autocorrelation_time, predict};
 use joint_log::Quantity;
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::number::figure;
@@ -161,7 +157,7 @@ pub fn answer(
     hand_over.linear_extends = hand_over.on_pc == HandedOver::Linear && !findings.is_empty();
     if let Some(linear) = hand_over.extending() {
         after = linear.held_out.clone();
-        gain = self::gain(&before, &after, options.seed);
+        gain = Gain::between(&before, &after, options.seed);
     }
     Ok(Answer {
         corrected: chosen.corrected.late,
@@ -237,7 +233,7 @@ impl CorrectedRows {
         }
         let model = model_of(&outcome, &finalist.model);
         let after = self.held_out(&model);
-        let gain = gain(before, &after, seed);
+        let gain = Gain::between(before, &after, seed);
         let realised = finalist.realised.clone();
         let offer = Offer { model, outcome, after, gain, realised };
         Ok((gain.value > 0.0 && gain.ci95[0] > 0.0).then_some(offer))
@@ -251,7 +247,6 @@ fn model_of(outcome: &Outcome, start: &FittedModel) -> FittedModel {
         parameters: outcome.parameters.clone(),
         free: free.map(|own| own.id).collect(),
         resolution: outcome.resolution,
-        sse: outcome.train.sse,
         ..start.clone()
     }
 }
@@ -484,7 +479,7 @@ fn findings(
             None => outside_model(own, outcome, &chosen.corrected.judged),
         };
         let figures = &own.figures;
-        finding.p_value = (1.0 - figures.inclusion).max(1.0 / super::contest::draws::DRAWS as f64);
+        finding.p_value = (1.0 - figures.inclusion).max(1.0 / DRAWS as f64);
         finding.stability = figures.inclusion;
         let is_sure = finding.p_value <= MAX_P_VALUE;
         finding.probability = if is_sure { own.probability } else { own.probability.min(UNSTABLE) };

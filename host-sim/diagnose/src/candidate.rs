@@ -6,10 +6,9 @@
 //! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
 //! there, has no candidate: nothing is invented.
 
-use super::sensitivities::{Exact, Sensitivities, TrackSensitivities};
+use super::sensitivities::{Exact, Sensitivities};
 use super::train_test::{FollowedColumn, TrainTest};
 use compensator_core::{ParameterId, Parameters, Sample, TermKind};
-use friction_fit::Track;
 use friction_fit::spec::Spec;
 
 /// One row as a regressor sees it.
@@ -22,8 +21,6 @@ pub struct Row<'a> {
     pub level: f64,
     /// The viscous part, Nm.
     pub viscous: f64,
-    /// Rate of the simulated torque, Nm/s.
-    pub slope: f64,
     /// The followed covariate.
     pub extra: f64,
 }
@@ -34,12 +31,7 @@ pub enum Regressor {
     Row(Box<dyn Fn(&Row) -> f64 + Send + Sync>),
     /// Simulated for itself.
     Exact(Exact),
-    /// From the motion of a whole track, at the shaft.
-    Track(TrackRegressor),
 }
-
-/// Returns the column of a regressor along one track, before the low-pass of the torque channel.
-pub type TrackRegressor = Box<dyn Fn(&Track, &TrackSensitivities) -> Vec<f64> + Send + Sync>;
 
 /// A column from what is known of each row.
 pub fn row(f: impl Fn(&Row) -> f64 + Send + Sync + 'static) -> Regressor {
@@ -85,6 +77,11 @@ impl Candidate {
             fixed: Vec::new(),
             extra: None,
         }
+    }
+
+    /// A candidate with one regressor.
+    pub fn single(term: TermKind, columns: &[&str], regressor: Regressor) -> Self {
+        Self::new(term, columns, vec![regressor])
     }
 
     /// Where a fit with it begins.

@@ -1,87 +1,252 @@
-//! Possible causes of a residual: one file per cause, and the list of all causes.
+//! Possible causes of a residual, in one table.
 //!
-//! A cause has a name, a meaning, a remedy, a size in words, and a plane in which it shows. The
-//! remedy may be a term of the driver's model, a corrected column, or nothing. A cause is found in
-//! one of three ways:
+//! A [`Cause`] has a name, a meaning, a remedy, a size in words, and a plane in which it shows. The remedy may be a term of the
+//! driver's model, a corrected column, or nothing. A contest of hypotheses ([`super::contest`]) finds a cause, and its
+//! candidates take it into the driver's law. `unknown` is also found in the remaining residual, if no cause is named.
 //!
-//! - In a contest of hypotheses ([`super::contest`]), from where [`Cause::candidates`] take it into the driver's law.
-//! - [`Cause::in_log`]: in the log, without a model.
-//! - [`Cause::in_rest`]: in the remaining residual, if no cause is named.
-//!
-//! Finalists, summary and report use only this trait. A new cause needs one file, one row in [`ALL`], and its columns in the
-//! contest.
+//! Finalists, summary and report use only the table. A new cause needs a row in [`ALL`], and its columns in the contest. Rows
+//! stand in the files below this one: causes that follow a column, the motion, a wave of the position, or the time.
 
 mod backlash;
-mod channel_delay;
-mod direction_asymmetry;
-mod dwell_time_static;
+mod channel;
 mod followed;
 mod formula;
-mod gravity_imbalance;
-mod load_torque_coulomb;
-mod position_ripple;
-mod pressure_coulomb;
-mod quadratic_drag;
-mod radial_force_coulomb;
-mod radial_force_rate;
-mod stribeck_shape;
-mod temperature_coulomb;
-mod temperature_viscous;
-mod time_drift;
-mod torque_offset;
-mod torque_ripple;
+mod motion;
+mod ripple;
+mod time;
 mod unknown;
-mod unmodelled_inertia;
-mod warm_up;
 mod without_term;
 
-pub mod definition;
+pub(crate) use unknown::unexplained;
 
-pub use definition::{Cause, Remedy};
-
+use super::candidate::{Candidate, FitContext};
+use super::evidence::Evidence;
+use super::extended::{Extended, Size};
+use super::train_test::TrainTest;
 use compensator_core::{ParameterId, TermKind};
+use std::fmt;
 
 /// All causes.
-pub const ALL: &[&dyn Cause] = &[
-    &radial_force_coulomb::RadialForceCoulomb,
-    &pressure_coulomb::PressureCoulomb,
-    &load_torque_coulomb::LoadTorqueCoulomb,
-    &temperature_viscous::TemperatureViscous,
-    &temperature_coulomb::TemperatureCoulomb,
-    &direction_asymmetry::DirectionAsymmetry,
-    &torque_offset::TorqueOffset,
-    &quadratic_drag::QuadraticDrag,
-    &unmodelled_inertia::UnmodelledInertia,
-    &channel_delay::ChannelDelay,
-    &stribeck_shape::StribeckShape,
-    &radial_force_rate::RadialForceRate,
-    &dwell_time_static::DwellTimeStatic,
-    &backlash::Backlash,
-    &gravity_imbalance::GravityImbalance,
-    &position_ripple::PositionRipple,
-    &torque_ripple::TorqueRipple,
-    &time_drift::TimeDrift,
-    &warm_up::WarmUp,
-    &without_term::ENCODER_ERROR,
-    &without_term::JOINT_COUPLING,
-    &without_term::PAYLOAD,
-    &unknown::Unknown,
+pub static ALL: [Cause; 23] = [
+    channel::RADIAL_FORCE_COULOMB,
+    channel::PRESSURE_COULOMB,
+    channel::LOAD_TORQUE_COULOMB,
+    channel::TEMPERATURE_VISCOUS,
+    channel::TEMPERATURE_COULOMB,
+    motion::DIRECTION_ASYMMETRY,
+    motion::TORQUE_OFFSET,
+    motion::QUADRATIC_DRAG,
+    motion::UNMODELLED_INERTIA,
+    motion::CHANNEL_DELAY,
+    motion::STRIBECK_SHAPE,
+    channel::RADIAL_FORCE_RATE,
+    time::DWELL_TIME_STATIC,
+    backlash::BACKLASH,
+    motion::GRAVITY_IMBALANCE,
+    ripple::POSITION_RIPPLE,
+    ripple::TORQUE_RIPPLE,
+    time::TIME_DRIFT,
+    time::WARM_UP,
+    without_term::ENCODER_ERROR,
+    without_term::JOINT_COUPLING,
+    without_term::PAYLOAD,
+    unknown::UNKNOWN,
 ];
 
 /// Returns the cause that a term represents; `None` for a part of the rigid body that is known
 /// beforehand.
-pub fn of_term(term: TermKind) -> Option<&'static dyn Cause> {
-    ALL.iter().copied().find(|cause| cause.remedy().term() == Some(term))
+pub fn of_term(term: TermKind) -> Option<&'static Cause> {
+    ALL.iter().find(|cause| cause.remedy.term() == Some(term))
 }
 
 /// Returns the cause of this name.
-pub fn named(name: &str) -> Option<&'static dyn Cause> {
-    ALL.iter().copied().find(|cause| cause.name() == name)
+pub fn named(name: &str) -> Option<&'static Cause> {
+    ALL.iter().find(|cause| cause.name == name)
 }
 
 /// Returns the causes that act through a parameter of a law.
-pub fn acting_through(id: ParameterId) -> impl Iterator<Item = &'static dyn Cause> {
-    ALL.iter().copied().filter(move |cause| cause.acts_on().contains(&id))
+pub fn acting_through(id: ParameterId) -> impl Iterator<Item = &'static Cause> {
+    ALL.iter().filter(move |cause| cause.acts_on.contains(&id))
+}
+
+/// The friction levels of a law, in both directions.
+const LEVELS: &[ParameterId] = &[
+    ParameterId::CoulombTorque,
+    ParameterId::StaticTorque,
+    ParameterId::CoulombTorqueNegative,
+    ParameterId::StaticTorqueNegative,
+];
+
+/// What is to be done about a cause.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Remedy {
+    /// The driver's model takes this term: it is friction.
+    Term(TermKind),
+    /// A column of the log is to be corrected: it is the sensor or the logger. A term may stand in for the
+    /// correction until that is done.
+    CorrectColumn(Option<TermKind>),
+    /// The rigid body is to be known better: the term, if there is one, is a part of it, not friction.
+    RigidBody(Option<TermKind>),
+}
+
+impl Remedy {
+    /// The term that takes the cause into the model, if there is one.
+    pub const fn term(self) -> Option<TermKind> {
+        match self {
+            Self::Term(term) => Some(term),
+            Self::CorrectColumn(term) | Self::RigidBody(term) => term,
+        }
+    }
+
+    /// The name in `diagnosis.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Term(_) => "compensate",
+            Self::CorrectColumn(_) => "correct-column",
+            Self::RigidBody(_) => "rigid-body",
+        }
+    }
+}
+
+/// One thing a residual can be blamed on.
+pub struct Cause {
+    name: &'static str,
+    /// What it means, as the beginning of a sentence.
+    meaning: &'static str,
+    /// Its meaning for a size of this sign, of a cause whose meaning has a direction.
+    meaning_of: fn(f64) -> Option<&'static str>,
+    effect: &'static str,
+    remedy: Remedy,
+    acts_on: &'static [ParameterId],
+    covariate: Option<&'static str>,
+    is_named: bool,
+    /// The least size that is physically possible on a log; `None` if any size is.
+    least_size: fn(&TrainTest) -> Option<f64>,
+    /// The size at which the cause has no effect; NaN if no size tells that.
+    no_effect_size: f64,
+    /// The ways in which it may enter the driver's law beside a fitted model; none where its columns are not in the log.
+    candidates: fn(&FitContext) -> Vec<Candidate>,
+    /// How large it is in the extended model; `None` for the first parameter of its term.
+    size: Option<fn(&Extended) -> Size>,
+    /// Of a periodic cause, its order with a standard error.
+    order: fn(&Extended) -> Option<(f64, f64)>,
+    /// A sentence of the meaning and the size.
+    words: fn(&str, &Size, &Extended) -> String,
+    /// Where it shows, for the columns that it follows.
+    evidence: fn(&[String], &Extended) -> Option<Evidence>,
+    /// What to measure next where it was found, following these columns; nothing, where the model decides.
+    next_experiment: fn(&[String]) -> Option<String>,
+}
+
+impl Cause {
+    /// Returns a row without a meaning, to be completed.
+    const fn new(name: &'static str, remedy: Remedy) -> Self {
+        Self {
+            name,
+            meaning: "",
+            meaning_of: |_| None,
+            effect: "",
+            remedy,
+            acts_on: &[],
+            covariate: None,
+            is_named: true,
+            least_size: |_| None,
+            no_effect_size: 0.0,
+            candidates: |_| Vec::new(),
+            size: None,
+            order: |_| None,
+            words: |meaning, size, _| format!("{meaning}: {}", size.in_words()),
+            evidence: |_, _| None,
+            next_experiment: |_| None,
+        }
+    }
+
+    /// Returns the name used in files and findings.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Returns what it means, as the beginning of a sentence.
+    pub fn meaning(&self) -> &'static str {
+        self.meaning
+    }
+
+    /// Returns the meaning for a size of this sign.
+    pub fn meaning_of(&self, size: f64) -> &'static str {
+        (self.meaning_of)(size).unwrap_or(self.meaning)
+    }
+
+    /// Returns what it does to a model, for a list of models.
+    pub fn effect(&self) -> &'static str {
+        self.effect
+    }
+
+    /// Returns what is to be done about it.
+    pub fn remedy(&self) -> Remedy {
+        self.remedy
+    }
+
+    /// Returns the parameters of a law that it acts through.
+    pub fn acts_on(&self) -> &'static [ParameterId] {
+        self.acts_on
+    }
+
+    /// Returns the covariate that this cause is the first to be thought of for.
+    pub fn covariate(&self) -> Option<&'static str> {
+        self.covariate
+    }
+
+    /// Returns false for a cause without a name for what happens, which comes when no other explains it.
+    pub fn is_named(&self) -> bool {
+        self.is_named
+    }
+
+    /// Returns what to measure next where it was found, following these columns; `None` where the model decides.
+    pub fn next_experiment(&self, columns: &[String]) -> Option<String> {
+        (self.next_experiment)(columns)
+    }
+
+    pub(crate) fn least_size(&self, log: &TrainTest) -> Option<f64> {
+        (self.least_size)(log)
+    }
+
+    pub(crate) fn no_effect_size(&self) -> f64 {
+        self.no_effect_size
+    }
+
+    pub(crate) fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        (self.candidates)(context)
+    }
+
+    pub(crate) fn size(&self, extended: &Extended) -> Size {
+        let first = || self.remedy.term().and_then(|term| term.parameters().first());
+        let of_term = || first().map_or_else(Size::default, |id| extended.size(*id));
+        self.size.map_or_else(of_term, |size| size(extended))
+    }
+
+    pub(crate) fn order(&self, extended: &Extended) -> Option<(f64, f64)> {
+        (self.order)(extended)
+    }
+
+    pub(crate) fn in_words(&self, size: &Size, extended: &Extended) -> String {
+        (self.words)(self.meaning_of(size.value), size, extended)
+    }
+
+    pub(crate) fn evidence(&self, columns: &[String], extended: &Extended) -> Option<Evidence> {
+        (self.evidence)(columns, extended)
+    }
+}
+
+impl PartialEq for Cause {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl fmt::Debug for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
 }
 
 #[cfg(test)]
@@ -90,7 +255,7 @@ mod tests {
 
     #[test]
     fn causes_with_term_have_name_of_term() {
-        for cause in ALL {
+        for cause in &ALL {
             if let Some(term) = cause.remedy().term() {
                 assert_eq!(cause.name(), term.name());
                 assert_eq!(of_term(term).map(|cause| cause.name()), Some(cause.name()));

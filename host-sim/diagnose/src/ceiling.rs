@@ -13,8 +13,7 @@ mod table;
 use super::left_out::{FEWEST_RUNS, LeftOut, STRETCHES};
 use super::train_test::TrainTest;
 use boosting::{BinnedColumns, Tree};
-use friction_fit::Track;
-use friction_fit::predict::Predicted;
+use friction_fit::{Predicted, Track};
 use joint_log::work::checkpoint;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -197,10 +196,11 @@ pub struct Ceiling {
     pub std_error: f64,
 }
 
-/// How the ceiling is found, for `diagnosis.json`.
-pub const METHOD: &str = "gradient-boosted trees on the residual of the named model, out of fold";
-
 impl Ceiling {
+    /// How the ceiling is found, for `diagnosis.json`.
+    pub const METHOD: &str =
+        "gradient-boosted trees on the residual of the named model, out of fold";
+
     /// Returns what trees leave of the error of `after` on the held-out rows of a log. `trained` is the same model on the
     /// training rows, if those are not held out too.
     pub fn new(

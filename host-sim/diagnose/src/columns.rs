@@ -7,8 +7,7 @@
 use super::candidate::{Regressor, Row};
 use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
 use super::train_test::TrainTest;
-use friction_fit::Track;
-use friction_fit::channel::filter_column;
+use friction_fit::{Track, filter_column};
 use joint_log::AntiAlias;
 
 /// Returns the columns along a track. A regressor comes with the index of the extra covariate that it reads, if any.
@@ -19,12 +18,10 @@ pub fn columns(
     regressors: &[(&Regressor, Option<usize>)],
 ) -> Vec<Vec<f64>> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
-    let slope = slope(track, &at.shaft_torque);
     for (regressor, extra) in regressors {
         let extra = extra.map(|index| &track.covariates[index]);
         columns.push(match regressor {
             Regressor::Exact(effect) => exact(model, track, at, effect),
-            Regressor::Track(of) => filter_column(track, of(track, at)),
             Regressor::Row(of) => {
                 let row = |row: usize| {
                     of(&Row {
@@ -32,7 +29,6 @@ pub fn columns(
                         added: at.added[row],
                         level: at.level[row],
                         viscous: at.viscous[row],
-                        slope: slope[row],
                         extra: extra.map_or(0.0, |extra| extra[row]),
                     })
                 };
@@ -68,19 +64,4 @@ fn forget_start(columns: &mut [Vec<f64>], memory: &[f64]) {
         let share = column.iter().zip(memory).map(|(c, m)| c * m).sum::<f64>() / power;
         column.iter_mut().zip(memory).for_each(|(c, m)| *c -= share * m);
     }
-}
-
-/// Rate of the simulated torque, Nm/s.
-fn slope(track: &Track, torque: &[f64]) -> Vec<f64> {
-    let last = torque.len() - 1;
-    (0..torque.len())
-        .map(|row| {
-            let (before, after) = (row.saturating_sub(1), (row + 1).min(last));
-            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| {
-                ratios[before + 1..=after].iter().sum::<f64>() / (after - before) as f64
-            });
-            let time = (after - before) as f64 * track.period_s * ratio;
-            if time > 0.0 { (torque[after] - torque[before]) / time } else { 0.0 }
-        })
-        .collect()
 }

@@ -12,25 +12,29 @@
 //!         -> Draws -> Outcome          inclusion, materiality, what stands in      draws, outcome
 //! ```
 
-pub mod bank;
-pub mod cause;
-pub mod correction;
-pub mod covariate;
-pub mod draws;
+mod bank;
+mod cause;
+mod correction;
+mod covariate;
+mod draws;
 mod entry;
-pub mod kernel;
-pub mod law;
-pub mod ledger;
-pub mod linear;
-pub mod outcome;
-pub mod rows;
-pub mod run;
-pub mod search;
-pub mod solve;
-pub mod weights;
+mod kernel;
+mod law;
+mod ledger;
+mod linear;
+mod outcome;
+mod rows;
+mod run;
+mod search;
+mod solve;
+mod weights;
 
+pub use correction::Correction;
+pub(crate) use draws::DRAWS;
 pub use law::LawStart;
+pub use ledger::CauseKey;
 pub use linear::LinearAnswer;
+pub(crate) use linear::plain;
 pub use outcome::{Figures, Finalist, FinalistCause, Outcome};
 pub use rows::{RigidBody, Rows};
 pub use run::contest;

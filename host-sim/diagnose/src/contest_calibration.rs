@@ -8,9 +8,9 @@
 //! the evidence on simulated and measured logs with known causes.
 
 mod table;
-pub mod trees;
+mod trees;
 
-use trees::{Tree, category};
+pub use trees::{Node, Tree, category};
 
 use super::contest::{Figures, Outcome};
 use std::sync::OnceLock;

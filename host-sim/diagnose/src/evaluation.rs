@@ -3,12 +3,9 @@
 //! The gain is relative to the RMS error of the base model. The noise floor is the RMS error of the
 //! best possible model, in Nm.
 
-use friction_fit::Track;
-use friction_fit::channel::noise_autocorrelation;
-use friction_fit::predict::Predicted;
-use friction_fit::scales::{Scales, white_noise};
-use friction_fit::statistics::autocorrelation_time;
-use friction_fit::track::run_count;
+use friction_fit::{
+    Predicted, Scales, Track, autocorrelation_time, noise_autocorrelation, run_count, white_noise,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -22,6 +19,13 @@ pub struct Gain {
     pub value: f64,
     /// 95 % interval from a block bootstrap.
     pub ci95: [f64; 2],
+}
+
+impl Gain {
+    /// Returns the gain of `after` over `before`. `seed` initialises the random sampler.
+    pub fn between(before: &Predicted, after: &Predicted, seed: u64) -> Self {
+        gain_of_units(&blocks(before, after), seed)
+    }
 }
 
 /// Returns the noise floor, the error of the best possible model, in Nm RMS.
@@ -171,11 +175,6 @@ pub fn paired(tracks: &[Track], before: &Predicted, after: &Predicted) -> f64 {
     if variance > 0.0 { mean / (variance / n).sqrt() } else { 0.0 }
 }
 
-/// Returns the gain of `after` over `before`. `seed` initialises the random sampler.
-pub fn gain(before: &Predicted, after: &Predicted, seed: u64) -> Gain {
-    gain_of_units(&blocks(before, after), seed)
-}
-
 /// Returns the gain from the squared errors before and after in independent parts of a log.
 pub fn gain_of_units(blocks: &[[f64; 2]], seed: u64) -> Gain {
     let of = |sums: [f64; 2]| {
@@ -202,7 +201,7 @@ pub fn gain_of_units(blocks: &[[f64; 2]], seed: u64) -> Gain {
 mod tests {
     use super::*;
     use friction_fit::Metrics;
-    use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
+    use friction_fit::{LowPassShape, TorqueLowPass};
 
     fn predicted(scale: f64) -> Predicted {
         let mut random = Pcg64::seed_from_u64(5);
@@ -245,10 +244,10 @@ mod tests {
 
     #[test]
     fn gain_with_half_the_error_is_one_half() {
-        let gain = gain(&predicted(1.0), &predicted(0.5), 0);
+        let gain = Gain::between(&predicted(1.0), &predicted(0.5), 0);
         assert!((gain.value - 0.5).abs() < 1e-12);
         assert!(gain.ci95[0] <= 0.5 && 0.5 <= gain.ci95[1]);
-        let none = super::gain(&predicted(1.0), &predicted(1.0), 0);
+        let none = Gain::between(&predicted(1.0), &predicted(1.0), 0);
         assert_eq!(none, Gain { value: 0.0, ci95: [0.0, 0.0] });
     }
 }

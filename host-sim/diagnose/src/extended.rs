@@ -7,8 +7,7 @@ use ParameterId as Id;
 use compensator_core::ParameterId;
 use compensator_core::term::LookupFormula;
 use friction_fit::params::unit;
-use friction_fit::predict::Predicted;
-use friction_fit::{Estimate, Outcome};
+use friction_fit::{Estimate, Outcome, Predicted};
 use joint_log::JointKind;
 use joint_log::number::figure;
 

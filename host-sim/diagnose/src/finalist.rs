@@ -18,12 +18,11 @@ use super::train_test::{FollowedColumn, TrainTest};
 use ParameterId as Id;
 use compensator_core::term::MAX_TERMS;
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
-use friction_fit::predict::Predicted;
-use friction_fit::scales::Scales;
-use friction_fit::simulate::Resolution;
-use friction_fit::solve::{COMPARISON_TOLERANCE, unobserved_parameters};
 use friction_fit::spec::{Spec, SpecError};
-use friction_fit::{FitOptions, fit, treatment};
+use friction_fit::{
+    COMPARISON_TOLERANCE, FitOptions, Predicted, Resolution, Scales, fit, treatment_of,
+    typical_value, unobserved_parameters,
+};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -49,15 +48,11 @@ const MAX_CHANGE: f64 = 3.0;
 #[derive(Clone, Debug)]
 pub struct Realised {
     /// The cause.
-    pub cause: &'static dyn Cause,
-    /// Its term.
-    pub term: TermKind,
+    pub cause: &'static Cause,
     /// Columns of the log that it needs.
     pub columns: Vec<String>,
     /// What it follows, for a cause that may follow any column.
     pub follows: Option<FollowedColumn>,
-    /// Index among the causes of the hypothesis; `None` for the delay of its correction.
-    pub place: Option<usize>,
 }
 
 /// A hypothesis fitted with the driver's law.
@@ -115,7 +110,7 @@ pub fn law_parameters(
     set(Id::StribeckVelocity, start.stribeck_velocity);
     set(Id::ViscousFriction, start.viscous);
     set(Id::BristleStiffness, level / gap.map_or(start.travel, |(_, travel)| travel).max(1e-12));
-    set(Id::BristleDamping, 0.01 * treatment::typical(Id::BristleDamping, &scales));
+    set(Id::BristleDamping, 0.01 * typical_value(Id::BristleDamping, &scales));
     set(Id::TemperatureReference, scales.temperature_c);
     Ok(parameters)
 }
@@ -125,7 +120,7 @@ pub fn free_parameters(spec: &Spec, parameters: &Parameters<f64>, log: &TrainTes
     let unobserved = unobserved_parameters(spec, &log.train_tracks);
     parameters
         .active()
-        .filter(|id| !treatment::of(*id).is_fixed_by_default && !unobserved.contains(id))
+        .filter(|id| !treatment_of(*id).is_fixed_by_default && !unobserved.contains(id))
         .collect()
 }
 
@@ -149,7 +144,6 @@ pub fn resolved(log: &TrainTest, model: &FittedModel) -> FittedModel {
     FittedModel {
         parameters: solution.parameters(),
         resolution: solution.resolution,
-        sse: solution.reduced.sum_of_squares(),
         ..model.clone()
     }
 }
@@ -185,7 +179,6 @@ pub fn fitted(
         free: solution.coordinates.ids().collect(),
         fixed: fixed.to_vec(),
         resolution: solution.resolution,
-        sse: solution.reduced.sum_of_squares(),
         follows: follows.cloned(),
     })
 }
@@ -301,7 +294,7 @@ fn law_start(
         let term = TermKind::ChannelDelay;
         spec.terms.push(term);
         let columns = vec![log.velocity_name().to_owned()];
-        realised.push(Realised { cause, term, columns, follows: None, place: None });
+        realised.push(Realised { cause, columns, follows: None });
     }
     let mut parameters = law_parameters(&spec, &finalist.law, &finalist.causes, log)?;
     if let Some((delay_s, _)) = delay {
@@ -337,10 +330,8 @@ fn with_causes(
         next.fixed.extend(&candidate.fixed);
         next.realised.push(Realised {
             cause: ways[*way].cause,
-            term: candidate.term,
             columns: candidate.columns.clone(),
             follows: candidate.follows.clone(),
-            place: Some(ways[*way].place),
         });
     }
     next.parameters = next.spec.parameters()?;
@@ -379,7 +370,7 @@ fn ways(
         }
         let candidates = cause.candidates(&context).into_iter();
         let candidates = candidates.filter(|candidate| is_variant(candidate, own));
-        let way = Way { place: *place, cause, candidates: candidates.collect() };
+        let way = Way { cause, candidates: candidates.collect() };
         if !way.candidates.is_empty() {
             ways.push(way);
         }
@@ -418,8 +409,7 @@ fn gap(causes: &[FinalistCause]) -> Option<(f64, f64)> {
 
 /// A cause with the ways in which it may enter the model.
 struct Way {
-    place: usize,
-    cause: &'static dyn Cause,
+    cause: &'static Cause,
     candidates: Vec<Candidate>,
 }
 

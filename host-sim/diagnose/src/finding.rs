@@ -1,6 +1,6 @@
 //! A finding: a cause with its size, its significance and a description in one sentence.
 
-use super::cause::definition::Cause;
+use super::cause::Cause;
 use super::evaluation::Gain;
 use super::evidence::Evidence;
 use super::extended::{Observation, Size};
@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 #[derive(Clone, Debug)]
 pub struct ConfoundedCause {
     /// The cause.
-    pub cause: &'static dyn Cause,
+    pub cause: &'static Cause,
     /// Columns of the log that it follows.
     pub columns: Vec<String>,
     /// Share of the finding's effect that it also explains.
@@ -23,7 +23,7 @@ pub struct ConfoundedCause {
 #[derive(Clone, Debug)]
 pub struct Finding {
     /// The cause.
-    pub cause: &'static dyn Cause,
+    pub cause: &'static Cause,
     /// Columns of the log that it follows.
     pub columns: Vec<String>,
     /// Size with its interval.
@@ -54,7 +54,7 @@ pub struct Finding {
 
 impl Finding {
     /// Creates a finding of a cause without figures.
-    pub fn of(cause: &'static dyn Cause) -> Self {
+    pub fn of(cause: &'static Cause) -> Self {
         Self {
             cause,
             columns: Vec::new(),
@@ -73,7 +73,7 @@ impl Finding {
     }
 
     /// Creates the finding of a cause that was observed without a fit.
-    pub fn observed(cause: &'static dyn Cause, seen: Observation) -> Self {
+    pub fn observed(cause: &'static Cause, seen: Observation) -> Self {
         Self {
             cause,
             columns: seen.columns,

@@ -16,12 +16,11 @@ use super::prepare::Prepared;
 use super::train_test::TrainTest;
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId, Parameters};
-use friction_fit::measurement::Measurement;
-use friction_fit::metrics::Metrics;
-use friction_fit::predict::{Predicted, predict};
-use friction_fit::scales::Scales;
 use friction_fit::spec::{Spec, SpecError};
-use friction_fit::{FitOptions, Outcome, Rows, Track, identify_robustly};
+use friction_fit::{
+    FitOptions, Measurement, Metrics, Outcome, Predicted, Rows, Scales, Track, identify_robustly,
+    predict,
+};
 use joint_log::number::significant;
 
 /// Difference of the squared errors, in standard errors, within which the simpler of two models is handed over.

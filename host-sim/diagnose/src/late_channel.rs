@@ -6,7 +6,7 @@
 
 use super::leading_fault::Corrected;
 use super::train_test::TrainTest;
-use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
+use friction_fit::{LowPassShape, TorqueLowPass};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::number::figure;
 use joint_log::{JointKind, Quantity};

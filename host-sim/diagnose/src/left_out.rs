@@ -15,10 +15,7 @@ use super::columns::columns;
 use super::model::FittedModel;
 use super::sensitivities::sensitivities;
 use super::train_test::TrainTest;
-use friction_fit::Track;
-use friction_fit::metrics::Metrics;
-use friction_fit::predict::{Predicted, predict};
-use friction_fit::track;
+use friction_fit::{Metrics, Predicted, Track, predict, run_count};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -212,7 +209,7 @@ pub fn unit(log: &TrainTest) -> LeftOut {
 
 /// As [`unit`], given the tracks.
 pub(crate) fn unit_of(tracks: &[Track]) -> LeftOut {
-    let runs = track::run_count(tracks);
+    let runs = run_count(tracks);
     if runs >= FEWEST_RUNS && !goes_beyond(tracks) { LeftOut::Runs } else { LeftOut::Stretches }
 }
 

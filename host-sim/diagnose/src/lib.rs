@@ -58,66 +58,70 @@ mod message;
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
 
-pub mod by_contest;
-pub mod candidate;
+mod by_contest;
+mod candidate;
 pub mod cause;
-pub mod ceiling;
-pub mod channel_share;
-pub mod columns;
+mod ceiling;
+mod channel_share;
+mod columns;
 pub mod contest;
 pub mod contest_calibration;
-pub mod error_reduction;
-pub mod evaluation;
-pub mod evidence;
-pub mod experiment;
-pub mod extended;
-pub mod finalist;
-pub mod finding;
+mod error_reduction;
+mod evaluation;
+mod evidence;
+mod experiment;
+mod extended;
+mod finalist;
+mod finding;
 mod gravity_load;
 pub mod hand_over;
-pub mod late_channel;
-pub mod leading_fault;
-pub mod left_out;
-pub mod model;
-pub mod naming;
+mod late_channel;
+mod leading_fault;
+mod left_out;
+mod model;
+mod naming;
 pub mod prepare;
-pub mod regime;
-pub mod rigid_body_hint;
-pub mod rules;
-pub mod sensitivities;
+mod regime;
+mod rigid_body_hint;
+mod rules;
+mod sensitivities;
 pub mod summary;
-pub mod thresholds;
-pub mod train_test;
+mod thresholds;
+mod train_test;
 pub mod two_positions;
-pub mod uncertain_motion;
-pub mod unknown_zero;
+mod uncertain_motion;
+mod unknown_zero;
 
 #[cfg(test)]
 mod fixtures;
 
+// The causes and what is handed over.
 pub use cause::{Cause, Remedy};
-pub use evaluation::Gain;
+pub use evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 pub use extended::Size;
-pub use finding::{ConfoundedCause, Finding};
+pub use finding::{ConfoundedCause, Finding, probability_in_words};
 pub use hand_over::{HandOver, HandedOver};
-pub use naming::WeighedCause;
+pub use leading_fault::Corrected;
+pub use naming::{NAMED, WeighedCause};
+pub use rigid_body_hint::RigidBodyHint;
+pub use rules::{Rejection, Rule};
+
+// How well the models do, and where they err.
+pub use ceiling::Ceiling;
+pub use evaluation::Gain;
+pub use left_out::LeftOut;
 pub use regime::Share;
+pub use thresholds::{NEGLIGIBLE, STRUCTURE};
 pub use train_test::TrainTest;
 
-use ceiling::Ceiling;
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
-use extended::{Observation, Unexplained};
+use extended::Unexplained;
 use friction_fit::clock::Instant;
-use friction_fit::predict::predict;
 use friction_fit::spec::{Spec, SpecError};
-use friction_fit::statistics::autocorrelation_time;
-use friction_fit::{Loss, Outcome, Predicted};
+use friction_fit::{Loss, Outcome, Predicted, autocorrelation_time, predict};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{Dataset, Split};
-use left_out::LeftOut;
-use rigid_body_hint::RigidBodyHint;
-use thresholds::{NEGLIGIBLE, STRUCTURE};
 use two_positions::TwoPositions;
 
 /// Options of a diagnosis.
@@ -147,7 +151,7 @@ pub struct Diagnosis {
     /// What is wrong with the log itself.
     pub log_findings: Vec<LogFinding>,
     /// What the correction of a late channel takes.
-    pub corrected: Option<leading_fault::Corrected>,
+    pub corrected: Option<Corrected>,
     /// The log as it was looked at, following what the extended model follows.
     pub log: TrainTest,
     /// Error the torque's noise alone would make on the held-out rows, Nm.
@@ -275,7 +279,6 @@ pub fn diagnose(
     let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
     let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
     let mut findings = answer.findings;
-    findings.extend(observed(|cause| cause.in_log(&log)));
     if let Some(positions) = &positions {
         positions.add_to(&mut findings);
         log.notes.extend(positions.note());
@@ -285,7 +288,9 @@ pub fn diagnose(
     {
         let (after, log, seed) = (&after, &log, question.seed);
         let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
-        findings.extend(observed(|cause| cause.in_rest(&rest)));
+        findings.extend(
+            cause::named("unknown").map(|own| Finding::observed(own, cause::unexplained(&rest))),
+        );
     }
     let log_findings: Vec<LogFinding> =
         question.log_findings.iter().cloned().chain(answer.log_findings).collect();
@@ -324,7 +329,7 @@ fn limit_probabilities(
     findings: &mut [Finding],
     log: &[LogFinding],
     after: &Predicted,
-    corrected: Option<leading_fault::Corrected>,
+    corrected: Option<Corrected>,
 ) {
     let most = most_of_causes(findings);
     let fault = leading_fault::leading_fault(log, &after.metrics, corrected, most);
@@ -362,12 +367,6 @@ fn floors(log: &TrainTest, after: &Predicted) -> Floors {
     let coloured = evaluation::coloured_floor(&log.test_tracks, after);
     let noise_floor = evaluation::noise_floor(&log.test_tracks, log.decimate).max(coloured);
     Floors { noise_floor, coloured }
-}
-
-/// What causes are seen without a fit of their own.
-fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<Item = Finding> {
-    let all = cause::ALL.iter().copied();
-    all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
 }
 
 /// Returns the autocorrelation time of the residual in rows if it is more than noise, else 0.

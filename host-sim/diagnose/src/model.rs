@@ -2,9 +2,8 @@
 
 use super::train_test::{FollowedColumn, TrainTest};
 use compensator_core::{ParameterId, Parameters};
-use friction_fit::predict::{Predicted, predict};
-use friction_fit::simulate::Resolution;
 use friction_fit::spec::Spec;
+use friction_fit::{Predicted, Resolution, predict};
 
 /// A fitted model.
 #[derive(Clone, Debug)]
@@ -19,8 +18,6 @@ pub struct FittedModel {
     pub fixed: Vec<ParameterId>,
     /// Time resolution of the simulation.
     pub resolution: Resolution,
-    /// Sum of squares on the training rows, Nm^2.
-    pub sse: f64,
     /// Column that one of its terms follows, for a term that may follow any column.
     pub follows: Option<FollowedColumn>,
 }

@@ -4,8 +4,7 @@
 //! report shows a likely cause that is not named beside an unlikely one that is.
 
 use super::cause::{self, Cause};
-use super::contest::ledger::CauseKey;
-use super::contest::{Figures, Outcome, Rows};
+use super::contest::{CauseKey, Figures, Outcome, Rows};
 use super::contest_calibration::ContestCalibration;
 use super::extended::Size;
 use super::finding::ConfoundedCause;
@@ -28,7 +27,7 @@ const MIN_PERIODS: f64 = 1.5;
 #[derive(Clone, Debug)]
 pub struct WeighedCause {
     /// The cause.
-    pub cause: &'static dyn Cause,
+    pub cause: &'static Cause,
     /// Its figures in the contest.
     pub figures: Figures,
     /// Probability that it is real.

@@ -6,9 +6,10 @@
 use crate::DiagnosisOptions;
 use compensator_core::parameters::Choices;
 use compensator_core::{Quantity, TermKind};
-use friction_fit::dataset_tracks::{campaign_start, tracks_since};
 use friction_fit::spec::{Spec, SpecError};
-use friction_fit::{FitOptions, Loss, Outcome, Rows, Track, identify_robustly};
+use friction_fit::{
+    FitOptions, Loss, Outcome, Rows, Track, campaign_start, identify_robustly, tracks_since,
+};
 use joint_log::log_check::{self, CheckedLog, Corrections, LogFinding, LogFindingKind};
 use joint_log::setting::{Message, Setting};
 use joint_log::work::{self, Cancelled, Progress};

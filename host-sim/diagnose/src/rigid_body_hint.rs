@@ -3,8 +3,7 @@
 //! Inertia, gravity and an offset are linear in their parameters. One least squares with them beside plain friction, evaluated on
 //! rows that the fit has not seen, shows what the log holds of them.
 
-use crate::contest::linear::{LinearAnswer, plain};
-use crate::contest::{RigidBody, Rows};
+use crate::contest::{LinearAnswer, RigidBody, Rows, plain};
 use friction_fit::spec::rigid_body_name;
 use joint_log::JointKind;
 use joint_log::number::significant;

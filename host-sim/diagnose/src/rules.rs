@@ -48,10 +48,6 @@ pub const NO_PLAY_BETWEEN_POSITIONS: Rule = Rule {
     reason: "probability of play by the positions on both sides of the gear: below it, the torque alone does not name backlash",
 };
 
-/// All rules.
-pub const ALL: [&Rule; 4] =
-    [&SHORT_WAVE, &UNPHYSICAL, &SPANS_NO_EFFECT, &NO_PLAY_BETWEEN_POSITIONS];
-
 /// A rule that rejects, with the figures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rejection {
@@ -71,6 +67,9 @@ impl Rejection {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const ALL: [&Rule; 4] =
+        [&SHORT_WAVE, &UNPHYSICAL, &SPANS_NO_EFFECT, &NO_PLAY_BETWEEN_POSITIONS];
 
     #[test]
     fn rules_have_unique_names_and_reasons() {

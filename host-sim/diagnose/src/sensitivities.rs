@@ -11,13 +11,10 @@
 
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
-use friction_fit::Track;
-use friction_fit::channel::{TrackLowPass, filter_column};
-use friction_fit::dual::Dual;
-use friction_fit::gradient::{Differentiable, Simulation, TorqueAt};
-use friction_fit::initial_state::initial_state;
-use friction_fit::simulate::{Resolution, simulate};
-use friction_fit::treatment;
+use friction_fit::{
+    Differentiable, Dual, Resolution, Simulation, TorqueAt, Track, TrackLowPass, filter_column,
+    initial_state, simulate, treatment_of,
+};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -70,7 +67,7 @@ pub fn sensitivities(
     // As in the fit, the declared speed limit is removed. It would restrict the step of the
     // simulation.
     parameters.envelope.velocity_max_rad_s = f32::MAX;
-    let levels = parameters.active().filter(|id| treatment::of(*id).is_level);
+    let levels = parameters.active().filter(|id| treatment_of(*id).is_level);
     let mut columns = free.to_vec();
     columns.extend(levels.filter(|id| !free.contains(id)));
     let model = ByParameters { parameters: &parameters, columns: &columns };
@@ -112,7 +109,7 @@ fn along(
         .chain([Id::StaticTorque, Id::StaticTorqueNegative])
         .filter_map(column)
         .collect();
-    let is_level = |id: &ParameterId| treatment::of(*id).is_level;
+    let is_level = |id: &ParameterId| treatment_of(*id).is_level;
     let levels: Vec<(usize, f64)> = parameters
         .active()
         .filter(is_level)

@@ -3,7 +3,7 @@
 //!
 //! Errors are RMS values in the joint's torque unit, Nm or N.
 
-use super::cause::definition::Remedy;
+use super::cause::Remedy;
 use super::experiment::most_informative;
 use super::finding::{Finding, probability_in_words};
 use super::gravity_load;

@@ -9,10 +9,9 @@ use super::channel_share::ChannelShare;
 use super::evaluation::noise_floor;
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
-use friction_fit::initial_heat::record_earlier_stretches;
-use friction_fit::scales::Scales;
-use friction_fit::torque_low_pass::TorqueLowPass;
-use friction_fit::{Rows, Track, dataset_tracks};
+use friction_fit::{
+    Rows, Scales, TorqueLowPass, Track, campaign_start, record_earlier_stretches, tracks_since,
+};
 use joint_log::{Dataset, Quantity, Run, Split, contract};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -91,8 +90,8 @@ impl TrainTest {
     pub fn new(data: &Dataset, split: &Split, decimate: usize, rigid_body: &[TermKind]) -> Self {
         let (train, test) = (data.select(&split.train), data.select(&split.test));
         let decimate = decimate.max(1);
-        let campaign_start_s = dataset_tracks::campaign_start(data);
-        let tracks = |data: &Dataset| dataset_tracks::tracks_since(data, None, campaign_start_s);
+        let campaign_start_s = campaign_start(data);
+        let tracks = |data: &Dataset| tracks_since(data, None, campaign_start_s);
         let train_tracks = tracks(&train);
         let mut log = Self {
             leaves_each_out: split.is_leave_one_run_out(),

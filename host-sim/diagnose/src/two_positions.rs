@@ -16,7 +16,7 @@
 
 mod behind;
 mod blocks;
-pub mod calibration;
+mod calibration;
 mod held_out;
 mod regression;
 
@@ -27,7 +27,7 @@ use super::naming::{MAY_BE_NONE, NAMED, WeighedCause};
 use super::rules::{self, Rejection};
 use behind::Behind;
 use blocks::{Blocks, Positions};
-use calibration::Calibration;
+pub use calibration::Calibration;
 use held_out::HeldOut;
 use joint_log::number::figure;
 use joint_log::{Dataset, contract};

@@ -13,10 +13,7 @@
 use super::model::FittedModel;
 use super::train_test::TrainTest;
 use compensator_core::Parameters;
-use friction_fit::Track;
-use friction_fit::initial_state::initial_state;
-use friction_fit::scales::Scales;
-use friction_fit::simulate::{Resolution, simulate};
+use friction_fit::{Resolution, Scales, Track, initial_state, simulate};
 use rayon::prelude::*;
 
 /// Rows on either side over which a row's error is averaged, because three draws are too few for a

@@ -7,7 +7,7 @@
 use compensator_core::{
     Fixed, FrictionModel, LawKind, ModelState, ParameterId, Parameters, Real, Sample,
 };
-use friction_fit::dual::Dual;
+use friction_fit::Dual;
 use std::hint::black_box;
 use std::time::Instant;
 

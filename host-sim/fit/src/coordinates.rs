@@ -10,7 +10,7 @@
 //! coordinate, with a width of one decade, that counts as a part of an independent observation ([`Scales::observation`]).
 
 use super::scales::Scales;
-use super::treatment::{self, Values};
+use super::treatment::{self, Values, treatment_of};
 use compensator_core::{ParameterId, Parameters, Real};
 
 /// Coordinate of one parameter.
@@ -81,7 +81,7 @@ impl Coordinates {
         };
         coordinates.centre = coordinates.point(base);
         for (centre, (id, scale)) in coordinates.centre.iter_mut().zip(&coordinates.free) {
-            match (treatment::of(*id).values, scale) {
+            match (treatment_of(*id).values, scale) {
                 (Values::Positive(range), Scale::Logarithmic(least, most))
                     if range(scales).1.is_finite() =>
                 {

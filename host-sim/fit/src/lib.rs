@@ -14,7 +14,7 @@
 //! ```
 //!
 //! The simulation uses the core's step, so that the identified model is the one that a driver runs. Derivatives are
-//! exact ([`dual`]). Coordinates keep the parameters within their bounds.
+//! exact (`dual`). Coordinates keep the parameters within their bounds.
 //!
 //! [`spec`] parses the name of a model, such as `lugre+pressure-coulomb`. [`params`] writes the parameters in the driver's format,
 //! and [`prediction`] gives the torque of a fitted model on every row of a log. [`mod@network`] trains and reads `lugre-lstm`.
@@ -26,51 +26,70 @@ mod message;
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
 
-pub mod channel;
+mod channel;
 pub mod clock;
-pub mod coordinates;
-pub mod dataset_tracks;
+mod coordinates;
+mod dataset_tracks;
 mod delayed;
-pub mod determined;
-pub mod dual;
-pub mod gradient;
-pub mod identify;
-pub mod initial_heat;
-pub mod initial_state;
+mod determined;
+mod dual;
+mod gradient;
+mod identify;
+mod initial_heat;
+mod initial_state;
 mod legal;
 pub mod linear;
-pub mod measurement;
-pub mod metrics;
-pub mod minimise;
+mod measurement;
+mod metrics;
+mod minimise;
 pub mod network;
-pub mod outcome;
+mod outcome;
 pub mod params;
 mod passive;
-pub mod predict;
+mod predict;
 pub mod prediction;
-pub mod reason;
-pub mod reduce;
-pub mod robust;
-pub mod scales;
+mod reason;
+mod reduce;
+mod robust;
+mod scales;
 mod settled;
-pub mod simulate;
-pub mod solve;
+mod simulate;
+mod solve;
 pub mod spec;
-pub mod start;
-pub mod statistics;
+mod start;
+mod statistics;
 mod stepper;
-pub mod streaming_qr;
-pub mod torque_low_pass;
-pub mod track;
-pub mod treatment;
+mod streaming_qr;
+mod torque_low_pass;
+mod track;
+mod treatment;
 mod verdict;
 
-pub use dataset_tracks::{tracks, tracks_with};
+// The rows of a log.
+pub use dataset_tracks::{campaign_start, tracks, tracks_since, tracks_with};
+pub use initial_heat::record_earlier_stretches;
+pub use track::{Rows, Track, run_count};
+
+// Between the shaft and the log.
+pub use channel::{TrackLowPass, filter_column, noise_autocorrelation};
+pub use measurement::{ChannelGain, Measurement};
+pub use torque_low_pass::{LowPassShape, TorqueLowPass};
+
+// A fit and its result.
 pub use identify::identify;
-pub use metrics::Metrics;
 pub use outcome::{DriverForm, Estimate, Outcome, State};
+pub use robust::{Loss, Weighting, identify_robustly};
+pub use scales::{Scales, white_noise};
+pub use solve::{
+    COMPARISON_STAGNATION, COMPARISON_TOLERANCE, FitOptions, fit, unobserved_parameters,
+};
+pub use treatment::{Treatment, treatment_of, typical_value};
+
+// A model along rows, with derivatives, and its errors.
+pub use dual::Dual;
+pub use gradient::{Differentiable, Simulation, TorqueAt};
+pub use initial_state::initial_state;
+pub use metrics::Metrics;
 pub use predict::{Predicted, predict};
-pub use robust::{Loss, identify_robustly};
-pub use simulate::Resolution;
-pub use solve::{FitOptions, fit};
-pub use track::{Rows, Track};
+pub use simulate::{Resolution, simulate};
+pub use statistics::autocorrelation_time;

@@ -9,16 +9,17 @@
 //! that builds up over several travels. Such a model is exact and convex to fit, and it is the model that was judged on held-out
 //! rows: [`LinearModel`] is written to `params.toml` beside the law for the driver, and `predict` computes it.
 
-pub mod factor;
-pub mod motion;
-pub mod operator;
+mod factor;
+mod motion;
+mod operator;
 
-pub use factor::{Factor, Inputs, Regressor};
+pub use factor::{Factor, Inputs, Regressor, heat, mean_growth};
 pub use motion::Motion;
+pub use operator::{later, play, stop};
 
 use crate::measurement::Measurement;
 use joint_log::Dataset;
-use motion::long;
+pub(crate) use motion::long;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -9,8 +9,10 @@
 //!
 //! A row has a flag for every input that the model was not fitted for: [`compensator_core::Flags`], as a joint driver reports.
 
-pub mod adapted;
+mod adapted;
 mod network;
+
+pub use adapted::{AdaptationOptions, AdaptedPrediction, RowAdaptation, predict_adapted};
 
 use crate::dataset_tracks::tracks_with;
 use crate::initial_heat::initial_heat;

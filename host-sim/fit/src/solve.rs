@@ -14,7 +14,7 @@ use super::start;
 use super::statistics::{autocorrelation_time, step_in_standard_errors};
 use super::streaming_qr::Reduced;
 use super::track::{Rows, Track};
-use super::treatment;
+use super::treatment::treatment_of;
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Parameters, Quantity};
 
@@ -304,7 +304,7 @@ fn free_parameters(
     let unobserved = unobserved_parameters(spec, tracks);
     base.active()
         .filter(|id| !options.fixed.contains(id) && !unobserved.contains(id))
-        .filter(|id| !treatment::of(*id).is_fixed_by_default || options.freed.contains(id))
+        .filter(|id| !treatment_of(*id).is_fixed_by_default || options.freed.contains(id))
         .collect()
 }
 

@@ -14,7 +14,7 @@ use super::scales::Scales;
 use super::simulate::{Resolution, simulate};
 use super::streaming_qr::Reduced;
 use super::track::{Rows, Track};
-use super::treatment;
+use super::treatment::typical_value;
 use crate::spec::Spec;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Sample, TermKind};
@@ -242,16 +242,10 @@ fn grid(
                     start.set(Id::BristleStiffness, *bristle_stiffness);
                     start.set(Id::AtanSlope, *atan_slope);
                     if free.contains(&Id::BristleDamping) {
-                        start.set(
-                            Id::BristleDamping,
-                            treatment::typical(Id::BristleDamping, scales),
-                        );
+                        start.set(Id::BristleDamping, typical_value(Id::BristleDamping, scales));
                     }
                     if free.contains(&Id::BacklashTravel) {
-                        start.set(
-                            Id::BacklashTravel,
-                            treatment::typical(Id::BacklashTravel, scales),
-                        );
+                        start.set(Id::BacklashTravel, typical_value(Id::BacklashTravel, scales));
                     }
                     grid.push(start);
                 }

@@ -72,7 +72,7 @@ const MAX_ASYMMETRY: f64 = 0.99;
 const NO_EFFECT: &str = "0 fits best, the effect is absent";
 
 /// Returns the treatment of a parameter.
-pub fn of(id: ParameterId) -> Treatment {
+pub fn treatment_of(id: ParameterId) -> Treatment {
     match id {
         // At most the largest torque of a log whose joint often rests.
         Id::CoulombTorque | Id::CoulombTorqueNegative => Treatment {
@@ -144,7 +144,7 @@ pub fn of(id: ParameterId) -> Treatment {
 pub fn values(law: LawKind, id: ParameterId) -> Values {
     match (law, id) {
         (LawKind::Extended | LawKind::Atan, Id::ViscousFriction) => Values::Any,
-        _ => of(id).values,
+        _ => treatment_of(id).values,
     }
 }
 
@@ -157,8 +157,8 @@ pub fn bounds(id: ParameterId, range: fn(&Scales) -> (f64, f64), scales: &Scales
 }
 
 /// Returns the typical size of a parameter that cannot be negative, and 1 for any other.
-pub fn typical(id: ParameterId, scales: &Scales) -> f64 {
-    match of(id).values {
+pub fn typical_value(id: ParameterId, scales: &Scales) -> f64 {
+    match treatment_of(id).values {
         Values::NotNegative(typical) | Values::FactorNotNegative(typical) => typical(scales),
         _ => 1.0,
     }

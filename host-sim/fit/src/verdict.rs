@@ -4,7 +4,7 @@ use super::outcome::{Outcome, State};
 use super::predict::Predicted;
 use super::reason::Reason;
 use super::track::Track;
-use super::treatment;
+use super::treatment::treatment_of;
 
 /// Absolute correlation above which two parameters are reported as confounded: the data determine a combination only.
 const CONFOUNDED_CORRELATION: f64 = 0.98;
@@ -31,7 +31,7 @@ pub(super) fn verdicts(outcome: &Outcome, predicted: &Predicted, tracks: &[Track
                 notes.push(format!("{name}: at its start: no measured row depends on it"));
             }
             State::AtBound => {
-                notes.push(format!("{name}: at its bound: {}", treatment::of(estimate.id).at_bound))
+                notes.push(format!("{name}: at its bound: {}", treatment_of(estimate.id).at_bound))
             }
         }
     }

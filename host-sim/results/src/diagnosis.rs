@@ -16,16 +16,12 @@ use crate::loop_cost::late_loop_warning;
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use crate::stochastic::StochasticExtension;
-use friction_diagnose::ceiling;
 use friction_diagnose::contest_calibration::ContestCalibration;
-use friction_diagnose::finding::Finding;
 use friction_diagnose::hand_over::Judged;
-use friction_diagnose::naming::NAMED;
 use friction_diagnose::prepare::Prepared;
-use friction_diagnose::{Diagnosis, Share, WeighedCause, summary};
-use friction_fit::Outcome;
+use friction_diagnose::{Ceiling, Diagnosis, Finding, NAMED, Share, WeighedCause, summary};
 use friction_fit::linear::LinearTerm;
-use friction_fit::measurement::Measurement;
+use friction_fit::{Measurement, Outcome};
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, Split};
 use serde::Serialize;
@@ -382,7 +378,7 @@ pub fn document(
         "ceiling": {
             "rmse": finite(found.ceiling.rmse),
             "std_error": finite(found.ceiling.std_error),
-            "method": ceiling::METHOD,
+            "method": Ceiling::METHOD,
         },
         (EXTENSION): stochastic.json(),
         "next_experiment": summary::next_experiment(found),

@@ -33,8 +33,7 @@ use super::ranking::{RankedCandidate, left_out_in_words, ranking};
 use crate::report::{Block, Page};
 use crate::stochastic::StochasticExtension;
 use friction_diagnose::{Diagnosis, summary};
-use friction_fit::predict::{Predicted, predict};
-use friction_fit::statistics::autocorrelation_time;
+use friction_fit::{Predicted, autocorrelation_time, predict};
 use joint_log::{Dataset, Split};
 use rows::Rows;
 #[cfg(feature = "stochastic")]

@@ -23,12 +23,10 @@ use crate::provenance::parameter_file;
 use compensator_core::parameters::Choices;
 use compensator_core::{LawKind, ParameterId as Id, TermKind};
 use drive::TableUnits;
-use friction_diagnose::evaluation;
+use friction_diagnose::Gain;
 use friction_diagnose::prepare::{Error, Prepared, identify_each};
-use friction_fit::measurement::Measurement;
-use friction_fit::predict::predict;
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Outcome, State};
+use friction_fit::{FitOptions, Measurement, Outcome, State, predict};
 use joint_log::JointKind;
 use joint_log::work;
 use judged::table_errors;
@@ -87,7 +85,7 @@ pub fn fit_for_feed_forward(input: &Prepared) -> Result<Outcome, Error> {
     let mut fits = identify_each(&spec, &with_gravity, Choices::default(), &options)?;
     let gravity = fits.swap_remove(0);
     let errors = |fit: &Outcome| predict(&fit.parameters, input.test_rows(), fit.resolution);
-    let has_gain = evaluation::gain(&errors(&best), &errors(&gravity), 0).ci95[0] > 0.0;
+    let has_gain = Gain::between(&errors(&best), &errors(&gravity), 0).ci95[0] > 0.0;
     Ok(if has_gain && !has_blurred_offset(&gravity, input) { gravity } else { best })
 }
 

@@ -6,8 +6,7 @@ use crate::provenance::parameter_file;
 use crate::{Comparison, FitReport, compare_fits, document, page};
 use friction_diagnose::hand_over::BesidePlain;
 use friction_diagnose::prepare::Prepared;
-use friction_fit::Outcome;
-use friction_fit::measurement::Measurement;
+use friction_fit::{Measurement, Outcome};
 use std::slice::from_ref;
 
 /// Result files of a comparison, and what a terminal shows of it.

@@ -5,10 +5,8 @@ use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use friction_diagnose::prepare::Prepared;
-use friction_fit::measurement::Measurement;
 use friction_fit::network::{BASE, NetworkFile};
-use friction_fit::params;
-use friction_fit::{Metrics, Outcome};
+use friction_fit::{Measurement, Metrics, Outcome, params};
 use serde_json::json;
 
 /// Name of the model.

@@ -3,10 +3,8 @@
 //! The comments allow a later reader to judge the file without the other results of the run.
 
 use friction_diagnose::prepare::Prepared;
-use friction_fit::Outcome;
 use friction_fit::clock::since_epoch;
-use friction_fit::measurement::Measurement;
-use friction_fit::params;
+use friction_fit::{Measurement, Outcome, params};
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, utc_minute};
 

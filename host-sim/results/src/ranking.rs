@@ -1,7 +1,6 @@
 //! The candidate causes of a diagnosis, those of the best hypothesis first, and why each is not named.
 
-use friction_diagnose::left_out::LeftOut;
-use friction_diagnose::{Diagnosis, Finding, WeighedCause};
+use friction_diagnose::{Diagnosis, Finding, LeftOut, WeighedCause};
 use joint_log::number::significant;
 
 /// A candidate cause in a report.

@@ -24,8 +24,7 @@
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use compensator_core::Quantity;
 use compensator_core::adaptation::Frozen;
-use friction_fit::prediction::adapted::{AdaptedPrediction, RowAdaptation};
-use friction_fit::prediction::{LogPrediction, flag_text};
+use friction_fit::prediction::{AdaptedPrediction, LogPrediction, RowAdaptation, flag_text};
 use joint_log::{Dataset, contract};
 use std::collections::HashMap;
 

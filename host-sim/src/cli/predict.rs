@@ -10,9 +10,9 @@ use crate::driver_file;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::Resolution;
 use friction_fit::params::ParameterFile;
-use friction_fit::prediction::adapted::{AdaptationOptions, AdaptedPrediction, predict_adapted};
 use friction_fit::prediction::{
-    LogPrediction, PredictionOptions, PredictionStart, log_tracks, predict_tracks,
+    AdaptationOptions, AdaptedPrediction, LogPrediction, PredictionOptions, PredictionStart,
+    log_tracks, predict_adapted, predict_tracks,
 };
 use friction_results::ROWS_FILE;
 use friction_results::rows::RowTable;

@@ -3,7 +3,7 @@
 use compensator_core::Quantity;
 use compensator_core::adaptation::{AdaptationParameters, Frozen};
 use friction_fit::Metrics;
-use friction_fit::prediction::adapted::{AdaptationOptions, AdaptedPrediction};
+use friction_fit::prediction::{AdaptationOptions, AdaptedPrediction};
 use joint_log::number::significant;
 use joint_log::{Dataset, JointKind};
 use serde_json::{Map, Value, json};

@@ -2,8 +2,7 @@
 
 use super::words::text_in_options;
 use comfy_table::{CellAlignment, Table, presets};
-use friction_diagnose::Diagnosis;
-use friction_diagnose::finding::probability_in_words;
+use friction_diagnose::{Diagnosis, probability_in_words};
 use friction_fit::params::{unit, unit_in_words};
 use friction_fit::{Outcome, State};
 use friction_results::fleet::JointSummary;

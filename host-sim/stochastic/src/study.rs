@@ -147,7 +147,7 @@ impl<'a> CertificateStudy<'a> {
 }
 
 /// Returns the noise of the torque, Nm, from its second differences, which are small for a smooth torque. The median excludes
-/// breakaways and reversals. The method is that of [`friction_fit::scales::Scales::noise`], applied to the blocks.
+/// breakaways and reversals. The method is that of [`friction_fit::Scales::noise`], applied to the blocks.
 fn noise(trials: &Trials) -> f64 {
     let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();

@@ -6,9 +6,7 @@
 //! sampled models. Trials start at rows drawn evenly over the blocks, with the state of the fitted model there.
 
 use compensator_core::{FrictionModel, ModelState, Parameters, Sample};
-use friction_fit::initial_state::initial_state;
-use friction_fit::simulate::simulate;
-use friction_fit::{Resolution, Track};
+use friction_fit::{Resolution, Track, initial_state, simulate};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;

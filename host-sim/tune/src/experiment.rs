@@ -7,8 +7,7 @@
 
 use crate::motion::{Motion, MotionBuilder, MotionLimits, TARGET_PERIOD_S};
 use compensator_core::{Parameters, Sample};
-use friction_fit::predict::predict;
-use friction_fit::{Outcome, Resolution, Rows, Track};
+use friction_fit::{Outcome, Resolution, Rows, Track, predict};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;

@@ -5,8 +5,7 @@
 //! one, and the branches are bounded by the middle of both (as in LightGBM and scikit-learn), so that the whole is monotone.
 //! Written here, because a table of some hundred small trees must be read by people and by the diagnosis without a library.
 
-use friction_diagnose::contest_calibration::trees::{Node, Tree, category};
-use friction_diagnose::contest_calibration::{ContestCalibration, FIGURES};
+use friction_diagnose::contest_calibration::{ContestCalibration, FIGURES, Node, Tree, category};
 
 /// A candidate with its truth.
 #[derive(Clone, Debug)]

@@ -2,8 +2,7 @@
 //!
 //! A joint has play, or another error of its difference of positions that is large ([`GearFault`]). Half of the joints have play.
 
-use friction_diagnose::two_positions::calibration::Calibration;
-use friction_diagnose::two_positions::{FIGURES, TwoPositions};
+use friction_diagnose::two_positions::{Calibration, FIGURES, TwoPositions};
 use joint_log::Dataset;
 use joint_log::log_check::{self, Corrections};
 use rayon::prelude::*;

@@ -7,9 +7,8 @@ use crate::hand_over::{HandOver, HandedOver, Judged, linear_on, simplest_of_best
 use crate::late_channel::LateChannelKind;
 use crate::train_test::TrainTest;
 use compensator_core::{LawKind, TermKind};
-use friction_fit::predict::Predicted;
 use friction_fit::spec::{Spec, SpecError};
-use friction_fit::{Outcome, Track};
+use friction_fit::{Outcome, Predicted, Track};
 use joint_log::log_check::LogFindingKind;
 
 impl Search<'_> {

@@ -5,20 +5,17 @@
 
 use crate::DiagnosisOptions;
 use crate::channel_share::ChannelShare;
-use crate::contest::correction::Correction;
-use crate::contest::{Finalist, Rows};
+use crate::contest::{Correction, Finalist, Rows};
 use crate::late_channel::{LateChannel, LateChannelKind};
 use crate::leading_fault::Corrected;
 use crate::left_out::one_step_left_out;
 use crate::model::FittedModel;
 use crate::train_test::TrainTest;
-use friction_fit::measurement::{ChannelGain, Measurement};
-use friction_fit::predict::{Predicted, predict};
-use friction_fit::robust::Weighting;
-use friction_fit::solve::COMPARISON_TOLERANCE;
 use friction_fit::spec::SpecError;
-use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
-use friction_fit::{FitOptions, Outcome, identify};
+use friction_fit::{
+    COMPARISON_TOLERANCE, ChannelGain, FitOptions, LowPassShape, Measurement, Outcome, Predicted,
+    TorqueLowPass, Weighting, identify, predict,
+};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{JointKind, Quantity, contract};
 

@@ -6,12 +6,10 @@
 //! and a share of the log's strokes. The second kind is needed because a base law may describe a
 //! few millimetres of backlash by soft bristles.
 
-use super::definition::{Cause, Remedy};
+use super::{Cause, Remedy};
 use crate::candidate::{Candidate, FitContext, InitialGuess, Regressor};
-use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
-use crate::extended::{Extended, Size};
+use crate::evidence::{Plane, PlaneAxis, ResidualView};
 use crate::sensitivities::Exact;
-use crate::train_test::TrainTest;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// Backlash travels that are crossed right after a reversal, as multiples of the presliding travel.
@@ -29,8 +27,31 @@ const OF_STROKE: f64 = 0.08;
 /// low.
 const STIFFER: f64 = 3.0;
 
-/// Backlash as a cause; see the module documentation.
-pub struct Backlash;
+/// Backlash as a cause. A play below the step of the encoder cannot be seen.
+pub(super) const BACKLASH: Cause = Cause {
+    meaning: "after a reversal there is travel with little stiffness",
+    effect: "little stiffness while a play is crossed.",
+    acts_on: &[Id::BristleStiffness, Id::BristleDamping],
+    least_size: |log| Some(log.position_step()),
+    candidates,
+    words: |meaning, size, extended| {
+        let where_crossed = match extended.value(Id::BacklashUnloaded) > 0.5 {
+            true => "where the drive has unwound and holds nothing",
+            false => "right after the reversal",
+        };
+        format!("{meaning}: {}, {where_crossed}", size.in_words())
+    },
+    evidence: |_, extended| {
+        Plane::new(
+            "Just after a reversal",
+            PlaneAxis::SinceReversal(8.0 * extended.value(Id::BacklashTravel)),
+            ResidualView::Along,
+            "Where there is play, the joint resists less than a bristle model until the play is crossed.",
+        )
+        .into()
+    },
+    ..Cause::new("backlash", Remedy::Term(TermKind::Backlash))
+};
 
 /// Returns the typical travel between two reversals, rad; 0 without a reversal. Half of the total
 /// travel belongs to longer strokes.
@@ -66,7 +87,7 @@ fn candidate(columns: &[&str], (travel, unloaded, stiffness): (f64, f64, f64)) -
         (Id::BristleStiffness, stiffness),
     ];
     let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
-    Candidate::new(TermKind::Backlash, columns, vec![Regressor::Exact(by)])
+    Candidate::single(TermKind::Backlash, columns, Regressor::Exact(by))
         .starting_at(&[
             (Id::BacklashTravel, InitialGuess::At(travel)),
             (Id::BacklashUnloaded, InitialGuess::At(unloaded)),
@@ -75,77 +96,32 @@ fn candidate(columns: &[&str], (travel, unloaded, stiffness): (f64, f64, f64)) -
         .keeping(&[Id::BacklashStiffnessRatio, Id::BacklashUnloaded])
 }
 
-impl Cause for Backlash {
-    fn name(&self) -> &'static str {
-        "backlash"
+/// Returns the candidates of both kinds, or those of the gap that the contest has found.
+fn candidates(context: &FitContext) -> Vec<Candidate> {
+    if !context.spec.law.has_bristles() {
+        return Vec::new();
     }
-
-    fn meaning(&self) -> &'static str {
-        "after a reversal there is travel with little stiffness"
+    let columns = [context.log.velocity_name()];
+    let parameters = &context.at.parameters;
+    let presliding = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque))
+        / parameters.get(Id::BristleStiffness).max(1e-9);
+    let stroke = OF_STROKE * stroke(context);
+    let kept = PRESLIDING.map(|times| (times * presliding, 0.0));
+    let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
+    let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
+    let stiffness = parameters.get(Id::BristleStiffness);
+    if let Some((gap, travel)) = context.found.gap {
+        let level = stiffness * presliding;
+        let ways = [0.0, 1.0].map(|unloaded| (gap, unloaded, level / travel.max(1e-12)));
+        return ways.map(|way| candidate(&columns, way)).into();
     }
-
-    fn effect(&self) -> &'static str {
-        "little stiffness while a play is crossed."
-    }
-
-    fn remedy(&self) -> Remedy {
-        Remedy::Term(TermKind::Backlash)
-    }
-
-    fn acts_on(&self) -> &'static [Id] {
-        &[Id::BristleStiffness, Id::BristleDamping]
-    }
-
-    /// A play below the step of the encoder cannot be seen.
-    fn least_size(&self, log: &TrainTest) -> Option<f64> {
-        Some(log.position_step())
-    }
-
-    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
-        if !context.spec.law.has_bristles() {
-            return Vec::new();
-        }
-        let columns = [context.log.velocity_name()];
-        let parameters = &context.at.parameters;
-        let presliding = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque))
-            / parameters.get(Id::BristleStiffness).max(1e-9);
-        let stroke = OF_STROKE * stroke(context);
-        let kept = PRESLIDING.map(|times| (times * presliding, 0.0));
-        let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
-        let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
-        let stiffness = parameters.get(Id::BristleStiffness);
-        if let Some((gap, travel)) = context.found.gap {
-            let level = stiffness * presliding;
-            let ways = [0.0, 1.0].map(|unloaded| (gap, unloaded, level / travel.max(1e-12)));
-            return ways.map(|way| candidate(&columns, way)).into();
-        }
-        let stiffer = [(0.5 * presliding, 0.0), (0.5 * presliding, 1.0)];
-        let stiffer = stiffer.map(|(travel, unloaded)| (travel, unloaded, STIFFER * stiffness));
-        kept.into_iter()
-            .chain(unloaded)
-            .chain(by_stroke)
-            .map(|(travel, unloaded)| (travel, unloaded, stiffness))
-            .chain(stiffer)
-            .map(|way| candidate(&columns, way))
-            .collect()
-    }
-
-    fn in_words(&self, size: &Size, extended: &Extended) -> String {
-        let where_crossed = if extended.value(Id::BacklashUnloaded) > 0.5 {
-            "where the drive has unwound and holds nothing"
-        } else {
-            "right after the reversal"
-        };
-        format!("{}: {}, {where_crossed}", self.meaning(), size.in_words())
-    }
-
-    fn evidence(&self, _: &[String], extended: &Extended) -> Option<Evidence> {
-        Plane::new(
-            "Just after a reversal",
-            PlaneAxis::SinceReversal(8.0 * extended.value(Id::BacklashTravel)),
-            ResidualView::Along,
-            "Where there is play, the joint resists less than a bristle model until the play is crossed.",
-        )
-        .into()
-    }
+    let stiffer = [(0.5 * presliding, 0.0), (0.5 * presliding, 1.0)];
+    let stiffer = stiffer.map(|(travel, unloaded)| (travel, unloaded, STIFFER * stiffness));
+    kept.into_iter()
+        .chain(unloaded)
+        .chain(by_stroke)
+        .map(|(travel, unloaded)| (travel, unloaded, stiffness))
+        .chain(stiffer)
+        .map(|way| candidate(&columns, way))
+        .collect()
 }

@@ -6,9 +6,8 @@
 //! with a lower weight, because six knots can approximate many shapes. Structure that follows no
 //! column is reported without a term.
 
-use super::definition::{Cause, Remedy};
 use super::followed::Followed;
-use super::formula;
+use super::{Cause, Remedy, formula};
 use crate::candidate::{Candidate, FitContext, InitialGuess, Row, row};
 use crate::evaluation::resampled_errors;
 use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
@@ -17,129 +16,110 @@ use crate::train_test::FollowedColumn;
 use crate::train_test::TrainTest;
 use compensator_core::term::{LOOKUP_KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 use compensator_core::{ParameterId as Id, Quantity, TermKind};
-use friction_fit::State;
-use friction_fit::predict::Predicted;
+use friction_fit::{Predicted, State};
 use joint_log::number::figure;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// Unknown cause; see the module documentation.
-pub struct Unknown;
-
-impl Cause for Unknown {
-    fn name(&self) -> &'static str {
-        "unknown"
-    }
-
-    fn meaning(&self) -> &'static str {
-        "no named cause explains the remaining error"
-    }
-
-    fn effect(&self) -> &'static str {
-        "a torque and a change of the levels drawn over one column."
-    }
-
-    fn remedy(&self) -> Remedy {
-        Remedy::Term(TermKind::LookupTable)
-    }
-
-    fn is_named(&self) -> bool {
-        false
-    }
-
-    fn next_experiment(&self, columns: &[String]) -> Option<String> {
+pub(super) const UNKNOWN: Cause = Cause {
+    meaning: "no named cause explains the remaining error",
+    effect: "a torque and a change of the levels drawn over one column.",
+    is_named: false,
+    candidates,
+    size: Some(knot_range),
+    words: in_words,
+    evidence,
+    next_experiment: |columns| {
         Some(if columns.is_empty() {
             "Repeat the worst run and log every quantity that this joint measures.".into()
         } else {
             format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
         })
-    }
+    },
+    ..Cause::new("unknown", Remedy::Term(TermKind::LookupTable))
+};
 
-    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
-        // With an offset in the model, the constant of the curve is redundant.
-        let offset = context.has(TermKind::TorqueOffset);
-        let mut all = Vec::new();
-        for followed in columns(context.log) {
-            let values = values(context.log, &followed);
-            all.extend(formula::candidates(&followed, &values));
-            // A sensor's gain error is a straight line over a covariate, and simple enough for a
-            // candidate of its own. A line over velocity is viscous friction. A line over angle or
-            // time has no meaning.
-            let is_covariate = followed.is_covariate();
-            let ways = [(false, false), (true, false), (false, true)];
-            for (level, proportional) in ways.into_iter().filter(|(_, line)| !line || is_covariate)
-            {
-                let way = Way { level, proportional, pins: level || offset };
-                all.extend(curve(&followed, &values, way));
+/// Returns a curve over every column, as a torque and as a share of the level, and a line over every covariate.
+fn candidates(context: &FitContext) -> Vec<Candidate> {
+    // With an offset in the model, the constant of the curve is redundant.
+    let offset = context.has(TermKind::TorqueOffset);
+    let mut all = Vec::new();
+    for followed in columns(context.log) {
+        let values = values(context.log, &followed);
+        all.extend(formula::candidates(&followed, &values));
+        // A sensor's gain error is a straight line over a covariate, and simple enough for a
+        // candidate of its own. A line over velocity is viscous friction. A line over angle or
+        // time has no meaning.
+        let is_covariate = followed.is_covariate();
+        let ways = [(false, false), (true, false), (false, true)];
+        for (level, proportional) in ways.into_iter().filter(|(_, line)| !line || is_covariate) {
+            let way = Way { level, proportional, pins: level || offset };
+            all.extend(curve(&followed, &values, way));
+        }
+    }
+    all
+}
+
+/// Returns the difference between the highest and the lowest knot.
+fn knot_range(extended: &Extended) -> Size {
+    if extended.formula() != LookupFormula::None {
+        return extended.size(Id::LookupRise);
+    }
+    let knots = knots(extended.follows_level());
+    let value = |id: &Id| extended.value(*id);
+    let error = |id: &Id| extended.error(*id);
+    // A knot with few rows is not determined and does not count. A knot that was pinned at 0
+    // counts.
+    let sure = |id: &&Id| {
+        extended.estimate(**id).is_some_and(|e| match e.std_error {
+            Some(_) => {
+                e.state == State::Determined
+                    || e.value.abs() > 3.0 * error(id) && e.state != State::AtBound
             }
-        }
-        all
-    }
+            None => e.value == 0.0,
+        })
+    };
+    let by = |a: &&Id, b: &&Id| value(a).total_cmp(&value(b));
+    let low = knots.iter().filter(sure).min_by(by).unwrap_or(&knots[0]);
+    let high = knots.iter().filter(sure).max_by(by).unwrap_or(&knots[0]);
+    let spread = error(low).hypot(error(high));
+    Size::new(value(high) - value(low), spread, extended.unit(knots[0]))
+}
 
-    fn in_rest(&self, rest: &Unexplained) -> Option<Observation> {
-        Some(unexplained(rest))
+fn in_words(meaning: &str, size: &Size, extended: &Extended) -> String {
+    let Some(follows) = extended.follows else {
+        return format!("{meaning}: {}", size.in_words());
+    };
+    if follows.formula != LookupFormula::None {
+        return formula::in_words(follows.formula, size, extended, &follows.column);
     }
-
-    /// Returns the difference between the highest and the lowest knot.
-    fn size(&self, extended: &Extended) -> Size {
-        if extended.formula() != LookupFormula::None {
-            return extended.size(Id::LookupRise);
-        }
-        let knots = knots(extended.follows_level());
-        let value = |id: &Id| extended.value(*id);
-        let error = |id: &Id| extended.error(*id);
-        // A knot with few rows is not determined and does not count. A knot that was pinned at 0
-        // counts.
-        let sure = |id: &&Id| {
-            extended.estimate(**id).is_some_and(|e| match e.std_error {
-                Some(_) => {
-                    e.state == State::Determined
-                        || e.value.abs() > 3.0 * error(id) && e.state != State::AtBound
-                }
-                None => e.value == 0.0,
-            })
-        };
-        let by = |a: &&Id, b: &&Id| value(a).total_cmp(&value(b));
-        let low = knots.iter().filter(sure).min_by(by).unwrap_or(&knots[0]);
-        let high = knots.iter().filter(sure).max_by(by).unwrap_or(&knots[0]);
-        let spread = error(low).hypot(error(high));
-        Size::new(value(high) - value(low), spread, extended.unit(knots[0]))
-    }
-
-    fn in_words(&self, size: &Size, extended: &Extended) -> String {
-        let Some(follows) = extended.follows else {
-            return format!("{}: {}", self.meaning(), size.in_words());
-        };
-        if follows.formula != LookupFormula::None {
-            return formula::in_words(follows.formula, size, extended, &follows.column);
-        }
-        let (column, shape) = (&follows.column, shape(extended, follows.level));
-        let size = size.in_words();
-        if follows.level {
-            format!(
-                "friction follows {column}, {shape}, in a way that no named cause describes: its level varies by {size}"
-            )
-        } else {
-            format!(
-                "a torque follows {column}, {shape}, in both directions of motion alike: calibration or load, not friction; it varies by {size}"
-            )
-        }
-    }
-
-    fn evidence(&self, columns: &[String], extended: &Extended) -> Option<Evidence> {
-        let name = columns.first()?;
-        // The view depends on the curve in the model, which may be a torque or a level.
-        let mut levels = LOOKUP_LEVELS.iter().chain([&Id::LookupRise]);
-        let level = levels.any(|id| extended.value(*id) != 0.0);
-        let is_velocity = name == extended.log.velocity_name();
-        Plane::new(
-            format!("What follows {name}"),
-            PlaneAxis::Column(name.clone()),
-            if level { ResidualView::Along } else { ResidualView::Plain },
-            "No named cause has this shape; the extension is a curve drawn through it.",
+    let (column, shape) = (&follows.column, shape(extended, follows.level));
+    let size = size.in_words();
+    if follows.level {
+        format!(
+            "friction follows {column}, {shape}, in a way that no named cause describes: its level varies by {size}"
         )
-        .spaced(if is_velocity { Spacing::NarrowAtZero } else { Spacing::Even })
-        .into()
+    } else {
+        format!(
+            "a torque follows {column}, {shape}, in both directions of motion alike: calibration or load, not friction; it varies by {size}"
+        )
     }
+}
+
+fn evidence(columns: &[String], extended: &Extended) -> Option<Evidence> {
+    let name = columns.first()?;
+    // The view depends on the curve in the model, which may be a torque or a level.
+    let mut levels = LOOKUP_LEVELS.iter().chain([&Id::LookupRise]);
+    let level = levels.any(|id| extended.value(*id) != 0.0);
+    let is_velocity = name == extended.log.velocity_name();
+    Plane::new(
+        format!("What follows {name}"),
+        PlaneAxis::Column(name.clone()),
+        if level { ResidualView::Along } else { ResidualView::Plain },
+        "No named cause has this shape; the extension is a curve drawn through it.",
+    )
+    .spaced(if is_velocity { Spacing::NarrowAtZero } else { Spacing::Even })
+    .into()
 }
 
 fn knots(level: bool) -> [Id; LOOKUP_KNOTS] {
@@ -185,7 +165,7 @@ fn values(log: &TrainTest, followed: &Followed) -> Vec<f64> {
         .flat_map(|track| {
             track.samples.iter().enumerate().step_by(7).map(|(row, sample)| {
                 let extra = followed.covariate.map_or(0.0, |index| track.covariates[index][row]);
-                let row = Row { sample, added: 0.0, level: 0.0, viscous: 0.0, slope: 0.0, extra };
+                let row = Row { sample, added: 0.0, level: 0.0, viscous: 0.0, extra };
                 Followed::read(followed.quantity, &row)
             })
         })
@@ -283,10 +263,10 @@ fn shape(extended: &Extended, level: bool) -> &'static str {
     }
 }
 
-/// Returns the observation of structure that follows no column.
+/// Returns the finding of structure that follows no column.
 ///
 /// Its size is the error above the noise floor. The interval comes from resampled blocks of rows.
-fn unexplained(rest: &Unexplained) -> Observation {
+pub(crate) fn unexplained(rest: &Unexplained) -> Observation {
     let Unexplained { after, noise_floor, .. } = *rest;
     let rmse = after.metrics.rmse;
     let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();

@@ -6,8 +6,7 @@
 use super::TRAINING;
 use crate::train_test::TrainTest;
 use compensator_core::Quantity;
-use friction_fit::Track;
-use friction_fit::predict::Predicted;
+use friction_fit::{Predicted, Track};
 use joint_log::contract;
 use std::f64::consts::TAU;
 

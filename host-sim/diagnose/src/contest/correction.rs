@@ -5,7 +5,7 @@
 //! is judged on the same numbers.
 
 use super::rows::Rows;
-use friction_fit::torque_low_pass::{LowPassShape, TorqueLowPass};
+use friction_fit::{LowPassShape, TorqueLowPass};
 
 /// A correction of the log.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -16,12 +16,12 @@ use super::rows::Rows;
 use crate::sensitivities::{Sensitivities, TrackSensitivities, sensitivities};
 use crate::uncertain_motion;
 use compensator_core::{LawKind, ParameterId, Parameters};
-use friction_fit::linear::operator::later;
-use friction_fit::scales::Scales;
-use friction_fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE};
+use friction_fit::linear::later;
 use friction_fit::spec::Spec;
-use friction_fit::torque_low_pass::TorqueLowPass;
-use friction_fit::{FitOptions, Resolution, Track, fit, treatment};
+use friction_fit::{
+    COMPARISON_STAGNATION, COMPARISON_TOLERANCE, FitOptions, Resolution, Scales, TorqueLowPass,
+    Track, fit, typical_value,
+};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -69,7 +69,7 @@ impl KernelStart {
             (ParameterId::StribeckVelocity, law.stribeck_velocity),
             (ParameterId::ViscousFriction, law.viscous),
             (ParameterId::BristleStiffness, coulomb / law.travel.max(f64::MIN_POSITIVE)),
-            (ParameterId::BristleDamping, treatment::typical(ParameterId::BristleDamping, &scales)),
+            (ParameterId::BristleDamping, typical_value(ParameterId::BristleDamping, &scales)),
         ];
         for (id, value) in values {
             parameters.set(id, value.clamp(id.info().lower, id.info().upper));

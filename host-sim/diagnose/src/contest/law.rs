@@ -10,8 +10,7 @@
 
 use super::bank::{Bank, Workspace};
 use super::rows::Rows;
-use friction_fit::linear::operator::stop;
-use friction_fit::linear::{Factor, Inputs, Regressor};
+use friction_fit::linear::{Factor, Inputs, Regressor, stop};
 use joint_log::Quantity;
 use std::ops::Range;
 

@@ -12,7 +12,7 @@ use super::ledger::{Hypothesis, Ledger};
 use super::rows::{MAX_CONSTANT_SHARE, Rows, within_runs};
 use crate::left_out::{LeftOut, MOST_FITS, STRETCHES, unit_of};
 use friction_fit::linear::{Factor, Inputs, LinearModel, LinearTerm, Regressor};
-use friction_fit::measurement::{ChannelGain, Measurement};
+use friction_fit::{ChannelGain, Measurement};
 
 /// The best hypothesis that is a model for other logs.
 #[derive(Clone, Debug, Default)]

@@ -8,9 +8,8 @@
 
 use super::covariate::{Covariate, covariates};
 use compensator_core::TermKind;
-use friction_fit::Track;
 use friction_fit::linear::Motion;
-use friction_fit::scales::white_noise;
+use friction_fit::{Track, white_noise};
 use joint_log::{Dataset, Quantity, segments};
 use std::ops::{Deref, DerefMut, Range};
 

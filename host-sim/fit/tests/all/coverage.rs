@@ -9,9 +9,8 @@ mod world;
 
 use super::message;
 use compensator_core::{LawKind, ParameterId as Id};
-use friction_fit::dataset_tracks::{campaign_start, tracks_since};
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Outcome, Rows, State, identify};
+use friction_fit::{FitOptions, Outcome, Rows, State, campaign_start, identify, tracks_since};
 use joint_log::log_check::{Corrections, check};
 use joint_log::{SplitRule, split};
 use rayon::prelude::*;

@@ -10,9 +10,8 @@ use super::bins::{Bins, Mean, Spacing};
 use super::figures::{AFTER, fitting_range};
 use super::rows::{REST_SPEED_SHARE, Rows, rate, rest_before, since_reversal};
 use crate::report::{Axis, Chart, Series, Style, rounded};
-use friction_diagnose::Finding;
-use friction_diagnose::evidence::{self, Evidence, PlaneAxis, ResidualView};
-use friction_fit::predict::predict;
+use friction_diagnose::{Evidence, Finding, PlaneAxis, ResidualView, Spacing as BinSpacing};
+use friction_fit::predict;
 use joint_log::number::significant;
 use joint_log::{Quantity, contract};
 use std::f64::consts::TAU;
@@ -178,7 +177,7 @@ fn without(scene: &Scene, finding: &Finding) -> Option<Vec<f64>> {
 }
 
 /// Returns the plane of a cause; `None` if its column is missing.
-fn plane(scene: &Scene, evidence: &evidence::Plane) -> Option<Plane> {
+fn plane(scene: &Scene, evidence: &friction_diagnose::Plane) -> Option<Plane> {
     let rows = &scene.all;
     let (label, x) = axis(scene, &evidence.axis)?;
     let title = &evidence.title;
@@ -194,11 +193,11 @@ fn plane(scene: &Scene, evidence: &evidence::Plane) -> Option<Plane> {
         plane = plane.without_ends();
     }
     let spacing = match evidence.spacing {
-        evidence::Spacing::Even => Spacing::Even,
-        evidence::Spacing::NarrowAtZero => Spacing::NarrowAtZero,
-        evidence::Spacing::Logarithmic => Spacing::Log,
-        evidence::Spacing::Runs if scene.about.data.runs.len() > 1 => Spacing::Runs,
-        evidence::Spacing::Runs => Spacing::Even,
+        BinSpacing::Even => Spacing::Even,
+        BinSpacing::NarrowAtZero => Spacing::NarrowAtZero,
+        BinSpacing::Logarithmic => Spacing::Log,
+        BinSpacing::Runs if scene.about.data.runs.len() > 1 => Spacing::Runs,
+        BinSpacing::Runs => Spacing::Even,
     };
     Some(plane.spaced(spacing).saying(&evidence.description))
 }

@@ -10,10 +10,9 @@ use super::words;
 use crate::page::words::quantity;
 use crate::report::{Axis, Chart, Series};
 use compensator_core::Quantity;
-use friction_diagnose::cause::definition::Remedy;
-use friction_diagnose::finding::probability_in_words;
-use friction_diagnose::summary::above_floor;
-use friction_diagnose::{Finding, hand_over, summary};
+use friction_diagnose::cause::Remedy;
+use friction_diagnose::summary::{self, above_floor};
+use friction_diagnose::{Finding, hand_over, probability_in_words};
 use joint_log::number::significant;
 use maud::html;
 

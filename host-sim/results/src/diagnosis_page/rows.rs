@@ -6,8 +6,7 @@
 
 use compensator_core::{Quantity, Sample};
 use friction_diagnose::TrainTest;
-use friction_fit::Track;
-use friction_fit::predict::Predicted;
+use friction_fit::{Predicted, Track};
 use joint_log::{Dataset, Part};
 use std::ops::Range;
 

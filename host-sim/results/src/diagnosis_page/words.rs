@@ -5,10 +5,7 @@ use super::over_time::NoiseFloor;
 use crate::page::words::{self as shared, counted, listed, quantity};
 use crate::ranking::left_out_in_words;
 use friction_diagnose::contest_calibration::ContestCalibration;
-use friction_diagnose::left_out::LeftOut;
-use friction_diagnose::naming::NAMED;
-use friction_diagnose::thresholds::STRUCTURE;
-use friction_diagnose::{Diagnosis, Finding};
+use friction_diagnose::{Diagnosis, Finding, LeftOut, NAMED, STRUCTURE};
 use joint_log::number::significant;
 
 /// Returns why no cause is named, as the first words of a sentence.

@@ -4,9 +4,8 @@
 
 use super::table::{TablePoint, interpolated};
 use compensator_core::{ParameterId as Id, Parameters, Sample};
-use friction_diagnose::{Gain, evaluation};
-use friction_fit::predict::{Predicted, predict};
-use friction_fit::{Metrics, Outcome, Rows, Track};
+use friction_diagnose::Gain;
+use friction_fit::{Metrics, Outcome, Predicted, Rows, Track, predict};
 
 /// Seed of the bootstrap of the intervals.
 const SEED: u64 = 0;
@@ -72,8 +71,8 @@ impl Judged {
             nothing: nothing.metrics,
             table: by_table.metrics,
             model: model.metrics,
-            table_gain: evaluation::gain(&nothing, &by_table, SEED),
-            model_gain: evaluation::gain(&by_table, &model, SEED),
+            table_gain: Gain::between(&nothing, &by_table, SEED),
+            model_gain: Gain::between(&by_table, &model, SEED),
         }
     }
 

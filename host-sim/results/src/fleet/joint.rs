@@ -8,7 +8,7 @@ use super::statistics::{Limit, Trend, natural_key, trends};
 use super::{Ageing, FleetRow, LEVELS, SIGNED};
 use crate::level_trend::median;
 use crate::page::words::counted;
-use friction_diagnose::thresholds::NEGLIGIBLE;
+use friction_diagnose::NEGLIGIBLE;
 use joint_log::number::significant;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -7,10 +7,8 @@
 //! Torque is simulated at the full rate. Residuals are decimated like those of the metrics.
 
 use super::FitReport;
-use friction_diagnose::{Gain, evaluation};
-use friction_fit::predict::{Predicted, predict};
-use friction_fit::statistics::autocorrelation_time;
-use friction_fit::{Metrics, Outcome, Track};
+use friction_diagnose::Gain;
+use friction_fit::{Metrics, Outcome, Predicted, Track, autocorrelation_time, predict};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -98,7 +96,7 @@ impl HeldOut {
             saturation: 0.0,
             presliding: 0.0,
         };
-        evaluation::gain(&predicted(worse), &predicted(better), 0)
+        Gain::between(&predicted(worse), &predicted(better), 0)
     }
 
     /// Returns the rows of one motion cycle, the one of median length among all held-out cycles. Returns `None` if there

@@ -4,8 +4,7 @@
 
 use crate::page::words::{capitalised, counted, quantity};
 use crate::tune::{TuneArm, TuneGain, TuneOutcome, TuneQuantity, TuneReport};
-use friction_diagnose::cause;
-use friction_diagnose::finding::probability_in_words;
+use friction_diagnose::{cause, probability_in_words};
 use joint_log::number::{fixed, significant};
 
 /// Text for a value that was not measured.

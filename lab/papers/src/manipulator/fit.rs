@@ -9,7 +9,7 @@ use super::arm::{Arm, Drive, JOINTS};
 use super::bounded::{NormalEquations, NormalSums, SearchOptions, SearchResult, search};
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId, Parameters};
-use friction_fit::dual::Dual;
+use friction_fit::Dual;
 
 /// A run to fit or to evaluate.
 #[derive(Clone, Debug)]

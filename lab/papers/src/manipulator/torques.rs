@@ -7,11 +7,11 @@ use super::bounded::{NormalEquations, NormalSums, SearchOptions, search};
 use super::fit::{PRINTED_BOUNDS, PRINTED_START};
 use compensator_core::TermKind;
 use compensator_core::{LawKind, Parameters};
-use friction_fit::dataset_tracks::{campaign_start, tracks_since};
-use friction_fit::dual::Dual;
-use friction_fit::simulate::simulate;
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Metrics, Outcome, Resolution, Rows, Track, identify, predict};
+use friction_fit::{
+    Dual, FitOptions, Metrics, Outcome, Resolution, Rows, Track, campaign_start, identify, predict,
+    simulate, tracks_since,
+};
 use joint_log::Dataset;
 use joint_log::log_check::{Corrections, check};
 

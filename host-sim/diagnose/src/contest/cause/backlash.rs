@@ -8,8 +8,7 @@ use super::{Columns, Context, plain};
 use crate::contest::bank::{Bank, Workspace};
 use crate::contest::law::Shapes;
 use crate::contest::rows::Rows;
-use friction_fit::linear::operator::{play, stop};
-use friction_fit::linear::{Factor, Regressor};
+use friction_fit::linear::{Factor, Regressor, play, stop};
 use joint_log::work::checkpoint;
 use rayon::prelude::*;
 

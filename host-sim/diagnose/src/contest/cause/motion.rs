@@ -2,8 +2,7 @@
 
 use super::{Columns, Context, of_level, plain};
 use crate::contest::rows::{Rows, quantile};
-use friction_fit::linear::factor::{heat, mean_growth};
-use friction_fit::linear::{Factor, Regressor};
+use friction_fit::linear::{Factor, Regressor, heat, mean_growth};
 use joint_log::JointKind;
 
 /// Displacement within which a joint rests, as a share of the travel.
