@@ -11,8 +11,8 @@ mod choice;
 mod corrected_rows;
 
 use super::contest::{
-    CauseKey, Correction, DRAWS, Finalist, FinalistCause, LawStart, Outcome as ContestOutcome,
-    RigidBody, Rows, contest,
+    CauseKey, Correction, DRAWS, Detail, Finalist, FinalistCause, LawStart,
+    Outcome as ContestOutcome, RigidBody, Rows, WaveKind, contest,
 };
 use super::evaluation::Gain;
 use super::extended::{Extended, Size};
@@ -416,7 +416,9 @@ fn check_torques(weighed: &mut [WeighedCause], outcome: &ContestOutcome, rows: &
 
 /// Returns true if a ripple has another phase in each run.
 fn has_free_phase(causes: &[FinalistCause]) -> bool {
-    causes.iter().any(|own| own.detail.ends_with("another phase in each run"))
+    let is_free =
+        |detail: &Detail| matches!(detail, Detail::Waves { kind: WaveKind::FreePhase, .. });
+    causes.iter().any(|cause| is_free(&cause.detail))
 }
 
 /// Returns true if a cause of a finalist is named.
@@ -441,7 +443,7 @@ fn check_sizes(weighed: &mut [WeighedCause], chosen: &Chosen, offer: &Offer) {
 /// Returns true if a realised cause is this one.
 fn realises(realised: &Realised, own: &WeighedCause) -> bool {
     let follows = realised.follows.as_ref().map(|follows| follows.column.as_str());
-    realised.cause == own.cause && follows.is_none_or(|column| column == own.figures.key.follows)
+    realised.cause == own.cause && follows.is_none_or(|column| own.figures.key.columns == [column])
 }
 
 /// Sets what the driver's law keeps less than the linear promise.

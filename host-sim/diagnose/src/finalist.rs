@@ -10,7 +10,7 @@
 use super::candidate::{Candidate, FitContext, FoundSettings};
 use super::cause::{self, Cause};
 use super::columns::columns;
-use super::contest::{Finalist, FinalistCause, LawStart};
+use super::contest::{Detail, Finalist, FinalistCause, Gap, LawStart};
 use super::left_out::one_step_left_out;
 use super::model::FittedModel;
 use super::sensitivities::{Sensitivities, sensitivities};
@@ -109,7 +109,7 @@ pub fn law_parameters(
     set(Id::StaticTorqueNegative, level);
     set(Id::StribeckVelocity, start.stribeck_velocity);
     set(Id::ViscousFriction, start.viscous);
-    set(Id::BristleStiffness, level / gap.map_or(start.travel, |(_, travel)| travel).max(1e-12));
+    set(Id::BristleStiffness, level / gap.map_or(start.travel, |gap| gap.travel).max(1e-12));
     set(Id::BristleDamping, 0.01 * typical_value(Id::BristleDamping, &scales));
     set(Id::TemperatureReference, scales.temperature_c);
     Ok(parameters)
@@ -361,8 +361,10 @@ fn ways(
         let own = &finalist.causes[*place];
         let Some(cause) = cause::named(own.key.cause) else { continue };
         let Some(term) = cause.remedy().term() else { continue };
-        let found =
-            FoundSettings { orders: orders(&own.detail), gap: gap(std::slice::from_ref(own)) };
+        let found = FoundSettings {
+            orders: own.detail.orders().to_vec(),
+            gap: gap(std::slice::from_ref(own)),
+        };
         let context = FitContext { log, spec, at, found };
         let is_used = context.has(term) || ways.iter().any(|way| way.candidates[0].term == term);
         if is_used || spec.terms.len() + spec.rigid_body.len() + ways.len() >= MAX_TERMS {
@@ -391,20 +393,17 @@ fn changed(id: Id, value: f64, change: f64) -> f64 {
 /// Returns true if a candidate is the variant that the contest has found.
 fn is_variant(candidate: &Candidate, own: &FinalistCause) -> bool {
     let Some(follows) = &candidate.follows else { return true };
-    follows.column == own.key.follows && follows.level == own.detail.starts_with("level")
-}
-
-/// Returns the orders of a ripple.
-fn orders(detail: &str) -> Vec<f64> {
-    let list = detail.strip_prefix("order ").unwrap_or_default();
-    list.split(", ").map_while(|order| order.parse().ok()).collect()
+    let of_level = matches!(own.detail, Detail::Curve { of_level: true, .. });
+    own.key.columns == [follows.column.as_str()] && follows.level == of_level
 }
 
 /// Returns gap and travel of a backlash among the causes.
-fn gap(causes: &[FinalistCause]) -> Option<(f64, f64)> {
-    let own = causes.iter().find(|own| own.key.cause == "backlash")?;
-    let (gap, travel) = own.detail.strip_prefix("gap ")?.split_once(", travel ")?;
-    Some((gap.parse().ok()?, travel.parse().ok()?))
+fn gap(causes: &[FinalistCause]) -> Option<Gap> {
+    let backlash = causes.iter().find(|cause| cause.key.cause == "backlash")?;
+    match backlash.detail {
+        Detail::Gap(gap) => Some(gap),
+        _ => None,
+    }
 }
 
 /// A cause with the ways in which it may enter the model.
