@@ -209,6 +209,16 @@ struct Start {
     realised: Vec<Realised>,
 }
 
+/// The law that a hypothesis is fitted with.
+pub struct LawFit<'a> {
+    /// The base model, which a finalist without a cause cannot fall behind.
+    pub base: &'a FittedModel,
+    /// The law and the rigid-body parts.
+    pub spec: &'a Spec,
+    /// Delay of the hypothesis' correction, s, if the model has it as a cause.
+    pub delay_s: Option<f64>,
+}
+
 /// Fits a hypothesis with a law, with those of its causes that are meant and have a term, and evaluates it on held-out rows.
 ///
 /// All causes are fitted at once. If the law then keeps too little of the linear promise, they are added one by one, the most
@@ -219,13 +229,13 @@ struct Start {
 pub fn fit_finalist(
     log: &TrainTest,
     finalist: &Finalist,
-    (base, law): (&FittedModel, &Spec),
+    law: LawFit,
     is_meant: &dyn Fn(&FinalistCause) -> bool,
-    delay_s: Option<f64>,
 ) -> Result<FittedFinalist, SpecError> {
+    let base = law.base;
     let meant: Vec<usize> =
         (0..finalist.causes.len()).filter(|at| is_meant(&finalist.causes[*at])).collect();
-    let first = law_start(log, finalist, law, delay_s)?;
+    let first = law_start(log, finalist, &law)?;
     let at_once = fit_start(log, with_causes(log, finalist, &first, &meant)?)?;
     let error = |own: &FittedFinalist| own.held_out.metrics.rmse.powi(2);
     let before = one_step_left_out(log, log, base).metrics.rmse.powi(2);
@@ -280,15 +290,10 @@ fn fit_start(log: &TrainTest, start: Start) -> Result<FittedFinalist, SpecError>
 }
 
 /// Returns the law of a hypothesis with the delay of its correction.
-fn law_start(
-    log: &TrainTest,
-    finalist: &Finalist,
-    law: &Spec,
-    delay_s: Option<f64>,
-) -> Result<Start, SpecError> {
-    let mut spec = law.clone();
+fn law_start(log: &TrainTest, finalist: &Finalist, law: &LawFit) -> Result<Start, SpecError> {
+    let mut spec = law.spec.clone();
     let mut realised = Vec::new();
-    let delay = delay_s.zip(cause::of_term(TermKind::ChannelDelay));
+    let delay = law.delay_s.zip(cause::of_term(TermKind::ChannelDelay));
     let delay = delay.filter(|_| !spec.rigid_body.contains(&TermKind::ChannelDelay));
     if let Some((_, cause)) = delay {
         let term = TermKind::ChannelDelay;

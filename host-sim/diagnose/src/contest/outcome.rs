@@ -9,9 +9,9 @@ use super::law::{LawStart, Shapes};
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::linear::LinearAnswer;
 use super::rows::Rows;
-use crate::channel_share::ChannelShare;
 use crate::evaluation::{self, Gain};
 use compensator_core::ParameterId;
+use friction_fit::ChannelGain;
 use std::collections::BTreeSet;
 
 /// Least inclusion of a cause in the report.
@@ -385,7 +385,7 @@ pub struct Finalist {
     /// Its causes, in the order of the bank. The delay of a correction is not among them.
     pub causes: Vec<FinalistCause>,
     /// Channels of which the torque holds a share.
-    pub shares: Vec<ChannelShare>,
+    pub shares: Vec<ChannelGain>,
     /// Held-out RMS error, unweighted.
     pub rmse: f64,
     /// Held-out RMS error without its causes, with its law and corrections, unweighted.
@@ -448,9 +448,8 @@ impl Table<'_> {
                 rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()])
             {
                 let (mean, spread) = channel.mean_and_spread();
-                let torque_per_unit = sizes[own.start] / spread;
-                let column = channel.name.clone();
-                shares.push(ChannelShare { column, torque_per_unit, mean });
+                let gain = sizes[own.start] / spread;
+                shares.push(ChannelGain { column: channel.name.clone(), gain, mean });
             }
         }
         Finalist {
