@@ -108,8 +108,8 @@ fn figures(figures: &Figures) -> Value {
     let confusable = figures.confusable_with.iter().map(|key| key.cause).collect::<Vec<_>>();
     json!({
         "cause": figures.key.cause,
-        "follows": figures.key.follows,
-        "detail": figures.detail,
+        "follows": figures.key.follows(),
+        "detail": figures.detail.to_string(),
         "in_best": figures.is_in_best,
         "inclusion": figures.inclusion,
         "materiality": figures.materiality(),

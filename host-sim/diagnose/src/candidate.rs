@@ -6,6 +6,7 @@
 //! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
 //! there, has no candidate: nothing is invented.
 
+use super::contest::Gap;
 use super::sensitivities::{Exact, Sensitivities};
 use super::train_test::{FollowedColumn, TrainTest};
 use compensator_core::{ParameterId, Parameters, Sample, TermKind};
@@ -135,8 +136,8 @@ pub struct FitContext<'a> {
 pub struct FoundSettings {
     /// Orders of a ripple, 1/rad or 1/m.
     pub orders: Vec<f64>,
-    /// Gap of a backlash and travel of the friction beside it, rad or m.
-    pub gap: Option<(f64, f64)>,
+    /// Gap of a backlash.
+    pub gap: Option<Gap>,
 }
 
 impl FitContext<'_> {

@@ -16,6 +16,7 @@ mod bank;
 mod cause;
 mod correction;
 mod covariate;
+mod detail;
 mod draws;
 mod entry;
 mod kernel;
@@ -30,6 +31,7 @@ mod solve;
 mod weights;
 
 pub use correction::Correction;
+pub use detail::{Detail, Gap, WaveKind};
 pub(crate) use draws::DRAWS;
 pub use law::LawStart;
 pub use ledger::CauseKey;

@@ -125,7 +125,7 @@ impl ContestCalibration {
     /// Returns the probability of a candidate of a contest.
     pub fn probability(&self, outcome: &Outcome, own: &Figures) -> f64 {
         let key = &own.key;
-        self.probability_of(key.cause, &key.follows, &figures(outcome, own))
+        self.probability_of(key.cause, &key.follows(), &figures(outcome, own))
     }
 
     /// Returns the probability of a cause with given figures.

@@ -10,7 +10,7 @@
 use super::candidate::{Candidate, FitContext, FoundSettings};
 use super::cause::{self, Cause};
 use super::columns::columns;
-use super::contest::{Finalist, FinalistCause, LawStart};
+use super::contest::{Detail, Finalist, FinalistCause, Gap, LawStart};
 use super::left_out::one_step_left_out;
 use super::model::FittedModel;
 use super::sensitivities::{Sensitivities, sensitivities};
@@ -109,7 +109,7 @@ pub fn law_parameters(
     set(Id::StaticTorqueNegative, level);
     set(Id::StribeckVelocity, start.stribeck_velocity);
     set(Id::ViscousFriction, start.viscous);
-    set(Id::BristleStiffness, level / gap.map_or(start.travel, |(_, travel)| travel).max(1e-12));
+    set(Id::BristleStiffness, level / gap.map_or(start.travel, |gap| gap.travel).max(1e-12));
     set(Id::BristleDamping, 0.01 * typical_value(Id::BristleDamping, &scales));
     set(Id::TemperatureReference, scales.temperature_c);
     Ok(parameters)
@@ -209,6 +209,16 @@ struct Start {
     realised: Vec<Realised>,
 }
 
+/// The law that a hypothesis is fitted with.
+pub struct LawFit<'a> {
+    /// The base model, which a finalist without a cause cannot fall behind.
+    pub base: &'a FittedModel,
+    /// The law and the rigid-body parts.
+    pub spec: &'a Spec,
+    /// Delay of the hypothesis' correction, s, if the model has it as a cause.
+    pub delay_s: Option<f64>,
+}
+
 /// Fits a hypothesis with a law, with those of its causes that are meant and have a term, and evaluates it on held-out rows.
 ///
 /// All causes are fitted at once. If the law then keeps too little of the linear promise, they are added one by one, the most
@@ -219,13 +229,13 @@ struct Start {
 pub fn fit_finalist(
     log: &TrainTest,
     finalist: &Finalist,
-    (base, law): (&FittedModel, &Spec),
+    law: LawFit,
     is_meant: &dyn Fn(&FinalistCause) -> bool,
-    delay_s: Option<f64>,
 ) -> Result<FittedFinalist, SpecError> {
+    let base = law.base;
     let meant: Vec<usize> =
         (0..finalist.causes.len()).filter(|at| is_meant(&finalist.causes[*at])).collect();
-    let first = law_start(log, finalist, law, delay_s)?;
+    let first = law_start(log, finalist, &law)?;
     let at_once = fit_start(log, with_causes(log, finalist, &first, &meant)?)?;
     let error = |own: &FittedFinalist| own.held_out.metrics.rmse.powi(2);
     let before = one_step_left_out(log, log, base).metrics.rmse.powi(2);
@@ -280,15 +290,10 @@ fn fit_start(log: &TrainTest, start: Start) -> Result<FittedFinalist, SpecError>
 }
 
 /// Returns the law of a hypothesis with the delay of its correction.
-fn law_start(
-    log: &TrainTest,
-    finalist: &Finalist,
-    law: &Spec,
-    delay_s: Option<f64>,
-) -> Result<Start, SpecError> {
-    let mut spec = law.clone();
+fn law_start(log: &TrainTest, finalist: &Finalist, law: &LawFit) -> Result<Start, SpecError> {
+    let mut spec = law.spec.clone();
     let mut realised = Vec::new();
-    let delay = delay_s.zip(cause::of_term(TermKind::ChannelDelay));
+    let delay = law.delay_s.zip(cause::of_term(TermKind::ChannelDelay));
     let delay = delay.filter(|_| !spec.rigid_body.contains(&TermKind::ChannelDelay));
     if let Some((_, cause)) = delay {
         let term = TermKind::ChannelDelay;
@@ -361,8 +366,10 @@ fn ways(
         let own = &finalist.causes[*place];
         let Some(cause) = cause::named(own.key.cause) else { continue };
         let Some(term) = cause.remedy().term() else { continue };
-        let found =
-            FoundSettings { orders: orders(&own.detail), gap: gap(std::slice::from_ref(own)) };
+        let found = FoundSettings {
+            orders: own.detail.orders().to_vec(),
+            gap: gap(std::slice::from_ref(own)),
+        };
         let context = FitContext { log, spec, at, found };
         let is_used = context.has(term) || ways.iter().any(|way| way.candidates[0].term == term);
         if is_used || spec.terms.len() + spec.rigid_body.len() + ways.len() >= MAX_TERMS {
@@ -391,20 +398,17 @@ fn changed(id: Id, value: f64, change: f64) -> f64 {
 /// Returns true if a candidate is the variant that the contest has found.
 fn is_variant(candidate: &Candidate, own: &FinalistCause) -> bool {
     let Some(follows) = &candidate.follows else { return true };
-    follows.column == own.key.follows && follows.level == own.detail.starts_with("level")
-}
-
-/// Returns the orders of a ripple.
-fn orders(detail: &str) -> Vec<f64> {
-    let list = detail.strip_prefix("order ").unwrap_or_default();
-    list.split(", ").map_while(|order| order.parse().ok()).collect()
+    let of_level = matches!(own.detail, Detail::Curve { of_level: true, .. });
+    own.key.columns == [follows.column.as_str()] && follows.level == of_level
 }
 
 /// Returns gap and travel of a backlash among the causes.
-fn gap(causes: &[FinalistCause]) -> Option<(f64, f64)> {
-    let own = causes.iter().find(|own| own.key.cause == "backlash")?;
-    let (gap, travel) = own.detail.strip_prefix("gap ")?.split_once(", travel ")?;
-    Some((gap.parse().ok()?, travel.parse().ok()?))
+fn gap(causes: &[FinalistCause]) -> Option<Gap> {
+    let backlash = causes.iter().find(|cause| cause.key.cause == "backlash")?;
+    match backlash.detail {
+        Detail::Gap(gap) => Some(gap),
+        _ => None,
+    }
 }
 
 /// A cause with the ways in which it may enter the model.

@@ -62,7 +62,6 @@ mod by_contest;
 mod candidate;
 pub mod cause;
 mod ceiling;
-mod channel_share;
 mod columns;
 pub mod contest;
 pub mod contest_calibration;
@@ -271,7 +270,7 @@ pub fn diagnose(
         Some(Err(note)) => (None, Some(note)),
         None => (None, None),
     };
-    let answer = by_contest::answer(log, question, positions.as_ref(), progress)?;
+    let answer = by_contest::answer(&log, question, positions.as_ref(), progress)?;
     let by_contest::Answer { mut log, mut baseline, mut extended, before, after, .. } = answer;
     baseline.test = before.metrics;
     extended.test = answer.extended_test;

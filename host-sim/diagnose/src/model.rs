@@ -3,7 +3,7 @@
 use super::train_test::{FollowedColumn, TrainTest};
 use compensator_core::{ParameterId, Parameters};
 use friction_fit::spec::Spec;
-use friction_fit::{Predicted, Resolution, predict};
+use friction_fit::{Outcome, Predicted, Resolution, predict};
 
 /// A fitted model.
 #[derive(Clone, Debug)]
@@ -23,6 +23,17 @@ pub struct FittedModel {
 }
 
 impl FittedModel {
+    /// Returns the model of an outcome that was fitted from a start.
+    pub fn of(outcome: &Outcome, start: &Self) -> Self {
+        let free = outcome.estimates.iter().filter(|estimate| estimate.std_error.is_some());
+        Self {
+            parameters: outcome.parameters.clone(),
+            free: free.map(|estimate| estimate.id).collect(),
+            resolution: outcome.resolution,
+            ..start.clone()
+        }
+    }
+
     /// Returns the prediction of the held-out rows.
     pub fn on_test(&self, log: &TrainTest) -> Predicted {
         let log = log.following(self.follows.as_ref());

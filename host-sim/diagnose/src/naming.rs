@@ -64,7 +64,7 @@ impl WeighedCause {
 
     /// Columns of the log that it follows.
     pub fn columns(&self) -> Vec<String> {
-        columns(&self.figures.key)
+        self.figures.key.columns.clone()
     }
 
     /// Lowers the probability by a rule.
@@ -85,12 +85,6 @@ impl WeighedCause {
             self.reject(MAY_BE_NONE, Rejection::new(&rules::SPANS_NO_EFFECT, why));
         }
     }
-}
-
-/// Returns the columns that a key names.
-pub fn columns(key: &CauseKey) -> Vec<String> {
-    let names = key.follows.split(" x ").flat_map(|part| part.split(", "));
-    names.filter(|name| !name.is_empty()).map(str::to_owned).collect()
 }
 
 /// Returns the causes of a contest with their probabilities, in its order.
@@ -116,8 +110,7 @@ pub fn weigh(outcome: &Outcome, rows: &Rows) -> Vec<WeighedCause> {
 
 /// Returns how many periods of the slowest wave of a ripple the positions span; `None` for another cause.
 fn periods(figures: &Figures, rows: &Rows) -> Option<f64> {
-    let orders = figures.detail.strip_prefix("order ")?.split(", ");
-    let order = orders.filter_map(|order| order.parse::<f64>().ok()).reduce(f64::min)?;
+    let order = figures.detail.orders().iter().copied().reduce(f64::min)?;
     let ends = rows
         .position
         .iter()
@@ -132,7 +125,11 @@ pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCaus
         let other = weighed.iter().find(|other| other.figures.key == *key);
         let alone = other.map_or(own.alone, |other| other.figures.alone);
         let share = (alone / own.alone.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        Some(ConfoundedCause { cause: cause::named(key.cause)?, columns: columns(key), share })
+        Some(ConfoundedCause {
+            cause: cause::named(key.cause)?,
+            columns: key.columns.clone(),
+            share,
+        })
     };
     // A curve without a cause is no answer that another experiment could choose.
     own.confusable_with.iter().filter(|key| key.cause != "unknown").filter_map(rival).collect()
@@ -143,7 +140,7 @@ mod tests {
     use super::*;
 
     fn weighed(name: &'static str, no_effect: &Size) -> WeighedCause {
-        let key = CauseKey { cause: name, follows: String::new() };
+        let key = CauseKey { cause: name, columns: Vec::new() };
         let mut own = WeighedCause {
             cause: cause::named(name).expect("a cause"),
             figures: Figures { key, ..Figures::default() },
@@ -170,10 +167,13 @@ mod tests {
     }
 
     #[test]
-    fn columns_of_joined_names_are_separate() {
-        let key = |follows: &str| CauseKey { cause: "unknown", follows: follows.into() };
-        assert_eq!(columns(&key("a_n x b_c")), ["a_n", "b_c"]);
-        assert_eq!(columns(&key("dq_1, dq_2")), ["dq_1", "dq_2"]);
-        assert!(columns(&key("")).is_empty());
+    fn follows_of_several_columns_joins_them_as_the_cause_does() {
+        let key = |cause, columns: &[&str]| {
+            let columns = columns.iter().map(|name| (*name).to_owned()).collect();
+            CauseKey { cause, columns }.follows()
+        };
+        assert_eq!(key("unknown", &["a_n", "b_c"]), "a_n x b_c");
+        assert_eq!(key("joint-coupling", &["dq_1", "dq_2"]), "dq_1, dq_2");
+        assert!(key("unknown", &[]).is_empty());
     }
 }

@@ -5,12 +5,12 @@
 //! lists them. They are recognised by their correlation with the torque from sample to sample,
 //! which pressure or temperature cannot have.
 
-use super::channel_share::ChannelShare;
 use super::evaluation::noise_floor;
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
 use friction_fit::{
-    Rows, Scales, TorqueLowPass, Track, campaign_start, record_earlier_stretches, tracks_since,
+    ChannelGain, Rows, Scales, TorqueLowPass, Track, campaign_start, record_earlier_stretches,
+    tracks_since,
 };
 use joint_log::{Dataset, Quantity, Run, Split, contract};
 use std::borrow::Cow;
@@ -150,10 +150,10 @@ impl TrainTest {
 
     /// Returns the log without the share of a channel in its torque.
     #[must_use]
-    pub fn without_share(mut self, share: &ChannelShare) -> Self {
+    pub fn without_share(mut self, share: &ChannelGain) -> Self {
         let of = |data: &Dataset, run: usize| -> Vec<f64> {
             let values = data.column(&data.runs[run], &share.column).unwrap_or_default();
-            values.iter().map(|value| share.torque_per_unit * (value - share.mean)).collect()
+            values.iter().map(|value| share.gain * (value - share.mean)).collect()
         };
         let remove = |torque: &mut [f64], part: &[f64]| {
             torque.iter_mut().zip(part).for_each(|(torque, part)| *torque -= part);

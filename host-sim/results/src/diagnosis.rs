@@ -166,7 +166,7 @@ fn candidate(ranked: &RankedCandidate) -> Value {
     let mut value = json!({
         "cause": own.cause.name(),
         "columns": own.columns(),
-        "detail": own.figures.detail,
+        "detail": own.figures.detail.to_string(),
         "gain": finite(own.figures.alone),
         "gain_std_error": finite(own.gain_error()),
         "probability": finite(ranked.probability),

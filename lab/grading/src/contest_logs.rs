@@ -163,7 +163,7 @@ impl KnownLog {
         let missing = self.hidden.iter().filter(|(cause, _)| !is_candidate(cause));
         rows.extend(missing.map(|(cause, _)| row(cause)));
         let candidate = |own: &Figures| EvidenceRow {
-            follows: own.key.follows.clone(),
+            follows: own.key.follows(),
             is_candidate: true,
             confusable_with: own.confusable_with.iter().map(|key| key.cause.into()).collect(),
             plain: [own.inclusion, own.materiality()],

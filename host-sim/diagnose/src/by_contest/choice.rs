@@ -1,10 +1,11 @@
 //! The choice of what is handed over, among the models of a diagnosis.
 
-use super::{Chosen, CorrectedRows, Search};
+use super::Models;
+use super::corrected_rows::CorrectedRows;
+use super::search::{Chosen, Search};
 use crate::contest::LinearAnswer;
 use crate::finalist::fitted;
 use crate::hand_over::{HandOver, HandedOver, Judged, linear_on, simplest_of_best};
-use crate::late_channel::LateChannelKind;
 use crate::train_test::TrainTest;
 use compensator_core::{LawKind, TermKind};
 use friction_fit::spec::{Spec, SpecError};
@@ -17,28 +18,36 @@ impl Search<'_> {
         &self,
         chosen: &Chosen,
         original: &TrainTest,
-        own: [Option<(&Predicted, bool)>; 2],
+        models: &Models,
     ) -> Result<HandOver, SpecError> {
-        let (corrected, rows) = (&chosen.corrected, chosen.corrected.judged.judged_rows());
+        let judged = &chosen.corrected.judged;
         let on_rows = |answer: &LinearAnswer| Judged {
-            held_out: linear_on(&corrected.judged, original, answer),
+            held_out: linear_on(judged, original, answer),
             model: answer.clone(),
         };
         let plain = on_rows(&self.outcome.plain);
-        let linear = self.outcome.linear.as_ref().filter(|own| self.is_as_asked(own)).map(on_rows);
+        let linear = self.outcome.linear.as_ref().filter(|linear| self.is_as_asked(linear));
+        let linear = linear.map(on_rows);
         // The phase of a ripple that differs from run to run is unknown on another log.
-        let is_known = corrected.judged.aligned_order.is_none();
-        let own = [own[0], own[1].filter(|_| is_known)];
-        let others = [Some(&plain), linear.as_ref()].map(|own| own.map(|own| &own.held_out));
-        let (on_pc, in_driver, of_driver) = choices(rows.tracks, own, others, self.is_law_free());
-        let held_out_of_driver = of_driver.unwrap_or(&plain.held_out).metrics;
+        let is_known = judged.aligned_order.is_none();
+        let competing = Competing {
+            base: models.base(judged),
+            extended: models.extended(judged).filter(|_| is_known),
+            plain: &plain.held_out,
+            linear: linear.as_ref().map(|linear| &linear.held_out),
+        };
+        let tracks = judged.judged_rows().tracks;
+        let on_pc = competing.on_pc(tracks, self.is_law_free());
+        let in_driver = competing.in_driver(tracks, self.is_law_free(), on_pc);
+        let held_out_of_driver = competing.of_driver(in_driver).metrics;
         let driver_plain = match in_driver {
             HandedOver::Plain => Some(self.driver_plain()?),
             _ => None,
         };
-        let steps = self.outcome.linear.iter().flat_map(|own| &own.steps);
-        let steps = steps.map(|(name, own)| (*name, on_rows(own).held_out.metrics.rmse)).collect();
-        let measurement = corrected.measurement(self.rows.is_reversed);
+        let steps = self.outcome.linear.iter().flat_map(|linear| &linear.steps);
+        let rmse = |step: &LinearAnswer| on_rows(step).held_out.metrics.rmse;
+        let steps = steps.map(|(name, step)| (*name, rmse(step))).collect();
+        let measurement = chosen.corrected.measurement(self.rows.is_reversed);
         Ok(HandOver {
             on_pc,
             in_driver,
@@ -56,8 +65,8 @@ impl Search<'_> {
     fn is_as_asked(&self, answer: &LinearAnswer) -> bool {
         let measurement = &answer.measurement;
         let corrections = [
-            (measurement.torque_delay_s < -self.rows.step_s, LateChannelKind::Velocity.kind()),
-            (measurement.torque_low_pass.time_s > 0.0, LateChannelKind::LowPassedTorque.kind()),
+            (measurement.torque_delay_s < -self.rows.step_s, LogFindingKind::VelocityLag),
+            (measurement.torque_low_pass.time_s > 0.0, LogFindingKind::TorqueLag),
             (!measurement.channel_gains.is_empty(), LogFindingKind::ChannelGain),
         ];
         let is_excluded = |kind| self.options.as_logged.contains(&kind);
@@ -76,46 +85,53 @@ impl Search<'_> {
     }
 }
 
-/// Chooses for a PC and for a driver, and returns the driver's model on held-out rows, `None` for plain friction. The driver's
-/// law without and with causes comes with whether it is possible; after it stand plain friction and the linear model.
-fn choices<'o>(
-    tracks: &[Track],
-    [base, extended]: [Option<(&'o Predicted, bool)>; 2],
-    others: [Option<&'o Predicted>; 2],
-    is_free: bool,
-) -> (HandedOver, HandedOver, Option<&'o Predicted>) {
-    let of = |own: Option<(&'o Predicted, bool)>| own.map(|own| own.0);
-    let possible = |own: Option<(&'o Predicted, bool)>| of(own.filter(|own| own.1 || !is_free));
-    let [plain, linear] = others.map(|own| own.filter(|_| is_free));
-    let on_pc = choose(
-        tracks,
-        [
-            (HandedOver::Plain, plain),
-            (HandedOver::Baseline, possible(base)),
-            (HandedOver::Extended, possible(extended)),
-            (HandedOver::Linear, linear),
-        ],
-    );
-    // Where a PC takes the driver's law, both have the same one. Else a driver has plain friction only if that errs clearly less,
-    // because the sign of a noisy velocity lets a joint swing at rest, and bristles do not. A trial on the joint judges what is
-    // possible there.
-    let in_driver = match on_pc {
-        HandedOver::Baseline | HandedOver::Extended => on_pc,
-        HandedOver::Plain | HandedOver::Linear => choose(
-            tracks,
-            [
-                (HandedOver::Baseline, of(base)),
-                (HandedOver::Extended, of(extended)),
-                (HandedOver::Plain, plain),
-            ],
-        ),
-    };
-    let of_driver = match in_driver {
-        HandedOver::Plain => None,
-        HandedOver::Baseline => of(base),
-        HandedOver::Extended | HandedOver::Linear => of(extended),
-    };
-    (on_pc, in_driver, of_driver)
+/// The models that compete, on held-out rows. Those with the driver's law come with whether the law is possible.
+struct Competing<'o> {
+    base: (&'o Predicted, bool),
+    extended: Option<(&'o Predicted, bool)>,
+    plain: &'o Predicted,
+    linear: Option<&'o Predicted>,
+}
+
+impl<'o> Competing<'o> {
+    /// Chooses for a PC. `is_free` is true if no model was asked for.
+    fn on_pc(&self, tracks: &[Track], is_free: bool) -> HandedOver {
+        let possible = |(held_out, is_possible): (&'o Predicted, bool)| {
+            (is_possible || !is_free).then_some(held_out)
+        };
+        let models = [
+            (HandedOver::Plain, is_free.then_some(self.plain)),
+            (HandedOver::Baseline, possible(self.base)),
+            (HandedOver::Extended, self.extended.and_then(possible)),
+            (HandedOver::Linear, self.linear.filter(|_| is_free)),
+        ];
+        choose(tracks, models)
+    }
+
+    /// Chooses for a driver. Where a PC takes the driver's law, both have the same one. Else a driver has plain friction only if
+    /// that errs clearly less, because the sign of a noisy velocity lets a joint swing at rest, and bristles do not. A trial on the
+    /// joint judges what is possible there.
+    fn in_driver(&self, tracks: &[Track], is_free: bool, on_pc: HandedOver) -> HandedOver {
+        let models = [
+            (HandedOver::Baseline, Some(self.base.0)),
+            (HandedOver::Extended, self.extended.map(|(held_out, _)| held_out)),
+            (HandedOver::Plain, is_free.then_some(self.plain)),
+        ];
+        match on_pc {
+            HandedOver::Baseline | HandedOver::Extended => on_pc,
+            HandedOver::Plain | HandedOver::Linear => choose(tracks, models),
+        }
+    }
+
+    /// Returns the driver's model on held-out rows.
+    fn of_driver(&self, in_driver: HandedOver) -> &'o Predicted {
+        let extended = self.extended.map(|(held_out, _)| held_out);
+        match in_driver {
+            HandedOver::Plain => self.plain,
+            HandedOver::Baseline => self.base.0,
+            HandedOver::Extended | HandedOver::Linear => extended.unwrap_or(self.plain),
+        }
+    }
 }
 
 /// Chooses among the models that there are, the simplest first.
@@ -123,6 +139,6 @@ fn choose<const N: usize>(
     tracks: &[Track],
     models: [(HandedOver, Option<&Predicted>); N],
 ) -> HandedOver {
-    let there = models.into_iter().filter_map(|(what, own)| Some((what, own?)));
+    let there = models.into_iter().filter_map(|(what, held_out)| Some((what, held_out?)));
     simplest_of_best(tracks, &there.collect::<Vec<_>>())
 }

@@ -4,17 +4,16 @@
 //! Each correction is a finding of the report, so that its reader knows of which torque the models are.
 
 use crate::DiagnosisOptions;
-use crate::channel_share::ChannelShare;
 use crate::contest::{Correction, Finalist, Rows};
-use crate::late_channel::{LateChannel, LateChannelKind};
+use crate::late_channel::LateChannel;
 use crate::leading_fault::Corrected;
 use crate::left_out::one_step_left_out;
 use crate::model::FittedModel;
 use crate::train_test::TrainTest;
 use friction_fit::spec::SpecError;
 use friction_fit::{
-    COMPARISON_TOLERANCE, ChannelGain, FitOptions, LowPassShape, Measurement, Outcome, Predicted,
-    TorqueLowPass, Weighting, identify, predict,
+    COMPARISON_TOLERANCE, ChannelGain, FitOptions, Measurement, Outcome, Predicted, TorqueLowPass,
+    Weighting, identify, predict,
 };
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{JointKind, Quantity, contract};
@@ -31,12 +30,8 @@ pub(super) struct CorrectedRows {
     pub(super) judged: TrainTest,
     /// Delay of the torque that the model has as a cause, s.
     pub(super) delay_s: Option<f64>,
-    /// Time by which the torque is late beside what is fitted, s.
-    torque_delay_s: f64,
-    /// Low-pass of the torque channel.
-    low_pass: TorqueLowPass,
-    /// Shares of other channels in the torque.
-    shares: Vec<ChannelShare>,
+    /// What lies between the shaft and the torque of the log, whose sign is that of the log here.
+    pub(super) measurement: Measurement,
     /// The corrections as faults of the log.
     pub(super) findings: Vec<LogFinding>,
     /// What the correction of a late channel takes.
@@ -46,88 +41,35 @@ pub(super) struct CorrectedRows {
 }
 
 impl CorrectedRows {
-    /// Returns the log with the corrections of a finalist.
+    /// Returns the log with the corrections of a finalist, and with the weights of the contest.
     pub(super) fn new(
         log: &TrainTest,
         rows: &Rows,
         finalist: &Finalist,
         options: &DiagnosisOptions,
     ) -> Self {
-        let joint = log.train.joint;
-        let step_s = rows.step_s;
-        let (mut judged, mut delay_s, mut findings) = (log.clone(), None, Vec::new());
-        let (mut torque_delay_s, mut low_pass) = (0.0, TorqueLowPass::default());
-        let mut late = None;
-        let (mut late_channel, mut shape) = (None, LowPassShape::FirstOrder);
-        match finalist.correction {
-            Correction::None => {}
-            Correction::TorqueLate(late) if late > 1.0 => delay_s = Some(late * step_s),
-            Correction::TorqueLate(late) if late >= -1.0 => {
-                torque_delay_s = late * step_s;
-                judged = judged.with_later_velocity(-torque_delay_s);
-            }
-            Correction::TorqueLate(late) => late_channel = Some((LateChannelKind::Velocity, -late)),
-            Correction::TorqueLowPass(late, own) => {
-                (late_channel, shape) = (Some((LateChannelKind::LowPassedTorque, late)), own);
-            }
-        }
-        if let Some((which, rows)) =
-            late_channel.filter(|(which, _)| !options.as_logged.contains(&which.kind()))
-        {
-            let share_left = finalist.share_left;
-            let channel = LateChannel { late: which, time_s: rows * step_s, shape, share_left };
-            judged = channel.lag_compensated(judged);
-            match which {
-                LateChannelKind::Velocity => torque_delay_s = -channel.time_s,
-                LateChannelKind::LowPassedTorque => {
-                    low_pass = TorqueLowPass { time_s: channel.time_s, shape };
-                }
-            }
-            findings.push(channel.finding(joint));
-            late = Some(channel.gain());
-        }
-        let mut shares = Vec::new();
-        if !options.as_logged.contains(&LogFindingKind::ChannelGain) {
-            shares.clone_from(&finalist.shares);
-            for share in &shares {
-                judged = judged.without_share(share);
-                findings.push(share_finding(share, joint));
-            }
-        }
-        let mut fitted = judged.clone();
-        for track in &mut fitted.train_tracks {
-            let first = rows.runs[track.run].start + track.first_row;
-            track.scale_weights(|row| rows.weights[first + row].powi(2));
-        }
-        let memory_rows = 1.0;
-        Self {
-            fitted,
-            judged,
-            delay_s,
-            torque_delay_s,
-            low_pass,
-            shares,
-            findings,
-            late,
-            memory_rows,
-        }
-    }
-
-    /// Returns what lies between the shaft and the log.
-    pub(super) fn measurement(&self, is_reversed: bool) -> Measurement {
-        let signed = Measurement::of_sign(is_reversed);
-        let torque_sign = signed.torque_sign;
-        let gain = |share: &ChannelShare| ChannelGain {
-            column: share.column.clone(),
-            gain: torque_sign * share.torque_per_unit,
-            mean: share.mean,
+        let is_asked = |kind| !options.as_logged.contains(&kind);
+        let late = |low_pass, rows_late: f64| {
+            let time_s = rows_late * rows.step_s;
+            let channel = LateChannel { low_pass, time_s, share_left: finalist.share_left };
+            Some(channel).filter(|channel| is_asked(channel.kind()))
         };
-        Measurement {
-            torque_delay_s: self.torque_delay_s,
-            torque_low_pass: self.low_pass,
-            channel_gains: self.shares.iter().map(gain).collect(),
-            ..signed
-        }
+        let uncorrected = Self::uncorrected(log);
+        let in_time = match finalist.correction {
+            Correction::None => uncorrected,
+            Correction::TorqueLate(by) if by > 1.0 => {
+                Self { delay_s: Some(by * rows.step_s), ..uncorrected }
+            }
+            Correction::TorqueLate(by) if by >= -1.0 => {
+                uncorrected.with_late_torque(by * rows.step_s)
+            }
+            Correction::TorqueLate(by) => uncorrected.with_late_channel(late(None, -by)),
+            Correction::TorqueLowPass(by, shape) => {
+                uncorrected.with_late_channel(late(Some(shape), by))
+            }
+        };
+        let shares = finalist.shares.iter().filter(|_| is_asked(LogFindingKind::ChannelGain));
+        shares.fold(in_time, Self::without_share).with_weights(rows)
     }
 
     /// Returns a log as it is.
@@ -136,13 +78,58 @@ impl CorrectedRows {
             fitted: log.clone(),
             judged: log.clone(),
             delay_s: None,
-            torque_delay_s: 0.0,
-            low_pass: TorqueLowPass::default(),
-            shares: Vec::new(),
+            measurement: Measurement::default(),
             findings: Vec::new(),
             late: None,
             memory_rows: 1.0,
         }
+    }
+
+    /// Returns the rows with the velocity of the time of the torque.
+    fn with_late_torque(self, torque_delay_s: f64) -> Self {
+        let judged = self.judged.with_later_velocity(-torque_delay_s);
+        Self { judged, measurement: Measurement { torque_delay_s, ..self.measurement }, ..self }
+    }
+
+    /// Returns the rows with a late channel taken into account, and its finding.
+    fn with_late_channel(self, late: Option<LateChannel>) -> Self {
+        let Some(channel) = late else { return self };
+        let finding = channel.finding(self.judged.train.joint);
+        let corrected = match channel.low_pass {
+            None => self.with_late_torque(-channel.time_s),
+            Some(shape) => {
+                let torque_low_pass = TorqueLowPass { time_s: channel.time_s, shape };
+                let judged = self.judged.through_low_pass(torque_low_pass);
+                let measurement = Measurement { torque_low_pass, ..self.measurement };
+                Self { judged, measurement, ..self }
+            }
+        };
+        Self { findings: vec![finding], late: Some(channel.gain()), ..corrected }
+    }
+
+    /// Returns the rows without the share of a channel in the torque, and its finding.
+    fn without_share(mut self, share: &ChannelGain) -> Self {
+        self.findings.push(share_finding(share, self.judged.train.joint));
+        self.measurement.channel_gains.push(share.clone());
+        Self { judged: self.judged.without_share(share), ..self }
+    }
+
+    /// Returns the rows with the weights of the contest in fits.
+    fn with_weights(self, rows: &Rows) -> Self {
+        let mut fitted = self.judged.clone();
+        for track in &mut fitted.train_tracks {
+            let first = rows.first_row(track);
+            track.scale_weights(|row| rows.weights[first + row].powi(2));
+        }
+        Self { fitted, ..self }
+    }
+
+    /// Returns what lies between the shaft and the log.
+    pub(super) fn measurement(&self, is_reversed: bool) -> Measurement {
+        let torque_sign = Measurement::of_sign(is_reversed).torque_sign;
+        let mut measurement = Measurement { torque_sign, ..self.measurement.clone() };
+        measurement.channel_gains.iter_mut().for_each(|share| share.gain *= torque_sign);
+        measurement
     }
 
     /// Fits a model to all rows, from its parameters, until it converges.
@@ -169,9 +156,9 @@ impl CorrectedRows {
         }
     }
 
-    /// Weighs rows that differ from those beside them less, beside a model.
-    pub(super) fn weigh_robustly(&mut self, model: &FittedModel) {
-        for log in [&mut self.fitted, &mut self.judged] {
+    /// Returns the rows with less weight for those that differ from the rows beside them, beside a model.
+    pub(super) fn weighed_robustly(self, model: &FittedModel) -> Self {
+        let weighed = |mut log: TrainTest| {
             let weigh = Weighting::of(&log.train_tracks, &model.parameters, model.resolution);
             log.train_tracks = weigh.applied(&log.train_tracks);
             log.test_tracks = weigh.applied(&log.test_tracks);
@@ -179,37 +166,44 @@ impl CorrectedRows {
                 "the loss is huber: {} rows differ from the rows beside them and count less",
                 weigh.reduced
             ));
-        }
+            log
+        };
+        Self { fitted: weighed(self.fitted), judged: weighed(self.judged), ..self }
     }
 
-    /// Leaves the rows at rest out of the evaluation if a model is less accurate there than in motion.
-    pub(super) fn leave_out_rest(&mut self, model: &FittedModel) {
+    /// Returns the rows without those at rest in the evaluation, if a model is less accurate there than in motion.
+    pub(super) fn without_rest(self, model: &FittedModel) -> Self {
         let squares = |log: &TrainTest| {
             let metrics = predict(&model.parameters, log.train_rows(), model.resolution).metrics;
             (metrics.sse, metrics.rows)
         };
-        if let Some(at_rest) = self.judged.worse_at_rest(squares) {
-            self.judged = self.judged.clone().without(&at_rest);
+        match self.judged.worse_at_rest(squares) {
+            Some(at_rest) => Self { judged: self.judged.without(&at_rest), ..self },
+            None => self,
         }
     }
 
-    /// Takes the positions of a log whose runs have a common phase.
-    pub(super) fn align(&mut self, aligned: &TrainTest) {
-        for log in [&mut self.fitted, &mut self.judged] {
-            let weights: Vec<Vec<f64>> =
-                log.train_tracks.iter().map(|track| track.weights.clone()).collect();
-            *log = aligned.clone();
-            for (track, weights) in log.train_tracks.iter_mut().zip(weights) {
-                track.weights = weights;
+    /// Returns the rows at the positions of a log whose runs have a common phase.
+    pub(super) fn aligned(self, aligned: &TrainTest) -> Self {
+        let with_weights_of = |log: &TrainTest| {
+            let mut log_at_phase = aligned.clone();
+            for (track, weighted) in log_at_phase.train_tracks.iter_mut().zip(&log.train_tracks) {
+                track.weights.clone_from(&weighted.weights);
             }
+            log_at_phase
+        };
+        Self {
+            fitted: with_weights_of(&self.fitted),
+            judged: with_weights_of(&self.judged),
+            ..self
         }
     }
 }
 
 /// Returns the finding of a torque that holds a share of a channel.
-fn share_finding(share: &ChannelShare, joint: JointKind) -> LogFinding {
+fn share_finding(share: &ChannelGain, joint: JointKind) -> LogFinding {
     let torque = Quantity::Torque.name(joint);
-    let ChannelShare { column, torque_per_unit, .. } = share;
+    let ChannelGain { column, gain, .. } = share;
     let quantity = contract::covariates().find(|quantity| quantity.name(joint) == column);
     let unit = match quantity {
         Some(quantity) => format!("{}/{}", joint.torque_unit(), quantity.unit(joint)),
@@ -218,9 +212,9 @@ fn share_finding(share: &ChannelShare, joint: JointKind) -> LogFinding {
     LogFinding {
         kind: LogFindingKind::ChannelGain,
         columns: vec![torque.into(), column.clone()],
-        value: *torque_per_unit,
+        value: *gain,
         in_words: format!(
-            "{torque} holds {torque_per_unit:.3e} {unit} of {column}, whichever way the joint moves: its gain, its sign or the \
+            "{torque} holds {gain:.3e} {unit} of {column}, whichever way the joint moves: its gain, its sign or the \
              area that it acts on is wrong. The diagnosis and its models are of the torque without it."
         ),
         unit,

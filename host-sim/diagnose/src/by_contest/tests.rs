@@ -5,10 +5,12 @@ use crate::fixtures::{
     HandMadeLog, LogRow, PERIOD_S, bristle_torque, linear_base, linear_torque, pressure_torque,
     stribeck_bristle_torque, stribeck_torque,
 };
-use compensator_core::ParameterId as Id;
+use compensator_core::{LawKind, ParameterId as Id};
+use friction_fit::predict;
+use friction_fit::spec::Spec;
 
 fn answer_of(log: TrainTest) -> Answer {
-    answer(log, &DiagnosisOptions::default(), None, &|_| {}).expect("few terms")
+    answer(&log, &DiagnosisOptions::default(), None, &|_| {}).expect("few terms")
 }
 
 fn answer_to(torque_nm: impl Fn(&LogRow) -> f64) -> Answer {
@@ -126,7 +128,7 @@ fn answer_with_given_model_judges_it_as_it_is() {
     parameters.set(Id::CoulombTorque, 0.5);
     let given = Some((model.spec, parameters.clone()));
     let options = DiagnosisOptions { given, ..DiagnosisOptions::default() };
-    let found = answer(log, &options, None, &|_| {}).expect("few terms");
+    let found = answer(&log, &options, None, &|_| {}).expect("few terms");
     let given = predict(&parameters, found.log.test_rows(), found.baseline.resolution).metrics;
     let rmse = found.before.metrics.rmse;
     assert!((rmse / given.rmse - 1.0).abs() < 1e-9, "{rmse} {}", given.rmse);

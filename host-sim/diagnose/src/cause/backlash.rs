@@ -8,6 +8,7 @@
 
 use super::{Cause, Remedy};
 use crate::candidate::{Candidate, FitContext, InitialGuess, Regressor};
+use crate::contest::Gap;
 use crate::evidence::{Plane, PlaneAxis, ResidualView};
 use crate::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -110,7 +111,7 @@ fn candidates(context: &FitContext) -> Vec<Candidate> {
     let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
     let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
     let stiffness = parameters.get(Id::BristleStiffness);
-    if let Some((gap, travel)) = context.found.gap {
+    if let Some(Gap { gap, travel }) = context.found.gap {
         let level = stiffness * presliding;
         let ways = [0.0, 1.0].map(|unloaded| (gap, unloaded, level / travel.max(1e-12)));
         return ways.map(|way| candidate(&columns, way)).into();

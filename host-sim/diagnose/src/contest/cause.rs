@@ -14,8 +14,11 @@ pub mod ripple;
 pub mod simulated;
 mod unknown;
 
+use super::detail::Detail;
 use super::law::Shapes;
+use super::ledger::CauseKey;
 use super::rows::Rows;
+use crate::contest_calibration::category;
 use backlash::GapGrid;
 use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::work::checkpoint;
@@ -25,12 +28,10 @@ use ripple::RippleOrders;
 /// A way in which a cause may enter a model.
 #[derive(Clone, Debug)]
 pub struct Variant {
-    /// The cause, as in a report.
-    pub cause: &'static str,
-    /// The column that the cause follows, or empty.
-    pub follows: String,
+    /// The cause, with its columns.
+    pub key: CauseKey,
     /// What distinguishes the variant: orders, rows of delay, shape.
-    pub detail: String,
+    pub detail: Detail,
     /// What its columns are, where they mean the same on another log; empty for columns of a simulation.
     pub regressors: Vec<Regressor>,
     /// Its columns in all rows.
@@ -44,13 +45,14 @@ pub struct Variant {
 impl Variant {
     /// Returns true if the variant is a cause of friction, and not a fault of the log.
     pub fn is_cause(&self) -> bool {
-        self.cause != CHANNEL_GAIN
+        self.key.cause != CHANNEL_GAIN
     }
 
     /// Returns true if it is a wave or a curve over the position.
     pub(crate) fn is_of_position(&self) -> bool {
-        let is_curve = self.cause == "unknown" && self.follows.starts_with("position");
-        is_curve || ["torque-ripple", "position-ripple", "gravity-imbalance"].contains(&self.cause)
+        let cause = category(self.key.cause, &self.key.follows());
+        ["unknown-position", "torque-ripple", "position-ripple", "gravity-imbalance"]
+            .contains(&cause)
     }
 
     /// Returns the RMS of the torque that these coefficients contribute on the judged rows.
@@ -93,8 +95,8 @@ struct CauseRow {
 /// Columns of one variant.
 #[derive(Default)]
 pub(crate) struct Columns {
-    follows: String,
-    detail: String,
+    follows: Vec<String>,
+    detail: Detail,
     regressors: Vec<Regressor>,
 }
 
@@ -200,8 +202,7 @@ pub fn variants(context: &Context) -> Vec<Variant> {
             let columns: Vec<Vec<f64>> = columns.collect::<Option<_>>()?;
             let is_usable = !columns.is_empty() && columns.iter().all(is_usable);
             is_usable.then(|| Variant {
-                cause: row.name,
-                follows: own.follows,
+                key: CauseKey { cause: row.name, columns: own.follows },
                 detail: own.detail,
                 price: row.price + COLUMN_PRICE * (columns.len() - 1) as f64,
                 regressors: own.regressors,
@@ -227,6 +228,11 @@ fn of_level(factor: Factor) -> Regressor {
 }
 
 /// Returns regressors without a covariate.
-fn plain(detail: &str, regressors: Vec<Regressor>) -> Columns {
-    Columns { detail: detail.into(), regressors, ..Columns::default() }
+fn plain(detail: Detail, regressors: Vec<Regressor>) -> Columns {
+    Columns { detail, regressors, ..Columns::default() }
+}
+
+/// Returns a detail in words.
+fn form(words: impl Into<String>) -> Detail {
+    Detail::Form(words.into())
 }

@@ -247,11 +247,11 @@ impl Entry {
                 .iter()
                 .map(|at| &self.variants[*at as usize])
                 .filter(|v| v.is_cause())
-                .map(key)
+                .map(|v| v.key.clone())
                 .collect();
             let mut price = search.price(&set) + self.base.price;
             if self.correction.is_cause() {
-                causes.insert(CauseKey { cause: "channel-delay", follows: String::new() });
+                causes.insert(CauseKey { cause: "channel-delay", columns: Vec::new() });
             }
             if self.correction != Correction::None {
                 price += CORRECTION_PRICE;
@@ -274,7 +274,7 @@ fn corrected_variants(
     let context = Context { rows, shapes, travel, level, orders, gaps, residual };
     let mut made = variants(&context);
     if !base.simulated.is_empty() {
-        made.retain(|own| !SIMULATED.contains(&own.cause));
+        made.retain(|own| !SIMULATED.contains(&own.key.cause));
         made.extend(base.simulated.iter().cloned());
     }
     if correction != Correction::None {
@@ -282,8 +282,4 @@ fn corrected_variants(
         columns.for_each(|column| *column = correction.apply(rows, column));
     }
     made
-}
-
-fn key(variant: &Variant) -> CauseKey {
-    CauseKey { cause: variant.cause, follows: variant.follows.clone() }
 }

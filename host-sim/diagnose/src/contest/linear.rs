@@ -55,13 +55,13 @@ pub(crate) fn answer(
     let law_columns = parts.len();
     for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
         let own = variant.regressors.iter().cloned();
-        parts.extend(own.map(|own| (variant.cause, term(variant.cause, own))));
+        parts.extend(own.map(|own| (variant.key.cause, term(variant.key.cause, own))));
     }
     let falls: Vec<usize> = (0..law_columns).filter(|at| parts[*at].0 == STRIBECK).collect();
     let judged = JudgedByRun::new(rows, entry, hypothesis, (law_columns, &falls));
     let kept = judged.best_columns();
     let names: Vec<&'static str> =
-        hypothesis.set.iter().map(|at| entry.variants[*at as usize].cause).collect();
+        hypothesis.set.iter().map(|at| entry.variants[*at as usize].key.cause).collect();
     let steps = judged.steps(&kept, (entry.base.name, &names));
     let level = parts[..law_columns].iter().zip(&entry.base.sizes);
     let level = level.filter(|((name, _), _)| [COULOMB, STRIBECK].contains(name));
@@ -165,7 +165,8 @@ impl<'a> JudgedByRun<'a> {
             let own = next..next + variant.columns.len();
             next = own.end;
             groups.push((own.collect(), variant.price));
-            let covariate = rows.covariates.iter().find(|own| own.name == variant.follows);
+            let covariate =
+                rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()]);
             is_constant.push(
                 covariate
                     .is_some_and(|own| within_runs(&own.scaled, &rows.runs) < MAX_CONSTANT_SHARE),

@@ -2,15 +2,16 @@
 
 use super::bank::Workspace;
 use super::correction::Correction;
+use super::detail::Detail;
 use super::draws::{self, DRAWS, Draws};
 use super::entry::{Entry, Origin};
 use super::law::{LawStart, Shapes};
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::linear::LinearAnswer;
 use super::rows::Rows;
-use crate::channel_share::ChannelShare;
 use crate::evaluation::{self, Gain};
 use compensator_core::ParameterId;
+use friction_fit::ChannelGain;
 use std::collections::BTreeSet;
 
 /// Least inclusion of a cause in the report.
@@ -30,8 +31,8 @@ const MAX_LAW_COST: f64 = 1.3;
 pub struct Figures {
     /// The cause and its column.
     pub key: CauseKey,
-    /// Detail of its variant in the best hypothesis, or empty.
-    pub detail: String,
+    /// Detail of its variant in the best hypothesis.
+    pub detail: Detail,
     /// True if the best hypothesis holds it.
     pub is_in_best: bool,
     /// Share of the draws whose winner holds it.
@@ -201,10 +202,7 @@ impl Table<'_> {
         let with = self.ledger.least_error(|h| h.causes.contains(key)).unwrap_or(base);
         let without = self.ledger.least_error(|h| !h.causes.contains(key)).unwrap_or(base);
         let own = best.set.iter().map(|at| &self.entries[best.bank].variants[*at as usize]);
-        let detail = own
-            .filter(|v| v.cause == key.cause && v.follows == key.follows)
-            .map(|v| v.detail.clone())
-            .next();
+        let detail = own.filter(|v| v.key == *key).map(|v| v.detail.clone()).next();
         Figures {
             key: key.clone(),
             detail: detail.unwrap_or_default(),
@@ -229,10 +227,7 @@ impl Table<'_> {
     /// Returns a hypothesis without one of its causes; `None` if it has the cause by its correction or not at all.
     fn without(&self, key: &CauseKey, hypothesis: &Hypothesis) -> Option<Hypothesis> {
         let entry = &self.entries[hypothesis.bank];
-        let is_other = |at: &u16| {
-            let own = &entry.variants[*at as usize];
-            own.cause != key.cause || own.follows != key.follows
-        };
+        let is_other = |at: &u16| entry.variants[*at as usize].key != *key;
         let set: Vec<u16> = hypothesis.set.iter().copied().filter(is_other).collect();
         if set.len() == hypothesis.set.len() {
             return None;
@@ -298,7 +293,7 @@ impl Table<'_> {
         for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
             let own = at..at + variant.columns.len();
             at = own.end;
-            if variant.cause == key.cause && variant.follows == key.follows {
+            if variant.key == *key {
                 for column in own {
                     let values: Vec<f64> = folds.iter().map(|fold| fold[column]).collect();
                     let error = jackknife(&values).max(1e-12 * whole[column].abs());
@@ -328,7 +323,7 @@ impl Table<'_> {
         let own = hypothesis.set.iter().map(|at| &entry.variants[*at as usize]);
         let gains = own
             .filter(|variant| !variant.is_cause())
-            .map(|variant| format!("gain of {}", variant.follows));
+            .map(|variant| format!("gain of {}", variant.key.follows()));
         let all: Vec<String> =
             [entry.correction.describe(rows.step_s)].into_iter().chain(gains).collect();
         all.join(", ")
@@ -390,7 +385,7 @@ pub struct Finalist {
     /// Its causes, in the order of the bank. The delay of a correction is not among them.
     pub causes: Vec<FinalistCause>,
     /// Channels of which the torque holds a share.
-    pub shares: Vec<ChannelShare>,
+    pub shares: Vec<ChannelGain>,
     /// Held-out RMS error, unweighted.
     pub rmse: f64,
     /// Held-out RMS error without its causes, with its law and corrections, unweighted.
@@ -420,7 +415,7 @@ pub struct FinalistCause {
     /// The cause and its column.
     pub key: CauseKey,
     /// What distinguishes its variant.
-    pub detail: String,
+    pub detail: Detail,
     /// Coefficients of its columns.
     pub sizes: Vec<f64>,
     /// RMS of the torque that it contributes, and its standard error over the folds (a delete-one jackknife).
@@ -444,17 +439,17 @@ impl Table<'_> {
                 let rms = |sizes: &[f64]| variant.torque_rms(rows, sizes);
                 let drawn: Vec<f64> = folds.iter().map(|fold| rms(&fold[own.clone()])).collect();
                 causes.push(FinalistCause {
-                    key: CauseKey { cause: variant.cause, follows: variant.follows.clone() },
+                    key: variant.key.clone(),
                     detail: variant.detail.clone(),
                     torque_rms: (rms(&sizes[own.clone()]), jackknife(&drawn)),
                     sizes: sizes[own].to_vec(),
                 });
-            } else if let Some(channel) = rows.covariates.iter().find(|c| c.name == variant.follows)
+            } else if let Some(channel) =
+                rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()])
             {
                 let (mean, spread) = channel.mean_and_spread();
-                let torque_per_unit = sizes[own.start] / spread;
-                let column = channel.name.clone();
-                shares.push(ChannelShare { column, torque_per_unit, mean });
+                let gain = sizes[own.start] / spread;
+                shares.push(ChannelGain { column: channel.name.clone(), gain, mean });
             }
         }
         Finalist {

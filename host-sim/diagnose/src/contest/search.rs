@@ -140,7 +140,7 @@ impl<'a> Search<'a> {
         let own = &self.variants[variant as usize];
         set.iter().all(|other| {
             let other = &self.variants[*other as usize];
-            other.cause != own.cause || other.follows != own.follows
+            other.key != own.key
         })
     }
 
@@ -186,12 +186,12 @@ fn with(set: &[u16], variant: u16) -> CauseSet {
 mod tests {
     use super::*;
     use crate::contest::rows::tests::example;
+    use crate::contest::{CauseKey, Detail};
 
     fn variant(cause: &'static str, column: Vec<f64>) -> Variant {
         Variant {
-            cause,
-            follows: String::new(),
-            detail: String::new(),
+            key: CauseKey { cause, columns: Vec::new() },
+            detail: Detail::Only,
             regressors: Vec::new(),
             columns: vec![column],
             price: 0.02,

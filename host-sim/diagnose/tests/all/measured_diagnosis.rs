@@ -314,7 +314,7 @@ fn diagnose_screw_with_varying_zero_finds_ripple_of_order_one_possible() {
     let ripple = found.candidates.iter().find(|own| own.cause.name() == "torque-ripple");
     let ripple = ripple.expect("a candidate");
     assert!(ripple.probability > 0.3, "{ripple:?}");
-    let detail = &ripple.figures.detail;
+    let detail = ripple.figures.detail.to_string();
     assert!(detail.starts_with("order 1.0") && detail.contains("another phase"), "{detail}");
     if answer.cause() != "torque-ripple" {
         assert_eq!(answer.cause(), "unknown", "{answer:?}");

@@ -6,6 +6,7 @@
 
 use super::{Columns, Context, plain};
 use crate::contest::bank::{Bank, Workspace};
+use crate::contest::detail::Detail;
 use crate::contest::law::Shapes;
 use crate::contest::rows::Rows;
 use friction_fit::linear::{Factor, Regressor, play, stop};
@@ -95,7 +96,7 @@ pub(super) fn backlash(context: &Context) -> Vec<Columns> {
         let (gap, travel) = context.gaps.pairs[pair];
         let behind = Regressor::from([Factor::StopBehindGap { gap, travel }]);
         let falling = behind.clone().times(Factor::Falling { velocity: width });
-        plain(&format!("gap {gap:.3e}, travel {travel:.3e}"), vec![behind, falling])
+        plain(Detail::gap(gap, travel), vec![behind, falling])
     };
     context.gaps.best(context.travel).into_iter().map(variant).collect()
 }

@@ -3,8 +3,9 @@
 //! A covariate may be logged late or early. The delay in rows that explains most of what the law leaves is a variant of its
 //! own beside the column as logged.
 
-use super::{Columns, Context, of_level};
+use super::{Columns, Context, form, of_level};
 use crate::contest::covariate::{Covariate, OtherMotion, correlation};
+use crate::contest::detail::Detail;
 use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::Quantity;
 
@@ -24,22 +25,22 @@ const RATE_ROWS: f64 = 3.0;
 fn forms(
     context: &Context,
     quantity: Quantity,
-    form: impl Fn(Factor) -> Regressor,
+    regressor: impl Fn(Factor) -> Regressor,
 ) -> Vec<Columns> {
     let rows = context.rows;
     let Some(covariate) = rows.quantity(quantity) else { return Vec::new() };
-    let variant = |detail: String, late_s: f64| Columns {
-        follows: covariate.name.clone(),
+    let variant = |detail: Detail, late_s: f64| Columns {
+        follows: vec![covariate.name.clone()],
         detail,
-        regressors: vec![form(covariate.late(late_s))],
+        regressors: vec![regressor(covariate.late(late_s))],
     };
     let find = |name: &str| rows.column(name);
     let inputs = Inputs { motion: &rows.motion, level: context.level, column: &find };
     let explains = |late_s: f64| {
-        let column = form(covariate.late(late_s)).values(&inputs).unwrap_or_default();
+        let column = regressor(covariate.late(late_s)).values(&inputs).unwrap_or_default();
         correlation(&column, context.residual).powi(2)
     };
-    let mut found = vec![variant(String::new(), 0.0)];
+    let mut found = vec![variant(Detail::Only, 0.0)];
     // A column with a few levels does not say when it changed within a level.
     if covariate.levels < 12 {
         return found;
@@ -50,7 +51,7 @@ fn forms(
     if let Some((_, rows_late)) =
         best.filter(|(gain, _)| *gain > MIN_DELAY_GAIN * base && *gain > 0.01)
     {
-        let detail = format!("column {rows_late} rows late");
+        let detail = form(format!("column {rows_late} rows late"));
         found.push(variant(detail, f64::from(rows_late) * rows.step_s));
     }
     found
@@ -78,7 +79,7 @@ pub(super) fn radial_force_rate(context: &Context) -> Vec<Columns> {
 
 /// Returns regressors that follow a covariate.
 fn following(covariate: &Covariate, regressors: Vec<Regressor>) -> Columns {
-    Columns { follows: covariate.name.clone(), regressors, ..Columns::default() }
+    Columns { follows: vec![covariate.name.clone()], regressors, ..Columns::default() }
 }
 
 pub(super) fn load_torque_coulomb(context: &Context) -> Vec<Columns> {
@@ -139,7 +140,7 @@ pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
     if all.is_empty() {
         return Vec::new();
     }
-    let follows = all.iter().map(|other| other.name.as_str()).collect::<Vec<_>>().join(", ");
+    let follows: Vec<String> = all.iter().map(|other| other.name.clone()).collect();
     let factor = |own: &&Covariate| Factor::of_column(&own.name);
     let speeds: Vec<Factor> = velocities.iter().map(factor).collect();
     let inertial: Vec<Factor> = match accelerations.is_empty() {
@@ -159,7 +160,7 @@ pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
     };
     let variant = |detail: &str, regressors: Vec<Regressor>| Columns {
         follows: follows.clone(),
-        detail: detail.into(),
+        detail: form(detail),
         regressors,
     };
     let found = [

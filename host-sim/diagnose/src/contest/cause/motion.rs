@@ -1,6 +1,7 @@
 //! Causes of the motion and the time alone: asymmetry, offset, drag, inertia, gravity, dwell, drift, warm-up, shape.
 
-use super::{Columns, Context, of_level, plain};
+use super::{Columns, Context, form, of_level, plain};
+use crate::contest::detail::Detail;
 use crate::contest::rows::{Rows, quantile};
 use friction_fit::linear::{Factor, Regressor, heat, mean_growth};
 use joint_log::JointKind;
@@ -37,7 +38,7 @@ fn moves_both_ways(rows: &Rows) -> bool {
 
 /// Returns a variant of one factor.
 fn single(factor: Factor) -> Vec<Columns> {
-    vec![plain("", vec![Regressor::from([factor])])]
+    vec![plain(Detail::Only, vec![Regressor::from([factor])])]
 }
 
 pub(super) fn direction_asymmetry(context: &Context) -> Vec<Columns> {
@@ -46,7 +47,10 @@ pub(super) fn direction_asymmetry(context: &Context) -> Vec<Columns> {
     }
     let [level, viscous] =
         [Factor::LevelMagnitude, Factor::Speed].map(|factor| Regressor::from([factor]));
-    vec![plain("level", vec![level.clone()]), plain("level and viscous", vec![level, viscous])]
+    vec![
+        plain(form("level"), vec![level.clone()]),
+        plain(form("level and viscous"), vec![level, viscous]),
+    ]
 }
 
 pub(super) fn torque_offset(context: &Context) -> Vec<Columns> {
@@ -55,7 +59,7 @@ pub(super) fn torque_offset(context: &Context) -> Vec<Columns> {
 }
 
 pub(super) fn quadratic_drag(_: &Context) -> Vec<Columns> {
-    vec![plain("", vec![Regressor::from([Factor::Velocity, Factor::Speed])])]
+    vec![plain(Detail::Only, vec![Regressor::from([Factor::Velocity, Factor::Speed])])]
 }
 
 pub(super) fn unmodelled_inertia(context: &Context) -> Vec<Columns> {
@@ -69,7 +73,7 @@ pub(super) fn gravity_imbalance(context: &Context) -> Vec<Columns> {
     }
     let order = 1.0;
     let pair = [Factor::Sine { order }, Factor::Cosine { order }];
-    vec![plain("", pair.map(|factor| Regressor::from([factor])).into())]
+    vec![plain(Detail::Only, pair.map(|factor| Regressor::from([factor])).into())]
 }
 
 pub(super) fn dwell_time_static(context: &Context) -> Vec<Columns> {
@@ -79,7 +83,7 @@ pub(super) fn dwell_time_static(context: &Context) -> Vec<Columns> {
     let variant = |paths: f64| {
         let path = paths * travel;
         let factor = Factor::Dwell { step, path, mean: mean_growth(&rows.motion, step, path) };
-        plain(&format!("over {paths} travels"), vec![of_level(factor)])
+        plain(form(format!("over {paths} travels")), vec![of_level(factor)])
     };
     BREAKAWAY_PATHS.map(variant).into()
 }
@@ -91,11 +95,11 @@ pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
     }
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let (from_s, to_s) = rows.time_s.iter().fold(ends, |(a, b), t| (a.min(*t), b.max(*t)));
-    let mut found = vec![plain("linear", vec![of_level(Factor::Passed { from_s, to_s })])];
+    let mut found = vec![plain(form("linear"), vec![of_level(Factor::Passed { from_s, to_s })])];
     for constant in DRIFTS {
         let factor = Factor::RunIn { from_s, to_s, constant };
         found.push(plain(
-            &format!("run-in over {constant} of the campaign"),
+            form(format!("run-in over {constant} of the campaign")),
             vec![of_level(factor)],
         ));
     }
@@ -109,7 +113,7 @@ pub(super) fn warm_up(context: &Context) -> Vec<Columns> {
         for share in HEATS {
             let factor = Factor::Warmth { scale: share * large, cooling_s };
             found.push(plain(
-                &format!("heat {share}, cooling {cooling_s} s"),
+                form(format!("heat {share}, cooling {cooling_s} s")),
                 vec![of_level(factor)],
             ));
         }

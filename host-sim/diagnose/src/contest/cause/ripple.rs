@@ -7,6 +7,7 @@
 
 use super::{Columns, Context, plain};
 use crate::contest::bank::{Bank, Workspace};
+use crate::contest::detail::{Detail, WaveKind};
 use crate::contest::rows::Rows;
 use crate::contest::solve::{dot, lanes, solve_in_place};
 use friction_fit::linear::{Factor, Regressor};
@@ -407,9 +408,8 @@ fn waves(rows: &Rows, orders: &[f64], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>
     columns
 }
 
-fn name(orders: &[f64]) -> String {
-    let list: Vec<String> = orders.iter().map(|order| format!("{order:.4}")).collect();
-    format!("order {}", list.join(", "))
+fn waves_of(orders: &[f64]) -> Detail {
+    Detail::waves(orders, WaveKind::Plain)
 }
 
 pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
@@ -419,7 +419,7 @@ pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
         let mut sets: Vec<&[f64]> = counts.iter().map(|count| &orders[..*count]).collect();
         sets.dedup();
         sets.retain(|set| !set.is_empty());
-        let variant = |set: &&[f64]| plain(&name(set), regressors(set, &[]));
+        let variant = |set: &&[f64]| plain(waves_of(set), regressors(set, &[]));
         sets.iter().map(variant).collect::<Vec<Columns>>()
     };
     let all = context.orders.iter().flat_map(whole).chain(free_phase(context));
@@ -437,7 +437,7 @@ fn transmission_error(context: &Context) -> Vec<Columns> {
     let orders = context.orders.iter().filter_map(|found| found.torque.first());
     let orders = orders.filter(|order| **order > highest);
     orders
-        .map(|order| plain(&format!("{}, as of the speed", name(&[*order])), of_motion(*order)))
+        .map(|order| plain(Detail::waves(&[*order], WaveKind::OfSpeed), of_motion(*order)))
         .collect()
 }
 
@@ -468,12 +468,12 @@ fn free_phase(context: &Context) -> Option<Columns> {
         [sine, Factor::CosineByRun { order, phases }].map(|wave| Regressor::from([wave]))
     });
     let orders = [*order, 2.0 * order];
-    Some(plain(&format!("{}, another phase in each run", name(&orders)), waves.concat()))
+    Some(plain(Detail::waves(&orders, WaveKind::FreePhase), waves.concat()))
 }
 
 pub(super) fn position_ripple(context: &Context) -> Vec<Columns> {
     let orders = context.orders.iter().flat_map(|found| found.level.iter().take(2));
-    let variant = |order: &f64| plain(&name(&[*order]), regressors(&[*order], &[Factor::Level]));
+    let variant = |order: &f64| plain(waves_of(&[*order]), regressors(&[*order], &[Factor::Level]));
     orders.map(variant).collect()
 }
 
@@ -483,7 +483,7 @@ pub(super) fn encoder_error(context: &Context) -> Vec<Columns> {
     if !rows.rigid_body.inertia || !rows.has_position || rows.joint != JointKind::Revolute {
         return Vec::new();
     }
-    let variant = |order: &f64| plain(&name(&[*order]), of_motion(*order));
+    let variant = |order: &f64| plain(waves_of(&[*order]), of_motion(*order));
     ENCODER_ORDERS.iter().map(variant).collect()
 }
 

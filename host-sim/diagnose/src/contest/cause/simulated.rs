@@ -4,7 +4,9 @@
 //! columns are simulated: the derivative of the torque by the term's parameter, or the whole difference that the term makes at
 //! one setting of a grid. A column of the second kind has a positive size in a model, near one where the setting is right.
 
-use super::Variant;
+use super::{Variant, form};
+use crate::contest::detail::Detail;
+use crate::contest::ledger::CauseKey;
 use crate::contest::rows::Rows;
 use crate::sensitivities::{Exact, Sensitivities, exact};
 use compensator_core::{ParameterId as Id, TermKind};
@@ -27,8 +29,8 @@ const DWELL_TIMES_S: [f64; 3] = [0.03, 0.3, 3.0];
 /// A cause that is simulated, with one setting.
 struct Simulated {
     cause: &'static str,
-    follows: &'static str,
-    detail: String,
+    follows: Vec<String>,
+    detail: Detail,
     sign: f64,
     effect: Exact,
 }
@@ -53,8 +55,7 @@ pub(crate) fn variants(
         let column = rows.along_tracks(tracks.iter().zip(columns.iter().map(Vec::as_slice)));
         let is_usable = column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0);
         is_usable.then(|| Variant {
-            cause: wanted.cause,
-            follows: wanted.follows.into(),
+            key: CauseKey { cause: wanted.cause, columns: wanted.follows },
             detail: wanted.detail,
             regressors: Vec::new(),
             columns: vec![column],
@@ -84,8 +85,8 @@ fn backlash(rows: &Rows, at: &Sensitivities, travel: f64) -> Vec<Simulated> {
                 ];
                 wanted.push(Simulated {
                     cause: "backlash",
-                    follows: "",
-                    detail: format!("gap {gap:.3e} {place}, stiffness x {times}"),
+                    follows: Vec::new(),
+                    detail: form(format!("gap {gap:.3e} {place}, stiffness x {times}")),
                     sign: 1.0,
                     effect: Exact { kind: TermKind::Backlash, settings, derivative: None },
                 });
@@ -98,8 +99,8 @@ fn backlash(rows: &Rows, at: &Sensitivities, travel: f64) -> Vec<Simulated> {
 fn dwell() -> Vec<Simulated> {
     let wanted = |time_s: f64| Simulated {
         cause: "dwell-time-static",
-        follows: "",
-        detail: format!("dwell time {time_s} s"),
+        follows: Vec::new(),
+        detail: form(format!("dwell time {time_s} s")),
         sign: 1.0,
         effect: Exact {
             kind: TermKind::DwellTimeStatic,
@@ -114,8 +115,8 @@ fn dwell() -> Vec<Simulated> {
 fn stribeck_shape() -> Vec<Simulated> {
     let wanted = |(setting, derivative): (f64, Option<Id>)| Simulated {
         cause: "stribeck-shape",
-        follows: "",
-        detail: format!("exponent from {setting}"),
+        follows: Vec::new(),
+        detail: form(format!("exponent from {setting}")),
         sign: 0.0,
         effect: Exact {
             kind: TermKind::StribeckShape,
@@ -130,8 +131,8 @@ fn radial_force_rate(rows: &Rows) -> Option<Simulated> {
     rows.quantity(Quantity::RadialForce)?;
     Some(Simulated {
         cause: "radial-force-rate",
-        follows: "radial_force_n",
-        detail: String::new(),
+        follows: vec!["radial_force_n".into()],
+        detail: Detail::Only,
         sign: 0.0,
         effect: Exact {
             kind: TermKind::RadialForceRate,

@@ -5,6 +5,7 @@
 
 use super::{Columns, Context, of_level};
 use crate::contest::covariate::Covariate;
+use crate::contest::detail::Detail;
 use friction_fit::linear::{Factor, Regressor};
 use joint_log::Quantity;
 
@@ -23,17 +24,14 @@ pub(super) fn columns(context: &Context) -> Vec<Columns> {
     for covariate in rows.covariates.iter().filter(is_free) {
         let x = covariate.factor();
         let level = of_level(x.clone());
-        let mut shapes = vec![("level", vec![level.clone()])];
+        let mut shapes = vec![(curve(true, ""), vec![level.clone()])];
         if covariate.levels > 2 {
-            shapes.push(("level, bent", vec![level.clone(), level.times(x.clone())]));
+            shapes.push((curve(true, "bent"), vec![level.clone(), level.times(x.clone())]));
         }
         let torque = vec![Regressor::from([x.clone()]), Regressor::from([x, Factor::Velocity])];
-        shapes.push(("torque", torque));
-        let variant = |(detail, regressors): (&str, Vec<Regressor>)| Columns {
-            follows: covariate.name.clone(),
-            detail: detail.into(),
-            regressors,
-        };
+        shapes.push((curve(false, ""), torque));
+        let follows = || vec![covariate.name.clone()];
+        let variant = |(detail, regressors)| Columns { follows: follows(), detail, regressors };
         found.extend(shapes.into_iter().map(variant));
     }
     let pair = |(a, b): &(Quantity, Quantity)| Some((rows.quantity(*a)?, rows.quantity(*b)?));
@@ -49,19 +47,23 @@ fn place(context: &Context) -> Vec<Columns> {
     }
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let ends = rows.position.iter().fold(ends, |(a, b), q| (a.min(*q), b.max(*q)));
-    let curve = [1, 2, 3].map(|degree| Factor::Curve { degree, from: ends.0, to: ends.1 });
+    let curves = [1, 2, 3].map(|degree| Factor::Curve { degree, from: ends.0, to: ends.1 });
     let name = Quantity::Position.name(rows.joint);
-    let variant = |detail: &str, regressors| Columns {
-        follows: name.into(),
-        detail: detail.into(),
+    let variant = |of_level: bool, regressors| Columns {
+        follows: vec![name.into()],
+        detail: curve(of_level, "curve"),
         regressors,
     };
-    let level = curve.clone().map(of_level).to_vec();
-    let torque = curve.map(|factor| Regressor::from([factor])).to_vec();
-    vec![variant("level, curve", level), variant("torque, curve", torque)]
+    let level = curves.clone().map(of_level).to_vec();
+    let torque = curves.map(|factor| Regressor::from([factor])).to_vec();
+    vec![variant(true, level), variant(false, torque)]
+}
+
+fn curve(of_level: bool, shape: &'static str) -> Detail {
+    Detail::Curve { of_level, shape }
 }
 
 fn together(a: &Covariate, b: &Covariate) -> Columns {
     let regressors = vec![of_level(a.factor()).times(b.factor())];
-    Columns { follows: format!("{} x {}", a.name, b.name), detail: "level".into(), regressors }
+    Columns { follows: vec![a.name.clone(), b.name.clone()], detail: curve(true, ""), regressors }
 }
