@@ -11,22 +11,14 @@ use embedded_storage::nor_flash::NorFlash;
 /// Maximum change of the share per report by the two-sided detection: from 1 to 0 in a second, to avoid torque steps.
 const MAX_CHANGE_PER_REPORT: f32 = 1e-3;
 
-/// The detections of over-compensation, and the share that they leave.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct CompensationShare {
-    watch: OverCompensationWatch,
-    guard: PassivityGuard,
-    /// Share of the two-sided detection, 0..=1.
-    share: f32,
-}
-
-impl Default for CompensationShare {
-    fn default() -> Self {
-        Self {
-            watch: OverCompensationWatch::default(),
-            guard: PassivityGuard::default(),
-            share: 1.0,
-        }
+with_defaults! {
+    /// The detections of over-compensation, and the share that they leave.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct CompensationShare {
+        watch: OverCompensationWatch,
+        guard: PassivityGuard,
+        /// Share of the two-sided detection, 0..=1.
+        share: f32 = 1.0,
     }
 }
 

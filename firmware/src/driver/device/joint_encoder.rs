@@ -62,42 +62,26 @@ struct Sides {
     apart_rad: f32,
 }
 
-/// State of the joint's encoder.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::driver) struct JointEncoder {
-    /// Words of the last frame; `None` if there is no encoder at the joint's side.
-    pub(super) words: Option<[u16; WORDS]>,
-    sides: Option<Sides>,
-    /// Rotor's angle of the last report, and its rotation since the first one, 2^-32 turns.
-    rotor: u32,
-    turned: i64,
-    /// Position, rad; NaN while it is not valid.
-    position_rad: f32,
-    /// Joint less motor at the arming, rad; NaN before the first valid frame after it.
-    armed_rad: f32,
-    /// Joint less motor since the arming, rad.
-    difference_rad: f32,
-    was_driving: bool,
-    jumps: u8,
-    warning_left: u16,
-    state: u8,
-}
-
-impl Default for JointEncoder {
-    fn default() -> Self {
-        Self {
-            words: None,
-            sides: None,
-            rotor: 0,
-            turned: 0,
-            position_rad: f32::NAN,
-            armed_rad: f32::NAN,
-            difference_rad: 0.0,
-            was_driving: false,
-            jumps: 0,
-            warning_left: 0,
-            state: state::VALID,
-        }
+with_defaults! {
+    /// State of the joint's encoder.
+    #[derive(Clone, Copy, Debug)]
+    pub(in crate::driver) struct JointEncoder {
+        /// Words of the last frame; `None` if there is no encoder at the joint's side.
+        pub(super) words: Option<[u16; WORDS]>,
+        sides: Option<Sides>,
+        /// Rotor's angle of the last report, and its rotation since the first one, 2^-32 turns.
+        rotor: u32,
+        turned: i64,
+        /// Position, rad; NaN while it is not valid.
+        position_rad: f32 = f32::NAN,
+        /// Joint less motor at the arming, rad; NaN before the first valid frame after it.
+        armed_rad: f32 = f32::NAN,
+        /// Joint less motor since the arming, rad.
+        difference_rad: f32,
+        was_driving: bool,
+        jumps: u8,
+        warning_left: u16,
+        state: u8 = state::VALID,
     }
 }
 

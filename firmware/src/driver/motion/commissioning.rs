@@ -22,32 +22,20 @@ const TRAVEL_RAD: f32 = 0.5;
 /// rad suffice to stop and reverse with the run's acceleration.
 const SPEED_RAD_S: f32 = 2.0;
 
-/// The runs and their settings.
-#[derive(Debug)]
-pub(in crate::driver) struct Run {
-    pub(in crate::driver) run: Commissioning,
-    pub(in crate::driver) friction: FrictionRun,
-    /// The last run was a friction run.
-    pub(in crate::driver) is_friction_run: bool,
-    /// Current in A; 0 selects a share of the limit.
-    pub(in crate::driver) current_a: f32,
-    pub(in crate::driver) travel_rad: f32,
-    pub(in crate::driver) speed_rad_s: f32,
-    /// Time of the master's last confirmation.
-    pub(in crate::driver) alive_us: u64,
-}
-
-impl Default for Run {
-    fn default() -> Self {
-        Self {
-            run: Commissioning::default(),
-            friction: FrictionRun::default(),
-            is_friction_run: false,
-            current_a: 0.0,
-            travel_rad: TRAVEL_RAD,
-            speed_rad_s: SPEED_RAD_S,
-            alive_us: 0,
-        }
+with_defaults! {
+    /// The runs and their settings.
+    #[derive(Debug)]
+    pub(in crate::driver) struct Run {
+        pub(in crate::driver) run: Commissioning,
+        pub(in crate::driver) friction: FrictionRun,
+        /// The last run was a friction run.
+        pub(in crate::driver) is_friction_run: bool,
+        /// Current in A; 0 selects a share of the limit.
+        pub(in crate::driver) current_a: f32,
+        pub(in crate::driver) travel_rad: f32 = TRAVEL_RAD,
+        pub(in crate::driver) speed_rad_s: f32 = SPEED_RAD_S,
+        /// Time of the master's last confirmation.
+        pub(in crate::driver) alive_us: u64,
     }
 }
 
