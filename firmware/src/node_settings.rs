@@ -27,6 +27,17 @@ pub enum InputSource {
     Bus,
 }
 
+impl InputSource {
+    /// Returns the source with this number on the bus.
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Sensors),
+            1 => Some(Self::Bus),
+            _ => None,
+        }
+    }
+}
+
 /// Legal sample periods of a joint in HIL, s.
 pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
 
@@ -256,11 +267,7 @@ impl NodeSettings {
             heartbeat_ms: word(4)? as u16,
             awaited_heartbeat: word(8)?,
             target_timeout_ms: (word(12)? >> 16) as u16,
-            source: match source {
-                0 => InputSource::Sensors,
-                1 => InputSource::Bus,
-                _ => return None,
-            },
+            source: InputSource::from_code(source)?,
             number: NumberType::from_code(number)?,
             telemetry_every: word(12)? as u8,
             fd_telemetry: word(12)? >> 15 & 1 == 1,

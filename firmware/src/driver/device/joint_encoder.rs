@@ -126,13 +126,13 @@ impl<F: NorFlash> Device<F> {
     /// Evaluates the frame of a report.
     #[inline(never)]
     pub(super) fn step_joint_encoder(&mut self) {
-        let is_own = self.settings.source == InputSource::Sensors;
+        let is_own = self.base.settings.source == InputSource::Sensors;
         let words = self.joint_encoder.words;
         if !is_own || words.is_none() {
             return;
         }
-        let drives = self.is_bridge_in_use() && !self.motion.is_measuring_motor();
-        let (report, set) = (self.current_loop.report(), self.staging.active());
+        let drives = self.base.is_bridge_in_use() && !self.motion.is_measuring_motor();
+        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
         let (sensors, motor, side) = (&set.sensors, &set.motor, &mut self.joint_encoder);
         side.turned += i64::from(report.rotor_angle.wrapping_sub(side.rotor) as i32);
         side.rotor = report.rotor_angle;

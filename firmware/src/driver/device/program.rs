@@ -138,8 +138,8 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn write_program(&mut self, bytes: &[u8]) -> Result<(), Abort> {
         self.refuse_in_trial()?;
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
-        let written = session.write(self.memory.flash_mut(), bytes, self.now_us);
-        written.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+        let written = session.write(self.memory.flash_mut(), bytes, self.base.now_us);
+        written.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
     }
 
     /// Executes a command of object 1F51h.
@@ -148,14 +148,14 @@ impl<F: NorFlash> Device<F> {
         if command == CLEAR && self.program.running == RunningState::Trial {
             // The other slot holds the only program that is known to work.
             let why = text!("this program is on trial: clear the other one after its confirmation");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         if command == RESTART {
             self.note_ordered_restart();
         }
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
-        let done = session.control(self.memory.flash_mut(), command, self.now_us);
-        done.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+        let done = session.control(self.memory.flash_mut(), command, self.base.now_us);
+        done.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
     }
 
     /// Notes that the bus orders the restart that follows: it does not count as a failure of a trial. If the mark fails,
@@ -174,14 +174,16 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn no_updates(&mut self) -> Abort {
-        self.staging.refuse(Abort::Refused, text!("this board has no place for a second program"))
+        self.base
+            .staging
+            .refuse(Abort::Refused, text!("this board has no place for a second program"))
     }
 
     /// Verifies a package in parts, and confirms or ends a trial. Called once per tick.
     pub(super) fn tick_program(&mut self, now_us: u64) {
         let Some(session) = &mut self.program.session else { return };
         if let Err(error) = session.tick(self.memory.flash_mut(), now_us) {
-            self.staging.refuse(error.abort(), error.text());
+            self.base.staging.refuse(error.abort(), error.text());
         }
         if self.program.running == RunningState::Trial {
             self.tick_trial(now_us);
@@ -189,7 +191,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn tick_trial(&mut self, now_us: u64) {
-        let causes = self.supervisor.causes();
+        let causes = self.base.supervisor.causes();
         let is_blocked = BLOCKING_CODES.iter().any(|code| causes.contains(*code));
         match self.program.trial.step(&Times::DEFAULT, is_blocked, now_us) {
             Verdict::Runs => {}

@@ -20,11 +20,11 @@ impl<F: NorFlash> Device<F> {
     fn is_live(&self, kind: TermKind) -> bool {
         let Some(quantity) = kind.reads() else { return true };
         if quantity == Quantity::Position {
-            return self.seen().is_position_known();
+            return self.base.is_position_known();
         }
-        let mut covariates = match self.settings.source {
-            InputSource::Sensors => *self.seal_sensors.covariates(),
-            InputSource::Bus => self.received.covariates(0.0, self.now_us),
+        let mut covariates = match self.base.settings.source {
+            InputSource::Sensors => *self.base.seal_sensors.covariates(),
+            InputSource::Bus => self.base.received.covariates(0.0, self.base.now_us),
         };
         let hold_s = self.set().friction.compensator.hold_s;
         covariates.get_mut(quantity).is_none_or(|reading| {

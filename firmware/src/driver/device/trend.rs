@@ -98,15 +98,16 @@ impl<F: NorFlash> Device<F> {
         let Some(learner) = self.adaptation.learner() else { return };
         self.trend.count(learner);
         // A joint in HIL repeats the torques of another one.
-        if self.is_bridge_in_use() || self.settings.source == InputSource::Bus {
+        if self.base.is_bridge_in_use() || self.base.settings.source == InputSource::Bus {
             return;
         }
-        let set_level_nm = self.staging.active().friction.model.get(ParameterId::CoulombTorque);
+        let set_level_nm =
+            self.base.staging.active().friction.model.get(ParameterId::CoulombTorque);
         let Some(entry) = self.trend.due_entry(learner, set_level_nm) else { return };
         let may_erase = !self.memory.is_undone();
         // Without a stored set or with a worn flash, the next attempt follows after more learning.
         let _ = self.memory.store_mut().append_trend(&entry, may_erase);
-        self.supervisor.set_store_health(self.memory.store().health());
+        self.base.supervisor.set_store_health(self.memory.store().health());
         self.trend.unrecorded_s = 0.0;
         self.trend.recorded = LastEntry { learnt: entry.learnt, level_nm: entry.level_nm };
     }
@@ -115,6 +116,7 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn trend_length(&mut self) -> Result<usize, Abort> {
         match self.memory.store_mut().trend_length() {
             0 => Err(self
+                .base
                 .staging
                 .refuse(Abort::Refused, text!("no trend of learnt levels is stored"))),
             length => Ok(length),

@@ -4,13 +4,14 @@
 //! A friction run moves a commissioned joint through the velocity loop, without compensation. It has no results of its own: its
 //! purpose is the log of what the joint sends meanwhile.
 
-use super::{Motion, Seen};
+use super::Motion;
 use crate::control::pi::Margins;
 use crate::control::probe::ProbeCommand;
 use crate::control::transform::{Rotating, Rotation, binary_angle};
 use crate::control::{MotorParameters, PERIOD_S};
 use crate::driver::commissioning::friction_run::{FrictionRun, FrictionSample};
 use crate::driver::commissioning::{AbortReason, Commissioning};
+use crate::joint_node::JointBase;
 use crate::node::dictionary::records::CommissioningRunObject;
 use crate::supervisor::JointState;
 
@@ -77,10 +78,10 @@ impl Motion {
     }
 
     /// Returns the target velocity of a step of the friction run, rad/s; `None` if it has ended.
-    pub(in crate::driver) fn friction_target(&mut self, seen: &Seen<'_>) -> Option<f32> {
+    pub(in crate::driver) fn friction_target(&mut self, joint: &JointBase) -> Option<f32> {
         let sample = FrictionSample {
-            position_rad: seen.report.turned_rad,
-            velocity_rad_s: seen.report.velocity_rad_s,
+            position_rad: joint.report().turned_rad,
+            velocity_rad_s: joint.report().velocity_rad_s,
             commanded_a: self.velocity.command().current_a,
         };
         let run = &mut self.commissioning.friction;
@@ -89,9 +90,13 @@ impl Motion {
     }
 
     /// Returns the current of a run, A.
-    pub(in crate::driver) fn commissioning_current_a(&self, seen: &Seen<'_>) -> f32 {
+    pub(in crate::driver) fn commissioning_current_a(&self, joint: &JointBase) -> f32 {
         let requested_a = self.commissioning.current_a;
-        if requested_a > 0.0 { requested_a } else { CURRENT_SHARE * seen.set.motor.current_limit_a }
+        if requested_a > 0.0 {
+            requested_a
+        } else {
+            CURRENT_SHARE * joint.set().motor.current_limit_a
+        }
     }
 
     /// Ends a run for a reason; the caller disarms the joint.
@@ -102,24 +107,24 @@ impl Motion {
     }
 
     /// Ends a run that the supervisor has stopped.
-    pub(in crate::driver) fn watch_commissioning(&mut self, seen: &Seen<'_>) {
-        if self.is_commissioning() && !seen.supervisor.is_armed() {
-            let fault = seen.supervisor.state() == JointState::Fault;
+    pub(in crate::driver) fn watch_commissioning(&mut self, joint: &JointBase) {
+        if self.is_commissioning() && !joint.supervisor.is_armed() {
+            let fault = joint.supervisor.state() == JointState::Fault;
             self.end_commissioning(if fault { AbortReason::Fault } else { AbortReason::Stopped });
         }
     }
 
     pub(in crate::driver) fn commissioning_object(
         &self,
-        seen: &Seen<'_>,
+        joint: &JointBase,
     ) -> CommissioningRunObject {
         let run = &self.commissioning.run;
         let found = run.found();
-        let joint = &seen.set.friction.compensator;
-        let motor = &seen.set.motor;
+        let compensator = &joint.set().friction.compensator;
+        let motor = &joint.set().motor;
         // Friction holds the rotor back by this part of the current.
-        let efficiency =
-            joint.torque_constant_nm_per_a / (motor.torque_constant_nm_per_a * motor.gear_ratio);
+        let efficiency = compensator.torque_constant_nm_per_a
+            / (motor.torque_constant_nm_per_a * motor.gear_ratio);
         let pulls_nm = found.torque_constant_nm_per_a() * motor.gear_ratio * efficiency;
         let behind = Rotation::at(binary_angle(found.lag_rad));
         let along_a = behind.inverse_park(Rotating { d: run.bounds().current_a, q: 0.0 });
@@ -142,7 +147,7 @@ impl Motion {
         };
         CommissioningRunObject {
             order: 0,
-            current_a: self.commissioning_current_a(seen).to_bits(),
+            current_a: self.commissioning_current_a(joint).to_bits(),
             travel_rad: self.commissioning.travel_rad.to_bits(),
             step: step as u32,
             reason: reason as u32,
