@@ -113,7 +113,9 @@ impl<F: NorFlash> Device<F> {
             let why = text!("a compact node has no HIL and sends no CAN FD");
             return Err(self.base.staging.refuse(Abort::Value, why));
         }
-        self.base.settings = self.base.changed_settings(at, number, false)?;
+        let changed = self.base.changed_settings(at, number)?;
+        self.base.check_settings(&changed)?;
+        self.base.settings = changed;
         Ok(())
     }
 

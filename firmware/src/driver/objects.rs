@@ -4,12 +4,14 @@ mod numbers;
 
 use super::device::Device;
 use super::motion::Target;
+use crate::hil::NumberType;
 use crate::joint_node::objects::{check_entry, put, written};
 use crate::node::dictionary::records::{
-    AccessObject, HoldingBrakeObject, ScopeObject, StateObject, TraceObject,
+    AccessObject, HoldingBrakeObject, OperationObject, ScopeObject, StateObject, TraceObject,
 };
 use crate::node::dictionary::{self, index};
 use crate::node::sdo::{Abort, Objects, ValueBuffer};
+use crate::node_settings::InputSource;
 use canopen_rs::Address;
 use compensator_core::can::{JointKind, Message, TraceEntry};
 use compensator_core::text;
@@ -158,7 +160,33 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn write_setting(&mut self, at: Address, number: u32) -> Result<(), Abort> {
-        let changed = self.base.changed_settings(at, number, self.sends_fd)?;
+        let mut changed = self.base.settings;
+        let byte = number as u8;
+        match (at.index, at.subindex) {
+            (index::RECEIVE_DRIVE, _) => changed.target_timeout_ms = number as u16,
+            (index::OPERATION, OperationObject::SOURCE) => {
+                changed.source = InputSource::from_code(byte).ok_or_else(|| {
+                    self.base.refuse_setting(text!("source"), text!("0 (sensors) or 1 (bus)"))
+                })?;
+            }
+            (index::OPERATION, OperationObject::NUMBER) => {
+                changed.number = NumberType::from_code(byte).ok_or_else(|| {
+                    self.base.refuse_setting(text!("number"), NumberType::LEGAL_CODES)
+                })?;
+            }
+            (index::OPERATION, OperationObject::PERIOD_S) => {
+                changed.period_s = f32::from_bits(number);
+            }
+            (index::OPERATION, OperationObject::FD_TELEMETRY) => {
+                if byte > u8::from(self.sends_fd) {
+                    let legal = text!("0, or 1 with a controller that sends CAN FD");
+                    return Err(self.base.refuse_setting(text!("fd_telemetry"), legal));
+                }
+                changed.fd_telemetry = byte == 1;
+            }
+            _ => changed = self.base.changed_settings(at, number)?,
+        }
+        self.base.check_settings(&changed)?;
         self.set_settings(changed)
     }
 

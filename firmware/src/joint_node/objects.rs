@@ -1,7 +1,6 @@
 //! The objects that a joint driver and a compact node have in common: the checks of a transfer, and the values of both.
 
 use super::base::JointBase;
-use crate::hil::NumberType;
 use crate::node::dictionary::records::{
     CommitObject, Counters, InputsObject, OperationObject, StateObject, WatchObject,
 };
@@ -9,7 +8,7 @@ use crate::node::dictionary::{
     Access, Entry, LOAD_SIGNATURE, SAVE_SIGNATURE, index, is_mapping, value_count,
 };
 use crate::node::sdo::{Abort, ValueBuffer};
-use crate::node_settings::{InputSource, NodeSettings};
+use crate::node_settings::NodeSettings;
 use crate::refusal;
 use crate::setting_error::SettingError;
 use crate::supervisor::JointState;
@@ -144,46 +143,30 @@ impl JointBase {
         })
     }
 
-    /// Returns the settings with a written one. `sends_fd`: the CAN controller sends frames of CAN FD.
+    /// Returns the settings with a written one of those that every joint has. They are not checked.
     pub(crate) fn changed_settings(
         &mut self,
         at: Address,
         number: u32,
-        sends_fd: bool,
     ) -> Result<NodeSettings, Abort> {
         let mut changed = self.settings;
-        let byte = number as u8;
         match (at.index, at.subindex) {
             (index::AWAITED_HEARTBEAT, _) => changed.awaited_heartbeat = number,
-            (index::RECEIVE_DRIVE, _) => changed.target_timeout_ms = number as u16,
-            (_, OperationObject::SOURCE) => {
-                changed.source = InputSource::from_code(byte).ok_or_else(|| {
-                    self.refuse_setting(text!("source"), text!("0 (sensors) or 1 (bus)"))
-                })?;
-            }
-            (_, OperationObject::NUMBER) => {
-                changed.number = NumberType::from_code(byte)
-                    .ok_or_else(|| self.refuse_setting(text!("number"), NumberType::LEGAL_CODES))?;
-            }
-            (_, OperationObject::PERIOD_S) => changed.period_s = f32::from_bits(number),
             (_, OperationObject::CAMPAIGN_H) => changed.campaign_h = f32::from_bits(number),
-            (_, OperationObject::TELEMETRY_EVERY) => changed.telemetry_every = byte,
+            (_, OperationObject::TELEMETRY_EVERY) => changed.telemetry_every = number as u8,
             (_, OperationObject::NODE) => {
-                changed.node = NodeId::new(byte)
+                changed.node = NodeId::new(number as u8)
                     .ok_or_else(|| self.refuse_setting(text!("node"), text!("1 to 127")))?;
             }
             (_, OperationObject::DATA_BIT_RATE) => changed.data_bit_rate_kbit = number as u16,
-            (_, OperationObject::FD_TELEMETRY) => {
-                if byte > u8::from(sends_fd) {
-                    let legal = text!("0, or 1 with a controller that sends CAN FD");
-                    return Err(self.refuse_setting(text!("fd_telemetry"), legal));
-                }
-                changed.fd_telemetry = byte == 1;
-            }
             _ => changed.bit_rate_kbit = number as u16,
         }
-        changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         Ok(changed)
+    }
+
+    /// Checks settings that were changed.
+    pub(crate) fn check_settings(&mut self, changed: &NodeSettings) -> Result<(), Abort> {
+        changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))
     }
 
     /// Returns the counters of the bus side (2003h).
