@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if objects of the service level can be written.
-    pub(in crate::driver) const fn is_service(&self) -> bool {
+    pub(crate) const fn is_service(&self) -> bool {
         !self.base.settings.access.is_locked || self.lock.is_unlocked()
     }
 
@@ -17,7 +17,7 @@ impl<F: NorFlash> Device<F> {
     ///
     /// # Errors
     /// [`Abort::Locked`].
-    pub(in crate::driver) fn check_level(&mut self, level: Level) -> Result<(), Abort> {
+    pub(crate) fn check_level(&mut self, level: Level) -> Result<(), Abort> {
         if level == Level::Open {
             return Ok(());
         }
@@ -29,7 +29,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the present values.
-    pub(in crate::driver) fn access_object(&self) -> AccessObject {
+    pub(crate) fn access_object(&self) -> AccessObject {
         AccessObject {
             level: self.is_service().into(),
             locked_by_default: self.base.settings.access.is_locked.into(),
@@ -40,11 +40,11 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns a new challenge.
     #[inline(never)]
-    pub(in crate::driver) fn challenge(&mut self) -> [u8; Key::RESPONSE_LENGTH] {
+    pub(crate) fn challenge(&mut self) -> [u8; Key::RESPONSE_LENGTH] {
         self.lock.challenge(&self.base.settings.access, self.base.now_us)
     }
 
-    pub(in crate::driver) fn write_access(&mut self, place: u8, value: &[u8]) -> Result<(), Abort> {
+    pub(crate) fn write_access(&mut self, place: u8, value: &[u8]) -> Result<(), Abort> {
         let length = match place {
             AccessObject::LOCK => {
                 self.lock();
@@ -96,7 +96,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Ends the service level. What was staged with it is discarded: anyone may commit.
-    pub(in crate::driver) fn lock(&mut self) {
+    pub(crate) fn lock(&mut self) {
         if self.lock.lock() && self.base.settings.access.is_locked {
             self.base.staging.discard();
         }

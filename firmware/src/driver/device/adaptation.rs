@@ -58,7 +58,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the present values.
-    pub(in crate::driver) fn adaptation_object(&self) -> AdaptationObject {
+    pub(crate) fn adaptation_object(&self) -> AdaptationObject {
         let drive = &self.base.settings.drive;
         let learner = self.adaptation.learner();
         let followed = learner.and_then(Adaptation::followed);
@@ -94,18 +94,18 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the gains in use as words.
-    pub(in crate::driver) fn learnt_gains(&self) -> [u32; MAX_GAINS] {
+    pub(crate) fn learnt_gains(&self) -> [u32; MAX_GAINS] {
         self.adaptation.gains().1.to_array().map(f32::to_bits)
     }
 
     /// Returns the standard deviations of the gains as words; 0 if the adaptation is off.
-    pub(in crate::driver) fn gain_deviations(&self) -> [u32; MAX_GAINS] {
+    pub(crate) fn gain_deviations(&self) -> [u32; MAX_GAINS] {
         let learner = self.adaptation.learner();
         learner.map(Adaptation::deviations).unwrap_or_default().map(f32::to_bits)
     }
 
     /// Writes a setting or an order.
-    pub(in crate::driver) fn write_adaptation(
+    pub(crate) fn write_adaptation(
         &mut self,
         at_index: u16,
         place: u8,

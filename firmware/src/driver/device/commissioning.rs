@@ -29,11 +29,7 @@ const CONTINUE: u8 = 2;
 const FRICTION_RUN: u8 = 3;
 
 impl<F: NorFlash> Device<F> {
-    pub(in crate::driver) fn write_commissioning(
-        &mut self,
-        place: u8,
-        word: u32,
-    ) -> Result<(), Abort> {
+    pub(crate) fn write_commissioning(&mut self, place: u8, word: u32) -> Result<(), Abort> {
         let (name, least, most) = match place {
             CommissioningRunObject::ORDER => return self.order_commissioning(word as u8),
             CommissioningRunObject::CURRENT => {

@@ -21,7 +21,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 /// The frames of a sample: what was received, the joint in HIL, and the last reply.
 #[derive(Debug)]
-pub(in crate::driver) struct Samples {
+pub(crate) struct Samples {
     hil: HilJoint,
     reply: HilReply,
     /// Run and kind of the joint in a trace.
@@ -56,7 +56,7 @@ impl Samples {
     }
 
     /// Returns the last outputs (2005h).
-    pub(in crate::driver) fn outputs(&self) -> OutputsObject {
+    pub(crate) fn outputs(&self) -> OutputsObject {
         let HilReply { answer, status, telemetry } = self.reply;
         OutputsObject {
             friction_torque_nm: answer.friction_torque_nm.to_bits(),
@@ -69,7 +69,7 @@ impl Samples {
     }
 
     /// Returns the place in a trace (2000h).
-    pub(in crate::driver) fn trace_object(&self) -> TraceObject {
+    pub(crate) fn trace_object(&self) -> TraceObject {
         let sequence = self.hil.inbox().sequence();
         TraceObject { run: self.run, sequence, joint_kind: self.joint_kind as u32 }
     }
@@ -77,13 +77,7 @@ impl Samples {
 
 impl<F: NorFlash> Device<F> {
     /// Processes a process frame for this node.
-    pub(in crate::driver) fn take(
-        &mut self,
-        message: &Message,
-        frame: &Frame,
-        node: NodeId,
-        now_us: u64,
-    ) {
+    pub(crate) fn take(&mut self, message: &Message, frame: &Frame, node: NodeId, now_us: u64) {
         let is_taken = match message {
             // A joint on its own sensors sends Motion and Torque itself and receives neither.
             Message::Motion(..) | Message::Torque(..) => {
@@ -102,7 +96,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Processes an input that was written as an object, in the same way as its frame.
-    pub(in crate::driver) fn input(&mut self, sub_index: u8, word: u32) {
+    pub(crate) fn input(&mut self, sub_index: u8, word: u32) {
         if let Some(message) = self.base.input_message(sub_index, word) {
             self.base.process_input(&message);
             self.samples.hil.take(&message);
@@ -174,7 +168,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Processes an entry of a trace about the samples that follow.
-    pub(in crate::driver) fn trace(&mut self, entry: TraceEntry, message: &Message) {
+    pub(crate) fn trace(&mut self, entry: TraceEntry, message: &Message) {
         match entry {
             TraceEntry::Run(number) => self.samples.run = number,
             TraceEntry::Sequence(_) => {}

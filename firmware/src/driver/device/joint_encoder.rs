@@ -65,7 +65,7 @@ struct Sides {
 with_defaults! {
     /// State of the joint's encoder.
     #[derive(Clone, Copy, Debug)]
-    pub(in crate::driver) struct JointEncoder {
+    pub(crate) struct JointEncoder {
         /// Words of the last frame; `None` if there is no encoder at the joint's side.
         pub(super) words: Option<[u16; WORDS]>,
         sides: Option<Sides>,
@@ -87,12 +87,12 @@ with_defaults! {
 
 impl JointEncoder {
     /// 60E4h:1, 1e-6 rad.
-    pub(in crate::driver) fn position(&self) -> i32 {
+    pub(crate) fn position(&self) -> i32 {
         if self.position_rad.is_nan() { NO_POSITION } else { angle::micro(self.position_rad) }
     }
 
     /// 2032h.
-    pub(in crate::driver) const fn object(&self) -> JointEncoderObject {
+    pub(crate) const fn object(&self) -> JointEncoderObject {
         JointEncoderObject {
             difference_rad: self.difference_rad.to_bits(),
             state: self.state as u32,

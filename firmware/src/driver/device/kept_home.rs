@@ -60,7 +60,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the home to keep; `None` if none is known.
-    pub(in crate::driver) fn kept_home(&self) -> Option<KeptHome> {
+    pub(crate) fn kept_home(&self) -> Option<KeptHome> {
         if let HomeState::Kept(kept) | HomeState::Known(kept, _) = self.home {
             return Some(kept);
         }

@@ -15,7 +15,7 @@ const REFUSED: u8 = 255;
 impl<F: NorFlash> Device<F> {
     /// Processes a frame of the LSS master. Returns true if the joint must restart its communication, because it has
     /// its first node number.
-    pub(in crate::driver) fn configure(&mut self, frame: &Frame) -> bool {
+    pub(crate) fn configure(&mut self, frame: &Frame) -> bool {
         let identity = self.base.identity.object().words();
         let node = if self.memory.is_blank() { NO_NODE } else { self.node_in_use().number() };
         let request = frame.data().first().copied().unwrap_or_default();

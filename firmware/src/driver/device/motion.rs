@@ -27,7 +27,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Reports a refusal.
     #[inline(never)]
-    pub(in crate::driver) fn refuse(&mut self, Refused(abort, why): Refused) -> Abort {
+    pub(crate) fn refuse(&mut self, Refused(abort, why): Refused) -> Abort {
         self.base.staging.refuse(abort, why)
     }
 
@@ -56,12 +56,12 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6079h, mV; 0 if it is not measured.
-    pub(in crate::driver) fn bus_millivolts(&self) -> u32 {
+    pub(crate) fn bus_millivolts(&self) -> u32 {
         (self.base.current_loop.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
     }
 
     /// 603Fh: the emergency code of the first fault; 0 for none.
-    pub(in crate::driver) fn error_code(&self) -> u16 {
+    pub(crate) fn error_code(&self) -> u16 {
         self.base.supervisor.faults().iter().next().map_or(0, |code| code.info().emergency)
     }
 
@@ -99,7 +99,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6060h.
-    pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
+    pub(crate) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
         let begins_anew = !self.base.is_bridge_in_use();
         let mut taken = Ok(());
         self.move_with(&mut |motion, joint| taken = motion.set_mode(joint, mode));
@@ -111,7 +111,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Receive PDO 1.
-    pub(in crate::driver) fn take_drive_frame(&mut self, frame: &Frame) {
+    pub(crate) fn take_drive_frame(&mut self, frame: &Frame) {
         let Some(target) = Target::parse(frame.data()) else {
             return self.base.counters.count_wrong_length();
         };
@@ -123,13 +123,13 @@ impl<F: NorFlash> Device<F> {
     ///
     /// # Errors
     /// The supervisor refuses what the controlword requests.
-    pub(in crate::driver) fn take_target(&mut self, target: &Target) -> Result<(), Abort> {
+    pub(crate) fn take_target(&mut self, target: &Target) -> Result<(), Abort> {
         self.move_with(&mut |motion, joint| motion.set_target(joint, target));
         target.controlword.map_or(Ok(()), |controlword| self.set_controlword(controlword))
     }
 
     /// Refreshes the age of the target at the monitored heartbeat, if the targets have no deadline (1400h:5).
-    pub(in crate::driver) fn confirm_target_by_heartbeat(&mut self, now_us: u64) {
+    pub(crate) fn confirm_target_by_heartbeat(&mut self, now_us: u64) {
         if self.base.settings.target_timeout_ms == 0 {
             self.base.now_us = now_us;
             self.move_by(Motion::confirm_target);
@@ -144,7 +144,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.
-    pub(in crate::driver) fn stop_connection(&mut self) {
+    pub(crate) fn stop_connection(&mut self) {
         self.trial.lose_connection();
         if self.base.supervisor.is_stopping() {
             return;
@@ -167,7 +167,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes a setting of the drive. Any other object is read-only here.
-    pub(in crate::driver) fn set_drive_setting(
+    pub(crate) fn set_drive_setting(
         &mut self,
         at_index: u16,
         sub_index: u8,
@@ -187,7 +187,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 2030h:11: starts (1) or ends (0) a test on request.
-    pub(in crate::driver) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
+    pub(crate) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
         if order == 0 {
             if self.motion.brake_test.is_running() {
                 self.disarm();

@@ -107,7 +107,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the network object: zeros and factors of 1 if there is no network.
-    pub(in crate::driver) fn network_state(&self) -> NetworkObject {
+    pub(crate) fn network_state(&self) -> NetworkObject {
         let has = self.set().network.is_some();
         let guard = match self.base.settings.source {
             InputSource::Bus => self.samples.network_guard(),

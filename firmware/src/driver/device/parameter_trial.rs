@@ -83,7 +83,7 @@ impl ParameterTrial {
 
 impl<F: NorFlash> Device<F> {
     /// Returns the present values.
-    pub(in crate::driver) fn trial_object(&self) -> TrialObject {
+    pub(crate) fn trial_object(&self) -> TrialObject {
         let left_us = match self.trial.state {
             TrialState::Open => self.trial.deadline_us.saturating_sub(self.base.now_us),
             _ => 0,
@@ -96,7 +96,7 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    pub(in crate::driver) fn write_trial(&mut self, place: u8, number: u32) -> Result<(), Abort> {
+    pub(crate) fn write_trial(&mut self, place: u8, number: u32) -> Result<(), Abort> {
         if place == TrialObject::DEADLINE {
             return self.open_trial(number as u16);
         }
@@ -189,7 +189,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Refuses what would bring a trial into the flash, or interrupt it.
     #[inline(never)]
-    pub(in crate::driver) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
+    pub(crate) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
         if self.trial.is_open() {
             let why = text!("a parameter set is on trial: keep it or return first (2042h:2)");
             return Err(self.base.staging.refuse(Abort::State, why));
@@ -288,7 +288,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes the record of the tuning, or undoes it.
-    pub(in crate::driver) fn write_tuning(&mut self, place: u8, number: u32) -> Result<(), Abort> {
+    pub(crate) fn write_tuning(&mut self, place: u8, number: u32) -> Result<(), Abort> {
         if place != TuningObject::UNDO {
             let word = self.base.settings.tuning.get_mut(usize::from(place).wrapping_sub(1));
             *word.ok_or(Abort::NoSubIndex)? = number;

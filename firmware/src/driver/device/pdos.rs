@@ -169,7 +169,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the value of a PDO parameter, a mapping or a SYNC object.
-    pub(in crate::driver) fn pdo_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
+    pub(crate) fn pdo_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
         match at_index {
             index::SYNC_PERIOD => return Ok(self.pdos.sync.period_us),
             index::SYNC_WINDOW => return Ok(self.pdos.sync.window_us),
@@ -205,7 +205,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes a PDO parameter, a mapping or a SYNC object.
-    pub(in crate::driver) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
+    pub(crate) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
         let sync = &mut self.pdos.sync;
         match at.index {
             index::SYNC_PERIOD => {

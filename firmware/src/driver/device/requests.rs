@@ -14,7 +14,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Executes a request to the state machine: 0 disarm, 1 arm, 2 clear faults.
-    pub(in crate::driver) fn request(&mut self, request: u8) -> Result<(), Abort> {
+    pub(crate) fn request(&mut self, request: u8) -> Result<(), Abort> {
         match request {
             0 => {
                 self.motion.stopping.open_low_sides();
@@ -46,7 +46,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
-    pub(in crate::driver) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
+    pub(crate) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
         if self.base.settings.source == InputSource::Bus {
             let why = text!("set_position_rad: a joint in HIL receives its position over the bus");
             return Err(self.base.staging.refuse(Abort::State, why));
@@ -106,7 +106,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Makes the staged set the active one.
-    pub(in crate::driver) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
+    pub(crate) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
         self.base.staging.validate_commit(meant)?;
         // More friction than the joint has drives it, and no watch bounds that in every motion.
         if !self.is_service()
@@ -145,7 +145,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Applies other settings; a new node number is used from the next start.
-    pub(in crate::driver) fn set_settings(&mut self, settings: NodeSettings) -> Result<(), Abort> {
+    pub(crate) fn set_settings(&mut self, settings: NodeSettings) -> Result<(), Abort> {
         let set = self.base.staging.active();
         let watch = self.base.watch_of(&settings);
         let (network, setup) = (set.network.as_ref(), settings.hil_setup());
@@ -165,7 +165,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Stores settings and the active set. The caller has checked that they may be saved: a trial ends by its own order.
-    pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
+    pub(crate) fn save(&mut self) -> Result<(), Abort> {
         let settings = self.base.settings;
         let block = emit_block(&settings, self.base.staging.active());
         self.write_block(&block, &settings)?;
@@ -174,7 +174,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Stores the defaults; they apply from the next start, as in CiA 301. Key and policy stay: they change by proof only.
-    pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
+    pub(crate) fn restore_defaults(&mut self) -> Result<(), Abort> {
         self.refuse_in_trial()?;
         let settings =
             NodeSettings { access: self.base.settings.access, ..*self.memory.defaults() };

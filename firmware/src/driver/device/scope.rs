@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Returns settings and state of the scope.
-    pub(in crate::driver) fn scope_object(&self) -> ScopeObject {
+    pub(crate) fn scope_object(&self) -> ScopeObject {
         let settings = &self.scope.settings;
         let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
         ScopeObject {
@@ -27,14 +27,14 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the number of a signal of the scope, by its sub-index.
-    pub(in crate::driver) fn scope_signal(&self, sub_index: u8) -> Result<u32, Abort> {
+    pub(crate) fn scope_signal(&self, sub_index: u8) -> Result<u32, Abort> {
         let place = usize::from(sub_index).wrapping_sub(1);
         let number = self.scope.settings.signals.get(place).ok_or(Abort::NoSubIndex)?;
         Ok(u32::from(*number))
     }
 
     /// Writes an order or a setting of the scope. Settings act at the next start.
-    pub(in crate::driver) fn write_scope(
+    pub(crate) fn write_scope(
         &mut self,
         at_index: u16,
         sub_index: u8,

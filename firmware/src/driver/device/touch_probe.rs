@@ -43,7 +43,7 @@ const NEAR_ZERO: u32 = 1 << 30;
 
 /// State of both probes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct TouchProbes {
+pub(crate) struct TouchProbes {
     /// 60B8h.
     pub function: u16,
     /// 60B9h.
@@ -77,7 +77,7 @@ impl TouchProbes {
 
 impl<F: NorFlash> Device<F> {
     /// 60B8h. A rising bit 0 (8) enables a probe anew.
-    pub(in crate::driver) fn set_touch_function(&mut self, word: u16) -> Result<(), Abort> {
+    pub(crate) fn set_touch_function(&mut self, word: u16) -> Result<(), Abort> {
         let sources = [word, word >> 8].map(|half| half & function::SOURCE);
         if sources.iter().any(|source| *source > function::SOURCE_ZERO) {
             let why = text!(

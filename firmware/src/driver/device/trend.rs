@@ -113,7 +113,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the length of the stored trend, bytes.
-    pub(in crate::driver) fn trend_length(&mut self) -> Result<usize, Abort> {
+    pub(crate) fn trend_length(&mut self) -> Result<usize, Abort> {
         match self.memory.store_mut().trend_length() {
             0 => Err(self
                 .base
@@ -124,7 +124,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Reads a part of the stored trend.
-    pub(in crate::driver) fn read_trend(&mut self, offset: usize, part: &mut [u8]) {
+    pub(crate) fn read_trend(&mut self, offset: usize, part: &mut [u8]) {
         self.memory.store_mut().read_trend(offset, part);
     }
 }

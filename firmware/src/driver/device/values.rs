@@ -7,7 +7,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Returns the readings of the dry side.
-    pub(in crate::driver) fn enclosure_object(&self) -> EnclosureObject {
+    pub(crate) fn enclosure_object(&self) -> EnclosureObject {
         let air = self.enclosure.air.unwrap_or(Air::INVALID);
         let [first, second] = self.enclosure.torque_allowed.unwrap_or_default();
         EnclosureObject {

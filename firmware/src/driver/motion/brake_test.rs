@@ -34,7 +34,7 @@ const HOUR_US: u64 = 3_600_000_000;
 
 /// Result of the last test, 2030h:12.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::driver) enum BrakeTestResult {
+pub(crate) enum BrakeTestResult {
     /// None since the start.
     #[default]
     None = 0,
@@ -66,7 +66,7 @@ struct Run {
 
 /// The test of the holding brake.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct BrakeTest {
+pub(crate) struct BrakeTest {
     run: Option<Run>,
     result: BrakeTestResult,
     /// Largest way forwards and back, rad.
@@ -77,22 +77,22 @@ pub(in crate::driver) struct BrakeTest {
 
 impl BrakeTest {
     /// Returns true while a test runs.
-    pub(in crate::driver) const fn is_running(&self) -> bool {
+    pub(crate) const fn is_running(&self) -> bool {
         self.run.is_some()
     }
 
     /// Returns the current of the test, A.
-    pub(in crate::driver) fn current_a(&self) -> f32 {
+    pub(crate) fn current_a(&self) -> f32 {
         self.run.map_or(0.0, |run| run.current_a)
     }
 
     /// Returns true while a test runs that needs no targets.
-    pub(in crate::driver) fn is_requested(&self) -> bool {
+    pub(crate) fn is_requested(&self) -> bool {
         self.run.is_some_and(|run| run.is_requested)
     }
 
     /// Returns true if the last test found a brake that does not hold, or could not press.
-    pub(in crate::driver) const fn has_failed(&self) -> bool {
+    pub(crate) const fn has_failed(&self) -> bool {
         matches!(self.result, BrakeTestResult::Slipped | BrakeTestResult::NoTorque)
     }
 }
@@ -104,7 +104,7 @@ fn ramp(elapsed_ms: u32, from_ms: u32, length_ms: u32) -> f32 {
 
 impl Motion {
     /// Returns true if arming tests the brake now.
-    pub(in crate::driver) fn is_brake_test_due(&self, joint: &JointBase) -> bool {
+    pub(crate) fn is_brake_test_due(&self, joint: &JointBase) -> bool {
         let drive = &joint.settings.drive;
         let interval_us = u64::from(drive.brake_test_interval_h) * HOUR_US;
         let is_old = interval_us > 0
@@ -117,7 +117,7 @@ impl Motion {
     }
 
     /// Starts a test of an armed joint.
-    pub(in crate::driver) fn begin_brake_test(&mut self, is_requested: bool) {
+    pub(crate) fn begin_brake_test(&mut self, is_requested: bool) {
         let run = Run { is_requested, ..Run::default() };
         self.brake_test.run = Some(run);
         self.brake_test.result = BrakeTestResult::Running;
@@ -125,7 +125,7 @@ impl Motion {
     }
 
     /// Runs a step of the test with a report.
-    pub(in crate::driver) fn step_brake_test(&mut self, joint: &JointBase) {
+    pub(crate) fn step_brake_test(&mut self, joint: &JointBase) {
         let Some(mut run) = self.brake_test.run else { return };
         let (report, drive) = (joint.report(), &joint.settings.drive);
         if report.loop_flags.contains(LoopFlags::BRIDGE_OFF) {
@@ -196,7 +196,7 @@ impl Motion {
     }
 
     /// Ends a test whose joint was disarmed, or stops.
-    pub(in crate::driver) fn watch_brake_test(&mut self, joint: &JointBase) {
+    pub(crate) fn watch_brake_test(&mut self, joint: &JointBase) {
         let is_armed = joint.supervisor.is_armed();
         if self.brake_test.is_running() && (!is_armed || self.stopping.is_to_rest()) {
             self.end_brake_test(joint, BrakeTestResult::Interrupted);
@@ -204,7 +204,7 @@ impl Motion {
     }
 
     /// 2030h:12 to :14: result, and largest ways, 1e-6 rad.
-    pub(in crate::driver) fn brake_test_words(&self) -> [u32; 3] {
+    pub(crate) fn brake_test_words(&self) -> [u32; 3] {
         let [forwards, back] = self.brake_test.ways_rad.map(micro);
         [self.brake_test.result as u32, forwards as u32, back as u32]
     }

@@ -17,7 +17,7 @@ use crate::node_settings::InputSource;
 
 /// Who commands the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::driver) enum Mover {
+pub(crate) enum Mover {
     /// The measurement of the motor, in the interrupt.
     MotorMeasurement,
     /// The friction run.
@@ -42,13 +42,13 @@ pub(in crate::driver) enum Mover {
 
 impl Mover {
     /// Returns true if the velocity loop gives the current.
-    pub(in crate::driver) const fn has_velocity_loop(self) -> bool {
+    pub(crate) const fn has_velocity_loop(self) -> bool {
         use Mover::{CyclicVelocity, FrictionRun, Hold, Position, ProfileVelocity};
         matches!(self, FrictionRun | Hold | Position | CyclicVelocity | ProfileVelocity)
     }
 
     /// Returns true if a master gives the torque, and no loop above the current loop holds the speed.
-    pub(in crate::driver) const fn is_torque(self) -> bool {
+    pub(crate) const fn is_torque(self) -> bool {
         matches!(self, Self::Torque | Self::Nobody | Self::Commands)
     }
 }
@@ -56,7 +56,7 @@ impl Mover {
 impl Motion {
     /// Returns who commands the joint.
     #[inline(never)]
-    pub(in crate::driver) fn mover(&self, joint: &JointBase) -> Mover {
+    pub(crate) fn mover(&self, joint: &JointBase) -> Mover {
         let is_on_sensors = joint.settings.source == InputSource::Sensors;
         match self.profile.mode {
             _ if self.is_measuring_motor() => Mover::MotorMeasurement,
@@ -73,7 +73,7 @@ impl Motion {
     }
 
     /// Runs a step of the loops above the current loop, with a report.
-    pub(in crate::driver) fn step_motion(&mut self, joint: &JointBase) {
+    pub(crate) fn step_motion(&mut self, joint: &JointBase) {
         self.step_offsets(joint);
         self.step_profile_modes(joint);
         let mover = self.mover(joint);
@@ -125,7 +125,7 @@ impl Motion {
 
     /// Returns what the current loop gets.
     #[inline(never)]
-    pub(in crate::driver) fn setpoint(&self, joint: &JointBase, now_us: u64) -> Setpoint {
+    pub(crate) fn setpoint(&self, joint: &JointBase, now_us: u64) -> Setpoint {
         let mover = self.mover(joint);
         let wanted = self.wanted(joint, mover, now_us);
         let current_a = match mover {
@@ -154,7 +154,7 @@ impl Motion {
     /// Returns the current of a torque mode, A: the ramp of mode 4, or target and torque offset of CST within 6072h; 0 in any
     /// other mode.
     #[inline(never)]
-    pub(in crate::driver) fn torque_mode_current_a(&self, joint: &JointBase) -> f32 {
+    pub(crate) fn torque_mode_current_a(&self, joint: &JointBase) -> f32 {
         let rated_a = joint.rated().0;
         match self.profile.mode {
             profile::TQ => self.modes.torque_current_a(rated_a),

@@ -14,8 +14,8 @@ use compensator_core::refusal;
 
 /// What a CiA 402 master wants: one PDO, or one write of an object.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct Target {
-    pub(in crate::driver) controlword: Option<u16>,
+pub(crate) struct Target {
+    pub(crate) controlword: Option<u16>,
     torque_permille: Option<i16>,
     velocity_micro_rad_s: Option<i32>,
     position_micro_rad: Option<i32>,
@@ -25,7 +25,7 @@ pub(in crate::driver) struct Target {
 
 impl Target {
     /// Adds the value of an object. Returns false if the object is no part of a target.
-    pub(in crate::driver) fn add(&mut self, at_index: u16, word: u32) -> bool {
+    pub(crate) fn add(&mut self, at_index: u16, word: u32) -> bool {
         match at_index {
             index::CONTROLWORD => self.controlword = Some(word as u16),
             index::TARGET_TORQUE => self.torque_permille = Some(word as i16),
@@ -39,7 +39,7 @@ impl Target {
     }
 
     /// Parses receive PDO 1: controlword, target torque and target velocity. A master without velocity mode omits the velocity.
-    pub(in crate::driver) fn parse(data: &[u8]) -> Option<Self> {
+    pub(crate) fn parse(data: &[u8]) -> Option<Self> {
         let (velocity_micro_rad_s, [a, b, c, d]) = match *data {
             [a, b, c, d] => (None, [a, b, c, d]),
             [a, b, c, d, w, x, y, z] => (Some(i32::from_le_bytes([w, x, y, z])), [a, b, c, d]),
@@ -63,14 +63,14 @@ impl Target {
 
 /// Time of the last target.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct Targets {
+pub(crate) struct Targets {
     /// In us; `None` if none came since the mode or a setting changed.
     at_us: Option<u64>,
 }
 
 impl Targets {
     /// Returns the time of the last target, us.
-    pub(in crate::driver) const fn at_us(&self) -> Option<u64> {
+    pub(crate) const fn at_us(&self) -> Option<u64> {
         self.at_us
     }
 }
@@ -78,31 +78,31 @@ impl Targets {
 impl JointBase {
     /// Returns the rated current, A, and torque, Nm, from the current limits.
     #[inline(never)]
-    pub(in crate::driver) fn rated(&self) -> (f32, f32) {
+    pub(crate) fn rated(&self) -> (f32, f32) {
         let (motor, compensator) = (&self.set().motor, &self.set().friction.compensator);
         let current_a = motor.current_limit_a.min(compensator.current_limit_a);
         (current_a, current_a * compensator.torque_constant_nm_per_a)
     }
 
     /// 6075h, mA, and 6076h, mNm.
-    pub(in crate::driver) fn ratings(&self) -> [u32; 2] {
+    pub(crate) fn ratings(&self) -> [u32; 2] {
         let (current_a, torque_nm) = self.rated();
         [(current_a * 1e3) as u32, (torque_nm * 1e3) as u32]
     }
 
     /// 6077h: torque of the measured current, thousandths of the rated one; not defined for a joint in HIL.
-    pub(in crate::driver) fn actual_permille(&self) -> i16 {
+    pub(crate) fn actual_permille(&self) -> i16 {
         (self.report().motor_torque_nm / self.rated().1 * 1e3) as i16
     }
 
     /// 6078h: measured torque-producing current, thousandths of the rated one.
-    pub(in crate::driver) fn actual_current_permille(&self) -> i16 {
+    pub(crate) fn actual_current_permille(&self) -> i16 {
         (self.report().current_a / self.rated().0 * 1e3) as i16
     }
 
     /// 6064h, 1e-6 rad. While the position is unknown, it counts from an arbitrary zero; a joint in HIL then has 0.
     #[inline(never)]
-    pub(in crate::driver) fn actual_position(&self) -> i32 {
+    pub(crate) fn actual_position(&self) -> i32 {
         micro(match (self.is_position_known(), self.settings.source) {
             (true, _) => f32::from_bits(self.measured().position_rad),
             (false, InputSource::Sensors) => self.report().turned_rad,
@@ -111,17 +111,17 @@ impl JointBase {
     }
 
     /// Returns true if the position is absolute.
-    pub(in crate::driver) fn is_position_known(&self) -> bool {
+    pub(crate) fn is_position_known(&self) -> bool {
         !f32::from_bits(self.measured().position_rad).is_nan()
     }
 
     /// 606Ch, 1e-6 rad/s; 0 if unknown.
-    pub(in crate::driver) fn actual_velocity(&self) -> i32 {
+    pub(crate) fn actual_velocity(&self) -> i32 {
         micro(f32::from_bits(self.measured().velocity_rad_s))
     }
 
     /// Returns true if the bus voltage is above the level of an undervoltage fault.
-    pub(in crate::driver) fn is_powered(&self) -> bool {
+    pub(crate) fn is_powered(&self) -> bool {
         let level_v = self.supervisor.thresholds().bus_undervoltage_v;
         match self.settings.source {
             InputSource::Sensors => {
@@ -131,7 +131,7 @@ impl JointBase {
         }
     }
 
-    pub(in crate::driver) fn fault_state(&self) -> FaultState {
+    pub(crate) fn fault_state(&self) -> FaultState {
         match (self.is_faulty(), self.supervisor.is_stopping()) {
             (false, _) => FaultState::None,
             (true, true) => FaultState::Reacting,
@@ -139,24 +139,24 @@ impl JointBase {
         }
     }
 
-    pub(in crate::driver) fn is_faulty(&self) -> bool {
+    pub(crate) fn is_faulty(&self) -> bool {
         self.supervisor.state() == JointState::Fault
     }
 
     /// Returns true if the joint is slow enough for homing.
-    pub(in crate::driver) fn is_standing(&self) -> bool {
+    pub(crate) fn is_standing(&self) -> bool {
         self.report().velocity_rad_s.abs() <= profile::STANDSTILL_RAD_S
     }
 
     /// Returns the position of 6064h, rad.
-    pub(in crate::driver) fn position_rad(&self) -> f32 {
+    pub(crate) fn position_rad(&self) -> f32 {
         let report = self.report();
         if report.position_rad.is_nan() { report.turned_rad } else { report.position_rad }
     }
 
     /// Returns the current that holds the load of a joint in torque mode, A. At rest it is the commanded current. In
     /// motion it is the torque that inertia and friction do not explain, which needs the inertia; without it, 0.
-    pub(in crate::driver) fn load_a(&self) -> f32 {
+    pub(crate) fn load_a(&self) -> f32 {
         let (report, set) = (self.report(), self.set());
         if report.velocity_rad_s.abs() < profile::STANDSTILL_RAD_S {
             return report.current_reference_a - report.feed_forward_current_a;
@@ -171,14 +171,14 @@ impl JointBase {
 impl Motion {
     /// Returns true if the position is required (`position_required`) and unknown, and the drive is not in homing
     /// mode, which gives no torque.
-    pub(in crate::driver) fn is_position_missing(&self, joint: &JointBase) -> bool {
+    pub(crate) fn is_position_missing(&self, joint: &JointBase) -> bool {
         joint.supervisor.thresholds().position_required != 0
             && self.profile.mode != profile::HOMING
             && !joint.is_position_known()
     }
 
     /// 6041h.
-    pub(in crate::driver) fn statusword(&self, joint: &JointBase) -> u16 {
+    pub(crate) fn statusword(&self, joint: &JointBase) -> u16 {
         let when = |bit: u16, is_so: bool| if is_so { bit } else { 0 };
         let powered = joint.is_powered();
         let limits = joint.supervisor.limits();
@@ -207,11 +207,7 @@ impl Motion {
     }
 
     /// 6060h.
-    pub(in crate::driver) fn set_mode(
-        &mut self,
-        joint: &JointBase,
-        mode: i8,
-    ) -> Result<(), Refused> {
+    pub(crate) fn set_mode(&mut self, joint: &JointBase, mode: i8) -> Result<(), Refused> {
         if mode != 0 && !profile::is_supported(mode) {
             let why = refusal!(
                 "modes_of_operation = {i32}: must be 0 (none), 1 (PP), 3 (PV), 4 (TQ), 6 (homing), 8 (CSP), 9 (CSV) or 10 (CST); 8 replaces 7",
@@ -231,7 +227,7 @@ impl Motion {
 
     /// Sets the present position as home. If the joint moves, the statusword reports that homing failed, and
     /// 2028h the reason.
-    pub(in crate::driver) fn home_here(&mut self, joint: &JointBase) {
+    pub(crate) fn home_here(&mut self, joint: &JointBase) {
         let home_rad = -Angle::from_micro_rad(self.profile.home_offset_micro_rad).rad();
         let homed = joint.is_standing();
         self.profile.homing = if homed { Homing::Attained } else { Homing::Failed };
@@ -247,7 +243,7 @@ impl Motion {
     }
 
     /// 6098h.
-    pub(in crate::driver) fn set_homing_method(&mut self, method: i8) -> Result<(), Refused> {
+    pub(crate) fn set_homing_method(&mut self, method: i8) -> Result<(), Refused> {
         if !HOMING_METHODS.contains(&method) {
             let why = refusal!(
                 "homing_method = {i32}: must be 37 or 35 (the present position), -1 or -2 (a stop); the joint has no switches",
@@ -260,7 +256,7 @@ impl Motion {
     }
 
     /// Sets the parts of a target together.
-    pub(in crate::driver) fn set_target(&mut self, joint: &JointBase, target: &Target) {
+    pub(crate) fn set_target(&mut self, joint: &JointBase, target: &Target) {
         if let Some(permille) = target.torque_permille {
             self.profile.target_permille = permille;
         }
@@ -277,7 +273,7 @@ impl Motion {
     }
 
     /// Refreshes the age of the master's target. Has no effect outside the profile.
-    pub(in crate::driver) fn confirm_target(&mut self, joint: &JointBase) {
+    pub(crate) fn confirm_target(&mut self, joint: &JointBase) {
         if self.profile.is_active() {
             self.targets.at_us = Some(joint.now_us);
             self.orders.confirms = true;
@@ -285,7 +281,7 @@ impl Motion {
     }
 
     /// Stops an armed joint whose targets have exceeded their deadline.
-    pub(in crate::driver) fn watch_target(&mut self, joint: &JointBase) {
+    pub(crate) fn watch_target(&mut self, joint: &JointBase) {
         let deadline_us = u64::from(joint.settings.target_timeout_ms) * 1000;
         let is_followed =
             self.profile.is_active() && joint.supervisor.is_armed() && !self.is_commissioning();

@@ -56,7 +56,7 @@ impl Offset {
 
 /// The offsets of the master.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct Offsets {
+pub(crate) struct Offsets {
     /// 60B1h, 1e-6 rad/s.
     velocity: Offset,
     /// 60B2h, thousandths of the rated torque.
@@ -65,7 +65,7 @@ pub(in crate::driver) struct Offsets {
 
 impl Motion {
     /// Sets what a master wrote: 60B1h, 1e-6 rad/s, and 60B2h, thousandths of the rated torque.
-    pub(in crate::driver) fn set_offsets(
+    pub(crate) fn set_offsets(
         &mut self,
         joint: &JointBase,
         micro_rad_s: Option<i32>,
@@ -80,25 +80,25 @@ impl Motion {
     }
 
     /// Returns the offsets as they were written: 60B1h and 60B2h.
-    pub(in crate::driver) const fn written_offsets(&self) -> [u32; 2] {
+    pub(crate) const fn written_offsets(&self) -> [u32; 2] {
         [self.offsets.velocity.written as u32, self.offsets.torque.written as u32]
     }
 
     /// Lets stale offsets decay, once per report.
-    pub(in crate::driver) fn step_offsets(&mut self, joint: &JointBase) {
+    pub(crate) fn step_offsets(&mut self, joint: &JointBase) {
         let timeout_us = (joint.set().motor.setpoint_timeout_s * 1e6) as u64;
         self.offsets.velocity.step(joint.now_us, timeout_us);
         self.offsets.torque.step(joint.now_us, timeout_us);
     }
 
     /// Returns the velocity offset, rad/s.
-    pub(in crate::driver) const fn velocity_offset_rad_s(&self) -> f32 {
+    pub(crate) const fn velocity_offset_rad_s(&self) -> f32 {
         self.offsets.velocity.applied * 1e-6
     }
 
     /// Returns the current of the torque offset, A.
     #[inline(never)]
-    pub(in crate::driver) fn offset_current_a(&self, joint: &JointBase) -> f32 {
+    pub(crate) fn offset_current_a(&self, joint: &JointBase) -> f32 {
         self.offsets.torque.applied * 1e-3 * joint.rated().0
     }
 }

@@ -47,7 +47,7 @@ enum HomingStep {
 
 /// State of the position loop.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct PositionControl {
+pub(crate) struct PositionControl {
     /// The reference follows from the present position.
     has_begun: bool,
     reference: Reference,
@@ -69,7 +69,7 @@ pub(in crate::driver) struct PositionControl {
 impl Motion {
     /// Returns true if the position loop commands the velocity loop.
     #[inline(never)]
-    pub(in crate::driver) fn is_in_position_control(&self, joint: &JointBase) -> bool {
+    pub(crate) fn is_in_position_control(&self, joint: &JointBase) -> bool {
         let is_mode = match self.profile.mode {
             profile::CSP | profile::PP => true,
             profile::HOMING => self.profile.homes_at_stop(),
@@ -79,7 +79,7 @@ impl Motion {
     }
 
     /// Restarts position control, at every arming.
-    pub(in crate::driver) fn begin_position(&mut self) {
+    pub(crate) fn begin_position(&mut self) {
         self.position = PositionControl::default();
         self.profile.set_points = SetPoint::default();
         if self.profile.homing == Homing::Running {
@@ -88,21 +88,21 @@ impl Motion {
     }
 
     /// Interrupts the reference while something else moves the joint; it then begins at the present position.
-    pub(in crate::driver) fn interrupt_position(&mut self) {
+    pub(crate) fn interrupt_position(&mut self) {
         self.position.has_begun = false;
         self.position.has_target = false;
         self.position.is_target_limited = false;
     }
 
     /// Ends the course of a mode; that of the next one begins at the present position.
-    pub(in crate::driver) fn end_position_course(&mut self) {
+    pub(crate) fn end_position_course(&mut self) {
         self.interrupt_position();
         self.position.homing = HomingStep::Idle;
     }
 
     /// Returns the current limit of a step as a share of that of 6072h.
     #[inline(never)]
-    pub(in crate::driver) fn torque_share(&self, joint: &JointBase) -> f32 {
+    pub(crate) fn torque_share(&self, joint: &JointBase) -> f32 {
         match self.position.homing {
             HomingStep::Seeks { .. } if self.is_in_position_control(joint) => {
                 f32::from(joint.settings.drive.homing_torque) * 1e-3
@@ -112,7 +112,7 @@ impl Motion {
     }
 
     /// Runs a step of the position loop.
-    pub(in crate::driver) fn position_target(&mut self, joint: &JointBase) -> VelocityTarget {
+    pub(crate) fn position_target(&mut self, joint: &JointBase) -> VelocityTarget {
         let actual_rad = joint.position_rad();
         if !self.position.has_begun {
             let velocity_rad_s = self.velocity.command().reference_rad_s;
@@ -253,14 +253,14 @@ impl Motion {
     }
 
     /// Starts homing at a stop.
-    pub(in crate::driver) fn begin_homing(&mut self, joint: &JointBase) {
+    pub(crate) fn begin_homing(&mut self, joint: &JointBase) {
         let from_rad = joint.report().turned_rad;
         self.position.homing = HomingStep::Seeks { from_rad, still_ms: 0 };
         self.profile.homing = Homing::Running;
     }
 
     /// Ends homing if the master withdraws its command.
-    pub(in crate::driver) fn watch_homing(&mut self) {
+    pub(crate) fn watch_homing(&mut self) {
         if self.profile.homing == Homing::Running && !self.profile.wants_homing() {
             self.position.homing = HomingStep::Idle;
             self.profile.homing = Homing::NotBegun;
@@ -285,7 +285,7 @@ impl Motion {
     }
 
     /// Returns true if the following error exceeds its window, and whether for the time of 6066h.
-    pub(in crate::driver) fn following_state(&self, joint: &JointBase) -> (bool, bool) {
+    pub(crate) fn following_state(&self, joint: &JointBase) -> (bool, bool) {
         let is_controlled = self.is_in_position_control(joint)
             && self.profile.mode != profile::HOMING
             && self.position.has_begun;
@@ -341,11 +341,7 @@ impl Motion {
     }
 
     /// Returns a velocity within the limits, rad/s.
-    pub(in crate::driver) fn bounded_velocity(
-        &mut self,
-        joint: &JointBase,
-        wanted_rad_s: f32,
-    ) -> f32 {
+    pub(crate) fn bounded_velocity(&mut self, joint: &JointBase, wanted_rad_s: f32) -> f32 {
         let Some([least, most]) = self.velocity_bounds(joint) else { return wanted_rad_s };
         let bounded = wanted_rad_s.max(least).min(most);
         self.position.is_limited |= bounded != wanted_rad_s;
@@ -353,7 +349,7 @@ impl Motion {
     }
 
     /// Returns a current of torque mode that does not drive the joint beyond its limits, A.
-    pub(in crate::driver) fn bounded_current_a(&self, joint: &JointBase, wanted_a: f32) -> f32 {
+    pub(crate) fn bounded_current_a(&self, joint: &JointBase, wanted_a: f32) -> f32 {
         let Some([lower_a, upper_a]) = self.current_bounds(joint) else { return wanted_a };
         wanted_a.max(lower_a).min(upper_a)
     }
@@ -379,18 +375,14 @@ impl Motion {
     }
 
     /// Returns true if a position limit acts.
-    pub(in crate::driver) fn is_position_limited(&self, joint: &JointBase) -> bool {
+    pub(crate) fn is_position_limited(&self, joint: &JointBase) -> bool {
         let wanted_a = self.torque_mode_current_a(joint);
         let by_current = self.bounded_current_a(joint, wanted_a) != wanted_a;
         by_current || self.position.is_limited || self.position.is_target_limited
     }
 
     /// 607Ah.
-    pub(in crate::driver) fn set_target_position(
-        &mut self,
-        joint: &JointBase,
-        target_micro_rad: i32,
-    ) {
+    pub(crate) fn set_target_position(&mut self, joint: &JointBase, target_micro_rad: i32) {
         self.profile.target_position_micro_rad = target_micro_rad;
         if self.profile.mode != profile::CSP
             || !joint.supervisor.is_armed()
@@ -407,7 +399,7 @@ impl Motion {
     }
 
     /// Takes a set-point of mode 1.
-    pub(in crate::driver) fn take_set_point(&mut self) {
+    pub(crate) fn take_set_point(&mut self) {
         let at = self.position.reference.position.micro_rad();
         let target = self.profile.target_position_micro_rad;
         let (is_relative, at_once) = self.profile.set_point_kind();
@@ -416,13 +408,13 @@ impl Motion {
     }
 
     /// 6062h, 1e-6 rad.
-    pub(in crate::driver) fn position_demand(&self, joint: &JointBase) -> i32 {
+    pub(crate) fn position_demand(&self, joint: &JointBase) -> i32 {
         let begun = self.is_in_position_control(joint) && self.position.has_begun;
         if begun { self.position.reference.position.micro_rad() } else { joint.actual_position() }
     }
 
     /// 60F4h, 1e-6 rad.
-    pub(in crate::driver) fn following_error(&self) -> i32 {
+    pub(crate) fn following_error(&self) -> i32 {
         micro(self.position.error_rad)
     }
 }

@@ -22,7 +22,7 @@ use compensator_core::refusal;
 
 /// State of the profile modes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct ProfileModes {
+pub(crate) struct ProfileModes {
     /// Torque demand of mode 4, thousandths of the rated torque.
     torque_permille: f32,
     /// Reports for which the velocity is within its window, and for which the joint stands (mode 3).
@@ -32,35 +32,35 @@ pub(in crate::driver) struct ProfileModes {
 
 impl ProfileModes {
     /// The target of mode 3 has changed: it is not reached.
-    pub(in crate::driver) fn begin_velocity(&mut self) {
+    pub(crate) fn begin_velocity(&mut self) {
         self.reached_reports = 0;
     }
 
     /// Returns the current of mode 4, A, at this rated current.
-    pub(in crate::driver) fn torque_current_a(&self, rated_a: f32) -> f32 {
+    pub(crate) fn torque_current_a(&self, rated_a: f32) -> f32 {
         self.torque_permille * 1e-3 * rated_a
     }
 
     /// Starts the torque of mode 4 at this value, thousandths of the rated torque.
-    pub(in crate::driver) fn begin_torque(&mut self, permille: f32) {
+    pub(crate) fn begin_torque(&mut self, permille: f32) {
         self.torque_permille = permille;
     }
 }
 
 impl Motion {
     /// Returns true if mode 4 commands the torque.
-    pub(in crate::driver) fn is_in_profile_torque(&self, joint: &JointBase) -> bool {
+    pub(crate) fn is_in_profile_torque(&self, joint: &JointBase) -> bool {
         joint.settings.source == InputSource::Sensors && self.profile.mode == profile::TQ
     }
 
     /// Returns the maximum speed of mode 3, rad/s.
     #[inline(never)]
-    pub(in crate::driver) fn profile_speed_rad_s(&self, joint: &JointBase) -> f32 {
+    pub(crate) fn profile_speed_rad_s(&self, joint: &JointBase) -> f32 {
         self.max_speed_rad_s(joint).min(joint.settings.drive.max_profile_velocity as f32 * 1e-6)
     }
 
     /// Returns velocity, rad/s, and acceleration, rad/s^2, of a step of mode 3.
-    pub(in crate::driver) fn profile_velocity_step(&mut self, joint: &JointBase) -> (f32, f32) {
+    pub(crate) fn profile_velocity_step(&mut self, joint: &JointBase) -> (f32, f32) {
         let wanted_rad_s = self.profile.target_rad_s(self.profile_speed_rad_s(joint));
         let wanted_rad_s = self.bounded_velocity(joint, wanted_rad_s);
         let reference_rad_s = self.velocity.command().reference_rad_s;
@@ -73,7 +73,7 @@ impl Motion {
     }
 
     /// Runs a step of the profile modes, once per report.
-    pub(in crate::driver) fn step_profile_modes(&mut self, joint: &JointBase) {
+    pub(crate) fn step_profile_modes(&mut self, joint: &JointBase) {
         let drive = &joint.settings.drive;
         let velocity_rad_s = joint.report().velocity_rad_s;
         let target_rad_s = self.profile.target_micro_rad_s as f32 * 1e-6;
@@ -115,7 +115,7 @@ impl Motion {
     }
 
     /// 6074h: the demand before the compensation, thousandths of the rated torque.
-    pub(in crate::driver) fn torque_demand(&self, joint: &JointBase) -> i16 {
+    pub(crate) fn torque_demand(&self, joint: &JointBase) -> i16 {
         if joint.supervisor.is_armed() {
             self.permille_of(joint, self.demand_a(joint)) as i16
         } else {
@@ -129,7 +129,7 @@ impl Motion {
     }
 
     /// Returns the bits 10 and 12 of the statusword in the modes 3 and 4.
-    pub(in crate::driver) fn profile_mode_bits(&self, joint: &JointBase) -> u16 {
+    pub(crate) fn profile_mode_bits(&self, joint: &JointBase) -> u16 {
         let (drive, modes) = (&joint.settings.drive, &self.modes);
         let when = |bit: u16, is_so: bool| if is_so { bit } else { 0 };
         let is_stopping = self.profile.stop_cause().is_some();
@@ -155,11 +155,7 @@ impl Motion {
     }
 
     /// Sets a mode that the joint has. While the drive is enabled, the new mode begins with the demand of the one before.
-    pub(in crate::driver) fn enter_mode(
-        &mut self,
-        joint: &JointBase,
-        mode: i8,
-    ) -> Result<(), Refused> {
+    pub(crate) fn enter_mode(&mut self, joint: &JointBase, mode: i8) -> Result<(), Refused> {
         if !joint.is_bridge_in_use() {
             self.profile.mode = mode;
             self.begin_mode();

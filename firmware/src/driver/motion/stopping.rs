@@ -26,7 +26,7 @@ const MARGIN_US: u64 = 1_000_000;
 
 /// A stop under way.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::driver) struct Stop {
+pub(crate) struct Stop {
     cause: StopCause,
     deceleration_rad_s2: f32,
     /// The joint is held afterwards.
@@ -41,7 +41,7 @@ pub(in crate::driver) struct Stop {
 
 /// Load of a joint when its brake closed.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::driver) struct BrakedLoad {
+pub(crate) struct BrakedLoad {
     /// Current that held it, A.
     load_a: f32,
     /// Its position from the arbitrary zero, rad.
@@ -50,10 +50,10 @@ pub(in crate::driver) struct BrakedLoad {
 
 /// The stop under way, and the holding brake.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct Stopping {
+pub(crate) struct Stopping {
     stop: Option<Stop>,
     /// The reaction to the last stop was to short the low sides.
-    pub(in crate::driver) shorts_low_sides: bool,
+    pub(crate) shorts_low_sides: bool,
     /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
     held_rad: Option<f32>,
     brake: HoldingBrake,
@@ -63,56 +63,56 @@ pub(in crate::driver) struct Stopping {
 
 impl Stopping {
     /// Returns the holding brake.
-    pub(in crate::driver) const fn brake(&self) -> &HoldingBrake {
+    pub(crate) const fn brake(&self) -> &HoldingBrake {
         &self.brake
     }
 
     /// Returns true if the low sides are to be shorted while the bridge drives nothing.
-    pub(in crate::driver) const fn shorts_low_sides(&self) -> bool {
+    pub(crate) const fn shorts_low_sides(&self) -> bool {
         self.shorts_low_sides
     }
 
     /// Opens the low sides, as a master does by disarming the joint.
-    pub(in crate::driver) fn open_low_sides(&mut self) {
+    pub(crate) fn open_low_sides(&mut self) {
         self.shorts_low_sides = false;
     }
 
     /// Ends the stop.
-    pub(in crate::driver) fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         self.stop = None;
     }
 
     /// Returns the gains of the velocity loop, with the ramp of the stop if there is one.
-    pub(in crate::driver) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
+    pub(crate) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
         self.stop.map_or(*gains, |stop| {
             gains.with_acceleration(stop.deceleration_rad_s2, REPORT_PERIOD_S)
         })
     }
 
     /// Returns true if a stop that ends with an open bridge is under way.
-    pub(in crate::driver) fn is_to_rest(&self) -> bool {
+    pub(crate) fn is_to_rest(&self) -> bool {
         self.stop.is_some_and(|stop| !stop.holds)
     }
 
     /// Returns true if the joint stands, held by a halt.
-    pub(in crate::driver) fn is_held(&self) -> bool {
+    pub(crate) fn is_held(&self) -> bool {
         self.stop.is_some_and(|stop| stop.holds && stop.rest_us.is_some())
     }
 }
 
 impl Motion {
     /// Returns true if the driver can stop the joint with a ramp: it drives the joint, and does not measure its motor.
-    pub(in crate::driver) fn can_ramp(&self, joint: &JointBase) -> bool {
+    pub(crate) fn can_ramp(&self, joint: &JointBase) -> bool {
         joint.settings.source == InputSource::Sensors && !self.is_commissioning()
     }
 
     /// Returns the faults after which the joint stops with a ramp.
-    pub(in crate::driver) fn ramp_faults(&self, joint: &JointBase) -> CodeSet {
+    pub(crate) fn ramp_faults(&self, joint: &JointBase) -> CodeSet {
         if self.can_ramp(joint) { joint.settings.drive.ramp_faults() } else { CodeSet::EMPTY }
     }
 
     /// Prepares the reaction to a fault in the observation that follows.
-    pub(in crate::driver) fn prepare_stops(&mut self, joint: &JointBase) {
+    pub(crate) fn prepare_stops(&mut self, joint: &JointBase) {
         if joint.supervisor.is_armed() {
             // The interrupt opens the bridge before the driver knows the fault.
             let reaction = joint.settings.drive.reaction(StopCause::Fault);
@@ -124,7 +124,7 @@ impl Motion {
     }
 
     /// Selects the reaction of the low sides to faults that opened the bridge.
-    pub(in crate::driver) fn react_to_fault(&mut self, joint: &JointBase) {
+    pub(crate) fn react_to_fault(&mut self, joint: &JointBase) {
         let faults = joint.supervisor.faults();
         if !faults.is_empty() {
             let reaction = joint.settings.drive.reaction(fault_cause(faults));
@@ -133,7 +133,7 @@ impl Motion {
     }
 
     /// Returns true if the bridge is open, its low sides too, and the holding brake is closed: a restart changes nothing.
-    pub(in crate::driver) fn has_stopped(&self, joint: &JointBase) -> bool {
+    pub(crate) fn has_stopped(&self, joint: &JointBase) -> bool {
         let report = joint.report();
         // A board without a current loop samples nothing.
         let is_open = report.sample_age_us.is_none()
@@ -143,7 +143,7 @@ impl Motion {
     }
 
     /// Begins, changes or ends a stop according to the supervisor and the controlword.
-    pub(in crate::driver) fn update_stop(&mut self, joint: &JointBase) {
+    pub(crate) fn update_stop(&mut self, joint: &JointBase) {
         if !joint.supervisor.is_bridge_allowed() || !self.can_ramp(joint) {
             self.stopping.stop = None;
             if self.profile.stop_cause().is_some_and(|cause| cause != StopCause::Halt) {
@@ -180,12 +180,7 @@ impl Motion {
         }
     }
 
-    pub(in crate::driver) fn begin_stop(
-        &mut self,
-        joint: &JointBase,
-        cause: StopCause,
-        deceleration: u32,
-    ) {
+    pub(crate) fn begin_stop(&mut self, joint: &JointBase, cause: StopCause, deceleration: u32) {
         if self.stopping.stop.is_none() && !self.is_in_velocity_loop(joint) {
             self.velocity.begin_loaded(joint.report().velocity_rad_s, joint.load_a());
             self.velocity.withhold_current();
@@ -206,7 +201,7 @@ impl Motion {
     }
 
     /// Ends a stop when the joint stands, or when it does not stop in time.
-    pub(in crate::driver) fn watch_stop(&mut self, joint: &JointBase) {
+    pub(crate) fn watch_stop(&mut self, joint: &JointBase) {
         let (now_us, speed_rad_s) = (joint.now_us, joint.report().velocity_rad_s.abs());
         let is_down = self.stopping.held_rad.is_some();
         let Some(stop) = &mut self.stopping.stop else { return };
@@ -234,7 +229,7 @@ impl Motion {
     }
 
     /// Runs a step of the holding brake.
-    pub(in crate::driver) fn step_brake(&mut self, joint: &JointBase) {
+    pub(crate) fn step_brake(&mut self, joint: &JointBase) {
         let report = joint.report();
         let is_driven = joint.supervisor.is_bridge_allowed()
             && !report.loop_flags.contains(LoopFlags::BRIDGE_OFF)
@@ -255,12 +250,12 @@ impl Motion {
     }
 
     /// Returns true in homing by the present position, which gives no torque.
-    pub(in crate::driver) fn is_torque_free_homing(&self) -> bool {
+    pub(crate) fn is_torque_free_homing(&self) -> bool {
         self.profile.mode == profile::HOMING && !self.profile.homes_at_stop()
     }
 
     /// Returns true while the driver holds the joint: a stop, or a brake that is not yet open.
-    pub(in crate::driver) fn holds_joint(&self, joint: &JointBase) -> bool {
+    pub(crate) fn holds_joint(&self, joint: &JointBase) -> bool {
         self.stopping.stop.is_some()
             || joint.supervisor.is_armed()
                 && self.can_ramp(joint)
@@ -269,7 +264,7 @@ impl Motion {
     }
 
     /// Starts the velocity loop with the current that held the joint when the brake closed, if it has not moved since.
-    pub(in crate::driver) fn preload_brake(&mut self, joint: &JointBase) {
+    pub(crate) fn preload_brake(&mut self, joint: &JointBase) {
         self.stopping.held_rad = None;
         let Some(BrakedLoad { load_a, at_rad }) = self.stopping.braked_load.take() else { return };
         if (joint.report().turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
@@ -279,7 +274,7 @@ impl Motion {
 
     /// Returns the velocity that holds the joint, rad/s: 0 during a ramp, then a velocity towards the position at which
     /// it ended.
-    pub(in crate::driver) fn holding_velocity(&mut self, joint: &JointBase) -> f32 {
+    pub(crate) fn holding_velocity(&mut self, joint: &JointBase) -> f32 {
         let at_rad = joint.report().turned_rad;
         if self.stopping.held_rad.is_none() && self.velocity.command().reference_rad_s != 0.0 {
             return 0.0;

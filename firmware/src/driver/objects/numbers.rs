@@ -10,7 +10,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Returns the value of an object; a float as its bits.
-    pub(in crate::driver) fn number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
+    pub(crate) fn number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
         match at_index {
             index::SYNC_PERIOD | index::SYNC_WINDOW | index::SYNC_OVERFLOW | 0x1400..=0x1BFF => {
                 self.pdo_number(at_index, place)
