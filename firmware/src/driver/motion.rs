@@ -36,7 +36,7 @@ use velocity::VelocityControl;
 
 /// A refusal: the abort code, and the reason that 2028h tells.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Refused(pub(super) Abort, pub(super) Reason);
+pub(crate) struct Refused(pub(crate) Abort, pub(crate) Reason);
 
 impl Refused {
     #[inline(never)]

@@ -8,7 +8,6 @@ use compensator_core::can::Message;
 use firmware::control::MotorParameters;
 use firmware::driver::{Boot, LoopReport};
 use firmware::joint_node::Joint;
-use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject as Run};
