@@ -124,21 +124,19 @@ impl JointBase {
     pub(crate) fn input_message(&mut self, sub_index: u8, word: u32) -> Option<Message> {
         let words = self.inputs.set(sub_index, word)?;
         let node = self.settings.node;
-        let [first, second] = words.map(f32::from_bits);
         Some(match sub_index {
             InputsObject::VELOCITY | InputsObject::POSITION => {
-                Message::Motion(node, MotionFrame { velocity_rad_s: first, position_rad: second })
+                Message::Motion(node, MotionFrame::from_words(words))
             }
             InputsObject::TORQUE | InputsObject::LOAD_TORQUE => {
-                Message::Torque(node, TorqueFrame { torque_nm: first, load_torque_nm: second })
+                Message::Torque(node, TorqueFrame::from_words(words))
             }
             InputsObject::RADIAL_FORCE | InputsObject::PRESSURE_DIFF => {
-                Message::Seal(node, SealFrame { radial_force_n: first, pressure_diff_pa: second })
+                Message::Seal(node, SealFrame::from_words(words))
             }
-            InputsObject::TEMPERATURE | InputsObject::AUXILIARY => Message::Surroundings(
-                node,
-                SurroundingsFrame { temperature_c: first, auxiliary: second },
-            ),
+            InputsObject::TEMPERATURE | InputsObject::AUXILIARY => {
+                Message::Surroundings(node, SurroundingsFrame::from_words(words))
+            }
             _ => Message::Command(node, CommandFrame::from_words(words)),
         })
     }
