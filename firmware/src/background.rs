@@ -16,7 +16,7 @@ pub use crate::joint_node::BoardState;
 
 use crate::deadline::DeadlineLimits;
 use crate::driver::LoopReport;
-use crate::joint_node::{BoardOutput, Boot, Equipment, Joint, JointNode, NodeParts};
+use crate::joint_node::{BoardOutput, Boot, Equipment, Joint, JointBase, JointNode};
 use crate::loop_link::LoopLink;
 use crate::loop_parts::LoopParts;
 use crate::loop_task::LoopTask;
@@ -161,7 +161,7 @@ impl<J: Joint> Background<J> {
             // Missed ticks are skipped.
             self.due_us = now_us + TICK_US;
         }
-        board.apply_sensors(&self.node.joint.parts().set.sensors);
+        board.apply_sensors(&self.node.joint.base().set().sensors);
         board.accept_identifiers(&self.node.receive_identifiers());
         let state = board.state(now_us);
         if self.tick(&state, board.current_loop(), now_us) {
@@ -202,7 +202,7 @@ impl<J: Joint> Background<J> {
         link.scope_rows(|row| self.node.joint.take_scope_row(row));
         self.node.tick(now_us);
         let output = self.node.joint.loop_output(&state.sensors, now_us);
-        link.send(&output, self.node.joint.parts().set);
+        link.send(&output, self.node.joint.base().set());
         link.is_alive(now_us)
     }
 
@@ -238,12 +238,12 @@ impl<J: Joint> Background<J> {
 
     /// Returns the parameters of the start that the board reads.
     pub fn start_values(&mut self) -> &StartValues {
-        self.node.joint.parts().start.values()
+        self.node.joint.base().start.values()
     }
 
     /// Returns the settings of the bus at the start.
     pub fn bus_settings(&mut self) -> BusSettings {
-        self.node.joint.parts().start.bus()
+        self.node.joint.base().start.bus()
     }
 
     /// Returns the task of the current loop with the set of the start. If the power stage cannot drive with this set, the task
@@ -254,9 +254,10 @@ impl<J: Joint> Background<J> {
     // Not inlined: its stack is free again during the rest of the start.
     #[inline(never)]
     pub fn loop_task(&mut self, limits: DeadlineLimits) -> LoopTask {
-        let NodeParts { set, identity, start, .. } = self.node.joint.parts();
+        let JointBase { staging, identity, start, .. } = self.node.joint.base();
         let mut refused = None;
-        let built = LoopParts::build_or_measure_only(set, identity.stage, &mut refused);
+        let built =
+            LoopParts::build_or_measure_only(staging.active(), identity.stage, &mut refused);
         start.set_refused(refused);
         match built {
             Ok(parts) => LoopTask::new(parts, limits),

@@ -52,31 +52,19 @@ pub struct BridgePermission {
     pub may_close: bool,
 }
 
-/// State of the guard.
-#[derive(Clone, Copy, Debug)]
-pub struct BridgeGuard {
-    state: State,
-    /// Periods since the state was entered.
-    periods: u32,
-    /// Number of the last reset request.
-    resets: u8,
-    offset_a: [f32; 3],
-    sum_a: [f32; 3],
-    min_a: [f32; 3],
-    max_a: [f32; 3],
-}
-
-impl Default for BridgeGuard {
-    fn default() -> Self {
-        Self {
-            state: State::Ready,
-            periods: 0,
-            resets: 0,
-            offset_a: [0.0; 3],
-            sum_a: [0.0; 3],
-            min_a: [0.0; 3],
-            max_a: [0.0; 3],
-        }
+with_defaults! {
+    /// State of the guard.
+    #[derive(Clone, Copy, Debug)]
+    pub struct BridgeGuard {
+        state: State = State::Ready,
+        /// Periods since the state was entered.
+        periods: u32,
+        /// Number of the last reset request.
+        resets: u8,
+        offset_a: [f32; 3],
+        sum_a: [f32; 3],
+        min_a: [f32; 3],
+        max_a: [f32; 3],
     }
 }
 

@@ -10,45 +10,32 @@
 //! time     -> tick            -+         +-> BoardOutput -> brake, memory over a reset
 //! ```
 
+mod base;
 mod board;
+pub(crate) mod compensation_share;
+pub(crate) mod current_loop;
+pub(crate) mod history;
+pub(crate) mod motor;
+pub(crate) mod objects;
+pub(crate) mod seal_sensors;
 
+pub use base::JointBase;
 pub use board::{BoardOutput, BoardState, Boot, Equipment, Identity};
 
-use crate::driver::{Counters, LoopOutput, LoopReport};
+use crate::driver::{LoopOutput, LoopReport};
 use crate::log::log;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::sdo::{Objects, SdoServer};
-use crate::node::{Network, NmtAction, Outbox};
+use crate::node::{Network, NmtAction};
 use crate::node_settings::NodeSettings;
-use crate::parameter_set::ParameterSet;
 use crate::scope::ScopeRow;
 use crate::sensors::LocalReadings;
-use crate::start_values::StartRecord;
-use crate::supervisor::{JointState, Supervisor};
+use crate::supervisor::JointState;
 use compensator_core::can::{FdTelemetry, Frame, NodeId, cob_id};
 
 /// Maximum time from the request of a restart to the restart, us: a joint that has not stopped by then is left to its open
 /// bridge. The longest ramp of the reference joint and the longest delay of a holding brake fit into it.
 const RESTART_LIMIT_US: u64 = 10_000_000;
-
-/// The parts of a joint that its node uses.
-#[derive(Debug)]
-pub struct NodeParts<'a> {
-    /// Settings in use.
-    pub settings: &'a NodeSettings,
-    /// Board and power stage.
-    pub identity: &'a Identity,
-    /// Parameters in use.
-    pub set: &'a ParameterSet,
-    /// The supervisor.
-    pub supervisor: &'a Supervisor,
-    /// What the node keeps of its start.
-    pub start: &'a mut StartRecord,
-    /// Counters of the bus side.
-    pub counters: &'a mut Counters,
-    /// Frames to send.
-    pub outbox: &'a mut Outbox,
-}
 
 /// A joint behind its node. What a joint without a part does not need has an empty default.
 pub trait Joint: Objects + Sized {
@@ -69,11 +56,13 @@ pub trait Joint: Objects + Sized {
     /// Takes what the board has.
     fn equip(&mut self, _equipment: Equipment) {}
 
-    /// Returns the parts that the node uses.
-    fn parts(&mut self) -> NodeParts<'_>;
+    /// Returns what every joint has.
+    fn base(&mut self) -> &mut JointBase;
 
     /// Sets the time of a request.
-    fn set_time(&mut self, now_us: u64);
+    fn set_time(&mut self, now_us: u64) {
+        self.base().now_us = now_us;
+    }
 
     /// Processes the monitored heartbeat.
     fn take_heartbeat(&mut self, _now_us: u64) {}
@@ -167,7 +156,7 @@ impl<J: Joint> JointNode<J> {
     pub fn load(&mut self, boot: &Boot, now_us: u64) {
         self.joint.load(boot);
         self.boot_network(now_us);
-        let NodeParts { settings: _settings, identity: _identity, .. } = self.joint.parts();
+        let JointBase { settings: _settings, identity: _identity, .. } = self.joint.base();
         log!(info, "start as node {=u8} on {=str}", _settings.node.number(), _identity.hardware);
         if let Some(_text) = boot.panic {
             log!(error, "the last life ended with: {=str}", _text);
@@ -176,13 +165,13 @@ impl<J: Joint> JointNode<J> {
     }
 
     fn boot_network(&mut self, now_us: u64) {
-        let parts = self.joint.parts();
-        self.network = Network::boot(parts.settings.node, now_us, parts.outbox);
+        let base = self.joint.base();
+        self.network = Network::boot(base.settings.node, now_us, &mut base.outbox);
     }
 
     /// Processes a received frame.
     pub fn receive(&mut self, frame: &Frame, now_us: u64) {
-        let NodeParts { settings, counters, .. } = self.joint.parts();
+        let JointBase { settings, counters, .. } = self.joint.base();
         counters.received = counters.received.wrapping_add(1);
         if self.network.on_heartbeat(frame, settings.awaited_heartbeat, now_us) {
             return self.joint.take_heartbeat(now_us);
@@ -239,7 +228,7 @@ impl<J: Joint> JointNode<J> {
             return;
         }
         let Ok(request) = <&[u8; 8]>::try_from(frame.data()) else {
-            return self.joint.parts().counters.count_wrong_length();
+            return self.joint.base().counters.count_wrong_length();
         };
         self.joint.set_time(now_us);
         let answer = self.sdo.answer(request, now_us, &mut self.joint);
@@ -249,7 +238,7 @@ impl<J: Joint> JointNode<J> {
     /// Sends a frame of the object server, if there is one.
     fn send_answer(&mut self, answer: Option<[u8; 8]>) {
         let Some(answer) = answer else { return };
-        let NodeParts { counters, outbox, .. } = self.joint.parts();
+        let JointBase { counters, outbox, .. } = self.joint.base();
         counters.sdo_refused = self.sdo.aborts();
         let identifier = cob_id::SDO_ANSWER + u16::from(self.network.node().number());
         if let Some(frame) = Frame::new(identifier, &answer) {
@@ -259,7 +248,7 @@ impl<J: Joint> JointNode<J> {
 
     /// Runs the periodic work: call it about once a millisecond.
     pub fn tick(&mut self, now_us: u64) {
-        let NodeParts { settings, outbox, .. } = self.joint.parts();
+        let JointBase { settings, outbox, .. } = self.joint.base();
         self.network.tick(settings.heartbeat_ms, now_us, outbox);
         let needs_restart = self.joint.tick(&self.network, now_us);
         if self.network.can_serve_objects() {
@@ -277,9 +266,9 @@ impl<J: Joint> JointNode<J> {
     /// Sends an emergency for every code that was raised or cleared.
     fn publish_events(&mut self) {
         while let Some((code, register, detail)) = self.joint.next_event() {
-            self.network.emergency(code, register, detail, self.joint.parts().outbox);
+            self.network.emergency(code, register, detail, &mut self.joint.base().outbox);
         }
-        let state = self.joint.parts().supervisor.state();
+        let state = self.joint.base().supervisor.state();
         if state != self.logged {
             self.logged = state;
             match state {
@@ -298,16 +287,16 @@ impl<J: Joint> JointNode<J> {
     /// Returns the next frame to send of those whose identifier the controller can take now. The segments of a block are made
     /// only here, when no other frame waits: the queue is shorter than a block.
     pub fn transmit_if(&mut self, can_send: impl FnMut(u16) -> bool) -> Option<Frame> {
-        if self.joint.parts().outbox.is_empty() && self.network.can_serve_objects() {
+        if self.joint.base().outbox.is_empty() && self.network.can_serve_objects() {
             let segment = self.sdo.next_segment(&mut self.joint);
             self.send_answer(segment);
         }
-        self.joint.parts().outbox.take(can_send)
+        self.joint.base().outbox.take(can_send)
     }
 
     /// Returns the frame of CAN FD that waits, if the controller can take its identifier now.
     pub fn transmit_fd_if(&mut self, can_send: impl FnOnce(u16) -> bool) -> Option<FdTelemetry> {
-        self.joint.parts().outbox.take_fd(can_send)
+        self.joint.base().outbox.take_fd(can_send)
     }
 
     /// Returns true if the network requested a restart and the joint has stopped. The board or its simulation performs

@@ -92,43 +92,28 @@ struct SampleSums {
     flags: Flags,
 }
 
-/// State of the learning of a joint.
-#[derive(Clone, Debug)]
-pub struct LevelLearner {
-    /// `None` if it is off, or if it cannot be built for the set.
-    learner: Option<Adaptation>,
-    /// Time between two samples, s.
-    sample_s: f32,
-    /// Number of samples of an observation.
-    samples: u16,
-    sums: SampleSums,
-    /// Flags of old inputs that stop the learning.
-    needed: Flags,
-    /// Mean velocity of the last observation, rad/s.
-    last_rad_s: f32,
-    covariates: Covariates,
-    /// Reason of the driver that nothing is learnt.
-    blocked: Frozen,
-    /// Time since something was learnt, s.
-    age_s: f32,
-    /// Number of the gains, which the link compares with what it sent last.
-    number: u32,
-}
-
-impl Default for LevelLearner {
-    fn default() -> Self {
-        Self {
-            learner: None,
-            sample_s: OBSERVATION_S,
-            samples: 1,
-            sums: SampleSums::default(),
-            needed: STALE,
-            last_rad_s: 0.0,
-            covariates: Covariates::MISSING,
-            blocked: Frozen::Off,
-            age_s: 0.0,
-            number: 0,
-        }
+with_defaults! {
+    /// State of the learning of a joint.
+    #[derive(Clone, Debug)]
+    pub struct LevelLearner {
+        /// `None` if it is off, or if it cannot be built for the set.
+        learner: Option<Adaptation>,
+        /// Time between two samples, s.
+        sample_s: f32 = OBSERVATION_S,
+        /// Number of samples of an observation.
+        samples: u16 = 1,
+        sums: SampleSums,
+        /// Flags of old inputs that stop the learning.
+        needed: Flags = STALE,
+        /// Mean velocity of the last observation, rad/s.
+        last_rad_s: f32,
+        covariates: Covariates = Covariates::MISSING,
+        /// Reason of the driver that nothing is learnt.
+        blocked: Frozen = Frozen::Off,
+        /// Time since something was learnt, s.
+        age_s: f32,
+        /// Number of the gains, which the link compares with what it sent last.
+        number: u32,
     }
 }
 

@@ -19,6 +19,9 @@ mod message;
 #[path = "../../tests/snapshot.rs"]
 mod snapshot;
 
+#[macro_use]
+mod with_defaults;
+
 pub mod access;
 pub mod background;
 pub mod bridge_guard;

@@ -27,6 +27,17 @@ pub enum InputSource {
     Bus,
 }
 
+impl InputSource {
+    /// Returns the source with this number on the bus.
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Sensors),
+            1 => Some(Self::Bus),
+            _ => None,
+        }
+    }
+}
+
 /// Legal sample periods of a joint in HIL, s.
 pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
 
@@ -34,47 +45,49 @@ pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
 /// also applies.
 pub const TARGET_TIMEOUT_MAX_MS: u16 = 100;
 
-/// Settings of the node: bus participation and source of inputs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NodeSettings {
-    /// Node number of the joint on its bus.
-    pub node: NodeId,
-    /// Bit rate of the bus, kbit/s: one of [`BIT_RATES_KBIT`]. Node number and bit rate take effect at the
-    /// next start.
-    pub bit_rate_kbit: u16,
-    /// Bit rate of the data of CAN FD frames on the bus, kbit/s: one of [`DATA_BIT_RATES_KBIT`]. The controller must
-    /// follow those of other nodes. Takes effect at the next start.
-    pub data_bit_rate_kbit: u16,
-    /// The transmit PDOs of a sample are sent in one frame of CAN FD, with switched bit rate.
-    pub fd_telemetry: bool,
-    /// Period of the heartbeat, ms; 0 disables it.
-    pub heartbeat_ms: u16,
-    /// Monitored heartbeat in the format of CiA 301: node (bits 16 to 22) and timeout, ms (bits 0 to 15); 0
-    /// disables it.
-    pub awaited_heartbeat: u32,
-    /// Maximum time between two targets of a CiA 402 master, ms (1400h:5). With 0 the monitored heartbeat
-    /// confirms the last target.
-    pub target_timeout_ms: u16,
-    /// Source of the inputs.
-    pub source: InputSource,
-    /// Number type of the joint in HIL.
-    pub number: NumberType,
-    /// Telemetry is sent at every n-th SYNC; 0 disables it.
-    pub telemetry_every: u8,
-    /// SYNC period of a joint in HIL, s.
-    pub period_s: f32,
-    /// Age of the campaign when a run begins, h.
-    pub campaign_h: f32,
-    /// CRC of the confirmed wiring, see [`ParameterSet::wiring_crc`]; 0 if none is confirmed.
-    pub commissioned: u32,
-    /// CRC of the wiring with which the motor was seen to turn by its current; 0 if there is none.
-    pub proven: u32,
-    /// Settings of the CiA 402 drive.
-    pub drive: DriveSettings,
-    /// Record of the last tuning.
-    pub tuning: TuningRecord,
-    /// Key and policy of the service level.
-    pub access: AccessSettings,
+with_defaults! {
+    /// Settings of the node: bus participation and source of inputs.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct NodeSettings {
+        /// Node number of the joint on its bus.
+        pub node: NodeId = NodeId::FIRST,
+        /// Bit rate of the bus, kbit/s: one of [`BIT_RATES_KBIT`]. Node number and bit rate take effect at the
+        /// next start.
+        pub bit_rate_kbit: u16 = 1000,
+        /// Bit rate of the data of CAN FD frames on the bus, kbit/s: one of [`DATA_BIT_RATES_KBIT`]. The controller must
+        /// follow those of other nodes. Takes effect at the next start.
+        pub data_bit_rate_kbit: u16 = DEFAULT_DATA_BIT_RATE_KBIT,
+        /// The transmit PDOs of a sample are sent in one frame of CAN FD, with switched bit rate.
+        pub fd_telemetry: bool,
+        /// Period of the heartbeat, ms; 0 disables it.
+        pub heartbeat_ms: u16 = 1000,
+        /// Monitored heartbeat in the format of CiA 301: node (bits 16 to 22) and timeout, ms (bits 0 to 15); 0
+        /// disables it.
+        pub awaited_heartbeat: u32,
+        /// Maximum time between two targets of a CiA 402 master, ms (1400h:5). With 0 the monitored heartbeat
+        /// confirms the last target.
+        pub target_timeout_ms: u16 = TARGET_TIMEOUT_MAX_MS,
+        /// Source of the inputs.
+        pub source: InputSource,
+        /// Number type of the joint in HIL.
+        pub number: NumberType,
+        /// Telemetry is sent at every n-th SYNC; 0 disables it.
+        pub telemetry_every: u8 = 1,
+        /// SYNC period of a joint in HIL, s.
+        pub period_s: f32 = 1e-3,
+        /// Age of the campaign when a run begins, h.
+        pub campaign_h: f32,
+        /// CRC of the confirmed wiring, see [`ParameterSet::wiring_crc`]; 0 if none is confirmed.
+        pub commissioned: u32,
+        /// CRC of the wiring with which the motor was seen to turn by its current; 0 if there is none.
+        pub proven: u32,
+        /// Settings of the CiA 402 drive.
+        pub drive: DriveSettings,
+        /// Record of the last tuning.
+        pub tuning: TuningRecord,
+        /// Key and policy of the service level.
+        pub access: AccessSettings,
+    }
 }
 
 /// Record of the last tuning: the words of 2043h:1 to 2043h:6. The driver uses [`SET_BEFORE`] alone, the rest is for tools.
@@ -82,30 +95,6 @@ pub type TuningRecord = [u32; 6];
 
 /// Place of the CRC of the set before the tuning in a [`TuningRecord`].
 pub const SET_BEFORE: usize = 2;
-
-impl Default for NodeSettings {
-    fn default() -> Self {
-        Self {
-            node: NodeId::FIRST,
-            bit_rate_kbit: 1000,
-            data_bit_rate_kbit: DEFAULT_DATA_BIT_RATE_KBIT,
-            fd_telemetry: false,
-            heartbeat_ms: 1000,
-            awaited_heartbeat: 0,
-            target_timeout_ms: TARGET_TIMEOUT_MAX_MS,
-            source: InputSource::default(),
-            number: NumberType::default(),
-            telemetry_every: 1,
-            period_s: 1e-3,
-            campaign_h: 0.0,
-            commissioned: 0,
-            proven: 0,
-            drive: DriveSettings::default(),
-            tuning: TuningRecord::default(),
-            access: AccessSettings::default(),
-        }
-    }
-}
 
 /// The settings that a node needs to answer on its bus.
 ///
@@ -278,11 +267,7 @@ impl NodeSettings {
             heartbeat_ms: word(4)? as u16,
             awaited_heartbeat: word(8)?,
             target_timeout_ms: (word(12)? >> 16) as u16,
-            source: match source {
-                0 => InputSource::Sensors,
-                1 => InputSource::Bus,
-                _ => return None,
-            },
+            source: InputSource::from_code(source)?,
             number: NumberType::from_code(number)?,
             telemetry_every: word(12)? as u8,
             fd_telemetry: word(12)? >> 15 & 1 == 1,

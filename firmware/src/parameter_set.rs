@@ -48,21 +48,29 @@ pub const SET_BYTES: usize = record::LENGTH + DRIVE_RECORD_BYTES;
 /// Length of a set with a network, bytes.
 pub const MAX_SET_BYTES: usize = SET_BYTES + network_record::LENGTH;
 
-/// The complete parameters of a joint driver.
-#[derive(Debug, PartialEq)]
-pub struct ParameterSet {
-    /// Friction model and compensator.
-    pub friction: Configuration,
-    /// Network that supplies the model's friction levels and stiffness, if one is used.
-    pub network: Option<JointNetwork>,
-    /// Motor and current loop.
-    pub motor: MotorParameters,
-    /// Thresholds of the supervisor.
-    pub thresholds: Thresholds,
-    /// Parameters of the model watch.
-    pub watch: WatchParameters,
-    /// Constants of the sensors.
-    pub sensors: SensorParameters,
+with_defaults! {
+    /// The complete parameters of a joint driver.
+    #[derive(Debug, PartialEq)]
+    pub struct ParameterSet {
+        /// Friction model and compensator.
+        pub friction: Configuration = Configuration {
+            model: Parameters::new(LawKind::Lugre),
+            compensator: CompensatorParameters::default(),
+        },
+        /// Network that supplies the model's friction levels and stiffness, if one is used.
+        pub network: Option<JointNetwork>,
+        /// Motor and current loop.
+        pub motor: MotorParameters,
+        /// Thresholds of the supervisor.
+        pub thresholds: Thresholds,
+        /// Parameters of the model watch.
+        pub watch: WatchParameters,
+        /// Constants of the sensors.
+        pub sensors: SensorParameters,
+    }
+    /// The set in use if nothing is stored: the plain LuGre law with default values.
+    // Not inlined: every call would add 800 bytes of constants to an image.
+    #[inline(never)]
 }
 
 impl Clone for ParameterSet {
@@ -80,25 +88,6 @@ impl Clone for ParameterSet {
         self.thresholds = from.thresholds;
         self.watch = from.watch;
         self.sensors = from.sensors;
-    }
-}
-
-impl Default for ParameterSet {
-    /// The set in use if nothing is stored: the plain LuGre law with default values.
-    // Not inlined: every call would add 800 bytes of constants to an image.
-    #[inline(never)]
-    fn default() -> Self {
-        Self {
-            friction: Configuration {
-                model: Parameters::new(LawKind::Lugre),
-                compensator: CompensatorParameters::default(),
-            },
-            network: None,
-            motor: MotorParameters::default(),
-            thresholds: Thresholds::default(),
-            watch: WatchParameters::default(),
-            sensors: SensorParameters::default(),
-        }
     }
 }
 

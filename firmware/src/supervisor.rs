@@ -64,60 +64,36 @@ pub struct Event {
     pub raised: bool,
 }
 
-/// The supervisor of one joint.
-#[derive(Clone, Debug)]
-pub struct Supervisor {
-    thresholds: Thresholds,
-    armed: bool,
-    /// A fault ended the armed state, and the bridge stays on for a ramp.
-    stopping: bool,
-    /// Faults after which the bridge may stay on for a ramp.
-    ramp_faults: CodeSet,
-    /// Causes that are present, after their delays.
-    present: CodeSet,
-    /// Latched faults: raised and not yet cleared.
-    latched: CodeSet,
-    /// Codes whose cause is changing, and since when, us.
-    changing: CodeSet,
-    since_us: [u64; CODE_COUNT],
-    counts: [u32; CODE_COUNT],
-    events: Deque<Event, MAX_PENDING_EVENTS>,
-    events_lost: u32,
-    last_us: Option<u64>,
-    measured: bool,
-    command_us: Option<u64>,
-    overruns: u32,
-    overruns_in_a_row: u32,
-    overrun_since_observed: bool,
-    current_share: f32,
-    failed_self_test: Option<SelfTest>,
-}
-
-impl Default for Supervisor {
-    /// Safe, with default thresholds, before its start.
-    fn default() -> Self {
-        Self {
-            thresholds: Thresholds::default(),
-            armed: false,
-            stopping: false,
-            ramp_faults: CodeSet::EMPTY,
-            present: CodeSet::EMPTY,
-            latched: CodeSet::EMPTY,
-            changing: CodeSet::EMPTY,
-            since_us: [0; CODE_COUNT],
-            counts: [0; CODE_COUNT],
-            events: Deque::new(),
-            events_lost: 0,
-            last_us: None,
-            measured: false,
-            command_us: None,
-            overruns: 0,
-            overruns_in_a_row: 0,
-            overrun_since_observed: false,
-            current_share: 1.0,
-            failed_self_test: None,
-        }
+with_defaults! {
+    /// The supervisor of one joint.
+    #[derive(Clone, Debug)]
+    pub struct Supervisor {
+        thresholds: Thresholds,
+        armed: bool,
+        /// A fault ended the armed state, and the bridge stays on for a ramp.
+        stopping: bool,
+        /// Faults after which the bridge may stay on for a ramp.
+        ramp_faults: CodeSet,
+        /// Causes that are present, after their delays.
+        present: CodeSet,
+        /// Latched faults: raised and not yet cleared.
+        latched: CodeSet,
+        /// Codes whose cause is changing, and since when, us.
+        changing: CodeSet,
+        since_us: [u64; CODE_COUNT] = [0; CODE_COUNT],
+        counts: [u32; CODE_COUNT] = [0; CODE_COUNT],
+        events: Deque<Event, MAX_PENDING_EVENTS>,
+        events_lost: u32,
+        last_us: Option<u64>,
+        measured: bool,
+        command_us: Option<u64>,
+        overruns: u32,
+        overruns_in_a_row: u32,
+        overrun_since_observed: bool,
+        current_share: f32 = 1.0,
+        failed_self_test: Option<SelfTest>,
     }
+    /// Safe, with default thresholds, before its start.
 }
 
 impl Supervisor {

@@ -10,31 +10,75 @@ const DOWNLOAD_4_BYTES: u8 = 0x23;
 /// Object that describes the log or replay: the first index of the manufacturer-specific range.
 const TRACE_OBJECT: u16 = 0x2000;
 
-/// TPDO 4: motion of the joint. A joint in HIL receives its motion in the same frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionFrame {
-    /// Velocity, rad/s.
-    pub velocity_rad_s: f32,
-    /// Position, rad; NaN if not measured.
-    pub position_rad: f32,
+/// Makes the frames of two floats: a struct with these fields, and its conversion from and to the two words of the frame.
+macro_rules! float_frames {
+    ($($(#[$doc:meta])* $frame:ident {
+        $(#[$first_doc:meta])* $first:ident: f32,
+        $(#[$second_doc:meta])* $second:ident: f32,
+    })*) => {
+        $($(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $frame {
+            $(#[$first_doc])* pub $first: f32,
+            $(#[$second_doc])* pub $second: f32,
+        }
+
+        impl $frame {
+            /// Creates the content from the two words of its frame.
+            pub const fn from_words([first, second]: [u32; 2]) -> Self {
+                Self { $first: f32::from_bits(first), $second: f32::from_bits(second) }
+            }
+
+            const fn words(&self) -> [u32; 2] {
+                [self.$first.to_bits(), self.$second.to_bits()]
+            }
+        })*
+    };
 }
 
-/// TPDO 5: torques at the joint. A joint in HIL receives its torques in the same frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TorqueFrame {
-    /// Measured torque, Nm. It is the quantity to be explained and not an input of any model.
-    pub torque_nm: f32,
-    /// Torque transmitted to the load, Nm; NaN if not measured.
-    pub load_torque_nm: f32,
-}
-
-/// RPDO 3: load on the seal.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SealFrame {
-    /// Side load on the shaft, N; NaN if not measured.
-    pub radial_force_n: f32,
-    /// Outside minus inside pressure, Pa; NaN if not measured.
-    pub pressure_diff_pa: f32,
+float_frames! {
+    /// TPDO 4: motion of the joint. A joint in HIL receives its motion in the same frame.
+    MotionFrame {
+        /// Velocity, rad/s.
+        velocity_rad_s: f32,
+        /// Position, rad; NaN if not measured.
+        position_rad: f32,
+    }
+    /// TPDO 5: torques at the joint. A joint in HIL receives its torques in the same frame.
+    TorqueFrame {
+        /// Measured torque, Nm. It is the quantity to be explained and not an input of any model.
+        torque_nm: f32,
+        /// Torque transmitted to the load, Nm; NaN if not measured.
+        load_torque_nm: f32,
+    }
+    /// RPDO 3: load on the seal.
+    SealFrame {
+        /// Side load on the shaft, N; NaN if not measured.
+        radial_force_n: f32,
+        /// Outside minus inside pressure, Pa; NaN if not measured.
+        pressure_diff_pa: f32,
+    }
+    /// RPDO 4: temperature and auxiliary covariate.
+    SurroundingsFrame {
+        /// Temperature of the seal, deg C; NaN if not measured.
+        temperature_c: f32,
+        /// Joint-specific covariate, in its own unit; NaN if there is none.
+        auxiliary: f32,
+    }
+    /// TPDO 1: result of the compensator for the sample.
+    AnswerFrame {
+        /// The model's friction torque, Nm.
+        friction_torque_nm: f32,
+        /// Current to add, A.
+        feed_forward_current_a: f32,
+    }
+    /// TPDO 3: resulting current and residual torque.
+    TelemetryFrame {
+        /// Commanded current and compensation, limits applied, A.
+        current_a: f32,
+        /// Measured torque minus the model's friction, Nm; NaN if no torque is measured.
+        residual_torque_nm: f32,
+    }
 }
 
 impl SealFrame {
@@ -42,15 +86,6 @@ impl SealFrame {
     pub fn pressure_diff_mpa(&self) -> f32 {
         self.pressure_diff_pa * 1e-6
     }
-}
-
-/// RPDO 4: temperature and auxiliary covariate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurroundingsFrame {
-    /// Temperature of the seal, deg C; NaN if not measured.
-    pub temperature_c: f32,
-    /// Joint-specific covariate, in its own unit; NaN if there is none.
-    pub auxiliary: f32,
 }
 
 /// SYNC: the sample is complete.
@@ -70,15 +105,6 @@ impl SyncFrame {
     }
 }
 
-/// TPDO 1: result of the compensator for the sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AnswerFrame {
-    /// The model's friction torque, Nm.
-    pub friction_torque_nm: f32,
-    /// Current to add, A.
-    pub feed_forward_current_a: f32,
-}
-
 /// TPDO 2: flags and number of the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StatusFrame {
@@ -86,15 +112,6 @@ pub struct StatusFrame {
     pub flags: Flags,
     /// Number of the sample in its run, from 0.
     pub sequence: u32,
-}
-
-/// TPDO 3: resulting current and residual torque.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TelemetryFrame {
-    /// Commanded current and compensation, limits applied, A.
-    pub current_a: f32,
-    /// Measured torque minus the model's friction, Nm; NaN if no torque is measured.
-    pub residual_torque_nm: f32,
 }
 
 /// RPDO 2: set-points of the joint.
@@ -134,6 +151,11 @@ impl CommandFrame {
             velocity_steps: (second << 8) as i32 >> 8,
             counter: (second >> 24) as u8,
         }
+    }
+
+    fn words(&self) -> [u32; 2] {
+        let rest = self.velocity_steps as u32 & 0x00FF_FFFF | u32::from(self.counter) << 24;
+        [self.current_a.to_bits(), rest]
     }
 
     /// Velocity reference, rad/s; NaN if there is none.
@@ -182,17 +204,10 @@ pub enum Message {
     Entry(NodeId, TraceEntry),
 }
 
-/// Returns a frame of eight bytes for a node.
-fn frame(base: u16, node: NodeId, bytes: [u8; 8]) -> Frame {
+/// Returns a frame of two words for a node.
+fn frame(base: u16, node: NodeId, [first, second]: [u32; 2]) -> Frame {
+    let bytes = (u64::from(first) | u64::from(second) << 32).to_le_bytes();
     Frame { identifier: base + u16::from(node.number()), length: 8, bytes }
-}
-
-fn pair(first: f32, second: f32) -> [u8; 8] {
-    words(first.to_bits(), second.to_bits())
-}
-
-fn words(first: u32, second: u32) -> [u8; 8] {
-    (u64::from(first) | u64::from(second) << 32).to_le_bytes()
 }
 
 /// The two words of a frame.
@@ -238,34 +253,17 @@ impl Message {
     /// Encodes the message as a frame.
     pub fn emit(&self) -> Frame {
         match *self {
-            Self::Motion(node, of) => {
-                frame(cob_id::TPDO_4, node, pair(of.velocity_rad_s, of.position_rad))
-            }
-            Self::Torque(node, of) => {
-                frame(cob_id::TPDO_5, node, pair(of.torque_nm, of.load_torque_nm))
-            }
-            Self::Seal(node, of) => {
-                frame(cob_id::RPDO_3, node, pair(of.radial_force_n, of.pressure_diff_pa))
-            }
-            Self::Surroundings(node, of) => {
-                frame(cob_id::RPDO_4, node, pair(of.temperature_c, of.auxiliary))
-            }
+            Self::Motion(node, of) => frame(cob_id::TPDO_4, node, of.words()),
+            Self::Torque(node, of) => frame(cob_id::TPDO_5, node, of.words()),
+            Self::Seal(node, of) => frame(cob_id::RPDO_3, node, of.words()),
+            Self::Surroundings(node, of) => frame(cob_id::RPDO_4, node, of.words()),
             Self::Sync(SyncFrame { counter }) => {
                 Frame { identifier: cob_id::SYNC, length: 1, bytes: [counter, 0, 0, 0, 0, 0, 0, 0] }
             }
-            Self::Answer(node, of) => {
-                frame(cob_id::TPDO_1, node, pair(of.friction_torque_nm, of.feed_forward_current_a))
-            }
-            Self::Status(node, of) => {
-                frame(cob_id::TPDO_2, node, words(of.flags.bits(), of.sequence))
-            }
-            Self::Telemetry(node, of) => {
-                frame(cob_id::TPDO_3, node, pair(of.current_a, of.residual_torque_nm))
-            }
-            Self::Command(node, of) => {
-                let rest = of.velocity_steps as u32 & 0x00FF_FFFF | u32::from(of.counter) << 24;
-                frame(cob_id::RPDO_2, node, words(of.current_a.to_bits(), rest))
-            }
+            Self::Answer(node, of) => frame(cob_id::TPDO_1, node, of.words()),
+            Self::Status(node, of) => frame(cob_id::TPDO_2, node, [of.flags.bits(), of.sequence]),
+            Self::Telemetry(node, of) => frame(cob_id::TPDO_3, node, of.words()),
+            Self::Command(node, of) => frame(cob_id::RPDO_2, node, of.words()),
             Self::Entry(node, entry) => {
                 let (sub_index, value) = match entry {
                     TraceEntry::Run(number) => (1, number),
@@ -274,7 +272,7 @@ impl Message {
                 };
                 let [low, high] = TRACE_OBJECT.to_le_bytes();
                 let head = u32::from_le_bytes([DOWNLOAD_4_BYTES, low, high, sub_index]);
-                frame(cob_id::SDO_REQUEST, node, words(head, value))
+                frame(cob_id::SDO_REQUEST, node, [head, value])
             }
         }
     }
@@ -303,30 +301,20 @@ impl Message {
         }
         let foreign = FrameError::Foreign(identifier);
         let node = NodeId::new((identifier & cob_id::NODE) as u8).ok_or(foreign)?;
-        let [first, second] = split(frame.bytes);
-        let (a, b) = (f32::from_bits(first), f32::from_bits(second));
+        let words = split(frame.bytes);
+        let [first, second] = words;
         let message = match identifier & !cob_id::NODE {
-            cob_id::TPDO_4 => {
-                Self::Motion(node, MotionFrame { velocity_rad_s: a, position_rad: b })
-            }
-            cob_id::TPDO_5 => Self::Torque(node, TorqueFrame { torque_nm: a, load_torque_nm: b }),
-            cob_id::RPDO_3 => {
-                Self::Seal(node, SealFrame { radial_force_n: a, pressure_diff_pa: b })
-            }
-            cob_id::RPDO_4 => {
-                Self::Surroundings(node, SurroundingsFrame { temperature_c: a, auxiliary: b })
-            }
-            cob_id::TPDO_1 => {
-                Self::Answer(node, AnswerFrame { friction_torque_nm: a, feed_forward_current_a: b })
-            }
+            cob_id::TPDO_4 => Self::Motion(node, MotionFrame::from_words(words)),
+            cob_id::TPDO_5 => Self::Torque(node, TorqueFrame::from_words(words)),
+            cob_id::RPDO_3 => Self::Seal(node, SealFrame::from_words(words)),
+            cob_id::RPDO_4 => Self::Surroundings(node, SurroundingsFrame::from_words(words)),
+            cob_id::TPDO_1 => Self::Answer(node, AnswerFrame::from_words(words)),
             cob_id::TPDO_2 => {
                 let flags = Flags::from_bits_retain(first);
                 Self::Status(node, StatusFrame { flags, sequence: second })
             }
-            cob_id::TPDO_3 => {
-                Self::Telemetry(node, TelemetryFrame { current_a: a, residual_torque_nm: b })
-            }
-            cob_id::RPDO_2 => Self::Command(node, CommandFrame::from_words([first, second])),
+            cob_id::TPDO_3 => Self::Telemetry(node, TelemetryFrame::from_words(words)),
+            cob_id::RPDO_2 => Self::Command(node, CommandFrame::from_words(words)),
             cob_id::SDO_REQUEST => {
                 // Any other SDO request addresses another object and is legal.
                 let [command, low, high, sub_index] = first.to_le_bytes();

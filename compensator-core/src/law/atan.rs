@@ -1,13 +1,8 @@
 //! Coulomb and viscous friction plus `f0 + fa atan(fb v)` (the manipulator paper, eq. 6).
 
-use super::interface::{FrictionLaw, Step};
+use super::interface::*;
 use super::steady::Steady;
-use super::written::{LawParameters, LawRange};
-use crate::effect::Effect;
 use crate::fits::product;
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
-use crate::refusal::ParameterError;
 use crate::text;
 use core::f32::consts::FRAC_PI_2;
 

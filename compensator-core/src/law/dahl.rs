@@ -1,12 +1,7 @@
 //! Dahl (1968): bristles with one level (`F_S = F_C`, `sigma1 = 0`) and viscous friction.
 
-use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Step};
-use super::written::{LawParameters, LawRange};
-use crate::effect::Effect;
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
-use crate::refusal::ParameterError;
+use super::bristle;
+use super::interface::*;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]

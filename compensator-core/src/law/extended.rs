@@ -2,14 +2,9 @@
 //!
 //! The printed equation has `f1 v sgn v = f1 |v|` instead. This term is even in `v`, so it is not dissipative.
 
-use super::interface::{FrictionLaw, Step};
+use super::interface::*;
 use super::steady::Steady;
-use super::written::{LawParameters, LawRange};
-use crate::effect::Effect;
 use crate::fits::product;
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
-use crate::refusal::ParameterError;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]

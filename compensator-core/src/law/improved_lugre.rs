@@ -1,13 +1,8 @@
 //! LuGre under side load and pressure (Ding et al., eq. 16).
 
-use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Step};
-use super::written::{LawParameters, LawRange};
-use crate::effect::{Effect, Effects, SealEffect};
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
-use crate::quantity::Sample;
-use crate::refusal::ParameterError;
+use super::bristle;
+use super::interface::*;
+use crate::effect::SealEffect;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]

@@ -1,12 +1,13 @@
-//! The trait that every friction law implements.
+//! The trait that every friction law implements, and the types that its methods have.
 
-use super::bristle::Bristles;
-use super::written::{LawParameters, LawRange};
-use crate::effect::{Effect, Effects, NoEffect};
-use crate::number::Real;
-use crate::parameter::ParameterId;
-use crate::quantity::Sample;
-use crate::refusal::ParameterError;
+pub(crate) use super::bristle::Bristles;
+pub(crate) use super::written::{LawParameters, LawRange};
+use crate::effect::NoEffect;
+pub(crate) use crate::effect::{Effect, Effects};
+pub(crate) use crate::number::Real;
+pub(crate) use crate::parameter::ParameterId as Id;
+pub(crate) use crate::quantity::Sample;
+pub(crate) use crate::refusal::ParameterError;
 
 /// Result of [`FrictionLaw::step`]: a torque, or a bristle step that the caller completes.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +45,7 @@ impl<'a, T: Real> Step<'a, T> {
 /// memory or many coefficients must therefore be behind a cargo feature, as the terms are.
 pub(crate) trait FrictionLaw<T: Real>: Copy {
     /// Parameters of the law.
-    const PARAMETERS: &'static [ParameterId];
+    const PARAMETERS: &'static [Id];
 
     /// True if the law itself models side load and pressure, so that it includes the terms for them.
     const HAS_SEAL_LOAD: bool = false;

@@ -1,11 +1,7 @@
 //! Coulomb and viscous friction (the manipulator paper, eq. 2-4).
 
-use super::interface::{FrictionLaw, Step};
+use super::interface::*;
 use super::steady::Steady;
-use super::written::LawParameters;
-use crate::effect::Effect;
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]

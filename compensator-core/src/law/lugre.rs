@@ -1,12 +1,7 @@
 //! LuGre: bristles with the Stribeck curve (Ding et al., eq. 1; the damper paper, eq. 12-13); see [`super::bristle`].
 
-use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Step};
-use super::written::{LawParameters, LawRange};
-use crate::effect::Effect;
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
-use crate::refusal::ParameterError;
+use super::bristle;
+use super::interface::*;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]

@@ -4,13 +4,8 @@
 //! torque, which is known. After a change of sign, the bristle torque can therefore exceed the level of the
 //! new side for one sample, by at most the travel of that sample.
 
-use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Step};
-use super::written::{LawParameters, LawRange};
-use crate::effect::Effect;
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
-use crate::refusal::ParameterError;
+use super::bristle;
+use super::interface::*;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]

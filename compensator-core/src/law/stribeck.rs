@@ -1,11 +1,8 @@
 //! Coulomb and viscous friction plus `(F_S - F_C) exp(-(v/v_s)^2) sgn v`: LuGre in steady sliding.
 
-use super::interface::{FrictionLaw, Step};
+use super::interface::*;
 use super::steady::Steady;
-use super::written::{LawParameters, stribeck_axis};
-use crate::effect::Effect;
-use crate::number::Real;
-use crate::parameter::ParameterId as Id;
+use super::written::stribeck_axis;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]

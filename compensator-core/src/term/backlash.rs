@@ -5,15 +5,7 @@
 //! gear train first releases its elastic torsion. The flanks separate at zero torque, so it crosses the play in
 //! the middle of the transition from one level to the other.
 
-use super::bounds::Bounds;
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::Sample;
-use crate::refusal::{Bound, ParameterError, refuse};
-use crate::text;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

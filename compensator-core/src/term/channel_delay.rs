@@ -2,15 +2,7 @@
 //!
 //! The term acts before all others, because they use the delayed velocity.
 
-use super::bounds::Bounds;
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::Sample;
-use crate::refusal::{Bound, ParameterError, refuse};
-use crate::text;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

@@ -3,13 +3,7 @@
 //! The age of the contact follows Dieterich (1979): `d(age)/dt = 1 - |v| age / travel`. The implicit step keeps
 //! the age positive. The age decays within one `travel`.
 
-use super::bounds::Bounds;
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::Sample;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

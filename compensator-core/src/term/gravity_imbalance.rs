@@ -1,13 +1,8 @@
 //! `+ m sin(q + phi)`: a torque that depends on the angle, not on the direction of motion.
 
 use super::angle::over_angle;
-use super::bounds::{Bounds, amplitude};
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
+use super::bounds::amplitude;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,12 +1,13 @@
-//! The trait that every term implements.
+//! The trait that every term implements, and the types that its methods have.
 
-use super::bounds::Bounds;
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::ParameterError;
+pub(crate) use super::bounds::Bounds;
+pub(crate) use crate::effect::Effects;
+pub(crate) use crate::envelope::Envelope;
+pub(crate) use crate::number::Real;
+pub(crate) use crate::parameter::{ParameterId as Id, ParameterValues};
+pub(crate) use crate::quantity::{Quantity, Sample};
+pub(crate) use crate::refusal::{Bound, ParameterError, refuse};
+pub(crate) use crate::text;
 
 /// Maximum number of coefficients that a term reports for the range check.
 pub(crate) const COEFFICIENTS: usize = 4;
@@ -14,11 +15,11 @@ pub(crate) const COEFFICIENTS: usize = 4;
 /// Coefficients of a term for one sample period. Its memory is stored separately.
 pub(crate) trait Term<T: Real>: Copy + Default {
     /// Parameters of the term.
-    const PARAMETERS: &'static [ParameterId];
+    const PARAMETERS: &'static [Id];
 
     /// Parameters that scale with a gain on the term: its effect is proportional to them, or nearly so. Empty if the
     /// term has no size.
-    const SIZES: &'static [ParameterId] = &[];
+    const SIZES: &'static [Id] = &[];
 
     /// Quantity that the term requires.
     ///

@@ -1,12 +1,6 @@
 //! `+ k tau_L`: the known load in the scale of the torque channel. It is a rigid-body part, not a cause.
 
-use super::bounds::Bounds;
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

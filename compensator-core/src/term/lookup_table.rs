@@ -14,15 +14,7 @@
 //!
 //! The build evaluates the formula at the knots, so it adds no cost to a sample.
 
-use super::bounds::Bounds;
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::{Bound, ParameterError, refuse};
-use crate::text;
+use super::interface::*;
 
 /// Number of knots of each of the two lines.
 pub const LOOKUP_KNOTS: usize = 6;

@@ -1,15 +1,8 @@
 //! `g *= 1 + a sin(n q + phi)`: friction depends on the shaft angle.
 
 use super::angle::over_angle;
-use super::bounds::{self, Bounds};
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::{Bound, ParameterError, refuse};
-use crate::text;
+use super::bounds;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

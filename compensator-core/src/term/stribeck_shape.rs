@@ -1,12 +1,6 @@
 //! `exp(-|v/v_s|^delta)`: the Stribeck curve with another exponent.
 
-use super::bounds::Bounds;
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::Sample;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

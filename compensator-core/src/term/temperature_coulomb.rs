@@ -1,14 +1,7 @@
 //! `g *= exp(-b (T - T0))`: the seal stiffens at low temperature.
 
-use super::bounds::{Bounds, LEAST_SHARE, TEMPERATURES_C};
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
-use crate::refusal::{Bound, ParameterError, refuse};
-use crate::text;
+use super::bounds::{LEAST_SHARE, TEMPERATURES_C};
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

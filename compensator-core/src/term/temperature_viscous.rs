@@ -1,12 +1,7 @@
 //! `sigma2 *= exp(-b (T - T0))`: the viscosity of the lubricant decreases with temperature.
 
-use super::bounds::{Bounds, TEMPERATURES_C};
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
+use super::bounds::TEMPERATURES_C;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,14 +1,7 @@
 //! `g *= 1 + a exp(-t/T) + r t`: run-in and wear.
 
-use super::bounds::{Bounds, LEAST_SHARE};
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::Sample;
-use crate::refusal::{Bound, ParameterError, refuse};
-use crate::text;
+use super::bounds::LEAST_SHARE;
+use super::interface::*;
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]

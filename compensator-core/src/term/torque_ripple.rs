@@ -6,13 +6,8 @@
 //! costs one comparison.
 
 use super::angle::over_angle;
-use super::bounds::{Bounds, amplitude};
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::{Quantity, Sample};
+use super::bounds::amplitude;
+use super::interface::*;
 
 /// Maximum number of orders.
 pub const TORQUE_RIPPLE_ORDERS: usize = 4;

@@ -6,13 +6,7 @@
 //! sample would be lost in rounding. The term therefore updates `h` every [`HEAT_UPDATE_PERIOD_S`], from the work
 //! accumulated since the last update.
 
-use super::bounds::Bounds;
-use super::interface::{COEFFICIENTS, Term};
-use crate::effect::Effects;
-use crate::envelope::Envelope;
-use crate::number::Real;
-use crate::parameter::{ParameterId as Id, ParameterValues};
-use crate::quantity::Sample;
+use super::interface::*;
 
 /// Update period of the heat, s. It is much shorter than any warming, and long compared with a sample.
 const HEAT_UPDATE_PERIOD_S: f64 = 0.5;

@@ -2,11 +2,9 @@
 
 use super::device::{Device, SYNC_FRAMES};
 use crate::driver::counters::count;
-use crate::driver::received::CommandSequence;
-use crate::node::dictionary::records::InputsObject;
 use compensator_core::can::{
-    AnswerFrame, CommandFrame, Frame, Message, MotionFrame, NodeId, SealFrame, StatusFrame,
-    SurroundingsFrame, SyncFrame, SyncOutcome, TelemetryFrame, TorqueFrame, cob_id,
+    AnswerFrame, Frame, Message, MotionFrame, NodeId, StatusFrame, SyncFrame, SyncOutcome,
+    TelemetryFrame, TorqueFrame, cob_id,
 };
 use embedded_storage::nor_flash::NorFlash;
 
@@ -28,59 +26,15 @@ impl<F: NorFlash> Device<F> {
                 let counter = self.sync_counter % SyncFrame::LAST + 1;
                 self.sync(SyncFrame { counter }, node);
             }
-            Ok(_) if !is_operational => self.counters.count_passed_over(),
-            _ if is_plain_sync => self.counters.count_passed_over(),
+            Ok(_) if !is_operational => self.base.counters.count_passed_over(),
+            _ if is_plain_sync => self.base.counters.count_passed_over(),
             Ok(Message::Sync(sync)) => self.sync(sync, node),
-            Ok(message) => self.take_input(&message, frame, node),
-            Err(error) => self.counters.count_error(&error),
-        }
-    }
-
-    fn take_input(&mut self, message: &Message, frame: &Frame, node: NodeId) {
-        let place = match message {
-            Message::Seal(of, _) if *of == node => InputsObject::RADIAL_FORCE,
-            Message::Surroundings(of, _) if *of == node => InputsObject::TEMPERATURE,
-            Message::Command(of, _) if *of == node => InputsObject::COMMAND_CURRENT,
-            _ => return self.counters.count_foreign(),
-        };
-        for (sub_index, word) in (place..).zip(frame.data().as_chunks::<4>().0) {
-            let _ = self.inputs.set(sub_index, u32::from_le_bytes(*word));
-        }
-        self.process_input(message);
-    }
-
-    /// Processes an input that was written as an object, in the same way as its frame. Velocity, position and torque of this
-    /// joint are measured; its load torque is not.
-    pub(super) fn input(&mut self, sub_index: u8, word: u32) {
-        let Some(words) = self.inputs.set(sub_index, word) else { return };
-        let node = self.node();
-        let [first, second] = words.map(f32::from_bits);
-        let message = match sub_index {
-            InputsObject::VELOCITY | InputsObject::POSITION => return,
-            InputsObject::TORQUE | InputsObject::LOAD_TORQUE => {
-                Message::Torque(node, TorqueFrame { torque_nm: first, load_torque_nm: second })
+            // Velocity, position and torque of this joint are measured.
+            Ok(Message::Motion(..) | Message::Torque(..)) => self.base.counters.count_foreign(),
+            Ok(message) => {
+                self.base.take_input(&message, frame, node);
             }
-            InputsObject::RADIAL_FORCE | InputsObject::PRESSURE_DIFF => {
-                Message::Seal(node, SealFrame { radial_force_n: first, pressure_diff_pa: second })
-            }
-            InputsObject::TEMPERATURE | InputsObject::AUXILIARY => Message::Surroundings(
-                node,
-                SurroundingsFrame { temperature_c: first, auxiliary: second },
-            ),
-            _ => Message::Command(node, CommandFrame::from_words(words)),
-        };
-        self.process_input(&message);
-    }
-
-    fn process_input(&mut self, message: &Message) {
-        match self.received.take(message, self.now_us) {
-            Some(CommandSequence::New { lost }) => {
-                count(&mut self.counters.command_lost, u32::from(lost));
-                self.supervisor.record_command(self.now_us);
-            }
-            Some(CommandSequence::Duplicate) => count(&mut self.counters.command_duplicate, 1),
-            Some(CommandSequence::Late) => count(&mut self.counters.command_late, 1),
-            None => {}
+            Err(error) => self.base.counters.count_error(&error),
         }
     }
 
@@ -88,16 +42,18 @@ impl<F: NorFlash> Device<F> {
     fn sync(&mut self, sync: SyncFrame, node: NodeId) {
         self.sync_counter = sync.counter;
         match self.samples.sync(sync) {
-            SyncOutcome::Duplicate => return count(&mut self.counters.sync_duplicate, 1),
-            SyncOutcome::Late => return count(&mut self.counters.sync_late, 1),
-            SyncOutcome::Sample { lost } => count(&mut self.counters.sync_lost, u32::from(lost)),
+            SyncOutcome::Duplicate => return count(&mut self.base.counters.sync_duplicate, 1),
+            SyncOutcome::Late => return count(&mut self.base.counters.sync_late, 1),
+            SyncOutcome::Sample { lost } => {
+                count(&mut self.base.counters.sync_lost, u32::from(lost))
+            }
         }
         let sequence = self.samples.sequence();
         self.samples.end_sample();
         for slot in SYNC_ORDER {
             if self.is_due(slot) {
                 let message = self.sample_frame(slot, sequence, node);
-                self.outbox.push(message.emit());
+                self.base.outbox.push(message.emit());
             }
         }
     }
@@ -106,8 +62,8 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn sync_type(&self, slot: usize) -> u8 {
         match self.sync_types.get(slot) {
             Some(0) | None if slot == MOTION => 1,
-            Some(0) | None if slot == TELEMETRY && self.settings.telemetry_every > 1 => {
-                self.settings.telemetry_every
+            Some(0) | None if slot == TELEMETRY && self.base.settings.telemetry_every > 1 => {
+                self.base.settings.telemetry_every
             }
             Some(0) | None => SLOW_TYPE,
             Some(given) => *given,
@@ -116,7 +72,7 @@ impl<F: NorFlash> Device<F> {
 
     fn is_due(&mut self, slot: usize) -> bool {
         let every = self.sync_type(slot);
-        let is_disabled = slot == TELEMETRY && self.settings.telemetry_every == 0;
+        let is_disabled = slot == TELEMETRY && self.base.settings.telemetry_every == 0;
         let Some(syncs) = self.syncs.get_mut(slot) else { return false };
         *syncs = syncs.saturating_add(1);
         let is_due = *syncs >= every;
@@ -127,7 +83,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn sample_frame(&self, slot: usize, sequence: u32, node: NodeId) -> Message {
-        let report = self.current_loop.report();
+        let report = self.base.current_loop.report();
         match slot {
             0 => Message::Answer(
                 node,
@@ -155,7 +111,7 @@ impl<F: NorFlash> Device<F> {
                 node,
                 TorqueFrame {
                     torque_nm: report.motor_torque_nm,
-                    load_torque_nm: f32::from_bits(self.inputs.load_torque_nm),
+                    load_torque_nm: f32::from_bits(self.base.inputs.load_torque_nm),
                 },
             ),
         }

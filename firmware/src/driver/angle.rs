@@ -63,7 +63,7 @@ impl Sub for Angle {
 
 /// Converts to millionths, whatever the unit; it saturates and converts NaN to 0.
 #[inline(never)]
-pub(in crate::driver) fn micro(number: f32) -> i32 {
+pub(crate) fn micro(number: f32) -> i32 {
     Angle::from_rad(number).micro_rad()
 }
 

@@ -134,77 +134,48 @@ impl BlockSums {
     }
 }
 
-/// A run, and the results of the last one.
-#[derive(Clone, Copy, Debug)]
-pub struct Commissioning {
-    step: CommissioningStep,
-    reason: AbortReason,
-    bounds: CommissioningBounds,
-    found: MotorMeasurement,
-    command: ProbeCommand,
-    /// Number of the last block.
-    last_block: u32,
-    /// Blocks in the step, in the run, and missing in a row.
-    blocks: u32,
-    run_blocks: u32,
-    missing: u32,
-    /// The level is reached and held.
-    is_holding: bool,
-    sums: BlockSums,
-    /// Results at the smallest and at half the current; no blocks if they are not measured.
-    low: BlockSums,
-    half: BlockSums,
-    rotation: FieldRotation,
-    gear: FieldRatio,
-    /// Window of the slow forward rotation, and flux of the fast one, Vs.
-    forward_window: RotationWindow,
-    flux_forward_vs: f32,
-    /// Levels of Hall sensors, and what they show.
-    hall_levels: u8,
-    hall: HallFit,
-    /// Last encoder angle, and the rotation since the start of the run, 2^-32 turns.
-    encoder: (u32, i64),
-}
-
-impl Default for Commissioning {
-    #[inline(never)]
-    fn default() -> Self {
-        Self {
-            step: CommissioningStep::Idle,
-            reason: AbortReason::None,
-            bounds: CommissioningBounds {
-                current_a: 0.0,
-                travel_rad: 0.0,
-                gear_ratio: 1.0,
-                bus_v: 0.0,
-            },
-            found: MotorMeasurement::default(),
-            command: ProbeCommand {
-                run: 0,
-                along_v: 0.0,
-                square_v: [0.0; 2],
-                turn_per_period: 0,
-                dead_v: 0.0,
-                dead_a: 1.0,
-                trip_a: 0.0,
-            },
-            last_block: 0,
-            blocks: 0,
-            run_blocks: 0,
-            missing: 0,
-            is_holding: false,
-            sums: BlockSums::default(),
-            low: BlockSums::default(),
-            half: BlockSums::default(),
-            rotation: FieldRotation::default(),
-            gear: FieldRatio::default(),
-            forward_window: RotationWindow::default(),
-            flux_forward_vs: 0.0,
-            hall_levels: 0,
-            hall: HallFit::default(),
-            encoder: (0, 0),
-        }
+with_defaults! {
+    /// A run, and the results of the last one.
+    #[derive(Clone, Copy, Debug)]
+    pub struct Commissioning {
+        step: CommissioningStep = CommissioningStep::Idle,
+        reason: AbortReason = AbortReason::None,
+        bounds: CommissioningBounds =
+            CommissioningBounds { current_a: 0.0, travel_rad: 0.0, gear_ratio: 1.0, bus_v: 0.0 },
+        found: MotorMeasurement,
+        command: ProbeCommand = ProbeCommand {
+            run: 0,
+            along_v: 0.0,
+            square_v: [0.0; 2],
+            turn_per_period: 0,
+            dead_v: 0.0,
+            dead_a: 1.0,
+            trip_a: 0.0,
+        },
+        /// Number of the last block.
+        last_block: u32,
+        /// Blocks in the step, in the run, and missing in a row.
+        blocks: u32,
+        run_blocks: u32,
+        missing: u32,
+        /// The level is reached and held.
+        is_holding: bool,
+        sums: BlockSums,
+        /// Results at the smallest and at half the current; no blocks if they are not measured.
+        low: BlockSums,
+        half: BlockSums,
+        rotation: FieldRotation,
+        gear: FieldRatio,
+        /// Window of the slow forward rotation, and flux of the fast one, Vs.
+        forward_window: RotationWindow,
+        flux_forward_vs: f32,
+        /// Levels of Hall sensors, and what they show.
+        hall_levels: u8,
+        hall: HallFit,
+        /// Last encoder angle, and the rotation since the start of the run, 2^-32 turns.
+        encoder: (u32, i64),
     }
+    #[inline(never)]
 }
 
 impl Commissioning {

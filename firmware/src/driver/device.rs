@@ -4,23 +4,18 @@ mod access;
 mod adaptation;
 mod boot;
 mod commissioning;
-pub(crate) mod compensation_share;
-pub(crate) mod current_loop;
-pub(crate) mod history;
 mod inputs;
 mod joint_encoder;
 mod kept_home;
 mod lss;
 mod memory;
 mod motion;
-pub(crate) mod motor;
 mod network;
 mod parameter_trial;
 mod pdos;
 mod program;
 mod requests;
 mod scope;
-pub(crate) mod seal_sensors;
 mod stored_home;
 mod terms;
 mod touch_probe;
@@ -29,82 +24,55 @@ mod turn_readings;
 pub(crate) mod values;
 
 use super::counters::Counters;
-use super::loop_data::{LoopCommands, LoopOutput, LoopReport, REPORT_PERIOD_S};
+use super::loop_data::{LoopCommands, LoopOutput, LoopReport};
 use super::motion::Motion;
-use super::received::ReceivedInputs;
-use super::staging::Staging;
+use super::profile;
 use crate::access::Lock;
-use crate::joint_node::{BoardOutput, BoardState, Boot, Equipment, Identity, Joint, NodeParts};
+use crate::joint_node::{BoardOutput, BoardState, Boot, Equipment, Identity, Joint, JointBase};
 use crate::level_learner::LevelLearner;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::lss::Lss;
-use crate::node::{Network, NmtAction, Outbox};
+use crate::node::{Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
 use crate::sensors::{LocalReadings, enclosure};
-use crate::start_values::StartRecord;
-use crate::supervisor::{CanState, Code, Event, JointState, Observation, Supervisor};
-use crate::watch::{ResidualWatch, WatchParameters};
-use compensation_share::CompensationShare;
+use crate::supervisor::{Code, JointState, Observation, Supervisor};
 use compensator_core::can::{Frame, Message, NodeId, cob_id};
-use current_loop::LoopExchange;
 use embedded_storage::nor_flash::NorFlash;
-use history::History;
 use inputs::Samples;
 use joint_encoder::JointEncoder;
 use memory::Memory;
-use motor::MotorObservation;
 use network::LiveNetwork;
 use parameter_trial::ParameterTrial;
 use pdos::Pdos;
-use seal_sensors::SealSensors;
 use stored_home::StoredHome;
 use touch_probe::TouchProbes;
 use trend::StoredTrend;
 use turn_readings::TurnReadings;
-
-/// Maximum length of a stored panic text, bytes.
-pub const MAX_PANIC_BYTES: usize = 160;
 
 /// All parts of a driver except its network state and its object server.
 // Small parts first: the offset of a field in a load is limited, and each access beyond takes an instruction more.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Device<F> {
-    now_us: u64,
-    settings: NodeSettings,
-    blocking: u32,
     /// The CAN controller of this board sends frames of CAN FD.
     pub(super) sends_fd: bool,
-    can: CanState,
     trial: ParameterTrial,
-    pub(super) start: StartRecord,
     trend: StoredTrend,
     stored_home: StoredHome,
     turn_readings: TurnReadings,
     home: kept_home::HomeState,
     network: LiveNetwork,
-    motor: MotorObservation,
-    compensation: CompensationShare,
     pub(super) touch: TouchProbes,
     pub(super) joint_encoder: JointEncoder,
-    watch: Option<ResidualWatch>,
     pub(super) motion: Motion,
-    received: ReceivedInputs,
-    current_loop: LoopExchange,
-    pub(super) counters: Counters,
     pub(super) enclosure: enclosure::Readings,
-    pub(super) identity: Identity,
-    pub(super) history: History,
     lss: Lss,
     pub(super) lock: Lock,
     pub(super) scope: Scope,
-    seal_sensors: SealSensors,
     memory: Memory<F>,
-    outbox: Outbox,
-    supervisor: Supervisor,
-    pub(super) staging: Staging,
+    pub(super) base: JointBase,
     pub(super) program: program::ProgramState,
     pub(super) samples: Samples,
     /// Process data objects as a master has set them; reset with the communication.
@@ -117,22 +85,22 @@ pub struct Device<F> {
 impl<F: NorFlash> Device<F> {
     /// Returns the settings in use.
     pub const fn settings(&self) -> &NodeSettings {
-        &self.settings
+        &self.base.settings
     }
 
     /// Returns the supervisor.
     pub const fn supervisor(&self) -> &Supervisor {
-        &self.supervisor
+        &self.base.supervisor
     }
 
     /// Returns the counters of the bus side.
     pub const fn counters(&self) -> &Counters {
-        &self.counters
+        &self.base.counters
     }
 
     /// Returns the parameters in use.
     pub fn set(&self) -> &ParameterSet {
-        self.staging.active()
+        self.base.staging.active()
     }
 
     /// Returns the flash.
@@ -151,28 +119,19 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns true if the joint is armed, on its own sensors or in HIL.
-    // Not inlined, to reduce the size of the image, like all small functions below with this attribute.
-    #[inline(never)]
     pub fn is_armed(&self) -> bool {
-        self.supervisor.is_armed() || self.samples.is_hil_armed()
+        self.base.is_armed()
     }
 
     /// Returns what the supervisor evaluates.
     fn observation(&self, heartbeat_lost: bool) -> Observation {
-        let mut observation = Observation {
-            can: self.can,
-            heartbeat_lost,
-            stack_intact: self.current_loop.report().stack_intact,
-            model_in_band: self.watch.as_ref().and_then(ResidualWatch::in_band),
-            ..Observation::default()
-        };
+        let mut observation = self.base.observation(heartbeat_lost);
         // A joint in HIL has no bridge to supervise.
-        if self.settings.source == InputSource::Sensors {
-            let (motor, compensation) = (self.motor.state(), &self.compensation);
-            self.current_loop.observe(motor, compensation, &self.seal_sensors, &mut observation);
-            observation.position_missing = self.motion.is_position_missing(&self.seen());
+        if self.base.settings.source == InputSource::Sensors {
+            self.base.observe_report(&mut observation);
+            observation.position_missing = self.motion.is_position_missing(&self.base);
             observation.following_error =
-                self.motion.following_state(&self.seen()).1 || self.joint_encoder.are_sides_apart();
+                self.motion.following_state(&self.base).1 || self.joint_encoder.are_sides_apart();
             observation.brake_test_failed = self.motion.brake_test.has_failed();
             observation.magnet_fault |= self.joint_encoder.has_warning();
             observation.enclosure = enclosure::assess(&self.enclosure, &self.set().sensors);
@@ -182,15 +141,15 @@ impl<F: NorFlash> Device<F> {
 
     /// Evaluates the last report: stops, supervisor, measurements and what is kept.
     fn evaluate(&mut self, heartbeat_lost: bool, now_us: u64) {
-        self.now_us = now_us;
+        self.base.now_us = now_us;
         self.step_turn_readings();
         let observation = self.observation(heartbeat_lost);
-        self.supervisor.set_ramp_faults(self.motion.ramp_faults(&self.seen()));
+        self.base.supervisor.set_ramp_faults(self.motion.ramp_faults(&self.base));
         self.move_by(Motion::prepare_stops);
         self.move_by(Motion::watch_target);
-        self.supervisor.observe(&observation, now_us);
+        self.base.supervisor.observe(&observation, now_us);
         self.move_by(Motion::react_to_fault);
-        let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
+        let (fault, armed) = (self.base.supervisor.state() == JointState::Fault, self.is_armed());
         self.motion.profile.sync_with_supervisor(fault, armed);
         if fault {
             self.scope.record_fault();
@@ -205,50 +164,56 @@ impl<F: NorFlash> Device<F> {
         self.tick_program(now_us);
         self.record_trend();
         self.record_home();
-        self.current_loop.mark_report_seen();
-        if self.samples.is_hil_armed() && !self.hil_blocking_codes().is_empty() {
+        self.base.current_loop.mark_report_seen();
+        if self.base.is_hil_armed && !self.hil_blocking_codes().is_empty() {
             // In HIL the supervisor is not armed and would not trip by itself.
             if heartbeat_lost {
-                self.supervisor.trip(Code::HeartbeatLost);
+                self.base.supervisor.trip(Code::HeartbeatLost);
             }
             self.disarm();
         }
     }
 
+    /// Evaluates a report for over-compensation.
+    fn step_over_compensation(&mut self) {
+        let is_compensated = self.base.settings.source == InputSource::Sensors
+            && self.base.supervisor.is_compensation_allowed()
+            && !self.motion.is_commissioning();
+        let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
+        let is_offset = self.motion.profile.mode == profile::CST;
+        let offset_nm =
+            if is_offset { by_a * self.motion.offset_current_a(&self.base) } else { 0.0 };
+        let offset_nm = self.motion.mover(&self.base).is_torque().then_some(offset_nm);
+        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
+        self.base.compensation.step(report, set, is_compensated, offset_nm);
+    }
+
     /// Returns the commands for the current loop.
     pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
-        let drives = self.settings.source == InputSource::Sensors;
-        let age_h = now_us as f32 * (1e-6 / 3600.0);
-        let (set_number, gate_resets, home) = self.current_loop.orders();
+        let drives = self.base.settings.source == InputSource::Sensors;
+        let commands = self.base.loop_commands(now_us);
+        let shorts = commands.brake
+            || self.motion.stopping.shorts_low_sides() && self.base.supervisor.is_braking_allowed();
         LoopCommands {
-            setpoint: self.motion.setpoint(&self.seen(), now_us),
-            covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
-            bridge: drives && self.supervisor.is_bridge_allowed(),
-            brake: drives
-                && (self.set().motor.brake_at_stop != 0.0
-                    || self.motion.stopping.shorts_low_sides())
-                && self.supervisor.is_braking_allowed(),
+            setpoint: self.motion.setpoint(&self.base, now_us),
+            bridge: drives && commands.bridge,
+            brake: drives && shorts,
             compensation: drives
-                && self.supervisor.is_compensation_allowed()
+                && commands.compensation
                 && !self.motion.is_commissioning()
                 && !self.motion.brake_test.is_running(),
-            current_share: self.supervisor.current_share(),
-            compensation_share: self.compensation.share(),
-            factors: None,
-            set_number,
-            gate_resets,
-            home,
             probe: self.motion.probe(),
             scope: self.scope.order(),
+            ..commands
         }
     }
 
     /// Disarms the joint, for any source of inputs.
     #[inline(never)]
     pub(super) fn disarm(&mut self) {
-        self.supervisor.disarm();
+        self.base.supervisor.disarm();
         self.motion.end();
-        self.samples.arm_hil(false);
+        self.arm_hil(false);
     }
 }
 
@@ -273,21 +238,13 @@ impl<F: NorFlash> Joint for Device<F> {
         }
     }
 
-    fn parts(&mut self) -> NodeParts<'_> {
-        NodeParts {
-            settings: &self.settings,
-            identity: &self.identity,
-            set: self.staging.active(),
-            supervisor: &self.supervisor,
-            start: &mut self.start,
-            counters: &mut self.counters,
-            outbox: &mut self.outbox,
-        }
+    fn base(&mut self) -> &mut JointBase {
+        &mut self.base
     }
 
     /// Sets the time of a request, and ends a session that is over by then.
     fn set_time(&mut self, now_us: u64) {
-        self.now_us = now_us;
+        self.base.now_us = now_us;
         self.watch_session();
     }
 
@@ -305,18 +262,18 @@ impl<F: NorFlash> Joint for Device<F> {
         let is_plain_sync = frame.identifier() == cob_id::SYNC && frame.data().is_empty();
         if slot.is_some() || is_plain_sync {
             match slot {
-                _ if !is_operational => self.counters.count_passed_over(),
+                _ if !is_operational => self.base.counters.count_passed_over(),
                 Some(slot) => self.take_pdo(slot, frame, now_us),
                 None => self.take_sync(None, now_us),
             }
             return None;
         }
         match Message::parse(frame) {
-            Ok(_) if !is_operational => self.counters.count_passed_over(),
+            Ok(_) if !is_operational => self.base.counters.count_passed_over(),
             // The receive PDOs have been processed: other frames are those of other joints, or of a disabled PDO.
             Ok(Message::Sync(sync)) => self.take_sync(Some(sync.counter), now_us),
-            Ok(_) => self.counters.count_foreign(),
-            Err(error) => self.counters.count_error(&error),
+            Ok(_) => self.base.counters.count_foreign(),
+            Err(error) => self.base.counters.count_error(&error),
         }
         None
     }
@@ -340,12 +297,11 @@ impl<F: NorFlash> Joint for Device<F> {
     }
 
     fn is_stopped(&self) -> bool {
-        self.motion.has_stopped(&self.seen())
+        self.motion.has_stopped(&self.base)
     }
 
     fn take_board_state(&mut self, state: &BoardState) {
-        self.counters.count_bus(state.receiver_overrun, self.can, state.can);
-        self.can = state.can;
+        self.base.take_board_state(state);
         self.enclosure = state.enclosure;
         self.turn_readings.words = state.biss;
         self.joint_encoder.words = state.joint_words;
@@ -353,24 +309,13 @@ impl<F: NorFlash> Joint for Device<F> {
     }
 
     fn report(&mut self, report: &LoopReport) {
-        self.current_loop.take_report(report);
-        if report.is_repeated {
-            // A tick just before a report finds none, and the next one finds two: a step here would be one too many.
-            return;
-        }
         let is_testing = self.motion.brake_test.is_running();
         // A motor that presses against its brake stands.
-        let drives =
-            self.supervisor.is_bridge_allowed() && !self.motion.is_measuring_motor() && !is_testing;
-        let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
-        let proven = self.is_wiring_proven();
-        self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
-        if self.motor.state().is_turning_unseen {
-            self.current_loop.lose_home();
-        }
-        if self.motor.state().is_proven && !proven && self.start.is_in_use(self.staging.active()) {
-            // Stored with the next save.
-            self.settings.proven = self.staging.wiring_crc();
+        let drives = self.base.supervisor.is_bridge_allowed()
+            && !self.motion.is_measuring_motor()
+            && !is_testing;
+        if !self.base.take_report(report, drives) {
+            return;
         }
         self.restore_home();
         self.step_over_compensation();
@@ -381,9 +326,9 @@ impl<F: NorFlash> Joint for Device<F> {
         self.move_by(Motion::step_motion);
         self.step_touch_probes();
         self.step_joint_encoder();
-        self.supervisor.record_overruns(report.overruns_in_a_row);
-        if self.settings.source == InputSource::Sensors
-            && let Some(watch) = &mut self.watch
+        self.base.supervisor.record_overruns(report.overruns_in_a_row);
+        if self.base.settings.source == InputSource::Sensors
+            && let Some(watch) = &mut self.base.watch
         {
             let valid = report.residual_torque_nm.is_finite() && !is_testing;
             watch.step(report.residual_torque_nm, report.velocity_rad_s, valid);
@@ -395,7 +340,7 @@ impl<F: NorFlash> Joint for Device<F> {
     }
 
     fn tick(&mut self, network: &Network, now_us: u64) -> bool {
-        let awaited = self.settings.awaited_heartbeat;
+        let awaited = self.base.settings.awaited_heartbeat;
         self.evaluate(network.is_heartbeat_missing(awaited, now_us), now_us);
         if network.is_operational() {
             self.transmit_events(now_us);
@@ -411,7 +356,7 @@ impl<F: NorFlash> Joint for Device<F> {
     fn loop_output(&mut self, sensors: &LocalReadings, now_us: u64) -> LoopOutput {
         let mut commands = self.loop_commands(now_us);
         sensors.apply_newer(&mut commands.covariates, now_us);
-        self.seal_sensors.check(&mut commands.covariates, now_us);
+        self.base.seal_sensors.check(&mut commands.covariates, now_us);
         self.adaptation.take_covariates(&commands.covariates);
         commands.factors = self.supply(&commands.covariates, now_us);
         LoopOutput { commands, gains: Some(self.learnt()) }
@@ -419,33 +364,14 @@ impl<F: NorFlash> Joint for Device<F> {
 
     fn board_output(&self) -> BoardOutput {
         BoardOutput {
-            brake: self.motion.stopping.brake().output(&self.settings.drive),
-            winding_rise_k: self.motor.winding_rise_k(),
+            brake: self.motion.stopping.brake().output(&self.base.settings.drive),
+            winding_rise_k: self.base.motor.winding_rise_k(),
             home: self.kept_home(),
         }
     }
 
     fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
-        let event = self.supervisor.take_event()?;
-        let code = self.history.record_event(event);
-        let [number, test] = event_detail(&self.supervisor, event);
-        Some((code, self.error_register(), [number, self.joint_encoder.state(), test, 0, 0]))
+        let joint_encoder = self.joint_encoder.state();
+        self.base.next_event(joint_encoder)
     }
-}
-
-/// Returns the number of the code of an event, and that of the failed self-test if it is its code.
-pub(crate) fn event_detail(supervisor: &Supervisor, event: Event) -> [u8; 2] {
-    let is_test = event.code == Code::SelfTestFailed;
-    [event.code.number(), if is_test { supervisor.failed_self_test() } else { 0 }]
-}
-
-/// Builds a monitor with these parameters; `None` if it cannot be built. If the samples are farther apart than
-/// `independent_s`, they are independent too.
-pub(crate) fn watch(written: &WatchParameters, settings: &NodeSettings) -> Option<ResidualWatch> {
-    let period_s = match settings.source {
-        InputSource::Sensors => REPORT_PERIOD_S,
-        InputSource::Bus => settings.period_s,
-    };
-    let independent_s = written.independent_s.max(period_s);
-    WatchParameters { independent_s, ..*written }.build(period_s).ok()
 }

@@ -75,67 +75,70 @@ pub struct TouchEdges {
     pub fall: Option<u32>,
 }
 
-/// Report of the current loop and its board since the last report.
-#[derive(Clone, Copy, Debug)]
-pub struct LoopReport {
-    /// Bus voltage, V; `None` if it is not measured.
-    pub bus_voltage_v: Option<f32>,
-    /// Phase currents, A; `None` if they are not measured.
-    pub phase_currents_a: Option<[f32; 3]>,
-    /// Torque-producing current, A.
-    pub current_a: f32,
-    /// Current along the magnet, A; about 0 unless the bus voltage limits the current.
-    pub current_d_a: f32,
-    /// Reference of the torque-producing current, A.
-    pub current_reference_a: f32,
-    /// Voltage along q, V, in the motor's sign; 0 with the bridge open.
-    pub voltage_q_v: f32,
-    /// Joint velocity, rad/s.
-    pub velocity_rad_s: f32,
-    /// Joint position, rad; NaN if whole turns are unknown.
-    pub position_rad: f32,
-    /// Joint position from an arbitrary zero, rad; valid as long as the encoder is.
-    pub turned_rad: f32,
-    /// Rotor's mechanical angle at this position, 2^-32 turns.
-    pub rotor_angle: u32,
-    /// Torque of the measured current at the joint, Nm.
-    pub motor_torque_nm: f32,
-    /// Friction torque of the model, Nm.
-    pub friction_torque_nm: f32,
-    /// Compensation current, A.
-    pub feed_forward_current_a: f32,
-    /// Residual torque that the model does not explain, Nm.
-    pub residual_torque_nm: f32,
-    /// Torque held by the model's deflected bristles, Nm.
-    pub bristle_torque_nm: f32,
-    /// All flags of the loop since the last report.
-    pub loop_flags: LoopFlags,
-    /// All flags of the compensator since the last report.
-    pub flags: Flags,
-    /// Temperature of the bridge, deg C; `None` if it is not measured.
-    pub bridge_temperature_c: Option<f32>,
-    /// Temperature of the motor, deg C; `None` if it is not measured.
-    pub motor_temperature_c: Option<f32>,
-    /// Age of the latest conversion, us.
-    pub sample_age_us: Option<u32>,
-    /// The gate driver reports a fault.
-    pub gate_driver_fault: bool,
-    /// The chip opened the bridge by itself: supply, clock, memory or processor.
-    pub system_break: bool,
-    /// The encoder reports that its magnet is too weak, too strong or misplaced.
-    pub magnet_fault: bool,
-    /// The low sides are shorted: the phase currents are those of the braking motor.
-    pub bridge_shorted: bool,
-    /// The guard below the stack is intact.
-    pub stack_intact: bool,
-    /// Maximum number of consecutive overruns since the last report.
-    pub overruns_in_a_row: u32,
-    /// Edges of the touch probe's input since the last report.
-    pub touch: TouchEdges,
-    /// Result of the last block of a motor measurement.
-    pub probe: ProbeReport,
-    /// The last report once more, because no new one has come: it shows its age, and controllers make no step with it.
-    pub is_repeated: bool,
+with_defaults! {
+    /// Report of the current loop and its board since the last report.
+    #[derive(Clone, Copy, Debug)]
+    pub struct LoopReport {
+        /// Bus voltage, V; `None` if it is not measured.
+        pub bus_voltage_v: Option<f32>,
+        /// Phase currents, A; `None` if they are not measured.
+        pub phase_currents_a: Option<[f32; 3]>,
+        /// Torque-producing current, A.
+        pub current_a: f32,
+        /// Current along the magnet, A; about 0 unless the bus voltage limits the current.
+        pub current_d_a: f32,
+        /// Reference of the torque-producing current, A.
+        pub current_reference_a: f32,
+        /// Voltage along q, V, in the motor's sign; 0 with the bridge open.
+        pub voltage_q_v: f32,
+        /// Joint velocity, rad/s.
+        pub velocity_rad_s: f32,
+        /// Joint position, rad; NaN if whole turns are unknown.
+        pub position_rad: f32 = f32::NAN,
+        /// Joint position from an arbitrary zero, rad; valid as long as the encoder is.
+        pub turned_rad: f32,
+        /// Rotor's mechanical angle at this position, 2^-32 turns.
+        pub rotor_angle: u32,
+        /// Torque of the measured current at the joint, Nm.
+        pub motor_torque_nm: f32 = f32::NAN,
+        /// Friction torque of the model, Nm.
+        pub friction_torque_nm: f32,
+        /// Compensation current, A.
+        pub feed_forward_current_a: f32,
+        /// Residual torque that the model does not explain, Nm.
+        pub residual_torque_nm: f32 = f32::NAN,
+        /// Torque held by the model's deflected bristles, Nm.
+        pub bristle_torque_nm: f32,
+        /// All flags of the loop since the last report.
+        pub loop_flags: LoopFlags,
+        /// All flags of the compensator since the last report.
+        pub flags: Flags = Flags::DISABLED,
+        /// Temperature of the bridge, deg C; `None` if it is not measured.
+        pub bridge_temperature_c: Option<f32>,
+        /// Temperature of the motor, deg C; `None` if it is not measured.
+        pub motor_temperature_c: Option<f32>,
+        /// Age of the latest conversion, us.
+        pub sample_age_us: Option<u32>,
+        /// The gate driver reports a fault.
+        pub gate_driver_fault: bool,
+        /// The chip opened the bridge by itself: supply, clock, memory or processor.
+        pub system_break: bool,
+        /// The encoder reports that its magnet is too weak, too strong or misplaced.
+        pub magnet_fault: bool,
+        /// The low sides are shorted: the phase currents are those of the braking motor.
+        pub bridge_shorted: bool,
+        /// The guard below the stack is intact.
+        pub stack_intact: bool = true,
+        /// Maximum number of consecutive overruns since the last report.
+        pub overruns_in_a_row: u32,
+        /// Edges of the touch probe's input since the last report.
+        pub touch: TouchEdges,
+        /// Result of the last block of a motor measurement.
+        pub probe: ProbeReport,
+        /// The last report once more, because no new one has come: it shows its age, and controllers make no step with it.
+        pub is_repeated: bool,
+    }
+    /// Nothing is measured and there are no faults.
 }
 
 /// Values of one period: the first part of a report. The interrupt sends a report in parts, each in a period of its own.
@@ -260,43 +263,6 @@ impl LoopReport {
             touch: status.touch,
             probe,
             ..Self::default()
-        }
-    }
-}
-
-impl Default for LoopReport {
-    /// Nothing is measured and there are no faults.
-    fn default() -> Self {
-        Self {
-            bus_voltage_v: None,
-            phase_currents_a: None,
-            current_a: 0.0,
-            current_d_a: 0.0,
-            current_reference_a: 0.0,
-            voltage_q_v: 0.0,
-            velocity_rad_s: 0.0,
-            position_rad: f32::NAN,
-            turned_rad: 0.0,
-            rotor_angle: 0,
-            motor_torque_nm: f32::NAN,
-            friction_torque_nm: 0.0,
-            feed_forward_current_a: 0.0,
-            residual_torque_nm: f32::NAN,
-            bristle_torque_nm: 0.0,
-            loop_flags: LoopFlags::empty(),
-            flags: Flags::DISABLED,
-            bridge_temperature_c: None,
-            motor_temperature_c: None,
-            sample_age_us: None,
-            gate_driver_fault: false,
-            system_break: false,
-            magnet_fault: false,
-            bridge_shorted: false,
-            stack_intact: true,
-            overruns_in_a_row: 0,
-            touch: TouchEdges::default(),
-            probe: ProbeReport::default(),
-            is_repeated: false,
         }
     }
 }

@@ -2,7 +2,7 @@
 //! `chain`.
 //!
 //! ```text
-//! device -> Seen -> step of Motion -> Orders -> device
+//! device -> JointBase -> step of Motion -> Orders -> device
 //! ```
 //! [`Motion`] owns all that moves the joint. It sees the device as it is at the begin of a call, and changes only itself. What
 //! it wants of the supervisor, the home or the reasons of refusals, the device executes after the call.
@@ -18,14 +18,10 @@ mod stopping;
 mod velocity;
 
 use super::commissioning::AbortReason;
-use super::loop_data::LoopReport;
 use super::profile::Profile;
-use super::received::ReceivedInputs;
-use crate::node::dictionary::records::{InputsObject, MeasuredObject};
+use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
-use crate::node_settings::{InputSource, NodeSettings};
-use crate::parameter_set::ParameterSet;
-use crate::supervisor::{Code, Supervisor};
+use crate::supervisor::Code;
 use brake_test::BrakeTest;
 use commissioning::Run;
 use compensator_core::parameters::reason::Reason;
@@ -40,7 +36,7 @@ use velocity::VelocityControl;
 
 /// A refusal: the abort code, and the reason that 2028h tells.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Refused(pub(super) Abort, pub(super) Reason);
+pub(crate) struct Refused(pub(crate) Abort, pub(crate) Reason);
 
 impl Refused {
     #[inline(never)]
@@ -102,54 +98,9 @@ impl Motion {
     }
 
     /// Starts the loops above the current loop.
-    pub(super) fn begin_driving(&mut self, seen: &Seen<'_>) {
-        self.begin_velocity(seen, seen.set.motor.acceleration_max_rad_s2);
-        self.preload_brake(seen);
+    pub(super) fn begin_driving(&mut self, joint: &JointBase) {
+        self.begin_velocity(joint, joint.set().motor.acceleration_max_rad_s2);
+        self.preload_brake(joint);
         self.begin_position();
-    }
-}
-
-/// What motion sees of the device.
-#[derive(Clone, Copy)]
-pub(super) struct Seen<'a> {
-    pub(super) now_us: u64,
-    pub(super) settings: &'a NodeSettings,
-    pub(super) set: &'a ParameterSet,
-    pub(super) report: &'a LoopReport,
-    pub(super) supervisor: &'a Supervisor,
-    pub(super) received: &'a ReceivedInputs,
-    pub(super) is_hil_armed: bool,
-    pub(super) inputs: &'a InputsObject,
-}
-
-impl Seen<'_> {
-    /// Returns true if the joint is armed, on its own sensors or in HIL.
-    pub(super) fn is_armed(&self) -> bool {
-        self.supervisor.is_armed() || self.is_hil_armed
-    }
-
-    /// Returns true if the bridge is in use: parameters must not change.
-    pub(super) fn is_bridge_in_use(&self) -> bool {
-        self.is_armed() || self.supervisor.is_stopping()
-    }
-
-    /// Returns what the joint measures, or receives in HIL.
-    #[inline(never)]
-    pub(super) fn measured(&self) -> MeasuredObject {
-        let received = self.inputs;
-        match self.settings.source {
-            InputSource::Bus => MeasuredObject {
-                velocity_rad_s: received.velocity_rad_s,
-                position_rad: received.position_rad,
-                torque_nm: received.torque_nm,
-                load_torque_nm: received.load_torque_nm,
-            },
-            InputSource::Sensors => MeasuredObject {
-                velocity_rad_s: self.report.velocity_rad_s.to_bits(),
-                position_rad: self.report.position_rad.to_bits(),
-                torque_nm: self.report.motor_torque_nm.to_bits(),
-                load_torque_nm: received.load_torque_nm,
-            },
-        }
     }
 }

@@ -87,7 +87,7 @@ impl MotorWatch {
     }
 
     /// Forgets everything but the heat.
-    pub(super) fn forget_travel(&mut self) {
+    pub(crate) fn forget_travel(&mut self) {
         *self = Self { rise_k: self.rise_k, ..Self::default() };
     }
 

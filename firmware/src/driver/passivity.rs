@@ -90,37 +90,24 @@ impl MeanPowers {
     }
 }
 
-/// Limits the compensation to what the master's work and the passivity of the set allow.
-#[derive(Clone, Copy, Debug)]
-pub struct PassivityGuard {
-    /// `W` as the square of a speed, (rad/s)^2.
-    work: f32,
-    /// Square of the last speed, (rad/s)^2.
-    square: f32,
-    means: MeanPowers,
-    /// Time without a command, s.
-    quiet_s: f32,
-    /// Time of the present stroke without a command, s.
-    stroke_s: f32,
-    direction: f32,
-    /// Share by what the joint showed.
-    shown: f32,
-    share: f32,
-}
-
-impl Default for PassivityGuard {
-    fn default() -> Self {
-        Self {
-            // Unknown: a loop of the driver has moved the joint.
-            work: f32::NAN,
-            square: 0.0,
-            means: MeanPowers::default(),
-            quiet_s: QUIET_S,
-            stroke_s: 0.0,
-            direction: 0.0,
-            shown: 1.0,
-            share: 1.0,
-        }
+with_defaults! {
+    /// Limits the compensation to what the master's work and the passivity of the set allow.
+    #[derive(Clone, Copy, Debug)]
+    pub struct PassivityGuard {
+        /// `W` as the square of a speed, (rad/s)^2.
+        // Unknown: a loop of the driver has moved the joint.
+        work: f32 = f32::NAN,
+        /// Square of the last speed, (rad/s)^2.
+        square: f32,
+        means: MeanPowers,
+        /// Time without a command, s.
+        quiet_s: f32 = QUIET_S,
+        /// Time of the present stroke without a command, s.
+        stroke_s: f32,
+        direction: f32,
+        /// Share by what the joint showed.
+        shown: f32 = 1.0,
+        share: f32 = 1.0,
     }
 }
 

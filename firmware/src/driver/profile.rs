@@ -167,50 +167,33 @@ pub enum DriveRequest {
     TakeSetPoint,
 }
 
-/// State of the CiA 402 profile.
-#[derive(Clone, Copy, Debug)]
-pub struct Profile {
-    state: State,
-    /// 6040h.
-    pub controlword: u16,
-    /// 6060h.
-    pub mode: i8,
-    /// 6071h.
-    pub target_permille: i16,
-    /// 6072h.
-    pub max_permille: u16,
-    /// 60FFh, 1e-6 rad/s.
-    pub target_micro_rad_s: i32,
-    /// 6080h, motor turns per minute; `None` if no master has written it.
-    pub max_motor_rpm: Option<u32>,
-    /// 6098h, of [`HOMING_METHODS`].
-    pub homing_method: i8,
-    /// 607Ah, 1e-6 rad.
-    pub target_position_micro_rad: i32,
-    /// Set-points of mode 1.
-    pub set_points: SetPoint,
-    /// 607Ch, 1e-6 rad.
-    pub home_offset_micro_rad: i32,
-    /// Result of the last homing.
-    pub homing: Homing,
-}
-
-impl Default for Profile {
-    fn default() -> Self {
-        Self {
-            state: State::default(),
-            controlword: 0,
-            mode: 0,
-            target_permille: 0,
-            max_permille: TORQUE_MAX_PERMILLE,
-            target_micro_rad_s: 0,
-            max_motor_rpm: None,
-            homing_method: HOMING_METHODS[0],
-            target_position_micro_rad: 0,
-            set_points: SetPoint::default(),
-            home_offset_micro_rad: 0,
-            homing: Homing::default(),
-        }
+with_defaults! {
+    /// State of the CiA 402 profile.
+    #[derive(Clone, Copy, Debug)]
+    pub struct Profile {
+        state: State,
+        /// 6040h.
+        pub controlword: u16,
+        /// 6060h.
+        pub mode: i8,
+        /// 6071h.
+        pub target_permille: i16,
+        /// 6072h.
+        pub max_permille: u16 = TORQUE_MAX_PERMILLE,
+        /// 60FFh, 1e-6 rad/s.
+        pub target_micro_rad_s: i32,
+        /// 6080h, motor turns per minute; `None` if no master has written it.
+        pub max_motor_rpm: Option<u32>,
+        /// 6098h, of [`HOMING_METHODS`].
+        pub homing_method: i8 = HOMING_METHODS[0],
+        /// 607Ah, 1e-6 rad.
+        pub target_position_micro_rad: i32,
+        /// Set-points of mode 1.
+        pub set_points: SetPoint,
+        /// 607Ch, 1e-6 rad.
+        pub home_offset_micro_rad: i32,
+        /// Result of the last homing.
+        pub homing: Homing,
     }
 }
 

@@ -75,48 +75,33 @@ pub struct Equipment {
     pub seed: Option<[u8; Key::LENGTH]>,
 }
 
-/// State of a board and its surroundings.
-#[derive(Clone, Copy, Debug)]
-pub struct BoardState {
-    /// Temperature of the bridge, deg C; `None` if it is not measured.
-    pub bridge_temperature_c: Option<f32>,
-    /// Temperature of the motor, deg C; `None` if it is not measured.
-    pub motor_temperature_c: Option<f32>,
-    /// The guard below the stack is intact.
-    pub stack_intact: bool,
-    /// The CAN controller lost received frames since the last query.
-    pub receiver_overrun: bool,
-    /// State of the CAN controller.
-    pub can: CanState,
-    /// Last readings of the board's own slow sensors.
-    pub sensors: LocalReadings,
-    /// Last readings of the dry side, and the channels of safe torque off.
-    pub enclosure: enclosure::Readings,
-    /// First words of the last frame of a BiSS encoder; `None` without one.
-    pub biss: Option<[u16; TURN_WORDS]>,
-    /// Levels of the Hall sensors, bits 0 to 2; 0 without sensors.
-    pub hall: u8,
-    /// Words of the encoder at the joint's side of the gear, latched when the last report came, or at this tick; `None` if
-    /// there is no such encoder.
-    pub joint_words: Option<[u16; biss::WORDS]>,
-}
-
-impl Default for BoardState {
-    /// Nothing is measured and there are no faults.
-    fn default() -> Self {
-        Self {
-            bridge_temperature_c: None,
-            motor_temperature_c: None,
-            stack_intact: true,
-            receiver_overrun: false,
-            can: CanState::Active,
-            sensors: LocalReadings::default(),
-            enclosure: enclosure::Readings::default(),
-            biss: None,
-            hall: 0,
-            joint_words: None,
-        }
+with_defaults! {
+    /// State of a board and its surroundings.
+    #[derive(Clone, Copy, Debug)]
+    pub struct BoardState {
+        /// Temperature of the bridge, deg C; `None` if it is not measured.
+        pub bridge_temperature_c: Option<f32>,
+        /// Temperature of the motor, deg C; `None` if it is not measured.
+        pub motor_temperature_c: Option<f32>,
+        /// The guard below the stack is intact.
+        pub stack_intact: bool = true,
+        /// The CAN controller lost received frames since the last query.
+        pub receiver_overrun: bool,
+        /// State of the CAN controller.
+        pub can: CanState,
+        /// Last readings of the board's own slow sensors.
+        pub sensors: LocalReadings,
+        /// Last readings of the dry side, and the channels of safe torque off.
+        pub enclosure: enclosure::Readings,
+        /// First words of the last frame of a BiSS encoder; `None` without one.
+        pub biss: Option<[u16; TURN_WORDS]>,
+        /// Levels of the Hall sensors, bits 0 to 2; 0 without sensors.
+        pub hall: u8,
+        /// Words of the encoder at the joint's side of the gear, latched when the last report came, or at this tick; `None` if
+        /// there is no such encoder.
+        pub joint_words: Option<[u16; biss::WORDS]>,
     }
+    /// Nothing is measured and there are no faults.
 }
 
 /// What a tick gives to the board.

@@ -39,37 +39,22 @@ const PAUSE_AFTER_READINGS: u16 = 32;
 /// Minimum time between two readings, us; ages are rounded to less.
 const MIN_READING_GAP_US: u64 = 100;
 
-/// Stuck detection for one sensor.
-#[derive(Clone, Copy, Debug)]
-pub struct StuckWatch {
-    last: f32,
-    last_at_us: u64,
-    change: f32,
-    identical_readings: u16,
-    readings: u16,
-    reversals: u16,
-    step: f32,
-    previous_step: f32,
-    has_noise: bool,
-    stuck_since_us: Option<u64>,
-}
-
-impl Default for StuckWatch {
-    /// The state before the first reading.
-    fn default() -> Self {
-        Self {
-            last: f32::NAN,
-            last_at_us: 0,
-            change: 0.0,
-            identical_readings: 0,
-            readings: 0,
-            reversals: 0,
-            step: f32::INFINITY,
-            previous_step: f32::INFINITY,
-            has_noise: false,
-            stuck_since_us: None,
-        }
+with_defaults! {
+    /// Stuck detection for one sensor.
+    #[derive(Clone, Copy, Debug)]
+    pub struct StuckWatch {
+        last: f32 = f32::NAN,
+        last_at_us: u64,
+        change: f32,
+        identical_readings: u16,
+        readings: u16,
+        reversals: u16,
+        step: f32 = f32::INFINITY,
+        previous_step: f32 = f32::INFINITY,
+        has_noise: bool,
+        stuck_since_us: Option<u64>,
     }
+    /// The state before the first reading.
 }
 
 impl StuckWatch {

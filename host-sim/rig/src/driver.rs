@@ -218,7 +218,7 @@ impl<'q, N: RigJoint> LibraryDriver<'q, N> {
     }
 
     fn supervisor(&mut self) -> &Supervisor {
-        self.background.node_mut().joint.parts().supervisor
+        &self.background.node_mut().joint.base().supervisor
     }
 
     fn run_current_loop(&mut self) {

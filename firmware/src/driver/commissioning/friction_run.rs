@@ -56,37 +56,22 @@ const OVERSPEED_MARGIN_RAD_S: f32 = 0.3;
 /// Maximum duration of a run, ms.
 const MAX_RUN_MS: u32 = 2 * SPEED_LEVELS as u32 * MAX_PASS_MS + 1000;
 
-/// A run, and how the last one ended.
-#[derive(Clone, Copy, Debug)]
-pub struct FrictionRun {
-    step: CommissioningStep,
-    reason: AbortReason,
-    bounds: FrictionBounds,
-    level: u8,
-    backwards: bool,
-    speed_rad_s: f32,
-    /// Position at the start, rad; `None` before the first step.
-    from_rad: Option<f32>,
-    /// Duration of the pass, of the run, and at the current limit, ms.
-    pass_ms: u32,
-    run_ms: u32,
-    held_ms: u32,
-}
-
-impl Default for FrictionRun {
-    fn default() -> Self {
-        Self {
-            step: CommissioningStep::Idle,
-            reason: AbortReason::None,
-            bounds: FrictionBounds::default(),
-            level: 0,
-            backwards: false,
-            speed_rad_s: 0.0,
-            from_rad: None,
-            pass_ms: 0,
-            run_ms: 0,
-            held_ms: 0,
-        }
+with_defaults! {
+    /// A run, and how the last one ended.
+    #[derive(Clone, Copy, Debug)]
+    pub struct FrictionRun {
+        step: CommissioningStep = CommissioningStep::Idle,
+        reason: AbortReason = AbortReason::None,
+        bounds: FrictionBounds,
+        level: u8,
+        backwards: bool,
+        speed_rad_s: f32,
+        /// Position at the start, rad; `None` before the first step.
+        from_rad: Option<f32>,
+        /// Duration of the pass, of the run, and at the current limit, ms.
+        pass_ms: u32,
+        run_ms: u32,
+        held_ms: u32,
     }
 }
 

@@ -9,30 +9,30 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Returns true if objects of the service level can be written.
-    pub(in crate::driver) const fn is_service(&self) -> bool {
-        !self.settings.access.is_locked || self.lock.is_unlocked()
+    pub(crate) const fn is_service(&self) -> bool {
+        !self.base.settings.access.is_locked || self.lock.is_unlocked()
     }
 
     /// Checks that the joint grants this level.
     ///
     /// # Errors
     /// [`Abort::Locked`].
-    pub(in crate::driver) fn check_level(&mut self, level: Level) -> Result<(), Abort> {
+    pub(crate) fn check_level(&mut self, level: Level) -> Result<(), Abort> {
         if level == Level::Open {
             return Ok(());
         }
         if !self.is_service() {
             let why = text!("the joint is locked: a response to its challenge unlocks it (2041h)");
-            return Err(self.staging.refuse(Abort::Locked, why));
+            return Err(self.base.staging.refuse(Abort::Locked, why));
         }
         Ok(())
     }
 
     /// Returns the present values.
-    pub(in crate::driver) fn access_object(&self) -> AccessObject {
+    pub(crate) fn access_object(&self) -> AccessObject {
         AccessObject {
             level: self.is_service().into(),
-            locked_by_default: self.settings.access.is_locked.into(),
+            locked_by_default: self.base.settings.access.is_locked.into(),
             wrong_responses: self.lock.failures().into(),
             ..Default::default()
         }
@@ -40,11 +40,11 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns a new challenge.
     #[inline(never)]
-    pub(in crate::driver) fn challenge(&mut self) -> [u8; Key::RESPONSE_LENGTH] {
-        self.lock.challenge(&self.settings.access, self.now_us)
+    pub(crate) fn challenge(&mut self) -> [u8; Key::RESPONSE_LENGTH] {
+        self.lock.challenge(&self.base.settings.access, self.base.now_us)
     }
 
-    pub(in crate::driver) fn write_access(&mut self, place: u8, value: &[u8]) -> Result<(), Abort> {
+    pub(crate) fn write_access(&mut self, place: u8, value: &[u8]) -> Result<(), Abort> {
         let length = match place {
             AccessObject::LOCK => {
                 self.lock();
@@ -60,17 +60,17 @@ impl<F: NorFlash> Device<F> {
         }
         self.check_proof(change, proof)?;
         match *change {
-            [] => self.lock.unlock(self.now_us),
+            [] => self.lock.unlock(self.base.now_us),
             [policy] => {
-                self.settings.access.is_locked = policy != 0;
+                self.base.settings.access.is_locked = policy != 0;
                 if !self.is_service() {
                     // While the policy was open, every node could stage anything.
-                    self.staging.discard();
+                    self.base.staging.discard();
                 }
             }
             _ => {
                 let key = change.try_into().map_err(|_| Abort::TooLong)?;
-                self.settings.access.key = Key::new(key);
+                self.base.settings.access.key = Key::new(key);
             }
         }
         Ok(())
@@ -81,28 +81,31 @@ impl<F: NorFlash> Device<F> {
         let proof = proof.try_into().map_err(|_| {
             if proof.len() < Key::RESPONSE_LENGTH { Abort::TooShort } else { Abort::TooLong }
         })?;
-        let (key, serial) = (self.settings.access.key, self.identity.serial);
+        let (key, serial) = (self.base.settings.access.key, self.base.identity.serial);
         let node = self.node_in_use().number();
         let expected = |challenge| key.proof(challenge, serial, node, change);
-        self.lock.check(proof, expected, self.now_us).map_err(|refusal| match refusal {
-            Refusal::Wrong => self.staging.refuse(Abort::Value, text!("the response is wrong")),
-            Refusal::Wait => {
-                self.staging.refuse(Abort::State, text!("a response was wrong: wait up to 60 s"))
+        self.lock.check(proof, expected, self.base.now_us).map_err(|refusal| match refusal {
+            Refusal::Wrong => {
+                self.base.staging.refuse(Abort::Value, text!("the response is wrong"))
             }
+            Refusal::Wait => self
+                .base
+                .staging
+                .refuse(Abort::State, text!("a response was wrong: wait up to 60 s")),
         })
     }
 
     /// Ends the service level. What was staged with it is discarded: anyone may commit.
-    pub(in crate::driver) fn lock(&mut self) {
-        if self.lock.lock() && self.settings.access.is_locked {
-            self.staging.discard();
+    pub(crate) fn lock(&mut self) {
+        if self.lock.lock() && self.base.settings.access.is_locked {
+            self.base.staging.discard();
         }
     }
 
     /// Ends a session that is over.
     #[inline(never)]
     pub(super) fn watch_session(&mut self) {
-        if self.lock.is_expired(self.now_us) {
+        if self.lock.is_expired(self.base.now_us) {
             self.lock();
         }
     }

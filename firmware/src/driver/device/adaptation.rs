@@ -21,13 +21,13 @@ const DISCARD: u8 = 2;
 impl<F: NorFlash> Device<F> {
     /// Learns from a report of a joint on its sensors.
     pub(super) fn step_adaptation(&mut self) {
-        if self.settings.source == InputSource::Bus {
+        if self.base.settings.source == InputSource::Bus {
             return;
         }
         let is_driven =
-            self.supervisor.is_compensation_allowed() && !self.motion.is_commissioning();
+            self.base.supervisor.is_compensation_allowed() && !self.motion.is_commissioning();
         let blocked = self.learning_blocked_by().or((!is_driven).then_some(Frozen::NotArmed));
-        let report = self.current_loop.report();
+        let report = self.base.current_loop.report();
         let sample = LearningSample {
             velocity_rad_s: report.velocity_rad_s,
             position_rad: report.position_rad,
@@ -35,30 +35,31 @@ impl<F: NorFlash> Device<F> {
             torque_nm: report.residual_torque_nm + report.friction_torque_nm,
             loop_flags: report.loop_flags,
             flags: report.flags,
-            campaign_time_h: self.settings.campaign_h + self.now_us as f32 * (1e-6 / 3600.0),
+            campaign_time_h: self.base.settings.campaign_h
+                + self.base.now_us as f32 * (1e-6 / 3600.0),
         };
         self.adaptation.step(&sample, blocked);
     }
 
     /// Returns the reason of settings and trials to learn nothing.
     pub(super) const fn learning_blocked_by(&self) -> Option<Frozen> {
-        let is_on = matches!(self.settings.drive.adapt, ON | ON_IN_EVERY_MODE);
+        let is_on = matches!(self.base.settings.drive.adapt, ON | ON_IN_EVERY_MODE);
         if is_on && !self.trial.is_open() { None } else { Some(Frozen::Hold) }
     }
 
     /// Starts the adaptation at the active set.
     #[inline(never)]
     pub(super) fn restart_adaptation(&mut self) {
-        let sample_s = match self.settings.source {
+        let sample_s = match self.base.settings.source {
             InputSource::Sensors => REPORT_PERIOD_S,
-            InputSource::Bus => self.settings.period_s,
+            InputSource::Bus => self.base.settings.period_s,
         };
-        self.adaptation.restart(self.staging.active(), &self.settings.drive, sample_s);
+        self.adaptation.restart(self.base.staging.active(), &self.base.settings.drive, sample_s);
     }
 
     /// Returns the present values.
-    pub(in crate::driver) fn adaptation_object(&self) -> AdaptationObject {
-        let drive = &self.settings.drive;
+    pub(crate) fn adaptation_object(&self) -> AdaptationObject {
+        let drive = &self.base.settings.drive;
         let learner = self.adaptation.learner();
         let followed = learner.and_then(Adaptation::followed);
         let place = |quantity| FOLLOWED.iter().position(|own| *own == quantity);
@@ -83,8 +84,8 @@ impl<F: NorFlash> Device<F> {
     /// whose friction has ended since it was learnt, so that the set is the most that applies.
     pub fn learnt(&self) -> (u32, Gains<f32>) {
         let (number, gains) = self.adaptation.gains();
-        let is_bounded = self.motion.mover(&self.seen()).is_torque()
-            && self.settings.drive.adapt != ON_IN_EVERY_MODE;
+        let is_bounded = self.motion.mover(&self.base).is_torque()
+            && self.base.settings.drive.adapt != ON_IN_EVERY_MODE;
         if !is_bounded {
             return (number.wrapping_mul(2), gains);
         }
@@ -93,27 +94,27 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the gains in use as words.
-    pub(in crate::driver) fn learnt_gains(&self) -> [u32; MAX_GAINS] {
+    pub(crate) fn learnt_gains(&self) -> [u32; MAX_GAINS] {
         self.adaptation.gains().1.to_array().map(f32::to_bits)
     }
 
     /// Returns the standard deviations of the gains as words; 0 if the adaptation is off.
-    pub(in crate::driver) fn gain_deviations(&self) -> [u32; MAX_GAINS] {
+    pub(crate) fn gain_deviations(&self) -> [u32; MAX_GAINS] {
         let learner = self.adaptation.learner();
         learner.map(Adaptation::deviations).unwrap_or_default().map(f32::to_bits)
     }
 
     /// Writes a setting or an order.
-    pub(in crate::driver) fn write_adaptation(
+    pub(crate) fn write_adaptation(
         &mut self,
         at_index: u16,
         place: u8,
         number: u32,
     ) -> Result<(), Abort> {
         if place != AdaptationObject::ORDER {
-            let before = self.settings.drive;
+            let before = self.base.settings.drive;
             self.set_drive_setting(at_index, place, number)?;
-            let after = self.settings.drive;
+            let after = self.base.settings.drive;
             // On and hold differ in what is learnt only, so that what was learnt stays.
             let keeps =
                 place == AdaptationObject::MODE && before.adapt != OFF && after.adapt != OFF;
@@ -130,7 +131,7 @@ impl<F: NorFlash> Device<F> {
             }
             order => {
                 let why = refusal!("order = {u32}: must be 1 (adopt) or 2 (discard)", order);
-                Err(self.staging.refuse(Abort::Value, why))
+                Err(self.base.staging.refuse(Abort::Value, why))
             }
         }
     }
@@ -140,15 +141,15 @@ impl<F: NorFlash> Device<F> {
         self.refuse_in_trial()?;
         let Some(learner) = self.adaptation.learner() else {
             let why = text!("nothing is learnt: the adaptation is off (2044h:1)");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         };
         let learnt = learner.learnt_parameters();
-        self.staging.discard();
-        self.staging.staged_mut().friction.model = learnt;
-        let (_, crc) = self.staging.crcs();
+        self.base.staging.discard();
+        self.base.staging.staged_mut().friction.model = learnt;
+        let (_, crc) = self.base.staging.crcs();
         let adopted = self.commit(crc);
         if adopted.is_err() {
-            self.staging.discard();
+            self.base.staging.discard();
         }
         adopted
     }

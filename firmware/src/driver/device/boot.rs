@@ -8,21 +8,16 @@ use super::network::LiveNetwork;
 use super::pdos::Pdos;
 use super::program::ProgramState;
 use super::trend::StoredTrend;
-use super::{Boot, Device, Identity, watch};
+use super::{Boot, Device, Identity};
 use crate::access::Lock;
-use crate::driver::counters::Counters;
-use crate::driver::received::ReceivedInputs;
-use crate::driver::staging::Staging;
 use crate::hil::HilJoint;
-use crate::node::Outbox;
+use crate::joint_node::JointBase;
 use crate::node::lss::Lss;
-use crate::node::sdo::Abort;
-use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
+use crate::node_settings::{NodeSettings, split_block};
 use crate::scope::Scope;
 use crate::sensors::enclosure;
-use crate::start_values::StartRecord;
-use crate::store::{FoundHome, FoundIdentity, LoadError, is_newer};
-use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
+use crate::store::{FoundHome, FoundIdentity, is_newer};
+use crate::supervisor::ParameterSource;
 use crate::update::Program;
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
@@ -38,37 +33,23 @@ impl<F: NorFlash> Device<F> {
         identity: Identity,
         now_us: u64,
     ) -> Self {
+        const NAME: &str = "friction-compensated joint driver";
         // The value of the function, not a local one, which would be another 14 KB of stack.
         Self {
-            counters: Counters::default(),
-            watch: None,
+            base: JointBase::new(NAME, defaults, identity, now_us),
             network: LiveNetwork::default(),
-            staging: Staging::default(),
             motion: Default::default(),
             program: ProgramState::default(),
-            identity,
-            history: Default::default(),
             memory: Memory::new(flash, defaults),
             trial: Default::default(),
-            start: Default::default(),
-            settings: defaults,
-            supervisor: Supervisor::default(),
-            outbox: Outbox::default(),
             sends_fd: false,
             samples: Samples::new(&defaults),
-            received: ReceivedInputs::default(),
-            current_loop: Default::default(),
-            can: CanState::Active,
             enclosure: enclosure::Readings::default(),
             scope: Scope::default(),
-            blocking: 0,
-            compensation: Default::default(),
             adaptation: Default::default(),
             trend: Default::default(),
             stored_home: Default::default(),
             turn_readings: Default::default(),
-            seal_sensors: Default::default(),
-            motor: Default::default(),
             home: Default::default(),
             touch: Default::default(),
             joint_encoder: Default::default(),
@@ -76,7 +57,6 @@ impl<F: NorFlash> Device<F> {
             lss: Lss::default(),
             lock: Lock::default(),
             model_log_us: Some(now_us.saturating_add(MODEL_LOG_DELAY_US)),
-            now_us,
         }
     }
 
@@ -93,25 +73,10 @@ impl<F: NorFlash> Device<F> {
         if !self.build_hil() {
             parameters = ParameterSource::DefaultRefused;
         }
-        let set = self.staging.active();
-        self.start = StartRecord::of(set, self.settings.bus());
-        self.supervisor.start(
-            &set.thresholds,
-            &supervisor::SupervisorBoot {
-                reset: boot.cause,
-                panicked: boot.panic.is_some(),
-                stack_overflowed: boot.stack_overflowed,
-                store: self.memory.store().health(),
-                parameters,
-                commissioned: self.is_commissioned(),
-                failed_self_test: boot.failed_self_test,
-            },
-        );
-        self.motor.set_winding_rise(boot.winding_rise_k);
-        self.watch = watch(&set.watch, &self.settings);
-        self.network = LiveNetwork::of(set, &self.settings);
-        self.history.set_panic(boot.panic.unwrap_or_default());
-        self.pdos.set_node(self.settings.node);
+        let store = self.memory.store().health();
+        self.base.start(boot, store, parameters);
+        self.network = LiveNetwork::of(self.base.staging.active(), &self.base.settings);
+        self.pdos.set_node(self.base.settings.node);
         self.restart_adaptation();
         self.begin_home(boot.home);
         self.begin_stored_home(home);
@@ -124,64 +89,42 @@ impl<F: NorFlash> Device<F> {
             program.store_slots(false),
             |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
         );
-        self.program = ProgramState::new(self.memory.flash_mut(), program, self.now_us);
+        self.program = ProgramState::new(self.memory.flash_mut(), program, self.base.now_us);
         opened
     }
 
     /// Loads settings and parameters, and returns the sequence number of the set if its settings are known. The defaults stay
-    /// if no block is stored or if it is refused.
-    // Not inlined: its stack is free again when the rest of the start needs as much.
-    #[inline(never)]
+    /// if no block is stored or if it is refused; of a refused one, the identity is kept.
     fn load_block(&mut self) -> (ParameterSource, Option<u32>) {
-        let mut block = [0; MAX_BLOCK_BYTES];
-        let set = match self.memory.store_mut().load(&mut block) {
-            Ok(set) => set,
-            Err(LoadError::Empty | LoadError::Damaged) => return (ParameterSource::Default, None),
-            // A set of another firmware is stored.
-            Err(LoadError::Foreign(_) | LoadError::TooSmall { .. }) => {
-                return (ParameterSource::DefaultRefused, None);
+        let loaded = self.base.load_block(self.memory.store_mut());
+        let Some(settings) = loaded.settings else { return (loaded.parameters, None) };
+        self.base.settings = match loaded.parameters {
+            ParameterSource::Set => settings,
+            _ => {
+                let kept = self.base.settings.with_identity(&settings.identity());
+                kept.unwrap_or(self.base.settings)
             }
         };
-        let block = block.get(..set.length).unwrap_or_default();
-        let (settings, parameters) = match split_block(block) {
-            Ok(parts) => parts,
-            Err(error) => {
-                self.staging.refuse(Abort::Value, error);
-                return (ParameterSource::DefaultRefused, None);
-            }
-        };
-        let source = match self.staging.load(parameters) {
-            Ok(()) => {
-                self.settings = settings;
-                ParameterSource::Set
-            }
-            Err(error) => {
-                self.staging.refuse(Abort::Value, error);
-                let kept = self.settings.with_identity(&settings.identity());
-                self.settings = kept.unwrap_or(self.settings);
-                ParameterSource::DefaultRefused
-            }
-        };
-        (source, Some(set.sequence))
+        (loaded.parameters, Some(loaded.sequence))
     }
 
     /// Takes address, key and policy from their copies if the settings are not known, or if they are those of an older set.
     /// Without an intact copy, no response unlocks the joint. `loaded` is the sequence number of the loaded set.
     #[inline(never)]
     fn keep_identity(&mut self, boot: &Boot, loaded: Option<u32>) {
-        let own = boot.program.map(|program| program.store_slots(true));
-        let kept = match (self.memory.store_mut().find_identity(own), loaded) {
+        let newest = boot.program.map(|program| program.store_slots(true));
+        let kept = match (self.memory.store_mut().find_identity(newest), loaded) {
             (FoundIdentity::Copy(sequence, copy), loaded)
                 if loaded.is_none_or(|loaded| !is_newer(loaded, sequence)) =>
             {
-                self.settings.with_identity(&copy)
+                self.base.settings.with_identity(&copy)
             }
             (_, Some(_)) => return,
             (FoundIdentity::None, None) => return self.memory.set_blank(true),
             _ => None,
         };
         match kept {
-            Some(settings) => self.settings = settings,
+            Some(settings) => self.base.settings = settings,
             None => self.lock.seal(),
         }
     }
@@ -189,8 +132,8 @@ impl<F: NorFlash> Device<F> {
     /// Builds the joint in HIL. Returns false if the set cannot be built for its period; there is no model then.
     #[inline(never)]
     pub(super) fn build_hil(&mut self) -> bool {
-        let (node, setup) = (self.settings.node, self.settings.hil_setup());
-        let set = self.staging.active();
+        let (node, setup) = (self.base.settings.node, self.base.settings.hil_setup());
+        let set = self.base.staging.active();
         let built = HilJoint::build(node, &set.friction, set.network.as_ref(), setup);
         let is_built = built.is_ok();
         self.samples.set_hil(built.unwrap_or_else(|_refused| HilJoint::without_model(node, setup)));

@@ -29,11 +29,7 @@ const CONTINUE: u8 = 2;
 const FRICTION_RUN: u8 = 3;
 
 impl<F: NorFlash> Device<F> {
-    pub(in crate::driver) fn write_commissioning(
-        &mut self,
-        place: u8,
-        word: u32,
-    ) -> Result<(), Abort> {
+    pub(crate) fn write_commissioning(&mut self, place: u8, word: u32) -> Result<(), Abort> {
         let (name, least, most) = match place {
             CommissioningRunObject::ORDER => return self.order_commissioning(word as u8),
             CommissioningRunObject::CURRENT => {
@@ -47,7 +43,7 @@ impl<F: NorFlash> Device<F> {
         let number = f32::from_bits(word);
         if !(number >= least && number <= most) {
             let why = refusal!("{name} = {f32}: must be {f32} to {f32}", name, number, least, most);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.base.staging.refuse(Abort::Value, why));
         }
         let run = &mut self.motion.commissioning;
         *match place {
@@ -72,30 +68,30 @@ impl<F: NorFlash> Device<F> {
                     "order = {u32}: must be 0 (stop), 1 (measure the motor), 2 (continue) or 3 (friction run)",
                     order
                 );
-                return Err(self.staging.refuse(Abort::Value, why));
+                return Err(self.base.staging.refuse(Abort::Value, why));
             }
         }
         Ok(())
     }
 
     fn confirm_master(&mut self) {
-        self.motion.commissioning.alive_us = self.now_us;
-        self.supervisor.record_command(self.now_us);
+        self.motion.commissioning.alive_us = self.base.now_us;
+        self.base.supervisor.record_command(self.base.now_us);
     }
 
     /// Checks the conditions of a run that controls the bridge.
     pub(super) fn may_begin(&mut self) -> Result<(), Abort> {
         self.finish_trial();
-        if self.settings.source == InputSource::Bus {
+        if self.base.settings.source == InputSource::Bus {
             let why = text!("a joint in HIL drives no motor that could be measured (2001h:1)");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         if self.is_armed() {
             let why = text!("the joint is armed: disarm first");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         if let Some(why) = self.update_blocks_arming() {
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         self.confirm_master();
         Ok(())
@@ -103,32 +99,32 @@ impl<F: NorFlash> Device<F> {
 
     fn begin_friction_run(&mut self) -> Result<(), Abort> {
         self.may_begin()?;
-        self.arm_supervisor()?;
+        self.base.arm()?;
         let acceleration = self.set().motor.acceleration_max_rad_s2.min(ACCELERATION_RAD_S2);
         let bounds = FrictionBounds {
-            current_a: self.motion.commissioning_current_a(&self.seen()),
+            current_a: self.motion.commissioning_current_a(&self.base),
             travel_rad: self.motion.commissioning.travel_rad,
             speed_rad_s: self.motion.commissioning.speed_rad_s,
             acceleration_rad_s2: acceleration,
         };
         self.motion.commissioning.friction = FrictionRun::begin(bounds);
         self.motion.commissioning.is_friction_run = true;
-        self.move_with(&mut |motion, seen| motion.begin_velocity(seen, acceleration));
+        self.move_with(&mut |motion, joint| motion.begin_velocity(joint, acceleration));
         Ok(())
     }
 
     fn begin_commissioning(&mut self) -> Result<(), Abort> {
         self.may_begin()?;
-        self.check_start()?;
-        self.supervisor.arm_to_commission(self.now_us).map_err(|refusal| {
-            self.blocking = refusal.causes.fault_bits();
-            self.staging.refuse(Abort::State, refusal)
+        self.base.check_start()?;
+        self.base.supervisor.arm_to_commission(self.base.now_us).map_err(|refusal| {
+            self.base.blocking = refusal.causes.fault_bits();
+            self.base.staging.refuse(Abort::State, refusal)
         })?;
         let bounds = CommissioningBounds {
-            current_a: self.motion.commissioning_current_a(&self.seen()),
+            current_a: self.motion.commissioning_current_a(&self.base),
             travel_rad: self.motion.commissioning.travel_rad,
             gear_ratio: self.set().motor.gear_ratio,
-            bus_v: self.current_loop.report().bus_voltage_v.unwrap_or(0.0),
+            bus_v: self.base.current_loop.report().bus_voltage_v.unwrap_or(0.0),
         };
         self.motion.commissioning.run.begin(bounds);
         self.motion.commissioning.is_friction_run = false;
@@ -141,9 +137,9 @@ impl<F: NorFlash> Device<F> {
             return;
         }
         let found_all =
-            self.motion.commissioning.run.process_block(&self.current_loop.report().probe);
+            self.motion.commissioning.run.process_block(&self.base.current_loop.report().probe);
         if !self.motion.is_measuring_motor() {
-            self.supervisor.disarm();
+            self.base.supervisor.disarm();
         }
         if found_all {
             self.stage_found();
@@ -153,7 +149,7 @@ impl<F: NorFlash> Device<F> {
     /// Stages the measured values. The joint's positive direction and the efficiency of the gear are kept.
     fn stage_found(&mut self) {
         let found = *self.motion.commissioning.run.found();
-        let set = self.staging.staged_mut();
+        let set = self.base.staging.staged_mut();
         let (motor, joint) = (&mut set.motor, &mut set.friction.compensator);
         let direction = f32::from(found.encoder_direction);
         let constant = found.torque_constant_nm_per_a();
@@ -175,6 +171,6 @@ impl<F: NorFlash> Device<F> {
         {
             (set.sensors.hall_order, set.sensors.hall_offset_rad) = (order, begin_rad);
         }
-        self.motor.record_measurement(set.wiring_crc());
+        self.base.motor.record_measurement(set.wiring_crc());
     }
 }

@@ -10,23 +10,19 @@
 
 use super::Device;
 use crate::driver::counters::count;
-use crate::driver::received::CommandSequence;
 use crate::hil::{HilJoint, HilReply, HilStep, NetworkGuard};
-use crate::node::dictionary::records::{InputsObject, OutputsObject, TraceObject};
+use crate::node::dictionary::records::{OutputsObject, TraceObject};
 use crate::node_settings::{InputSource, NodeSettings};
 use compensator_core::can::{
-    AnswerFrame, CommandFrame, Frame, JointKind, Message, MotionFrame, NodeId, SealFrame,
-    StatusFrame, SurroundingsFrame, SyncFrame, TelemetryFrame, TorqueFrame, TraceEntry,
+    AnswerFrame, Frame, JointKind, Message, NodeId, StatusFrame, SyncFrame, TelemetryFrame,
+    TraceEntry,
 };
 use embedded_storage::nor_flash::NorFlash;
 
 /// The frames of a sample: what was received, the joint in HIL, and the last reply.
 #[derive(Debug)]
-pub(in crate::driver) struct Samples {
+pub(crate) struct Samples {
     hil: HilJoint,
-    /// The joint is armed in HIL.
-    is_hil_armed: bool,
-    inputs: InputsObject,
     reply: HilReply,
     /// Run and kind of the joint in a trace.
     run: u32,
@@ -37,9 +33,6 @@ impl Samples {
     pub(super) fn new(defaults: &NodeSettings) -> Self {
         Self {
             hil: HilJoint::without_model(defaults.node, defaults.hil_setup()),
-            is_hil_armed: false,
-            // Inputs before any frame: every float is NaN.
-            inputs: InputsObject::filled(f32::NAN.to_bits()),
             reply: HilReply::NONE,
             run: 0,
             joint_kind: JointKind::default(),
@@ -52,18 +45,6 @@ impl Samples {
         self.hil = hil;
     }
 
-    /// Returns true if the joint is armed in HIL.
-    pub(super) const fn is_hil_armed(&self) -> bool {
-        self.is_hil_armed
-    }
-
-    /// Arms or disarms the joint in HIL.
-    #[inline(never)]
-    pub(super) fn arm_hil(&mut self, is_armed: bool) {
-        self.hil.set_enabled(is_armed);
-        self.is_hil_armed = is_armed;
-    }
-
     /// Commands this current, A, to the joint in HIL.
     pub(super) fn set_hil_command(&mut self, current_a: f32) {
         self.hil.set_command(current_a);
@@ -74,13 +55,8 @@ impl Samples {
         self.hil.network_guard()
     }
 
-    /// Returns the last inputs (2004h).
-    pub(in crate::driver) const fn inputs(&self) -> &InputsObject {
-        &self.inputs
-    }
-
     /// Returns the last outputs (2005h).
-    pub(in crate::driver) fn outputs(&self) -> OutputsObject {
+    pub(crate) fn outputs(&self) -> OutputsObject {
         let HilReply { answer, status, telemetry } = self.reply;
         OutputsObject {
             friction_torque_nm: answer.friction_torque_nm.to_bits(),
@@ -93,7 +69,7 @@ impl Samples {
     }
 
     /// Returns the place in a trace (2000h).
-    pub(in crate::driver) fn trace_object(&self) -> TraceObject {
+    pub(crate) fn trace_object(&self) -> TraceObject {
         let sequence = self.hil.inbox().sequence();
         TraceObject { run: self.run, sequence, joint_kind: self.joint_kind as u32 }
     }
@@ -101,81 +77,42 @@ impl Samples {
 
 impl<F: NorFlash> Device<F> {
     /// Processes a process frame for this node.
-    pub(in crate::driver) fn take(
-        &mut self,
-        message: &Message,
-        frame: &Frame,
-        node: NodeId,
-        now_us: u64,
-    ) {
-        let inputs = &mut self.samples.inputs;
-        // A joint on its own sensors sends Motion and Torque itself and receives neither.
-        let is_from_bus = self.settings.source == InputSource::Bus;
-        let places = match message {
-            Message::Motion(of, _) if *of == node && is_from_bus => {
-                [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
+    pub(crate) fn take(&mut self, message: &Message, frame: &Frame, node: NodeId, now_us: u64) {
+        let is_taken = match message {
+            // A joint on its own sensors sends Motion and Torque itself and receives neither.
+            Message::Motion(..) | Message::Torque(..) => {
+                self.base.settings.source == InputSource::Bus
             }
-            Message::Torque(of, _) if *of == node && is_from_bus => {
-                [&mut inputs.torque_nm, &mut inputs.load_torque_nm]
-            }
-            Message::Seal(of, _) if *of == node => {
-                [&mut inputs.radial_force_n, &mut inputs.pressure_diff_pa]
-            }
-            Message::Surroundings(of, _) if *of == node => {
-                [&mut inputs.temperature_c, &mut inputs.auxiliary]
-            }
-            Message::Command(of, _) if *of == node && !self.motion.profile.is_active() => {
-                [&mut inputs.command_current_a, &mut inputs.command_velocity_and_counter]
-            }
-            _ => return self.counters.count_foreign(),
+            Message::Command(..) => !self.motion.profile.is_active(),
+            _ => true,
         };
-        for (place, word) in places.into_iter().zip(frame.data().as_chunks::<4>().0) {
-            *place = u32::from_le_bytes(*word);
+        if !is_taken {
+            return self.base.counters.count_foreign();
         }
-        self.process_input(message, now_us);
+        self.base.now_us = now_us;
+        if self.base.take_input(message, frame, node) {
+            self.samples.hil.take(message);
+        }
     }
 
     /// Processes an input that was written as an object, in the same way as its frame.
-    pub(in crate::driver) fn input(&mut self, sub_index: u8, word: u32) {
-        let Some(words) = self.samples.inputs.set(sub_index, word) else { return };
-        let node = self.settings.node;
-        let [first, second] = words.map(f32::from_bits);
-        let message = match sub_index {
-            InputsObject::VELOCITY | InputsObject::POSITION => {
-                Message::Motion(node, MotionFrame { velocity_rad_s: first, position_rad: second })
-            }
-            InputsObject::TORQUE | InputsObject::LOAD_TORQUE => {
-                Message::Torque(node, TorqueFrame { torque_nm: first, load_torque_nm: second })
-            }
-            InputsObject::RADIAL_FORCE | InputsObject::PRESSURE_DIFF => {
-                Message::Seal(node, SealFrame { radial_force_n: first, pressure_diff_pa: second })
-            }
-            InputsObject::TEMPERATURE | InputsObject::AUXILIARY => Message::Surroundings(
-                node,
-                SurroundingsFrame { temperature_c: first, auxiliary: second },
-            ),
-            _ => Message::Command(node, CommandFrame::from_words(words)),
-        };
-        self.process_input(&message, self.now_us);
+    pub(crate) fn input(&mut self, sub_index: u8, word: u32) {
+        if let Some(message) = self.base.input_message(sub_index, word) {
+            self.base.process_input(&message);
+            self.samples.hil.take(&message);
+        }
     }
 
-    fn process_input(&mut self, message: &Message, now_us: u64) {
-        // Entries of a trace, which may begin a run, take another way.
-        self.samples.hil.take(message);
-        match self.received.take(message, now_us) {
-            Some(CommandSequence::New { lost }) => {
-                count(&mut self.counters.command_lost, u32::from(lost));
-                self.supervisor.record_command(now_us);
-            }
-            Some(CommandSequence::Duplicate) => count(&mut self.counters.command_duplicate, 1),
-            Some(CommandSequence::Late) => count(&mut self.counters.command_late, 1),
-            None => {}
-        }
+    /// Arms or disarms the joint in HIL.
+    #[inline(never)]
+    pub(super) fn arm_hil(&mut self, is_armed: bool) {
+        self.samples.hil.set_enabled(is_armed);
+        self.base.is_hil_armed = is_armed;
     }
 
     /// Ends a sample. Returns its number; `None` for a repeated or late SYNC.
     pub(super) fn sync(&mut self, sync: SyncFrame) -> Option<u32> {
-        let step = match self.settings.source {
+        let step = match self.base.settings.source {
             InputSource::Bus => {
                 let blocked = self.learning_blocked_by();
                 self.samples.hil.sync_learning(sync, &mut self.adaptation, blocked)
@@ -184,30 +121,30 @@ impl<F: NorFlash> Device<F> {
         };
         let lost = match step {
             HilStep::Duplicate => {
-                count(&mut self.counters.sync_duplicate, 1);
+                count(&mut self.base.counters.sync_duplicate, 1);
                 return None;
             }
             HilStep::Late => {
-                count(&mut self.counters.sync_late, 1);
+                count(&mut self.base.counters.sync_late, 1);
                 return None;
             }
             HilStep::Reply(reply, lost) => {
-                if self.settings.source == InputSource::Bus {
+                if self.base.settings.source == InputSource::Bus {
                     self.samples.reply = reply;
                 }
                 lost
             }
         };
-        count(&mut self.counters.sync_lost, u32::from(lost));
-        if self.settings.source == InputSource::Sensors {
+        count(&mut self.base.counters.sync_lost, u32::from(lost));
+        if self.base.settings.source == InputSource::Sensors {
             self.samples.reply = self.measured_reply();
         }
         let reply = self.samples.reply;
-        if self.settings.source == InputSource::Bus
-            && let Some(watch) = &mut self.watch
+        if self.base.settings.source == InputSource::Bus
+            && let Some(watch) = &mut self.base.watch
         {
             let residual_nm = reply.telemetry.residual_torque_nm;
-            let velocity_rad_s = f32::from_bits(self.samples.inputs.velocity_rad_s);
+            let velocity_rad_s = f32::from_bits(self.base.inputs.velocity_rad_s);
             watch.step(residual_nm, velocity_rad_s, residual_nm.is_finite());
         }
         Some(reply.status.sequence)
@@ -216,28 +153,28 @@ impl<F: NorFlash> Device<F> {
     fn measured_reply(&self) -> HilReply {
         HilReply {
             answer: AnswerFrame {
-                friction_torque_nm: self.current_loop.report().friction_torque_nm,
-                feed_forward_current_a: self.current_loop.report().feed_forward_current_a,
+                friction_torque_nm: self.base.current_loop.report().friction_torque_nm,
+                feed_forward_current_a: self.base.current_loop.report().feed_forward_current_a,
             },
             status: StatusFrame {
-                flags: self.current_loop.report().flags | self.network.flags(),
+                flags: self.base.current_loop.report().flags | self.network.flags(),
                 sequence: self.samples.hil.inbox().sequence().wrapping_sub(1),
             },
             telemetry: TelemetryFrame {
-                current_a: self.current_loop.report().current_a,
-                residual_torque_nm: self.current_loop.report().residual_torque_nm,
+                current_a: self.base.current_loop.report().current_a,
+                residual_torque_nm: self.base.current_loop.report().residual_torque_nm,
             },
         }
     }
 
     /// Processes an entry of a trace about the samples that follow.
-    pub(in crate::driver) fn trace(&mut self, entry: TraceEntry, message: &Message) {
+    pub(crate) fn trace(&mut self, entry: TraceEntry, message: &Message) {
         match entry {
             TraceEntry::Run(number) => self.samples.run = number,
             TraceEntry::Sequence(_) => {}
             TraceEntry::JointKind(kind) => self.samples.joint_kind = kind,
         }
-        if self.samples.hil.take(message) && self.settings.source == InputSource::Bus {
+        if self.samples.hil.take(message) && self.base.settings.source == InputSource::Bus {
             self.restart_adaptation();
         }
     }

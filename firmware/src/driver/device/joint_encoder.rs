@@ -62,53 +62,37 @@ struct Sides {
     apart_rad: f32,
 }
 
-/// State of the joint's encoder.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::driver) struct JointEncoder {
-    /// Words of the last frame; `None` if there is no encoder at the joint's side.
-    pub(super) words: Option<[u16; WORDS]>,
-    sides: Option<Sides>,
-    /// Rotor's angle of the last report, and its rotation since the first one, 2^-32 turns.
-    rotor: u32,
-    turned: i64,
-    /// Position, rad; NaN while it is not valid.
-    position_rad: f32,
-    /// Joint less motor at the arming, rad; NaN before the first valid frame after it.
-    armed_rad: f32,
-    /// Joint less motor since the arming, rad.
-    difference_rad: f32,
-    was_driving: bool,
-    jumps: u8,
-    warning_left: u16,
-    state: u8,
-}
-
-impl Default for JointEncoder {
-    fn default() -> Self {
-        Self {
-            words: None,
-            sides: None,
-            rotor: 0,
-            turned: 0,
-            position_rad: f32::NAN,
-            armed_rad: f32::NAN,
-            difference_rad: 0.0,
-            was_driving: false,
-            jumps: 0,
-            warning_left: 0,
-            state: state::VALID,
-        }
+with_defaults! {
+    /// State of the joint's encoder.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct JointEncoder {
+        /// Words of the last frame; `None` if there is no encoder at the joint's side.
+        pub(super) words: Option<[u16; WORDS]>,
+        sides: Option<Sides>,
+        /// Rotor's angle of the last report, and its rotation since the first one, 2^-32 turns.
+        rotor: u32,
+        turned: i64,
+        /// Position, rad; NaN while it is not valid.
+        position_rad: f32 = f32::NAN,
+        /// Joint less motor at the arming, rad; NaN before the first valid frame after it.
+        armed_rad: f32 = f32::NAN,
+        /// Joint less motor since the arming, rad.
+        difference_rad: f32,
+        was_driving: bool,
+        jumps: u8,
+        warning_left: u16,
+        state: u8 = state::VALID,
     }
 }
 
 impl JointEncoder {
     /// 60E4h:1, 1e-6 rad.
-    pub(in crate::driver) fn position(&self) -> i32 {
+    pub(crate) fn position(&self) -> i32 {
         if self.position_rad.is_nan() { NO_POSITION } else { angle::micro(self.position_rad) }
     }
 
     /// 2032h.
-    pub(in crate::driver) const fn object(&self) -> JointEncoderObject {
+    pub(crate) const fn object(&self) -> JointEncoderObject {
         JointEncoderObject {
             difference_rad: self.difference_rad.to_bits(),
             state: self.state as u32,
@@ -142,13 +126,13 @@ impl<F: NorFlash> Device<F> {
     /// Evaluates the frame of a report.
     #[inline(never)]
     pub(super) fn step_joint_encoder(&mut self) {
-        let is_own = self.settings.source == InputSource::Sensors;
+        let is_own = self.base.settings.source == InputSource::Sensors;
         let words = self.joint_encoder.words;
         if !is_own || words.is_none() {
             return;
         }
-        let drives = self.is_bridge_in_use() && !self.motion.is_measuring_motor();
-        let (report, set) = (self.current_loop.report(), self.staging.active());
+        let drives = self.base.is_bridge_in_use() && !self.motion.is_measuring_motor();
+        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
         let (sensors, motor, side) = (&set.sensors, &set.motor, &mut self.joint_encoder);
         side.turned += i64::from(report.rotor_angle.wrapping_sub(side.rotor) as i32);
         side.rotor = report.rotor_angle;

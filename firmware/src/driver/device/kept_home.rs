@@ -27,14 +27,14 @@ impl<F: NorFlash> Device<F> {
     /// Sets the kept home once the encoder is read and the joint is at rest. Called with each report.
     #[inline(never)]
     pub(super) fn restore_home(&mut self) {
-        let report = self.current_loop.report();
+        let report = self.base.current_loop.report();
         let is_lost = report.loop_flags.contains(LoopFlags::ENCODER_LOST);
         match self.home {
             HomeState::Settled => {}
             HomeState::Kept(kept) => {
                 let Some(encoder) = self.angle_from_zero(report) else { return };
                 let turned_rad = report.turned_rad;
-                let (turns, set) = (self.turn_readings.turns(), self.staging.active());
+                let (turns, set) = (self.turn_readings.turns(), self.base.staging.active());
                 if has_turns(set) && kept.turns.is_some() && turns.is_none() {
                     return;
                 }
@@ -44,23 +44,23 @@ impl<F: NorFlash> Device<F> {
                     }
                     Err(why) => {
                         self.home = HomeState::Settled;
-                        let _ = self.staging.refuse(Abort::State, why);
+                        let _ = self.base.staging.refuse(Abort::State, why);
                     }
                 }
             }
             HomeState::Known(_, [position_rad, turned_rad])
-                if self.seen().is_standing() && !is_lost =>
+                if self.base.is_standing() && !is_lost =>
             {
                 let now_rad = position_rad + report.turned_rad - turned_rad;
                 self.home = HomeState::Settled;
-                self.current_loop.set_home(now_rad);
+                self.base.current_loop.set_home(now_rad);
             }
             HomeState::Known(..) => {}
         }
     }
 
     /// Returns the home to keep; `None` if none is known.
-    pub(in crate::driver) fn kept_home(&self) -> Option<KeptHome> {
+    pub(crate) fn kept_home(&self) -> Option<KeptHome> {
         if let HomeState::Kept(kept) | HomeState::Known(kept, _) = self.home {
             return Some(kept);
         }
@@ -69,8 +69,8 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns angle and position of the last report; `None` without an angle. The position is NaN before homing.
     pub(super) fn measured_home(&self) -> Option<KeptHome> {
-        let (report, set) = (self.current_loop.report(), self.staging.active());
-        let is_own = self.settings.source == InputSource::Sensors && is_absolute(set);
+        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
+        let is_own = self.base.settings.source == InputSource::Sensors && is_absolute(set);
         let is_known = is_own && !self.turn_readings.contradict();
         let encoder = self.angle_from_zero(report).filter(|_| is_known)?;
         Some(KeptHome {
@@ -78,7 +78,7 @@ impl<F: NorFlash> Device<F> {
             encoder: encoder as u32,
             shaft: shaft_number(set),
             turns: self.turn_readings.turns(),
-            may_move: self.is_bridge_in_use() || !self.seen().is_standing(),
+            may_move: self.base.is_bridge_in_use() || !self.base.is_standing(),
         })
     }
 }

@@ -15,8 +15,8 @@ const REFUSED: u8 = 255;
 impl<F: NorFlash> Device<F> {
     /// Processes a frame of the LSS master. Returns true if the joint must restart its communication, because it has
     /// its first node number.
-    pub(in crate::driver) fn configure(&mut self, frame: &Frame) -> bool {
-        let identity = self.identity.object().words();
+    pub(crate) fn configure(&mut self, frame: &Frame) -> bool {
+        let identity = self.base.identity.object().words();
         let node = if self.memory.is_blank() { NO_NODE } else { self.node_in_use().number() };
         let request = frame.data().first().copied().unwrap_or_default();
         let code = match self.lss.receive(frame, &identity, node) {
@@ -58,7 +58,7 @@ impl<F: NorFlash> Device<F> {
 
     fn send_lss(&mut self, answer: [u8; 8]) {
         if let Some(frame) = Frame::new(LSS_ANSWER, &answer) {
-            self.outbox.push(frame);
+            self.base.outbox.push(frame);
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Motion within the device: what it sees, what it orders, and the objects whose writing needs more than motion.
 
 use super::Device;
-use crate::driver::motion::{Motion, Refused, Seen, Target};
+use crate::driver::motion::{Motion, Refused, Target};
 use crate::driver::profile::DriveRequest;
 use crate::driver::profile::stop::{StopCause, StopReaction};
+use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
 use crate::node_settings::InputSource;
 use compensator_core::can::Frame;
@@ -11,48 +12,23 @@ use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
-    /// Returns what motion sees.
-    #[inline(never)]
-    pub(in crate::driver) fn seen(&self) -> Seen<'_> {
-        Seen {
-            now_us: self.now_us,
-            settings: &self.settings,
-            set: self.staging.active(),
-            report: self.current_loop.report(),
-            supervisor: &self.supervisor,
-            received: &self.received,
-            is_hil_armed: self.samples.is_hil_armed(),
-            inputs: self.samples.inputs(),
-        }
-    }
-
     /// Runs a step of motion, and executes what it orders.
-    pub(super) fn move_by(&mut self, step: fn(&mut Motion, &Seen<'_>)) {
-        self.move_with(&mut |motion, seen| step(motion, seen));
+    pub(super) fn move_by(&mut self, step: fn(&mut Motion, &JointBase)) {
+        self.move_with(&mut |motion, joint| step(motion, joint));
     }
 
     /// Runs a step of motion with arguments.
     // One copy for all steps: each would take 100 bytes.
     #[inline(never)]
-    pub(super) fn move_with(&mut self, step: &mut dyn FnMut(&mut Motion, &Seen<'_>)) {
-        let seen = Seen {
-            now_us: self.now_us,
-            settings: &self.settings,
-            set: self.staging.active(),
-            report: self.current_loop.report(),
-            supervisor: &self.supervisor,
-            received: &self.received,
-            is_hil_armed: self.samples.is_hil_armed(),
-            inputs: self.samples.inputs(),
-        };
-        step(&mut self.motion, &seen);
+    pub(super) fn move_with(&mut self, step: &mut dyn FnMut(&mut Motion, &JointBase)) {
+        step(&mut self.motion, &self.base);
         self.execute_orders();
     }
 
     /// Reports a refusal.
     #[inline(never)]
-    pub(in crate::driver) fn refuse(&mut self, Refused(abort, why): Refused) -> Abort {
-        self.staging.refuse(abort, why)
+    pub(crate) fn refuse(&mut self, Refused(abort, why): Refused) -> Abort {
+        self.base.staging.refuse(abort, why)
     }
 
     #[inline(never)]
@@ -65,14 +41,14 @@ impl<F: NorFlash> Device<F> {
             let _ = self.set_position(home_rad);
         }
         if orders.confirms {
-            self.supervisor.record_command(self.now_us);
-            if self.settings.source == InputSource::Bus {
-                let current_a = self.motion.torque_mode_current_a(&self.seen());
+            self.base.supervisor.record_command(self.base.now_us);
+            if self.base.settings.source == InputSource::Bus {
+                let current_a = self.motion.torque_mode_current_a(&self.base);
                 self.samples.set_hil_command(current_a);
             }
         }
         if let Some(code) = orders.trips {
-            self.supervisor.trip(code);
+            self.base.supervisor.trip(code);
         }
         if orders.disarms {
             self.disarm();
@@ -80,13 +56,13 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6079h, mV; 0 if it is not measured.
-    pub(in crate::driver) fn bus_millivolts(&self) -> u32 {
-        (self.current_loop.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
+    pub(crate) fn bus_millivolts(&self) -> u32 {
+        (self.base.current_loop.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
     }
 
     /// 603Fh: the emergency code of the first fault; 0 for none.
-    pub(in crate::driver) fn error_code(&self) -> u16 {
-        self.supervisor.faults().iter().next().map_or(0, |code| code.info().emergency)
+    pub(crate) fn error_code(&self) -> u16 {
+        self.base.supervisor.faults().iter().next().map_or(0, |code| code.info().emergency)
     }
 
     /// 6040h. Returns an error if the supervisor refuses.
@@ -96,7 +72,7 @@ impl<F: NorFlash> Device<F> {
             return Ok(());
         }
         self.move_by(Motion::confirm_target);
-        let (fault, armed) = (self.seen().is_faulty(), self.is_armed());
+        let (fault, armed) = (self.base.is_faulty(), self.is_armed());
         let request = self.motion.profile.control(controlword, fault, armed);
         self.motion.watch_homing();
         match request {
@@ -123,21 +99,21 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// 6060h.
-    pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
-        let begins_anew = !self.is_bridge_in_use();
+    pub(crate) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
+        let begins_anew = !self.base.is_bridge_in_use();
         let mut taken = Ok(());
-        self.move_with(&mut |motion, seen| taken = motion.set_mode(seen, mode));
+        self.move_with(&mut |motion, joint| taken = motion.set_mode(joint, mode));
         taken.map_err(|refused| self.refuse(refused))?;
         if begins_anew {
-            self.received.reset_command();
+            self.base.received.reset_command();
         }
         Ok(())
     }
 
     /// Receive PDO 1.
-    pub(in crate::driver) fn take_drive_frame(&mut self, frame: &Frame) {
+    pub(crate) fn take_drive_frame(&mut self, frame: &Frame) {
         let Some(target) = Target::parse(frame.data()) else {
-            return self.counters.count_wrong_length();
+            return self.base.counters.count_wrong_length();
         };
         // A refusal is reported as for an object (2028h), and in the statusword.
         let _ = self.take_target(&target);
@@ -147,15 +123,15 @@ impl<F: NorFlash> Device<F> {
     ///
     /// # Errors
     /// The supervisor refuses what the controlword requests.
-    pub(in crate::driver) fn take_target(&mut self, target: &Target) -> Result<(), Abort> {
-        self.move_with(&mut |motion, seen| motion.set_target(seen, target));
+    pub(crate) fn take_target(&mut self, target: &Target) -> Result<(), Abort> {
+        self.move_with(&mut |motion, joint| motion.set_target(joint, target));
         target.controlword.map_or(Ok(()), |controlword| self.set_controlword(controlword))
     }
 
     /// Refreshes the age of the target at the monitored heartbeat, if the targets have no deadline (1400h:5).
-    pub(in crate::driver) fn confirm_target_by_heartbeat(&mut self, now_us: u64) {
-        if self.settings.target_timeout_ms == 0 {
-            self.now_us = now_us;
+    pub(crate) fn confirm_target_by_heartbeat(&mut self, now_us: u64) {
+        if self.base.settings.target_timeout_ms == 0 {
+            self.base.now_us = now_us;
             self.move_by(Motion::confirm_target);
         }
     }
@@ -163,30 +139,24 @@ impl<F: NorFlash> Device<F> {
     /// Forgets the last target, or Command frame: the next one begins anew.
     #[inline(never)]
     pub(super) fn forget_command(&mut self) {
-        self.received.reset_command();
+        self.base.received.reset_command();
         self.motion.targets = Default::default();
     }
 
-    /// Returns true if the bridge is in use: parameters must not change.
-    #[inline(never)]
-    pub(in crate::driver) fn is_bridge_in_use(&self) -> bool {
-        self.is_armed() || self.supervisor.is_stopping()
-    }
-
     /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.
-    pub(in crate::driver) fn stop_connection(&mut self) {
+    pub(crate) fn stop_connection(&mut self) {
         self.trial.lose_connection();
-        if self.supervisor.is_stopping() {
+        if self.base.supervisor.is_stopping() {
             return;
         }
         self.motion.profile.stop_connection();
-        let reaction = self.settings.drive.reaction(StopCause::ConnectionLost);
+        let reaction = self.base.settings.drive.reaction(StopCause::ConnectionLost);
         match reaction {
             StopReaction::Ramp(deceleration)
-                if self.supervisor.is_armed() && self.motion.can_ramp(&self.seen()) =>
+                if self.base.supervisor.is_armed() && self.motion.can_ramp(&self.base) =>
             {
-                self.move_with(&mut |motion, seen| {
-                    motion.begin_stop(seen, StopCause::ConnectionLost, deceleration)
+                self.move_with(&mut |motion, joint| {
+                    motion.begin_stop(joint, StopCause::ConnectionLost, deceleration)
                 });
             }
             _ => {
@@ -197,44 +167,44 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes a setting of the drive. Any other object is read-only here.
-    pub(in crate::driver) fn set_drive_setting(
+    pub(crate) fn set_drive_setting(
         &mut self,
         at_index: u16,
         sub_index: u8,
         word: u32,
     ) -> Result<(), Abort> {
-        let mut changed = self.settings.drive;
+        let mut changed = self.base.settings.drive;
         let written = changed.set(at_index, sub_index, word).ok_or(Abort::ReadOnly)?;
-        written.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        written.map_err(|error| self.base.staging.refuse(Abort::Value, error))?;
         if changed.has_short() && !self.set().motor.is_short_bounded() {
             let why = text!(
                 "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s"
             );
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.base.staging.refuse(Abort::Value, why));
         }
-        self.settings.drive = changed;
+        self.base.settings.drive = changed;
         Ok(())
     }
 
     /// 2030h:11: starts (1) or ends (0) a test on request.
-    pub(in crate::driver) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
+    pub(crate) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
         if order == 0 {
             if self.motion.brake_test.is_running() {
                 self.disarm();
             }
             return Ok(());
         }
-        let drive = &self.settings.drive;
+        let drive = &self.base.settings.drive;
         let why = if drive.brake_output == 0 {
             text!("the joint has no holding brake that could be tested (2030h:1)")
         } else if drive.brake_test_torque == 0 {
             text!("2030h:7 = 0: set the torque of the brake test first")
         } else {
             self.may_begin()?;
-            self.arm_supervisor()?;
+            self.base.arm()?;
             self.motion.begin_brake_test(true);
             return Ok(());
         };
-        Err(self.staging.refuse(Abort::State, why))
+        Err(self.base.staging.refuse(Abort::State, why))
     }
 }

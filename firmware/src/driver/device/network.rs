@@ -101,15 +101,15 @@ impl<F: NorFlash> Device<F> {
     /// Returns the network's factors for the law, if there is a network. It is evaluated at its own rate while friction is
     /// compensated.
     pub fn supply(&mut self, covariates: &Covariates, now_us: u64) -> Option<Factors<f32>> {
-        let compensates =
-            self.supervisor.is_bridge_allowed() && self.supervisor.is_compensation_allowed();
-        self.network.supply(compensates, self.current_loop.report(), covariates, now_us)
+        let compensates = self.base.supervisor.is_bridge_allowed()
+            && self.base.supervisor.is_compensation_allowed();
+        self.network.supply(compensates, self.base.current_loop.report(), covariates, now_us)
     }
 
     /// Returns the network object: zeros and factors of 1 if there is no network.
-    pub(in crate::driver) fn network_state(&self) -> NetworkObject {
+    pub(crate) fn network_state(&self) -> NetworkObject {
         let has = self.set().network.is_some();
-        let guard = match self.settings.source {
+        let guard = match self.base.settings.source {
             InputSource::Bus => self.samples.network_guard(),
             InputSource::Sensors => self.network.guard(),
         };

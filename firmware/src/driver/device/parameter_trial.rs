@@ -83,9 +83,9 @@ impl ParameterTrial {
 
 impl<F: NorFlash> Device<F> {
     /// Returns the present values.
-    pub(in crate::driver) fn trial_object(&self) -> TrialObject {
+    pub(crate) fn trial_object(&self) -> TrialObject {
         let left_us = match self.trial.state {
-            TrialState::Open => self.trial.deadline_us.saturating_sub(self.now_us),
+            TrialState::Open => self.trial.deadline_us.saturating_sub(self.base.now_us),
             _ => 0,
         };
         TrialObject {
@@ -96,7 +96,7 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    pub(in crate::driver) fn write_trial(&mut self, place: u8, number: u32) -> Result<(), Abort> {
+    pub(crate) fn write_trial(&mut self, place: u8, number: u32) -> Result<(), Abort> {
         if place == TrialObject::DEADLINE {
             return self.open_trial(number as u16);
         }
@@ -107,14 +107,14 @@ impl<F: NorFlash> Device<F> {
             (RETURN, TrialState::Returning) => {}
             (KEEP | RETURN | KEEP_AND_SAVE, _) => {
                 let why = text!("no parameter set is on trial");
-                return Err(self.staging.refuse(Abort::State, why));
+                return Err(self.base.staging.refuse(Abort::State, why));
             }
             (order, _) => {
                 let why = refusal!(
                     "order = {u32}: must be 1 (keep), 2 (return) or 3 (keep and save)",
                     order
                 );
-                return Err(self.staging.refuse(Abort::Value, why));
+                return Err(self.base.staging.refuse(Abort::Value, why));
             }
         }
         Ok(())
@@ -123,8 +123,8 @@ impl<F: NorFlash> Device<F> {
     /// Stores what is on trial, and ends the trial. If the store refuses, the trial stays open: a host that is lost then
     /// leaves the stored values.
     fn keep_and_save(&mut self) -> Result<(), Abort> {
-        if self.is_bridge_in_use() {
-            return Err(self.refuse_armed());
+        if self.base.is_bridge_in_use() {
+            return Err(self.base.refuse_armed());
         }
         if !self.trial.has_failed_save {
             self.trial.sequence = self.memory.store_mut().newest_sequence();
@@ -140,35 +140,38 @@ impl<F: NorFlash> Device<F> {
     /// Opens the trial, or renews it.
     fn open_trial(&mut self, deadline_ms: u16) -> Result<(), Abort> {
         if !(100..=60_000).contains(&deadline_ms) {
-            return Err(self.refuse_setting(text!("deadline_ms"), text!("100 to 60000")));
+            return Err(self.base.refuse_setting(text!("deadline_ms"), text!("100 to 60000")));
         }
         if self.trial.state != TrialState::Open {
             self.begin_trial()?;
         }
-        self.trial.deadline_us = self.now_us.saturating_add(u64::from(deadline_ms) * 1000);
+        self.trial.deadline_us = self.base.now_us.saturating_add(u64::from(deadline_ms) * 1000);
         Ok(())
     }
 
     fn begin_trial(&mut self) -> Result<(), Abort> {
-        if self.is_bridge_in_use() {
-            return Err(self.refuse_armed());
+        if self.base.is_bridge_in_use() {
+            return Err(self.base.refuse_armed());
         }
         self.finish_trial();
         if let Some(why) = self.update_blocks_arming() {
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
-        let faults = self.supervisor.faults();
+        let faults = self.base.supervisor.faults();
         if !faults.is_empty() {
-            self.blocking = faults.fault_bits();
-            return Err(self.staging.refuse(Abort::State, self.supervisor.remaining(faults)));
+            self.base.blocking = faults.fault_bits();
+            return Err(self
+                .base
+                .staging
+                .refuse(Abort::State, self.base.supervisor.remaining(faults)));
         }
         if !self.is_newest_in_use() {
             let why = text!(
                 "parameters or drive settings are not those in the flash: save them first (1010h:1)"
             );
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
-        let stored_crc = self.staging.crcs().0;
+        let stored_crc = self.base.staging.crcs().0;
         self.trial =
             ParameterTrial { state: TrialState::Open, stored_crc, ..ParameterTrial::default() };
         Ok(())
@@ -180,16 +183,16 @@ impl<F: NorFlash> Device<F> {
         let mut set = ParameterSet::default();
         let stored = self.memory.recall(StoredBlock::Newest, &mut set);
         stored.is_some_and(|stored| {
-            set.crc() == self.staging.crcs().0 && stored.drive == self.settings.drive
+            set.crc() == self.base.staging.crcs().0 && stored.drive == self.base.settings.drive
         })
     }
 
     /// Refuses what would bring a trial into the flash, or interrupt it.
     #[inline(never)]
-    pub(in crate::driver) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
+    pub(crate) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
         if self.trial.is_open() {
             let why = text!("a parameter set is on trial: keep it or return first (2042h:2)");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         Ok(())
     }
@@ -197,7 +200,7 @@ impl<F: NorFlash> Device<F> {
     /// Ends the trial by its deadline, a fault or a lost connection. Called once per tick.
     #[inline(never)]
     pub(super) fn watch_trial(&mut self, heartbeat_lost: bool) {
-        let faults = self.supervisor.faults();
+        let faults = self.base.supervisor.faults();
         let has_fault = !faults.is_empty();
         // A lost heartbeat is no fault of a joint that is not armed.
         let cause =
@@ -205,7 +208,7 @@ impl<F: NorFlash> Device<F> {
                 TrialState::ConnectionLost
             } else if has_fault {
                 TrialState::Fault
-            } else if self.now_us >= self.trial.deadline_us {
+            } else if self.base.now_us >= self.trial.deadline_us {
                 TrialState::Expired
             } else {
                 return self.finish_trial();
@@ -217,7 +220,7 @@ impl<F: NorFlash> Device<F> {
     fn end_trial(&mut self, cause: TrialState) {
         let is_open = self.trial.state == TrialState::Open;
         self.trial.end(cause);
-        if is_open && self.is_bridge_in_use() {
+        if is_open && self.base.is_bridge_in_use() {
             self.stop_connection();
         }
         self.finish_trial();
@@ -225,7 +228,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns to the stored values if a return is due and the bridge is not in use.
     pub(super) fn finish_trial(&mut self) {
-        if self.trial.state != TrialState::Returning || self.is_bridge_in_use() {
+        if self.trial.state != TrialState::Returning || self.base.is_bridge_in_use() {
             return;
         }
         self.trial.state = self.trial.cause;
@@ -238,54 +241,56 @@ impl<F: NorFlash> Device<F> {
                 self.memory.mark_undone();
             }
             if self.memory.store().health() == StoreHealth::Empty {
-                self.supervisor.set_parameter_source(ParameterSource::Default);
+                self.base.supervisor.set_parameter_source(ParameterSource::Default);
             }
             return;
         }
         // The flash has lost the set since the trial began: the defaults, as at a start.
-        let _ = self.staging.load(&[]);
-        self.settings.drive = self.memory.defaults().drive;
-        self.settings.tuning = TuningRecord::default();
+        let _ = self.base.staging.load(&[]);
+        self.base.settings.drive = self.memory.defaults().drive;
+        self.base.settings.tuning = TuningRecord::default();
         self.build_hil();
-        let _ = self.supervisor.configure(&self.staging.active().thresholds);
-        self.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
+        let _ = self.base.supervisor.configure(&self.base.staging.active().thresholds);
+        self.base.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
         self.follow_set();
-        let built = LoopParts::build(self.staging.active(), self.identity.stage, PERIOD_S);
-        self.start.set_refused(built.err());
+        let built =
+            LoopParts::build(self.base.staging.active(), self.base.identity.stage, PERIOD_S);
+        self.base.start.set_refused(built.err());
     }
 
     /// Makes a stored set active, with the settings of the drive and the record of the tuning beside it, if it has this CRC. Otherwise nothing changes
     /// but the staged set. Returns true if it is active.
     #[inline(never)]
     fn adopt(&mut self, from: StoredBlock, crc: u32) -> bool {
-        let before = self.settings;
-        let is_adopted = match self.memory.recall(from, self.staging.staged_mut()) {
+        let before = self.base.settings;
+        let is_adopted = match self.memory.recall(from, self.base.staging.staged_mut()) {
             Some(stored) => {
-                let wiring = self.staging.staged().wiring_crc();
-                (self.settings.drive, self.settings.tuning) = (stored.drive, stored.tuning);
+                let wiring = self.base.staging.staged().wiring_crc();
+                (self.base.settings.drive, self.base.settings.tuning) =
+                    (stored.drive, stored.tuning);
                 // A confirmation of this wiring since the save stays.
                 if before.commissioned != wiring {
-                    self.settings.commissioned = stored.commissioned;
+                    self.base.settings.commissioned = stored.commissioned;
                 }
                 if before.proven != wiring {
-                    self.settings.proven = stored.proven;
+                    self.base.settings.proven = stored.proven;
                 }
                 self.commit(crc).is_ok()
             }
             None => false,
         };
-        self.supervisor.set_store_health(self.memory.store().health());
+        self.base.supervisor.set_store_health(self.memory.store().health());
         if !is_adopted {
-            self.settings = before;
-            self.staging.discard();
+            self.base.settings = before;
+            self.base.staging.discard();
         }
         is_adopted
     }
 
     /// Writes the record of the tuning, or undoes it.
-    pub(in crate::driver) fn write_tuning(&mut self, place: u8, number: u32) -> Result<(), Abort> {
+    pub(crate) fn write_tuning(&mut self, place: u8, number: u32) -> Result<(), Abort> {
         if place != TuningObject::UNDO {
-            let word = self.settings.tuning.get_mut(usize::from(place).wrapping_sub(1));
+            let word = self.base.settings.tuning.get_mut(usize::from(place).wrapping_sub(1));
             *word.ok_or(Abort::NoSubIndex)? = number;
             return Ok(());
         }
@@ -293,11 +298,11 @@ impl<F: NorFlash> Device<F> {
             return Err(Abort::Value);
         }
         self.refuse_in_trial()?;
-        if !self.adopt(StoredBlock::Former, self.settings.tuning[SET_BEFORE]) {
+        if !self.adopt(StoredBlock::Former, self.base.settings.tuning[SET_BEFORE]) {
             let why = text!("the flash does not hold the set from before the tuning (2043h:3)");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
-        self.settings.tuning = TuningRecord::default();
+        self.base.settings.tuning = TuningRecord::default();
         self.memory.mark_undone();
         Ok(())
     }

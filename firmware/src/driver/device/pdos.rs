@@ -104,7 +104,8 @@ impl<F: NorFlash> Device<F> {
         if let Some(Some(given)) = self.pdos.transmit.get(slot).map(|pdo| pdo.identifier) {
             return given;
         }
-        let of_sensors = if self.settings.source == InputSource::Sensors { 0 } else { PDO_UNUSED };
+        let of_sensors =
+            if self.base.settings.source == InputSource::Sensors { 0 } else { PDO_UNUSED };
         let (base, unused) = match slot {
             0 => (cob_id::TPDO_1, 0),
             1 => (cob_id::TPDO_2, 0),
@@ -121,7 +122,7 @@ impl<F: NorFlash> Device<F> {
     /// Returns the transmission type of a transmit PDO that no master has set. In HIL each sample has its answers, and one
     /// frame of CAN FD has room for all PDOs.
     fn default_transmit_type(&self, slot: usize) -> u8 {
-        let settings = &self.settings;
+        let settings = &self.base.settings;
         let is_at_every_sync = [MOTION, DRIVE].contains(&slot)
             || settings.source == InputSource::Bus
             || self.sends_fd_telemetry()
@@ -141,7 +142,7 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     fn default_receive_identifier(&self, slot: usize) -> u32 {
         // A joint on its sensors sends Motion and Torque; a joint in HIL receives them with the same identifier.
-        let of_bus = if self.settings.source == InputSource::Bus { 0 } else { PDO_UNUSED };
+        let of_bus = if self.base.settings.source == InputSource::Bus { 0 } else { PDO_UNUSED };
         let (base, unused) = match slot {
             0 => (cob_id::RPDO_1, 0),
             1 => (cob_id::RPDO_2, 0),
@@ -168,7 +169,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the value of a PDO parameter, a mapping or a SYNC object.
-    pub(in crate::driver) fn pdo_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
+    pub(crate) fn pdo_number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
         match at_index {
             index::SYNC_PERIOD => return Ok(self.pdos.sync.period_us),
             index::SYNC_WINDOW => return Ok(self.pdos.sync.window_us),
@@ -184,7 +185,7 @@ impl<F: NorFlash> Device<F> {
                     _ if is_mapping => return pdo.mapping.number(place),
                     1 => self.receive_identifier(slot),
                     2 => pdo.kind.into(),
-                    5 => self.settings.target_timeout_ms.into(),
+                    5 => self.base.settings.target_timeout_ms.into(),
                     _ => 0,
                 })
             }
@@ -204,7 +205,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes a PDO parameter, a mapping or a SYNC object.
-    pub(in crate::driver) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
+    pub(crate) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
         let sync = &mut self.pdos.sync;
         match at.index {
             index::SYNC_PERIOD => {
@@ -227,11 +228,11 @@ impl<F: NorFlash> Device<F> {
         }
         if at.subindex == 2 && !is_legal_type(number) {
             let why = refusal!("transmission_type = {u32}: must be 0 to 240, 254 or 255", number);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.base.staging.refuse(Abort::Value, why));
         }
         if at.subindex == 6 && number > 240 {
             let why = refusal!("sync_start = {u32}: must be at most 240", number);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.base.staging.refuse(Abort::Value, why));
         }
         match direction {
             Direction::Receive => {
@@ -261,11 +262,11 @@ impl<F: NorFlash> Device<F> {
         if self.pdos.sync.period_us != 0 {
             let why =
                 text!("sync_counter_overflow: set the communication cycle (1006h) to 0 first");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         if number == 1 || number > 240 {
             let why = refusal!("sync_counter_overflow = {u32}: must be 0 or 2 to 240", number);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.base.staging.refuse(Abort::Value, why));
         }
         self.pdos.sync.overflow = number as u8;
         Ok(())
@@ -278,7 +279,7 @@ impl<F: NorFlash> Device<F> {
         let is_legal = (0x181..=0x57F).contains(&number) || (0x680..=0x6FF).contains(&number);
         if !is_legal && identifier & PDO_UNUSED == 0 {
             let why = refusal!("cob_id = {hex}h: must be 181h to 57Fh or 680h to 6FFh", identifier);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.base.staging.refuse(Abort::Value, why));
         }
         Ok(())
     }
@@ -303,14 +304,14 @@ impl<F: NorFlash> Device<F> {
         if identifier & PDO_UNUSED == 0 {
             let why =
                 text!("a mapping is changed while its PDO is disabled (bit 31 of the identifier)");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         let written = mapping.ok_or(Abort::NoObject)?.write(sub_index, number, direction);
         written.map_err(|abort| match abort {
             Abort::State => {
                 let why =
                     text!("an entry of a mapping is written while the count (sub-index 0) is 0");
-                self.staging.refuse(Abort::State, why)
+                self.base.staging.refuse(Abort::State, why)
             }
             other => other,
         })
@@ -318,7 +319,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Resets all PDOs to their defaults, when the communication restarts.
     pub(super) fn reset_pdos(&mut self) {
-        let settings = self.settings;
+        let settings = self.base.settings;
         if settings.node != self.pdos.node {
             // The inputs in HIL carry the node number.
             let _ = self.set_settings(settings);
@@ -350,7 +351,7 @@ impl<F: NorFlash> Device<F> {
         let Some(pdo) = self.pdos.receive.get_mut(slot) else { return };
         if pdo.kind <= LAST_SYNCHRONOUS {
             if is_late {
-                return count(&mut self.counters.outside_window, 1);
+                return count(&mut self.base.counters.outside_window, 1);
             }
             // The inputs of a sample wait for its SYNC anyway.
             let is_input = slot > LAST_EVENT_DRIVEN && pdo.mapping == Mapping::of_receive(slot);
@@ -365,7 +366,7 @@ impl<F: NorFlash> Device<F> {
     /// Writes the objects of a receive PDO.
     fn apply_pdo(&mut self, slot: usize, frame: &Frame, now_us: u64) {
         let Some(mapping) = self.pdos.receive.get(slot).map(|pdo| pdo.mapping) else { return };
-        self.now_us = now_us;
+        self.base.now_us = now_us;
         if mapping != Mapping::of_receive(slot) {
             return self.apply_mapped(mapping, frame);
         }
@@ -377,14 +378,14 @@ impl<F: NorFlash> Device<F> {
         let Some(frame) = Frame::new(identifier, frame.data()) else { return };
         match Message::parse(&frame) {
             Ok(message) => self.take(&message, &frame, node, now_us),
-            Err(FrameError::Length { .. }) => self.counters.count_wrong_length(),
-            Err(_) => count(&mut self.counters.wrong_content, 1),
+            Err(FrameError::Length { .. }) => self.base.counters.count_wrong_length(),
+            Err(_) => count(&mut self.base.counters.wrong_content, 1),
         }
     }
 
     fn apply_mapped(&mut self, mapping: Mapping, frame: &Frame) {
         if frame.data().len() < mapping.length() {
-            return self.counters.count_wrong_length();
+            return self.base.counters.count_wrong_length();
         }
         let (mut rest, mut target) = (frame.data(), Target::default());
         for object in mapping.objects() {
@@ -411,7 +412,7 @@ impl<F: NorFlash> Device<F> {
     /// Processes a SYNC with its counter, or a plain one.
     pub(super) fn take_sync(&mut self, counter: Option<u8>, now_us: u64) {
         let sync = self.pdos.sync.take(counter, now_us);
-        self.now_us = now_us;
+        self.base.now_us = now_us;
         for slot in 0..PDOS {
             let pending = self.pdos.receive.get_mut(slot).and_then(|pdo| pdo.pending.take());
             if let Some(frame) = pending {
@@ -424,8 +425,8 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn transmit_at_sync(&mut self, counter: Option<u8>, sync: SyncFrame, sequence: u32) {
-        let now_us = self.now_us;
-        let every = u32::from(self.settings.telemetry_every);
+        let now_us = self.base.now_us;
+        let every = u32::from(self.base.settings.telemetry_every);
         let has_telemetry = every > 0 && sequence.is_multiple_of(every);
         let mut fd = self.sends_fd_telemetry().then(|| {
             // The lower half of the time.
@@ -442,21 +443,21 @@ impl<F: NorFlash> Device<F> {
                     fd.put(slot, data);
                     is_empty = false;
                 }
-                _ => self.outbox.push(frame),
+                _ => self.base.outbox.push(frame),
             }
         }
         if let Some(mut fd) = fd
             && !is_empty
         {
             fd.put(DRIVE, self.mapped_data(&Mapping::of_transmit(DRIVE)));
-            self.outbox.set_fd(fd);
+            self.base.outbox.set_fd(fd);
         }
     }
 
     /// Returns true if the transmit PDOs go into a frame of CAN FD. A master that moves Telemetry, whose identifier this
     /// frame has, gets classic frames.
     fn sends_fd_telemetry(&self) -> bool {
-        self.settings.fd_telemetry && self.sends_fd && self.has_default_frame(TELEMETRY)
+        self.base.settings.fd_telemetry && self.sends_fd && self.has_default_frame(TELEMETRY)
     }
 
     /// Returns true if no master has changed identifier or content of a transmit PDO.
@@ -472,7 +473,7 @@ impl<F: NorFlash> Device<F> {
             if self.pdos.transmit.get(slot).is_some_and(TransmitPdo::is_event_driven)
                 && let Some((_, frame)) = self.due_frame(slot, None, now_us)
             {
-                self.outbox.push(frame);
+                self.base.outbox.push(frame);
             }
         }
     }

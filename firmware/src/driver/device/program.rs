@@ -44,7 +44,7 @@ enum RunningState {
 
 /// State of the program update.
 #[derive(Debug, Default)]
-pub(in crate::driver) struct ProgramState {
+pub(crate) struct ProgramState {
     /// `None` on a board without a second slot.
     session: Option<Session>,
     running: RunningState,
@@ -78,29 +78,29 @@ impl ProgramState {
     }
 
     /// Returns true once the restart into a new program, or out of a failed trial, is due.
-    pub(in crate::driver) fn is_restart_due(&self, now_us: u64) -> bool {
+    pub(crate) fn is_restart_due(&self, now_us: u64) -> bool {
         self.session.as_ref().is_some_and(|session| session.is_restart_due(now_us))
     }
 
     /// Returns object 1F51h: 1 if the program runs, 0 while an update is in progress.
-    pub(in crate::driver) fn control(&self) -> u32 {
+    pub(crate) fn control(&self) -> u32 {
         u32::from(!self.session.as_ref().is_some_and(Session::is_active))
     }
 
     /// Returns object 1F56h: CRC-32 of the running image and of the one in the other slot; 0 if unknown.
     #[inline(never)]
-    pub(in crate::driver) fn crcs(&self) -> [u32; 2] {
+    pub(crate) fn crcs(&self) -> [u32; 2] {
         let other = self.session.as_ref().map_or(0, |session| session.other().0);
         [self.image.map_or(0, |image| image.header.crc), other]
     }
 
     /// Returns object 1F57h.
-    pub(in crate::driver) fn flash_status(&self) -> u32 {
+    pub(crate) fn flash_status(&self) -> u32 {
         self.session.as_ref().map_or(63 << 1, Session::flash_status)
     }
 
     /// Returns object 2040h.
-    pub(in crate::driver) fn object(&self) -> ProgramObject {
+    pub(crate) fn object(&self) -> ProgramObject {
         let session = self.session.as_ref();
         let header = self.image.map(|image| image.header);
         let (received_bytes, receiving) = session.map_or((0, 0), Session::received);
@@ -135,32 +135,32 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Writes the next part of a package.
-    pub(in crate::driver) fn write_program(&mut self, bytes: &[u8]) -> Result<(), Abort> {
+    pub(crate) fn write_program(&mut self, bytes: &[u8]) -> Result<(), Abort> {
         self.refuse_in_trial()?;
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
-        let written = session.write(self.memory.flash_mut(), bytes, self.now_us);
-        written.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+        let written = session.write(self.memory.flash_mut(), bytes, self.base.now_us);
+        written.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
     }
 
     /// Executes a command of object 1F51h.
-    pub(in crate::driver) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
+    pub(crate) fn control_program(&mut self, command: u8) -> Result<(), Abort> {
         self.refuse_in_trial()?;
         if command == CLEAR && self.program.running == RunningState::Trial {
             // The other slot holds the only program that is known to work.
             let why = text!("this program is on trial: clear the other one after its confirmation");
-            return Err(self.staging.refuse(Abort::State, why));
+            return Err(self.base.staging.refuse(Abort::State, why));
         }
         if command == RESTART {
             self.note_ordered_restart();
         }
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
-        let done = session.control(self.memory.flash_mut(), command, self.now_us);
-        done.map_err(|error| self.staging.refuse(error.abort(), error.text()))
+        let done = session.control(self.memory.flash_mut(), command, self.base.now_us);
+        done.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
     }
 
     /// Notes that the bus orders the restart that follows: it does not count as a failure of a trial. If the mark fails,
     /// it does.
-    pub(in crate::driver) fn note_ordered_restart(&mut self) {
+    pub(crate) fn note_ordered_restart(&mut self) {
         if let ProgramState {
             session: Some(session),
             image: Some(image),
@@ -174,14 +174,16 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn no_updates(&mut self) -> Abort {
-        self.staging.refuse(Abort::Refused, text!("this board has no place for a second program"))
+        self.base
+            .staging
+            .refuse(Abort::Refused, text!("this board has no place for a second program"))
     }
 
     /// Verifies a package in parts, and confirms or ends a trial. Called once per tick.
     pub(super) fn tick_program(&mut self, now_us: u64) {
         let Some(session) = &mut self.program.session else { return };
         if let Err(error) = session.tick(self.memory.flash_mut(), now_us) {
-            self.staging.refuse(error.abort(), error.text());
+            self.base.staging.refuse(error.abort(), error.text());
         }
         if self.program.running == RunningState::Trial {
             self.tick_trial(now_us);
@@ -189,7 +191,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn tick_trial(&mut self, now_us: u64) {
-        let causes = self.supervisor.causes();
+        let causes = self.base.supervisor.causes();
         let is_blocked = BLOCKING_CODES.iter().any(|code| causes.contains(*code));
         match self.program.trial.step(&Times::DEFAULT, is_blocked, now_us) {
             Verdict::Runs => {}

@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Returns settings and state of the scope.
-    pub(in crate::driver) fn scope_object(&self) -> ScopeObject {
+    pub(crate) fn scope_object(&self) -> ScopeObject {
         let settings = &self.scope.settings;
         let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
         ScopeObject {
@@ -27,14 +27,14 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Returns the number of a signal of the scope, by its sub-index.
-    pub(in crate::driver) fn scope_signal(&self, sub_index: u8) -> Result<u32, Abort> {
+    pub(crate) fn scope_signal(&self, sub_index: u8) -> Result<u32, Abort> {
         let place = usize::from(sub_index).wrapping_sub(1);
         let number = self.scope.settings.signals.get(place).ok_or(Abort::NoSubIndex)?;
         Ok(u32::from(*number))
     }
 
     /// Writes an order or a setting of the scope. Settings act at the next start.
-    pub(in crate::driver) fn write_scope(
+    pub(crate) fn write_scope(
         &mut self,
         at_index: u16,
         sub_index: u8,
@@ -64,13 +64,13 @@ impl<F: NorFlash> Device<F> {
             0 => self.scope.stop(),
             1 => {
                 let started = self.scope.start();
-                started.map_err(|why| self.staging.refuse(Abort::Refused, why))?;
+                started.map_err(|why| self.base.staging.refuse(Abort::Refused, why))?;
             }
             2 => self.scope.request_trigger(),
             _ => {
                 let why =
                     text!("the order of the scope (2013h:1) is 0 (stop), 1 (start) or 2 (trigger)");
-                return Err(self.staging.refuse(Abort::Value, why));
+                return Err(self.base.staging.refuse(Abort::Value, why));
             }
         }
         Ok(())

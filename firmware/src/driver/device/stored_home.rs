@@ -44,7 +44,7 @@ pub(super) struct StoredHome {
 impl<F: NorFlash> Device<F> {
     /// Takes the home that the start found in flash. It is used if the board has kept none.
     pub(super) fn begin_stored_home(&mut self, found: FoundHome) {
-        let shaft = shaft_number(self.staging.active());
+        let shaft = shaft_number(self.base.staging.active());
         let home = match found {
             FoundHome::None => return,
             // A program on trial may follow an older one, which has moved the joint without a mark.
@@ -53,7 +53,7 @@ impl<F: NorFlash> Device<F> {
                 encoder: record.encoder,
                 shaft: record.shaft,
                 may_move: false,
-                turns: has_turns(self.staging.active()).then_some(record.turns),
+                turns: has_turns(self.base.staging.active()).then_some(record.turns),
             },
             _ => KeptHome { position_rad: 0.0, encoder: 0, shaft, may_move: true, turns: None },
         };
@@ -63,8 +63,8 @@ impl<F: NorFlash> Device<F> {
         } else {
             self.stored_home.recorded = Some(home);
         }
-        let is_own =
-            self.settings.source == InputSource::Sensors && is_absolute(self.staging.active());
+        let is_own = self.base.settings.source == InputSource::Sensors
+            && is_absolute(self.base.staging.active());
         if is_own && matches!(self.home, HomeState::Settled) {
             self.begin_home(Some(home));
         }
@@ -85,15 +85,15 @@ impl<F: NorFlash> Device<F> {
         let is_outdated = core::mem::take(&mut self.stored_home.is_outdated);
         if let Some(recorded) = self.stored_home.recorded {
             let is_near = present.is_some_and(|present| recorded.is_near(&present));
-            if is_near && !is_outdated && !self.is_bridge_in_use() {
+            if is_near && !is_outdated && !self.base.is_bridge_in_use() {
                 return;
             }
             self.mark_stored_home();
         }
-        let is_powered = self.seen().is_powered();
-        let is_held = self.settings.drive.brake_output != 0;
+        let is_powered = self.base.is_powered();
+        let is_held = self.base.settings.drive.brake_output != 0;
         let rest_us = if is_powered || !is_held { REST_US } else { FAILING_REST_US };
-        let (now_us, stored) = (self.now_us, &mut self.stored_home);
+        let (now_us, stored) = (self.base.now_us, &mut self.stored_home);
         let is_settled = matches!(self.home, HomeState::Settled);
         let is_stored =
             matches!(self.memory.store().health(), StoreHealth::Sound | StoreHealth::Reduced);
@@ -102,7 +102,7 @@ impl<F: NorFlash> Device<F> {
                 && home.position_rad.is_finite()
                 && is_settled
                 && !is_outdated
-                && (home.turns.is_some() || !has_turns(self.staging.active()))
+                && (home.turns.is_some() || !has_turns(self.base.staging.active()))
         });
         let Some(home) = home.filter(|_| is_stored) else {
             stored.rest_us = now_us;
@@ -124,18 +124,18 @@ impl<F: NorFlash> Device<F> {
         let written = self.memory.store_mut().append_home(&record, may_erase);
         self.stored_home.recorded = written.ok().map(|()| home);
         self.stored_home.rest_us = now_us;
-        self.supervisor.set_store_health(self.memory.store().health());
+        self.base.supervisor.set_store_health(self.memory.store().health());
     }
 
     /// Marks the record. If the flash fails, the joint is not armed: after a power cut its home would be wrong.
     fn mark_stored_home(&mut self) {
         if self.memory.store_mut().mark_home().is_ok() {
             self.stored_home.recorded = None;
-        } else if self.is_bridge_in_use() {
+        } else if self.base.is_bridge_in_use() {
             self.disarm();
             let why =
                 text!("the flash cannot mark the stored home as lost: the joint is not armed");
-            let _ = self.staging.refuse(Abort::Refused, why);
+            let _ = self.base.staging.refuse(Abort::Refused, why);
         }
     }
 }

@@ -12,7 +12,7 @@ impl<F: NorFlash> Device<F> {
     /// Returns the live terms of the model in use, a bit per term by its number.
     ///
     /// A term that needs only the motion is always live. So is one whose column is selected by a parameter.
-    pub(in crate::driver) fn live_terms(&self) -> u32 {
+    pub(crate) fn live_terms(&self) -> u32 {
         let terms = self.set().friction.model.terms.iter();
         terms.filter(|kind| self.is_live(**kind)).fold(0, |bits, kind| bits | 1 << *kind as u8)
     }
@@ -20,11 +20,11 @@ impl<F: NorFlash> Device<F> {
     fn is_live(&self, kind: TermKind) -> bool {
         let Some(quantity) = kind.reads() else { return true };
         if quantity == Quantity::Position {
-            return self.seen().is_position_known();
+            return self.base.is_position_known();
         }
-        let mut covariates = match self.settings.source {
-            InputSource::Sensors => *self.seal_sensors.covariates(),
-            InputSource::Bus => self.received.covariates(0.0, self.now_us),
+        let mut covariates = match self.base.settings.source {
+            InputSource::Sensors => *self.base.seal_sensors.covariates(),
+            InputSource::Bus => self.base.received.covariates(0.0, self.base.now_us),
         };
         let hold_s = self.set().friction.compensator.hold_s;
         covariates.get_mut(quantity).is_none_or(|reading| {
@@ -33,7 +33,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Logs the law and its terms.
-    pub(in crate::driver) fn log_model(&self) {
+    pub(crate) fn log_model(&self) {
         let model = &self.set().friction.model;
         log!(info, "law {=u8}, terms: {=usize}", model.law as u8, model.terms.len());
         for _kind in &model.terms {

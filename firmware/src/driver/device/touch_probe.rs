@@ -43,7 +43,7 @@ const NEAR_ZERO: u32 = 1 << 30;
 
 /// State of both probes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct TouchProbes {
+pub(crate) struct TouchProbes {
     /// 60B8h.
     pub function: u16,
     /// 60B9h.
@@ -77,13 +77,13 @@ impl TouchProbes {
 
 impl<F: NorFlash> Device<F> {
     /// 60B8h. A rising bit 0 (8) enables a probe anew.
-    pub(in crate::driver) fn set_touch_function(&mut self, word: u16) -> Result<(), Abort> {
+    pub(crate) fn set_touch_function(&mut self, word: u16) -> Result<(), Abort> {
         let sources = [word, word >> 8].map(|half| half & function::SOURCE);
         if sources.iter().any(|source| *source > function::SOURCE_ZERO) {
             let why = text!(
                 "touch_probe_function: the source (bits 2, 3 and 10, 11) must be 0 (input) or 1 (zero of the encoder)"
             );
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.base.staging.refuse(Abort::Value, why));
         }
         let probes = &mut self.touch;
         for (probe, ignored) in probes.ignored.iter_mut().enumerate() {
@@ -101,7 +101,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Takes the edges of a report.
     pub(super) fn step_touch_probes(&mut self) {
-        let report = self.current_loop.report();
+        let report = self.base.current_loop.report();
         let input = self.edges_of_input(report);
         let from_zero = self.angle_from_zero(report);
         let before = self.touch.from_zero;
@@ -131,7 +131,7 @@ impl<F: NorFlash> Device<F> {
     fn edges_of_input(&self, report: &LoopReport) -> [Option<i32>; 2] {
         [report.touch.rise, report.touch.fall].map(|angle| {
             let from_report = angle?.wrapping_sub(report.rotor_angle) as i32;
-            let later_s = 0.5 * PERIOD_S + self.identity.stage.encoder_age_s;
+            let later_s = 0.5 * PERIOD_S + self.base.identity.stage.encoder_age_s;
             Some(self.micro_at_angle(report, from_report, later_s))
         })
     }

@@ -98,23 +98,25 @@ impl<F: NorFlash> Device<F> {
         let Some(learner) = self.adaptation.learner() else { return };
         self.trend.count(learner);
         // A joint in HIL repeats the torques of another one.
-        if self.is_bridge_in_use() || self.settings.source == InputSource::Bus {
+        if self.base.is_bridge_in_use() || self.base.settings.source == InputSource::Bus {
             return;
         }
-        let set_level_nm = self.staging.active().friction.model.get(ParameterId::CoulombTorque);
+        let set_level_nm =
+            self.base.staging.active().friction.model.get(ParameterId::CoulombTorque);
         let Some(entry) = self.trend.due_entry(learner, set_level_nm) else { return };
         let may_erase = !self.memory.is_undone();
         // Without a stored set or with a worn flash, the next attempt follows after more learning.
         let _ = self.memory.store_mut().append_trend(&entry, may_erase);
-        self.supervisor.set_store_health(self.memory.store().health());
+        self.base.supervisor.set_store_health(self.memory.store().health());
         self.trend.unrecorded_s = 0.0;
         self.trend.recorded = LastEntry { learnt: entry.learnt, level_nm: entry.level_nm };
     }
 
     /// Returns the length of the stored trend, bytes.
-    pub(in crate::driver) fn trend_length(&mut self) -> Result<usize, Abort> {
+    pub(crate) fn trend_length(&mut self) -> Result<usize, Abort> {
         match self.memory.store_mut().trend_length() {
             0 => Err(self
+                .base
                 .staging
                 .refuse(Abort::Refused, text!("no trend of learnt levels is stored"))),
             length => Ok(length),
@@ -122,7 +124,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Reads a part of the stored trend.
-    pub(in crate::driver) fn read_trend(&mut self, offset: usize, part: &mut [u8]) {
+    pub(crate) fn read_trend(&mut self, offset: usize, part: &mut [u8]) {
         self.memory.store_mut().read_trend(offset, part);
     }
 }

@@ -11,9 +11,10 @@
 //! There is no clock. A day is 2030h:10 hours of operation since the last test that the brake passed, and the first arming
 //! after a start always tests.
 
-use super::{Motion, Refused, Seen};
+use super::{Motion, Refused};
 use crate::control::LoopFlags;
 use crate::driver::angle::micro;
+use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
 use crate::node_settings::InputSource;
 use compensator_core::refusal;
@@ -33,7 +34,7 @@ const HOUR_US: u64 = 3_600_000_000;
 
 /// Result of the last test, 2030h:12.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::driver) enum BrakeTestResult {
+pub(crate) enum BrakeTestResult {
     /// None since the start.
     #[default]
     None = 0,
@@ -65,7 +66,7 @@ struct Run {
 
 /// The test of the holding brake.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct BrakeTest {
+pub(crate) struct BrakeTest {
     run: Option<Run>,
     result: BrakeTestResult,
     /// Largest way forwards and back, rad.
@@ -76,22 +77,22 @@ pub(in crate::driver) struct BrakeTest {
 
 impl BrakeTest {
     /// Returns true while a test runs.
-    pub(in crate::driver) const fn is_running(&self) -> bool {
+    pub(crate) const fn is_running(&self) -> bool {
         self.run.is_some()
     }
 
     /// Returns the current of the test, A.
-    pub(in crate::driver) fn current_a(&self) -> f32 {
+    pub(crate) fn current_a(&self) -> f32 {
         self.run.map_or(0.0, |run| run.current_a)
     }
 
     /// Returns true while a test runs that needs no targets.
-    pub(in crate::driver) fn is_requested(&self) -> bool {
+    pub(crate) fn is_requested(&self) -> bool {
         self.run.is_some_and(|run| run.is_requested)
     }
 
     /// Returns true if the last test found a brake that does not hold, or could not press.
-    pub(in crate::driver) const fn has_failed(&self) -> bool {
+    pub(crate) const fn has_failed(&self) -> bool {
         matches!(self.result, BrakeTestResult::Slipped | BrakeTestResult::NoTorque)
     }
 }
@@ -103,12 +104,12 @@ fn ramp(elapsed_ms: u32, from_ms: u32, length_ms: u32) -> f32 {
 
 impl Motion {
     /// Returns true if arming tests the brake now.
-    pub(in crate::driver) fn is_brake_test_due(&self, seen: &Seen<'_>) -> bool {
-        let drive = &seen.settings.drive;
+    pub(crate) fn is_brake_test_due(&self, joint: &JointBase) -> bool {
+        let drive = &joint.settings.drive;
         let interval_us = u64::from(drive.brake_test_interval_h) * HOUR_US;
         let is_old = interval_us > 0
-            && self.brake_test.held_us.is_none_or(|at_us| seen.now_us - at_us >= interval_us);
-        seen.settings.source == InputSource::Sensors
+            && self.brake_test.held_us.is_none_or(|at_us| joint.now_us - at_us >= interval_us);
+        joint.settings.source == InputSource::Sensors
             && drive.brake_output != 0
             && drive.brake_test_torque != 0
             && (is_old || self.brake_test.has_failed())
@@ -116,7 +117,7 @@ impl Motion {
     }
 
     /// Starts a test of an armed joint.
-    pub(in crate::driver) fn begin_brake_test(&mut self, is_requested: bool) {
+    pub(crate) fn begin_brake_test(&mut self, is_requested: bool) {
         let run = Run { is_requested, ..Run::default() };
         self.brake_test.run = Some(run);
         self.brake_test.result = BrakeTestResult::Running;
@@ -124,14 +125,14 @@ impl Motion {
     }
 
     /// Runs a step of the test with a report.
-    pub(in crate::driver) fn step_brake_test(&mut self, seen: &Seen<'_>) {
+    pub(crate) fn step_brake_test(&mut self, joint: &JointBase) {
         let Some(mut run) = self.brake_test.run else { return };
-        let (report, drive) = (seen.report, &seen.settings.drive);
+        let (report, drive) = (joint.report(), &joint.settings.drive);
         if report.loop_flags.contains(LoopFlags::BRIDGE_OFF) {
             run.waited_ms += 1;
             self.brake_test.run = Some(run);
             if run.waited_ms > WAKE_MS {
-                self.end_brake_test(seen, BrakeTestResult::NoTorque);
+                self.end_brake_test(joint, BrakeTestResult::NoTorque);
             }
             return;
         }
@@ -142,8 +143,8 @@ impl Motion {
         let way_rad = report.turned_rad - run.from_rad;
         let [forwards, back] = self.brake_test.ways_rad;
         self.brake_test.ways_rad = [forwards.max(way_rad), back.max(-way_rad)];
-        let torque_a = f32::from(drive.brake_test_torque) * 1e-3 * seen.rated().0;
-        let limit_a = self.profile.max_share() * seen.rated().0;
+        let torque_a = f32::from(drive.brake_test_torque) * 1e-3 * joint.rated().0;
+        let limit_a = self.profile.max_share() * joint.rated().0;
         let hold_ms = u32::from(drive.brake_test_ms);
         let down_ms = RAMP_MS + hold_ms;
         let up_ms = down_ms + 2 * RAMP_MS + hold_ms;
@@ -155,17 +156,17 @@ impl Motion {
         run.current_a = (share * torque_a).max(-limit_a).min(limit_a);
         self.brake_test.run = Some(run);
         if way_rad.abs() > drive.brake_test_way as f32 * 1e-6 {
-            self.end_brake_test(seen, BrakeTestResult::Slipped);
+            self.end_brake_test(joint, BrakeTestResult::Slipped);
         } else if is_checked && !flows {
-            self.end_brake_test(seen, BrakeTestResult::NoTorque);
+            self.end_brake_test(joint, BrakeTestResult::NoTorque);
         } else if at_ms >= up_ms + RAMP_MS + END_MS {
-            self.end_brake_test(seen, BrakeTestResult::Held);
+            self.end_brake_test(joint, BrakeTestResult::Held);
         }
     }
 
     /// Ends the test. The bridge opens, unless the brake held and the joint was armed to drive.
     #[inline(never)]
-    fn end_brake_test(&mut self, seen: &Seen<'_>, result: BrakeTestResult) {
+    fn end_brake_test(&mut self, joint: &JointBase, result: BrakeTestResult) {
         let Some(run) = self.brake_test.run.take() else { return };
         self.brake_test.result = result;
         let [forwards, back] = self.brake_test.ways_rad;
@@ -184,9 +185,9 @@ impl Motion {
             _ => {}
         }
         if result == BrakeTestResult::Held {
-            self.brake_test.held_us = Some(seen.now_us);
+            self.brake_test.held_us = Some(joint.now_us);
             if !run.is_requested {
-                return self.begin_driving(seen);
+                return self.begin_driving(joint);
             }
         } else {
             self.brake_test.held_us = None;
@@ -195,15 +196,15 @@ impl Motion {
     }
 
     /// Ends a test whose joint was disarmed, or stops.
-    pub(in crate::driver) fn watch_brake_test(&mut self, seen: &Seen<'_>) {
-        let is_armed = seen.supervisor.is_armed();
+    pub(crate) fn watch_brake_test(&mut self, joint: &JointBase) {
+        let is_armed = joint.supervisor.is_armed();
         if self.brake_test.is_running() && (!is_armed || self.stopping.is_to_rest()) {
-            self.end_brake_test(seen, BrakeTestResult::Interrupted);
+            self.end_brake_test(joint, BrakeTestResult::Interrupted);
         }
     }
 
     /// 2030h:12 to :14: result, and largest ways, 1e-6 rad.
-    pub(in crate::driver) fn brake_test_words(&self) -> [u32; 3] {
+    pub(crate) fn brake_test_words(&self) -> [u32; 3] {
         let [forwards, back] = self.brake_test.ways_rad.map(micro);
         [self.brake_test.result as u32, forwards as u32, back as u32]
     }

@@ -8,15 +8,16 @@
 //! speed, and its current limited by 6072h, the supervisor and homing. A mover that gives a torque has 6072h, and near the
 //! position limits the current with which a velocity loop would keep them.
 
+use super::Motion;
 use super::velocity::VelocityTarget;
-use super::{Motion, Seen};
 use crate::control::Setpoint;
 use crate::driver::profile;
+use crate::joint_node::JointBase;
 use crate::node_settings::InputSource;
 
 /// Who commands the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::driver) enum Mover {
+pub(crate) enum Mover {
     /// The measurement of the motor, in the interrupt.
     MotorMeasurement,
     /// The friction run.
@@ -41,13 +42,13 @@ pub(in crate::driver) enum Mover {
 
 impl Mover {
     /// Returns true if the velocity loop gives the current.
-    pub(in crate::driver) const fn has_velocity_loop(self) -> bool {
+    pub(crate) const fn has_velocity_loop(self) -> bool {
         use Mover::{CyclicVelocity, FrictionRun, Hold, Position, ProfileVelocity};
         matches!(self, FrictionRun | Hold | Position | CyclicVelocity | ProfileVelocity)
     }
 
     /// Returns true if a master gives the torque, and no loop above the current loop holds the speed.
-    pub(in crate::driver) const fn is_torque(self) -> bool {
+    pub(crate) const fn is_torque(self) -> bool {
         matches!(self, Self::Torque | Self::Nobody | Self::Commands)
     }
 }
@@ -55,14 +56,14 @@ impl Mover {
 impl Motion {
     /// Returns who commands the joint.
     #[inline(never)]
-    pub(in crate::driver) fn mover(&self, seen: &Seen<'_>) -> Mover {
-        let is_on_sensors = seen.settings.source == InputSource::Sensors;
+    pub(crate) fn mover(&self, joint: &JointBase) -> Mover {
+        let is_on_sensors = joint.settings.source == InputSource::Sensors;
         match self.profile.mode {
             _ if self.is_measuring_motor() => Mover::MotorMeasurement,
             _ if self.is_friction_run() => Mover::FrictionRun,
             _ if self.brake_test.is_running() => Mover::BrakeTest,
-            _ if self.holds_joint(seen) => Mover::Hold,
-            _ if self.is_in_position_control(seen) => Mover::Position,
+            _ if self.holds_joint(joint) => Mover::Hold,
+            _ if self.is_in_position_control(joint) => Mover::Position,
             profile::CSV if is_on_sensors => Mover::CyclicVelocity,
             profile::PV if is_on_sensors => Mover::ProfileVelocity,
             profile::CST | profile::TQ => Mover::Torque,
@@ -72,25 +73,25 @@ impl Motion {
     }
 
     /// Runs a step of the loops above the current loop, with a report.
-    pub(in crate::driver) fn step_motion(&mut self, seen: &Seen<'_>) {
-        self.step_offsets(seen);
-        self.step_profile_modes(seen);
-        let mover = self.mover(seen);
+    pub(crate) fn step_motion(&mut self, joint: &JointBase) {
+        self.step_offsets(joint);
+        self.step_profile_modes(joint);
+        let mover = self.mover(joint);
         if mover == Mover::BrakeTest {
-            return self.step_brake_test(seen);
+            return self.step_brake_test(joint);
         }
-        if !mover.has_velocity_loop() || !seen.supervisor.is_bridge_allowed() {
+        if !mover.has_velocity_loop() || !joint.supervisor.is_bridge_allowed() {
             return;
         }
-        let Some(target) = self.target_velocity(seen, mover) else {
+        let Some(target) = self.target_velocity(joint, mover) else {
             // The friction run has ended.
             self.velocity.withhold_current();
             self.orders.disarms = true;
             return;
         };
-        let limit_a = self.velocity_loop_limit_a(seen, mover);
+        let limit_a = self.velocity_loop_limit_a(joint, mover);
         let (velocity_rad_s, withheld_a) =
-            (seen.report.velocity_rad_s, self.withheld_current_a(seen));
+            (joint.report().velocity_rad_s, self.withheld_current_a(joint));
         let has_turned = self.velocity.step(target, velocity_rad_s, limit_a, withheld_a);
         if mover == Mover::FrictionRun && has_turned {
             self.velocity.turn_integral();
@@ -98,50 +99,50 @@ impl Motion {
     }
 
     /// Stage 1 of the velocity loop: its target, within the limits of speed and position.
-    fn target_velocity(&mut self, seen: &Seen<'_>, mover: Mover) -> Option<VelocityTarget> {
+    fn target_velocity(&mut self, joint: &JointBase, mover: Mover) -> Option<VelocityTarget> {
         if matches!(mover, Mover::Position | Mover::CyclicVelocity | Mover::ProfileVelocity) {
-            self.feed_torque_forward(seen);
+            self.feed_torque_forward(joint);
         }
         Some(match mover {
             Mover::FrictionRun => {
-                VelocityTarget::Slew(*self.velocity.gains(), self.friction_target(seen)?)
+                VelocityTarget::Slew(*self.velocity.gains(), self.friction_target(joint)?)
             }
-            Mover::Hold => self.holding_target(seen),
-            Mover::ProfileVelocity => self.profile_velocity_target(seen),
-            Mover::CyclicVelocity => self.cyclic_velocity_target(seen),
-            _ => self.position_target(seen),
+            Mover::Hold => self.holding_target(joint),
+            Mover::ProfileVelocity => self.profile_velocity_target(joint),
+            Mover::CyclicVelocity => self.cyclic_velocity_target(joint),
+            _ => self.position_target(joint),
         })
     }
 
     /// Stage 2 of the velocity loop: the limit of its current, A.
-    fn velocity_loop_limit_a(&self, seen: &Seen<'_>, mover: Mover) -> f32 {
+    fn velocity_loop_limit_a(&self, joint: &JointBase, mover: Mover) -> f32 {
         let own_a = match mover {
             Mover::FrictionRun => self.friction_limit_a(),
-            _ => seen.rated().0 * self.profile.max_share() * self.torque_share(seen),
+            _ => joint.rated().0 * self.profile.max_share() * self.torque_share(joint),
         };
-        own_a * seen.supervisor.current_share()
+        own_a * joint.supervisor.current_share()
     }
 
     /// Returns what the current loop gets.
     #[inline(never)]
-    pub(in crate::driver) fn setpoint(&self, seen: &Seen<'_>, now_us: u64) -> Setpoint {
-        let mover = self.mover(seen);
-        let wanted = self.wanted(seen, mover, now_us);
+    pub(crate) fn setpoint(&self, joint: &JointBase, now_us: u64) -> Setpoint {
+        let mover = self.mover(joint);
+        let wanted = self.wanted(joint, mover, now_us);
         let current_a = match mover {
-            Mover::Torque => self.bounded_current_a(seen, wanted.current_a),
+            Mover::Torque => self.bounded_current_a(joint, wanted.current_a),
             _ => wanted.current_a,
         };
-        Setpoint { current_a, age_s: self.setpoint_age_s(seen, mover, now_us), ..wanted }
+        Setpoint { current_a, age_s: self.setpoint_age_s(joint, mover, now_us), ..wanted }
     }
 
     /// Stage 1 of the set-point: current and velocity reference of the mover, within 6072h.
-    fn wanted(&self, seen: &Seen<'_>, mover: Mover, now_us: u64) -> Setpoint {
+    fn wanted(&self, joint: &JointBase, mover: Mover, now_us: u64) -> Setpoint {
         let (current_a, velocity_reference_rad_s) = match mover {
             Mover::MotorMeasurement => (0.0, 0.0),
             Mover::BrakeTest => (self.brake_test.current_a(), 0.0),
-            Mover::Torque => (self.torque_mode_current_a(seen), f32::NAN),
+            Mover::Torque => (self.torque_mode_current_a(joint), f32::NAN),
             Mover::Nobody => (0.0, f32::NAN),
-            Mover::Commands => return seen.received.setpoint(now_us),
+            Mover::Commands => return joint.received.setpoint(now_us),
             _ => {
                 let command = self.velocity.command();
                 (command.current_a, command.reference_rad_s)
@@ -153,13 +154,13 @@ impl Motion {
     /// Returns the current of a torque mode, A: the ramp of mode 4, or target and torque offset of CST within 6072h; 0 in any
     /// other mode.
     #[inline(never)]
-    pub(in crate::driver) fn torque_mode_current_a(&self, seen: &Seen<'_>) -> f32 {
-        let rated_a = seen.rated().0;
+    pub(crate) fn torque_mode_current_a(&self, joint: &JointBase) -> f32 {
+        let rated_a = joint.rated().0;
         match self.profile.mode {
             profile::TQ => self.modes.torque_current_a(rated_a),
             profile::CST => {
                 let most_a = self.profile.max_share() * rated_a;
-                let wanted_a = self.profile.target_share() * rated_a + self.offset_current_a(seen);
+                let wanted_a = self.profile.target_share() * rated_a + self.offset_current_a(joint);
                 wanted_a.max(-most_a).min(most_a)
             }
             _ => 0.0,
@@ -167,12 +168,12 @@ impl Motion {
     }
 
     /// Last stage of the set-point: its age, s, which is the time since who must confirm it did; 0 if nobody must.
-    fn setpoint_age_s(&self, seen: &Seen<'_>, mover: Mover, now_us: u64) -> f32 {
+    fn setpoint_age_s(&self, joint: &JointBase, mover: Mover, now_us: u64) -> f32 {
         let since_us = match mover {
             Mover::MotorMeasurement | Mover::FrictionRun => self.confirmed_us(),
             Mover::BrakeTest if self.brake_test.is_requested() => return 0.0,
             Mover::Hold if self.stopping.is_to_rest() => return 0.0,
-            _ if !self.profile.is_active() => return seen.received.setpoint(now_us).age_s,
+            _ if !self.profile.is_active() => return joint.received.setpoint(now_us).age_s,
             _ => match self.targets.at_us() {
                 Some(at_us) => at_us,
                 None => return Setpoint::NONE.age_s,

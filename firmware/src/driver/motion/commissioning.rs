@@ -4,13 +4,14 @@
 //! A friction run moves a commissioned joint through the velocity loop, without compensation. It has no results of its own: its
 //! purpose is the log of what the joint sends meanwhile.
 
-use super::{Motion, Seen};
+use super::Motion;
 use crate::control::pi::Margins;
 use crate::control::probe::ProbeCommand;
 use crate::control::transform::{Rotating, Rotation, binary_angle};
 use crate::control::{MotorParameters, PERIOD_S};
 use crate::driver::commissioning::friction_run::{FrictionRun, FrictionSample};
 use crate::driver::commissioning::{AbortReason, Commissioning};
+use crate::joint_node::JointBase;
 use crate::node::dictionary::records::CommissioningRunObject;
 use crate::supervisor::JointState;
 
@@ -22,77 +23,65 @@ const TRAVEL_RAD: f32 = 0.5;
 /// rad suffice to stop and reverse with the run's acceleration.
 const SPEED_RAD_S: f32 = 2.0;
 
-/// The runs and their settings.
-#[derive(Debug)]
-pub(in crate::driver) struct Run {
-    pub(in crate::driver) run: Commissioning,
-    pub(in crate::driver) friction: FrictionRun,
-    /// The last run was a friction run.
-    pub(in crate::driver) is_friction_run: bool,
-    /// Current in A; 0 selects a share of the limit.
-    pub(in crate::driver) current_a: f32,
-    pub(in crate::driver) travel_rad: f32,
-    pub(in crate::driver) speed_rad_s: f32,
-    /// Time of the master's last confirmation.
-    pub(in crate::driver) alive_us: u64,
-}
-
-impl Default for Run {
-    fn default() -> Self {
-        Self {
-            run: Commissioning::default(),
-            friction: FrictionRun::default(),
-            is_friction_run: false,
-            current_a: 0.0,
-            travel_rad: TRAVEL_RAD,
-            speed_rad_s: SPEED_RAD_S,
-            alive_us: 0,
-        }
+with_defaults! {
+    /// The runs and their settings.
+    #[derive(Debug)]
+    pub(crate) struct Run {
+        pub(crate) run: Commissioning,
+        pub(crate) friction: FrictionRun,
+        /// The last run was a friction run.
+        pub(crate) is_friction_run: bool,
+        /// Current in A; 0 selects a share of the limit.
+        pub(crate) current_a: f32,
+        pub(crate) travel_rad: f32 = TRAVEL_RAD,
+        pub(crate) speed_rad_s: f32 = SPEED_RAD_S,
+        /// Time of the master's last confirmation.
+        pub(crate) alive_us: u64,
     }
 }
 
 impl Motion {
     /// Returns true if commissioning controls the bridge.
     #[inline(never)]
-    pub(in crate::driver) fn is_commissioning(&self) -> bool {
+    pub(crate) fn is_commissioning(&self) -> bool {
         self.is_measuring_motor() || self.is_friction_run()
     }
 
     /// Returns true while the motor is measured: its parameters are unknown.
-    pub(in crate::driver) fn is_measuring_motor(&self) -> bool {
+    pub(crate) fn is_measuring_motor(&self) -> bool {
         self.commissioning.run.is_running()
     }
 
     /// Returns true during a friction run.
-    pub(in crate::driver) fn is_friction_run(&self) -> bool {
+    pub(crate) fn is_friction_run(&self) -> bool {
         self.commissioning.friction.is_running()
     }
 
     /// Takes the levels of Hall sensors, once per tick.
-    pub(in crate::driver) fn take_hall(&mut self, levels: u8) {
+    pub(crate) fn take_hall(&mut self, levels: u8) {
         self.commissioning.run.take_hall(levels);
     }
 
     /// Returns the command for the measurement in the interrupt.
-    pub(in crate::driver) fn probe(&self) -> Option<ProbeCommand> {
+    pub(crate) fn probe(&self) -> Option<ProbeCommand> {
         self.commissioning.run.probe_command()
     }
 
     /// Returns the time of the master's last confirmation, us.
-    pub(in crate::driver) const fn confirmed_us(&self) -> u64 {
+    pub(crate) const fn confirmed_us(&self) -> u64 {
         self.commissioning.alive_us
     }
 
     /// Returns the current limit of a friction run, A.
-    pub(in crate::driver) fn friction_limit_a(&self) -> f32 {
+    pub(crate) fn friction_limit_a(&self) -> f32 {
         self.commissioning.friction.bounds().current_a
     }
 
     /// Returns the target velocity of a step of the friction run, rad/s; `None` if it has ended.
-    pub(in crate::driver) fn friction_target(&mut self, seen: &Seen<'_>) -> Option<f32> {
+    pub(crate) fn friction_target(&mut self, joint: &JointBase) -> Option<f32> {
         let sample = FrictionSample {
-            position_rad: seen.report.turned_rad,
-            velocity_rad_s: seen.report.velocity_rad_s,
+            position_rad: joint.report().turned_rad,
+            velocity_rad_s: joint.report().velocity_rad_s,
             commanded_a: self.velocity.command().current_a,
         };
         let run = &mut self.commissioning.friction;
@@ -101,37 +90,38 @@ impl Motion {
     }
 
     /// Returns the current of a run, A.
-    pub(in crate::driver) fn commissioning_current_a(&self, seen: &Seen<'_>) -> f32 {
+    pub(crate) fn commissioning_current_a(&self, joint: &JointBase) -> f32 {
         let requested_a = self.commissioning.current_a;
-        if requested_a > 0.0 { requested_a } else { CURRENT_SHARE * seen.set.motor.current_limit_a }
+        if requested_a > 0.0 {
+            requested_a
+        } else {
+            CURRENT_SHARE * joint.set().motor.current_limit_a
+        }
     }
 
     /// Ends a run for a reason; the caller disarms the joint.
     #[inline(never)]
-    pub(in crate::driver) fn end_commissioning(&mut self, reason: AbortReason) {
+    pub(crate) fn end_commissioning(&mut self, reason: AbortReason) {
         self.commissioning.run.end(reason);
         self.commissioning.friction.end(reason);
     }
 
     /// Ends a run that the supervisor has stopped.
-    pub(in crate::driver) fn watch_commissioning(&mut self, seen: &Seen<'_>) {
-        if self.is_commissioning() && !seen.supervisor.is_armed() {
-            let fault = seen.supervisor.state() == JointState::Fault;
+    pub(crate) fn watch_commissioning(&mut self, joint: &JointBase) {
+        if self.is_commissioning() && !joint.supervisor.is_armed() {
+            let fault = joint.supervisor.state() == JointState::Fault;
             self.end_commissioning(if fault { AbortReason::Fault } else { AbortReason::Stopped });
         }
     }
 
-    pub(in crate::driver) fn commissioning_object(
-        &self,
-        seen: &Seen<'_>,
-    ) -> CommissioningRunObject {
+    pub(crate) fn commissioning_object(&self, joint: &JointBase) -> CommissioningRunObject {
         let run = &self.commissioning.run;
         let found = run.found();
-        let joint = &seen.set.friction.compensator;
-        let motor = &seen.set.motor;
+        let compensator = &joint.set().friction.compensator;
+        let motor = &joint.set().motor;
         // Friction holds the rotor back by this part of the current.
-        let efficiency =
-            joint.torque_constant_nm_per_a / (motor.torque_constant_nm_per_a * motor.gear_ratio);
+        let efficiency = compensator.torque_constant_nm_per_a
+            / (motor.torque_constant_nm_per_a * motor.gear_ratio);
         let pulls_nm = found.torque_constant_nm_per_a() * motor.gear_ratio * efficiency;
         let behind = Rotation::at(binary_angle(found.lag_rad));
         let along_a = behind.inverse_park(Rotating { d: run.bounds().current_a, q: 0.0 });
@@ -154,7 +144,7 @@ impl Motion {
         };
         CommissioningRunObject {
             order: 0,
-            current_a: self.commissioning_current_a(seen).to_bits(),
+            current_a: self.commissioning_current_a(joint).to_bits(),
             travel_rad: self.commissioning.travel_rad.to_bits(),
             step: step as u32,
             reason: reason as u32,

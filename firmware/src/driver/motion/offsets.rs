@@ -13,8 +13,9 @@
 //! Both belong to a cycle, as the targets do: an offset that is not written again for `setpoint_timeout_s` decays. While the
 //! driver holds the joint, the last torque offset becomes a part of the loop's integral, because the load that it carries remains.
 
-use super::{Motion, Seen};
+use super::Motion;
 use crate::driver::loop_data::REPORT_PERIOD_S;
+use crate::joint_node::JointBase;
 
 /// Time constant of the decay of a stale offset, s: long against the velocity loop, which takes over, and short against the
 /// ramps of a stop.
@@ -55,7 +56,7 @@ impl Offset {
 
 /// The offsets of the master.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct Offsets {
+pub(crate) struct Offsets {
     /// 60B1h, 1e-6 rad/s.
     velocity: Offset,
     /// 60B2h, thousandths of the rated torque.
@@ -64,40 +65,40 @@ pub(in crate::driver) struct Offsets {
 
 impl Motion {
     /// Sets what a master wrote: 60B1h, 1e-6 rad/s, and 60B2h, thousandths of the rated torque.
-    pub(in crate::driver) fn set_offsets(
+    pub(crate) fn set_offsets(
         &mut self,
-        seen: &Seen<'_>,
+        joint: &JointBase,
         micro_rad_s: Option<i32>,
         permille: Option<i16>,
     ) {
         if let Some(micro_rad_s) = micro_rad_s {
-            self.offsets.velocity.write(micro_rad_s, seen.now_us);
+            self.offsets.velocity.write(micro_rad_s, joint.now_us);
         }
         if let Some(permille) = permille {
-            self.offsets.torque.write(permille.into(), seen.now_us);
+            self.offsets.torque.write(permille.into(), joint.now_us);
         }
     }
 
     /// Returns the offsets as they were written: 60B1h and 60B2h.
-    pub(in crate::driver) const fn written_offsets(&self) -> [u32; 2] {
+    pub(crate) const fn written_offsets(&self) -> [u32; 2] {
         [self.offsets.velocity.written as u32, self.offsets.torque.written as u32]
     }
 
     /// Lets stale offsets decay, once per report.
-    pub(in crate::driver) fn step_offsets(&mut self, seen: &Seen<'_>) {
-        let timeout_us = (seen.set.motor.setpoint_timeout_s * 1e6) as u64;
-        self.offsets.velocity.step(seen.now_us, timeout_us);
-        self.offsets.torque.step(seen.now_us, timeout_us);
+    pub(crate) fn step_offsets(&mut self, joint: &JointBase) {
+        let timeout_us = (joint.set().motor.setpoint_timeout_s * 1e6) as u64;
+        self.offsets.velocity.step(joint.now_us, timeout_us);
+        self.offsets.torque.step(joint.now_us, timeout_us);
     }
 
     /// Returns the velocity offset, rad/s.
-    pub(in crate::driver) const fn velocity_offset_rad_s(&self) -> f32 {
+    pub(crate) const fn velocity_offset_rad_s(&self) -> f32 {
         self.offsets.velocity.applied * 1e-6
     }
 
     /// Returns the current of the torque offset, A.
     #[inline(never)]
-    pub(in crate::driver) fn offset_current_a(&self, seen: &Seen<'_>) -> f32 {
-        self.offsets.torque.applied * 1e-3 * seen.rated().0
+    pub(crate) fn offset_current_a(&self, joint: &JointBase) -> f32 {
+        self.offsets.torque.applied * 1e-3 * joint.rated().0
     }
 }

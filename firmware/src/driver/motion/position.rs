@@ -13,11 +13,12 @@
 //! nothing.
 
 use super::velocity::VelocityTarget;
-use super::{Motion, Refused, Seen};
+use super::{Motion, Refused};
 use crate::driver::angle::{Angle, micro};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{self, Homing, SetPoint};
 use crate::driver::trajectory::{Interpolation, MoveLimits, Reference};
+use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
 use crate::node_settings::InputSource;
 use compensator_core::text;
@@ -46,7 +47,7 @@ enum HomingStep {
 
 /// State of the position loop.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct PositionControl {
+pub(crate) struct PositionControl {
     /// The reference follows from the present position.
     has_begun: bool,
     reference: Reference,
@@ -68,17 +69,17 @@ pub(in crate::driver) struct PositionControl {
 impl Motion {
     /// Returns true if the position loop commands the velocity loop.
     #[inline(never)]
-    pub(in crate::driver) fn is_in_position_control(&self, seen: &Seen<'_>) -> bool {
+    pub(crate) fn is_in_position_control(&self, joint: &JointBase) -> bool {
         let is_mode = match self.profile.mode {
             profile::CSP | profile::PP => true,
             profile::HOMING => self.profile.homes_at_stop(),
             _ => false,
         };
-        is_mode && seen.settings.source == InputSource::Sensors
+        is_mode && joint.settings.source == InputSource::Sensors
     }
 
     /// Restarts position control, at every arming.
-    pub(in crate::driver) fn begin_position(&mut self) {
+    pub(crate) fn begin_position(&mut self) {
         self.position = PositionControl::default();
         self.profile.set_points = SetPoint::default();
         if self.profile.homing == Homing::Running {
@@ -87,32 +88,32 @@ impl Motion {
     }
 
     /// Interrupts the reference while something else moves the joint; it then begins at the present position.
-    pub(in crate::driver) fn interrupt_position(&mut self) {
+    pub(crate) fn interrupt_position(&mut self) {
         self.position.has_begun = false;
         self.position.has_target = false;
         self.position.is_target_limited = false;
     }
 
     /// Ends the course of a mode; that of the next one begins at the present position.
-    pub(in crate::driver) fn end_position_course(&mut self) {
+    pub(crate) fn end_position_course(&mut self) {
         self.interrupt_position();
         self.position.homing = HomingStep::Idle;
     }
 
     /// Returns the current limit of a step as a share of that of 6072h.
     #[inline(never)]
-    pub(in crate::driver) fn torque_share(&self, seen: &Seen<'_>) -> f32 {
+    pub(crate) fn torque_share(&self, joint: &JointBase) -> f32 {
         match self.position.homing {
-            HomingStep::Seeks { .. } if self.is_in_position_control(seen) => {
-                f32::from(seen.settings.drive.homing_torque) * 1e-3
+            HomingStep::Seeks { .. } if self.is_in_position_control(joint) => {
+                f32::from(joint.settings.drive.homing_torque) * 1e-3
             }
             _ => 1.0,
         }
     }
 
     /// Runs a step of the position loop.
-    pub(in crate::driver) fn position_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
-        let actual_rad = seen.position_rad();
+    pub(crate) fn position_target(&mut self, joint: &JointBase) -> VelocityTarget {
+        let actual_rad = joint.position_rad();
         if !self.position.has_begun {
             let velocity_rad_s = self.velocity.command().reference_rad_s;
             let reference = Reference { position: Angle::from_rad(actual_rad), velocity_rad_s };
@@ -123,10 +124,10 @@ impl Motion {
         let before = self.position.reference;
         self.position.is_limited = false;
         match self.profile.mode {
-            profile::CSP => self.step_csp(seen),
-            profile::PP => self.step_pp(seen),
+            profile::CSP => self.step_csp(joint),
+            profile::PP => self.step_pp(joint),
             _ => {
-                if let Some(target) = self.step_homing(seen) {
+                if let Some(target) = self.step_homing(joint) {
                     self.interrupt_position();
                     return target;
                 }
@@ -135,19 +136,19 @@ impl Motion {
         let reference = self.position.reference;
         // The report shows the joint at the end of the step before, where that step's reference was due.
         let error_rad = before.position - Angle::from_rad(actual_rad);
-        self.watch_following(seen, error_rad);
-        let gain = seen.settings.drive.position_gain as f32 * 1e-3;
-        let most = self.max_speed_rad_s(seen);
+        self.watch_following(joint, error_rad);
+        let gain = joint.settings.drive.position_gain as f32 * 1e-3;
+        let most = self.max_speed_rad_s(joint);
         let offset =
             if self.profile.mode == profile::CSP { self.velocity_offset_rad_s() } else { 0.0 };
         let wanted = (reference.velocity_rad_s + offset + gain * error_rad).clamp(-most, most);
-        let velocity = self.bounded_velocity(seen, wanted);
+        let velocity = self.bounded_velocity(joint, wanted);
         VelocityTarget::Track(velocity, reference.velocity_rad_s - before.velocity_rad_s)
     }
 
-    fn step_csp(&mut self, seen: &Seen<'_>) {
+    fn step_csp(&mut self, joint: &JointBase) {
         let late =
-            self.move_limits(seen.settings.drive.quick_deceleration, self.max_speed_rad_s(seen));
+            self.move_limits(joint.settings.drive.quick_deceleration, self.max_speed_rad_s(joint));
         if self.position.has_target {
             self.position.reference = self.position.interpolation.step(&late, REPORT_PERIOD_S);
         } else {
@@ -162,10 +163,11 @@ impl Motion {
         self.position.reference.move_towards(at, limits, REPORT_PERIOD_S);
     }
 
-    fn step_pp(&mut self, seen: &Seen<'_>) {
-        let drive = &seen.settings.drive;
+    fn step_pp(&mut self, joint: &JointBase) {
+        let drive = &joint.settings.drive;
         let limits = MoveLimits {
-            speed_rad_s: (drive.profile_velocity as f32 * 1e-6).min(self.profile_speed_rad_s(seen)),
+            speed_rad_s: (drive.profile_velocity as f32 * 1e-6)
+                .min(self.profile_speed_rad_s(joint)),
             acceleration_rad_s2: drive.acceleration as f32 * 1e-6,
             deceleration_rad_s2: drive.deceleration as f32 * 1e-6,
         };
@@ -173,12 +175,12 @@ impl Motion {
             (drive.position_window as f32 * 1e-6, u32::from(drive.position_time_ms));
         let at = self.position.reference.position;
         let (target, is_limited) = match self.profile.set_points.active_micro_rad {
-            Some(target) => self.bounded_target(seen, target),
+            Some(target) => self.bounded_target(joint, target),
             None => (at, false),
         };
         self.position.is_limited = is_limited;
         let has_ended = self.position.reference.move_towards(target, &limits, REPORT_PERIOD_S);
-        let error_rad = target - Angle::from_rad(seen.position_rad());
+        let error_rad = target - Angle::from_rad(joint.position_rad());
         let is_near = has_ended && error_rad.abs() <= window_rad;
         let position = &mut self.position;
         position.reached_ms = if is_near { position.reached_ms.saturating_add(1) } else { 0 };
@@ -190,26 +192,26 @@ impl Motion {
     }
 
     /// Runs a step of homing at a stop. Returns the velocity if the reference does not give it.
-    fn step_homing(&mut self, seen: &Seen<'_>) -> Option<VelocityTarget> {
-        let drive = seen.settings.drive;
+    fn step_homing(&mut self, joint: &JointBase) -> Option<VelocityTarget> {
+        let drive = joint.settings.drive;
         let acceleration = drive.homing_acceleration as f32 * 1e-6;
         let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
         match self.position.homing {
             HomingStep::Idle => {
                 let limits =
-                    self.move_limits(drive.homing_acceleration, self.max_speed_rad_s(seen));
+                    self.move_limits(drive.homing_acceleration, self.max_speed_rad_s(joint));
                 self.slow_down(&limits);
                 None
             }
             HomingStep::Seeks { from_rad, still_ms } => {
-                if (seen.report.turned_rad - from_rad).abs() > drive.homing_way as f32 * 1e-6 {
+                if (joint.report().turned_rad - from_rad).abs() > drive.homing_way as f32 * 1e-6 {
                     self.end_homing(Homing::Failed);
                     return None;
                 }
                 let way = if self.profile.homing_method == -1 { -1.0 } else { 1.0 };
-                let share = self.torque_share(seen) * seen.supervisor.current_share();
-                let limit_a = seen.rated().0 * self.profile.max_share() * share;
-                let is_still = seen.report.velocity_rad_s.abs() < CONTACT_RAD_S
+                let share = self.torque_share(joint) * joint.supervisor.current_share();
+                let limit_a = joint.rated().0 * self.profile.max_share() * share;
+                let is_still = joint.report().velocity_rad_s.abs() < CONTACT_RAD_S
                     && way * self.velocity.command().current_a >= CONTACT_SHARE * limit_a;
                 let still_ms = if is_still { still_ms + 1 } else { 0 };
                 if still_ms < drive.homing_time_ms {
@@ -218,7 +220,7 @@ impl Motion {
                     return Some(VelocityTarget::Slew(gains, speed));
                 }
                 // The torque ends; the position at the stop is minus the offset.
-                self.begin_velocity(seen, seen.set.motor.acceleration_max_rad_s2);
+                self.begin_velocity(joint, joint.set().motor.acceleration_max_rad_s2);
                 let home_rad = -Angle::from_micro_rad(self.profile.home_offset_micro_rad).rad();
                 self.orders.home_rad = Some(home_rad);
                 self.position.homing = HomingStep::Sets(POSITION_REPORTS);
@@ -251,14 +253,14 @@ impl Motion {
     }
 
     /// Starts homing at a stop.
-    pub(in crate::driver) fn begin_homing(&mut self, seen: &Seen<'_>) {
-        let from_rad = seen.report.turned_rad;
+    pub(crate) fn begin_homing(&mut self, joint: &JointBase) {
+        let from_rad = joint.report().turned_rad;
         self.position.homing = HomingStep::Seeks { from_rad, still_ms: 0 };
         self.profile.homing = Homing::Running;
     }
 
     /// Ends homing if the master withdraws its command.
-    pub(in crate::driver) fn watch_homing(&mut self) {
+    pub(crate) fn watch_homing(&mut self) {
         if self.profile.homing == Homing::Running && !self.profile.wants_homing() {
             self.position.homing = HomingStep::Idle;
             self.profile.homing = Homing::NotBegun;
@@ -274,8 +276,8 @@ impl Motion {
         }
     }
 
-    fn watch_following(&mut self, seen: &Seen<'_>, error_rad: f32) {
-        let window = seen.settings.drive.following_window;
+    fn watch_following(&mut self, joint: &JointBase, error_rad: f32) {
+        let window = joint.settings.drive.following_window;
         let exceeds = window != u32::MAX && error_rad.abs() > window as f32 * 1e-6;
         let position = &mut self.position;
         position.error_rad = error_rad;
@@ -283,37 +285,37 @@ impl Motion {
     }
 
     /// Returns true if the following error exceeds its window, and whether for the time of 6066h.
-    pub(in crate::driver) fn following_state(&self, seen: &Seen<'_>) -> (bool, bool) {
-        let is_controlled = self.is_in_position_control(seen)
+    pub(crate) fn following_state(&self, joint: &JointBase) -> (bool, bool) {
+        let is_controlled = self.is_in_position_control(joint)
             && self.profile.mode != profile::HOMING
             && self.position.has_begun;
         let ms = if is_controlled { self.position.exceeded_ms } else { 0 };
-        (ms > 0, ms > u32::from(seen.settings.drive.following_time_ms))
+        (ms > 0, ms > u32::from(joint.settings.drive.following_time_ms))
     }
 
     /// Returns the limits of 607Dh, if they act.
-    fn position_limits(&self, seen: &Seen<'_>) -> Option<[Angle; 2]> {
-        let drive = &seen.settings.drive;
-        let is_known = seen.settings.source == InputSource::Sensors
-            && !seen.report.position_rad.is_nan()
+    fn position_limits(&self, joint: &JointBase) -> Option<[Angle; 2]> {
+        let drive = &joint.settings.drive;
+        let is_known = joint.settings.source == InputSource::Sensors
+            && !joint.report().position_rad.is_nan()
             && self.profile.mode != profile::HOMING;
         (is_known && drive.position_min < drive.position_max)
             .then(|| [drive.position_min, drive.position_max].map(Angle::from_micro_rad))
     }
 
     /// Returns a target within the limits, and whether they changed it.
-    fn bounded_target(&self, seen: &Seen<'_>, target_micro_rad: i32) -> (Angle, bool) {
+    fn bounded_target(&self, joint: &JointBase, target_micro_rad: i32) -> (Angle, bool) {
         let wanted = Angle::from_micro_rad(target_micro_rad);
-        let Some([least, most]) = self.position_limits(seen) else { return (wanted, false) };
+        let Some([least, most]) = self.position_limits(joint) else { return (wanted, false) };
         let bounded = wanted.max(least).min(most);
         (bounded, bounded != wanted)
     }
 
     /// Returns the velocities, rad/s, between which the joint stops at its limits.
-    fn velocity_bounds(&self, seen: &Seen<'_>) -> Option<[f32; 2]> {
-        let [least, most] = self.position_limits(seen)?;
-        let at = Angle::from_rad(seen.report.position_rad);
-        let drive = &seen.settings.drive;
+    fn velocity_bounds(&self, joint: &JointBase) -> Option<[f32; 2]> {
+        let [least, most] = self.position_limits(joint)?;
+        let at = Angle::from_rad(joint.report().position_rad);
+        let drive = &joint.settings.drive;
         let deceleration = drive.deceleration as f32 * 1e-6;
         let gain = drive.position_gain as f32 * 1e-3;
         let speed = |left_rad: f32| {
@@ -328,46 +330,42 @@ impl Motion {
     }
 
     /// Returns the velocities, rad/s, to which torque modes are limited: those of the position limits, and in mode 4 6080h.
-    fn torque_mode_bounds(&self, seen: &Seen<'_>) -> Option<[f32; 2]> {
-        let bounds = self.velocity_bounds(seen);
+    fn torque_mode_bounds(&self, joint: &JointBase) -> Option<[f32; 2]> {
+        let bounds = self.velocity_bounds(joint);
         if self.profile.mode == profile::CST {
             return bounds;
         }
-        let speed_rad_s = self.max_speed_rad_s(seen);
+        let speed_rad_s = self.max_speed_rad_s(joint);
         let [least, most] = bounds.unwrap_or([-speed_rad_s, speed_rad_s]);
         Some([least.max(-speed_rad_s), most.min(speed_rad_s)])
     }
 
     /// Returns a velocity within the limits, rad/s.
-    pub(in crate::driver) fn bounded_velocity(
-        &mut self,
-        seen: &Seen<'_>,
-        wanted_rad_s: f32,
-    ) -> f32 {
-        let Some([least, most]) = self.velocity_bounds(seen) else { return wanted_rad_s };
+    pub(crate) fn bounded_velocity(&mut self, joint: &JointBase, wanted_rad_s: f32) -> f32 {
+        let Some([least, most]) = self.velocity_bounds(joint) else { return wanted_rad_s };
         let bounded = wanted_rad_s.max(least).min(most);
         self.position.is_limited |= bounded != wanted_rad_s;
         bounded
     }
 
     /// Returns a current of torque mode that does not drive the joint beyond its limits, A.
-    pub(in crate::driver) fn bounded_current_a(&self, seen: &Seen<'_>, wanted_a: f32) -> f32 {
-        let Some([lower_a, upper_a]) = self.current_bounds(seen) else { return wanted_a };
+    pub(crate) fn bounded_current_a(&self, joint: &JointBase, wanted_a: f32) -> f32 {
+        let Some([lower_a, upper_a]) = self.current_bounds(joint) else { return wanted_a };
         wanted_a.max(lower_a).min(upper_a)
     }
 
     /// Returns the currents, A, with which the velocity loop would keep the joint within its limits.
-    fn current_bounds(&self, seen: &Seen<'_>) -> Option<[f32; 2]> {
+    fn current_bounds(&self, joint: &JointBase) -> Option<[f32; 2]> {
         if !matches!(self.profile.mode, profile::CST | profile::TQ) {
             return None;
         }
-        let motor = &seen.set.motor;
-        let constant = seen.set.friction.compensator.torque_constant_nm_per_a;
-        let deceleration = seen.settings.drive.deceleration as f32 * 1e-6;
+        let motor = &joint.set().motor;
+        let constant = joint.set().friction.compensator.torque_constant_nm_per_a;
+        let deceleration = joint.settings.drive.deceleration as f32 * 1e-6;
         let braking_a = motor.inertia_kg_m2 * deceleration / constant;
-        let rated_a = seen.rated().0;
-        let [least, most] = self.torque_mode_bounds(seen)?;
-        let (gain, at) = (motor.velocity_gain_a_s_per_rad, seen.report.velocity_rad_s);
+        let rated_a = joint.rated().0;
+        let [least, most] = self.torque_mode_bounds(joint)?;
+        let (gain, at) = (motor.velocity_gain_a_s_per_rad, joint.report().velocity_rad_s);
         // The current of the ramp is needed only by a joint that moves towards the limit.
         let ramp =
             |towards: f32| (braking_a * (towards / CONTACT_RAD_S).clamp(0.0, 1.0)).min(rated_a);
@@ -377,35 +375,31 @@ impl Motion {
     }
 
     /// Returns true if a position limit acts.
-    pub(in crate::driver) fn is_position_limited(&self, seen: &Seen<'_>) -> bool {
-        let wanted_a = self.torque_mode_current_a(seen);
-        let by_current = self.bounded_current_a(seen, wanted_a) != wanted_a;
+    pub(crate) fn is_position_limited(&self, joint: &JointBase) -> bool {
+        let wanted_a = self.torque_mode_current_a(joint);
+        let by_current = self.bounded_current_a(joint, wanted_a) != wanted_a;
         by_current || self.position.is_limited || self.position.is_target_limited
     }
 
     /// 607Ah.
-    pub(in crate::driver) fn set_target_position(
-        &mut self,
-        seen: &Seen<'_>,
-        target_micro_rad: i32,
-    ) {
+    pub(crate) fn set_target_position(&mut self, joint: &JointBase, target_micro_rad: i32) {
         self.profile.target_position_micro_rad = target_micro_rad;
         if self.profile.mode != profile::CSP
-            || !seen.supervisor.is_armed()
+            || !joint.supervisor.is_armed()
             || !self.position.has_begun
         {
             return;
         }
-        let (target, is_limited) = self.bounded_target(seen, target_micro_rad);
-        let steps = seen.settings.drive.interpolation_ms();
-        let speed = self.max_speed_rad_s(seen);
+        let (target, is_limited) = self.bounded_target(joint, target_micro_rad);
+        let steps = joint.settings.drive.interpolation_ms();
+        let speed = self.max_speed_rad_s(joint);
         let is_slow = self.position.interpolation.set_target(target, steps, speed, REPORT_PERIOD_S);
         self.position.has_target = true;
         self.position.is_target_limited = is_limited || !is_slow;
     }
 
     /// Takes a set-point of mode 1.
-    pub(in crate::driver) fn take_set_point(&mut self) {
+    pub(crate) fn take_set_point(&mut self) {
         let at = self.position.reference.position.micro_rad();
         let target = self.profile.target_position_micro_rad;
         let (is_relative, at_once) = self.profile.set_point_kind();
@@ -414,13 +408,13 @@ impl Motion {
     }
 
     /// 6062h, 1e-6 rad.
-    pub(in crate::driver) fn position_demand(&self, seen: &Seen<'_>) -> i32 {
-        let begun = self.is_in_position_control(seen) && self.position.has_begun;
-        if begun { self.position.reference.position.micro_rad() } else { seen.actual_position() }
+    pub(crate) fn position_demand(&self, joint: &JointBase) -> i32 {
+        let begun = self.is_in_position_control(joint) && self.position.has_begun;
+        if begun { self.position.reference.position.micro_rad() } else { joint.actual_position() }
     }
 
     /// 60F4h, 1e-6 rad.
-    pub(in crate::driver) fn following_error(&self) -> i32 {
+    pub(crate) fn following_error(&self) -> i32 {
         micro(self.position.error_rad)
     }
 }

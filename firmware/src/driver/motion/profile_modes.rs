@@ -10,18 +10,19 @@
 
 use super::drive::Targets;
 use super::offsets::Offsets;
-use super::{Motion, Refused, Seen};
+use super::{Motion, Refused};
 use crate::driver::angle::micro;
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::stop::StopCause;
 use crate::driver::profile::{self, Homing, SetPoint, status};
+use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
 use crate::node_settings::InputSource;
 use compensator_core::refusal;
 
 /// State of the profile modes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct ProfileModes {
+pub(crate) struct ProfileModes {
     /// Torque demand of mode 4, thousandths of the rated torque.
     torque_permille: f32,
     /// Reports for which the velocity is within its window, and for which the joint stands (mode 3).
@@ -31,39 +32,39 @@ pub(in crate::driver) struct ProfileModes {
 
 impl ProfileModes {
     /// The target of mode 3 has changed: it is not reached.
-    pub(in crate::driver) fn begin_velocity(&mut self) {
+    pub(crate) fn begin_velocity(&mut self) {
         self.reached_reports = 0;
     }
 
     /// Returns the current of mode 4, A, at this rated current.
-    pub(in crate::driver) fn torque_current_a(&self, rated_a: f32) -> f32 {
+    pub(crate) fn torque_current_a(&self, rated_a: f32) -> f32 {
         self.torque_permille * 1e-3 * rated_a
     }
 
     /// Starts the torque of mode 4 at this value, thousandths of the rated torque.
-    pub(in crate::driver) fn begin_torque(&mut self, permille: f32) {
+    pub(crate) fn begin_torque(&mut self, permille: f32) {
         self.torque_permille = permille;
     }
 }
 
 impl Motion {
     /// Returns true if mode 4 commands the torque.
-    pub(in crate::driver) fn is_in_profile_torque(&self, seen: &Seen<'_>) -> bool {
-        seen.settings.source == InputSource::Sensors && self.profile.mode == profile::TQ
+    pub(crate) fn is_in_profile_torque(&self, joint: &JointBase) -> bool {
+        joint.settings.source == InputSource::Sensors && self.profile.mode == profile::TQ
     }
 
     /// Returns the maximum speed of mode 3, rad/s.
     #[inline(never)]
-    pub(in crate::driver) fn profile_speed_rad_s(&self, seen: &Seen<'_>) -> f32 {
-        self.max_speed_rad_s(seen).min(seen.settings.drive.max_profile_velocity as f32 * 1e-6)
+    pub(crate) fn profile_speed_rad_s(&self, joint: &JointBase) -> f32 {
+        self.max_speed_rad_s(joint).min(joint.settings.drive.max_profile_velocity as f32 * 1e-6)
     }
 
     /// Returns velocity, rad/s, and acceleration, rad/s^2, of a step of mode 3.
-    pub(in crate::driver) fn profile_velocity_step(&mut self, seen: &Seen<'_>) -> (f32, f32) {
-        let wanted_rad_s = self.profile.target_rad_s(self.profile_speed_rad_s(seen));
-        let wanted_rad_s = self.bounded_velocity(seen, wanted_rad_s);
+    pub(crate) fn profile_velocity_step(&mut self, joint: &JointBase) -> (f32, f32) {
+        let wanted_rad_s = self.profile.target_rad_s(self.profile_speed_rad_s(joint));
+        let wanted_rad_s = self.bounded_velocity(joint, wanted_rad_s);
         let reference_rad_s = self.velocity.command().reference_rad_s;
-        let (drive, reverses) = (&seen.settings.drive, wanted_rad_s * reference_rad_s < 0.0);
+        let (drive, reverses) = (&joint.settings.drive, wanted_rad_s * reference_rad_s < 0.0);
         let is_slower = reverses || wanted_rad_s.abs() < reference_rad_s.abs();
         let acceleration = if is_slower { drive.deceleration } else { drive.acceleration };
         // A reversal passes through rest, where the other ramp begins.
@@ -72,9 +73,9 @@ impl Motion {
     }
 
     /// Runs a step of the profile modes, once per report.
-    pub(in crate::driver) fn step_profile_modes(&mut self, seen: &Seen<'_>) {
-        let drive = &seen.settings.drive;
-        let velocity_rad_s = seen.report.velocity_rad_s;
+    pub(crate) fn step_profile_modes(&mut self, joint: &JointBase) {
+        let drive = &joint.settings.drive;
+        let velocity_rad_s = joint.report().velocity_rad_s;
         let target_rad_s = self.profile.target_micro_rad_s as f32 * 1e-6;
         let modes = &mut self.modes;
         let count = |reports: &mut u16, window: u16, difference_rad_s: f32| {
@@ -83,16 +84,16 @@ impl Motion {
         };
         count(&mut modes.reached_reports, drive.velocity_window, velocity_rad_s - target_rad_s);
         count(&mut modes.standing_reports, drive.velocity_threshold, velocity_rad_s);
-        if !self.is_in_profile_torque(seen) {
+        if !self.is_in_profile_torque(joint) {
             return;
         }
-        self.modes.torque_permille = if !seen.supervisor.is_bridge_allowed() {
+        self.modes.torque_permille = if !joint.supervisor.is_bridge_allowed() {
             0.0
-        } else if self.holds_joint(seen) {
+        } else if self.holds_joint(joint) {
             // Afterwards the demand begins at the torque that held the joint.
-            self.permille_of(seen, self.velocity.command().current_a)
+            self.permille_of(joint, self.velocity.command().current_a)
         } else {
-            let step = seen.settings.drive.torque_slope as f32 * REPORT_PERIOD_S;
+            let step = joint.settings.drive.torque_slope as f32 * REPORT_PERIOD_S;
             let demand = self.modes.torque_permille;
             demand + (self.profile_torque_target() - demand).max(-step).min(step)
         };
@@ -109,27 +110,27 @@ impl Motion {
 
     /// Returns a current in thousandths of the rated one.
     #[inline(never)]
-    fn permille_of(&self, seen: &Seen<'_>, current_a: f32) -> f32 {
-        current_a / seen.rated().0 * 1e3
+    fn permille_of(&self, joint: &JointBase, current_a: f32) -> f32 {
+        current_a / joint.rated().0 * 1e3
     }
 
     /// 6074h: the demand before the compensation, thousandths of the rated torque.
-    pub(in crate::driver) fn torque_demand(&self, seen: &Seen<'_>) -> i16 {
-        if seen.supervisor.is_armed() {
-            self.permille_of(seen, self.demand_a(seen)) as i16
+    pub(crate) fn torque_demand(&self, joint: &JointBase) -> i16 {
+        if joint.supervisor.is_armed() {
+            self.permille_of(joint, self.demand_a(joint)) as i16
         } else {
             0
         }
     }
 
     /// Returns the current that is commanded now, A.
-    fn demand_a(&self, seen: &Seen<'_>) -> f32 {
-        self.setpoint(seen, seen.now_us).current_a
+    fn demand_a(&self, joint: &JointBase) -> f32 {
+        self.setpoint(joint, joint.now_us).current_a
     }
 
     /// Returns the bits 10 and 12 of the statusword in the modes 3 and 4.
-    pub(in crate::driver) fn profile_mode_bits(&self, seen: &Seen<'_>) -> u16 {
-        let (drive, modes) = (&seen.settings.drive, &self.modes);
+    pub(crate) fn profile_mode_bits(&self, joint: &JointBase) -> u16 {
+        let (drive, modes) = (&joint.settings.drive, &self.modes);
         let when = |bit: u16, is_so: bool| if is_so { bit } else { 0 };
         let is_stopping = self.profile.stop_cause().is_some();
         match self.profile.mode {
@@ -154,12 +155,8 @@ impl Motion {
     }
 
     /// Sets a mode that the joint has. While the drive is enabled, the new mode begins with the demand of the one before.
-    pub(in crate::driver) fn enter_mode(
-        &mut self,
-        seen: &Seen<'_>,
-        mode: i8,
-    ) -> Result<(), Refused> {
-        if !seen.is_bridge_in_use() {
+    pub(crate) fn enter_mode(&mut self, joint: &JointBase, mode: i8) -> Result<(), Refused> {
+        if !joint.is_bridge_in_use() {
             self.profile.mode = mode;
             self.begin_mode();
             self.profile.target_permille = 0;
@@ -168,8 +165,8 @@ impl Motion {
             self.targets = Targets::default();
             return Ok(());
         }
-        let continues = seen.supervisor.is_armed()
-            && seen.settings.source == InputSource::Sensors
+        let continues = joint.supervisor.is_armed()
+            && joint.settings.source == InputSource::Sensors
             && !self.is_commissioning()
             && !self.brake_test.is_running();
         if !continues {
@@ -182,19 +179,19 @@ impl Motion {
             );
             return Err(Refused::new(Abort::State, why));
         }
-        let (demand_a, had_loop) = (self.demand_a(seen), self.mover(seen).has_velocity_loop());
+        let (demand_a, had_loop) = (self.demand_a(joint), self.mover(joint).has_velocity_loop());
         self.profile.mode = mode;
         self.begin_mode();
         self.offsets = Offsets::default();
-        let velocity_rad_s = seen.report.velocity_rad_s;
+        let velocity_rad_s = joint.report().velocity_rad_s;
         self.velocity.continue_from(had_loop, velocity_rad_s, demand_a);
         self.end_position_course();
-        let permille = self.permille_of(seen, demand_a);
+        let permille = self.permille_of(joint, demand_a);
         self.modes.begin_torque(permille);
         // Not `round`, which needs a function of its own.
         self.profile.target_permille = (permille + 0.5f32.copysign(permille)) as i16;
         self.profile.target_micro_rad_s = micro(self.velocity.command().reference_rad_s);
-        self.confirm_target(seen);
+        self.confirm_target(joint);
         Ok(())
     }
 

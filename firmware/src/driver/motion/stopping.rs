@@ -4,13 +4,14 @@
 //! second after the ramp would have. A stop that holds the joint (halt, *quick stop active*) needs one.
 //! [`crate::driver::profile::stop`] has the reactions.
 
-use super::{Motion, Seen};
+use super::Motion;
 use crate::control::LoopFlags;
 use crate::control::velocity_loop::VelocityGains;
 use crate::driver::holding_brake::{BrakeInputs, HoldingBrake};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::stop::{StopCause, StopReaction, fault_cause};
 use crate::driver::profile::{self, STANDSTILL_RAD_S};
+use crate::joint_node::JointBase;
 use crate::node_settings::InputSource;
 use crate::supervisor::CodeSet;
 
@@ -25,7 +26,7 @@ const MARGIN_US: u64 = 1_000_000;
 
 /// A stop under way.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::driver) struct Stop {
+pub(crate) struct Stop {
     cause: StopCause,
     deceleration_rad_s2: f32,
     /// The joint is held afterwards.
@@ -40,7 +41,7 @@ pub(in crate::driver) struct Stop {
 
 /// Load of a joint when its brake closed.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::driver) struct BrakedLoad {
+pub(crate) struct BrakedLoad {
     /// Current that held it, A.
     load_a: f32,
     /// Its position from the arbitrary zero, rad.
@@ -49,10 +50,10 @@ pub(in crate::driver) struct BrakedLoad {
 
 /// The stop under way, and the holding brake.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct Stopping {
+pub(crate) struct Stopping {
     stop: Option<Stop>,
     /// The reaction to the last stop was to short the low sides.
-    pub(in crate::driver) shorts_low_sides: bool,
+    pub(crate) shorts_low_sides: bool,
     /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
     held_rad: Option<f32>,
     brake: HoldingBrake,
@@ -62,59 +63,59 @@ pub(in crate::driver) struct Stopping {
 
 impl Stopping {
     /// Returns the holding brake.
-    pub(in crate::driver) const fn brake(&self) -> &HoldingBrake {
+    pub(crate) const fn brake(&self) -> &HoldingBrake {
         &self.brake
     }
 
     /// Returns true if the low sides are to be shorted while the bridge drives nothing.
-    pub(in crate::driver) const fn shorts_low_sides(&self) -> bool {
+    pub(crate) const fn shorts_low_sides(&self) -> bool {
         self.shorts_low_sides
     }
 
     /// Opens the low sides, as a master does by disarming the joint.
-    pub(in crate::driver) fn open_low_sides(&mut self) {
+    pub(crate) fn open_low_sides(&mut self) {
         self.shorts_low_sides = false;
     }
 
     /// Ends the stop.
-    pub(in crate::driver) fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         self.stop = None;
     }
 
     /// Returns the gains of the velocity loop, with the ramp of the stop if there is one.
-    pub(in crate::driver) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
+    pub(crate) fn gains(&self, gains: &VelocityGains) -> VelocityGains {
         self.stop.map_or(*gains, |stop| {
             gains.with_acceleration(stop.deceleration_rad_s2, REPORT_PERIOD_S)
         })
     }
 
     /// Returns true if a stop that ends with an open bridge is under way.
-    pub(in crate::driver) fn is_to_rest(&self) -> bool {
+    pub(crate) fn is_to_rest(&self) -> bool {
         self.stop.is_some_and(|stop| !stop.holds)
     }
 
     /// Returns true if the joint stands, held by a halt.
-    pub(in crate::driver) fn is_held(&self) -> bool {
+    pub(crate) fn is_held(&self) -> bool {
         self.stop.is_some_and(|stop| stop.holds && stop.rest_us.is_some())
     }
 }
 
 impl Motion {
     /// Returns true if the driver can stop the joint with a ramp: it drives the joint, and does not measure its motor.
-    pub(in crate::driver) fn can_ramp(&self, seen: &Seen<'_>) -> bool {
-        seen.settings.source == InputSource::Sensors && !self.is_commissioning()
+    pub(crate) fn can_ramp(&self, joint: &JointBase) -> bool {
+        joint.settings.source == InputSource::Sensors && !self.is_commissioning()
     }
 
     /// Returns the faults after which the joint stops with a ramp.
-    pub(in crate::driver) fn ramp_faults(&self, seen: &Seen<'_>) -> CodeSet {
-        if self.can_ramp(seen) { seen.settings.drive.ramp_faults() } else { CodeSet::EMPTY }
+    pub(crate) fn ramp_faults(&self, joint: &JointBase) -> CodeSet {
+        if self.can_ramp(joint) { joint.settings.drive.ramp_faults() } else { CodeSet::EMPTY }
     }
 
     /// Prepares the reaction to a fault in the observation that follows.
-    pub(in crate::driver) fn prepare_stops(&mut self, seen: &Seen<'_>) {
-        if seen.supervisor.is_armed() {
+    pub(crate) fn prepare_stops(&mut self, joint: &JointBase) {
+        if joint.supervisor.is_armed() {
             // The interrupt opens the bridge before the driver knows the fault.
-            let reaction = seen.settings.drive.reaction(StopCause::Fault);
+            let reaction = joint.settings.drive.reaction(StopCause::Fault);
             self.stopping.shorts_low_sides = reaction == StopReaction::Short;
             if self.stopping.is_to_rest() || self.brake_test.is_requested() {
                 self.orders.confirms = true;
@@ -123,27 +124,27 @@ impl Motion {
     }
 
     /// Selects the reaction of the low sides to faults that opened the bridge.
-    pub(in crate::driver) fn react_to_fault(&mut self, seen: &Seen<'_>) {
-        let faults = seen.supervisor.faults();
+    pub(crate) fn react_to_fault(&mut self, joint: &JointBase) {
+        let faults = joint.supervisor.faults();
         if !faults.is_empty() {
-            let reaction = seen.settings.drive.reaction(fault_cause(faults));
+            let reaction = joint.settings.drive.reaction(fault_cause(faults));
             self.stopping.shorts_low_sides = reaction == StopReaction::Short;
         }
     }
 
     /// Returns true if the bridge is open, its low sides too, and the holding brake is closed: a restart changes nothing.
-    pub(in crate::driver) fn has_stopped(&self, seen: &Seen<'_>) -> bool {
-        let report = seen.report;
+    pub(crate) fn has_stopped(&self, joint: &JointBase) -> bool {
+        let report = joint.report();
         // A board without a current loop samples nothing.
         let is_open = report.sample_age_us.is_none()
             || report.loop_flags.contains(LoopFlags::BRIDGE_OFF) && !report.bridge_shorted;
-        let is_closed = self.stopping.brake.is_closed(&seen.settings.drive, seen.now_us);
-        !seen.is_bridge_in_use() && is_open && is_closed
+        let is_closed = self.stopping.brake.is_closed(&joint.settings.drive, joint.now_us);
+        !joint.is_bridge_in_use() && is_open && is_closed
     }
 
     /// Begins, changes or ends a stop according to the supervisor and the controlword.
-    pub(in crate::driver) fn update_stop(&mut self, seen: &Seen<'_>) {
-        if !seen.supervisor.is_bridge_allowed() || !self.can_ramp(seen) {
+    pub(crate) fn update_stop(&mut self, joint: &JointBase) {
+        if !joint.supervisor.is_bridge_allowed() || !self.can_ramp(joint) {
             self.stopping.stop = None;
             if self.profile.stop_cause().is_some_and(|cause| cause != StopCause::Halt) {
                 // A joint in HIL has no ramp.
@@ -152,11 +153,11 @@ impl Motion {
             }
             return;
         }
-        let cause = if seen.supervisor.is_stopping() {
-            Some(fault_cause(seen.supervisor.faults()))
+        let cause = if joint.supervisor.is_stopping() {
+            Some(fault_cause(joint.supervisor.faults()))
         } else if self.profile.is_active() {
             // A drive without torque has nothing to halt, and mode 4 halts its torque.
-            let is_free = self.is_torque_free_homing() || self.is_in_profile_torque(seen);
+            let is_free = self.is_torque_free_homing() || self.is_in_profile_torque(joint);
             self.profile.stop_cause().filter(|cause| *cause != StopCause::Halt || !is_free)
         } else {
             // Without the profile, only the network stops the joint.
@@ -169,8 +170,8 @@ impl Motion {
             self.stopping.stop = None;
             return;
         };
-        match seen.settings.drive.reaction(cause) {
-            StopReaction::Ramp(deceleration) => self.begin_stop(seen, cause, deceleration),
+        match joint.settings.drive.reaction(cause) {
+            StopReaction::Ramp(deceleration) => self.begin_stop(joint, cause, deceleration),
             reaction => {
                 self.stopping.shorts_low_sides = reaction == StopReaction::Short;
                 self.profile.end_stop();
@@ -179,20 +180,15 @@ impl Motion {
         }
     }
 
-    pub(in crate::driver) fn begin_stop(
-        &mut self,
-        seen: &Seen<'_>,
-        cause: StopCause,
-        deceleration: u32,
-    ) {
-        if self.stopping.stop.is_none() && !self.is_in_velocity_loop(seen) {
-            self.velocity.begin_loaded(seen.report.velocity_rad_s, seen.load_a());
+    pub(crate) fn begin_stop(&mut self, joint: &JointBase, cause: StopCause, deceleration: u32) {
+        if self.stopping.stop.is_none() && !self.is_in_velocity_loop(joint) {
+            self.velocity.begin_loaded(joint.report().velocity_rad_s, joint.load_a());
             self.velocity.withhold_current();
         }
         let deceleration_rad_s2 = deceleration as f32 * 1e-6;
         let ramp_s = self.velocity.command().reference_rad_s.abs() / deceleration_rad_s2;
-        let until_us = seen.now_us.saturating_add((ramp_s * 1e6) as u64 + MARGIN_US);
-        let holds = seen.settings.drive.holds_after(cause);
+        let until_us = joint.now_us.saturating_add((ramp_s * 1e6) as u64 + MARGIN_US);
+        let holds = joint.settings.drive.holds_after(cause);
         self.stopping.stop = Some(Stop {
             cause,
             deceleration_rad_s2,
@@ -205,8 +201,8 @@ impl Motion {
     }
 
     /// Ends a stop when the joint stands, or when it does not stop in time.
-    pub(in crate::driver) fn watch_stop(&mut self, seen: &Seen<'_>) {
-        let (now_us, speed_rad_s) = (seen.now_us, seen.report.velocity_rad_s.abs());
+    pub(crate) fn watch_stop(&mut self, joint: &JointBase) {
+        let (now_us, speed_rad_s) = (joint.now_us, joint.report().velocity_rad_s.abs());
         let is_down = self.stopping.held_rad.is_some();
         let Some(stop) = &mut self.stopping.stop else { return };
         if !is_down || speed_rad_s > STANDSTILL_RAD_S {
@@ -220,9 +216,10 @@ impl Motion {
         }
         // The motor holds the joint until the brake is closed.
         stop.closes_brake = true;
-        if self.stopping.brake.is_closed(&seen.settings.drive, now_us) {
-            if seen.settings.drive.brake_output != 0 {
-                let (load_a, at_rad) = (self.velocity.command().current_a, seen.report.turned_rad);
+        if self.stopping.brake.is_closed(&joint.settings.drive, now_us) {
+            if joint.settings.drive.brake_output != 0 {
+                let (load_a, at_rad) =
+                    (self.velocity.command().current_a, joint.report().turned_rad);
                 self.stopping.braked_load = Some(BrakedLoad { load_a, at_rad });
             }
             self.stopping.shorts_low_sides = false;
@@ -232,9 +229,9 @@ impl Motion {
     }
 
     /// Runs a step of the holding brake.
-    pub(in crate::driver) fn step_brake(&mut self, seen: &Seen<'_>) {
-        let report = seen.report;
-        let is_driven = seen.supervisor.is_bridge_allowed()
+    pub(crate) fn step_brake(&mut self, joint: &JointBase) {
+        let report = joint.report();
+        let is_driven = joint.supervisor.is_bridge_allowed()
             && !report.loop_flags.contains(LoopFlags::BRIDGE_OFF)
             && !self.is_measuring_motor();
         let is_known = !report.loop_flags.contains(LoopFlags::ENCODER_LOST);
@@ -245,45 +242,45 @@ impl Motion {
         let inputs = BrakeInputs {
             is_driven,
             wants_closed,
-            is_bridge_sound: seen.supervisor.is_braking_allowed(),
+            is_bridge_sound: joint.supervisor.is_braking_allowed(),
             speed_rad_s: is_known.then_some(report.velocity_rad_s.abs()),
-            now_us: seen.now_us,
+            now_us: joint.now_us,
         };
-        self.stopping.brake.step(&seen.settings.drive, &inputs);
+        self.stopping.brake.step(&joint.settings.drive, &inputs);
     }
 
     /// Returns true in homing by the present position, which gives no torque.
-    pub(in crate::driver) fn is_torque_free_homing(&self) -> bool {
+    pub(crate) fn is_torque_free_homing(&self) -> bool {
         self.profile.mode == profile::HOMING && !self.profile.homes_at_stop()
     }
 
     /// Returns true while the driver holds the joint: a stop, or a brake that is not yet open.
-    pub(in crate::driver) fn holds_joint(&self, seen: &Seen<'_>) -> bool {
+    pub(crate) fn holds_joint(&self, joint: &JointBase) -> bool {
         self.stopping.stop.is_some()
-            || seen.supervisor.is_armed()
-                && self.can_ramp(seen)
+            || joint.supervisor.is_armed()
+                && self.can_ramp(joint)
                 && !self.is_torque_free_homing()
-                && !self.stopping.brake.is_open(&seen.settings.drive, seen.now_us)
+                && !self.stopping.brake.is_open(&joint.settings.drive, joint.now_us)
     }
 
     /// Starts the velocity loop with the current that held the joint when the brake closed, if it has not moved since.
-    pub(in crate::driver) fn preload_brake(&mut self, seen: &Seen<'_>) {
+    pub(crate) fn preload_brake(&mut self, joint: &JointBase) {
         self.stopping.held_rad = None;
         let Some(BrakedLoad { load_a, at_rad }) = self.stopping.braked_load.take() else { return };
-        if (seen.report.turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
-            self.velocity.begin_loaded(seen.report.velocity_rad_s, load_a);
+        if (joint.report().turned_rad - at_rad).abs() < BRAKE_PLAY_RAD {
+            self.velocity.begin_loaded(joint.report().velocity_rad_s, load_a);
         }
     }
 
     /// Returns the velocity that holds the joint, rad/s: 0 during a ramp, then a velocity towards the position at which
     /// it ended.
-    pub(in crate::driver) fn holding_velocity(&mut self, seen: &Seen<'_>) -> f32 {
-        let at_rad = seen.report.turned_rad;
+    pub(crate) fn holding_velocity(&mut self, joint: &JointBase) -> f32 {
+        let at_rad = joint.report().turned_rad;
         if self.stopping.held_rad.is_none() && self.velocity.command().reference_rad_s != 0.0 {
             return 0.0;
         }
         let held_rad = *self.stopping.held_rad.get_or_insert(at_rad);
-        let gain = seen.settings.drive.position_gain as f32 * 1e-3;
+        let gain = joint.settings.drive.position_gain as f32 * 1e-3;
         (gain * (held_rad - at_rad)).clamp(-HOLDING_RAD_S, HOLDING_RAD_S)
     }
 }

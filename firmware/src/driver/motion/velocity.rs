@@ -4,13 +4,15 @@
 //! compensator, are sent with the next commands. The age of the set-point remains the time since the master's
 //! last message.
 
-use super::{Motion, Seen};
+use super::Motion;
 use crate::control::LoopFlags;
+use crate::control::MotorParameters;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::driver::angle::micro;
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{CSP, CSV, PV};
 use crate::driver::trajectory::VelocityInterpolation;
+use crate::joint_node::JointBase;
 use crate::node_settings::InputSource;
 use core::f32::consts::TAU;
 
@@ -22,7 +24,7 @@ const NOISE_RAD_S: f32 = 0.02;
 
 /// Target of a step of the velocity loop.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::driver) enum VelocityTarget {
+pub(crate) enum VelocityTarget {
     /// Velocity, rad/s, approached with the acceleration of the gains.
     Slew(VelocityGains, f32),
     /// Velocity, rad/s, as it is, and its change that the inertia needs, rad/s.
@@ -31,7 +33,7 @@ pub(in crate::driver) enum VelocityTarget {
 
 /// The velocity loop with its gains and its last command.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::driver) struct VelocityControl {
+pub(crate) struct VelocityControl {
     control: VelocityLoop,
     gains: VelocityGains,
     command: VelocityCommand,
@@ -50,19 +52,14 @@ impl VelocityControl {
     /// Restarts the loop from the present velocity, rad/s, with the current that holds a load, A. The last command is
     /// kept until the next step.
     #[inline(never)]
-    pub(in crate::driver) fn begin_loaded(&mut self, velocity_rad_s: f32, load_a: f32) {
+    pub(crate) fn begin_loaded(&mut self, velocity_rad_s: f32, load_a: f32) {
         self.control = VelocityLoop::begin_loaded(velocity_rad_s, load_a);
     }
 
     /// Continues in another mode. If the loop does not run yet, it begins at this velocity, rad/s, with this current, A. If it
     /// runs, the offset of the mode before stays in the integral.
     #[inline(never)]
-    pub(in crate::driver) fn continue_from(
-        &mut self,
-        is_running: bool,
-        velocity_rad_s: f32,
-        current_a: f32,
-    ) {
+    pub(crate) fn continue_from(&mut self, is_running: bool, velocity_rad_s: f32, current_a: f32) {
         if is_running {
             self.control.absorb_feed_forward();
         } else {
@@ -80,27 +77,27 @@ impl VelocityControl {
     }
 
     /// Commands no current until the next step.
-    pub(in crate::driver) fn withhold_current(&mut self) {
+    pub(crate) fn withhold_current(&mut self) {
         self.command = self.control.command(0.0);
     }
 
     /// Returns the last command.
-    pub(in crate::driver) const fn command(&self) -> &VelocityCommand {
+    pub(crate) const fn command(&self) -> &VelocityCommand {
         &self.command
     }
 
     /// Returns the gains.
-    pub(in crate::driver) const fn gains(&self) -> &VelocityGains {
+    pub(crate) const fn gains(&self) -> &VelocityGains {
         &self.gains
     }
 
     /// The reference has changed its direction: so does the friction that the integral holds.
-    pub(in crate::driver) fn turn_integral(&mut self) {
+    pub(crate) fn turn_integral(&mut self) {
         self.control.turn_integral();
     }
 
     /// Runs a step. Returns true if the reference changed its direction.
-    pub(in crate::driver) fn step(
+    pub(crate) fn step(
         &mut self,
         target: VelocityTarget,
         velocity_rad_s: f32,
@@ -124,81 +121,76 @@ impl VelocityControl {
 impl Motion {
     /// Returns true if the velocity loop commands the joint on its own sensors, by the mode.
     #[inline(never)]
-    pub(in crate::driver) fn is_in_velocity_loop(&self, seen: &Seen<'_>) -> bool {
+    pub(crate) fn is_in_velocity_loop(&self, joint: &JointBase) -> bool {
         let is_velocity_mode = matches!(self.profile.mode, CSV | PV);
-        let is_on_sensors = seen.settings.source == InputSource::Sensors;
-        is_velocity_mode && is_on_sensors || self.is_in_position_control(seen)
+        let is_on_sensors = joint.settings.source == InputSource::Sensors;
+        is_velocity_mode && is_on_sensors || self.is_in_position_control(joint)
     }
 
     /// Restarts the velocity loop from the present velocity, at every arming.
-    pub(in crate::driver) fn begin_velocity(&mut self, seen: &Seen<'_>, acceleration_rad_s2: f32) {
-        let (motor, joint) = (&seen.set.motor, &seen.set.friction);
-        let mut motor = *motor;
-        motor.acceleration_max_rad_s2 = acceleration_rad_s2;
-        let constant = joint.compensator.torque_constant_nm_per_a;
+    pub(crate) fn begin_velocity(&mut self, joint: &JointBase, acceleration_rad_s2: f32) {
+        let set = joint.set();
+        let motor = MotorParameters { acceleration_max_rad_s2: acceleration_rad_s2, ..set.motor };
+        let constant = set.friction.compensator.torque_constant_nm_per_a;
         let gains = VelocityGains::build(&motor, constant, REPORT_PERIOD_S);
-        self.velocity.begin(gains, seen.report.velocity_rad_s);
+        self.velocity.begin(gains, joint.report().velocity_rad_s);
         self.velocity.begin_course();
     }
 
     /// Returns the target of a step while the driver holds the joint.
-    pub(in crate::driver) fn holding_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
+    pub(crate) fn holding_target(&mut self, joint: &JointBase) -> VelocityTarget {
         // The load remains, whether the master goes on to send its offset or not.
         self.velocity.control.absorb_feed_forward();
         self.interrupt_position();
         self.velocity.begin_course();
         let gains = self.stopping.gains(self.velocity.gains());
-        VelocityTarget::Slew(gains, self.holding_velocity(seen))
+        VelocityTarget::Slew(gains, self.holding_velocity(joint))
     }
 
     /// Returns the target of a step of mode 3.
-    pub(in crate::driver) fn profile_velocity_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
+    pub(crate) fn profile_velocity_target(&mut self, joint: &JointBase) -> VelocityTarget {
         self.position.is_limited = false;
-        let (target_rad_s, acceleration) = self.profile_velocity_step(seen);
+        let (target_rad_s, acceleration) = self.profile_velocity_step(joint);
         let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
         VelocityTarget::Slew(gains, target_rad_s)
     }
 
     /// Returns the target of a step of CSV.
-    pub(in crate::driver) fn cyclic_velocity_target(&mut self, seen: &Seen<'_>) -> VelocityTarget {
+    pub(crate) fn cyclic_velocity_target(&mut self, joint: &JointBase) -> VelocityTarget {
         self.position.is_limited = false;
-        let most_rad_s = self.max_speed_rad_s(seen);
+        let most_rad_s = self.max_speed_rad_s(joint);
         let last_rad_s = self.profile.target_rad_s(most_rad_s);
         let target_rad_s = self.velocity.course.step().unwrap_or(last_rad_s);
         let target_rad_s = target_rad_s + self.velocity_offset_rad_s();
         let target_rad_s = target_rad_s.max(-most_rad_s).min(most_rad_s);
-        let target_rad_s = self.bounded_velocity(seen, target_rad_s);
+        let target_rad_s = self.bounded_velocity(joint, target_rad_s);
         VelocityTarget::Slew(*self.velocity.gains(), target_rad_s)
     }
 
     /// Gives the torque offset to the velocity loop, in the cyclic modes.
-    pub(in crate::driver) fn feed_torque_forward(&mut self, seen: &Seen<'_>) {
+    pub(crate) fn feed_torque_forward(&mut self, joint: &JointBase) {
         let is_cyclic = matches!(self.profile.mode, CSP | CSV);
-        let offset_a = if is_cyclic { self.offset_current_a(seen) } else { 0.0 };
+        let offset_a = if is_cyclic { self.offset_current_a(joint) } else { 0.0 };
         self.velocity.control.feed_forward(offset_a);
     }
 
     /// 60FFh: takes a target of the master.
-    pub(in crate::driver) fn set_target_velocity(
-        &mut self,
-        seen: &Seen<'_>,
-        target_micro_rad_s: i32,
-    ) {
+    pub(crate) fn set_target_velocity(&mut self, joint: &JointBase, target_micro_rad_s: i32) {
         if target_micro_rad_s != self.profile.target_micro_rad_s {
             self.modes.begin_velocity();
         }
         self.profile.target_micro_rad_s = target_micro_rad_s;
-        let is_followed = self.profile.mode == CSV && seen.settings.source == InputSource::Sensors;
-        if is_followed && seen.supervisor.is_armed() {
-            let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s(seen));
-            let steps = seen.settings.drive.interpolation_ms();
+        let is_followed = self.profile.mode == CSV && joint.settings.source == InputSource::Sensors;
+        if is_followed && joint.supervisor.is_armed() {
+            let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s(joint));
+            let steps = joint.settings.drive.interpolation_ms();
             self.velocity.course.set_target(target_rad_s, steps);
         }
     }
 
     /// Returns the current that the current loop applied less the last command, A; 0 if none of its limits acted.
-    pub(in crate::driver) fn withheld_current_a(&self, seen: &Seen<'_>) -> f32 {
-        let report = seen.report;
+    pub(crate) fn withheld_current_a(&self, joint: &JointBase) -> f32 {
+        let report = joint.report();
         let applied_a = if report.loop_flags.contains(LoopFlags::VOLTAGE_LIMITED) {
             report.current_a
         } else if report.loop_flags.contains(LoopFlags::CURRENT_LIMITED) {
@@ -210,22 +202,22 @@ impl Motion {
     }
 
     /// 606Bh, 1e-6 rad/s: the present reference.
-    pub(in crate::driver) fn velocity_demand(&self) -> i32 {
+    pub(crate) fn velocity_demand(&self) -> i32 {
         micro(self.velocity.command.reference_rad_s)
     }
 
     /// 6080h: the value that a master wrote, or the motor speed at the joint's maximum speed.
     #[inline(never)]
-    pub(in crate::driver) fn max_motor_rpm(&self, seen: &Seen<'_>) -> u32 {
-        let motor = &seen.set.motor;
+    pub(crate) fn max_motor_rpm(&self, joint: &JointBase) -> u32 {
+        let motor = &joint.set().motor;
         let own = motor.velocity_max_rad_s * motor.gear_ratio * RPM;
         self.profile.max_motor_rpm.unwrap_or(own as u32)
     }
 
     /// Returns the maximum speed of the joint, rad/s, within its plausible range.
     #[inline(never)]
-    pub(in crate::driver) fn max_speed_rad_s(&self, seen: &Seen<'_>) -> f32 {
-        let motor = &seen.set.motor;
+    pub(crate) fn max_speed_rad_s(&self, joint: &JointBase) -> f32 {
+        let motor = &joint.set().motor;
         let limit_rad_s =
             self.profile.max_motor_rpm.map(|rpm| rpm as f32 / (RPM * motor.gear_ratio));
         limit_rad_s.map_or(motor.velocity_max_rad_s, |limit| limit.min(motor.velocity_max_rad_s))

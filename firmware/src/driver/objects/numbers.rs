@@ -2,21 +2,15 @@
 
 use crate::driver::device::Device;
 use crate::driver::profile;
+use crate::joint_node::objects::entry;
 use crate::node::dictionary::records::HoldingBrakeObject;
 use crate::node::dictionary::{HOMING_METHODS, index};
 use crate::node::sdo::Abort;
 use embedded_storage::nor_flash::NorFlash;
 
-/// Returns the word at a sub-index, which counts from 1.
-#[inline(never)]
-pub(crate) fn entry(words: &[u32], sub_index: u8) -> Result<u32, Abort> {
-    let place = usize::from(sub_index).wrapping_sub(1);
-    words.get(place).copied().ok_or(Abort::NoSubIndex)
-}
-
 impl<F: NorFlash> Device<F> {
     /// Returns the value of an object; a float as its bits.
-    pub(in crate::driver) fn number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
+    pub(crate) fn number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
         match at_index {
             index::SYNC_PERIOD | index::SYNC_WINDOW | index::SYNC_OVERFLOW | 0x1400..=0x1BFF => {
                 self.pdo_number(at_index, place)
@@ -33,21 +27,21 @@ impl<F: NorFlash> Device<F> {
         Ok(match at_index {
             index::ERROR_CODE => self.error_code().into(),
             index::CONTROLWORD => self.motion.profile.controlword.into(),
-            index::STATUSWORD => self.motion.statusword(&self.seen()).into(),
+            index::STATUSWORD => self.motion.statusword(&self.base).into(),
             index::MODE | index::MODE_DISPLAY => self.motion.profile.mode as u32,
-            index::POSITION_DEMAND => self.motion.position_demand(&self.seen()) as u32,
+            index::POSITION_DEMAND => self.motion.position_demand(&self.base) as u32,
             index::FOLLOWING_ERROR => self.motion.following_error() as u32,
             index::TARGET_POSITION => self.motion.profile.target_position_micro_rad as u32,
             index::BUS_VOLTAGE => self.bus_millivolts(),
-            index::ACTUAL_CURRENT => self.seen().actual_current_permille() as u32,
-            index::ACTUAL_POSITION => self.seen().actual_position() as u32,
+            index::ACTUAL_CURRENT => self.base.actual_current_permille() as u32,
+            index::ACTUAL_POSITION => self.base.actual_position() as u32,
             index::ADDITIONAL_POSITION => {
                 return entry(&[self.joint_encoder.position() as u32], place);
             }
-            index::ACTUAL_VELOCITY => self.seen().actual_velocity() as u32,
+            index::ACTUAL_VELOCITY => self.base.actual_velocity() as u32,
             index::TARGET_TORQUE => self.motion.profile.target_permille as u32,
             index::MAX_TORQUE => self.motion.profile.max_permille.into(),
-            index::TORQUE_DEMAND => self.motion.torque_demand(&self.seen()) as u32,
+            index::TORQUE_DEMAND => self.motion.torque_demand(&self.base) as u32,
             index::VELOCITY_DEMAND => self.motion.velocity_demand() as u32,
             index::TARGET_VELOCITY => self.motion.profile.target_micro_rad_s as u32,
             index::VELOCITY_OFFSET => self.motion.written_offsets()[0],
@@ -58,15 +52,15 @@ impl<F: NorFlash> Device<F> {
                 let places = self.touch.positions.map(|position| position as u32);
                 return entry(&places, (at_index - index::TOUCH_1_POSITIVE) as u8 + 1);
             }
-            index::MAX_MOTOR_SPEED => self.motion.max_motor_rpm(&self.seen()),
+            index::MAX_MOTOR_SPEED => self.motion.max_motor_rpm(&self.base),
             index::HOME_OFFSET => self.motion.profile.home_offset_micro_rad as u32,
             index::HOMING_METHOD => self.motion.profile.homing_method as u32,
             index::HOMING_METHODS => {
                 return entry(&HOMING_METHODS.map(|method| method as u32), place);
             }
-            index::RATED_CURRENT => self.seen().ratings()[0],
-            index::RATED_TORQUE => self.seen().ratings()[1],
-            index::ACTUAL_TORQUE => self.seen().actual_permille() as u32,
+            index::RATED_CURRENT => self.base.ratings()[0],
+            index::RATED_TORQUE => self.base.ratings()[1],
+            index::ACTUAL_TORQUE => self.base.actual_permille() as u32,
             index::SUPPORTED_MODES => profile::SUPPORTED_MODES,
             _ => return Err(Abort::NoObject),
         })
@@ -80,12 +74,11 @@ impl<F: NorFlash> Device<F> {
             index::PROGRAM_IDENTIFICATION => entry(&self.program.crcs(), place),
             index::FLASH_STATUS => Ok(self.program.flash_status()),
             index::TRACE => entry(&self.samples.trace_object().words(), place),
-            index::FRAME_COUNTERS => entry(&self.all_counters().words(), place),
             index::OUTPUTS => entry(&self.samples.outputs().words(), place),
             index::COMMISSIONING_RUN => {
-                entry(&self.motion.commissioning_object(&self.seen()).words(), place)
+                entry(&self.motion.commissioning_object(&self.base).words(), place)
             }
-            index::MEASURED => entry(&self.seen().measured().words(), place),
+            index::MEASURED => entry(&self.base.measured().words(), place),
             index::LIVE_TERMS => Ok(self.live_terms()),
             index::SCOPE => entry(&self.scope_object().words(), place),
             index::SCOPE_SIGNALS => self.scope_signal(place),
@@ -108,7 +101,7 @@ impl<F: NorFlash> Device<F> {
             index::TUNING => entry(&settings.tuning, place),
             index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
-            _ => self.common().number(at_index, place),
+            _ => self.base.number(at_index, place),
         }
     }
 }

@@ -7,7 +7,7 @@ use super::parameter_trial::save;
 use compensator_core::can::Message;
 use firmware::control::MotorParameters;
 use firmware::driver::{Boot, LoopReport};
-use firmware::joint_node::Joint as _;
+use firmware::joint_node::Joint;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject as Run};
@@ -145,7 +145,7 @@ fn defaults_beyond_the_shunts_are_refused_by_name_and_raise_no_internal_error() 
         stage,
         firmware::control::PERIOD_S,
     );
-    bench.driver.joint.parts().start.set_refused(Some(refused.expect_err("40 A")));
+    bench.driver.joint.base().start.set_refused(Some(refused.expect_err("40 A")));
     bench.start();
     bench.commission();
     bench.write(index::MODE, 0, &[10]).unwrap();

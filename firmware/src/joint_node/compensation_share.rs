@@ -1,32 +1,21 @@
 //! Share of the compensation in use, reduced if the model has more friction than the joint.
 
-use super::{Device, InputSource};
 use crate::driver::LoopReport;
 use crate::driver::over_compensation::{OverCompensationWatch, SlidingSample};
 use crate::driver::passivity::{PassivityGuard, PassivityParameters, TorqueSample};
-use crate::driver::profile;
 use crate::parameter_set::ParameterSet;
-use embedded_storage::nor_flash::NorFlash;
 
 /// Maximum change of the share per report by the two-sided detection: from 1 to 0 in a second, to avoid torque steps.
 const MAX_CHANGE_PER_REPORT: f32 = 1e-3;
 
-/// The detections of over-compensation, and the share that they leave.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct CompensationShare {
-    watch: OverCompensationWatch,
-    guard: PassivityGuard,
-    /// Share of the two-sided detection, 0..=1.
-    share: f32,
-}
-
-impl Default for CompensationShare {
-    fn default() -> Self {
-        Self {
-            watch: OverCompensationWatch::default(),
-            guard: PassivityGuard::default(),
-            share: 1.0,
-        }
+with_defaults! {
+    /// The detections of over-compensation, and the share that they leave.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct CompensationShare {
+        watch: OverCompensationWatch,
+        guard: PassivityGuard,
+        /// Share of the two-sided detection, 0..=1.
+        share: f32 = 1.0,
     }
 }
 
@@ -85,21 +74,5 @@ impl CompensationShare {
             scale: joint.scale,
         };
         self.guard.step(&sample, &parameters);
-    }
-}
-
-impl<F: NorFlash> Device<F> {
-    /// Evaluates a report for over-compensation.
-    pub(super) fn step_over_compensation(&mut self) {
-        let is_compensated = self.settings.source == InputSource::Sensors
-            && self.supervisor.is_compensation_allowed()
-            && !self.motion.is_commissioning();
-        let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
-        let is_offset = self.motion.profile.mode == profile::CST;
-        let offset_nm =
-            if is_offset { by_a * self.motion.offset_current_a(&self.seen()) } else { 0.0 };
-        let offset_nm = self.motion.mover(&self.seen()).is_torque().then_some(offset_nm);
-        let (report, set) = (self.current_loop.report(), self.staging.active());
-        self.compensation.step(report, set, is_compensated, offset_nm);
     }
 }

@@ -3,21 +3,13 @@
 use crate::control::Covariates;
 use crate::sensors::stuck::StuckWatch;
 
-/// The last covariates, with the watches of their sensors.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SealSensors {
-    covariates: Covariates,
-    radial_force: StuckWatch,
-    pressure: StuckWatch,
-}
-
-impl Default for SealSensors {
-    fn default() -> Self {
-        Self {
-            covariates: Covariates::MISSING,
-            radial_force: StuckWatch::default(),
-            pressure: StuckWatch::default(),
-        }
+with_defaults! {
+    /// The last covariates, with the watches of their sensors.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct SealSensors {
+        covariates: Covariates = Covariates::MISSING,
+        radial_force: StuckWatch,
+        pressure: StuckWatch,
     }
 }
 

@@ -1,10 +1,12 @@
 //! The last errors, and the text of a panic before the start.
 
-use super::MAX_PANIC_BYTES;
 use crate::log::log;
 use crate::node::dictionary::ERROR_HISTORY_LENGTH;
 use crate::supervisor::Event;
 use heapless::{Deque, String};
+
+/// Maximum length of a stored panic text, bytes.
+pub const MAX_PANIC_BYTES: usize = 160;
 
 /// What happened, for a tool that asks later.
 #[derive(Debug, Default)]

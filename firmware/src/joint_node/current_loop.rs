@@ -6,29 +6,18 @@ use crate::driver::loop_data::{Home, LoopReport};
 use crate::driver::motor_watch::MotorState;
 use crate::supervisor::Observation;
 
-/// State of the exchange.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LoopExchange {
-    report: LoopReport,
-    /// A tick has evaluated the report.
-    is_report_seen: bool,
-    set_number: u32,
-    gate_resets: u8,
-    home: Home,
-    /// The position is unknown until it is set, whatever the loop reports.
-    is_home_lost: bool,
-}
-
-impl Default for LoopExchange {
-    fn default() -> Self {
-        Self {
-            report: LoopReport::default(),
-            is_report_seen: true,
-            set_number: 0,
-            gate_resets: 0,
-            home: Home::default(),
-            is_home_lost: false,
-        }
+with_defaults! {
+    /// State of the exchange.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct LoopExchange {
+        report: LoopReport,
+        /// A tick has evaluated the report.
+        is_report_seen: bool = true,
+        set_number: u32,
+        gate_resets: u8,
+        home: Home,
+        /// The position is unknown until it is set, whatever the loop reports.
+        is_home_lost: bool,
     }
 }
 
