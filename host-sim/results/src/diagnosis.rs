@@ -7,6 +7,7 @@ use super::json::{parameter, sources};
 use super::ranking::{RankedCandidate, left_out, ranking};
 #[cfg(feature = "pages")]
 use crate::Files;
+use crate::ResultError;
 use crate::budget::{BudgetStep, budget};
 #[cfg(feature = "pages")]
 use crate::diagnosis_page::{self, DiagnosisReport};
@@ -197,7 +198,7 @@ fn log_finding(finding: &LogFinding, found: &Diagnosis) -> Value {
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON, or the core rejects the extended model.
-pub fn json_text(found: &Diagnosis, input: &Prepared) -> Result<String, String> {
+pub fn json_text(found: &Diagnosis, input: &Prepared) -> Result<String, ResultError> {
     let predicted = PredictedLog::of_text(&parameter_text(found, input), &input.data)?;
     document_text(found, input, &predicted)
 }
@@ -206,7 +207,7 @@ fn document_text(
     found: &Diagnosis,
     input: &Prepared,
     predicted: &PredictedLog,
-) -> Result<String, String> {
+) -> Result<String, ResultError> {
     let mut document = document(found, &input.data, &input.split, &input.hashes);
     document.set_prediction(predicted.summary.clone());
     pretty(&document)
@@ -289,7 +290,7 @@ fn report<'a>(found: &'a Diagnosis, input: &'a Prepared) -> DiagnosisReport<'a> 
 /// # Errors
 /// See [`json_text`].
 #[cfg(feature = "pages")]
-pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
+pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, ResultError> {
     let html = page_text(found, input);
     let toml = parameter_text(found, input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
@@ -306,7 +307,7 @@ pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
 /// # Errors
 /// See [`json_text`].
 #[cfg(feature = "pages")]
-pub fn short_files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
+pub fn short_files(found: &Diagnosis, input: &Prepared) -> Result<Files, ResultError> {
     let html = diagnosis_page::short_page(&report(found, input)).render();
     let toml = parameter_text(found, input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?.without_rows();

@@ -3,7 +3,7 @@
 //! Signals with names of a log's columns have those names, so that the table is a log: `diagnose scope.parquet`.
 //! Several captures are several runs, because nothing is known of the time between them.
 
-use crate::Files;
+use crate::{Files, ResultError};
 use crate::files::pretty;
 use crate::report::{Axis, Block, Cell, Chart, Page, Series, Table};
 use crate::table_file::{TableColumn, TableFile, TableFormat};
@@ -81,7 +81,7 @@ impl ScopeResult {
     ///
     /// # Errors
     /// One line, if a value cannot be represented in JSON.
-    pub fn document(&self) -> Result<String, String> {
+    pub fn document(&self) -> Result<String, ResultError> {
         let trigger_rows = self.captures.iter().map(|capture| capture.trigger_row);
         pretty(&json!({
             "schema": 1,
@@ -99,7 +99,7 @@ impl ScopeResult {
     ///
     /// # Errors
     /// One line, if a file cannot be written in its format.
-    pub fn files(&self) -> Result<Files, String> {
+    pub fn files(&self) -> Result<Files, ResultError> {
         let table = self.table().emit(TableFormat::Parquet)?;
         let page = self.page().render().into_bytes();
         Ok(Files {
