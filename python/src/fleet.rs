@@ -9,6 +9,7 @@ use friction_results::fleet::statistics::Limit;
 use friction_results::fleet::{self, FleetJob, FleetOptions, FleetRow};
 use joint_log::SplitRule;
 use pyo3::prelude::*;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Returns joint, campaign and files of every log below a folder.
@@ -18,7 +19,7 @@ pub fn fleet_jobs(
     root: PathBuf,
     out: PathBuf,
 ) -> PyResult<Vec<(String, String, Vec<PathBuf>)>> {
-    let jobs = fleet::find_jobs(&root, &out).map_err(|line| refused(py, &line))?;
+    let jobs = fleet::find_jobs(&root, &out).map_err(|error| refused(py, &error.to_string()))?;
     Ok(jobs.into_iter().map(|job| (job.joint, job.campaign, job.files)).collect())
 }
 
@@ -29,7 +30,8 @@ pub fn fleet_jobs_of(
     root: PathBuf,
     files: Vec<PathBuf>,
 ) -> PyResult<Vec<(String, String, Vec<PathBuf>)>> {
-    let jobs = fleet::jobs_of_files(&root, files).map_err(|line| refused(py, &line))?;
+    let jobs =
+        fleet::jobs_of_files(&root, files).map_err(|error| refused(py, &error.to_string()))?;
     Ok(jobs.into_iter().map(|job| (job.joint, job.campaign, job.files)).collect())
 }
 
@@ -72,7 +74,7 @@ pub fn fleet_task(
                     let bytes = |py: Python<'_>| {
                         earlier.call1(py, (folder,))?.extract::<Option<Vec<u8>>>(py)
                     };
-                    Python::attach(bytes).map_err(|error| error.to_string())
+                    Python::attach(bytes).map_err(|error| io::Error::other(error.to_string()))
                 };
                 fleet::run_task_beside(&job, &options, &read)
             }
@@ -102,6 +104,7 @@ pub fn fleet_write(
     let limits: Vec<Limit> =
         limits.into_iter().map(|(level, value)| Limit { level, value }).collect();
     let folders: Vec<&Path> = data.iter().map(PathBuf::as_path).filter(|of| of.is_dir()).collect();
-    let ageing = fleet::read_ageing(&folders, &out).map_err(|line| refused(py, &line))?;
+    let ageing =
+        fleet::read_ageing(&folders, &out).map_err(|error| refused(py, &error.to_string()))?;
     compute(py, 1, None, || Ok(fleet::write_fleet(&out, &rows, &ageing, &limits)?))
 }

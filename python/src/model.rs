@@ -114,7 +114,8 @@ impl Model {
             let wrong = |why| refused(py, &format!("compensator={{{name:?}: {value}}}: {why}"));
             file.compensator.set(&name, value).map_err(wrong)?;
         }
-        let exported = export(&file, format, "params.toml").map_err(|e| failed(with_command(e)))?;
+        let exported = export(&file, format, "params.toml")
+            .map_err(|e| failed(with_command(e.to_string())))?;
         let further = exported.further_files.iter().map(|(name, content)| (*name, content));
         let files = std::iter::once((format.file_name(&file), &exported.content)).chain(further);
         let files = files.map(|(name, content)| (name, PyBytes::new(py, content))).collect();

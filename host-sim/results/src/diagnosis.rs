@@ -7,6 +7,7 @@ use super::json::{parameter, sources};
 use super::ranking::{RankedCandidate, left_out, ranking};
 #[cfg(feature = "pages")]
 use crate::Files;
+use crate::ResultError;
 use crate::budget::{BudgetStep, budget};
 #[cfg(feature = "pages")]
 use crate::diagnosis_page::{self, DiagnosisReport};
@@ -198,7 +199,7 @@ pub fn json_text(
     found: &Diagnosis,
     stochastic: &StochasticExtension,
     input: &Prepared,
-) -> Result<String, String> {
+) -> Result<String, ResultError> {
     let predicted = PredictedLog::of_text(&parameter_text(found, input), &input.data)?;
     document_text(found, stochastic, input, &predicted)
 }
@@ -208,7 +209,7 @@ fn document_text(
     stochastic: &StochasticExtension,
     input: &Prepared,
     predicted: &PredictedLog,
-) -> Result<String, String> {
+) -> Result<String, ResultError> {
     let mut document = document(found, stochastic, &input.data, &input.split, &input.hashes);
     document.set_prediction(predicted.summary.clone());
     pretty(&document)
@@ -304,7 +305,7 @@ pub fn files(
     found: &Diagnosis,
     stochastic: &StochasticExtension,
     input: &Prepared,
-) -> Result<Files, String> {
+) -> Result<Files, ResultError> {
     let html = page_text(found, stochastic, input);
     let toml = parameter_text(found, input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
@@ -325,7 +326,7 @@ pub fn short_files(
     found: &Diagnosis,
     stochastic: &StochasticExtension,
     input: &Prepared,
-) -> Result<Files, String> {
+) -> Result<Files, ResultError> {
     let html = diagnosis_page::short_page(&report(found, None, input)).render();
     let toml = parameter_text(found, input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?.without_rows();

@@ -1,7 +1,7 @@
 //! `report.html` of `diagnose`: what the model misses, why, and what the extension gains.
 //!
-//! The first screen shows cause, size, gain and next experiment. Beside them it shows the torque over time where the effect
-//! is largest, and the error above the noise floor. Five summary sentences follow. The sections below give the evidence:
+//! The first screen shows the answers: cause, probability, gain and next step. Below them it shows further facts, the torque
+//! over time where the effect is largest, and the error that a model could remove. Five summary sentences follow. The sections below give the evidence:
 //! the log itself, the errors, all candidates with their rejection reasons, the predictions, the residual over the named
 //! cause, the remaining residual, the parameters, the method, and the data.
 //!
@@ -30,7 +30,7 @@ pub use stochastic::stochastic_section;
 
 use super::page::{self as shared, FitReport, View};
 use super::ranking::{RankedCandidate, left_out_in_words, ranking};
-use crate::report::{Block, Page};
+use crate::report::{Block, Page, Section};
 use crate::stochastic::StochasticExtension;
 use friction_diagnose::{Diagnosis, summary};
 use friction_fit::{Predicted, autocorrelation_time, predict};
@@ -126,10 +126,13 @@ pub fn short_page(about: &DiagnosisReport) -> Page {
     page
 }
 
-/// Returns the first screen as an HTML fragment without scripts, for a notebook: the facts, the errors above the noise
-/// floor as bars, and the summary.
+/// Returns the first screen as an HTML fragment without scripts, for a notebook: the answers, the facts, the error that a
+/// model could remove as bars, and the summary.
 pub fn first_screen(about: &DiagnosisReport) -> String {
-    in_scene(about, lead::fragment)
+    in_scene(about, |scene| {
+        let mut page = opening(scene);
+        page.push(Block::List(summary::summary(scene.about.found))).fragment()
+    })
 }
 
 /// Derives the values that the page shows, and passes them on.
@@ -169,27 +172,31 @@ fn in_scene<R>(about: &DiagnosisReport, show: impl FnOnce(&Scene) -> R) -> R {
     show(&scene)
 }
 
-fn page_of(scene: &Scene, is_short: bool) -> Page {
+fn opening(scene: &Scene) -> Page {
+    let charts = largest_effect::chart(scene).into_iter().chain([lead::removable_error(scene)]);
+    let lead = Block::Lead { facts: lead::facts(scene), charts: charts.collect() };
     let mut page = Page::new(words::title(scene), words::subtitle(scene));
-    let charts = largest_effect::chart(scene).into_iter().chain([lead::above_the_floor(scene)]);
-    page.push(Block::Lead { facts: lead::facts(scene), charts: charts.collect() });
+    page.push(lead);
+    page.answering(lead::answers(scene))
+}
+
+fn page_of(scene: &Scene, is_short: bool) -> Page {
+    let mut page = opening(scene);
     page.push(Block::Contents);
-    page.push(Block::heading("Summary"));
-    page.push(Block::List(summary::summary(scene.about.found)));
-    let sections = [
-        log::log(scene),
-        gain(scene),
-        candidates(scene),
-        predictions(scene),
-        evidence(scene),
-        if is_short { vec![Block::paragraph(words::SHORT)] } else { left_over(scene) },
-        if is_short { Vec::new() } else { where_in_motion(scene) },
-        parameters(scene),
-        stochastic(scene),
-        shared::methods(&scene.view, words::methods(scene)),
-        shared::data(&scene.view, words::sources(scene)),
-    ];
-    page.blocks.extend(sections.into_iter().flatten());
+    page.add(Section::new("Summary").list(summary::summary(scene.about.found)));
+    page.add(log::log(scene)).add(gain(scene)).add(candidates(scene));
+    page.add(predictions(scene)).add(evidence(scene));
+    if is_short {
+        page.push(Block::paragraph(words::SHORT));
+    } else {
+        page.add(left_over(scene)).add(where_in_motion(scene));
+    }
+    page.add(parameters(scene)).add(stochastic(scene));
+    page.add(shared::methods(&scene.view, words::methods(scene)));
+    page.add(shared::data(&scene.view, words::sources(scene)));
+    for (name, meaning) in words::meanings(scene) {
+        page.explain(name, &meaning);
+    }
     page
 }
 
@@ -198,117 +205,98 @@ fn memory(predicted: &Predicted) -> f64 {
     autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice))
 }
 
-fn gain(scene: &Scene) -> Vec<Block> {
-    vec![
-        Block::heading("Prediction error on held-out rows"),
-        Block::paragraph(left_out_in_words(scene.about.found)),
-        figures::budget(scene).into(),
-        figures::errors(scene).into(),
-    ]
+fn gain(scene: &Scene) -> Section {
+    Section::new("Prediction error on held-out rows")
+        .words(left_out_in_words(scene.about.found))
+        .chart(figures::budget(scene))
+        .chart(figures::errors(scene))
 }
 
 fn predictions(scene: &Scene) -> Vec<Block> {
     let Some([over_time, close_up @ ..]) = figures::predictions(scene) else { return Vec::new() };
-    vec![
-        Block::heading(format!("Logged and simulated {}", scene.torque())),
-        Block::Paragraph(words::predictions(scene)),
-        over_time.into(),
-        Block::Row(close_up.to_vec()),
-    ]
+    Section::new(format!("Logged and simulated {}", scene.torque()))
+        .words(words::predictions(scene))
+        .chart(over_time)
+        .charts(close_up.into())
+        .into_iter()
+        .collect()
 }
 
-fn evidence(scene: &Scene) -> Vec<Block> {
-    let mut blocks = vec![Block::heading("Evidence")];
+fn evidence(scene: &Scene) -> Section {
+    let section = Section::new("Evidence");
     let findings = &scene.about.found.findings;
     let Some((first, others)) = findings.split_first() else {
-        blocks.push(Block::Paragraph(words::nothing_found(scene)));
-        blocks.push(figures::autocorrelation(scene).into());
-        return blocks;
+        return section.words(words::nothing_found(scene)).chart(figures::autocorrelation(scene));
     };
-    blocks.push(Block::List(words::reading_means(scene)));
-    blocks.extend(Block::rows(evidence::of(scene, first)));
-    blocks.push(match scene.is_extended() {
-        true => figures::added(scene).into(),
-        false => figures::autocorrelation(scene).into(),
+    let section = section.list(words::reading_means(scene)).charts(evidence::of(scene, first));
+    let section = section.chart(match scene.is_extended() {
+        true => figures::added(scene),
+        false => figures::autocorrelation(scene),
     });
-    blocks.extend(others.iter().map(|other| {
+    others.iter().fold(section, |section, other| {
         let summary = format!("Evidence for {}", other.cause.name());
-        Block::details(summary, Block::rows(evidence::of(scene, other)))
-    }));
-    blocks
+        section.details(summary, Block::rows(evidence::of(scene, other)))
+    })
 }
 
-fn left_over(scene: &Scene) -> Vec<Block> {
-    let mut blocks = vec![
-        Block::heading("Remaining residual"),
-        Block::Paragraph(words::left_over(scene)),
-        over_time::over_time(scene).into(),
-    ];
+fn left_over(scene: &Scene) -> Section {
     let (along, plain) = evidence::survey(scene);
-    blocks.extend(Block::rows(along));
     let plain = [vec![Block::paragraph(words::PLAIN)], Block::rows(plain)].concat();
-    blocks.push(Block::details("The same charts without the sign of the motion", plain));
-    if !scene.about.found.findings.is_empty() && scene.is_extended() {
-        blocks.push(figures::autocorrelation(scene).into());
+    let section = Section::new("Remaining residual")
+        .words(words::left_over(scene))
+        .chart(over_time::over_time(scene))
+        .charts(along)
+        .details("The same charts without the sign of the motion", plain);
+    match !scene.about.found.findings.is_empty() && scene.is_extended() {
+        true => section.chart(figures::autocorrelation(scene)),
+        false => section,
     }
-    blocks
 }
 
-fn where_in_motion(scene: &Scene) -> Vec<Block> {
+fn where_in_motion(scene: &Scene) -> Section {
     let found = scene.about.found;
-    vec![
-        Block::heading("Error of the base model by state of motion"),
-        Block::Row(vec![
+    Section::new("Error of the base model by state of motion")
+        .charts(vec![
             figures::shares(scene, "By state of motion", &found.by_regime, words::REGIMES),
             figures::shares(scene, "By direction", &found.by_direction, words::DIRECTIONS),
-        ]),
-        Block::Paragraph(words::reversals(found, scene.unit())),
-        tables::shares(scene).into(),
-    ]
+        ])
+        .words(words::reversals(found, scene.unit()))
+        .table(tables::shares(scene))
 }
 
-fn candidates(scene: &Scene) -> Vec<Block> {
+fn candidates(scene: &Scene) -> Section {
     let found = scene.about.found;
-    let mut blocks = vec![Block::heading("Causes that were tested")];
+    let mut section = Section::new("Causes that were tested");
     if !found.findings.is_empty() {
-        blocks.push(tables::findings(scene).into());
-        blocks.push(Block::List(words::findings(found)));
+        section = section.table(tables::findings(scene)).list(words::findings(found));
     }
     let ranking = ranking(found);
     // Findings are always drawn, whatever their rank.
-    let is_drawn =
-        |(place, own): &(usize, &RankedCandidate)| *place < MAX_CHART_CANDIDATES || own.is_finding;
+    let is_drawn = |(place, ranked): &(usize, &RankedCandidate)| {
+        *place < MAX_CHART_CANDIDATES || ranked.is_finding
+    };
     let drawn = ranking.iter().enumerate().filter(is_drawn);
-    let drawn: Vec<&RankedCandidate> = drawn.map(|(_, own)| own).collect();
+    let drawn: Vec<&RankedCandidate> = drawn.map(|(_, ranked)| ranked).collect();
     if drawn.is_empty() {
-        let why = "There are no candidates: no column of this log varies enough to be tested.";
-        blocks.push(Block::paragraph(why));
-        return blocks;
+        return section
+            .words("There are no candidates: no column of this log varies enough to be tested.");
     }
-    blocks.push(figures::ranking(&drawn).into());
     let open = &ranking[..ranking.len().min(MAX_TABLE_CANDIDATES)];
     let caption = "Each candidate, those of the best hypothesis first";
-    blocks.push(tables::ranking(caption, open).into());
+    section = section.chart(figures::ranking(&drawn)).table(tables::ranking(caption, open));
     if ranking.len() > MAX_TABLE_CANDIDATES {
         let all = tables::ranking("All candidates", &ranking);
-        let summary = format!("All {} candidates", ranking.len());
-        blocks.push(Block::details(summary, vec![all.into()]));
+        section = section.details(format!("All {} candidates", ranking.len()), [all.into()]);
     }
-    blocks
+    section
 }
 
-fn parameters(scene: &Scene) -> Vec<Block> {
-    let mut blocks = vec![
-        Block::heading("Parameters"),
-        Block::paragraph(words::PARAMETERS),
-        tables::parameters(scene).into(),
-    ];
-    let verdicts = words::verdicts(scene);
-    if !verdicts.is_empty() {
-        blocks.push(Block::List(verdicts));
-    }
-    blocks.extend(shared::tables::correlation(&scene.about.found.extended));
-    blocks
+fn parameters(scene: &Scene) -> Section {
+    Section::new("Parameters")
+        .words(words::PARAMETERS)
+        .table(tables::parameters(scene))
+        .list(words::verdicts(scene))
+        .with(shared::tables::correlation(&scene.about.found.extended))
 }
 
 #[cfg(feature = "stochastic")]

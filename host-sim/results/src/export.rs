@@ -42,6 +42,7 @@ use compensator_core::network::record as network_record;
 use compensator_core::record;
 use friction_fit::params::ParameterFile;
 use joint_log::setting::Setting;
+use std::error::Error;
 
 joint_log::named! {
     /// Format of an exported model.
@@ -103,6 +104,56 @@ impl ExportedModel {
     }
 }
 
+/// Why a model cannot be exported. Each message is one line, and may refer to settings.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The model has a term that a C header cannot have.
+    #[error(
+        "{term}: the C header does not support this term, which needs a memory or a table: use {} or {}",
+        ExportFormat::Rust.setting(),
+        ExportFormat::Record.setting()
+    )]
+    UnsupportedTerm {
+        /// Name of the term.
+        term: &'static str,
+    },
+    /// The file lacks settings of a compensator for which no default is right for every joint.
+    #[error(
+        "[compensator] lacks {}, which {} needs for a current: {}; {} and {} are a torque and need none",
+        missing.join(", "),
+        format.setting(),
+        example(missing),
+        ExportFormat::C.setting(),
+        ExportFormat::Onnx.setting()
+    )]
+    MissingSettings {
+        /// Names of the settings.
+        missing: Vec<String>,
+        /// The format.
+        format: ExportFormat,
+    },
+    /// The file has no network.
+    #[error(
+        "found no section [network]: `identify --model lugre-lstm` writes one if the network reduces the error"
+    )]
+    NoNetwork,
+    /// A driver cannot run the network.
+    #[error("{0}")]
+    Network(Box<dyn Error + Send + Sync>),
+    /// A graph cannot have the model.
+    #[error("{0}")]
+    Graph(Box<dyn Error + Send + Sync>),
+    /// The program was built without graphs.
+    #[error("{}: not in this build, which lacks the feature onnx", ExportFormat::Onnx.setting())]
+    NotInBuild,
+}
+
+/// Returns how missing settings are given.
+fn example(missing: &[String]) -> String {
+    let each: Vec<String> = missing.iter().map(|name| format!("{name}=VALUE")).collect();
+    Setting::Compensator.suggested(each.join(","))
+}
+
 /// How a driver starts, for the notes.
 const DRIVER_START: &str = "a driver starts at a bristle torque of 0, because it measures no friction: until the joint leaves \
      presliding, it compensates too little if the joint held a torque";
@@ -115,9 +166,12 @@ pub fn export(
     file: &ParameterFile,
     format: ExportFormat,
     source: &str,
-) -> Result<ExportedModel, String> {
+) -> Result<ExportedModel, ExportError> {
     if matches!(format, ExportFormat::Record | ExportFormat::Rust) {
-        require_settings(file, format)?;
+        let missing: Vec<String> = file.compensator.missing().map(Into::into).collect();
+        if !missing.is_empty() {
+            return Err(ExportError::MissingSettings { missing, format });
+        }
     }
     let mut export = export_without_notes(file, format, source)?;
     // A simulator's joint and a network have no place for these parts anyway.
@@ -142,30 +196,31 @@ fn export_without_notes(
     file: &ParameterFile,
     format: ExportFormat,
     source: &str,
-) -> Result<ExportedModel, String> {
-    let network = || {
-        let error = "found no section [network]: `identify --model lugre-lstm` writes one if the network reduces the error";
-        file.network.as_ref().ok_or_else(|| error.to_owned())
-    };
+) -> Result<ExportedModel, ExportError> {
     match format {
-        ExportFormat::Network => Ok(ExportedModel::new(
-            network_record::emit(Some(&network()?.for_driver()?)).to_vec(),
-            vec![
+        ExportFormat::Network => {
+            let network = file.network.as_ref().ok_or(ExportError::NoNetwork)?;
+            let network =
+                network.for_driver().map_err(|error| ExportError::Network(error.into()))?;
+            let notes = vec![
                 format!(
                     "{} bytes; read them with compensator_core::network::record::parse, or write the model to a driver with `params set {source}`",
                     network_record::LENGTH
                 ),
                 "a driver starts the network with factors and share at 1 and its cells at 0: the law is unscaled until the network has seen a few evaluations"
                     .into(),
-            ],
-        )),
+            ];
+            Ok(ExportedModel::new(network_record::emit(Some(&network)).to_vec(), notes))
+        }
         #[cfg(feature = "onnx")]
         ExportFormat::Onnx => match &file.network {
             Some(network) => Ok(onnx_network::export(network, source)),
-            None => onnx_step::export(file, source),
+            None => {
+                onnx_step::export(file, source).map_err(|error| ExportError::Graph(error.into()))
+            }
         },
         #[cfg(not(feature = "onnx"))]
-        ExportFormat::Onnx => Err(format!("{}: not in this build, which lacks the feature onnx", format.setting())),
+        ExportFormat::Onnx => Err(ExportError::NotInBuild),
         ExportFormat::Record => Ok(ExportedModel::new(
             record::emit(&file.friction()).to_vec(),
             record_notes(file, source),
@@ -175,23 +230,6 @@ fn export_without_notes(
         ExportFormat::Mujoco => Ok(simulator::mujoco(file, source)),
         ExportFormat::Urdf => Ok(simulator::urdf(file, source)),
     }
-}
-
-/// Requires the settings of a compensator for which no default is right for every joint.
-fn require_settings(file: &ParameterFile, format: ExportFormat) -> Result<(), String> {
-    let missing: Vec<&str> = file.compensator.missing().collect();
-    if missing.is_empty() {
-        return Ok(());
-    }
-    let example = missing.iter().map(|name| format!("{name}=VALUE")).collect::<Vec<_>>().join(",");
-    Err(format!(
-        "[compensator] lacks {}, which {} needs for a current: {}; {} and {} are a torque and need none",
-        missing.join(", "),
-        format.setting(),
-        Setting::Compensator.suggested(example),
-        ExportFormat::C.setting(),
-        ExportFormat::Onnx.setting(),
-    ))
 }
 
 fn record_notes(file: &ParameterFile, source: &str) -> Vec<String> {

@@ -17,6 +17,7 @@ pub use drive::Drive;
 pub use judged::{Judged, RigidBody};
 pub use table::TablePoint;
 
+use crate::ResultError;
 use crate::files::{Files, pretty};
 use crate::fits::{fit_page, recommended};
 use crate::provenance::parameter_file;
@@ -192,7 +193,7 @@ impl FeedForward {
     ///
     /// # Errors
     /// One line, if a value cannot be represented in JSON.
-    pub fn files(&self, fit: &Outcome, input: &Prepared) -> Result<Files, String> {
+    pub fn files(&self, fit: &Outcome, input: &Prepared) -> Result<Files, ResultError> {
         let document = ("feed-forward.json", pretty(&document::json(self))?);
         let mut others = vec![("fit.html", fit_page(fit, input).into_bytes())];
         if self.judged.has_gain() {

@@ -1,5 +1,6 @@
 //! The result files of a command for one joint.
 
+use crate::ResultError;
 use serde::Serialize;
 use std::io;
 use std::path::Path;
@@ -35,7 +36,6 @@ impl Files {
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON.
-pub(crate) fn pretty(document: &impl Serialize) -> Result<String, String> {
-    let text = serde_json::to_string_pretty(document).map_err(|error| error.to_string())?;
-    Ok(text + "\n")
+pub(crate) fn pretty(document: &impl Serialize) -> Result<String, ResultError> {
+    Ok(serde_json::to_string_pretty(document)? + "\n")
 }

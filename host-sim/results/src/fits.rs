@@ -3,7 +3,7 @@
 use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
-use crate::{Comparison, FitReport, compare_fits, document, page};
+use crate::{Comparison, FitReport, ResultError, compare_fits, document, page};
 use friction_diagnose::hand_over::BesidePlain;
 use friction_diagnose::prepare::Prepared;
 use friction_fit::{Measurement, Outcome};
@@ -41,7 +41,11 @@ pub(crate) fn recommended(fits: &[Outcome], input: &Prepared) -> usize {
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON, or the core rejects the model.
-pub fn fit_json(fit: &Outcome, beside: &BesidePlain, input: &Prepared) -> Result<String, String> {
+pub fn fit_json(
+    fit: &Outcome,
+    beside: &BesidePlain,
+    input: &Prepared,
+) -> Result<String, ResultError> {
     let toml = fit_parameter_text(beside.model(fit), input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
     fit_document_text(fit, beside, input, &predicted)
@@ -52,7 +56,7 @@ fn fit_document_text(
     beside: &BesidePlain,
     input: &Prepared,
     predicted: &PredictedLog,
-) -> Result<String, String> {
+) -> Result<String, ResultError> {
     let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
     document.set_prediction(predicted.summary.clone());
     document.set_plain(beside);
@@ -73,7 +77,11 @@ pub fn fit_page(fit: &Outcome, input: &Prepared) -> String {
 ///
 /// # Errors
 /// See [`fit_json`].
-pub fn fit_files(fit: &Outcome, beside: &BesidePlain, input: &Prepared) -> Result<Files, String> {
+pub fn fit_files(
+    fit: &Outcome,
+    beside: &BesidePlain,
+    input: &Prepared,
+) -> Result<Files, ResultError> {
     let toml = fit_parameter_text(beside.model(fit), input);
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
     let html = fit_page(fit, input).into_bytes();
@@ -89,7 +97,10 @@ pub fn fit_files(fit: &Outcome, beside: &BesidePlain, input: &Prepared) -> Resul
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON, or the core rejects the recommended model.
-pub fn comparison_files(fits: &[Outcome], input: &Prepared) -> Result<ComparisonFiles, String> {
+pub fn comparison_files(
+    fits: &[Outcome],
+    input: &Prepared,
+) -> Result<ComparisonFiles, ResultError> {
     let mut document = document(&input.data, &input.split, &input.hashes, fits);
     let Comparison { page, summary, chosen } = compare_fits(&report(input, fits));
     let best = &fits[chosen];

@@ -10,6 +10,7 @@
 
 mod ageing;
 mod comparison;
+mod error;
 mod jobs;
 mod joint;
 mod mirror;
@@ -19,6 +20,7 @@ mod table;
 mod task;
 
 pub use ageing::{Ageing, ageing, read_ageing};
+pub use error::FleetError;
 pub use jobs::{FleetJob, find_jobs, jobs_of_files, mixed_forms};
 pub use joint::{FleetSummary, JointSummary, SharedCause, summarise};
 pub use page::page;

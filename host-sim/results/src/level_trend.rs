@@ -7,9 +7,11 @@ mod slope;
 
 pub use slope::{MIN_ENTRIES, RobustSlope, median, robust_slope};
 
+use crate::ResultError;
+use crate::files::pretty;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Version of the JSON document.
 pub const SCHEMA: u32 = 1;
@@ -68,44 +70,41 @@ impl LevelTrend {
     ///
     /// # Errors
     /// One line that names the file.
-    pub fn read(path: &Path) -> Result<Self, String> {
-        let failed = |line: String| format!("{}: {line}", path.display());
-        let text = std::fs::read_to_string(path).map_err(|error| failed(error.to_string()))?;
-        let parsed = match is_csv(path) {
-            Some(true) => Self::parse_csv(&text),
-            Some(false) => Self::parse_json(&text),
-            None => Err(unknown_end()),
+    pub fn read(path: &Path) -> Result<Self, TrendError> {
+        let parsed = || match (std::fs::read_to_string(path)?, is_csv(path)) {
+            (text, Some(true)) => Self::parse_csv(&text)?.checked(),
+            (text, Some(false)) => Self::parse_json(&text)?.checked(),
+            (_, None) => Err(TrendFault::UnknownEnd),
         };
-        parsed.and_then(Self::checked).map_err(failed)
+        parsed().map_err(|fault| TrendError { file: path.to_owned(), fault })
     }
 
     /// Returns the content of a file by the end of its name, `.json` or `.csv`.
     ///
     /// # Errors
     /// One line that names the file, if its name has another end.
-    pub fn emit(&self, path: &Path) -> Result<String, String> {
-        match is_csv(path) {
+    pub fn emit(&self, path: &Path) -> Result<String, TrendError> {
+        let text = match is_csv(path) {
             Some(true) => Ok(self.emit_csv()),
-            Some(false) => self.emit_json(),
-            None => Err(format!("{}: {}", path.display(), unknown_end())),
-        }
+            Some(false) => self.emit_json().map_err(TrendFault::Emit),
+            None => Err(TrendFault::UnknownEnd),
+        };
+        text.map_err(|fault| TrendError { file: path.to_owned(), fault })
     }
 
     /// Returns the JSON document.
     ///
     /// # Errors
     /// One line, if a number is not finite.
-    pub fn emit_json(&self) -> Result<String, String> {
-        let text = serde_json::to_string_pretty(self).map_err(|error| error.to_string())?;
-        Ok(text + "\n")
+    pub fn emit_json(&self) -> Result<String, ResultError> {
+        pretty(self)
     }
 
-    fn parse_json(text: &str) -> Result<Self, String> {
-        let parsed: Self = serde_json::from_str(text)
-            .map_err(|error| format!("expected a file of `params trend --write`: {error}"))?;
+    fn parse_json(text: &str) -> Result<Self, TrendFault> {
+        let parsed: Self = serde_json::from_str(text).map_err(TrendFault::Json)?;
         match parsed.schema {
             SCHEMA => Ok(parsed),
-            found => Err(format!("found schema {found}, expected {SCHEMA}")),
+            found => Err(TrendFault::Schema { found }),
         }
     }
 
@@ -128,21 +127,19 @@ impl LevelTrend {
         text
     }
 
-    fn parse_csv(text: &str) -> Result<Self, String> {
+    fn parse_csv(text: &str) -> Result<Self, TrendFault> {
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
         let header = lines.next().map_or("", |(_, line)| line);
         let names: Vec<&str> = header.split(',').map(str::trim).collect();
         let place = |name: &str| names.iter().position(|found| *found == name);
         let unit = if place("level_n").is_some() { "N" } else { "Nm" };
         let level = format!("level_{}", unit.to_lowercase());
-        let missing = |name: &str| {
-            format!(
-                "found the columns {header:?}, expected {name} and the others of `params trend --write`"
-            )
-        };
-        let column = |name: &str| match name {
-            "level" => place(&level).ok_or_else(|| missing(&level)),
-            name => place(name).ok_or_else(|| missing(name)),
+        let column = |name: &str| {
+            let name = if name == "level" { &level } else { name };
+            place(name).ok_or_else(|| TrendFault::Columns {
+                found: header.to_owned(),
+                expected: name.to_owned(),
+            })
         };
         let places = COLUMNS.map(column);
         let places = places.into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -152,8 +149,10 @@ impl LevelTrend {
             let cell = |column: usize| cells.get(places[column]).copied().unwrap_or_default();
             let number = |column: usize| {
                 let (name, text) = (COLUMNS[column], cell(column));
-                text.parse::<f64>().map_err(|_| {
-                    format!("line {}: {name}: found {text:?}, expected a number", at + 1)
+                text.parse::<f64>().map_err(|_| TrendFault::Number {
+                    line: at + 1,
+                    column: name,
+                    found: text.to_owned(),
                 })
             };
             let term = Some(cell(5).to_owned()).filter(|name| !name.is_empty());
@@ -171,24 +170,17 @@ impl LevelTrend {
     }
 
     /// Checks the values of a file.
-    fn checked(self) -> Result<Self, String> {
+    fn checked(self) -> Result<Self, TrendFault> {
         for (number, entry) in (1..).zip(&self.entries) {
             let is_legal =
                 entry.learnt_h.is_finite() && entry.level.is_finite() && entry.level > 0.0;
             if !is_legal {
-                let (time, level) = (entry.learnt_h, entry.level);
-                return Err(format!(
-                    "entry {number}: found learnt_h {time} and level {level}, expected a time and a level above 0"
-                ));
+                let (learnt_h, level) = (entry.learnt_h, entry.level);
+                return Err(TrendFault::Entry { number, learnt_h, level });
             }
         }
         let in_order = self.entries.windows(2).all(|pair| pair[0].learnt_h < pair[1].learnt_h);
-        if !in_order {
-            return Err(
-                "found times of learning that do not rise, expected the trend of one joint".into(),
-            );
-        }
-        Ok(self)
+        if in_order { Ok(self) } else { Err(TrendFault::Order) }
     }
 }
 
@@ -198,8 +190,72 @@ fn is_csv(path: &Path) -> Option<bool> {
     ["json", "csv"].iter().position(|known| *known == end).map(|at| at == 1)
 }
 
-fn unknown_end() -> String {
-    "expected a name with the end .json or .csv".into()
+/// Why a file is not a trend.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {fault}", file.display())]
+pub struct TrendError {
+    /// The file.
+    pub file: PathBuf,
+    /// What is wrong with it.
+    pub fault: TrendFault,
+}
+
+/// What is wrong with the file of a trend.
+#[derive(Debug, thiserror::Error)]
+pub enum TrendFault {
+    /// It cannot be read.
+    #[error(transparent)]
+    Read(#[from] std::io::Error),
+    /// A number of the trend is not finite.
+    #[error(transparent)]
+    Emit(ResultError),
+    /// The end of its name is not that of a format.
+    #[error("expected a name with the end .json or .csv")]
+    UnknownEnd,
+    /// It is another document.
+    #[error("expected a file of `params trend --write`: {0}")]
+    Json(serde_json::Error),
+    /// It has another version.
+    #[error("found schema {found}, expected {SCHEMA}")]
+    Schema {
+        /// The version.
+        found: u32,
+    },
+    /// A column is missing.
+    #[error(
+        "found the columns {found:?}, expected {expected} and the others of `params trend --write`"
+    )]
+    Columns {
+        /// The header.
+        found: String,
+        /// The missing column.
+        expected: String,
+    },
+    /// A cell holds no number.
+    #[error("line {line}: {column}: found {found:?}, expected a number")]
+    Number {
+        /// Number of the line.
+        line: usize,
+        /// Name of the column.
+        column: &'static str,
+        /// The cell.
+        found: String,
+    },
+    /// An entry has an impossible value.
+    #[error(
+        "entry {number}: found learnt_h {learnt_h} and level {level}, expected a time and a level above 0"
+    )]
+    Entry {
+        /// Number of the entry.
+        number: usize,
+        /// Its time, h.
+        learnt_h: f64,
+        /// Its level.
+        level: f64,
+    },
+    /// The times do not rise.
+    #[error("found times of learning that do not rise, expected the trend of one joint")]
+    Order,
 }
 
 #[cfg(test)]
@@ -226,9 +282,9 @@ mod tests {
         for name in ["trend.json", "trend.csv"] {
             let path = folder.path().join(name);
             std::fs::write(&path, trend().emit(&path).unwrap()).unwrap();
-            assert_eq!(LevelTrend::read(&path), Ok(trend()), "{name}");
+            assert_eq!(LevelTrend::read(&path).unwrap(), trend(), "{name}");
         }
-        let refused = trend().emit(Path::new("trend.toml")).unwrap_err();
+        let refused = trend().emit(Path::new("trend.toml")).unwrap_err().to_string();
         assert!(["trend.toml", ".json", ".csv"].iter().all(|name| refused.contains(name)));
         snapshot::check("trend", "a file of another kind", &refused);
     }
@@ -264,7 +320,7 @@ mod tests {
         for (name, content, expected) in cases {
             let path = folder.path().join(name);
             std::fs::write(&path, content).unwrap();
-            let line = LevelTrend::read(&path).unwrap_err();
+            let line = LevelTrend::read(&path).unwrap_err().to_string();
             assert!(line.contains(expected) && line.contains(name), "{line}");
             assert_eq!(line.lines().count(), 1);
             messages += &format!("{line}\n");

@@ -17,6 +17,7 @@ pub mod budget;
 pub mod diagnosis;
 #[cfg(feature = "pages")]
 pub mod diagnosis_page;
+mod error;
 pub mod export;
 #[cfg(feature = "pages")]
 pub mod feed_forward;
@@ -53,6 +54,7 @@ pub mod table_file;
 pub mod tune;
 mod write;
 
+pub use error::ResultError;
 pub use files::Files;
 pub use json::{FitDocument, document};
 #[cfg(feature = "pages")]

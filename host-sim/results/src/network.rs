@@ -1,9 +1,9 @@
 //! The result files of `identify --model lugre-lstm`: the document of the law's fit, with the network's own figures.
 
-use crate::document;
 use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
+use crate::{ResultError, document};
 use friction_diagnose::prepare::Prepared;
 use friction_fit::network::{BASE, NetworkFile};
 use friction_fit::{Measurement, Metrics, Outcome, params};
@@ -44,9 +44,9 @@ pub fn network_files(
     training: &TrainingResult,
     names: &[String],
     input: &Prepared,
-) -> Result<Files, String> {
+) -> Result<Files, ResultError> {
     let base = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(fit));
-    let mut document = serde_json::to_value(&base).map_err(|error| error.to_string())?;
+    let mut document = serde_json::to_value(&base)?;
     let model = &mut document["models"][0];
     model["model"] = json!(MODEL);
     model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});
@@ -57,9 +57,9 @@ pub fn network_files(
         "share_of_test_rows_outside": training.outside_share,
     });
     let mut toml = parameter_file("identify", input, fit, None, &Measurement::default());
-    let mut file = params::parse(&toml, &[])?;
+    let mut file = params::parse(&toml, &[]).map_err(ResultError::of_model)?;
     if gains {
-        file.network = Some(NetworkFile::parse(&training.network)?);
+        file.network = Some(NetworkFile::parse(&training.network).map_err(ResultError::of_model)?);
         params::emit_network("network.json", &training.network, &mut toml);
     }
     let mut others = vec![("params.toml", toml.into_bytes())];

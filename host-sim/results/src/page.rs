@@ -15,7 +15,7 @@ mod summary;
 pub(super) mod tables;
 pub(super) mod words;
 
-use crate::report::{Block, Chart, Page};
+use crate::report::{Answers, Benefit, Block, Chart, Page, Section};
 use compensator_core::LawKind;
 use friction_fit::{Outcome, Rows};
 use held_out::HeldOut;
@@ -143,74 +143,70 @@ pub fn page(study: &FitReport) -> Page {
 /// If there is no fit.
 pub fn compare_fits(study: &FitReport) -> Comparison {
     let view = View::new(study);
-    let mut page = Page::new(words::title(&view), words::subtitle(&view));
     let summary = summary::summary(&view);
-    let [answer, doubts @ ..] = summary.clone();
-    page.push(Block::Paragraph(answer)).push(Block::List(doubts.to_vec()));
-    let sections = [
-        predictions(&view),
-        over_velocity(&view),
-        left_over(&view),
-        parameters(&view),
-        methods(&view, glossary::methods(&view)),
-        data(&view, words::data(&view)),
-    ];
-    page.blocks.extend(sections.into_iter().flatten());
+    let [best, generalisation, parameter_states, residual, next] = summary.clone();
+    let answers = Answers {
+        what: words::what(&view),
+        certainty: generalisation,
+        benefit: Benefit::Gain(best),
+        next,
+    };
+    let mut page = Page::new(words::title(&view), words::subtitle(&view)).answering(answers);
+    page.push(Block::List(vec![parameter_states, residual]));
+    page.add(predictions(&view)).add(over_velocity(&view)).add(left_over(&view));
+    page.add(parameters(&view)).add(methods(&view, glossary::methods(&view)));
+    page.add(data(&view, words::data(&view)));
     Comparison { page, summary, chosen: view.chosen() }
 }
 
-fn predictions(view: &View) -> Vec<Block> {
-    let metrics = vec![Block::List(glossary::metrics(view)), tables::train_metrics(view).into()];
-    vec![
-        Block::heading("Prediction error on held-out rows"),
-        figures::errors(view).into(),
-        tables::held_out_metrics(view).into(),
-        Block::details("Definition of the metrics, and their values on the training rows", metrics),
-    ]
+fn predictions(view: &View) -> Section {
+    let metrics = [Block::List(glossary::metrics(view)), tables::train_metrics(view).into()];
+    Section::new("Prediction error on held-out rows")
+        .chart(figures::errors(view))
+        .table(tables::held_out_metrics(view))
+        .details("Definition of the metrics, and their values on the training rows", metrics)
 }
 
-fn over_velocity(view: &View) -> Vec<Block> {
-    let heading = format!("{} over velocity", words::capitalised(view.torque()));
-    let mut blocks = vec![Block::heading(heading), Block::Paragraph(words::over_velocity(view))];
+fn over_velocity(view: &View) -> Section {
     let (shown, rest) = view.shown_and_rest();
-    blocks.extend(Block::rows(figures::over_velocity(view, &shown)));
-    blocks.extend(Block::rows(figures::cycle(view, &shown)));
-    blocks.extend(collapsed("Other models", figures::over_velocity(view, &rest)));
-    blocks
+    Section::new(format!("{} over velocity", words::capitalised(view.torque())))
+        .words(words::over_velocity(view))
+        .charts(figures::over_velocity(view, &shown))
+        .charts(figures::cycle(view, &shown))
+        .with(collapsed("Other models", figures::over_velocity(view, &rest)))
 }
 
-fn left_over(view: &View) -> Vec<Block> {
+fn left_over(view: &View) -> Section {
     let (shown, rest) = view.shown_and_rest();
-    let mut blocks =
-        vec![Block::heading("Residual of each model"), Block::Paragraph(words::left_over(view))];
-    blocks.extend(Block::rows(figures::residuals(view, &shown)));
-    blocks.extend(collapsed("Other models", figures::residuals(view, &rest)));
-    blocks.push(figures::residual_over_velocity(view).into());
-    blocks
+    Section::new("Residual of each model")
+        .words(words::left_over(view))
+        .charts(figures::residuals(view, &shown))
+        .with(collapsed("Other models", figures::residuals(view, &rest)))
+        .chart(figures::residual_over_velocity(view))
 }
 
-fn parameters(view: &View) -> Vec<Block> {
-    let mut blocks = vec![Block::heading("Parameters"), Block::paragraph(words::PARAMETERS)];
-    blocks.extend(tables::parameters(view, view.best()));
-    for &fit in &view.ranking[1..] {
-        let count = view.fit(fit).verdicts.len();
-        let plural = if count == 1 { "" } else { "s" };
-        let summary = format!("{}: {count} verdict{plural}", view.name(fit));
-        blocks.push(Block::details(summary, tables::parameters(view, fit)));
-    }
-    blocks
+fn parameters(view: &View) -> Section {
+    let section = Section::new("Parameters")
+        .words(words::PARAMETERS)
+        .with(tables::parameters(view, view.best()));
+    view.ranking[1..].iter().fold(section, |section, &fit| {
+        let verdicts = words::counted(view.fit(fit).verdicts.len(), "verdict");
+        let summary = format!("{}: {verdicts}", view.name(fit));
+        section.details(summary, tables::parameters(view, fit))
+    })
 }
 
 /// Returns the section about the method, of which `steps` are the sentences.
-pub(super) fn methods(view: &View, steps: Vec<String>) -> Vec<Block> {
-    let models = Block::details("Models", vec![Block::List(glossary::models(view))]);
-    vec![Block::heading("Method"), Block::List(steps), models]
+pub(super) fn methods(view: &View, steps: Vec<String>) -> Section {
+    Section::new("Method").list(steps).details("Models", [Block::List(glossary::models(view))])
 }
 
 /// Returns the section about the data with notes on them.
-pub(super) fn data(view: &View, notes: Vec<String>) -> Vec<Block> {
-    let runs = Block::details("Runs", vec![tables::runs(view).into()]);
-    vec![Block::heading("Data"), tables::files(view).into(), Block::List(notes), runs]
+pub(super) fn data(view: &View, notes: Vec<String>) -> Section {
+    Section::new("Data")
+        .table(tables::files(view))
+        .list(notes)
+        .details("Runs", [tables::runs(view).into()])
 }
 
 /// Returns charts in a collapsed block; `None` if there are no charts.

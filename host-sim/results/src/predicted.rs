@@ -1,5 +1,6 @@
 //! The prediction of a log by the parameter file that a command writes, as `predict` computes it from that file.
 
+use crate::ResultError;
 use crate::files::Files;
 use friction_fit::params::{self, ParameterFile};
 use friction_fit::prediction::{LogPrediction, PredictionOptions, log_tracks, predict_tracks};
@@ -21,17 +22,19 @@ impl PredictedLog {
     ///
     /// # Errors
     /// One line if the model cannot be applied to the log.
-    pub fn of_text(toml: &str, data: &Dataset) -> Result<Self, String> {
-        Self::of_file(&params::parse(toml, &[])?, data)
+    pub fn of_text(toml: &str, data: &Dataset) -> Result<Self, ResultError> {
+        let file = params::parse(toml, &[]).map_err(ResultError::of_model)?;
+        Self::of_file(&file, data)
     }
 
     /// Predicts with a parameter file.
     ///
     /// # Errors
     /// See [`PredictedLog::of_text`].
-    pub fn of_file(file: &ParameterFile, data: &Dataset) -> Result<Self, String> {
-        let tracks = log_tracks(file, data)?;
-        let with = |options| predict_tracks(file, data, &tracks, &options);
+    pub fn of_file(file: &ParameterFile, data: &Dataset) -> Result<Self, ResultError> {
+        let tracks = log_tracks(file, data).map_err(ResultError::of_model)?;
+        let with =
+            |options| predict_tracks(file, data, &tracks, &options).map_err(ResultError::of_model);
         let prediction = with(PredictionOptions::default())?;
         let as_exported = with(PredictionOptions::AS_EXPORTED)?;
         let summary = json!({
@@ -54,7 +57,7 @@ impl PredictedLog {
     ///
     /// # Errors
     /// One line if the table cannot be written.
-    pub fn add_rows(&self, data: &Dataset, files: &mut Files) -> Result<(), String> {
+    pub fn add_rows(&self, data: &Dataset, files: &mut Files) -> Result<(), ResultError> {
         #[cfg(feature = "rows")]
         {
             let table = crate::rows::RowTable::new(data, &self.prediction);

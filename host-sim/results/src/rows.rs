@@ -21,6 +21,7 @@
 //! A prismatic joint has `velocity_m_s`, `force_n`, `predicted_force_n`, `residual_force_n` and `bristle_force_n`. Numbers are
 //! `f64` and exact in both formats.
 
+use crate::ResultError;
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use compensator_core::Quantity;
 use compensator_core::adaptation::Frozen;
@@ -101,7 +102,7 @@ impl RowTable {
     ///
     /// # Errors
     /// See [`TableFile::emit`].
-    pub fn emit(&self, format: TableFormat) -> Result<Vec<u8>, String> {
+    pub fn emit(&self, format: TableFormat) -> Result<Vec<u8>, ResultError> {
         self.0.emit(format)
     }
 }

@@ -3,10 +3,10 @@
 //! Signals with names of a log's columns have those names, so that the table is a log: `diagnose scope.parquet`.
 //! Several captures are several runs, because nothing is known of the time between them.
 
-use crate::Files;
 use crate::files::pretty;
-use crate::report::{Axis, Block, Cell, Chart, Page, Series, Table};
+use crate::report::{Answers, Axis, Benefit, Block, Cell, Chart, Page, Series, Table};
 use crate::table_file::{TableColumn, TableFile, TableFormat};
+use crate::{Files, ResultError};
 use joint_log::number::figure;
 use serde::Serialize;
 use serde_json::json;
@@ -81,7 +81,7 @@ impl ScopeResult {
     ///
     /// # Errors
     /// One line, if a value cannot be represented in JSON.
-    pub fn document(&self) -> Result<String, String> {
+    pub fn document(&self) -> Result<String, ResultError> {
         let trigger_rows = self.captures.iter().map(|capture| capture.trigger_row);
         pretty(&json!({
             "schema": 1,
@@ -99,7 +99,7 @@ impl ScopeResult {
     ///
     /// # Errors
     /// One line, if a file cannot be written in its format.
-    pub fn files(&self) -> Result<Files, String> {
+    pub fn files(&self) -> Result<Files, ResultError> {
         let table = self.table().emit(TableFormat::Parquet)?;
         let page = self.page().render().into_bytes();
         Ok(Files {
@@ -146,17 +146,34 @@ impl ScopeResult {
     fn page(&self) -> Page {
         let mut page = Page::new("Scope of the current loop", self.headline());
         page.push(Block::Paragraph("Time counts from the trigger.".to_owned()));
-        let mut units: Vec<&str> = self.signals.iter().map(|name| unit(name)).collect();
-        units.dedup();
-        let mut seen = Vec::new();
-        for unit in units {
-            if !seen.contains(&unit) {
-                seen.push(unit);
-                page.push(Block::Chart(self.chart(unit)));
+        let mut units: Vec<&str> = Vec::new();
+        for unit in self.signals.iter().map(|name| unit(name)) {
+            if !units.contains(&unit) {
+                units.push(unit);
             }
         }
+        page.add(units.iter().map(|unit| self.chart(unit).into()));
         page.push(Block::Table(self.statistics()));
-        page
+        page.answering(self.answers())
+    }
+
+    fn answers(&self) -> Answers {
+        Answers {
+            what: format!(
+                "{} of the joint's current loop, row by row around the trigger.",
+                plural(self.signals.len(), "signal")
+            ),
+            certainty: format!(
+                "Each row is one value of the loop, {:.3} ms after the row before it.",
+                1e3 * self.period_s
+            ),
+            benefit: Benefit::Purpose(
+                "It shows what happens between two rows of a log: noise, ripple, saturation, and what led to a fault."
+                    .into(),
+            ),
+            next: "Drag in a chart to zoom. With velocity and torque, diagnose the rows: `host-sim diagnose scope.parquet`"
+                .into(),
+        }
     }
 
     /// Returns the chart of all signals with a unit.

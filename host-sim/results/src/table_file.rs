@@ -2,6 +2,7 @@
 //!
 //! A column holds numbers, of which NaN stands for a missing value, or texts. Both formats keep every bit of a number.
 
+use crate::ResultError;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::errors::ParquetError;
@@ -66,9 +67,9 @@ impl TableFile {
     ///
     /// # Errors
     /// One line if the Parquet library fails.
-    pub fn emit(&self, format: TableFormat) -> Result<Vec<u8>, String> {
+    pub fn emit(&self, format: TableFormat) -> Result<Vec<u8>, ResultError> {
         match format {
-            TableFormat::Parquet => self.emit_parquet().map_err(|error| error.to_string()),
+            TableFormat::Parquet => Ok(self.emit_parquet()?),
             TableFormat::Csv => Ok(self.emit_csv().into_bytes()),
         }
     }

@@ -11,8 +11,6 @@ mod charts;
 #[cfg(all(feature = "pages", feature = "rows"))]
 mod files;
 #[cfg(feature = "pages")]
-mod fragment;
-#[cfg(feature = "pages")]
 mod page;
 #[cfg(feature = "pages")]
 mod words;

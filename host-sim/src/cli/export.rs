@@ -5,7 +5,7 @@ use super::words::text_in_options;
 use crate::driver_file;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_fit::params::{CompensatorSection, ParameterFile};
-use friction_results::export::{ExportFormat, export};
+use friction_results::export::{ExportError, ExportFormat, export};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -74,8 +74,9 @@ pub fn run(arguments: &ExportArguments) -> Result<(), String> {
         file.compensator.set(name, *value)?;
     }
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
-    let with_path =
-        |error: String| format!("{}: {}", arguments.params.display(), text_in_options(&error));
+    let with_path = |error: ExportError| {
+        format!("{}: {}", arguments.params.display(), text_in_options(&error.to_string()))
+    };
     let mut exported = export(&file, arguments.to, &name).map_err(with_path)?;
     exported.notes.iter_mut().for_each(|note| *note = text_in_options(note));
     let name = arguments.to.file_name(&file);

@@ -97,7 +97,7 @@ fn find_all(data: &[PathBuf], out: &Path, pieces: &Path) -> Result<Vec<FleetJob>
 /// Reads the trends of learnt levels of all folders.
 fn read_trends(data: &[PathBuf], out: &Path) -> Result<Vec<Ageing>, String> {
     let folders: Vec<&Path> = data.iter().map(PathBuf::as_path).filter(|of| of.is_dir()).collect();
-    read_ageing(&folders, out)
+    Ok(read_ageing(&folders, out)?)
 }
 
 /// Diagnoses all logs. In a pipe, a line every 30 s says how far it is.

@@ -3,9 +3,8 @@
 use super::output::{OutputArguments, pretty};
 use super::progress::{announce, duration_in_words, spinner};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use friction_results::report::{Block, Page};
 use published_experiments::{
-    PAPERS, Paper, PaperRequest, Stopwatch, format_rows, goal_table, summary_markdown, tables,
+    PAPERS, Paper, PaperRequest, Stopwatch, format_rows, page, summary_markdown,
 };
 use serde_json::json;
 use std::path::PathBuf;
@@ -65,25 +64,7 @@ pub fn run(arguments: &PaperArguments) -> Result<(), String> {
         "goals": outcome.goals, "summary": outcome.summary, "rows": outcome.rows,
     });
     let json = pretty(&document)?;
-    let form = if arguments.quick { "short form, " } else { "" };
-    let mut page = Page::new(paper.title(), format!("{form}seed {}", arguments.seed));
-    let reached = outcome.goals.iter().filter(|goal| goal.is_reached()).count();
-    page.push(Block::Paragraph(paper.preface().to_owned())).push(Block::Contents);
-    if !outcome.goals.is_empty() {
-        let of = outcome.goals.len();
-        page.push(Block::Heading(format!("Goals: {reached} of {of} reached")));
-        page.push(Block::Table(goal_table(&outcome.goals)));
-        let remarks = outcome.goals.iter().filter(|goal| !goal.remark.is_empty());
-        let remarks =
-            remarks.map(|goal| format!("{}: {}. {}", goal.what, goal.verdict(), goal.remark));
-        page.push(Block::List(remarks.collect()));
-    }
-    page.push(Block::Heading("Summary".into()));
-    page.push(Block::List(outcome.summary.clone()));
-    page.blocks.extend(outcome.blocks);
-    page.push(Block::Heading("All values: ours and printed".into()));
-    page.blocks.extend(tables(&outcome.rows));
-    let html = page.render();
+    let html = page(paper, &request, &outcome).render();
     let mut files = vec![
         ("paper.json", json.as_bytes()),
         ("report.html", html.as_bytes()),

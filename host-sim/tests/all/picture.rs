@@ -1,6 +1,6 @@
 //! The picture of a report's first screen for the README, as SVG.
 //!
-//! It is generated from the title, facts and chart of the page and compared with the file in git, so that the picture
+//! It is generated from the title, answers, facts and charts of the page and compared with the file in git, so that the picture
 //! always matches the program. `UPDATE_TABLES=1 cargo test -p host-sim --test all picture` regenerates it.
 
 use friction_results::report::{Block, Chart, Page, Series};
@@ -139,7 +139,9 @@ pub fn svg(page: &Page) -> String {
     picture.bar((MARGIN, 94), (WIDTH - 2 * MARGIN, 2), "#222");
 
     let mut left = 126;
-    for (name, text) in facts {
+    let answers = page.answers.as_ref().expect("a page of `diagnose` has answers");
+    let facts = facts.iter().map(|(name, text)| (name.as_str(), text.as_str()));
+    for (name, text) in answers.each().into_iter().chain(facts) {
         picture.text((MARGIN, left), "font-size=\"13\" fill=\"#555\"", name);
         // A command between backticks has a line of its own.
         for part in text.split('`').map(str::trim).filter(|part| !part.is_empty()) {

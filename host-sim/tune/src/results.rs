@@ -23,7 +23,7 @@ pub fn files(session: &Session) -> Result<Files, String> {
         texts.push(("diagnosis.json", text));
         page = Some(diagnosis::page(&learnt.found, &learnt.stochastic, &learnt.input));
     }
-    session.report.files(&runs(session), page, texts)
+    Ok(session.report.files(&runs(session), page, texts)?)
 }
 
 /// Returns the recorded rows of a session.

@@ -152,7 +152,7 @@ fn characterisation(
 ) {
     (request.progress)("LuGre fitted to each test");
     let each = LUGRE.fitted_to_each(tests);
-    add_printed_rows(outcome, "2", "LuGre, fitted to each test", tests, &each, |(lugre, _)| lugre);
+    TABLE_2.add(outcome, tests, &each);
     let folds = tests.folds(form.folds);
     let bases = LUGRE.fits(tests, &folds, request.progress);
     let mut scores: Vec<NamedScore> = vec![(LUGRE.name, held_out(tests, &folds, &bases))];
@@ -168,8 +168,7 @@ fn characterisation(
     let base = LUGRE.fit(&tests.tracks);
     let (_, trained_on_all) =
         NetworkInputs::Actuators.train_on_all(tests, &base, &training, request.progress);
-    let name = "lugre-lstm (actuators' forces), all tests seen";
-    add_printed_rows(outcome, "3", name, tests, &trained_on_all, |(_, lstm)| lstm);
+    TABLE_3.add(outcome, tests, &trained_on_all);
     for (name, score) in &scores {
         add_held_out_rows(outcome, CHARACTERISATION, name, tests, score);
     }
@@ -216,27 +215,41 @@ fn second_campaign(
     earthquakes::evaluate(&quakes, &models, tests, outcome);
 }
 
-/// Adds the rows of one of the paper's tables.
-fn add_printed_rows(
-    outcome: &mut PaperOutcome,
-    table: &str,
-    name: &str,
-    tests: &TestCampaign,
-    score: &CampaignScore,
-    which: fn((f64, f64)) -> f64,
-) {
-    for (test, of) in tests.names.iter().enumerate() {
-        let row = ResultRow::measured(
-            table,
-            name,
-            &format_test_name(of),
-            "%",
-            score.percent_of_range(test),
-        );
-        outcome.rows.push(match printed_values(of) {
-            Some(printed) => row.printed(which(printed)),
-            None => row,
-        });
+/// One of the paper's tables of tests, repeated.
+struct PrintedTable {
+    /// Number of the table.
+    number: &'static str,
+    /// Our model.
+    model: &'static str,
+    /// Which of the printed values of a test the table has.
+    printed: fn((f64, f64)) -> f64,
+    /// [`ResultRow::measured`] or [`ResultRow::simulated`].
+    row: fn(&str, &str, &str, &str, f64) -> ResultRow,
+}
+
+const TABLE_2: PrintedTable = PrintedTable {
+    number: "2",
+    model: "LuGre, fitted to each test",
+    printed: |(lugre, _)| lugre,
+    row: ResultRow::measured,
+};
+
+const TABLE_3: PrintedTable = PrintedTable {
+    number: "3",
+    model: "lugre-lstm (actuators' forces), all tests seen",
+    printed: |(_, lstm)| lstm,
+    row: ResultRow::measured,
+};
+
+impl PrintedTable {
+    /// Adds the rows of these tests.
+    fn add(&self, outcome: &mut PaperOutcome, tests: &TestCampaign, score: &CampaignScore) {
+        for (test, name) in tests.names.iter().enumerate() {
+            let percent = score.percent_of_range(test);
+            let row = (self.row)(self.number, self.model, &format_test_name(name), "%", percent);
+            let printed = printed_values(name).map(self.printed);
+            outcome.rows.push(ResultRow { printed, ..row });
+        }
     }
 }
 

@@ -103,18 +103,12 @@ pub fn summary_markdown(
 }
 
 /// Returns the goals as a table.
-pub fn goal_table(goals: &[Goal]) -> Table {
+pub(crate) fn goal_table(goals: &[Goal]) -> Table {
     let row = |goal: &Goal| {
-        let cells = [&goal.what, &goal.bound_text(), &goal.ours_text()];
-        let words = cells.map(|text| Cell::from(text.as_str()));
-        words.into_iter().chain([goal.verdict().into()]).collect()
+        let texts = [goal.what.clone(), goal.bound_text(), goal.ours_text()];
+        texts.map(Cell::from).into_iter().chain([goal.verdict().into()]).collect()
     };
-    Table {
-        caption: String::new(),
-        header: ["goal", "target", "result", ""].map(str::to_owned).to_vec(),
-        rows: goals.iter().map(row).collect(),
-        best: Vec::new(),
-    }
+    Table::new("", "goal|target|result|", goals.iter().map(row))
 }
 
 /// Arranges rows as a table. `place` gives a row's line and column, or `None` to leave it out. The printed value follows

@@ -24,10 +24,10 @@ mod row;
 mod underwater_joint;
 
 pub(crate) use digest::pivot_table;
-pub use digest::{Stopwatch, goal_table, summary_markdown};
+pub use digest::{Stopwatch, summary_markdown};
 pub use goal::{BoundSide, Goal};
 pub use manipulator::coupled;
-pub use report::{format_rows, tables};
+pub use report::{format_rows, page};
 pub use row::ResultRow;
 
 use friction_results::report::{Block, Table};

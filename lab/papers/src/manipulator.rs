@@ -22,7 +22,7 @@ mod tables;
 mod torques;
 
 use super::{Paper, PaperOutcome, PaperRequest};
-use friction_results::report::Block;
+use friction_results::report::Section;
 use paper_machines::manipulator::{Recording, campaign as record};
 use rayon::prelude::*;
 use study::Extent;
@@ -90,8 +90,8 @@ impl Paper for Manipulator {
         let mut summary = sentences::summary(&studies, &courses, &on_torques, &repeats);
         summary.extend(sentences::measured_sentences(&measured));
         let mut blocks = page::blocks(&studies, &courses);
-        blocks.push(Block::Heading("Checks of our fits".into()));
-        blocks.push(Block::List(sentences::fit_checks(&studies, &courses)));
+        let checks = sentences::fit_checks(&studies, &courses);
+        blocks.extend(Section::new("Checks of our fits").list(checks));
         let goals = sentences::goals(&studies, &courses, &on_torques, &measured);
         let digest = tables::digest(&rows);
         Ok(PaperOutcome { rows, goals, summary, blocks, digest, files: Vec::new() })

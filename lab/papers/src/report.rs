@@ -1,16 +1,52 @@
-//! Tables of a paper's rows, for the page and the terminal.
+//! The page of a paper, and the tables of its rows for the page and the terminal.
 
-use super::ResultRow;
-use super::digest::pivot_table;
-use friction_results::report::{Block, Cell, Table};
+use super::digest::{goal_table, pivot_table};
+use super::{Paper, PaperOutcome, PaperRequest, ResultRow};
+use friction_results::report::{Answers, Benefit, Block, Cell, Page, Section, Table};
 use joint_log::number::{significant, with_error};
 
 /// Maximum number of columns on a page; a wider table is transposed.
 const MAX_TABLE_COLUMNS: usize = 8;
 
+/// Returns `report.html` of a paper.
+pub fn page(paper: &dyn Paper, request: &PaperRequest, outcome: &PaperOutcome) -> Page {
+    let form = if request.quick { "short form, " } else { "" };
+    let goals = &outcome.goals;
+    let reached = goals.iter().filter(|goal| goal.is_reached()).count();
+    let simulated = outcome.rows.iter().filter(|row| row.simulated).count();
+    let answers = Answers {
+        what: "The experiments of a published paper, repeated with the shipped code.".into(),
+        certainty: format!(
+            "Of {} values, {simulated} are simulated and {} are measured.",
+            outcome.rows.len(),
+            outcome.rows.len() - simulated
+        ),
+        benefit: match goals.is_empty() {
+            true => Benefit::Purpose("It shows which results of the paper can be repeated.".into()),
+            false => Benefit::Gain(format!("{reached} of {} goals are reached.", goals.len())),
+        },
+        next: match reached < goals.len() {
+            true => "Read the remarks on the missed goals.".into(),
+            false => "Read the summary, then the tables at the end.".into(),
+        },
+    };
+    let mut page = Page::new(paper.title(), format!("{form}seed {}", request.seed));
+    page.push(Block::paragraph(paper.preface())).push(Block::Contents);
+    if !goals.is_empty() {
+        let remarks = goals.iter().filter(|goal| !goal.remark.is_empty());
+        let remarks =
+            remarks.map(|goal| format!("{}: {}. {}", goal.what, goal.verdict(), goal.remark));
+        let title = format!("Goals: {reached} of {} reached", goals.len());
+        page.add(Section::new(title).table(goal_table(goals)).list(remarks));
+    }
+    page.add(Section::new("Summary").list(&outcome.summary)).add(outcome.blocks.iter().cloned());
+    page.add(Section::new("All values: ours and printed").with(tables(&outcome.rows)));
+    page.answering(answers)
+}
+
 /// Returns one table for each table of the paper, in the order of the rows. A printed value has a column of its own
 /// beside ours. A table that is too wide is transposed.
-pub fn tables(rows: &[ResultRow]) -> Vec<Block> {
+fn tables(rows: &[ResultRow]) -> Vec<Block> {
     distinct(rows, |row| &row.table)
         .into_iter()
         .map(|table| Block::Table(table_of(rows, table)))

@@ -1,74 +1,107 @@
-//! The first screen: cause, size, gain, next steps, and a chart of the error above the noise floor.
+//! The first screen: the answers, further facts, and a chart of the error that a model could remove.
 //!
 //! Noise that no model can predict is most of the error of a good log. A right diagnosis may therefore reduce the total
-//! error by only one percent, although it removes nearly all of the predictable part. Errors add up as squares, so the
-//! part above the floor is `sqrt(rmse^2 - floor^2)`.
+//! error by only one percent, although it removes nearly all of the predictable part. Answers and chart
+//! are therefore about the error that a model could remove: beyond that of boosted trees ([`crate::budget`]). Errors add up
+//! as squares, so this part is `sqrt(rmse^2 - ceiling^2)`.
 
 use super::Scene;
 use super::figures::{AFTER, BEFORE};
 use super::words;
-use crate::page::words::quantity;
-use crate::report::{Axis, Chart, Series};
+use crate::budget::removed_in_words;
+use crate::page::words::{capitalised, counted, quantity};
+use crate::report::{Answers, Axis, Benefit, Chart, Series};
 use compensator_core::Quantity;
 use friction_diagnose::cause::Remedy;
-use friction_diagnose::summary::{self, above_floor};
-use friction_diagnose::{Finding, hand_over, probability_in_words};
+use friction_diagnose::summary::above_floor;
+use friction_diagnose::{Diagnosis, Finding, hand_over, probability_in_words, summary};
 use joint_log::number::significant;
-use maud::html;
 
-/// Returns name and text of each fact.
+/// Returns the answers of the page.
+pub(super) fn answers(scene: &Scene) -> Answers {
+    let found = scene.about.found;
+    let what = match found.findings.first() {
+        Some(first) => format!(
+            "{} ({}).",
+            capitalised(first.cause.meaning_of(first.size.value)),
+            first.cause.name()
+        ),
+        None => format!("{}.", words::none_named(found)),
+    };
+    let next = next_step(scene).unwrap_or_else(|| summary::next_experiment(found));
+    Answers { what, certainty: certainty(found), benefit: Benefit::Gain(gain(scene)), next }
+}
+
+/// Returns the probability of the first cause, or of the most likely candidate.
+fn certainty(found: &Diagnosis) -> String {
+    let tested = counted(found.candidates.len(), "candidate");
+    let likely = |share: f64| probability_in_words(share);
+    if let Some(first) = found.findings.first() {
+        return format!(
+            "The probability that this is real is {}. {tested} {} compared on held-out rows.",
+            likely(first.probability),
+            if found.candidates.len() == 1 { "was" } else { "were" }
+        );
+    }
+    let most = found.candidates.iter().max_by(|a, b| a.probability.total_cmp(&b.probability));
+    match most {
+        Some(most) => format!(
+            "The most likely of {tested} is {}, with a probability of {}.",
+            most.cause.name(),
+            likely(most.probability)
+        ),
+        None => "No candidate was in the best hypothesis or won in a resampled log.".to_owned(),
+    }
+}
+
+/// Returns what the extension gains on held-out rows.
+fn gain(scene: &Scene) -> String {
+    let found = scene.about.found;
+    let removed = removed_in_words(found);
+    if !scene.is_extended() {
+        return format!("No extension is proposed. {removed}");
+    }
+    let [before, after] = [&found.before, &found.after].map(|model| model.metrics.rmse);
+    let percent = |share: f64| significant(100.0 * share, 2);
+    let [low, high] = found.gain.ci95.map(percent);
+    format!(
+        "The held-out error falls from {} to {}, by {}\u{a0}% (95\u{a0}% interval {low} to {high}\u{a0}%). {removed}{}",
+        quantity(before, scene.unit()),
+        quantity(after, scene.unit()),
+        percent(found.gain.value),
+        share_of_noise(before, found.noise_floor, scene.unit())
+    )
+}
+
+/// Returns name and text of each fact below the answers.
 pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     let found = scene.about.found;
     let mut facts: Vec<(&str, String)> = Vec::new();
     facts.extend(summary::warning(found).map(|warning| ("Warning", warning)));
-    match found.findings.split_first() {
-        None => facts.push(("Cause", format!("{}.", words::none_named(found)))),
-        Some((first, others)) => {
-            facts.push(("Cause", cause(first)));
-            let joint = scene.about.data.joint;
-            facts.push(("Size", first.with_order(joint, &size(scene, first))));
-            if !others.is_empty() {
-                let names: Vec<String> = others.iter().map(cause).collect();
-                facts.push(("Further causes", names.join("; ")));
-            }
+    if let Some((first, others)) = found.findings.split_first() {
+        facts.push(("Size", first.with_order(scene.about.data.joint, &size(scene, first))));
+        if !others.is_empty() {
+            let names: Vec<String> = others.iter().map(cause).collect();
+            facts.push(("Further causes", names.join("; ")));
         }
     }
-    let [before, after] = errors(scene);
-    let unit = scene.unit();
-    let gain = if !scene.is_extended() {
-        format!(
-            "No extension is proposed. The error above the noise floor is {}.",
-            quantity(before, unit)
-        )
-    } else if before > 0.0 {
-        format!(
-            "The error above the noise floor falls from {} to {} (by {}\u{a0}%); the total error falls by {}\u{a0}% (95\u{a0}% interval {} to {}\u{a0}%).{}",
-            quantity(before, unit),
-            quantity(after, unit),
-            significant(100.0 * (1.0 - after / before), 2),
-            significant(100.0 * found.gain.value, 2),
-            significant(100.0 * found.gain.ci95[0], 2),
-            significant(100.0 * found.gain.ci95[1], 2),
-            two_percentages(found.before.metrics.rmse, found.noise_floor, unit)
-        )
-    } else {
-        "The error of the base model is already at the noise floor.".into()
-    };
-    facts.push(("Gain on held-out rows", gain));
     facts.push(("Handed over", hand_over::in_words(found)));
     facts.push(("Remaining error", summary::remaining_error(found)));
-    facts.extend(next_step(scene).map(|how| ("Next step", how)));
-    facts.push(("Next experiment", summary::next_experiment(found)));
+    // Without a next step, the answers have the experiment.
+    if next_step(scene).is_some() {
+        facts.push(("Next experiment", summary::next_experiment(found)));
+    }
     facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
 }
 
 /// Returns what to do with the result. A driver that compensated an error of the sensor would make the joint worse.
 fn next_step(scene: &Scene) -> Option<String> {
     let found = scene.about.found;
-    let named = |is_it: fn(&Finding) -> bool| -> Vec<&str> {
-        found.findings.iter().filter(|own| is_it(own)).map(|own| own.cause.name()).collect()
+    let named = |is_wanted: fn(&Finding) -> bool| -> Vec<&str> {
+        let findings = found.findings.iter().filter(|finding| is_wanted(finding));
+        findings.map(|finding| finding.cause.name()).collect()
     };
-    let of_sensor = named(|own| matches!(own.cause.remedy(), Remedy::CorrectColumn(_)));
+    let of_sensor = named(|finding| matches!(finding.cause.remedy(), Remedy::CorrectColumn(_)));
     if !of_sensor.is_empty() {
         return Some(format!(
             "{}: this lies in the sensor or the logger, so no parameter of the driver compensates it. Correct it at its \
@@ -76,7 +109,7 @@ fn next_step(scene: &Scene) -> Option<String> {
             of_sensor.join(", ")
         ));
     }
-    let outside = named(|own| matches!(own.cause.remedy(), Remedy::RigidBody(None)));
+    let outside = named(|finding| matches!(finding.cause.remedy(), Remedy::RigidBody(None)));
     if !outside.is_empty() && !scene.is_extended() {
         return Some(format!(
             "{}: this is the rigid body, so no parameter of the driver's friction compensates it.",
@@ -92,52 +125,17 @@ fn next_step(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Width of the longest bar, px: a third of a notebook's cell on a small screen.
-const BAR_PX: f64 = 240.0;
-
-/// Returns the first screen as an HTML fragment.
-pub(super) fn fragment(scene: &Scene) -> String {
-    let errors = errors(scene);
-    let names: &[&str] = if scene.is_extended() { &[BEFORE, AFTER] } else { &["base model"] };
-    let longest = errors[0].max(errors[1]).max(f64::MIN_POSITIVE);
-    let bars = names.iter().zip(errors);
-    html! {
-        div style="max-width: 60em" {
-            dl {
-                @for (name, text) in facts(scene) {
-                    dt style="font-weight: 600" { (name) }
-                    dd style="margin: 0 0 .4em 1.2em" { (text) }
-                }
-                dt style="font-weight: 600" { "Error above the noise floor" }
-                @for (name, error) in bars {
-                    dd style="margin: 0 0 .2em 1.2em" {
-                        span style={
-                            "display: inline-block; height: .8em; background: #0072b2; width: "
-                            (format!("{:.0}", BAR_PX * error / longest)) "px"
-                        } {}
-                        " " (name) ": " (quantity(error, scene.unit()))
-                    }
-                }
-            }
-            ol { @for sentence in summary::summary(scene.about.found) { li { (sentence) } } }
-        }
-    }
-    .into_string()
-}
-
-/// Share of the noise floor in the squared error above which the reduction of the total error is much smaller than that of
-/// the error above the floor, so that the difference needs an explanation.
+/// Share of the noise floor in the squared error above which the total error falls little, so that this needs an explanation.
 const DOMINANT_NOISE_SHARE: f64 = 0.5;
 
-/// Explains why the total error falls much less than the error above the noise floor; empty if it does not.
-fn two_percentages(rmse: f64, floor: f64, unit: &str) -> String {
+/// Explains why the total error falls little although much of what a model could remove is removed; empty if it does not.
+fn share_of_noise(rmse: f64, floor: f64, unit: &str) -> String {
     let share = (floor / rmse).powi(2);
     if share.is_nan() || share < DOMINANT_NOISE_SHARE {
         return String::new();
     }
     format!(
-        " Both are true: errors add as squares, and the noise floor of {}, which no model can reduce, is {}\u{a0}% of the \
-         squared error.",
+        " The total falls by less: the noise floor of {}, which no model can reduce, is {}\u{a0}% of the squared error.",
         quantity(floor, unit),
         significant(100.0 * share, 2)
     )
@@ -197,40 +195,34 @@ fn range(scene: &Scene, column: &str) -> Option<[f64; 2]> {
     range.filter(|[least, most]| most > least)
 }
 
-/// Returns the errors above the noise floor of the base model and of the extended model.
-fn errors(scene: &Scene) -> [f64; 2] {
+/// Returns the errors of the base model and of the extended model beyond what no model could remove.
+fn removable(scene: &Scene) -> [f64; 2] {
     let found = scene.about.found;
-    [&found.before, &found.after].map(|model| above_floor(model.metrics.rmse, found.noise_floor))
+    [&found.before, &found.after].map(|model| above_floor(model.metrics.rmse, found.ceiling.rmse))
 }
 
-/// Returns the chart of the error above the noise floor, before and after.
-pub(super) fn above_the_floor(scene: &Scene) -> Chart {
-    let [before, after] = errors(scene);
-    let is_extended = scene.is_extended();
-    let (names, errors) = if is_extended {
-        (vec![BEFORE.to_owned(), AFTER.to_owned()], vec![before, after])
-    } else {
-        (vec!["base model".to_owned()], vec![before])
-    };
-    let places: Vec<f64> = (0..names.len()).map(|place| place as f64).collect();
-    let series = places.iter().zip(&errors).map(|(place, error)| {
-        let name = names[*place as usize].clone();
-        Series::bars(name, vec![*error], vec![*place])
-    });
-    let floor = scene.about.found.noise_floor;
-    // Without a range, Plotly would label the axis of zero-length bars from -1 to 1.
-    let is_at_floor = errors.iter().all(|error| *error <= 0.0);
-    let range = (is_at_floor && floor > 0.0).then_some((0.0, floor));
-    let none = if is_at_floor { " No error is above it." } else { "" };
+/// Returns the chart of the error that a model could remove, before and after.
+pub(super) fn removable_error(scene: &Scene) -> Chart {
+    let names: &[&str] = if scene.is_extended() { &[BEFORE, AFTER] } else { &[scene.base()] };
+    let bars = names.iter().zip(removable(scene)).zip(0..);
+    let bars =
+        bars.map(|((name, error), place)| Series::bars(*name, vec![error], vec![f64::from(place)]));
+    let ceiling = scene.about.found.ceiling.rmse;
+    // Bars of length zero give no range.
+    let is_none = removable(scene).iter().all(|error| *error <= 0.0);
+    let range = (is_none && ceiling > 0.0).then_some((0.0, ceiling));
+    let none = if is_none { " No error is beyond it." } else { "" };
     Chart {
-        title: "Error above the noise floor".into(),
+        title: "Error that a model could remove".into(),
         caption: format!(
-            "The part of the held-out error that a better model could remove, in {}. The noise floor is {}.{none}",
-            scene.unit(),
-            quantity(floor, scene.unit())
+            "The held-out error beyond {}, which boosted trees with all logged columns leave.{none}",
+            quantity(ceiling, scene.unit())
         ),
-        x: Axis { range, ..Axis::new(format!("RMSE above the noise floor ({})", scene.unit())) },
-        y: Axis::of_names("", names.clone()),
-        series: series.collect(),
+        x: Axis {
+            range,
+            ..Axis::new(format!("RMSE that a model could remove ({})", scene.unit()))
+        },
+        y: Axis::of_names("", names.iter().copied()),
+        series: bars.collect(),
     }
 }

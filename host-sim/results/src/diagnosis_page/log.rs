@@ -1,23 +1,20 @@
 //! The section about the log itself: its columns and its problems.
 
 use super::Scene;
-use crate::report::{Block, Cell, Table};
+use crate::report::{Cell, Section, Table};
 use joint_log::log_check::{ColumnOverview, LogFinding, overview};
 
 /// Returns the section.
-pub(super) fn log(scene: &Scene) -> Vec<Block> {
+pub(super) fn log(scene: &Scene) -> Section {
     let found = &scene.about.found.log_findings;
-    let mut blocks = vec![Block::heading("Log check"), columns(scene).into()];
-    let notes = &scene.about.data.notes;
-    if !notes.is_empty() {
-        blocks.push(Block::List(notes.clone()));
-    }
+    let section = Section::new("Log check")
+        .table(columns(scene))
+        .list(scene.about.data.notes.iter().cloned());
     if found.is_empty() {
-        blocks.push(Block::paragraph(
+        return section.words(
             "The log was checked for held and delayed channels, noise, quantisation, saturation, wrong units, wrong signs and \
              time jumps. No problem was found.",
-        ));
-        return blocks;
+        );
     }
     let row = |finding: &LogFinding| {
         vec![
@@ -29,9 +26,9 @@ pub(super) fn log(scene: &Scene) -> Vec<Block> {
         ]
     };
     let header = "problem|columns|size|unit|corrected";
-    blocks.push(Table::new("Problems of the log", header, found.iter().map(row)).into());
-    blocks.push(Block::List(found.iter().map(|finding| finding.in_words.clone()).collect()));
-    blocks
+    section
+        .table(Table::new("Problems of the log", header, found.iter().map(row)))
+        .list(found.iter().map(|finding| finding.in_words.clone()))
 }
 
 /// Returns the table of the columns with their range and source.

@@ -1,7 +1,9 @@
 //! The title of the page, and the texts beside its charts and tables.
 
 use super::Scene;
+use super::figures::{AFTER, BEFORE};
 use super::over_time::NoiseFloor;
+use crate::budget::removed_in_words;
 use crate::page::words::{self as shared, counted, listed, quantity};
 use crate::ranking::left_out_in_words;
 use friction_diagnose::contest_calibration::ContestCalibration;
@@ -21,14 +23,11 @@ pub(super) fn nothing_found(scene: &Scene) -> String {
     let found = scene.about.found;
     let times = found.after.metrics.rmse / found.noise_floor;
     let left = match times.is_finite() && times > STRUCTURE {
-        true => format!(
-            "The residual of the base model is {} times the noise floor, and no candidate explains it",
-            significant(times, 3)
-        ),
-        false => "The residual of the base model does not differ significantly from noise".into(),
+        true => format!("{} No candidate explains the rest.", removed_in_words(found)),
+        false => "The residual of the base model does not differ significantly from noise.".into(),
     };
     format!(
-        "{}. {left}. The chart shows the autocorrelation of the residual; white noise has none.",
+        "{}. {left} The chart shows the autocorrelation of the residual; white noise has none.",
         none_named(found)
     )
 }
@@ -104,6 +103,16 @@ pub(super) fn subtitle(scene: &Scene) -> String {
         _ => "run",
     };
     format!("{} Each {unit} was held out once.", shared::logged(&scene.view))
+}
+
+/// Returns what the values before and after are, for the legends.
+pub(super) fn meanings(scene: &Scene) -> [(&'static str, String); 2] {
+    let found = scene.about.found;
+    let extension = found.extension().unwrap_or_default();
+    [
+        (BEFORE, format!("base model, {}", found.baseline.spec)),
+        (AFTER, format!("with the extension, {extension}")),
+    ]
 }
 
 /// Names the models before and after.

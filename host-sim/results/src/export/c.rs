@@ -7,20 +7,16 @@
 use super::effects::BRISTLE_TORQUE;
 use super::law::{self, BISECTIONS};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
-use super::{ExportFormat, ExportedModel};
+use super::{ExportError, ExportedModel};
 use friction_fit::params::{ParameterFile, unit};
 use joint_log::JointKind;
 use std::fmt::Write as _;
 
 /// Exports the model as a C header.
-pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, String> {
+pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, ExportError> {
     let model = &file.compensated_model();
     if let Some(term) = law::unsupported_term(model) {
-        return Err(format!(
-            "{term}: the C header does not support this term, which needs a memory or a table: use {} or {}",
-            ExportFormat::Rust.setting(),
-            ExportFormat::Record.setting(),
-        ));
+        return Err(ExportError::UnsupportedTerm { term });
     }
     let step = law::step(model);
     let has_bristles = model.law.has_bristles();

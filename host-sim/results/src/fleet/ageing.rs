@@ -7,6 +7,7 @@
 //!   slope's own error. With fewer, the scatter is unknown, and the interval of the slope must exclude the median.
 //! * The level has changed by [`MIN_CHANGE`]: the drivers do not follow smaller changes reliably.
 
+use super::FleetError;
 use super::jobs::find_trends;
 use super::statistics::{FLEET_SIGNIFICANCE, natural_key};
 use crate::level_trend::{LevelTrend, RobustSlope, median, robust_slope};
@@ -63,15 +64,14 @@ pub struct Ageing {
 ///
 /// # Errors
 /// One line that names the file, if it is not the trend of a joint, or if a joint has two.
-pub fn read_ageing(roots: &[&Path], out: &Path) -> Result<Vec<Ageing>, String> {
+pub fn read_ageing(roots: &[&Path], out: &Path) -> Result<Vec<Ageing>, FleetError> {
     let mut trends: Vec<(String, String, LevelTrend)> = Vec::new();
     let found = roots.iter().map(|root| find_trends(root, out)).collect::<Result<Vec<_>, _>>()?;
     for (joint, file) in found.concat() {
         let name = file.display().to_string();
         if let Some((_, first, _)) = trends.iter().find(|(known, ..)| *known == joint) {
-            return Err(format!(
-                "{name}: found a second trend of joint {joint}, expected only {first}"
-            ));
+            let first = first.clone();
+            return Err(FleetError::SecondTrend { file: name, joint, first });
         }
         trends.push((joint, name, LevelTrend::read(&file)?));
     }

@@ -16,6 +16,7 @@
 //! Files of the same joint and campaign are one log of several runs. Each file is read with its own header: the columns of one
 //! file never stand for those of another.
 
+use super::FleetError;
 use crate::level_trend::FILE_ENDS;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -34,7 +35,7 @@ pub struct FleetJob {
 }
 
 /// Ends of the names of log files.
-const LOG_ENDS: [&str; 15] = [
+pub(super) const LOG_ENDS: [&str; 15] = [
     ".csv", ".tsv", ".txt", ".parquet", ".mcap", ".log", ".asc", ".trc", ".gz", ".zip", ".arrow",
     ".feather", ".jsonl", ".ndjson", ".pq",
 ];
@@ -44,7 +45,7 @@ const LOG_ENDS: [&str; 15] = [
 ///
 /// # Errors
 /// One line, if a folder cannot be read or contains no log.
-pub fn find_jobs(root: &Path, out: &Path) -> Result<Vec<FleetJob>, String> {
+pub fn find_jobs(root: &Path, out: &Path) -> Result<Vec<FleetJob>, FleetError> {
     let mut files = Vec::new();
     walk(root, &out.canonicalize().unwrap_or_else(|_| out.to_owned()), &mut files)?;
     jobs_of_files(root, files)
@@ -58,7 +59,7 @@ pub fn find_jobs(root: &Path, out: &Path) -> Result<Vec<FleetJob>, String> {
 pub fn jobs_of_files(
     root: &Path,
     files: impl IntoIterator<Item = PathBuf>,
-) -> Result<Vec<FleetJob>, String> {
+) -> Result<Vec<FleetJob>, FleetError> {
     let mut jobs: BTreeMap<(String, String), Vec<PathBuf>> = BTreeMap::new();
     let mut has_trend = false;
     for file in files {
@@ -68,8 +69,7 @@ pub fn jobs_of_files(
         }
     }
     if jobs.is_empty() && !has_trend {
-        let ends = LOG_ENDS.join(", ");
-        return Err(format!("{}: found no log, expected files {ends}", root.display()));
+        return Err(FleetError::NoLog { folder: root.to_owned() });
     }
     let job = |((joint, campaign), files)| {
         let addresses = Vec::new();
@@ -83,7 +83,7 @@ pub fn jobs_of_files(
 ///
 /// # Errors
 /// One line, if a folder cannot be read.
-pub fn find_trends(root: &Path, out: &Path) -> Result<Vec<(String, PathBuf)>, String> {
+pub fn find_trends(root: &Path, out: &Path) -> Result<Vec<(String, PathBuf)>, FleetError> {
     let mut files = Vec::new();
     walk(root, &out.canonicalize().unwrap_or_else(|_| out.to_owned()), &mut files)?;
     let trends = files.into_iter().filter(|file| is_trend(root, file));
@@ -132,10 +132,10 @@ fn is_log(root: &Path, file: &Path) -> bool {
     has_end && !is_hidden(root, file) && !is_trend(root, file)
 }
 
-fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
-    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), FleetError> {
+    let failed = FleetError::of_file(folder);
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
-        .map_err(failed)?
+        .map_err(&failed)?
         .map(|entry| entry.map(|entry| entry.path()))
         .collect::<Result<_, _>>()
         .map_err(failed)?;
@@ -269,7 +269,7 @@ mod tests {
         assert_eq!(mixed_forms(root, wrist), None);
         let error =
             find_jobs(&root.join("out/joint=hip"), &root.join("out/joint=hip/rows.parquet"));
-        assert!(error.unwrap_err().contains("joint=hip"));
+        assert!(error.unwrap_err().to_string().contains("joint=hip"));
     }
 
     #[test]
@@ -280,7 +280,7 @@ mod tests {
         let found: Vec<(&str, &str)> =
             jobs.iter().map(|job| (&*job.joint, &*job.campaign)).collect();
         assert_eq!(found, [("hip", "1"), ("knee", "1")]);
-        let error = jobs_of_files(root, [root.join("notes.md")]).unwrap_err();
+        let error = jobs_of_files(root, [root.join("notes.md")]).unwrap_err().to_string();
         assert!(error.starts_with("bucket/fleet: "), "{error}");
         snapshot::check("fleet", "a folder without a log", &error);
     }

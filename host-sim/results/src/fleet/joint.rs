@@ -259,7 +259,7 @@ fn summary(
 }
 
 /// Returns the unit of a level of a joint whose torque or force has this unit.
-fn level_unit(level: usize, unit: &str) -> &str {
+pub(super) fn level_unit(level: usize, unit: &str) -> &str {
     match (LEVELS[level], unit) {
         ("viscous_friction", "N") => "N s/m",
         ("viscous_friction", _) => "Nm s/rad",

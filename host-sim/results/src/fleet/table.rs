@@ -4,7 +4,7 @@
 //! read, checked and hashed as one of a folder, and a table that grows by a campaign gives the former results anew without a
 //! computation. Lines of text are copied as they are.
 
-use super::FleetJob;
+use super::{FleetError, FleetJob};
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use joint_log::{Cells, Table};
 use std::collections::BTreeMap;
@@ -14,8 +14,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// The columns with the names.
-const JOINT: &str = "joint";
-const CAMPAIGN: &str = "campaign";
+pub(super) const JOINT: &str = "joint";
+pub(super) const CAMPAIGN: &str = "campaign";
 
 /// Lines above the header of a text that are looked through.
 const MAX_LINES_ABOVE: usize = 100;
@@ -33,18 +33,13 @@ type Names = (String, String);
 ///
 /// # Errors
 /// One line, if the table cannot be read or has no column `joint`, or a row names no joint.
-pub fn jobs_of_table(table: &Path, folder: &Path) -> Result<Vec<FleetJob>, String> {
-    let failed = |error: std::io::Error| format!("{}: {error}", table.display());
+pub fn jobs_of_table(table: &Path, folder: &Path) -> Result<Vec<FleetJob>, FleetError> {
+    let failed = FleetError::of_file(table);
     let mut head = Vec::new();
-    File::open(table).map_err(failed)?.take(4096).read_to_end(&mut head).map_err(failed)?;
+    File::open(table).map_err(&failed)?.take(4096).read_to_end(&mut head).map_err(&failed)?;
     let pieces = match (head.starts_with(PARQUET), head.contains(&0)) {
         (true, _) => parquet_pieces(table, folder)?,
-        (_, true) => {
-            return Err(format!(
-                "{}: found no text, expected a table in CSV or Parquet, or a folder of logs",
-                table.display()
-            ));
-        }
+        (_, true) => return Err(FleetError::NoText { table: table.to_owned() }),
         _ => text_pieces(table, folder)?,
     };
     let job = |((joint, campaign), file): (Names, PathBuf)| {
@@ -55,22 +50,19 @@ pub fn jobs_of_table(table: &Path, folder: &Path) -> Result<Vec<FleetJob>, Strin
     Ok(pieces.into_iter().map(job).collect())
 }
 
-fn no_joint_column(table: &Path) -> String {
-    format!(
-        "{}: found no column {JOINT}, expected a table with the columns {JOINT} and {CAMPAIGN}, or a folder of logs",
-        table.display()
-    )
+fn no_joint_column(table: &Path) -> FleetError {
+    FleetError::NoJointColumn { table: table.to_owned() }
 }
 
-fn unnamed_row(table: &Path, row: usize) -> String {
-    format!("{} row {row}: found no name in column {JOINT}, expected one", table.display())
+fn unnamed_row(table: &Path, row: usize) -> FleetError {
+    FleetError::UnnamedRow { table: table.to_owned(), row }
 }
 
 /// Splits a table in memory, and writes each piece as Parquet.
-fn parquet_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, String> {
-    let read = joint_log::parquet_table(table).map_err(|error| error.to_string())?;
+fn parquet_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, FleetError> {
+    let read = joint_log::parquet_table(table)?;
     let place =
-        |name: &str| read.columns.iter().position(|(own, _)| own.eq_ignore_ascii_case(name));
+        |name: &str| read.columns.iter().position(|(known, _)| known.eq_ignore_ascii_case(name));
     let (joint, campaign) = (place(JOINT).ok_or_else(|| no_joint_column(table))?, place(CAMPAIGN));
     let rows = read.columns[joint].1.len();
     let mut of: BTreeMap<Names, Vec<usize>> = BTreeMap::new();
@@ -86,7 +78,7 @@ fn parquet_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf
     let write = |(at, (names, rows)): (usize, (Names, Vec<usize>))| {
         let content = piece(&read, &named, &rows).emit(TableFormat::Parquet)?;
         let file = folder.join(format!("{at}.parquet"));
-        std::fs::write(&file, content).map_err(|error| format!("{}: {error}", file.display()))?;
+        std::fs::write(&file, content).map_err(FleetError::of_file(&file))?;
         Ok((names, file))
     };
     of.into_iter().enumerate().map(write).collect()
@@ -116,27 +108,26 @@ struct Piece {
 }
 
 impl Piece {
-    fn flush(&mut self) -> Result<(), String> {
-        let failed = |error: std::io::Error| format!("{}: {error}", self.file.display());
-        let mut file =
-            OpenOptions::new().create(true).append(true).open(&self.file).map_err(failed)?;
-        file.write_all(&self.buffer).map_err(failed)?;
+    fn flush(&mut self) -> Result<(), FleetError> {
+        let file = OpenOptions::new().create(true).append(true).open(&self.file);
+        file.and_then(|mut file| file.write_all(&self.buffer))
+            .map_err(FleetError::of_file(&self.file))?;
         self.buffer.clear();
         Ok(())
     }
 }
 
 /// Copies the lines of a text to pieces, without the cells with the names.
-fn text_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, String> {
-    let failed = |error: std::io::Error| format!("{}: {error}", table.display());
-    let mut lines = BufReader::new(File::open(table).map_err(failed)?);
+fn text_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, FleetError> {
+    let failed = FleetError::of_file(table);
+    let mut lines = BufReader::new(File::open(table).map_err(&failed)?);
     let (mut above, mut line) = (Vec::new(), Vec::new());
     let mut header = None;
     let mut pieces: BTreeMap<Names, Piece> = BTreeMap::new();
     let mut number = 0;
     loop {
         line.clear();
-        if lines.read_until(b'\n', &mut line).map_err(failed)? == 0 {
+        if lines.read_until(b'\n', &mut line).map_err(&failed)? == 0 {
             break;
         }
         number += 1;
@@ -167,7 +158,7 @@ fn text_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, 
         return Err(no_joint_column(table));
     }
     if pieces.is_empty() {
-        return Err(format!("{}: found a header and no rows", table.display()));
+        return Err(FleetError::NoRows { table: table.to_owned() });
     }
     let flushed = |(names, mut piece): (Names, Piece)| piece.flush().map(|()| (names, piece.file));
     pieces.into_iter().map(flushed).collect()
@@ -254,7 +245,7 @@ mod tests {
     use crate::snapshot;
 
     /// Returns joint, campaign and content of each piece of a text.
-    fn pieces(content: &str) -> Result<Vec<(String, String, String)>, String> {
+    fn pieces(content: &str) -> Result<Vec<(String, String, String)>, FleetError> {
         let folder = tempfile::tempdir().unwrap();
         let table = folder.path().join("table.csv");
         std::fs::write(&table, content).unwrap();
@@ -279,9 +270,9 @@ mod tests {
                 piece("knee", "2", "0,3;3,5")
             ]
         );
-        let error = pieces("time_s,torque_nm\n0,1\n").unwrap_err();
+        let error = pieces("time_s,torque_nm\n0,1\n").unwrap_err().to_string();
         assert!(error.contains("table.csv: ") && error.contains("joint"), "{error}");
-        let unnamed = pieces("joint,torque_nm\nhip,1\n,1\n").unwrap_err();
+        let unnamed = pieces("joint,torque_nm\nhip,1\n,1\n").unwrap_err().to_string();
         assert!(unnamed.contains("row 3: ") && unnamed.contains("joint"), "{unnamed}");
         snapshot::check("fleet", "tables without a joint", &(error + "\n" + &unnamed));
     }

@@ -8,7 +8,7 @@ use super::statistics::Limit;
 use super::{Ageing, FleetJob, FleetRow, LEVELS, Level, SIGNED};
 use crate::stochastic::StochasticExtension;
 use crate::table_file::TableFormat;
-use crate::{diagnosis, write_atomically};
+use crate::{ResultError, diagnosis, write_atomically};
 use compensator_core::{LawKind, ParameterId};
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, file_sha256, prepare};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
@@ -18,6 +18,7 @@ use joint_log::DataError;
 use joint_log::setting::Message;
 use joint_log::work::{self, Cancelled};
 use serde::{Deserialize, Serialize};
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -55,12 +56,12 @@ pub fn write_fleet(
     rows: &[FleetRow],
     ageing: &[Ageing],
     limits: &[Limit],
-) -> Result<(), String> {
+) -> Result<(), ResultError> {
     let parquet = super::table(rows).emit(TableFormat::Parquet)?;
     let html = super::page(rows, ageing, limits).render();
     for (name, content) in [("fleet.parquet", &parquet[..]), ("fleet.html", html.as_bytes())] {
         let file = out.join(name);
-        write_atomically(&file, content).map_err(|error| format!("{}: {error}", file.display()))?;
+        write_atomically(&file, content).map_err(ResultError::of_file(&file))?;
     }
     Ok(())
 }
@@ -77,7 +78,7 @@ struct StoredRow {
 
 /// Reads [`ROW_FILE`] of an earlier call from a result's folder, which is named relative to the folder of the fleet; `None` if
 /// there is none.
-pub type ReadEarlierRow<'a> = &'a (dyn Fn(&str) -> Result<Option<Vec<u8>>, String> + Sync);
+pub type ReadEarlierRow<'a> = &'a (dyn Fn(&str) -> io::Result<Option<Vec<u8>>> + Sync);
 
 /// Diagnoses the log of one joint and campaign, or takes an earlier result of the same log. A log of several joints gives a row
 /// for each. A failure gives a row with its reason and leaves no folder.
@@ -97,7 +98,7 @@ pub fn run_task_beside(
     let outcome = catch_unwind(AssertUnwindSafe(|| try_task(job, options, earlier)));
     let failure = match outcome {
         Ok(Ok(rows)) => return rows,
-        Ok(Err(line)) => line,
+        Ok(Err(error)) => (options.worded)(error),
         Err(panic) if panic.is::<Cancelled>() => resume_unwind(panic),
         Err(panic) => {
             let text = panic.downcast_ref::<String>().map(String::as_str);
@@ -125,18 +126,18 @@ fn try_task(
     job: &FleetJob,
     options: &FleetOptions,
     earlier: ReadEarlierRow,
-) -> Result<Vec<FleetRow>, String> {
+) -> Result<Vec<FleetRow>, Error> {
     match one_joint(job, options, &options.prepare, &job.joint, earlier) {
         Err(Error::Data(DataError::SeveralJoints { column, joints, .. })) => {
             let each = joints.iter().map(|name| {
                 let mut alone = options.prepare.clone();
                 alone.read.only.push((column.clone(), vec![name.clone()]));
                 let joint = format!("{}/{name}", job.joint);
-                one_joint(job, options, &alone, &joint, earlier).map_err(options.worded)
+                one_joint(job, options, &alone, &joint, earlier)
             });
             each.collect()
         }
-        other => other.map(|row| vec![row]).map_err(options.worded),
+        other => other.map(|row| vec![row]),
     }
 }
 
@@ -150,7 +151,9 @@ fn one_joint(
     let begin = Instant::now();
     let folder = folder_name(joint, &job.campaign);
     let key = key(job, options, read)?;
-    if let Some(row) = earlier(&folder)?.and_then(|bytes| stored(&bytes, &key)) {
+    if let Some(row) =
+        earlier(&folder).map_err(|error| error.to_string())?.and_then(|bytes| stored(&bytes, &key))
+    {
         return Ok(row);
     }
     let mut input = prepare(&Source::Files(job.files.clone()), read)?;
@@ -172,19 +175,19 @@ fn one_joint(
     let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
     let stochastic = StochasticExtension::new(&found, input.seed, &|_| work::checkpoint());
     let mut files = diagnosis::short_files(&found, &stochastic, &input)?;
-    files.others.push((ROW_FILE, stored.map_err(|error| error.to_string())?));
+    files.others.push((ROW_FILE, stored.map_err(ResultError::from)?));
     let temporary = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&options.out);
     let place = options.out.join(&folder);
-    let failed = |error: std::io::Error| format!("{}: {error}", place.display());
-    let temporary = temporary.map_err(failed)?;
+    let failed = ResultError::of_file(&place);
+    let temporary = temporary.map_err(&failed)?;
     let complete = temporary.path().join("new");
-    files.write(&complete).map_err(failed)?;
+    files.write(&complete).map_err(&failed)?;
     publish(&complete, &place, temporary.path()).map_err(failed)?;
     Ok(row)
 }
 
 /// Moves a complete folder to its place. An earlier folder there is moved into `temporary`, which the caller removes.
-fn publish(complete: &Path, place: &Path, temporary: &Path) -> std::io::Result<()> {
+fn publish(complete: &Path, place: &Path, temporary: &Path) -> io::Result<()> {
     if let Some(parent) = place.parent() {
         std::fs::create_dir_all(parent)?;
     }
@@ -200,7 +203,7 @@ fn stored(bytes: &[u8], key: &str) -> Option<FleetRow> {
     (stored.key == key).then_some(stored.row)
 }
 
-fn key(job: &FleetJob, options: &FleetOptions, read: &PrepareOptions) -> Result<String, String> {
+fn key(job: &FleetJob, options: &FleetOptions, read: &PrepareOptions) -> Result<String, Error> {
     let hashes: Vec<String> =
         job.files.iter().map(|file| file_sha256(file)).collect::<Result<_, _>>()?;
     let model = options.model.as_ref().map(ToString::to_string).unwrap_or_default();

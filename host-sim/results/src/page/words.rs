@@ -18,6 +18,15 @@ pub(crate) fn title(view: &View) -> String {
     if on.is_empty() { of } else { format!("{of} on {on}") }
 }
 
+/// Returns what the page shows: the number of fits and the best one.
+pub(crate) fn what(view: &View) -> String {
+    let best = view.name(view.best());
+    match view.study.fits.len() {
+        1 => format!("A fit of the friction model {best} to this log."),
+        fits => format!("{fits} friction models fitted to this log. The best one is {best}."),
+    }
+}
+
 /// Lists the names of the files; empty for data that were not read from files.
 pub(crate) fn file_names(data: &Dataset) -> String {
     let name = |file: &std::path::PathBuf| {
@@ -183,11 +192,10 @@ pub(crate) fn quantity(value: f64, unit: &str) -> String {
     format!("{}\u{a0}{unit}", significant(value, 3))
 }
 
-/// Returns a word with a capital first letter.
-pub(crate) fn capitalised(word: &str) -> String {
-    let mut word = word.to_owned();
-    word[..1].make_ascii_uppercase();
-    word
+/// Returns a text with a capital first letter.
+pub(crate) fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Formats a count and a noun: "1 run", "2 runs".

@@ -76,11 +76,14 @@ pub struct Series {
     /// Half length of the error bar of each value, in its unit; a line then shows its points. Values that are not positive
     /// have no error bar.
     pub error: Option<Vec<f64>>,
+    /// What the values are, for the legend; empty if the name says it.
+    pub meaning: String,
 }
 
 impl Series {
     fn new(name: impl Into<String>, style: Style, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { name: name.into(), style, x, y, muted: false, colour_of: None, error: None }
+        let (name, meaning) = (name.into(), String::new());
+        Self { name, style, x, y, muted: false, colour_of: None, error: None, meaning }
     }
 
     /// Creates a series with a dot for each value.
@@ -143,6 +146,12 @@ impl Series {
 }
 
 impl Chart {
+    /// Sets the meaning of the series with a name.
+    pub(super) fn explain(&mut self, name: &str, meaning: &str) {
+        let named = self.series.iter_mut().filter(|series| series.name == name);
+        named.for_each(|series| meaning.clone_into(&mut series.meaning));
+    }
+
     /// Thins every curve and cloud of dots to at most `most` points. Values with error bars keep all.
     pub(super) fn limit_points(&mut self, most: usize) {
         for series in self.series.iter_mut().filter(|series| series.error.is_none()) {

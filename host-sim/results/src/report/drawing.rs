@@ -111,10 +111,11 @@ impl Chart {
         }
     }
 
-    /// Returns false for a single series, and for series whose names are on an axis.
+    /// Returns false for a single series, and for series whose names are on an axis and say what they are.
     fn needs_legend(&self) -> bool {
         let mut names = self.x.categories.iter().chain(&self.y.categories);
-        let is_named = |series: &Series| names.any(|name| *name == series.name);
+        let is_named =
+            |series: &Series| series.meaning.is_empty() && names.any(|name| *name == series.name);
         self.series.len() > 1 && !self.series.iter().all(is_named)
     }
 
@@ -157,7 +158,7 @@ fn legend(series: &[Series], classes: &[String]) -> Markup {
                             Style::Band { .. } => path.band d="M1 1h22v8h-22z" {},
                         }
                     }
-                    (series.name)
+                    (series.name) @if !series.meaning.is_empty() { ": " (series.meaning) }
                 }
             }
         }

@@ -7,24 +7,29 @@
 //!
 //! Nothing here knows of friction. A caller stacks [`Block`]s; every text may hold anything (a
 //! run may be called `<script>`), every number may be NaN, and neither can break the page.
-//! Structure: `page` (order of blocks) -> `table` and `drawing` (HTML of a table and of a chart) -> `marks` (series as SVG on
+//! Structure: `page` (`answers` on top, then the blocks of each `section`) -> `table` and `drawing` (HTML of a table and of a chart) -> `marks` (series as SVG on
 //! the axes of `scale`, coloured by `palette`).
 //! Long measurements go through [`thin_series`] or [`thin_scatter`] first.
 
+mod answers;
 mod chart;
 mod drawing;
 mod finder;
+mod fragment;
 mod marks;
 mod page;
 mod palette;
 mod scale;
+mod section;
 mod table;
 mod thin;
 mod tile;
 
+pub use answers::{Answers, Benefit};
 pub use chart::{Axis, Chart, Series, Style};
 pub use finder::Finder;
 pub use page::{Block, Page};
+pub use section::Section;
 pub use table::{Best, Cell, Table};
 pub use thin::{rounded, thin_scatter, thin_series};
 pub use tile::{Tile, Tone};

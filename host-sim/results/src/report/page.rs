@@ -8,6 +8,7 @@ use std::path::Path;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::answers::Answers;
 use super::chart::Chart;
 use super::drawing::Drawing;
 use super::finder::Finder;
@@ -71,6 +72,8 @@ pub struct Page {
     pub title: String,
     /// Line below the title; may be empty.
     pub subtitle: String,
+    /// The answers below them; `None` for a part of a page.
+    pub answers: Option<Answers>,
     /// Blocks in their order on the page.
     pub blocks: Vec<Block>,
 }
@@ -78,7 +81,19 @@ pub struct Page {
 impl Page {
     /// Creates a page without blocks.
     pub fn new(title: impl Into<String>, subtitle: impl Into<String>) -> Self {
-        Self { title: title.into(), subtitle: subtitle.into(), blocks: Vec::new() }
+        Self { title: title.into(), subtitle: subtitle.into(), ..Self::default() }
+    }
+
+    /// Sets the answers on top.
+    #[must_use]
+    pub fn answering(self, answers: Answers) -> Self {
+        Self { answers: Some(answers), ..self }
+    }
+
+    /// Adds the blocks of a section.
+    pub fn add(&mut self, section: impl IntoIterator<Item = Block>) -> &mut Self {
+        self.blocks.extend(section);
+        self
     }
 
     /// Adds a block at the end.
@@ -89,7 +104,16 @@ impl Page {
 
     /// Thins every curve and cloud of dots to at most `most` points, for a page of fewer bytes.
     pub fn limit_points(&mut self, most: usize) {
-        self.blocks.iter_mut().for_each(|block| block.limit_points(most));
+        self.for_each_chart(&mut |chart| chart.limit_points(most));
+    }
+
+    /// Says in the legends of all charts what the series of a name are.
+    pub fn explain(&mut self, name: &str, meaning: &str) {
+        self.for_each_chart(&mut |chart| chart.explain(name, meaning));
+    }
+
+    fn for_each_chart(&mut self, change: &mut dyn FnMut(&mut Chart)) {
+        self.blocks.iter_mut().for_each(|block| block.for_each_chart(change));
     }
 
     /// Renders the page as a self-contained HTML document.
@@ -116,6 +140,7 @@ impl Page {
                             h1 { (self.title) }
                             @if !self.subtitle.is_empty() { p.subtitle { (self.subtitle) } }
                         }
+                        @if let Some(answers) = &self.answers { (answers.render()) }
                         @for block in &self.blocks {
                             @if *block == Block::Contents { (self.contents()) }
                             @else { (block.render(&mut drawing, false)) }
@@ -247,7 +272,7 @@ fn lead(facts: &[(String, String)], charts: &[Chart], drawing: &mut Drawing) -> 
 
 /// Renders a text in which parts between backticks are code. A line may break between the words of a command, but not
 /// inside an option such as `--bus`.
-fn with_code(text: &str) -> Markup {
+pub(super) fn with_code(text: &str) -> Markup {
     html! {
         @for (place, part) in text.split('`').enumerate() {
             @if place % 2 == 0 { (part) }
@@ -259,14 +284,12 @@ fn with_code(text: &str) -> Markup {
 }
 
 impl Block {
-    fn limit_points(&mut self, most: usize) {
+    fn for_each_chart(&mut self, change: &mut dyn FnMut(&mut Chart)) {
         match self {
-            Self::Chart(chart) => chart.limit_points(most),
-            Self::Row(charts) | Self::Lead { charts, .. } => {
-                charts.iter_mut().for_each(|chart| chart.limit_points(most));
-            }
+            Self::Chart(chart) => change(chart),
+            Self::Row(charts) | Self::Lead { charts, .. } => charts.iter_mut().for_each(change),
             Self::Details { blocks, .. } => {
-                blocks.iter_mut().for_each(|block| block.limit_points(most));
+                blocks.iter_mut().for_each(|block| block.for_each_chart(change));
             }
             _ => {}
         }
@@ -278,14 +301,7 @@ fn has_chart(block: &Block) -> bool {
         Block::Chart(_) => true,
         Block::Row(charts) | Block::Lead { charts, .. } => !charts.is_empty(),
         Block::Details { blocks, .. } => blocks.iter().any(has_chart),
-        Block::Heading(_)
-        | Block::Paragraph(_)
-        | Block::List(_)
-        | Block::Table(_)
-        | Block::Records(_)
-        | Block::Find(_)
-        | Block::Tiles(_)
-        | Block::Contents => false,
+        _ => false,
     }
 }
 

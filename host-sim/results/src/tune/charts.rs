@@ -5,9 +5,9 @@ use crate::report::{Axis, Chart, Series};
 use crate::tune::{TuneArm, TuneBlock, TuneCourse, TuneLoop, TuneQuantity, TuneReport};
 
 /// Name of the curves with the former set.
-const BEFORE: &str = "before";
+pub(super) const BEFORE: &str = "before";
 /// Name of the curves with the new set.
-const AFTER: &str = "after";
+pub(super) const AFTER: &str = "after";
 /// Name of the values with the former friction model and the new loop gains.
 const NEW_LOOP: &str = "new loop gains alone";
 /// Name of the demanded position.
@@ -17,7 +17,7 @@ const DEMAND: &str = "demanded position";
 const CURVE_POINTS: usize = 2400;
 
 /// Heights of the charts on the first screen and of the strip charts, px.
-const ERROR_PX: usize = 210;
+const ERROR_PX: usize = 165;
 const DEMAND_PX: usize = 80;
 const STRIP_PX: usize = 170;
 const COURSE_PX: usize = 300;
@@ -115,10 +115,10 @@ pub(super) fn strips(report: &TuneReport) -> Vec<Chart> {
 
 fn dots(blocks: &[TuneBlock], values: &[f64], factor: f64) -> Vec<Series> {
     let of = |(name, arm): (&str, TuneArm)| {
-        let own = blocks.iter().zip(values).enumerate();
-        let own = own.filter(|(_, (block, _))| block.arm == arm);
+        let of_set = blocks.iter().zip(values).enumerate();
+        let of_set = of_set.filter(|(_, (block, _))| block.arm == arm);
         let (x, y): (Vec<f64>, _) =
-            own.map(|(place, (_, value))| (place as f64, factor * value)).unzip();
+            of_set.map(|(place, (_, value))| (place as f64, factor * value)).unzip();
         (!x.is_empty()).then(|| Series::points(name, x, y))
     };
     let named = [(BEFORE, TuneArm::Former), (AFTER, TuneArm::New), (NEW_LOOP, TuneArm::NewLoop)];

@@ -1,10 +1,10 @@
 //! The files of a tuning session.
 
 use super::TuneReport;
-use crate::Files;
 use crate::files::pretty;
 use crate::report::Page;
 use crate::table_file::{TableColumn, TableFile, TableFormat};
+use crate::{Files, ResultError};
 use compensator_core::Quantity;
 use joint_log::{JointKind, contract};
 
@@ -41,7 +41,7 @@ impl TuneReport {
         runs: &[TuneRun],
         diagnosis: Option<Page>,
         texts: Vec<(&'static str, String)>,
-    ) -> Result<Files, String> {
+    ) -> Result<Files, ResultError> {
         let page = self.page(diagnosis).render().into_bytes();
         let mut others = vec![("tune.html", page)];
         if runs.iter().any(|run| run.rows() > 0) {

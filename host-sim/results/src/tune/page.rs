@@ -7,7 +7,7 @@
 use super::words::{self, NOT_MEASURED, Verdict};
 use super::{TuneGain, TuneLoop, TuneOutcome, TuneReport, charts};
 use crate::page::words::capitalised;
-use crate::report::{Block, Cell, Page, Table, Tile, Tone};
+use crate::report::{Block, Cell, Page, Section, Table, Tile, Tone};
 use joint_log::number::significant;
 
 /// Largest number of sentences of a list on the first screen; the whole list is below.
@@ -20,62 +20,63 @@ impl TuneReport {
     /// Returns the page of the session. `diagnosis` is the page of what the runs show, as
     /// [`crate::diagnosis_page::page`] returns it.
     pub fn page(&self, diagnosis: Option<Page>) -> Page {
-        let mut page = Page::new(words::title(self), words::headline(self));
-        let tiles: Vec<Tile> =
-            self.gains.iter().filter(|gain| is_shown(gain)).map(|gain| tile(self, gain)).collect();
+        let mut page = self.opening();
+        page.push(Block::Contents);
+        page.add(self.remarks()).add(self.trial_section()).add(self.runs());
+        page.add(self.control.iter().flat_map(control));
+        page.add(self.changed_parameters()).add(self.facts_of_joint());
+        page.explain(charts::BEFORE, "with the former set");
+        page.explain(charts::AFTER, "with the new set");
+        // The page of a diagnosis explains its models itself.
+        page.add(self.diagnosed(diagnosis)).add(files());
+        page
+    }
+
+    /// Returns the outcome, the changes with their intervals, the cause, what was not learnt, and the tracking error.
+    fn opening(&self) -> Page {
+        let mut page = Page::new(words::title(self), "");
+        let shown = self.gains.iter().filter(|gain| is_shown(gain));
+        let tiles: Vec<Tile> = shown.map(|gain| tile(self, gain)).collect();
         if !tiles.is_empty() {
             page.push(Block::Tiles(tiles));
         }
         page.push(Block::Lead { facts: facts(self), charts: charts::first_screen(self) });
-        page.push(Block::Contents);
-        let sections = [
-            self.remarks(),
-            self.trial_section(),
-            self.runs(),
-            self.control.as_ref().map_or_else(Vec::new, control),
-            self.changed_parameters(),
-            self.facts_of_joint(),
-            self.diagnosed(diagnosis),
-            files(),
-        ];
-        page.blocks.extend(sections.into_iter().flatten());
-        page
+        page.answering(words::answers(self))
+    }
+
+    /// Returns the first screen as an HTML fragment, for a cell of a notebook.
+    pub fn first_screen(&self) -> String {
+        self.opening().fragment()
     }
 
     /// Returns the lists that are too long for the first screen, and the warnings.
     fn remarks(&self) -> Vec<Block> {
         let mut blocks = Vec::new();
         if !self.warnings.is_empty() {
-            blocks.push(Block::heading("Warnings"));
-            blocks.push(Block::List(self.warnings.clone()));
+            blocks.extend(Section::new("Warnings").list(&self.warnings));
         }
         if self.not_learnt.len() > MAX_FIRST_SCREEN {
-            blocks.push(Block::heading("What was not learnt"));
-            blocks.push(Block::List(self.not_learnt.clone()));
+            blocks.extend(Section::new("What was not learnt").list(&self.not_learnt));
         }
         blocks
     }
 
-    fn trial_section(&self) -> Vec<Block> {
-        let mut blocks = vec![Block::heading("Trial")];
+    fn trial_section(&self) -> Section {
+        let mut section = Section::new("Trial");
+        let courses = charts::course(self).into_iter().map(Block::Chart);
         if self.trial.blocks.is_empty() {
-            blocks.push(Block::paragraph(
-                "No set was tried, so the joint was not compared with itself.",
-            ));
-            blocks.extend(charts::course(self).into_iter().map(Block::Chart));
-            return blocks;
+            let text = "No set was tried, so the joint was not compared with itself.";
+            return section.words(text).with(courses);
         }
-        blocks.push(Block::Paragraph(words::trial(self)));
+        section = section.words(words::trial(self));
         if !self.gains.is_empty() {
-            blocks.push(Block::Records(self.gain_table()));
+            section = section.records(self.gain_table());
         }
-        if let Some(table) = self.parts_table() {
-            blocks.push(Block::Records(table));
-        }
-        blocks.extend(Block::rows(charts::strips(self)));
-        blocks.push(Block::details("Values of each block", vec![self.block_table().into()]));
-        blocks.extend(charts::course(self).into_iter().map(Block::Chart));
-        blocks
+        section
+            .with(self.parts_table().map(Block::Records))
+            .charts(charts::strips(self))
+            .details("Values of each block", [self.block_table().into()])
+            .with(courses)
     }
 
     fn gain_table(&self) -> Table {
@@ -87,11 +88,8 @@ impl TuneReport {
             row
         };
         let header = "quantity|mean, before → after|change|95 % interval|verdict";
-        Table::new(
-            "Changes with the new set",
-            header,
-            self.gains.iter().filter(|gain| is_shown(gain)).map(row),
-        )
+        let shown = self.gains.iter().filter(|gain| is_shown(gain));
+        Table::new("Changes with the new set", header, shown.map(row))
     }
 
     /// Returns what the loop gains took and what the friction model took; `None` unless both were compared.
@@ -101,12 +99,13 @@ impl TuneReport {
             return None;
         }
         let pairs = loop_gains.iter().zip(friction_model);
-        let row = |(own, model): (&TuneGain, &TuneGain)| {
-            let mut row = vec![Cell::from(words::name(own.quantity))];
-            row.extend([own, model].map(words::change_with_interval).map(Cell::from));
+        let row = |(loop_gain, model): (&TuneGain, &TuneGain)| {
+            let mut row = vec![Cell::from(words::name(loop_gain.quantity))];
+            row.extend([loop_gain, model].map(words::change_with_interval).map(Cell::from));
             row
         };
-        let rows = pairs.filter(|(own, model)| is_shown(own) || is_shown(model)).map(row);
+        let rows =
+            pairs.filter(|(loop_gain, model)| is_shown(loop_gain) || is_shown(model)).map(row);
         let header = "quantity|by the loop gains|then by the friction model";
         Some(Table::new("Where the changes come from", header, rows))
     }
@@ -122,23 +121,20 @@ impl TuneReport {
         Table::new("", &header, self.trial.blocks.iter().enumerate().map(row))
     }
 
-    fn runs(&self) -> Vec<Block> {
-        let mut blocks = vec![Block::heading("Runs that were learnt from")];
+    fn runs(&self) -> Section {
+        let section = Section::new("Runs that were learnt from");
         if self.rounds.is_empty() {
-            blocks.push(Block::paragraph("No run was recorded to learn from."));
-            return blocks;
+            return section.words("No run was recorded to learn from.");
         }
         let row = |round: &super::TuneRound| {
             let [motion, why] = [&round.motion, &round.why].map(|text| Cell::from(text.clone()));
             vec![motion, Cell::from(words::duration(round.seconds)), why]
         };
-        let table =
-            Table::new("", "motion|duration|why it was chosen", self.rounds.iter().map(row));
-        blocks.push(Block::Records(table));
-        blocks
+        let rows = self.rounds.iter().map(row);
+        section.records(Table::new("", "motion|duration|why it was chosen", rows))
     }
 
-    fn changed_parameters(&self) -> Vec<Block> {
+    fn changed_parameters(&self) -> Section {
         let [torque, state] = self.bounds_nm.map(|bound| words::finite(bound, "Nm"));
         let (title, text) = match self.outcome {
             TuneOutcome::Saved => ("Parameters", "The joint has the new values."),
@@ -150,48 +146,45 @@ impl TuneReport {
                 "The joint has the former values again; the new ones were never saved.",
             ),
         };
-        let mut blocks = vec![Block::heading(title), Block::paragraph(text)];
+        let section = Section::new(title).words(text);
         if self.parameters.is_empty() {
-            return blocks;
+            return section;
         }
         let row = |changed: &super::TuneParameter| {
             let texts = [&changed.name, &changed.before, &changed.after];
             texts.map(|text| Cell::from(text.clone())).into()
         };
-        blocks.push(Table::new("", "parameter|former|new", self.parameters.iter().map(row)).into());
-        blocks.push(Block::Paragraph(format!(
+        let rows = self.parameters.iter().map(row);
+        section.table(Table::new("", "parameter|former|new", rows)).words(format!(
             "Bounds of the new set, for every motion: compensation torque {torque}, bristle torque {state}."
-        )));
-        blocks
+        ))
     }
 
     fn facts_of_joint(&self) -> Vec<Block> {
         if self.identity.is_empty() {
             return Vec::new();
         }
-        vec![Block::heading("Joint before the session"), facts_table(self.identity.clone())]
+        let facts = facts_table(self.identity.clone());
+        Section::new("Joint before the session").table(facts).into_iter().collect()
     }
 
-    fn diagnosed(&self, diagnosis: Option<Page>) -> Vec<Block> {
-        let mut blocks = vec![Block::heading("Diagnosis"), Block::Paragraph(words::cause(self))];
-        match diagnosis {
-            Some(page) => {
-                let summary = match page.subtitle.as_str() {
-                    "" => page.title,
-                    subtitle => format!("{}: {subtitle}", page.title),
-                };
-                blocks.push(Block::details(summary, page.blocks));
-            }
-            None => blocks.push(Block::paragraph(
+    fn diagnosed(&self, diagnosis: Option<Page>) -> Section {
+        let section = Section::new("Diagnosis").words(words::cause(self));
+        let Some(page) = diagnosis else {
+            return section.words(
                 "The session ended before its runs were diagnosed. Run host-sim diagnose runs.parquet.",
-            )),
-        }
-        blocks
+            );
+        };
+        let summary = match page.subtitle.as_str() {
+            "" => page.title,
+            subtitle => format!("{}: {subtitle}", page.title),
+        };
+        section.details(summary, page.blocks)
     }
 }
 
 /// Returns false for the time stuck of a joint that was never stuck.
-pub(super) fn is_shown(gain: &TuneGain) -> bool {
+fn is_shown(gain: &TuneGain) -> bool {
     gain.quantity != super::TuneQuantity::StuckTime || gain.before > 0.0 || gain.after > 0.0
 }
 
@@ -223,7 +216,7 @@ fn tile(report: &TuneReport, gain: &TuneGain) -> Tile {
 }
 
 /// Returns the facts of the first screen.
-pub(super) fn facts(report: &TuneReport) -> Vec<(String, String)> {
+fn facts(report: &TuneReport) -> Vec<(String, String)> {
     let mut facts = vec![("Cause".to_owned(), words::cause(report))];
     let mut list = |name: &str, texts: &[String]| {
         for (place, text) in texts.iter().take(MAX_FIRST_SCREEN).enumerate() {
@@ -242,7 +235,7 @@ pub(super) fn facts(report: &TuneReport) -> Vec<(String, String)> {
     facts
 }
 
-fn control(control: &TuneLoop) -> Vec<Block> {
+fn control(control: &TuneLoop) -> Section {
     let value = |value: f64, unit: &str| words::finite(value, unit);
     let highest = control.response.iter().map(|[frequency, ..]| *frequency);
     let highest = highest.filter(|frequency| frequency.is_finite()).fold(0.0, f64::max);
@@ -261,24 +254,14 @@ fn control(control: &TuneLoop) -> Vec<Block> {
         ("gain margin", value(control.gain_margin_db, "dB")),
     ];
     let rows = rows.map(|(name, text)| (name.to_owned(), text)).into();
-    let mut blocks = vec![Block::heading("Velocity loop"), facts_table(rows)];
-    let response = charts::response(control);
-    if !response.is_empty() {
-        blocks.push(Block::Row(response));
-    }
-    blocks
+    Section::new("Velocity loop").table(facts_table(rows)).charts(charts::response(control))
 }
 
-fn facts_table(facts: Vec<(String, String)>) -> Block {
+fn facts_table(facts: Vec<(String, String)>) -> Table {
     let rows = facts
         .into_iter()
-        .map(|(name, text)| vec![Cell::from(capitalised_name(&name)), Cell::from(text)]);
-    Table::new("", "quantity|value", rows).into()
-}
-
-/// Returns a name with a capital letter; an empty name stays empty.
-fn capitalised_name(name: &str) -> String {
-    if name.is_ascii() && !name.is_empty() { capitalised(name) } else { name.to_owned() }
+        .map(|(name, text)| vec![Cell::from(capitalised(&name)), Cell::from(text)]);
+    Table::new("", "quantity|value", rows)
 }
 
 /// Returns a number, or an empty cell if it was not measured.
@@ -286,12 +269,12 @@ fn number(value: f64) -> Cell {
     if value.is_finite() { Cell::from(significant(value, DIGITS)) } else { Cell::Empty }
 }
 
-fn files() -> Vec<Block> {
+fn files() -> Section {
     let entries = [
         "tune.json: the values of this page.",
         "runs.parquet: every recorded row, as a log for identify and diagnose.",
         "diagnosis.json: the diagnosis of the runs.",
         "params.toml and before.toml: the new and the former parameters.",
     ];
-    vec![Block::heading("Files beside this page"), Block::List(entries.map(str::to_owned).into())]
+    Section::new("Files beside this page").list(entries)
 }

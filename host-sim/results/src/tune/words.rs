@@ -3,6 +3,7 @@
 //! A *change* is `after / before - 1` in percent: negative if the new set is better. It is the gain with the other sign.
 
 use crate::page::words::{capitalised, counted, quantity};
+use crate::report::{Answers, Benefit};
 use crate::tune::{TuneArm, TuneGain, TuneOutcome, TuneQuantity, TuneReport};
 use friction_diagnose::{cause, probability_in_words};
 use joint_log::number::{fixed, significant};
@@ -88,9 +89,9 @@ pub(super) fn change_with_interval(gain: &TuneGain) -> String {
 
 /// Returns what each part of the new set takes of a quantity; `None` unless both were compared.
 pub(super) fn parts(report: &TuneReport, of: TuneQuantity) -> Option<String> {
-    let [own, model] = [&report.parts.loop_gains, &report.parts.friction_model]
+    let [loop_gains, model] = [&report.parts.loop_gains, &report.parts.friction_model]
         .map(|gains| gains.iter().find(|gain| gain.quantity == of).map(change));
-    Some(format!("loop gains {}, then model {}", own?, model?))
+    Some(format!("loop gains {}, then model {}", loop_gains?, model?))
 }
 
 /// Returns the unit in which values of a quantity are shown, and the factor to it. Small angles are shown in mrad.
@@ -141,8 +142,8 @@ pub(super) fn title(report: &TuneReport) -> String {
     format!("{}: {result}", report.joint)
 }
 
-/// Returns the sentences below the title: what changed or why nothing did, and on what joint.
-pub(super) fn headline(report: &TuneReport) -> String {
+/// Returns what happened to the parameters, how long the session was, and on what joint.
+fn happened(report: &TuneReport) -> String {
     let result = match &report.outcome {
         TuneOutcome::Returned(why) => {
             let tried = match (report.parameters.len(), report.trial.blocks.len()) {
@@ -155,13 +156,32 @@ pub(super) fn headline(report: &TuneReport) -> String {
             };
             format!("The former parameters are back{tried}. {}", sentence(why))
         }
-        TuneOutcome::Saved => match differences(report) {
-            Some(differences) => format!("{differences}. {}", saved(report)),
-            None => saved(report).to_owned(),
-        },
+        TuneOutcome::Saved => saved(report).to_owned(),
     };
     let joint = if report.is_simulated { " The joint is simulated." } else { "" };
     format!("{result} The session took {}.{joint}", duration(report.seconds))
+}
+
+/// Returns the answers of the page.
+pub(super) fn answers(report: &TuneReport) -> Answers {
+    let certainty = match report.trial.blocks.len() {
+        0 => "Not tested: no set was tried.".to_owned(),
+        blocks => format!(
+            "The same motion was performed {blocks} times in a balanced order. Intervals are of 95\u{a0}%."
+        ),
+    };
+    let (gain, next) = match report.outcome {
+        TuneOutcome::Returned(_) => (
+            "Nothing: the joint is as it was.".to_owned(),
+            "Read below what was not learnt, change it, and tune again.",
+        ),
+        TuneOutcome::Saved => (
+            differences(report).unwrap_or("The trial shows no difference".into()) + ".",
+            "Use the joint. To bring the former set back: `host-sim tune --undo`",
+        ),
+    };
+    let next = next.to_owned();
+    Answers { what: happened(report), certainty, benefit: Benefit::Gain(gain), next }
 }
 
 /// Returns what was saved, as a sentence.
@@ -193,11 +213,11 @@ fn differences(report: &TuneReport) -> Option<String> {
 
 /// Returns a text as a sentence: with a capital letter and a full stop.
 fn sentence(text: &str) -> String {
-    let text = text.trim();
-    let mut letters = text.chars();
-    let Some(first) = letters.next() else { return "No reason is recorded.".to_owned() };
-    let stop = if text.ends_with(['.', '!', '?']) { "" } else { "." };
-    format!("{}{}{stop}", first.to_uppercase(), letters.as_str())
+    let stop = if text.trim().ends_with(['.', '!', '?']) { "" } else { "." };
+    match text.trim() {
+        "" => "No reason is recorded.".to_owned(),
+        text => capitalised(text) + stop,
+    }
 }
 
 /// Returns the cause with its meaning and probability.

@@ -8,7 +8,8 @@ use super::printed::{
 use super::score::CampaignScore;
 use super::{COULOMB_VISCOUS, LUGRE, NAMED, NAMED_WITH_TENSION, NamedScore};
 use crate::{Goal, PaperOutcome};
-use friction_results::report::{Axis, Best, Block, Cell, Chart, Series, Table};
+use compensator_core::Sample;
+use friction_results::report::{Axis, Best, Block, Cell, Chart, Section, Series, Table};
 
 /// Goals of the comparison, from the paper's results and from earlier trials on the same rows.
 const LUGRE_EACH_MEAN_PERCENT: f64 = 5.44;
@@ -52,29 +53,22 @@ fn tension_by_frequency(
     tests: &TestCampaign,
     ours: &CampaignScore,
     printed: &[[f64; 4]; 6],
-) -> Block {
-    let mut header = vec!["preset tension".to_owned()];
-    for frequency in FREQUENCIES_HZ {
-        header.push(format!("{frequency} Hz, ours (%)"));
-        header.push("printed".into());
-    }
+) -> Table {
+    let columns = FREQUENCIES_HZ.map(|frequency| format!("{frequency} Hz, ours (%)|printed"));
     let row = |(tension, printed): (&u32, &[f64; 4])| {
-        let mut cells = vec![Cell::from(format!("{tension} lb"))];
-        for (frequency, printed) in FREQUENCIES_HZ.iter().zip(printed) {
+        let cells = FREQUENCIES_HZ.iter().zip(printed).flat_map(|(frequency, printed)| {
             let name = format!("{tension}lb@{frequency}Hz");
             let test = tests.names.iter().position(|known| *known == name);
-            cells.push(test.map(|test| ours.percent_of_range(test)).into());
-            cells.push(Cell::Number(*printed));
-        }
-        cells
+            [test.map(|test| ours.percent_of_range(test)).into(), Cell::Number(*printed)]
+        });
+        std::iter::once(format!("{tension} lb").into()).chain(cells).collect()
     };
-    let rows = TENSIONS_LB.iter().zip(printed).map(row).collect();
-    Block::Table(Table { caption: caption.into(), header, rows, best: Vec::new() })
+    let header = format!("preset tension|{}", columns.join("|"));
+    Table::new(caption, &header, TENSIONS_LB.iter().zip(printed).map(row))
 }
 
 /// Table of all models.
-fn comparison(caption: &str, tests: &TestCampaign, scores: &[NamedScore]) -> Block {
-    let header = ["model", "mean over tests, of range (%)", "pooled RMSE (N)", "pooled RMSE / std"];
+fn comparison(caption: &str, tests: &TestCampaign, scores: &[NamedScore]) -> Table {
     let row = |(name, score): &NamedScore| {
         let rmse = score.pooled_rmse();
         vec![
@@ -84,52 +78,42 @@ fn comparison(caption: &str, tests: &TestCampaign, scores: &[NamedScore]) -> Blo
             (rmse / tests.deviation()).into(),
         ]
     };
-    Block::Table(Table {
-        caption: caption.into(),
-        header: header.map(str::to_owned).to_vec(),
-        rows: scores.iter().map(row).collect(),
-        best: vec![(1, Best::Smallest), (2, Best::Smallest), (3, Best::Smallest)],
-    })
+    let header = "model|mean over tests, of range (%)|pooled RMSE (N)|pooled RMSE / std";
+    let best = (1..4).map(|column| (column, Best::Smallest)).collect();
+    Table { best, ..Table::new(caption, header, scores.iter().map(row)) }
 }
 
-/// Chart of force over position for a held-out test.
+/// Chart of force over position for the held-out test of this name, with some of the models.
 fn hysteresis_chart(
     tests: &TestCampaign,
-    test: usize,
+    name: &str,
     scores: &[NamedScore],
-    names: &[&'static str],
-) -> Block {
+    models: &[&'static str],
+) -> Chart {
+    let test = tests.names.iter().position(|known| known == name).unwrap_or(0);
     let track = &tests.tracks[test];
+    let step = track.len().div_ceil(MAX_CURVE_POINTS).max(1);
+    let every = |values: &[f64]| values.iter().copied().step_by(step).collect::<Vec<f64>>();
     let mut position = 0.0;
-    let millimetres: Vec<f64> = track
-        .samples
-        .iter()
-        .map(|sample| {
-            position += 1e3 * sample.velocity_rad_s * track.period_s;
-            position
-        })
-        .collect();
-    let thin = |force: &[f64]| {
-        let kilonewtons: Vec<f64> = force.iter().map(|force| 1e-3 * force).collect();
-        let step = kilonewtons.len().div_ceil(MAX_CURVE_POINTS).max(1);
-        let every = |values: &[f64]| values.iter().copied().step_by(step).collect::<Vec<f64>>();
-        (every(&millimetres), every(&kilonewtons))
+    let millimetre = |sample: &Sample<f64>| {
+        position += 1e3 * sample.velocity_rad_s * track.period_s;
+        position
     };
-    let (x, y) = thin(&track.torque);
-    let mut series = vec![Series::line("measured", x, y).muted()];
-    for name in names {
-        let (x, y) = thin(&score(scores, name).force[test]);
-        series.push(Series::line(*name, x, y));
-    }
-    Block::Chart(Chart {
+    let millimetres: Vec<f64> = track.samples.iter().map(millimetre).collect();
+    let curve = |name: &str, force: &[f64]| {
+        let kilonewtons = every(force).iter().map(|force| 1e-3 * force).collect();
+        Series::line(name, every(&millimetres), kilonewtons)
+    };
+    let simulated = models.iter().map(|name| curve(name, &score(scores, name).force[test]));
+    Chart {
         title: format!("{}, held out", format_test_name(&tests.names[test])),
         caption: "After each reversal the force stays constant while the gap is crossed: a bristle of one \
                   stiffness would turn at once."
             .into(),
         x: Axis::new("travel (mm)"),
         y: Axis::new("force (kN)"),
-        series,
-    })
+        series: std::iter::once(curve("measured", &track.torque).muted()).chain(simulated).collect(),
+    }
 }
 
 /// Returns the test with the largest error, as text.
@@ -285,29 +269,22 @@ pub(super) fn characterisation(
     };
     outcome.summary.extend(campaign.summary());
     outcome.goals.extend(campaign.goals());
-    let test = tests.names.iter().position(|name| name == "35lb@0.5Hz").unwrap_or(0);
-    outcome.blocks.extend([
-        Block::Heading("The paper's tests".into()),
-        tension_by_frequency(
+    let section = Section::new("The paper's tests")
+        .table(tension_by_frequency(
             "Table 2: LuGre fitted to each test. 0.05 and 0.1 Hz are not public",
             tests,
             each,
             &LUGRE_PERCENT,
-        ),
-        tension_by_frequency(
+        ))
+        .table(tension_by_frequency(
             "Table 3: lugre-lstm with the actuators' forces, all tests seen",
             tests,
             trained_on_all,
             &LSTM_PERCENT,
-        ),
-        comparison("Held out by whole tests, first campaign", tests, scores),
-        hysteresis_chart(
-            tests,
-            test,
-            scores,
-            &[LUGRE.name, NAMED_WITH_TENSION.name, NetworkInputs::Actuators.name()],
-        ),
-    ]);
+        ))
+        .table(comparison("Held out by whole tests, first campaign", tests, scores));
+    let models = [LUGRE.name, NAMED_WITH_TENSION.name, NetworkInputs::Actuators.name()];
+    outcome.blocks.extend(section.chart(hysteresis_chart(tests, "35lb@0.5Hz", scores, &models)));
 }
 
 /// Adds page and summary of the second campaign.
@@ -335,15 +312,9 @@ pub(super) fn second_campaign(
         )
         .remark("The published LuGre leaves 0.2208, in sample."),
     );
-    let test = tests.names.iter().position(|name| name == "36lb@0.5Hz@1in").unwrap_or(0);
-    outcome.blocks.extend([
-        Block::Heading("The second campaign".into()),
-        comparison("Held out by whole tests, second campaign", tests, scores),
-        hysteresis_chart(
-            tests,
-            test,
-            scores,
-            &[LUGRE.name, NAMED.name, NetworkInputs::Motion.name()],
-        ),
-    ]);
+    let models = [LUGRE.name, NAMED.name, NetworkInputs::Motion.name()];
+    let section = Section::new("The second campaign")
+        .table(comparison("Held out by whole tests, second campaign", tests, scores))
+        .chart(hysteresis_chart(tests, "36lb@0.5Hz@1in", scores, &models));
+    outcome.blocks.extend(section);
 }

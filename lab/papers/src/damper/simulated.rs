@@ -6,9 +6,8 @@
 use super::campaign::TestCampaign;
 use super::model::LUGRE;
 use super::network::{NetworkInputs, options};
-use super::printed::{format_test_name, printed_values};
 use super::score::CampaignScore;
-use super::{PaperOutcome, PaperRequest, ResultRow};
+use super::{PaperOutcome, PaperRequest, PrintedTable, ResultRow, TABLE_2, TABLE_3};
 use friction_fit::Track;
 use joint_rig::simulated::dataset;
 use paper_machines::SIMULATIONS;
@@ -49,14 +48,13 @@ pub(super) fn add_unpublished_tests(
     let slow =
         select_tests(&tests, |name| SLOW_TEST_SUFFIXES.iter().any(|end| name.ends_with(end)));
     let each = LUGRE.fitted_to_each(&slow);
-    rows(outcome, "2", "LuGre, fitted to each test", &slow, &each, |(lugre, _)| lugre);
+    PrintedTable { row: ResultRow::simulated, ..TABLE_2 }.add(outcome, &slow, &each);
     let base = LUGRE.fit(&tests.tracks);
     let mut training = options(request.seed, EPOCHS[usize::from(request.quick)], 1);
     training.every = NETWORK_INTERVAL_ROWS;
     let (mut network, trained_on_all) =
         NetworkInputs::Actuators.train_on_all(&tests, &base, &training, request.progress);
-    let name = "lugre-lstm (actuators' forces), all tests seen";
-    let by_slow = |name: &String| tests.names.iter().position(|own| own == name);
+    let by_slow = |name: &String| tests.names.iter().position(|known| known == name);
     let force = slow
         .names
         .iter()
@@ -64,7 +62,7 @@ pub(super) fn add_unpublished_tests(
         .map(|test| trained_on_all.force[test].clone())
         .collect();
     let seen_slow = CampaignScore::of(&slow.tracks, force);
-    rows(outcome, "3", name, &slow, &seen_slow, |(_, lstm)| lstm);
+    PrintedTable { row: ResultRow::simulated, ..TABLE_3 }.add(outcome, &slow, &seen_slow);
     network.set_stroke_range(&tests.tracks);
     let runs: Vec<_> = wind.tracks.iter().map(|track| network.run(track)).collect();
     let validated =
@@ -108,28 +106,5 @@ fn select_tests(all: &TestCampaign, wanted: impl Fn(&str) -> bool) -> TestCampai
         names: chosen.iter().map(|test| all.names[*test].clone()).collect(),
         tracks: chosen.iter().map(track).collect(),
         covariates: all.covariates.clone(),
-    }
-}
-
-fn rows(
-    outcome: &mut PaperOutcome,
-    table: &str,
-    name: &str,
-    tests: &TestCampaign,
-    score: &CampaignScore,
-    which: fn((f64, f64)) -> f64,
-) {
-    for (test, of) in tests.names.iter().enumerate() {
-        let row = ResultRow::simulated(
-            table,
-            name,
-            &format_test_name(of),
-            "%",
-            score.percent_of_range(test),
-        );
-        outcome.rows.push(match printed_values(of) {
-            Some(printed) => row.printed(which(printed)),
-            None => row,
-        });
     }
 }

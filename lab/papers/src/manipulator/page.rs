@@ -3,30 +3,30 @@
 use super::arm::JOINTS;
 use super::fit::Course;
 use super::study::{EvaluatedFit, ModelStudy};
-use friction_results::report::{Axis, Block, Chart, Series, thin_series};
+use friction_results::report::{Axis, Block, Chart, Section, Series, thin_series};
 
 /// Maximum number of points of a curve.
 const MAX_CURVE_POINTS: usize = 1200;
 
 /// Returns charts of angles and errors, with a section for each joint.
 pub fn blocks(studies: &[ModelStudy], courses: &[Course]) -> Vec<Block> {
-    let mut blocks = Vec::new();
-    for joint in 0..JOINTS {
-        blocks.push(Block::Heading(format!("Joint {}", joint + 1)));
-        blocks.push(Block::Chart(angles(studies, &courses[0], joint)));
-        let errors = |title: &str, way: fn(&ModelStudy) -> &EvaluatedFit, course: usize| {
-            errors(title, studies, way, courses, course, joint)
+    let section = |joint: usize| {
+        let errors = |title: &str, protocol: fn(&ModelStudy) -> &EvaluatedFit, course: usize| {
+            let fits = studies.iter().map(|study| (study.model.name, protocol(study)));
+            errors(title, fits, &courses[course], course, joint)
         };
-        blocks.push(Block::Row(vec![
-            errors("As printed, on its own course", |study| &study.printed, 0),
-            errors("Properly, on its own course", |study| &study.proper, 0),
-        ]));
-        blocks.push(Block::Row(vec![
-            errors("As printed, held out", |study| &study.printed, 1),
-            errors("Properly, held out", |study| &study.proper, 1),
-        ]));
-    }
-    blocks
+        Section::new(format!("Joint {}", joint + 1))
+            .chart(angles(studies, &courses[0], joint))
+            .charts(vec![
+                errors("As printed, on its own course", |study| &study.printed, 0),
+                errors("Properly, on its own course", |study| &study.proper, 0),
+            ])
+            .charts(vec![
+                errors("As printed, held out", |study| &study.printed, 1),
+                errors("Properly, held out", |study| &study.proper, 1),
+            ])
+    };
+    (0..JOINTS).flat_map(section).collect()
 }
 
 fn curve(name: &str, course: &Course, values: impl Iterator<Item = f64>) -> Series {
@@ -40,8 +40,8 @@ fn angles(studies: &[ModelStudy], course: &Course, joint: usize) -> Chart {
     let measured = course.angles_rad[joint].iter().map(|angle| angle.to_degrees());
     let mut series = vec![curve("the arm", course, measured).muted()];
     series.extend(studies.iter().map(|study| {
-        let own = study.printed.errors[0].angles_rad[joint].iter().map(|angle| angle.to_degrees());
-        curve(study.model.name, course, own)
+        let angles = study.printed.errors[0].angles_rad[joint].iter();
+        curve(study.model.name, course, angles.map(|angle| angle.to_degrees()))
     }));
     Chart {
         title: format!("Joint {}: angle on the {}", joint + 1, course.name),
@@ -52,19 +52,16 @@ fn angles(studies: &[ModelStudy], course: &Course, joint: usize) -> Chart {
     }
 }
 
-fn errors(
+fn errors<'a>(
     title: &str,
-    studies: &[ModelStudy],
-    way: fn(&ModelStudy) -> &EvaluatedFit,
-    courses: &[Course],
+    fits: impl Iterator<Item = (&'static str, &'a EvaluatedFit)>,
+    on: &Course,
     course: usize,
     joint: usize,
 ) -> Chart {
-    let on = &courses[course];
-    let series = studies.iter().map(|study| {
-        let own = &way(study).errors[course].angles_rad[joint];
-        let error = own.iter().zip(&on.angles_rad[joint]).map(|(a, b)| (a - b).to_degrees());
-        curve(study.model.name, on, error)
+    let series = fits.map(|(model, fit)| {
+        let angles = fit.errors[course].angles_rad[joint].iter().zip(&on.angles_rad[joint]);
+        curve(model, on, angles.map(|(simulated, arm)| (simulated - arm).to_degrees()))
     });
     Chart {
         title: title.into(),

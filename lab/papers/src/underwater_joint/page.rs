@@ -3,11 +3,13 @@
 use super::arms::{DIAGNOSED, IMPROVED, NONE, PERFECT, PUBLISHED, REFITTED};
 use super::estimation::SPEEDS_RPM;
 use super::goals::ReductionGoal;
+use super::harm::Circumstance;
 use super::parameter_transfer::TransferResult;
 use super::tasks::{Course, RPM, Task};
 use super::{JointStudy, WATER_C, harm};
 use crate::row::percent;
-use friction_results::report::{Axis, Block, Cell, Chart, Series, Table, thin_series};
+use friction_fit::Estimate;
+use friction_results::report::{Axis, Block, Cell, Chart, Section, Series, Table, thin_series};
 use joint_log::number::significant;
 
 /// Maximum number of points of a curve.
@@ -18,34 +20,30 @@ const BENCH_PERIOD_S: f64 = 0.004;
 
 /// Returns all blocks below the summary.
 pub fn blocks(study: &JointStudy, goals: &[ReductionGoal]) -> Vec<Block> {
-    let mut blocks = vec![
-        Block::Heading("Against the LuGre fitted as published".into()),
-        Block::Table(goal_table(goals)),
-    ];
-    blocks.push(Block::Heading("Method".into()));
-    blocks.push(Block::List(how(study)));
-    blocks.push(models(study));
-    blocks.push(Block::Heading("Estimation (Fig. 4 and 6)".into()));
-    blocks.push(Block::Chart(errors(study)));
-    blocks.push(Block::Row(mean_curves(study)));
-    for (task, _) in &study.tasks {
-        blocks.push(Block::Heading(format!("{} ({})", task.title(), task.figure())));
-        blocks.push(Block::Row(courses(study, *task)));
-    }
-    blocks.push(Block::Heading("Result of the diagnosis".into()));
-    let found = study.diagnosis.findings.iter().map(|finding| finding.in_words.clone());
-    blocks.push(Block::List(found.chain(study.diagnosis.log.notes.iter().cloned()).collect()));
-    blocks.push(Block::Heading("Parameters into the running joint".into()));
-    blocks.push(Block::Row(study.transfers.iter().map(closed_chart).collect()));
-    blocks.push(Block::Heading("Harm".into()));
-    blocks.push(Block::Chart(harm_chart(study)));
-    blocks.push(harm_table(study));
-    blocks.push(Block::Heading("The plant".into()));
-    blocks.push(Block::Details {
-        summary: "Every constant of the simulated joint, with its source".into(),
-        blocks: vec![plant(study)],
+    let against = Section::new("Against the LuGre fitted as published").table(goal_table(goals));
+    let method = Section::new("Method")
+        .list(how(study))
+        .details("The models, as identified", [models(study).into()]);
+    let estimation = Section::new("Estimation (Fig. 4 and 6)")
+        .chart(errors(study))
+        .with([Block::Row(mean_curves(study))]);
+    let tasks = study.tasks.iter().map(|(task, _)| {
+        Section::new(format!("{} ({})", task.title(), task.figure()))
+            .with([Block::Row(courses(study, *task))])
     });
-    blocks
+    let found = study.diagnosis.findings.iter().map(|finding| finding.in_words.clone());
+    let found = found.chain(study.diagnosis.log.notes.iter().cloned());
+    let transfers = study.transfers.iter().map(closed_chart).collect();
+    let last = [
+        Section::new("Result of the diagnosis").list(found),
+        Section::new("Parameters into the running joint").with([Block::Row(transfers)]),
+        Section::new("Harm").chart(harm_chart(study)).table(harm_table(study)),
+        Section::new("The plant").details(
+            "Every constant of the simulated joint, with its source",
+            [plant(study).into()],
+        ),
+    ];
+    [against, method, estimation].into_iter().chain(tasks).chain(last).flatten().collect()
 }
 
 fn how(study: &JointStudy) -> Vec<String> {
@@ -76,64 +74,42 @@ fn how(study: &JointStudy) -> Vec<String> {
 }
 
 /// Table of each arm's fit.
-fn models(study: &JointStudy) -> Block {
+fn models(study: &JointStudy) -> Table {
     let rows = study.arms.iter().filter_map(|arm| {
         let fit = arm.fit.as_ref()?;
-        let values = fit
-            .estimates
-            .iter()
-            .map(|of| format!("{} {} {}", of.id.name(), significant(of.value, 3), of.id.unit()));
+        let value = |of: &Estimate| {
+            format!("{} {} {}", of.id.name(), significant(of.value, 3), of.id.unit())
+        };
+        let values: Vec<String> = fit.estimates.iter().map(value).collect();
         Some(vec![
-            Cell::from(arm.name),
-            Cell::from(fit.spec.to_string()),
-            Cell::Number(fit.train.rmse),
-            Cell::from(values.collect::<Vec<_>>().join(", ")),
+            arm.name.into(),
+            fit.spec.to_string().into(),
+            fit.train.rmse.into(),
+            values.join(", ").into(),
         ])
     });
-    Block::Details {
-        summary: "The models, as identified".into(),
-        blocks: vec![Block::Table(Table {
-            caption: "Fitted on the bench runs of the simulated joint".into(),
-            header: ["arm", "model", "error on its own rows (Nm)", "parameters"]
-                .map(str::to_owned)
-                .to_vec(),
-            rows: rows.collect(),
-            best: Vec::new(),
-        })],
-    }
+    let caption = "Fitted on the bench runs of the simulated joint";
+    Table::new(caption, "arm|model|error on its own rows (Nm)|parameters", rows)
 }
 
 /// Table of the changes against the LuGre fitted as published.
 pub fn goal_table(goals: &[ReductionGoal]) -> Table {
-    let header = [
-        "",
-        "paper",
-        "diagnosed",
-        "",
-        "improved LuGre",
-        "refitted alone",
-        "perfect",
-        "over the perfect",
-    ];
-    let rows = goals.iter().map(|goal| {
+    let row = |goal: &ReductionGoal| {
         let optional = |value: Option<String>| value.map_or(Cell::Empty, Cell::from);
         vec![
-            Cell::from(goal.what.clone()),
-            Cell::from(percent(goal.printed)),
-            Cell::from(percent(goal.diagnosed)),
-            Cell::from(if goal.is_reached() { "reached" } else { "missed" }),
-            Cell::from(percent(goal.improved)),
-            Cell::from(percent(goal.refitted)),
+            goal.what.clone().into(),
+            percent(goal.printed).into(),
+            percent(goal.diagnosed).into(),
+            if goal.is_reached() { "reached" } else { "missed" }.into(),
+            percent(goal.improved).into(),
+            percent(goal.refitted).into(),
             optional(goal.perfect.map(percent)),
             optional(goal.over_perfect.map(|of| format!("{of:.2}"))),
         ]
-    });
-    Table {
-        caption: "Change against the plain LuGre fitted as in the paper (simulated)".into(),
-        header: header.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-        best: Vec::new(),
-    }
+    };
+    let caption = "Change against the plain LuGre fitted as in the paper (simulated)";
+    let header = "|paper|diagnosed||improved LuGre|refitted alone|perfect|over the perfect";
+    Table::new(caption, header, goals.iter().map(row))
 }
 
 fn errors(study: &JointStudy) -> Chart {
@@ -180,64 +156,59 @@ fn mean_curves(study: &JointStudy) -> Vec<Chart> {
 fn courses(study: &JointStudy, task: Task) -> Vec<Chart> {
     let results = study.task(task);
     let Some(first) = results.first() else { return Vec::new() };
-    let reference = &first.course;
     // Seven lines would hide each other.
     let shown = [NONE, PUBLISHED, REFITTED, IMPROVED, DIAGNOSED, PERFECT];
-    let line = |name: &str, x: &[f64], y: Vec<f64>| {
-        let (x, y) = thin_series(x, &y, MAX_CURVE_POINTS);
-        Series::line(name, x, y)
+    let curves = |values: &dyn Fn(&Course) -> Vec<f64>| -> Vec<Series> {
+        let drawn = results.iter().filter(|result| shown.contains(&result.arm));
+        drawn.map(|result| curve(result.arm, &result.course, &values(&result.course))).collect()
     };
-    let own = || results.iter().filter(|result| shown.contains(&result.arm));
-    let seconds = &reference.time_s;
-    let speeds = |values: &[f64]| values.iter().map(|v| v / RPM).collect::<Vec<_>>();
-    let velocity = Chart {
-        title: "Velocity (simulated, first seed)".into(),
-        caption: "Velocity of the joint and its reference.".into(),
+    let with_reference = |values: &[f64], of_arms: &dyn Fn(&Course) -> Vec<f64>| {
+        let mut series = vec![curve("reference", &first.course, values).muted()];
+        series.extend(curves(of_arms));
+        series
+    };
+    let rpm = |values: &[f64]| values.iter().map(|v| v / RPM).collect::<Vec<_>>();
+    let chart = |title: &str, caption: &str, y: &str, series: Vec<Series>| Chart {
+        title: format!("{title} (simulated, first seed)"),
+        caption: caption.into(),
         x: Axis::new("time (s)"),
-        y: Axis::new("velocity (rpm)"),
-        series: std::iter::once(
-            line("reference", seconds, speeds(&reference.reference_rad_s)).muted(),
-        )
-        .chain(own().map(|of| line(of.arm, seconds, speeds(&of.course.velocity_rad_s))))
-        .collect(),
+        y: Axis::new(y),
+        series,
     };
+    let speeds =
+        with_reference(&rpm(&first.course.reference_rad_s), &|course| rpm(&course.velocity_rad_s));
     let second = match task {
-        Task::Impact => Chart {
-            title: "Position (simulated, first seed)".into(),
-            caption: "The paper's Fig. 11: time to the target, and overshoot.".into(),
-            x: Axis::new("time (s)"),
-            y: Axis::new("position (rad)"),
-            series: std::iter::once(
-                line("reference", seconds, reference.reference_rad.clone()).muted(),
-            )
-            .chain(own().map(|of| line(of.arm, seconds, of.course.position_rad.clone())))
-            .collect(),
-        },
-        _ => {
-            let error = |of: &super::experiments::TaskResult| {
-                let pairs = of.course.velocity_rad_s.iter().zip(&of.course.reference_rad_s);
-                pairs.map(|(is, reference)| (is - reference) / RPM).collect::<Vec<_>>()
-            };
-            Chart {
-                title: "Velocity error (simulated, first seed)".into(),
-                caption: "Actual minus reference.".into(),
-                x: Axis::new("time (s)"),
-                y: Axis::new("velocity error (rpm)"),
-                series: own().map(|of| line(of.arm, seconds, error(of))).collect(),
-            }
-        }
+        Task::Impact => chart(
+            "Position",
+            "The paper's Fig. 11: time to the target, and overshoot.",
+            "position (rad)",
+            with_reference(&first.course.reference_rad, &|course| course.position_rad.clone()),
+        ),
+        _ => chart(
+            "Velocity error",
+            "Actual minus reference.",
+            "velocity error (rpm)",
+            curves(&velocity_error_rpm),
+        ),
     };
-    vec![velocity, second]
+    let caption = "Velocity of the joint and its reference.";
+    vec![chart("Velocity", caption, "velocity (rpm)", speeds), second]
+}
+
+/// Returns a thinned curve over the time of a course.
+fn curve(name: &str, course: &Course, values: &[f64]) -> Series {
+    let (x, y) = thin_series(&course.time_s, values, MAX_CURVE_POINTS);
+    Series::line(name, x, y)
+}
+
+fn velocity_error_rpm(course: &Course) -> Vec<f64> {
+    let pairs = course.velocity_rad_s.iter().zip(&course.reference_rad_s);
+    pairs.map(|(is, reference)| (is - reference) / RPM).collect()
 }
 
 fn closed_chart(of: &TransferResult) -> Chart {
-    let error = |name: &str, course: &Course| {
-        let pairs = course.velocity_rad_s.iter().zip(&course.reference_rad_s);
-        let errors: Vec<f64> = pairs.map(|(is, reference)| (is - reference) / RPM).collect();
-        let (x, y) = thin_series(&course.time_s, &errors, MAX_CURVE_POINTS);
-        Series::line(name, x, y)
-    };
-    let [before, after] = &of.courses;
+    let names = ["before: LuGre as published", "after: diagnosed set"];
+    let error = |(name, course): (&str, &Course)| curve(name, course, &velocity_error_rpm(course));
     Chart {
         title: format!("{}: before and after (simulated, first seed)", of.task.title()),
         caption: "The same driver on the same joint: first with the LuGre fitted as published, then with the diagnosed set, \
@@ -245,7 +216,7 @@ fn closed_chart(of: &TransferResult) -> Chart {
             .into(),
         x: Axis::new("time (s)"),
         y: Axis::new("velocity error (rpm)"),
-        series: vec![error("before", before), error("after params set", after)],
+        series: names.into_iter().zip(&of.courses).map(error).collect(),
     }
 }
 
@@ -269,65 +240,42 @@ fn harm_chart(study: &JointStudy) -> Chart {
     }
 }
 
-fn harm_table(study: &JointStudy) -> Block {
-    let rows = study.harm.iter().map(|of| {
-        // A rejected set has no results.
-        let met = |value: f64| of.tracking_ratio.map(|_| value).into();
-        let mut row = vec![Cell::from(of.name.clone())];
-        row.extend(
-            (0..harm::TASKS.len())
-                .map(|at| Cell::from(of.tracking_ratio.map(|tracking_ratio| tracking_ratio[at]))),
-        );
-        row.extend([
-            of.jump_position_ratio.into(),
-            met(1e3 * of.swing_rad),
-            met(1e3 * of.swing_without_rad),
-            met(of.largest_a),
-            of.reported_s.into(),
-            Cell::from(match (of.tracking_ratio, of.is_harmless()) {
-                (None, _) => "rejected",
-                (_, false) => "breaks a requirement",
-                _ if of.stopped => "harmless; stopped",
-                _ => "harmless",
-            }),
-        ]);
-        row
-    });
-    let header = [
-        "circumstance",
-        "lifting",
-        "sine",
-        "jump",
-        "jump, position",
-        "swing (mrad)",
-        "without (mrad)",
-        "current (A)",
-        "reported (s)",
-        "",
-    ];
-    Block::Table(Table {
-        caption: "The map of harm (simulated): velocity error over that without compensation in each task; swing while holding, with \
-                  and without; largest current; when the driver itself reported \"model out of band\" in the sine"
-            .into(),
-        header: header.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-        best: Vec::new(),
-    })
+fn harm_table(study: &JointStudy) -> Table {
+    let row =
+        |of: &Circumstance| {
+            // A rejected set has no results.
+            let met = |value: f64| of.tracking_ratio.map(|_| value).into();
+            let mut row = vec![Cell::from(of.name.clone())];
+            row.extend((0..harm::TASKS.len()).map(|task| {
+                Cell::from(of.tracking_ratio.map(|tracking_ratio| tracking_ratio[task]))
+            }));
+            row.extend([
+                of.jump_position_ratio.into(),
+                met(1e3 * of.swing_rad),
+                met(1e3 * of.swing_without_rad),
+                met(of.largest_a),
+                of.reported_s.into(),
+                Cell::from(match (of.tracking_ratio, of.is_harmless()) {
+                    (None, _) => "rejected",
+                    (_, false) => "breaks a requirement",
+                    _ if of.stopped => "harmless; stopped",
+                    _ => "harmless",
+                }),
+            ]);
+            row
+        };
+    Table::new(
+        "The map of harm (simulated): velocity error over that without compensation in each task; swing while holding, with \
+         and without; largest current; when the driver itself reported \"model out of band\" in the sine",
+        "circumstance|lifting|sine|jump|jump, position|swing (mrad)|without (mrad)|current (A)|reported (s)|",
+        study.harm.iter().map(row),
+    )
 }
 
-fn plant(study: &JointStudy) -> Block {
-    let rows = study.parameters.table().into_iter().map(|entry| {
-        vec![
-            Cell::from(entry.name),
-            Cell::Number(entry.value),
-            Cell::from(entry.unit),
-            Cell::from(entry.source),
-        ]
+fn plant(study: &JointStudy) -> Table {
+    let entries = study.parameters.table().into_iter();
+    let rows = entries.map(|entry| {
+        vec![entry.name.into(), entry.value.into(), entry.unit.into(), entry.source.into()]
     });
-    Block::Table(Table {
-        caption: "Constants of the simulated joint".into(),
-        header: ["constant", "value", "unit", "source"].map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-        best: Vec::new(),
-    })
+    Table::new("Constants of the simulated joint", "constant|value|unit|source", rows)
 }
