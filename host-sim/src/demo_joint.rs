@@ -44,18 +44,18 @@ pub fn start(node: NodeId) -> Result<(Hub, Port), String> {
         adaptation: None,
     };
     set_up(&mut Client::new(hub.port(), node), node, &setup).map_err(|error| error.to_string())?;
-    let samples = truth.runs.iter().enumerate().flat_map(|(run, rows)| {
-        rows.iter().enumerate().map(move |(row, of)| RecordedSample {
-            new_run: (row == 0).then_some(run as u32 + 1),
-            motion: MotionFrame {
-                velocity_rad_s: of.velocity_rad_s as f32,
-                position_rad: of.position_rad as f32,
-            },
-            torque: TorqueFrame { torque_nm: of.torque_nm as f32, load_torque_nm: f32::NAN },
-            seal: SealFrame {
-                radial_force_n: of.radial_force_n as f32,
-                pressure_diff_pa: of.pressure_diff_pa as f32,
-            },
+    let log = truth.log();
+    let samples = log.runs.iter().enumerate().flat_map(|(number, run)| {
+        (0..run.rows()).map(move |row| {
+            let at = |name: &str| log.column(run, name).map_or(0.0, |of| of[row] as f32);
+            let (velocity_rad_s, position_rad) = (at("velocity_rad_s"), at("position_rad"));
+            let (radial_force_n, pressure_diff_pa) = (at("radial_force_n"), at("pressure_diff_pa"));
+            RecordedSample {
+                new_run: (row == 0).then_some(number as u32 + 1),
+                motion: MotionFrame { velocity_rad_s, position_rad },
+                torque: TorqueFrame { torque_nm: at("torque_nm"), load_torque_nm: f32::NAN },
+                seal: SealFrame { radial_force_n, pressure_diff_pa },
+            }
         })
     });
     let samples: Vec<RecordedSample> = samples.collect();

@@ -5,7 +5,7 @@ use crate::error::{refused, unserialised};
 use crate::table::Table;
 use joint_log::Cells;
 use pyo3::prelude::*;
-use simulated_machines::scenarios::Hide;
+use simulated_machines::scenarios::{Hide, HideError};
 use simulated_machines::{Log, Request, SIMULATIONS, Simulated};
 
 /// Simulates a machine. Returns its log, the text of truth.json, and the text of data.csv.
@@ -33,7 +33,7 @@ pub fn simulate(
         let known = known.join(", ");
         return Err(refused(py, &format!("scenario={scenario:?}: expected one of {known}")));
     };
-    let parsed: Result<Vec<Hide>, String> = hide.iter().map(|text| Hide::parse(text)).collect();
+    let parsed: Result<Vec<Hide>, HideError> = hide.iter().map(|text| Hide::parse(text)).collect();
     let hide = parsed.map_err(|error| refused(py, &format!("hide: {error}")))?;
     for (name, number) in [("seconds", seconds), ("rate_hz", rate_hz), ("noise_nm", noise_nm)] {
         // The limits of the command line.
@@ -49,7 +49,9 @@ pub fn simulate(
         return Err(refused(py, "hide: cannot be used with unloaded or steady"));
     }
     let request = Request { seed, runs, seconds, rate_hz, noise_nm, unloaded, steady, hide };
-    let simulated = compute(py, threads, progress, || Ok(machine.simulate(&request)?))?;
+    let simulated = compute(py, threads, progress, || {
+        Ok(machine.simulate(&request).map_err(|error| error.to_string())?)
+    })?;
     let Simulated { log, csv, truth, .. } = simulated;
     let truth = serde_json::to_string(&truth).map_err(unserialised)?;
     Ok((Table(table(&log, scenario)), truth, csv))

@@ -22,7 +22,7 @@ use joint_rig::{MotorNode, service};
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser, motion, trial_set};
 use pyo3::prelude::*;
 use simulated_machines::joint_plant::DrawnJoint;
-use simulated_machines::scenarios::Hide;
+use simulated_machines::scenarios::{Hide, HideError};
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -83,10 +83,12 @@ impl Joint {
         if !is_loop && !hide.is_empty() {
             return Err(refuse("hide: needs bus=\"loop\", the simulated joint".to_owned()));
         }
-        let parsed: Result<Vec<Hide>, String> = hide.iter().map(|text| Hide::parse(text)).collect();
+        let parsed: Result<Vec<Hide>, HideError> =
+            hide.iter().map(|text| Hide::parse(text)).collect();
         let hide = parsed.map_err(|error| refuse(format!("hide: {error}")))?;
         let seed = seed.unwrap_or(1);
-        let draw = || DrawnJoint::draw(seed, &hide, None).map_err(refuse);
+        let draw =
+            || DrawnJoint::draw(seed, &hide, None).map_err(|error| refuse(error.to_string()));
         let simulated = is_loop.then(draw).transpose()?;
         Ok(Self { bus: name, bit_rate, node, key, seed, simulated })
     }

@@ -5,39 +5,33 @@
 //! [`ScenarioTruth`] holds the hidden effects.
 //!
 //! ```text
-//! kind ─► recipe ─► setting (seal, motions, covariates) ─► joint (physics) ─► torques ─► log
-//!                        effect, drawn and scaled until visible ──┘                └─► truth
+//! plan ─► setting (seal, motions, covariates) ─► joint (physics) ─► torques ─► log
+//!             effect, drawn and scaled until visible ──┘                └─► truth
 //! ```
 //!
 //! The module is independent of `compensator-core`. Its state is the bristle deflection in rad, and its
 //! integrator (`dynamics`) uses the travel as the independent variable. Most logs also contain covariates
 //! that vary without any effect.
 
-mod arrange;
 mod draw;
 pub mod drawn_cause;
 mod dynamics;
 mod excite;
 mod hidden_cause;
 mod hide;
-pub mod joint;
-mod kind;
-mod logger;
-pub mod motion;
-pub mod outside;
-pub mod sampler;
+pub(crate) mod logger;
 mod sensors;
-mod setting;
-pub mod surroundings;
+pub mod setting;
 mod truth;
 
+pub use draw::{ColumnRelation, Plan};
 pub use hidden_cause::HiddenCause;
-pub use hide::{Hide, kind};
-pub use kind::{Kind, PAIRS, benchmark};
+pub use hide::{Hide, HideError};
 pub use setting::Options;
 pub use truth::{Decoy, Hidden, ScenarioTruth};
 
 use crate::log::Log;
+use crate::sampler::Sampler;
 
 /// A simulated log and its ground truth.
 #[derive(Clone, Debug)]
@@ -48,15 +42,28 @@ pub struct Scenario {
     pub truth: ScenarioTruth,
 }
 
-/// Draws a scenario of a kind. The same seed gives bit-identical results.
-pub fn draw(kind: Kind, seed: u64) -> Scenario {
-    draw_with(kind, &[], seed, &Options::default())
+/// Draws a scenario with these hidden effects. The same seed gives bit-identical results.
+pub fn draw(effects: &[HiddenCause], seed: u64) -> Scenario {
+    let plan = |_: &mut Sampler| Plan { effects: effects.to_vec(), relation: None };
+    draw_planned(&plan, &[], seed, &Options::default())
 }
 
-/// Draws a scenario with some quantities given.
+/// Draws a scenario with hidden effects whose sizes may be given, and with some quantities given.
 ///
-/// `sizes` are the sizes of the kind's effects, in their order. A missing size is drawn so that the effect is
-/// visible.
-pub fn draw_with(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> Scenario {
-    draw::draw(kind, sizes, seed, options)
+/// A missing size is drawn so that the effect is visible.
+pub fn draw_with(hide: &[Hide], seed: u64, options: &Options) -> Scenario {
+    let (effects, sizes): (Vec<HiddenCause>, Vec<Option<f64>>) =
+        hide.iter().filter_map(|hide| Some((hide.effect?, hide.size))).unzip();
+    let plan = |_: &mut Sampler| Plan { effects: effects.clone(), relation: None };
+    draw_planned(&plan, &sizes, seed, options)
+}
+
+/// Draws a scenario of a plan, which may be drawn itself. `sizes` are those of its effects, in their order.
+pub fn draw_planned(
+    plan: &dyn Fn(&mut Sampler) -> Plan,
+    sizes: &[Option<f64>],
+    seed: u64,
+    options: &Options,
+) -> Scenario {
+    draw::draw(plan, sizes, seed, options)
 }

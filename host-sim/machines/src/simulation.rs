@@ -1,7 +1,7 @@
 //! Request and result of a simulation.
 
 use crate::log::Log;
-use crate::scenarios::Hide;
+use crate::scenarios::{Hide, HideError};
 use serde_json::Value;
 
 /// Options of a simulation. `None` selects a random value or the default of the simulation.
@@ -38,6 +38,59 @@ pub struct Simulated {
     pub hidden: Vec<String>,
 }
 
+/// Why a simulation is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimulationError {
+    /// The effects cannot be hidden in one log.
+    #[error(transparent)]
+    Hide(#[from] HideError),
+    /// The log would have too many rows.
+    #[error("--runs x --seconds x --rate: more than {} rows", rows(*most))]
+    TooManyRows {
+        /// Largest number of rows.
+        most: f64,
+    },
+    /// The log with hidden effects would have too many rows.
+    #[error("--runs x --seconds x --rate: more than {} rows with --hide", rows(*most))]
+    TooManyRowsWithHide {
+        /// Largest number of rows.
+        most: f64,
+    },
+    /// The log would be too long.
+    #[error("--runs x --seconds: more than {most_s} s with --hide")]
+    TooLong {
+        /// Longest time, s.
+        most_s: f64,
+    },
+    /// The machine does not support an option.
+    #[error("{options}")]
+    Unsupported {
+        /// The options, and where they are supported.
+        options: &'static str,
+    },
+    /// The value of an option is not supported.
+    #[error("{option} {found}: expected {expected}")]
+    Value {
+        /// The option, after the name of the machine if its values depend on it.
+        option: &'static str,
+        /// Found value.
+        found: f64,
+        /// Supported values.
+        expected: String,
+    },
+}
+
+/// Returns a number of rows, short if it is large.
+fn rows(count: f64) -> String {
+    if count < 1e8 { count.to_string() } else { format!("{count:e}") }
+}
+
+impl From<SimulationError> for String {
+    fn from(error: SimulationError) -> Self {
+        error.to_string()
+    }
+}
+
 /// A machine, or an experiment on one.
 pub trait Simulation: Sync {
     /// Returns the name on the command line and in `truth.json`.
@@ -49,6 +102,6 @@ pub trait Simulation: Sync {
     /// Runs the simulation.
     ///
     /// # Errors
-    /// Returns a message of one line if the simulation does not support the request.
-    fn simulate(&self, request: &Request) -> Result<Simulated, String>;
+    /// Returns an error if the simulation does not support the request.
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError>;
 }

@@ -4,13 +4,16 @@
 //! 0.25-0.30 MPa, and friction 2 to 3.5 Nm. The seal is drawn from a seed. Each run has its own speed, load and
 //! pressure. The motions make every parameter identifiable.
 //!
-//! The torque sensor adds white noise. Velocity, load and pressure are exact. `truth.json` marks the data as simulated.
+//! The torque sensor adds white noise. Velocity, load and pressure are exact, but for the resolution of the log. `truth.json` marks the data as simulated.
 
-use super::friction::{Seal, Surroundings};
-use super::motion::Motion;
-use crate::log::{Log, LoggedRun};
+use crate::conditions::{Condition, Signal};
+use crate::friction::Seal;
+use crate::joint::Joint;
+use crate::log::Log;
+use crate::motion::{Motion, Speeds, Wave};
+use crate::scenarios::logger;
+use crate::scenarios::setting::{RunSetting, Setting};
 use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde_json::json;
@@ -47,23 +50,6 @@ impl Default for Recording {
     }
 }
 
-/// One row of a run.
-#[derive(Clone, Copy, Debug)]
-pub struct Row {
-    /// Time since the start of the campaign, s.
-    pub time_s: f64,
-    /// Position relative to the start of the run, rad.
-    pub position_rad: f64,
-    /// Velocity, rad/s.
-    pub velocity_rad_s: f64,
-    /// Friction torque with sensor noise, Nm.
-    pub torque_nm: f64,
-    /// Side load, N.
-    pub radial_force_n: f64,
-    /// Pressure difference, Pa.
-    pub pressure_diff_pa: f64,
-}
-
 /// Recorded data and their ground truth.
 #[derive(Clone, Debug)]
 pub struct Truth {
@@ -73,15 +59,11 @@ pub struct Truth {
     pub seed: u64,
     /// Recording parameters.
     pub recording: Recording,
-    /// Rows of each run.
-    pub runs: Vec<Vec<Row>>,
+    log: Log,
 }
 
 /// Pause between two runs in campaign time, s.
 const PAUSE_S: f64 = 60.0;
-
-/// Maximum integration step, s.
-const MAX_STEP_S: f64 = 1e-5;
 
 /// Draws a seal. Without loads, its load coefficients are 0.
 fn draw_seal(random: &mut Pcg64, loaded: bool) -> Seal {
@@ -104,158 +86,100 @@ fn draw_seal(random: &mut Pcg64, loaded: bool) -> Seal {
     seal
 }
 
-/// Motion, side load and pressure of a run. The side load has a level and a slow oscillation.
-#[derive(Clone, Copy, Debug)]
-struct Condition {
-    motion: Motion,
-    force: f64,
-    swing: f64,
-    swing_hz: f64,
-    pressure: f64,
-}
-
-impl Condition {
-    /// Evaluates the conditions at a time of the run, s.
-    fn at(&self, t: f64) -> Surroundings {
-        let w = TAU * self.swing_hz;
-        Surroundings {
-            velocity: self.motion.velocity(t),
-            force: self.force + self.swing * (w * t).sin(),
-            force_rate: self.swing * w * (w * t).cos(),
-            pressure: self.pressure,
+/// Draws the motion of a run.
+fn motion(index: usize, seal: &Seal, how: &Recording) -> Motion {
+    let peak = [35.0, 70.0, 100.0][index % 3] * TAU / 60.0;
+    let sine = |peak: f64, period_s: f64| Motion::Waves(vec![Wave { peak, hz: 1.0 / period_s }]);
+    if how.steady {
+        let mut speeds = Speeds::from_rest(true);
+        speeds.ramp(if index.is_multiple_of(2) { peak } else { -peak }, 0.5);
+        return Motion::Speeds(speeds);
+    }
+    match index % 4 {
+        0 => sine(peak, 5.0),
+        1 => {
+            let travel = 6.0 * seal.static_nm / seal.k0;
+            Motion::Presliding { travel, hz: 4.0, growth: how.seconds }
         }
+        2 => sine(4.0 * seal.stribeck_rad_s, 4.0),
+        _ => sine(1.5 * seal.stribeck_rad_s, 2.0),
     }
 }
 
-/// Draws the conditions of a run.
-fn draw_condition(random: &mut Pcg64, index: usize, seal: &Seal, how: &Recording) -> Condition {
-    let rpm = [35.0, 70.0, 100.0][index % 3];
-    let peak = rpm * TAU / 60.0;
-    let motion = if how.steady {
-        Motion::Steady { velocity: if index.is_multiple_of(2) { peak } else { -peak } }
-    } else {
-        match index % 4 {
-            0 => Motion::Sine { peak, period: 5.0 },
-            1 => Motion::Presliding {
-                travel: 6.0 * seal.static_nm / seal.k0,
-                frequency: 4.0,
-                growth: how.seconds,
-            },
-            2 => Motion::Sine { peak: 4.0 * seal.stribeck_rad_s, period: 4.0 },
-            _ => Motion::Sine { peak: 1.5 * seal.stribeck_rad_s, period: 2.0 },
-        }
-    };
+/// Draws side load and pressure of a run. The side load has a level and a slow oscillation.
+fn draw_condition(random: &mut Pcg64, index: usize, how: &Recording) -> Condition {
+    let start_s = index as f64 * (how.seconds + PAUSE_S);
     if !how.loaded {
-        return Condition { motion, force: 0.0, swing: 0.0, swing_hz: 0.0, pressure: 0.0 };
+        return Condition { start_s, ..Condition::default() };
     }
     // Four consecutive runs contain all combinations of high and low. The next four combine them with other motions.
     let turn = index + index / 4;
     let (high_force, high_pressure) = (turn % 2 == 1, turn / 2 % 2 == 1);
-    Condition {
-        motion,
-        force: if high_force { 50.0 } else { 30.0 },
+    let force = Signal {
+        level: if high_force { 50.0 } else { 30.0 },
         swing: random.random_range(3.0..5.0),
-        swing_hz: random.random_range(0.5..3.0),
-        pressure: if high_pressure {
-            random.random_range(0.25e6..0.30e6)
-        } else {
-            random.random_range(0.0..0.05e6)
-        },
-    }
-}
-
-/// Simulates a run.
-fn simulate_run(
-    seal: &Seal,
-    how: &Recording,
-    condition: &Condition,
-    start_s: f64,
-    seed: u64,
-) -> Vec<Row> {
-    let mut random = Pcg64::seed_from_u64(seed);
-    let noise = Normal::new(0.0, how.noise_nm).unwrap_or_else(|_| unreachable!("a size"));
-    let period = 1.0 / how.rate_hz;
-    let steps = (period / MAX_STEP_S).ceil().max(1.0);
-    let dt = period / steps;
-    let (mut z, mut position) = (0.0, 0.0);
-    let rows = (how.seconds * how.rate_hz).round() as usize;
-    (0..rows)
-        .map(|row| {
-            let t = row as f64 * period;
-            if row > 0 {
-                for step in 0..steps as usize {
-                    let now = t - period + step as f64 * dt;
-                    z = seal.advance(z, now, dt, |t| condition.at(t));
-                    position += dt * condition.at(now + 0.5 * dt).velocity;
-                }
-            }
-            let now = condition.at(t);
-            Row {
-                time_s: start_s + t,
-                position_rad: position,
-                velocity_rad_s: now.velocity,
-                torque_nm: seal.torque(z, &now) + noise.sample(&mut random),
-                radial_force_n: now.force,
-                pressure_diff_pa: now.pressure,
-            }
-        })
-        .collect()
+        hz: random.random_range(0.5..3.0),
+        ..Signal::default()
+    };
+    let pressure_pa = if high_pressure {
+        random.random_range(0.25e6..0.30e6)
+    } else {
+        random.random_range(0.0..0.05e6)
+    };
+    let pressure = Signal { level: pressure_pa, ..Signal::default() };
+    Condition { start_s, force, pressure, ..Condition::default() }
 }
 
 /// Draws a seal and records its runs. The same seed and recording give the same rows.
 pub fn record(seed: u64, how: Recording) -> Truth {
     let mut random = Pcg64::seed_from_u64(seed);
     let seal = draw_seal(&mut random, how.loaded);
-    let conditions: Vec<(u64, Condition)> = (0..how.runs)
-        .map(|index| (random.random(), draw_condition(&mut random, index, &seal, &how)))
-        .collect();
-    let runs = conditions
-        .par_iter()
-        .enumerate()
-        .map(|(index, (noise_seed, condition))| {
-            let start = index as f64 * (how.seconds + PAUSE_S);
-            simulate_run(&seal, &how, condition, start, *noise_seed)
-        })
-        .collect();
-    Truth { seal, seed, recording: how, runs }
+    let rows = (how.seconds * how.rate_hz).round() as usize;
+    let runs = (0..how.runs).map(|index| RunSetting {
+        seed: random.random(),
+        motion: motion(index, &seal, &how),
+        condition: draw_condition(&mut random, index, &how),
+        start_angle: 0.0,
+        times: (0..rows).map(|row| row as f64 / how.rate_hz).collect(),
+        held: 0.0,
+    });
+    let columns = ["position_rad", "radial_force_n", "pressure_diff_pa"];
+    let mut setting = Setting::planned(seal, how.rate_hz, how.seconds, runs.collect());
+    setting.columns = columns.to_vec();
+    let joint = Joint::plain(seal);
+    let torques: Vec<Vec<f64>> =
+        setting.runs.par_iter().map(|run| setting.torque_of_run(&joint, run)).collect();
+    let log = logger::log(&setting, &torques, how.noise_nm);
+    Truth { seal, seed, recording: how, log }
 }
 
 impl Truth {
-    /// Returns the log of the recording, not rounded.
-    pub fn log(&self) -> Log {
-        type Column = (&'static str, fn(&Row) -> f64);
-        const COLUMNS: [Column; 6] = [
-            ("time_s", |row| row.time_s),
-            ("velocity_rad_s", |row| row.velocity_rad_s),
-            ("torque_nm", |row| row.torque_nm),
-            ("position_rad", |row| row.position_rad),
-            ("radial_force_n", |row| row.radial_force_n),
-            ("pressure_diff_pa", |row| row.pressure_diff_pa),
-        ];
-        let run = |(index, rows): (usize, &Vec<Row>)| LoggedRun {
-            name: index.to_string(),
-            columns: COLUMNS.iter().map(|(_, of)| rows.iter().map(of).collect()).collect(),
-        };
-        Log {
-            columns: COLUMNS.iter().map(|(name, _)| (*name).to_owned()).collect(),
-            runs: self.runs.iter().enumerate().map(run).collect(),
-        }
+    /// Returns the log of the recording.
+    pub fn log(&self) -> &Log {
+        &self.log
     }
 
-    /// Returns the content of `data.csv`.
+    /// Returns the content of `data.csv`, with the digits of the sensors.
     pub fn csv(&self) -> String {
         let mut text = String::from(
             "run,time_s,position_rad,velocity_rad_s,torque_nm,radial_force_n,pressure_diff_pa\n",
         );
-        for (index, rows) in self.runs.iter().enumerate() {
-            for row in rows {
-                let Row { time_s, position_rad, velocity_rad_s, torque_nm, .. } = row;
+        for run in &self.log.runs {
+            let [time, velocity, torque, position, force, pressure] = &run.columns[..] else {
+                continue;
+            };
+            for row in 0..run.rows() {
                 // Writing to a string does not fail.
                 let _ = writeln!(
                     text,
-                    "{index},{time_s:.6},{position_rad:.9},{velocity_rad_s:.9},{torque_nm:.6},\
-                     {:.6},{:.3}",
-                    row.radial_force_n, row.pressure_diff_pa
+                    "{},{:.6},{:.9},{:.9},{:.6},{:.6},{:.3}",
+                    run.name,
+                    time[row],
+                    position[row],
+                    velocity[row],
+                    torque[row],
+                    force[row],
+                    pressure[row]
                 );
             }
         }

@@ -28,7 +28,7 @@ use joint_log::{Dataset, EmitOptions, ReadOptions, Split, SplitRule, emit, read,
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
-use simulated_machines::scenarios::{HiddenCause, Kind, Options, Scenario, draw_with};
+use simulated_machines::scenarios::{HiddenCause, Options, Scenario, draw_with};
 use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -76,7 +76,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     ))?;
     let bar = spinner("simulating and recording".into());
     let options = Options { runs: Some(RUN_COUNT), ..Options::default() };
-    let scenario = draw_with(Kind::One(effect(seed)), &[], seed, &options);
+    let scenario = draw_with(&[effect(seed).into()], seed, &options);
     let truth = pretty(&scenario.truth.json())?;
     record(&scenario, &truth, output)?;
     bar.finish_and_clear();

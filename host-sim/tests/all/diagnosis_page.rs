@@ -16,7 +16,7 @@ use friction_results::stochastic::StochasticExtension;
 use host_sim::simulated;
 use joint_log::{Dataset, JointKind, Split, SplitRule, split};
 use serde_json::{Value, json};
-use simulated_machines::scenarios::{HiddenCause, Kind, Options, draw, draw_with};
+use simulated_machines::scenarios::{HiddenCause, Hide, Options, draw, draw_with};
 
 /// A log that has been diagnosed.
 struct Case {
@@ -34,8 +34,8 @@ impl Case {
         Self { data, split, found, stochastic }
     }
 
-    fn hidden(kind: Kind, seed: u64) -> Self {
-        Self::new(simulated::dataset(&draw(kind, seed).log))
+    fn hidden(effects: &[HiddenCause], seed: u64) -> Self {
+        Self::new(simulated::dataset(&draw(effects, seed).log))
     }
 
     fn page(&self, columns: &[String]) -> Page {
@@ -76,7 +76,7 @@ fn escaped(text: &str) -> String {
 /// The joint the README hides its cause in: `simulate underwater-joint --hide pressure-coulomb --seed 5`.
 #[test]
 fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
-    let case = Case::hidden(Kind::One(HiddenCause::PressureCoulomb), 5);
+    let case = Case::hidden(&[HiddenCause::PressureCoulomb], 5);
     picture::compare(&picture::svg(&case.page(&[])));
     let own = without_scripts(&case.html());
     let charts = charts(&own);
@@ -99,7 +99,7 @@ fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
 
 #[test]
 fn next_experiment_varies_logged_quantity_that_is_constant() {
-    let mut data = simulated::dataset(&draw(Kind::One(HiddenCause::PressureCoulomb), 5).log);
+    let mut data = simulated::dataset(&draw(&[HiddenCause::PressureCoulomb], 5).log);
     for run in &mut data.runs {
         let rows = run.len();
         run.set(Quantity::RadialForce, vec![20.0; rows]);
@@ -113,8 +113,8 @@ fn next_experiment_varies_logged_quantity_that_is_constant() {
 #[test]
 fn page_with_finding_shows_summary_and_evidence() {
     let options = Options { runs: Some(12), noise_nm: Some(0.05), ..Options::default() };
-    let kind = Kind::One(HiddenCause::PressureCoulomb);
-    let case = Case::new(simulated::dataset(&draw_with(kind, &[Some(1.5e-6)], 3, &options).log));
+    let hide = Hide { effect: Some(HiddenCause::PressureCoulomb), size: Some(1.5e-6) };
+    let case = Case::new(simulated::dataset(&draw_with(&[hide], 3, &options).log));
     assert_eq!(case.found.cause(), "pressure-coulomb");
     let html = case.html();
     assert!(html.len() < 800_000, "{} bytes", html.len());
@@ -149,7 +149,7 @@ fn page_with_finding_shows_summary_and_evidence() {
 
 #[test]
 fn page_without_candidate_names_no_cause() {
-    let case = Case::hidden(Kind::None, 5);
+    let case = Case::hidden(&[], 5);
     assert!(case.found.findings.is_empty() && case.found.candidates.is_empty());
     let own = without_scripts(&case.html());
     if cfg!(feature = "stochastic") {
@@ -166,7 +166,7 @@ fn page_without_candidate_names_no_cause() {
 /// Of small effects some are candidates and are not named.
 #[test]
 fn page_without_finding_lists_rejected_candidates() {
-    let of = |effect| (1..8).map(move |seed| Case::hidden(Kind::One(effect), seed));
+    let of = |effect| (1..8).map(move |seed| Case::hidden(&[effect], seed));
     let mut cases = of(HiddenCause::Backlash).chain(of(HiddenCause::PositionRipple));
     let has_rejected =
         |case: &Case| case.found.findings.is_empty() && !case.found.candidates.is_empty();
@@ -190,7 +190,7 @@ fn page_shows_chart_of_each_cause() {
         (HiddenCause::Backlash, "after a reversal"),
         (HiddenCause::PositionRipple, "folded"),
     ] {
-        let case = Case::hidden(Kind::One(effect), 5);
+        let case = Case::hidden(&[effect], 5);
         let own = without_scripts(&case.html());
         // Whether the cause is found is not this test's business; a page whose model holds it must show it.
         let first = case.found.findings.first();
@@ -207,7 +207,7 @@ fn page_shows_chart_of_each_cause() {
 #[test]
 fn page_of_prismatic_joint_has_its_units() {
     let options = Options { runs: Some(6), ..Options::default() };
-    let drawn = draw_with(Kind::One(HiddenCause::TorqueOffset), &[], 5, &options);
+    let drawn = draw_with(&[HiddenCause::TorqueOffset.into()], 5, &options);
     let mut data = simulated::dataset(&drawn.log);
     data.joint = JointKind::Prismatic;
     let case = Case::new(data);

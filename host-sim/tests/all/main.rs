@@ -31,6 +31,8 @@ mod report_page;
 mod report_thin;
 mod scenarios;
 mod scope;
+#[path = "../../../tests/seal_equation.rs"]
+mod seal_equation;
 mod several_joints;
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
@@ -38,6 +40,8 @@ mod stochastic;
 mod tune;
 mod tune_from;
 mod tune_page;
+
+use simulated_machines::friction::Seal;
 
 /// Returns true if the tests run in their long form.
 pub fn is_long() -> bool {

@@ -4,6 +4,7 @@
 //! and an improved LuGre are fitted to the same 400 runs. `cargo test -p host-sim --test all stochastic:: -- --nocapture`
 //! prints the table of `docs/src/explanation/stochastic-extension.md`. All data are simulated.
 
+use crate::seal_equation::{self, Surroundings};
 use compensator_core::{LawKind, ParameterId as Id, Parameters};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, Track, fit, tracks};
@@ -13,8 +14,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use simulated_machines::friction::{Seal, Surroundings};
-use simulated_machines::scenarios::{Kind, draw};
+use simulated_machines::friction::Seal;
+use simulated_machines::scenarios::draw;
 use simulated_machines::{Recording, record};
 use std::f64::consts::TAU;
 use stochastic_extension::{
@@ -85,13 +86,13 @@ fn experiment(kind: usize, repeat: usize) -> Run {
         let t = row as f64 * period;
         if row > 0 {
             for step in 0..STEPS {
-                z = SEAL.advance(z, t - period + step as f64 * dt, dt, at);
+                z = seal_equation::advance(&SEAL, z, t - period + step as f64 * dt, dt, at);
             }
         }
         let now = at(t);
         run.time_s.push(t);
         run.velocity.push(now.velocity);
-        run.torque.push(SEAL.torque(z, &now) + noise.sample(&mut random));
+        run.torque.push(seal_equation::torque(&SEAL, z, &now) + noise.sample(&mut random));
         forces.push(now.force);
         pressures.push(now.pressure);
     }
@@ -197,7 +198,7 @@ fn certify_with_steady_sliding_reports_bristles_not_determined() {
 
 #[test]
 fn calibrated_rule_without_hidden_effect_gives_no_verdict() {
-    let scenario = draw(Kind::None, 4);
+    let scenario = draw(&[], 4);
     let tracks = tracks(&simulated::dataset(&scenario.log));
     let parameters = fitted(LawKind::Lugre, &tracks);
     let free = LawKind::Lugre.parameters();

@@ -4,12 +4,13 @@
 //! converted by hand, quantisation and noise.
 #![cfg(feature = "cli")]
 
+use crate::seal_equation::{self, Surroundings};
 use crate::snapshot;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use serde_json::Value;
-use simulated_machines::friction::{Seal, Surroundings};
+use simulated_machines::friction::Seal;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::fs;
@@ -83,12 +84,12 @@ fn plant(seal: &Seal, inertia: f64, pieces: &[(f64, f64, bool)]) -> Vec<Row> {
             let time = row as f64 * PERIOD_S;
             for step in 0..steps * usize::from(row > 0) {
                 let now = time - PERIOD_S + step as f64 * STEP_S;
-                z = seal.advance(z, now, STEP_S, at);
+                z = seal_equation::advance(seal, z, now, STEP_S, at);
                 position += STEP_S * at(now + 0.5 * STEP_S).velocity;
             }
             let acceleration = (at(time + 1e-4).velocity - at(time - 1e-4).velocity) / 2e-4;
             let now = at(time);
-            let torque = seal.torque(z, &now) + inertia * acceleration;
+            let torque = seal_equation::torque(seal, z, &now) + inertia * acceleration;
             Row { time, position, velocity: now.velocity, acceleration, torque }
         })
         .collect()

@@ -2,8 +2,8 @@
 
 use friction_grading::{TUNING_SEED, grade_scenario};
 use rayon::prelude::*;
-use simulated_machines::scenarios::{Kind, benchmark};
 use std::collections::BTreeMap;
+use unkind_worlds::planned::{Kind, benchmark};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
@@ -16,7 +16,7 @@ fn main() {
         .collect();
     if let Some(folder) = arguments.get(4) {
         for (index, (kind, seed)) in scenarios.iter().enumerate() {
-            let scenario = simulated_machines::scenarios::draw(*kind, *seed);
+            let scenario = unkind_worlds::planned::draw(*kind, *seed);
             println!(
                 "{index} {:?} {:?} {} Hz noise {}",
                 scenario.truth.hidden,

@@ -16,9 +16,10 @@ use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, fit, tracks};
 use joint_rig::simulated;
 use rayon::prelude::*;
-use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
+use simulated_machines::scenarios::Scenario;
 use std::collections::BTreeMap;
 use stochastic_extension::{Settings, certify_calibrated};
+use unkind_worlds::planned::{Kind, benchmark, draw};
 
 /// Base seed of the graded scenarios; the threshold of the rule was chosen with seed 1.
 const GRADING_SEED: u64 = 20_261_121;

@@ -58,7 +58,7 @@ fn main() -> Result<(), String> {
 }
 
 fn print(case: &PlayCase) {
-    let (name, seed, play) = (case.fault.name(), case.seed, case.joint.play_rad);
+    let (name, seed, play) = (case.fault.name(), case.seed, case.joint.gear.play_rad);
     let found = case.found.as_ref().map_or_else(String::new, |found| {
         let figures: Vec<String> = found.figures.iter().map(|own| format!("{own:.2}")).collect();
         format!(

@@ -6,7 +6,7 @@ use friction_diagnose::two_positions::{Calibration, FIGURES, TwoPositions};
 use joint_log::Dataset;
 use joint_log::log_check::{self, Corrections};
 use rayon::prelude::*;
-use simulated_machines::two_sided_joint::{GearFault, TwoSidedJoint, draw};
+use unkind_worlds::two_sided_joint::{GearFault, TwoSidedJoint, draw};
 
 /// A drawn joint with what was found.
 pub struct PlayCase {
@@ -104,7 +104,7 @@ impl PlayCase {
 
     /// Returns the torsion under the friction of the load at both reversals, rad.
     pub fn torsion_rad(&self) -> f64 {
-        2.0 * self.joint.frictions[1].coulomb_nm / self.joint.stiffness_nm
+        2.0 * self.joint.frictions[1].coulomb_nm / self.joint.gear.stiffness_nm_per_rad
     }
 }
 
@@ -125,16 +125,20 @@ pub fn table(seed: u64, cases: &[PlayCase]) -> String {
     let play: Vec<&PlayCase> = cases.iter().filter(|case| case.fault == GearFault::Play).collect();
     type Ratio = (&'static str, fn(&PlayCase) -> f64, [f64; 5]);
     const RATIOS: [Ratio; 4] = [
-        ("play / mrad", |own| 1e3 * own.joint.play_rad, [0.2, 0.5, 1.0, 2.0, 5.0]),
-        ("play / torsion", |own| own.joint.play_rad / own.torsion_rad(), [0.0, 0.5, 1.0, 2.0, 5.0]),
+        ("play / mrad", |own| 1e3 * own.joint.gear.play_rad, [0.2, 0.5, 1.0, 2.0, 5.0]),
+        (
+            "play / torsion",
+            |own| own.joint.gear.play_rad / own.torsion_rad(),
+            [0.0, 0.5, 1.0, 2.0, 5.0],
+        ),
         (
             "play / encoder step",
-            |own| own.joint.play_rad / own.joint.encoder.step_rad,
+            |own| own.joint.gear.play_rad / own.joint.encoder.step_rad,
             [0.0, 3.0, 10.0, 30.0, 100.0],
         ),
         (
             "play / eccentricity",
-            |own| own.joint.play_rad / own.joint.encoder.eccentricity.0,
+            |own| own.joint.gear.play_rad / own.joint.encoder.eccentricity.size,
             [0.0, 1.0, 3.0, 10.0, 30.0],
         ),
     ];
@@ -160,7 +164,7 @@ pub fn table(seed: u64, cases: &[PlayCase]) -> String {
 /// Returns how many joints with play there are, are found, have the right size, and have it in the interval.
 fn counts(cases: &[&PlayCase]) -> String {
     let named: Vec<(f64, &TwoPositions)> =
-        cases.iter().filter_map(|case| Some((case.joint.play_rad, case.named()?))).collect();
+        cases.iter().filter_map(|case| Some((case.joint.gear.play_rad, case.named()?))).collect();
     let is_right =
         |(play, found): &&(f64, &TwoPositions)| (found.play.value / play - 1.0).abs() <= TOLERANCE;
     let is_inside = |(play, found): &&(f64, &TwoPositions)| {

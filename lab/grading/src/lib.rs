@@ -1,6 +1,6 @@
 //! Grades the diagnosis on scenarios with a known truth.
 //!
-//! [`simulated_machines::scenarios`] hides an effect in a log, and [`friction_diagnose`] receives only the
+//! [`unkind_worlds::planned`] hides an effect in a log, and [`friction_diagnose`] receives only the
 //! log. Seeds from [`TUNING_SEED`] serve to tune the diagnosis, seeds from [`GRADING_SEED`] to grade it. Another seed is another machine,
 //! campaign and set of sensors, and not only other noise.
 
@@ -29,7 +29,8 @@ use joint_log::log_check::{self, Corrections};
 use joint_log::{Dataset, Split, SplitRule, split};
 use joint_rig::simulated;
 use rayon::prelude::*;
-use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
+use simulated_machines::scenarios::Scenario;
+use unkind_worlds::planned::{Kind, benchmark, draw};
 
 /// Base seed of the scenarios for tuning the diagnosis.
 pub const TUNING_SEED: u64 = 1;

@@ -144,7 +144,7 @@ pub fn options(seed: u64, limits: MotionLimits) -> TuneOptions {
 /// Returns one line if the plant does not have the effect.
 pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, String> {
     let hide: Vec<Hide> = hidden.map(Hide::parse).transpose()?.into_iter().collect();
-    DrawnJoint::draw(seed, &hide, None)
+    Ok(DrawnJoint::draw(seed, &hide, None)?)
 }
 
 /// Returns the stand with the joint of a case as it is found.

@@ -10,7 +10,7 @@ use super::plant::Machine;
 use super::trajectory::Trajectory;
 use super::visible::{Rows, difference};
 use simulated_machines::friction::Seal;
-use simulated_machines::scenarios::joint::Joint;
+use simulated_machines::joint::Joint;
 
 /// Iterations of the fit. Further ones change the errors by less than one percent.
 const ITERATIONS: usize = 8;

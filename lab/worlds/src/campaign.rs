@@ -11,10 +11,10 @@ use super::motions::{Drive, STYLES, draw_motion};
 use super::plant::{Element, Plant, RunInput};
 use super::sensing::{Sensing, SensorKind};
 use super::trajectory::{Point, Trajectory};
+use simulated_machines::conditions::{Condition, Extra, Signal};
 use simulated_machines::friction::Seal;
-use simulated_machines::scenarios::motion::Motion;
-use simulated_machines::scenarios::sampler::Sampler;
-use simulated_machines::scenarios::surroundings::{Condition, Extra, Signal};
+use simulated_machines::motion::Motion;
+use simulated_machines::sampler::Sampler;
 use std::f64::consts::TAU;
 use std::ops::Range;
 

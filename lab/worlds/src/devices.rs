@@ -10,7 +10,7 @@
 //! depend on the filters and encoders of that module. Filters run at the log's rate and assume that their input is
 //! linear between rows.
 
-use simulated_machines::scenarios::sampler::Sampler;
+use simulated_machines::sampler::Sampler;
 use std::f64::consts::TAU;
 
 /// A damped second-order system that decays towards its input.

@@ -1,12 +1,12 @@
 //! The effect that is hidden in a campaign, and its plausible size range.
 
 use super::campaign::Campaign;
+use simulated_machines::conditions::Signal;
+use simulated_machines::effects::Wave;
+use simulated_machines::outside::Flavour;
+use simulated_machines::sampler::Sampler;
 use simulated_machines::scenarios::HiddenCause;
 use simulated_machines::scenarios::drawn_cause::DrawnCause;
-use simulated_machines::scenarios::joint::Wave;
-use simulated_machines::scenarios::outside::Flavour;
-use simulated_machines::scenarios::sampler::Sampler;
-use simulated_machines::scenarios::surroundings::Signal;
 use std::f64::consts::TAU;
 
 /// Returns the causes that a campaign can hide.
@@ -73,8 +73,6 @@ fn draw_properties(
         .collect();
     let heat_j = friction_heat_j(campaign);
     let mut drawn = DrawnCause {
-        effect,
-        size: 0.0,
         order,
         phase: sampler.between(0.0, TAU),
         harmonics,
@@ -89,6 +87,7 @@ fn draw_properties(
             campaign.campaign_s * sampler.log_between(0.1, 10.0),
         ),
         flavour,
+        ..DrawnCause::of(effect)
     };
     let (least, most) = limits(&drawn, campaign);
     drawn.size = match effect {

@@ -1,6 +1,6 @@
 //! Families of worlds: their plants, sensors and effects.
 
-use simulated_machines::scenarios::sampler::Sampler;
+use simulated_machines::sampler::Sampler;
 
 /// A family of worlds with its own plants and sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

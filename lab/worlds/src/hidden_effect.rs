@@ -4,8 +4,8 @@ use super::campaign::{AddedColumn, Campaign};
 use super::effect;
 use super::family::Family;
 use super::mechanism::{Along, Coupling, Mechanism, Payload, TravelShape};
+use simulated_machines::effects::Wave;
 use simulated_machines::scenarios::drawn_cause::DrawnCause;
-use simulated_machines::scenarios::joint::Wave;
 use simulated_machines::scenarios::{Hidden, HiddenCause};
 
 /// An effect with its size.
@@ -109,12 +109,10 @@ impl HiddenEffect {
 
     /// Returns the effect for the truth. `visible_rms_nm` is the RMS of its torque.
     pub fn describe(&self, campaign: &Campaign, visible_rms_nm: f64) -> Hidden {
-        let periodic =
-            |cause| matches!(cause, HiddenCause::PositionRipple | HiddenCause::TorqueRipple);
         let (unit, order, details, in_words) = match self {
             Self::Joint(drawn) => (
                 drawn.unit(),
-                periodic(drawn.effect).then_some(drawn.order),
+                drawn.is_periodic().then_some(drawn.order),
                 drawn.details(),
                 drawn.words(),
             ),

@@ -17,6 +17,7 @@
 
 mod bristle_fit;
 mod campaign;
+mod column_relation;
 mod devices;
 mod effect;
 mod family;
@@ -28,11 +29,13 @@ mod lubricated_tests;
 mod mechanism;
 mod mixed;
 mod motions;
+pub mod planned;
 mod plant;
 mod reading;
 mod sensing;
 mod trajectory;
 mod truth;
+pub mod two_sided_joint;
 mod visible;
 mod world;
 
@@ -44,8 +47,9 @@ use campaign::Campaign;
 use hidden_effect::HiddenEffect;
 use mechanism::Mechanism;
 use simulated_machines::Log;
-use simulated_machines::scenarios::joint::{Joint, Wave};
-use simulated_machines::scenarios::sampler::{Sampler, mixed as mix};
+use simulated_machines::effects::Wave;
+use simulated_machines::joint::Joint;
+use simulated_machines::sampler::{Sampler, mixed as mix};
 use world::World;
 
 /// A simulated log and its ground truth.

@@ -8,7 +8,7 @@ use super::trajectory::{Point, Trajectory};
 use super::truth::{HiddenEffect, UnkindTruth};
 use super::visible::Rows;
 use super::world::World;
-use simulated_machines::scenarios::sampler::Sampler;
+use simulated_machines::sampler::Sampler;
 use simulated_machines::{Log, LoggedRun};
 
 /// Purposes of the samplers of a run; those of its columns follow.

@@ -13,8 +13,8 @@
 //! bristles (Dupont et al., single state elastoplastic friction models, 2002). A film that lags behind the speed
 //! gives a lower level in deceleration than in acceleration.
 
-use simulated_machines::scenarios::joint::Joint;
-use simulated_machines::scenarios::sampler::Sampler;
+use simulated_machines::joint::Joint;
+use simulated_machines::sampler::Sampler;
 use std::f64::consts::PI;
 
 /// Returns `(1 - exp(-x)) / x`.

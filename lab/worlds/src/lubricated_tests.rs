@@ -7,11 +7,12 @@ use super::mechanism::{Beside, Mechanism};
 use super::plant::{Machine, Plant, RunInput};
 use super::trajectory::{Point, Trajectory};
 use super::{seeds, sensor_kind};
+use simulated_machines::conditions::{Condition, Signal};
+use simulated_machines::effects::{Drift, Thinning, Wave};
 use simulated_machines::friction::Seal;
-use simulated_machines::scenarios::joint::{Drift, Joint, Play, Thinning, Wave};
-use simulated_machines::scenarios::outside::{Flavour, Outside};
-use simulated_machines::scenarios::sampler::Sampler;
-use simulated_machines::scenarios::surroundings::{Condition, Signal};
+use simulated_machines::joint::{Joint, Play};
+use simulated_machines::outside::{Flavour, Outside};
+use simulated_machines::sampler::Sampler;
 
 pub(super) const SEAL: Seal = Seal {
     k0: 2.0e4,

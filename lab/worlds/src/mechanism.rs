@@ -1,9 +1,10 @@
 //! A joint with effects that its friction law does not contain: other joints, a payload, a place on the travel, an encoder.
 
 use super::trajectory::{Point, Trajectory};
-use simulated_machines::scenarios::joint::{Joint, Wave};
-use simulated_machines::scenarios::motion::{Instant, Motion};
-use simulated_machines::scenarios::surroundings::Signal;
+use simulated_machines::conditions::Signal;
+use simulated_machines::effects::Wave;
+use simulated_machines::joint::Joint;
+use simulated_machines::motion::{Instant, Motion};
 
 /// Lowest factor of the friction level.
 const MIN_FACTOR: f64 = 0.05;

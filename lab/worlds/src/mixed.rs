@@ -10,12 +10,12 @@ use super::mechanism::{Along, Coupling, Payload, TravelShape};
 use super::motions::{Drive, STYLES, Style, draw_motion};
 use super::{UnkindWorld, world::World};
 use super::{draw_rigid_joint, effect, family::Family, mechanism::Mechanism, sensor_kind};
+use simulated_machines::conditions::{Extra, Signal};
+use simulated_machines::effects::Wave;
+use simulated_machines::outside::{Curve, Flavour};
+use simulated_machines::sampler::Sampler;
 use simulated_machines::scenarios::HiddenCause;
 use simulated_machines::scenarios::drawn_cause::DrawnCause;
-use simulated_machines::scenarios::joint::Wave;
-use simulated_machines::scenarios::outside::{Curve, Flavour};
-use simulated_machines::scenarios::sampler::Sampler;
-use simulated_machines::scenarios::surroundings::{Extra, Signal};
 use std::f64::consts::TAU;
 
 /// Shares of the worlds without an effect and with two.

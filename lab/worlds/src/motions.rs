@@ -3,8 +3,8 @@
 //! They are not adapted to the resolution of the log. Reversals may take less than a sample period, a campaign may
 //! consist of one kind of motion, and a log may begin in the middle of a motion.
 
-use simulated_machines::scenarios::motion::{Motion, Speeds, Wave};
-use simulated_machines::scenarios::sampler::Sampler;
+use simulated_machines::motion::{Motion, Speeds, Wave};
+use simulated_machines::sampler::Sampler;
 use std::f64::consts::TAU;
 
 /// Kinds of motion.

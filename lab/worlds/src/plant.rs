@@ -15,7 +15,7 @@
 use super::lubricated::{ContactStep, LubricatedSeal, mean_of_decay};
 use super::mechanism::{Beside, Mechanism};
 use super::trajectory::{Point, Trajectory};
-use simulated_machines::scenarios::surroundings::{Condition, Conditions};
+use simulated_machines::conditions::{Condition, Conditions};
 
 /// An elasto-slip element.
 #[derive(Clone, Copy, Debug)]

@@ -15,7 +15,7 @@
 //! [`Sensing::draw_second_maker`] replaces the devices by those of [`super::devices`] and keeps the kind of defect.
 
 use super::devices::{Amplifier, AngleError, SecondOrder};
-use simulated_machines::scenarios::sampler::Sampler;
+use simulated_machines::sampler::Sampler;
 use std::f64::consts::TAU;
 
 /// Kinds of sensor defect.

@@ -9,8 +9,9 @@ use super::sensing::SensorKind;
 use super::trajectory::Trajectory;
 use super::visible::{Rows, difference, evaluate_visibility, rms};
 use super::{UnkindWorld, bristle_fit, truth};
+use simulated_machines::effects::Wave;
 use simulated_machines::friction::Seal;
-use simulated_machines::scenarios::joint::{Joint, Wave};
+use simulated_machines::joint::Joint;
 
 /// A drawn world before its simulation.
 pub(super) struct World {

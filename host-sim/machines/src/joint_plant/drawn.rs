@@ -6,17 +6,16 @@
 
 mod hidden;
 
-pub use hidden::HiddenEffect;
-
 use super::contact::FrictionFamily;
-use super::effects::{LevelEffects, OutputTorque};
 use super::load::Load;
 use super::machine::JointPlant;
 use super::parameters::Parameters;
 use super::seal::Seal;
 use super::surroundings::{Course, Surroundings};
-use crate::scenarios::sampler::Sampler;
-use crate::scenarios::{HiddenCause, Hide};
+use crate::joint::Joint;
+use crate::sampler::Sampler;
+use crate::scenarios::drawn_cause::DrawnCause;
+use crate::scenarios::{HiddenCause, Hide, HideError};
 use std::f64::consts::{PI, TAU};
 
 /// What the builder of a joint knows about it, from data sheets and commissioning.
@@ -63,7 +62,7 @@ pub struct DrawnJoint {
     /// Position at the start, rad.
     pub start_rad: f64,
     /// Effects that the joint hides.
-    pub hidden: Vec<HiddenEffect>,
+    pub hidden: Vec<DrawnCause>,
     /// Course of its surroundings.
     pub surroundings: Surroundings,
     /// Its sensors.
@@ -85,9 +84,13 @@ impl DrawnJoint {
     /// Draws a joint that hides these effects. Without a family, it is drawn too.
     ///
     /// # Errors
-    /// Returns one line if the plant does not have an effect, or has it only in another family, or an effect is given
+    /// Returns an error if the plant does not have an effect, or has it only in another family, or an effect is given
     /// twice.
-    pub fn draw(seed: u64, hide: &[Hide], family: Option<FrictionFamily>) -> Result<Self, String> {
+    pub fn draw(
+        seed: u64,
+        hide: &[Hide],
+        family: Option<FrictionFamily>,
+    ) -> Result<Self, HideError> {
         let effects = hidden::requested(hide)?;
         let mut sampler = Sampler::new(seed, JOINT_PURPOSE);
         let drawn = sampler.pick(&FrictionFamily::ALL).unwrap_or_default();
@@ -95,7 +98,7 @@ impl DrawnJoint {
         let mut joint = Self::draw_clean(seed, &mut sampler, family);
         for (at, (cause, size)) in effects.into_iter().enumerate() {
             let mut sampler = Sampler::new(seed, EFFECT_PURPOSE + at as u64);
-            let effect = HiddenEffect::draw(&mut sampler, cause, size, &joint)?;
+            let effect = hidden::draw(&mut sampler, cause, size, &joint)?;
             joint.add(effect, &mut sampler);
         }
         Ok(joint)
@@ -184,9 +187,9 @@ impl DrawnJoint {
     }
 
     /// Adds an effect, and what it needs to be seen.
-    fn add(&mut self, effect: HiddenEffect, sampler: &mut Sampler) {
+    fn add(&mut self, effect: DrawnCause, sampler: &mut Sampler) {
         let constants = &mut self.constants;
-        match effect.cause {
+        match effect.effect {
             HiddenCause::UnmodelledInertia => constants.output_inertia_kg_m2 += effect.size,
             HiddenCause::Backlash => {
                 constants.backlash_rad = effect.size;
@@ -201,15 +204,16 @@ impl DrawnJoint {
             HiddenCause::StribeckShape => self.stribeck_exponent = effect.size,
             HiddenCause::TemperatureViscous => {
                 constants.film_per_kelvin = effect.size;
-                constants.film_viscous_nm_s_per_rad = effect.viscous_nm_s_per_rad(self.friction_nm);
+                constants.film_viscous_nm_s_per_rad =
+                    hidden::viscous_nm_s_per_rad(self.friction_nm);
             }
             HiddenCause::TemperatureCoulomb => constants.level_per_kelvin = effect.size,
             _ => {}
         }
-        match effect.cause.column() {
+        match effect.effect.column() {
             Some("radial_force_n") => {
                 self.sensors.has_seal_sensors = true;
-                self.surroundings.side_load_n = hidden::side_load(sampler, effect.cause);
+                self.surroundings.side_load_n = hidden::side_load(sampler, effect.effect);
             }
             Some("pressure_diff_pa") => {
                 self.sensors.has_seal_sensors = true;
@@ -222,7 +226,7 @@ impl DrawnJoint {
             _ => {}
         }
         // Without a thermometer, the effect is that of the heat alone.
-        if effect.cause == HiddenCause::WarmUp {
+        if effect.effect == HiddenCause::WarmUp {
             self.sensors.has_thermometer = false;
         }
         self.hidden.push(effect);
@@ -231,17 +235,15 @@ impl DrawnJoint {
     /// Returns the plant at its start: at rest at [`Self::start_rad`], with its effects and surroundings.
     pub fn plant(&self) -> JointPlant {
         let mut seal = Seal::of_family(self.family, &self.constants, self.phase_rad);
-        let (mut level, mut torque) = (LevelEffects::default(), OutputTorque::default());
-        for effect in &self.hidden {
-            effect.apply(&mut level, &mut torque);
-        }
         seal.set_stribeck_exponent(self.stribeck_exponent);
-        if level != LevelEffects::default() {
-            seal.hide(level);
+        let mut joint = Joint::default();
+        self.hidden.iter().for_each(|effect| effect.apply_to(&mut joint));
+        if !self.hidden.is_empty() {
+            seal.hide(joint.clone());
         }
         let mut plant = JointPlant::with_seal(&self.constants, Load::Free, seal, self.seed);
-        if torque != OutputTorque::default() {
-            plant.hide(torque);
+        if !self.hidden.is_empty() {
+            plant.hide(joint);
         }
         plant.surround(self.surroundings);
         plant.place(self.start_rad);

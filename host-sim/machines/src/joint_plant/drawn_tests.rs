@@ -79,14 +79,21 @@ fn draw_with_given_size_keeps_it_and_a_drawn_size_is_within_bounds() {
 #[test]
 fn draw_of_an_effect_that_the_plant_cannot_have_is_refused_with_its_name() {
     for text in ["channel-delay", "load-torque-coulomb", "unknown", "unmodelled-inertia:-0.1"] {
-        let error = DrawnJoint::draw(1, &[hide(text)], None).expect_err("a refusal");
+        let error = DrawnJoint::draw(1, &[hide(text)], None).expect_err("a refusal").to_string();
         let name = text.split(':').next().unwrap_or_default();
         assert!(error.starts_with(name) && error.lines().count() == 1, "{error}");
     }
     let twice = [hide("backlash"), hide("torque-offset"), hide("backlash")];
-    assert!(DrawnJoint::draw(1, &twice, None).expect_err("twice").contains("given twice"));
+    assert!(
+        DrawnJoint::draw(1, &twice, None).expect_err("twice").to_string().contains("given twice")
+    );
     let none = [hide("none"), hide("backlash")];
-    assert!(DrawnJoint::draw(1, &none, None).expect_err("none and one").contains("by itself"));
+    assert!(
+        DrawnJoint::draw(1, &none, None)
+            .expect_err("none and one")
+            .to_string()
+            .contains("by itself")
+    );
 }
 
 #[test]

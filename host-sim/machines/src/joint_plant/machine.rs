@@ -11,7 +11,7 @@ mod adjust;
 use super::brake::HoldingBrake;
 use super::bridge::lost_v;
 use super::comparators::{Comparators, STEPS_PER_PERIOD};
-use super::effects::OutputTorque;
+use super::gear::Gear;
 use super::load::{Acting, Load};
 use super::orders::OrderAnalyser;
 use super::parameters::Parameters;
@@ -19,6 +19,8 @@ use super::seal::{Around, Seal};
 use super::supply::Supply;
 use super::surroundings::Surroundings;
 use super::winding::Winding;
+use crate::conditions::Conditions;
+use crate::joint::Joint;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -88,8 +90,8 @@ pub struct JointPlant {
     recorded_s: f64,
     /// External side load besides that of the load, N.
     pushed_n: f64,
-    /// Torques at the output besides friction and load.
-    hidden: Option<OutputTorque>,
+    /// Joint whose additive torques act at the output, besides friction and load.
+    hidden: Option<Joint>,
     /// Position of a stop against positive motion, rad.
     stop_rad: f64,
     surroundings: Option<Surroundings>,
@@ -427,8 +429,9 @@ impl JointPlant {
             .min((self.max_torque_nm - motor_nm).max(0.0));
         let friction = self.seal.step(self.velocity, self.position, &self.around, dt);
         let driving = self.transmitted(motor_nm - self.cogging_nm(), dt);
-        let hidden =
-            self.hidden.as_ref().map_or(0.0, |torque| torque.at(self.position, self.velocity));
+        let hidden = self.hidden.as_ref().map_or(0.0, |joint| {
+            joint.added(self.position, self.velocity, 0.0, &Conditions::default())
+        });
         let torque = driving + compensated - friction - self.acting.torque_nm - hidden;
         let own = self.rotor.map_or(0.0, |_| self.rotor_inertia());
         self.velocity += dt * torque / (self.inertia - own);
@@ -462,23 +465,20 @@ impl JointPlant {
     fn transmitted(&mut self, motor_nm: f64, dt: f64) -> f64 {
         let inertia = self.rotor_inertia();
         let Some(rotor) = &mut self.rotor else { return motor_nm };
-        let twist = rotor.position - self.position - rotor.slipped;
-        let half = 0.5 * self.p.backlash_rad;
-        let strained = twist - twist.clamp(-half, half);
-        let coupled = if strained == 0.0 {
-            0.0
-        } else {
-            self.p.output_stiffness_nm_per_rad * strained
-                + self.p.output_damping_nm_s_per_rad * (rotor.velocity - self.velocity)
+        let gear = Gear {
+            stiffness_nm_per_rad: self.p.output_stiffness_nm_per_rad,
+            damping_nm_s_per_rad: self.p.output_damping_nm_s_per_rad,
+            play_rad: self.p.backlash_rad,
         };
+        let twist = rotor.position - self.position - rotor.slipped;
+        let coupled = gear.torque_nm(twist, rotor.velocity - self.velocity);
         let held = coupled.clamp(-rotor.most_nm, rotor.most_nm);
         if held != coupled {
-            rotor.slipped += (coupled - held) / self.p.output_stiffness_nm_per_rad;
+            rotor.slipped += (coupled - held) / gear.stiffness_nm_per_rad;
         }
-        let coupled = held;
-        rotor.velocity += dt * (motor_nm - coupled) / inertia;
+        rotor.velocity += dt * (motor_nm - held) / inertia;
         rotor.position += dt * rotor.velocity;
-        coupled
+        held
     }
 }
 

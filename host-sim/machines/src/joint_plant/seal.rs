@@ -16,6 +16,7 @@ use super::contact::{Contact, FrictionFamily, Pressing};
 use super::effects::{LevelChange, LevelEffects};
 use super::parameters::Parameters;
 use super::shaft::Shaft;
+use crate::joint::Joint;
 
 /// Number of steps per update of the thermal states.
 const THERMAL_DIVIDER: u32 = 20;
@@ -108,9 +109,9 @@ impl Seal {
         self.contact.set_stribeck_exponent(exponent);
     }
 
-    /// Adds effects to the friction, or replaces those added before.
-    pub fn hide(&mut self, effects: LevelEffects) {
-        self.effects = Some(Box::new(effects));
+    /// Adds the effects of a joint to the friction, or replaces those added before.
+    pub fn hide(&mut self, joint: Joint) {
+        self.effects = Some(Box::new(LevelEffects::of(joint)));
     }
 
     /// Sets the temperature of the water, deg C.

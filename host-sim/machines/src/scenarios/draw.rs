@@ -1,17 +1,15 @@
 //! Draws a scenario: a campaign, its hidden effects, and their sizes.
 
 use super::Scenario;
-use super::arrange::{Arrangement, correlation_over_rows, draw_confounded, draw_with_decoy};
 use super::drawn_cause::DrawnCause;
 use super::hidden_cause::HiddenCause;
-use super::joint::Joint;
-use super::kind::Kind;
 use super::logger;
-use super::outside::Flavour;
-use super::sampler::Sampler;
 use super::setting::{Options, Setting};
-use super::surroundings::{Condition, Extra, Signal};
-use super::truth::{Decoy, Hidden, ScenarioTruth};
+use super::truth::{Hidden, ScenarioTruth};
+use crate::conditions::{Condition, Extra, Signal};
+use crate::joint::Joint;
+use crate::outside::Flavour;
+use crate::sampler::Sampler;
 
 /// Range of an effect's visible RMS, as a multiple of the noise.
 const EFFECT_TO_NOISE: (f64, f64) = (0.3, 3.0);
@@ -28,36 +26,58 @@ const MAX_TRIALS: u64 = 8;
 /// Torque of each row of each run, Nm.
 type Torques = Vec<Vec<f64>>;
 
-/// Effects and column arrangement of a kind of scenario.
-struct Recipe {
-    effects: Vec<HiddenCause>,
-    arrangement: Arrangement,
+/// A relation between the columns of a campaign. Benchmarks have such relations; the columns of other campaigns are
+/// independent.
+pub trait ColumnRelation {
+    /// Returns the kind of the scenario, in one word.
+    fn kind(&self) -> &'static str;
+
+    /// Returns the extra column that the relation needs.
+    fn extra(&self) -> Option<Extra>;
+
+    /// Relates the columns of a campaign, and adds them to the log.
+    fn relate(&self, sampler: &mut Sampler, setting: &mut Setting);
+
+    /// Adapts an effect to the relation.
+    fn adapt(&self, effect: &mut DrawnCause);
+
+    /// Adds the relation to the ground truth.
+    fn describe(&self, setting: &Setting, truth: &mut ScenarioTruth);
 }
 
-/// Draws the effects and the arrangement of a kind.
-fn recipe(sampler: &mut Sampler, kind: Kind) -> Recipe {
-    let independent = |effects| Recipe { effects, arrangement: Arrangement::Independent };
-    match kind {
-        Kind::None => independent(Vec::new()),
-        Kind::One(effect) => independent(vec![effect]),
-        Kind::Two(first, second) if first == second => independent(vec![first]),
-        Kind::Two(first, second) => independent(vec![first, second]),
-        Kind::Outside => independent(vec![HiddenCause::OutsideCatalogue]),
-        Kind::Confounded => {
-            let (effect, arrangement) = draw_confounded(sampler);
-            Recipe { effects: vec![effect], arrangement }
+/// What a scenario hides.
+#[derive(Default)]
+pub struct Plan {
+    /// The hidden effects.
+    pub effects: Vec<HiddenCause>,
+    /// Relation between the columns. `None` if all are independent.
+    pub relation: Option<Box<dyn ColumnRelation>>,
+}
+
+impl Plan {
+    /// Returns the kind of the scenario, in one word.
+    fn kind(&self) -> &'static str {
+        if let Some(relation) = &self.relation {
+            return relation.kind();
         }
-        Kind::Decoy => {
-            let (effect, arrangement) = draw_with_decoy(sampler);
-            Recipe { effects: vec![effect], arrangement }
+        match *self.effects {
+            [] => "none",
+            [HiddenCause::OutsideCatalogue] => "outside",
+            [_] => "one",
+            _ => "two",
         }
     }
 }
 
 /// Draws scenarios until the hidden effects of one are visible as required.
-pub(super) fn draw(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> Scenario {
+pub(super) fn draw(
+    plan: &dyn Fn(&mut Sampler) -> Plan,
+    sizes: &[Option<f64>],
+    seed: u64,
+    options: &Options,
+) -> Scenario {
     let trial = |number| {
-        let mut trial = Trial::draw(kind, seed, number, options);
+        let mut trial = Trial::draw(plan, seed, number, options);
         trial.set_sizes(sizes, options.noise_nm);
         trial
     };
@@ -69,13 +89,13 @@ pub(super) fn draw(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Optio
         }
         last = trial(number);
     }
-    last.scenario(kind, seed, options)
+    last.scenario(seed, options)
 }
 
 /// A drawn scenario before its log is created.
 struct Trial {
     setting: Setting,
-    arrangement: Arrangement,
+    plan: Plan,
     hidden: Vec<DrawnCause>,
     noise_nm: f64,
     /// Target of the visible RMS, as a multiple of the noise.
@@ -89,15 +109,24 @@ struct Trial {
 
 impl Trial {
     /// Draws a campaign and its hidden effects, with initial sizes.
-    fn draw(kind: Kind, seed: u64, number: u64, options: &Options) -> Self {
+    fn draw(
+        plan: &dyn Fn(&mut Sampler) -> Plan,
+        seed: u64,
+        number: u64,
+        options: &Options,
+    ) -> Self {
         let mut sampler = Sampler::new(seed, 100 + number);
-        let Recipe { effects, arrangement } = recipe(&mut sampler, kind);
+        let plan = plan(&mut sampler);
+        let Plan { effects, relation } = &plan;
         let outside = effects.contains(&HiddenCause::OutsideCatalogue);
         let flavour = outside.then(|| Flavour::draw(&mut sampler));
-        let needed = flavour.as_ref().and_then(Flavour::extra).or(arrangement.extra());
+        let related = relation.as_ref().and_then(|relation| relation.extra());
+        let needed = flavour.as_ref().and_then(Flavour::extra).or(related);
         let extras: Vec<Extra> = needed.into_iter().collect();
-        let mut setting = Setting::draw(sampler.seed(), &effects, &extras, options);
-        arrangement.apply(&mut sampler, &mut setting);
+        let mut setting = Setting::draw(sampler.seed(), effects, &extras, options);
+        if let Some(relation) = relation {
+            relation.relate(&mut sampler, &mut setting);
+        }
         if effects.contains(&HiddenCause::WarmUp) {
             // Without a temperature column, the heat must be estimated from the motion.
             setting.columns.retain(|column| *column != "temperature_c");
@@ -108,17 +137,17 @@ impl Trial {
         }
         let drawn_noise = sampler.log_between(NOISE_NM.0, NOISE_NM.1);
         let hidden = effects.iter().map(|&effect| {
-            let own = flavour.filter(|_| effect == HiddenCause::OutsideCatalogue);
-            let mut hidden = DrawnCause::draw(&mut sampler, effect, &setting, own);
-            if matches!(arrangement, Arrangement::Proportional { .. }) {
-                hidden.use_linear_drift();
+            let flavour = flavour.filter(|_| effect == HiddenCause::OutsideCatalogue);
+            let mut hidden = DrawnCause::draw(&mut sampler, effect, &setting, flavour);
+            if let Some(relation) = relation {
+                relation.adapt(&mut hidden);
             }
             hidden
         });
         let hidden = hidden.collect();
         Self {
             setting,
-            arrangement,
+            plan,
             hidden,
             noise_nm: options.noise_nm.unwrap_or(drawn_noise),
             target_ratio: sampler.log_between(1.25 * EFFECT_TO_NOISE.0, 0.8 * EFFECT_TO_NOISE.1),
@@ -179,20 +208,21 @@ impl Trial {
     }
 
     /// Creates the log and the ground truth.
-    fn scenario(mut self, kind: Kind, seed: u64, options: &Options) -> Scenario {
-        let own: Vec<&str> = self.hidden.iter().flat_map(DrawnCause::columns).collect();
+    fn scenario(mut self, seed: u64, options: &Options) -> Scenario {
+        let causing: Vec<&str> = self.hidden.iter().flat_map(DrawnCause::columns).collect();
         let columns = &mut self.setting.columns;
         let mut missing_columns = Vec::new();
         if options.without_own_columns {
-            missing_columns = columns.iter().copied().filter(|name| own.contains(name)).collect();
-            columns.retain(|name| !own.contains(name));
+            missing_columns =
+                columns.iter().copied().filter(|name| causing.contains(name)).collect();
+            columns.retain(|name| !causing.contains(name));
         }
         let log = logger::log(&self.setting, &self.torques, self.noise_nm);
-        Scenario { log, truth: ScenarioTruth { missing_columns, ..self.truth(kind, seed) } }
+        Scenario { log, truth: ScenarioTruth { missing_columns, ..self.truth(seed) } }
     }
 
     /// Creates the ground truth.
-    fn truth(&self, kind: Kind, seed: u64) -> ScenarioTruth {
+    fn truth(&self, seed: u64) -> ScenarioTruth {
         let setting = &self.setting;
         let hidden =
             self.hidden.iter().zip(&self.visible).map(|(hidden, &visible_rms_nm)| Hidden {
@@ -207,29 +237,16 @@ impl Trial {
             });
         let mut hidden: Vec<Hidden> = hidden.collect();
         hidden.sort_by(|a, b| b.visible_rms_nm.total_cmp(&a.visible_rms_nm));
-        let mut description = match hidden.as_slice() {
+        let description = match hidden.as_slice() {
             [] => "plain LuGre, nothing hidden".to_owned(),
             all => all.iter().map(|one| one.in_words.as_str()).collect::<Vec<_>>().join("; "),
         };
-        let (mut confusable_with, mut decoys) = (Vec::new(), Vec::new());
-        match self.arrangement {
-            Arrangement::Independent => {}
-            Arrangement::Proportional { leader, follower, twin } => {
-                confusable_with.push(twin.name());
-                description += &format!("; {follower} always goes with {leader}");
-            }
-            Arrangement::Correlated { follows, decoy } => {
-                let correlation = correlation_over_rows(setting, follows, decoy);
-                description += &format!("; {decoy} goes nearly with {follows} and does nothing");
-                decoys.push(Decoy { column: decoy, follows, correlation });
-            }
-        }
-        ScenarioTruth {
+        let mut truth = ScenarioTruth {
             seed,
-            kind,
+            kind: self.plan.kind(),
             hidden,
-            confusable_with,
-            decoys,
+            confusable_with: Vec::new(),
+            decoys: Vec::new(),
             missing_columns: Vec::new(),
             seal: setting.seal,
             noise_nm: self.noise_nm,
@@ -240,7 +257,11 @@ impl Trial {
             gaps: setting.sensors.gaps,
             encoder: setting.sensors.encoder,
             description,
+        };
+        if let Some(relation) = &self.plan.relation {
+            relation.describe(setting, &mut truth);
         }
+        truth
     }
 }
 

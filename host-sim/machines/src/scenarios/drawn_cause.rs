@@ -1,14 +1,15 @@
 //! A hidden effect with its size and all other drawn properties.
 
 use super::hidden_cause::HiddenCause;
-use super::joint::{Drift, Dwell, Joint, Play, Thinning, Warming, Wave};
-use super::outside::{Flavour, Outside};
-use super::sampler::Sampler;
 use super::setting::Setting;
+use crate::effects::{Drift, Dwell, Thinning, Warming, Wave};
+use crate::joint::{Joint, Play};
+use crate::outside::{Flavour, Outside};
+use crate::sampler::Sampler;
 use std::f64::consts::TAU;
 
 /// A hidden effect with all drawn properties.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct DrawnCause {
     /// Cause of the effect.
     pub effect: HiddenCause,
@@ -48,6 +49,25 @@ const COGGING_ORDERS: (f64, f64) = (4.0, 60.0);
 const MAX_DELAY_SAMPLES: f64 = 28.0;
 
 impl DrawnCause {
+    /// Returns an effect without a size, whose properties are not drawn.
+    pub const fn of(effect: HiddenCause) -> Self {
+        Self {
+            effect,
+            size: 0.0,
+            order: 1.0,
+            phase: 0.0,
+            harmonics: Vec::new(),
+            reference_c: 20.0,
+            onset_s: 0.1,
+            forgetting_rad: 1e-2,
+            run_in_s: None,
+            campaign_s: 1.0,
+            leak: 0.02,
+            warming: (50.0, 300.0),
+            flavour: None,
+        }
+    }
+
     /// Draws an effect of initial size for a campaign.
     pub(super) fn draw(
         sampler: &mut Sampler,
@@ -66,8 +86,6 @@ impl DrawnCause {
         let run_in = sampler.chance(0.5);
         let time = sampler.between(0.15, 0.5) * setting.campaign_s;
         let mut hidden = Self {
-            effect,
-            size: 0.0,
             order,
             phase: sampler.between(0.0, TAU),
             harmonics: if is_torque_ripple { draw_harmonics(sampler, order) } else { Vec::new() },
@@ -76,9 +94,8 @@ impl DrawnCause {
             forgetting_rad: sampler.log_between(5e-3, 2e-2),
             run_in_s: run_in.then_some(time),
             campaign_s: setting.campaign_s,
-            leak: 0.02,
-            warming: (50.0, 300.0),
             flavour,
+            ..Self::of(effect)
         };
         if effect == HiddenCause::WarmUp {
             hidden.warming = (sampler.log_between(20.0, 150.0), sampler.log_between(60.0, 900.0));
@@ -96,11 +113,6 @@ impl DrawnCause {
     /// Returns true if the effect has an order.
     pub fn is_periodic(&self) -> bool {
         matches!(self.effect, HiddenCause::PositionRipple | HiddenCause::TorqueRipple)
-    }
-
-    /// Replaces a run-in by a linear drift.
-    pub(super) fn use_linear_drift(&mut self) {
-        self.run_in_s = None;
     }
 
     /// Draws the sign of the size.

@@ -11,9 +11,9 @@
 //! the relaxation is a thousand times faster than a step. A step with a reversal is split at standstill. The core uses
 //! a different integrator.
 
-use super::joint::Joint;
-use super::motion::Motion;
-use super::surroundings::{Condition, Conditions};
+use crate::conditions::{Condition, Conditions};
+use crate::joint::Joint;
+use crate::motion::Motion;
 
 /// An integration point of a run.
 #[derive(Clone, Copy, Debug)]
@@ -105,22 +105,19 @@ fn mean_of_decay(x: f64) -> f64 {
     if x < 1e-6 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
 }
 
-/// Returns the torque of each row without sensor noise, Nm. `held_rad` is the initial deflection of the bristles.
-pub(super) fn torque(joint: &Joint, condition: &Condition, path: &Path, held_rad: f64) -> Vec<f64> {
-    torque_with_heat(joint, condition, path, held_rad, 0.0).0
-}
-
-/// Returns the torque of each row, Nm, of a joint with initial friction heat, and its final heat, J.
-pub(super) fn torque_with_heat(
+/// Returns the torque of each row without sensor noise, Nm, and updates the friction heat of the joint, J.
+///
+/// `held_rad` is the initial deflection of the bristles.
+pub(super) fn torque(
     joint: &Joint,
     condition: &Condition,
     path: &Path,
     held_rad: f64,
-    heat_j: f64,
-) -> (Vec<f64>, f64) {
-    let Some(&first) = path.points.first() else { return (Vec::new(), heat_j) };
+    heat_j: &mut f64,
+) -> Vec<f64> {
+    let Some(&first) = path.points.first() else { return Vec::new() };
     let play = joint.play.map_or(0.0, |play| 0.5 * play.travel_rad);
-    let state = State { z: held_rad, age_s: 0.0, play, direction: 1.0, heat_j };
+    let state = State { z: held_rad, age_s: 0.0, play, direction: 1.0, heat_j: *heat_j };
     let mut integration = Integration { joint, condition, state };
     let mut here = integration.evaluate(first);
     let mut rows = path.rows.iter().zip(&path.accelerations);
@@ -135,7 +132,8 @@ pub(super) fn torque_with_heat(
             next = rows.next();
         }
     }
-    (torques, integration.state.heat_j)
+    *heat_j = integration.state.heat_j;
+    torques
 }
 
 /// Simulation of a joint through a run.
@@ -262,10 +260,11 @@ impl Integration<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::motion::{Speeds, Wave};
-    use super::super::surroundings::Signal;
     use super::*;
-    use crate::friction::{Seal, Surroundings};
+    use crate::conditions::Signal;
+    use crate::friction::Seal;
+    use crate::motion::{Speeds, Wave};
+    use crate::seal_equation::{self, Surroundings};
 
     const SEAL: Seal = Seal {
         k0: 6e3,
@@ -310,15 +309,16 @@ mod tests {
                 pressure: pressure.at(t),
             };
             let path = Path::new(&motion, 0.0, &times(), 1e-4, 1.0);
-            let found = torque(&Joint::plain(SEAL), &condition, &path, 1e-4);
+            let found = torque(&Joint::plain(SEAL), &condition, &path, 1e-4, &mut 0.0);
             let mut z = 1e-4;
             for (row, (t, found)) in times().into_iter().zip(found).enumerate() {
                 if row > 0 {
                     for step in 0..100 {
-                        z = SEAL.advance(z, t - 1e-3 + f64::from(step) * 1e-5, 1e-5, at);
+                        let from = t - 1e-3 + f64::from(step) * 1e-5;
+                        z = seal_equation::advance(&SEAL, z, from, 1e-5, at);
                     }
                 }
-                let expected = SEAL.torque(z, &at(t));
+                let expected = seal_equation::torque(&SEAL, z, &at(t));
                 assert!((found - expected).abs() < 2e-4, "{motion:?} {t}: {found} {expected}");
             }
         }
@@ -329,7 +329,7 @@ mod tests {
         let motion = Motion::Speeds(Speeds::from_rest(true));
         let path = Path::new(&motion, 1.0, &times(), 1e-4, 1.0);
         let seal = Seal { per_force: 0.0, per_pressure: 0.0, eta3: 0.0, ..SEAL };
-        let found = torque(&Joint::plain(seal), &Condition::default(), &path, 2e-4);
+        let found = torque(&Joint::plain(seal), &Condition::default(), &path, 2e-4, &mut 0.0);
         assert!(found.iter().all(|torque| *torque == seal.k0 * 2e-4));
     }
 
@@ -343,9 +343,9 @@ mod tests {
         let path = Path::new(&motion, 0.0, &times(), 1e-4, 1.0);
         let seal = Seal { per_force: 0.0, per_pressure: 0.0, eta3: 0.0, k1: 0.0, k2: 0.0, ..SEAL };
         let mut joint = Joint::plain(seal);
-        let play = super::super::joint::Play { travel_rad: 2e-3, leak: 0.0 };
+        let play = crate::joint::Play { travel_rad: 2e-3, leak: 0.0 };
         joint.play = Some(play);
-        let found = torque(&joint, &Condition::default(), &path, 0.0);
+        let found = torque(&joint, &Condition::default(), &path, 0.0, &mut 0.0);
         // The reversal is at 0.4 s. The backlash of 2 mrad is crossed after sqrt(2 x 2e-3 / 1) = 63 ms.
         assert!((found[400] - found[460]).abs() < 1e-9, "{} {}", found[400], found[460]);
         assert!(found[420] > 2.0 && found[500] < -2.0);

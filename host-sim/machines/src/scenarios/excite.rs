@@ -6,9 +6,9 @@
 //! effect is visible, as in a planned measurement.
 
 use super::hidden_cause::HiddenCause;
-use super::motion::{Motion, Speeds, Wave};
-use super::sampler::Sampler;
 use crate::friction::Seal;
+use crate::motion::{Motion, Speeds, Wave};
+use crate::sampler::Sampler;
 use std::f64::consts::TAU;
 
 /// Kinds of motion.

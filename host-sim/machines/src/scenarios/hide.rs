@@ -1,7 +1,6 @@
 //! The value of `--hide`: which effect is hidden, and its size.
 
 use super::hidden_cause::HiddenCause;
-use super::kind::Kind;
 
 /// A request to hide an effect, or none.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,59 +14,115 @@ pub struct Hide {
 /// Value for a scenario without a hidden effect.
 const NONE_NAME: &str = "none";
 
+/// Why effects cannot be hidden.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum HideError {
+    /// No cause has this name.
+    #[error("unknown cause, expected one of {NONE_NAME}, {}", HiddenCause::ALL.map(HiddenCause::name).join(", "))]
+    UnknownCause,
+    /// The cause has no size.
+    #[error("{name} takes no size")]
+    NoSize {
+        /// Name of the cause, or `none`.
+        name: String,
+    },
+    /// The size is no number, or outside the bounds of its effect.
+    #[error(
+        "expected a size from {} to {} {} ({} is no effect)",
+        effect.bounds().0, effect.bounds().1, effect.unit(), effect.neutral()
+    )]
+    Size {
+        /// The effect.
+        effect: HiddenCause,
+    },
+    /// A scenario hides no more than two effects.
+    #[error("--hide: found {count} causes, expected at most two")]
+    TooMany {
+        /// Number of requests.
+        count: usize,
+    },
+    /// The two effects of a scenario are equal, or one is `none`.
+    #[error("--hide: expected two different causes, and none only by itself")]
+    NotDifferent,
+    /// `none` stands beside an effect.
+    #[error("none: expected only by itself")]
+    NoneBesideEffect,
+    /// An effect is given twice.
+    #[error("{}: given twice", cause.name())]
+    GivenTwice {
+        /// The effect.
+        cause: HiddenCause,
+    },
+    /// A driven joint cannot have the effect.
+    #[error("{}: {reason}", cause.name())]
+    NotInPlant {
+        /// The effect.
+        cause: HiddenCause,
+        /// Why the plant does not have it.
+        reason: &'static str,
+    },
+    /// The family of friction has no Stribeck exponent.
+    #[error("stribeck-shape: friction of the family {family} has no Stribeck exponent")]
+    NoStribeckExponent {
+        /// Name of the family.
+        family: &'static str,
+    },
+}
+
+impl From<HideError> for String {
+    fn from(error: HideError) -> Self {
+        error.to_string()
+    }
+}
+
+impl From<HiddenCause> for Hide {
+    /// Hides an effect of a drawn size.
+    fn from(effect: HiddenCause) -> Self {
+        Self { effect: Some(effect), size: None }
+    }
+}
+
 impl Hide {
     /// Parses `CAUSE` or `CAUSE:SIZE`.
     ///
     /// # Errors
-    /// Returns a message with the expected values if the text is not valid.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    /// Returns an error with the expected values if the text is not valid.
+    pub fn parse(text: &str) -> Result<Self, HideError> {
         let (name, size) = match text.split_once(':') {
             Some((name, size)) => (name, Some(size)),
             None => (text, None),
         };
         let effect = HiddenCause::parse(name);
         if effect.is_none() && name != NONE_NAME {
-            let known: Vec<&str> = HiddenCause::ALL.iter().map(|effect| effect.name()).collect();
-            return Err(format!(
-                "unknown cause, expected one of {NONE_NAME}, {}",
-                known.join(", ")
-            ));
+            return Err(HideError::UnknownCause);
         }
         let Some(size) = size else { return Ok(Self { effect, size: None }) };
         let Some(effect) = effect.filter(|effect| *effect != HiddenCause::OutsideCatalogue) else {
-            return Err(format!("{name} takes no size"));
+            return Err(HideError::NoSize { name: name.to_owned() });
         };
         let (least, most) = effect.bounds();
         match size.parse::<f64>() {
             Ok(number) if (least..=most).contains(&number) => {
                 Ok(Self { effect: Some(effect), size: Some(number) })
             }
-            _ => Err(format!(
-                "expected a size from {least} to {most} {} ({} is no effect)",
-                effect.unit(),
-                effect.neutral()
-            )),
+            _ => Err(HideError::Size { effect }),
         }
     }
-}
 
-/// Returns the kind of scenario with these hidden effects.
-///
-/// # Errors
-/// Returns a message if there are more than two effects, or two equal ones.
-pub fn kind(hide: &[Hide]) -> Result<Kind, String> {
-    let kind = match *hide {
-        [Hide { effect: None, .. }] => Kind::None,
-        [Hide { effect: Some(effect), .. }] => Kind::One(effect),
-        [Hide { effect: Some(one), .. }, Hide { effect: Some(other), .. }] if one != other => {
-            Kind::Two(one, other)
+    /// Requires effects that a scenario can hide: none, one, or two different ones.
+    ///
+    /// # Errors
+    /// Returns an error if there are more than two effects, or two equal ones.
+    pub fn require_scenario(hide: &[Self]) -> Result<(), HideError> {
+        match *hide {
+            [_] => Ok(()),
+            [Hide { effect: Some(one), .. }, Hide { effect: Some(other), .. }] if one != other => {
+                Ok(())
+            }
+            [_, _] => Err(HideError::NotDifferent),
+            _ => Err(HideError::TooMany { count: hide.len() }),
         }
-        [_, _] => {
-            return Err("--hide: expected two different causes, and none only by itself".into());
-        }
-        _ => return Err(format!("--hide: found {} causes, expected at most two", hide.len())),
-    };
-    Ok(kind)
+    }
 }
 
 #[cfg(test)]
@@ -102,7 +157,7 @@ mod tests {
             ("torque-offset:inf", "from -10 to 10 Nm"),
             ("stribeck-shape:0", "from 0.3 to 8 1 (2 is no effect)"),
         ] {
-            let message = Hide::parse(text).unwrap_err();
+            let message = Hide::parse(text).unwrap_err().to_string();
             assert!(message.contains(word), "{text}: {message}");
         }
     }
@@ -140,27 +195,27 @@ mod tests {
                     assert!((least..=most).contains(&size), "{text:?}");
                 }
                 Ok(Hide { effect, size }) => assert_eq!(size, None, "{text:?} {effect:?}"),
-                Err(message) => assert!(!message.is_empty() && !message.contains('\n'), "{text:?}"),
+                Err(error) => assert_eq!(error.to_string().lines().count(), 1, "{text:?}"),
             }
         }
     }
 
     #[test]
-    fn kind_with_equal_or_more_than_two_causes_returns_error() {
-        let kind = |texts: &[&str]| {
-            kind(&texts.iter().map(|text| Hide::parse(text).unwrap()).collect::<Vec<_>>())
+    fn require_scenario_with_equal_or_more_than_two_causes_returns_error() {
+        let require = |texts: &[&str]| {
+            let hide: Vec<Hide> = texts.iter().map(|text| Hide::parse(text).unwrap()).collect();
+            Hide::require_scenario(&hide)
         };
-        assert_eq!(kind(&["none"]), Ok(Kind::None));
-        assert_eq!(kind(&["backlash"]), Ok(Kind::One(HiddenCause::Backlash)));
-        let both = Kind::Two(HiddenCause::Backlash, HiddenCause::TorqueOffset);
-        assert_eq!(kind(&["backlash", "torque-offset"]), Ok(both));
+        for texts in [&["none"][..], &["backlash"], &["backlash", "torque-offset"]] {
+            assert_eq!(require(texts), Ok(()), "{texts:?}");
+        }
         for texts in [
             &["none", "backlash"][..],
             &["backlash", "none"],
             &["backlash", "backlash"],
             &["backlash", "torque-offset", "time-drift"],
         ] {
-            assert!(kind(texts).is_err(), "{texts:?}");
+            assert!(require(texts).is_err(), "{texts:?}");
         }
     }
 }

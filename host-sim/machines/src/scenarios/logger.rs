@@ -1,10 +1,10 @@
 //! Creates the log of a campaign: the sensor readings of all columns.
 
-use super::sampler::Sampler;
 use super::sensors::{MICRO, NANO, rounded};
 use super::setting::{RunSetting, Setting};
-use super::surroundings::Condition;
+use crate::conditions::Condition;
 use crate::log::{Log, LoggedRun};
+use crate::sampler::Sampler;
 
 /// Encoder steps per radian: 21 bits per turn.
 const ENCODER_STEPS_PER_RAD: f64 = (1 << 21) as f64 / std::f64::consts::TAU;
@@ -26,7 +26,7 @@ const OPTIONAL: [&str; 6] = [
 ];
 
 /// Returns the log of all runs. `torques` are the true torques, to which sensor noise is added.
-pub(super) fn log(setting: &Setting, torques: &[Vec<f64>], noise_nm: f64) -> Log {
+pub(crate) fn log(setting: &Setting, torques: &[Vec<f64>], noise_nm: f64) -> Log {
     let runs = setting
         .runs
         .iter()

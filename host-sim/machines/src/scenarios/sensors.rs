@@ -3,13 +3,13 @@
 //! Values are rounded to the resolution of the file, so that a log in memory equals the one read back
 //! from `data.csv`.
 
-use super::motion::Motion;
-use super::sampler::Sampler;
+use crate::motion::Motion;
+use crate::sampler::Sampler;
 use std::ops::Range;
 
-/// Sensor properties of a campaign.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sensors {
+/// Sensor properties of a campaign. By default, the sensors are exact.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Sensors {
     /// Maximum jitter of a sample time, in sample periods.
     pub jitter: f64,
     /// True if packets are lost in some runs.

@@ -1,14 +1,14 @@
 //! A campaign without hidden effects: seal, runs, conditions and sensors.
 
-use super::dynamics::{Path, torque, torque_with_heat};
+use super::dynamics::{self, Path};
 use super::excite::{Drive, draw_motions};
 use super::hidden_cause::HiddenCause;
-use super::joint::Joint;
-use super::motion::Motion;
-use super::sampler::Sampler;
 use super::sensors::{LossLimits, Sensors};
-use super::surroundings::{Condition, Extra, Signal};
+use crate::conditions::{Condition, Extra, Signal};
 use crate::friction::Seal;
+use crate::joint::Joint;
+use crate::motion::Motion;
+use crate::sampler::Sampler;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -32,10 +32,12 @@ pub struct Options {
 
 /// A planned run before its simulation.
 #[derive(Clone, Debug)]
-pub(super) struct RunSetting {
+pub struct RunSetting {
+    /// Motion of the shaft.
     pub motion: Motion,
     /// Angle of the shaft at the start, rad.
     pub start_angle: f64,
+    /// Operating conditions.
     pub condition: Condition,
     /// Sample times, s from the start.
     pub times: Vec<f64>,
@@ -47,14 +49,18 @@ pub(super) struct RunSetting {
 
 /// A campaign without hidden effects.
 #[derive(Clone, Debug)]
-pub(super) struct Setting {
+pub struct Setting {
+    /// The seal without effects.
     pub seal: Seal,
+    /// Sample rate, Hz.
     pub rate_hz: f64,
+    /// Length of each run, s.
     pub seconds: f64,
+    /// The runs, in the order of time.
     pub runs: Vec<RunSetting>,
     /// The optional columns of the log.
     pub columns: Vec<&'static str>,
-    pub sensors: Sensors,
+    pub(super) sensors: Sensors,
     /// Time from the start of the first run to the end of the last, s.
     pub campaign_s: f64,
     /// Maximum speed of all runs, rad/s.
@@ -71,7 +77,7 @@ const MAX_STEP_S: f64 = 1e-4;
 const ROWS: (f64, f64) = (9_000.0, 38_000.0);
 
 /// Covariates of the data contract.
-pub(super) const COVARIATES: [&str; 4] =
+const COVARIATES: [&str; 4] =
     ["radial_force_n", "pressure_diff_pa", "temperature_c", "load_torque_nm"];
 
 /// Size of a campaign.
@@ -241,7 +247,7 @@ fn largest_correlation(conditions: &[Condition]) -> f64 {
 }
 
 /// Returns the correlation of two series of equal length. It is 0 if one of them is constant.
-pub(super) fn correlation(one: &[f64], other: &[f64]) -> f64 {
+pub fn correlation(one: &[f64], other: &[f64]) -> f64 {
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (mean_a, mean_b) = (mean(one), mean(other));
     let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
@@ -317,11 +323,18 @@ impl Setting {
                 RunSetting { motion, start_angle, condition, times, held, seed: sampler.seed() }
             })
             .collect();
-        let peaks = runs.iter().map(|run| run.motion.peak(size.seconds));
-        let top_rad_s = peaks.fold(0.0, f64::max);
-        let campaign_s = runs.last().map_or(0.0, |run| run.condition.start_s + size.seconds);
         let finer = f64::from(options.finer.max(1));
-        let Size { rate_hz, seconds, .. } = size;
+        let setting = Self::planned(seal, size.rate_hz, size.seconds, runs);
+        Self { columns, sensors, finer, ..setting }
+    }
+
+    /// Returns a campaign of these runs, with exact sensors and without optional columns.
+    pub fn planned(seal: Seal, rate_hz: f64, seconds: f64, runs: Vec<RunSetting>) -> Self {
+        let peaks = runs.iter().map(|run| run.motion.peak(seconds));
+        let top_rad_s = peaks.fold(0.0, f64::max);
+        let campaign_s = runs.last().map_or(0.0, |run| run.condition.start_s + seconds);
+        let (columns, sensors) = (Vec::new(), Sensors::default());
+        let plain_paths = OnceLock::new();
         Self {
             seal,
             rate_hz,
@@ -331,8 +344,8 @@ impl Setting {
             sensors,
             campaign_s,
             top_rad_s,
-            finer,
-            plain_paths: OnceLock::new(),
+            finer: 1.0,
+            plain_paths,
         }
     }
 
@@ -351,45 +364,47 @@ impl Setting {
         names.filter(|name| self.columns.contains(name))
     }
 
-    /// Creates the integration points of all runs for this joint.
-    fn paths(&self, joint: &Joint) -> Vec<Path> {
-        let path = |run: &RunSetting| {
-            let longest_s = MAX_STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
-            let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
-            Path::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
-        };
-        self.runs.par_iter().map(path).collect()
+    /// Creates the integration points of a run for this joint.
+    fn path(&self, joint: &Joint, run: &RunSetting) -> Path {
+        let longest_s = MAX_STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
+        let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
+        Path::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
+    }
+
+    /// Returns the true torque of each row of a run, Nm. Its integration points are not kept.
+    pub fn torque_of_run(&self, joint: &Joint, run: &RunSetting) -> Vec<f64> {
+        torque(joint, run, &self.path(joint, run), &mut 0.0)
     }
 
     /// Returns the true torque of each row of each run, Nm.
     pub fn torques(&self, joint: &Joint) -> Vec<Vec<f64>> {
-        let own: Vec<Path>;
-        let needs_own_paths =
-            joint.delay_s != 0.0 || joint.longest_step_s(self.top_rad_s) < MAX_STEP_S;
-        let paths = if needs_own_paths {
-            own = self.paths(joint);
-            &own
+        let paths = || self.runs.par_iter().map(|run| self.path(joint, run)).collect();
+        let special: Vec<Path>;
+        let is_special = joint.delay_s != 0.0 || joint.longest_step_s(self.top_rad_s) < MAX_STEP_S;
+        let paths = if is_special {
+            special = paths();
+            &special
         } else {
-            self.plain_paths.get_or_init(|| self.paths(joint))
-        };
-        let torques = |(run, path): (&RunSetting, &Path)| {
-            let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
-            torque(joint, &run.condition, path, held_rad)
+            self.plain_paths.get_or_init(paths)
         };
         let Some(warming) = joint.warming else {
-            return self.runs.par_iter().zip(paths).map(torques).collect();
+            let runs = self.runs.par_iter().zip(paths);
+            return runs.map(|(run, path)| torque(joint, run, path, &mut 0.0)).collect();
         };
         // The heat is carried from run to run and decays in the pauses.
         let (mut heat_j, mut until_s) = (0.0, 0.0);
         let warm = |(run, path): (&RunSetting, &Path)| {
-            let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
             let start_s = run.condition.start_s;
             heat_j *= (-(start_s - until_s) / warming.cooling_s).exp();
             until_s = start_s + self.seconds;
-            let (torques, left) = torque_with_heat(joint, &run.condition, path, held_rad, heat_j);
-            heat_j = left;
-            torques
+            torque(joint, run, path, &mut heat_j)
         };
         self.runs.iter().zip(paths).map(warm).collect()
     }
+}
+
+/// Returns the torque of each row of a run, Nm, and updates the friction heat, J.
+fn torque(joint: &Joint, run: &RunSetting, path: &Path, heat_j: &mut f64) -> Vec<f64> {
+    let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
+    dynamics::torque(joint, &run.condition, path, held_rad, heat_j)
 }

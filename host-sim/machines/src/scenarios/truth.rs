@@ -1,6 +1,5 @@
 //! Ground truth of a scenario, and its JSON form.
 
-use super::kind::Kind;
 use crate::friction::Seal;
 use serde_json::{Map, Value, json};
 
@@ -41,8 +40,8 @@ pub struct Decoy {
 pub struct ScenarioTruth {
     /// Seed of the scenario.
     pub seed: u64,
-    /// Kind of the scenario.
-    pub kind: Kind,
+    /// Kind of the scenario, in one word.
+    pub kind: &'static str,
     /// Hidden effects, strongest first. Empty if there are none.
     pub hidden: Vec<Hidden>,
     /// Causes that explain these data exactly as well as the true one.
@@ -95,7 +94,7 @@ impl ScenarioTruth {
             "origin": "simulated",
             "scenario": "underwater-joint",
             "seed": self.seed,
-            "kind": self.kind.name(),
+            "kind": self.kind,
             "description": self.description,
             "cause": self.cause(),
             "hidden": hidden,

@@ -11,7 +11,7 @@ use crate::joint_plant::bench::{Amount, COLUMNS as BENCH_COLUMNS, Campaigns};
 use crate::joint_plant::load::{JUMP_FROM_RAD, LIFT_FROM_RAD};
 use crate::joint_plant::{Bench, JointPlant, Load, Parameters};
 use crate::log::{Log, LoggedRun};
-use crate::simulation::{Request, Simulated, Simulation};
+use crate::simulation::{Request, Simulated, Simulation, SimulationError};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -72,7 +72,7 @@ impl Simulation for VelocityTracking {
         "Pool test: 65 to 95 rpm against a propeller, the whole drive torque"
     }
 
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         let velocity = |t: f64| {
             let rpm = 80.0 + 15.0 * (TAU * t / 5.0).sin();
             rpm * TAU / 60.0 * (t / 0.5).min(1.0)
@@ -91,7 +91,7 @@ impl Simulation for LowSpeed {
         "Pool test: 6.6 rpm, lifting 2 kg and letting it down, the whole drive torque"
     }
 
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         let velocity = |t: f64| {
             let speed = 6.6 * TAU / 60.0;
             let stroke = -2.0 * LIFT_FROM_RAD / speed;
@@ -111,7 +111,7 @@ impl Simulation for Impact {
         "Pool test: a leg that jumps with its platform and lands, the whole drive torque"
     }
 
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         // Up by 1.2 rad in 0.3 s, then slowly down. One jump every two seconds.
         let velocity = |t: f64| {
             let now = t % 2.0;
@@ -128,16 +128,17 @@ impl Simulation for Impact {
 
 impl Test {
     /// Simulates all runs of the test.
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         check_request(request)?;
         let rate_hz = request.rate_hz.unwrap_or(500.0);
         let every = (1.0 / (rate_hz * LOOP_S)).round();
         if !(every >= 1.0 && (every * rate_hz * LOOP_S - 1.0).abs() < 1e-6) {
-            return Err(format!("--rate {rate_hz}: expected 1000 Hz divided by an integer"));
+            let expected = "1000 Hz divided by an integer".to_owned();
+            return Err(SimulationError::Value { option: "--rate", found: rate_hz, expected });
         }
         let (runs, seconds) = (request.runs.unwrap_or(6), request.seconds.unwrap_or(self.seconds));
         if runs as f64 * seconds * rate_hz > MAX_ROWS {
-            return Err(format!("--runs x --seconds x --rate: more than {MAX_ROWS} rows"));
+            return Err(SimulationError::TooManyRows { most: MAX_ROWS });
         }
         let p = Parameters::default();
         let noise_a = request.noise_nm.unwrap_or(p.current_noise_a);
@@ -214,14 +215,16 @@ impl Simulation for JointBench {
         "Bench runs of the joint of the pool tests: unloaded, factorial, and the paper's eight kinds"
     }
 
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         check_request(request)?;
         if request.runs.is_some() || request.rate_hz.is_some() {
-            return Err("--runs, --rate: the bench has its own runs at 250 Hz".into());
+            let options = "--runs, --rate: the bench has its own runs at 250 Hz";
+            return Err(SimulationError::Unsupported { options });
         }
         let seconds = request.seconds.unwrap_or(6.0);
         if !(0.5..=60.0).contains(&seconds) {
-            return Err(format!("--seconds {seconds}: expected 0.5 to 60"));
+            let expected = "0.5 to 60".to_owned();
+            return Err(SimulationError::Value { option: "--seconds", found: seconds, expected });
         }
         let mut parameters = Parameters::default();
         parameters.torque_noise_nm = request.noise_nm.unwrap_or(parameters.torque_noise_nm);
@@ -237,14 +240,15 @@ impl Simulation for JointBench {
 }
 
 /// Returns an error for options that these tests do not support.
-fn check_request(request: &Request) -> Result<(), String> {
+fn check_request(request: &Request) -> Result<(), SimulationError> {
     if !request.hide.is_empty() {
-        return Err(
-            "--hide: this machine has its own effects; use --hide with `underwater-joint`".into()
-        );
+        let options =
+            "--hide: this machine has its own effects; use --hide with `underwater-joint`";
+        return Err(SimulationError::Unsupported { options });
     }
     if request.unloaded || request.steady {
-        return Err("--unloaded, --steady: only supported by `underwater-joint`".into());
+        let options = "--unloaded, --steady: only supported by `underwater-joint`";
+        return Err(SimulationError::Unsupported { options });
     }
     Ok(())
 }
@@ -302,10 +306,10 @@ mod tests {
     #[test]
     fn simulate_with_unsupported_option_returns_error() {
         let rate = Request { rate_hz: Some(300.0), ..Request::default() };
-        assert!(Impact.simulate(&rate).unwrap_err().contains("1000 Hz"));
+        assert!(Impact.simulate(&rate).unwrap_err().to_string().contains("1000 Hz"));
         let unloaded = Request { unloaded: true, ..Request::default() };
-        assert!(JointBench.simulate(&unloaded).unwrap_err().contains("--unloaded"));
+        assert!(JointBench.simulate(&unloaded).unwrap_err().to_string().contains("--unloaded"));
         let runs = Request { runs: Some(3), ..Request::default() };
-        assert!(JointBench.simulate(&runs).unwrap_err().contains("250 Hz"));
+        assert!(JointBench.simulate(&runs).unwrap_err().to_string().contains("250 Hz"));
     }
 }

@@ -1,7 +1,7 @@
 //! Simulation of the underwater joint: as in the paper, or with hidden effects.
 
-use crate::scenarios::{self, Hidden, Options, ScenarioTruth};
-use crate::simulation::{Request, Simulated, Simulation};
+use crate::scenarios::{self, Hidden, Hide, Options, ScenarioTruth};
+use crate::simulation::{Request, Simulated, Simulation, SimulationError};
 use crate::underwater_joint::{Recording, record};
 
 /// The joint of Ding et al. on its test stand.
@@ -19,7 +19,7 @@ impl Simulation for UnderwaterJoint {
         "The joint of Ding et al. on its test stand: speeds, side loads and pressures"
     }
 
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         if request.hide.is_empty() { plain(request) } else { hidden(request) }
     }
 }
@@ -28,7 +28,7 @@ impl Simulation for UnderwaterJoint {
 const MAX_ROWS: f64 = 1e8;
 
 /// Simulates the joint with load and pressure as in the paper.
-fn plain(request: &Request) -> Result<Simulated, String> {
+fn plain(request: &Request) -> Result<Simulated, SimulationError> {
     let default = Recording::default();
     let how = Recording {
         runs: request.runs.unwrap_or(default.runs),
@@ -39,10 +39,15 @@ fn plain(request: &Request) -> Result<Simulated, String> {
         steady: request.steady,
     };
     if how.seconds * how.rate_hz * how.runs as f64 > MAX_ROWS {
-        return Err("--runs x --seconds x --rate: more than 1e8 rows".into());
+        return Err(SimulationError::TooManyRows { most: MAX_ROWS });
     }
     let truth = record(request.seed, how);
-    Ok(Simulated { csv: truth.csv(), truth: truth.json(), log: truth.log(), hidden: Vec::new() })
+    Ok(Simulated {
+        csv: truth.csv(),
+        truth: truth.json(),
+        log: truth.log().clone(),
+        hidden: Vec::new(),
+    })
 }
 
 /// Maximum duration, s, and number of rows with hidden effects. All integration steps are kept in memory.
@@ -50,8 +55,8 @@ const MAX_SECONDS_HIDDEN: f64 = 2000.0;
 const MAX_ROWS_HIDDEN: f64 = 5e6;
 
 /// Simulates a joint with hidden effects.
-fn hidden(request: &Request) -> Result<Simulated, String> {
-    let kind = scenarios::kind(&request.hide)?;
+fn hidden(request: &Request) -> Result<Simulated, SimulationError> {
+    Hide::require_scenario(&request.hide)?;
     let options = Options {
         runs: request.runs,
         seconds: request.seconds,
@@ -65,15 +70,12 @@ fn hidden(request: &Request) -> Result<Simulated, String> {
         (runs, seconds) => (runs.unwrap_or(6.0) * seconds.unwrap_or(1.0)).max(170.0),
     };
     if seconds > MAX_SECONDS_HIDDEN {
-        return Err(format!("--runs x --seconds: more than {MAX_SECONDS_HIDDEN} s with --hide"));
+        return Err(SimulationError::TooLong { most_s: MAX_SECONDS_HIDDEN });
     }
     if seconds * request.rate_hz.unwrap_or(2000.0) > MAX_ROWS_HIDDEN {
-        return Err(format!(
-            "--runs x --seconds x --rate: more than {MAX_ROWS_HIDDEN} rows with --hide"
-        ));
+        return Err(SimulationError::TooManyRowsWithHide { most: MAX_ROWS_HIDDEN });
     }
-    let sizes: Vec<Option<f64>> = request.hide.iter().map(|hide| hide.size).collect();
-    let scenario = scenarios::draw_with(kind, &sizes, request.seed, &options);
+    let scenario = scenarios::draw_with(&request.hide, request.seed, &options);
     Ok(Simulated {
         csv: scenario.log.csv(),
         truth: scenario.truth.json(),

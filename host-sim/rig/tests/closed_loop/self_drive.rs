@@ -9,8 +9,8 @@ use super::table::{ScenarioRow, check, row};
 use super::velocity::drive;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
+use simulated_machines::joint;
 use simulated_machines::joint_plant::JointPlant;
-use simulated_machines::joint_plant::effects::OutputTorque;
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
@@ -86,7 +86,7 @@ pub fn rows() -> &'static [ScenarioRow] {
 
 /// A torque from outside, Nm, in the direction of positive motion.
 pub fn set_outside(plant: &mut JointPlant, torque_nm: f64) {
-    plant.hide(OutputTorque { offset_nm: -torque_nm, ..OutputTorque::default() });
+    plant.hide(joint::Joint { offset_nm: -torque_nm, ..joint::Joint::default() });
 }
 
 /// A drag of the water plants, which opposes motion, Nm.

@@ -5,7 +5,7 @@ use crate::is_long;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_grading::gear_play::{PlayCase, TOLERANCE, cases, log};
 use joint_log::{SplitRule, split};
-use simulated_machines::two_sided_joint::{GearFault, draw};
+use unkind_worlds::two_sided_joint::{GearFault, draw};
 
 /// First seed of the joints; neither that of the calibration nor that of the grades.
 const SEED: u64 = 70_000;
@@ -14,8 +14,8 @@ const SEED: u64 = 70_000;
 const FINDABLE: [f64; 2] = [2.0, 10.0];
 
 fn is_findable(case: &&PlayCase) -> bool {
-    let play = case.joint.play_rad;
-    let torsion = 2.0 * case.joint.frictions[1].coulomb_nm / case.joint.stiffness_nm;
+    let play = case.joint.gear.play_rad;
+    let torsion = 2.0 * case.joint.frictions[1].coulomb_nm / case.joint.gear.stiffness_nm_per_rad;
     case.fault == GearFault::Play
         && case.found.is_some()
         && play > FINDABLE[0] * torsion
@@ -28,7 +28,7 @@ fn two_positions_of_drawn_joints_show_play_and_nothing_else_as_play() {
     let findable: Vec<&PlayCase> = cases.iter().filter(is_findable).collect();
     let found: Vec<f64> = findable
         .iter()
-        .filter_map(|case| Some(case.named()?.play.value / case.joint.play_rad))
+        .filter_map(|case| Some(case.named()?.play.value / case.joint.gear.play_rad))
         .collect();
     let share = found.len() as f64 / findable.len() as f64;
     assert!(findable.len() > cases.len() / 6 && share > 0.75, "{share} of {}", findable.len());
@@ -56,7 +56,7 @@ fn diagnose_with_position_beyond_the_gear_names_its_play_with_its_column() {
     let found = diagnosed(GearFault::Play, seed);
     let backlash = found.findings.iter().find(|own| own.cause.name() == "backlash");
     let backlash = backlash.expect("play");
-    let play = draw(GearFault::Play, seed).play_rad;
+    let play = draw(GearFault::Play, seed).gear.play_rad;
     assert_eq!(backlash.columns, ["joint_position_rad"]);
     assert!(
         (backlash.size.value / play - 1.0).abs() < TOLERANCE,

@@ -1,6 +1,6 @@
 //! Grades the diagnosis on simulated scenarios with hidden effects.
 //!
-//! `simulated_machines::scenarios` draws the scenarios with its own equations and integrator. The diagnosis receives the
+//! `unkind_worlds::planned` draws the scenarios with its own equations and integrator. The diagnosis receives the
 //! log only. Every test run grades a part of one round, and `LONG_TESTS=1` grades all rounds. The following command regenerates the table `lab/grading/graded/scenarios.tsv`:
 //!
 //! ```text
@@ -12,10 +12,10 @@
 
 use friction_grading::{GRADING_SEED, Grade, grade_benchmark, grade_scenario};
 use rayon::prelude::*;
-use simulated_machines::scenarios::{Kind, benchmark};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use unkind_worlds::planned::{Kind, benchmark};
 
 /// Number of rounds of 35 scenarios in the table.
 const ROUNDS: usize = 6;

@@ -10,6 +10,7 @@ mod hidden_effects;
 mod message;
 mod planted;
 mod recovery;
+mod scenarios;
 #[path = "../../../../tests/snapshot.rs"]
 mod snapshot;
 

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::json;
 use simulated_machines::{Log, LoggedRun};
-use simulated_machines::{Request, Simulated, Simulation};
+use simulated_machines::{Request, Simulated, Simulation, SimulationError};
 use std::f64::consts::TAU;
 
 /// The damper of the second paper on its test stand.
@@ -61,24 +61,31 @@ impl Simulation for Damper {
         "A banded rotary friction damper: six tensions at four frequencies, and wind"
     }
 
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         if !request.hide.is_empty() || request.unloaded || request.steady {
-            return Err(
-                "damper: --hide, --unloaded and --steady are for the underwater joint".into()
-            );
+            let options = "damper: --hide, --unloaded and --steady are for the underwater joint";
+            return Err(SimulationError::Unsupported { options });
         }
         if request.noise_nm.is_some() {
-            return Err("damper: --noise is for the underwater joint".into());
+            let options = "damper: --noise is for the underwater joint";
+            return Err(SimulationError::Unsupported { options });
         }
         let rate_hz = request.rate_hz.unwrap_or(RATE_HZ);
         if rate_hz > MAX_RATE_HZ {
-            return Err(format!("damper: --rate {rate_hz}: expected at most {MAX_RATE_HZ}"));
+            let expected = format!("at most {MAX_RATE_HZ}");
+            return Err(SimulationError::Value {
+                option: "damper: --rate",
+                found: rate_hz,
+                expected,
+            });
         }
         let damper = BandedDamper::draw(request.seed);
         let mut tests = tests(request.seed);
         let count = request.runs.unwrap_or(tests.len());
         if count > tests.len() {
-            return Err(format!("damper: --runs {count}: expected at most {}", tests.len()));
+            let expected = format!("at most {}", tests.len());
+            let found = count as f64;
+            return Err(SimulationError::Value { option: "damper: --runs", found, expected });
         }
         tests.truncate(count);
         let mut log = Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: Vec::new() };
@@ -184,7 +191,7 @@ mod damper_tests {
 
     #[test]
     fn simulate_with_unsupported_option_returns_error() {
-        let error_of = |request: Request| Damper.simulate(&request).unwrap_err();
+        let error_of = |request: Request| Damper.simulate(&request).unwrap_err().to_string();
         assert!(error_of(Request { steady: true, ..Request::default() }).contains("--steady"));
         assert!(error_of(Request { runs: Some(30), ..Request::default() }).contains("at most 29"));
         assert!(error_of(Request { rate_hz: Some(1e5), ..Request::default() }).contains("2048"));

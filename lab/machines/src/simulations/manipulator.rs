@@ -3,7 +3,7 @@
 use crate::manipulator::course::{FILLED_PA, SECONDS};
 use crate::manipulator::{Campaign, Recording, campaign, friction, rigid_body};
 use serde_json::{Value, json};
-use simulated_machines::{Request, Simulated, Simulation};
+use simulated_machines::{Request, Simulated, Simulation, SimulationError};
 use std::fmt::Write;
 
 /// The arm with three joints and fluidic muscles: the course of the paper, and others for validation.
@@ -24,9 +24,10 @@ impl Simulation for Manipulator {
         "An arm of three joints on fluidic muscles, all joints in one log, ten repeats averaged"
     }
 
-    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
         if request.unloaded || request.steady || !request.hide.is_empty() {
-            return Err("manipulator: --unloaded, --steady and --hide are not supported".into());
+            let options = "manipulator: --unloaded, --steady and --hide are not supported";
+            return Err(SimulationError::Unsupported { options });
         }
         let default = Recording::default();
         let how = Recording {
@@ -37,7 +38,7 @@ impl Simulation for Manipulator {
         };
         let runs = request.runs.unwrap_or(DEFAULT_RUNS);
         if how.seconds * how.rate_hz * runs as f64 > MAX_ROWS {
-            return Err(format!("--runs x --seconds x --rate: more than {MAX_ROWS} rows"));
+            return Err(SimulationError::TooManyRows { most: MAX_ROWS });
         }
         let campaign = campaign(request.seed, runs.saturating_sub(1), &how);
         let log = campaign.log();

@@ -1,11 +1,13 @@
 //! The effects that a drawn joint can hide: which, how large, and the surroundings that show them.
 
 use super::DrawnJoint;
+use crate::effects::Wave;
 use crate::joint_plant::contact::FrictionFamily;
-use crate::joint_plant::effects::{Ageing, Drift, LevelEffects, OutputTorque, Warming, Wave};
+use crate::joint_plant::effects::DRIFT_S;
 use crate::joint_plant::surroundings::Course;
-use crate::scenarios::sampler::Sampler;
-use crate::scenarios::{HiddenCause, Hide};
+use crate::sampler::Sampler;
+use crate::scenarios::drawn_cause::DrawnCause;
+use crate::scenarios::{HiddenCause, Hide, HideError};
 use std::f64::consts::TAU;
 
 /// Effect of a drawn size, per friction level.
@@ -29,43 +31,21 @@ const WAVE_HZ: (f64, f64) = (0.5, 1.5);
 const TIDE_S: (f64, f64) = (100.0, 300.0);
 const STEP_AT_S: (f64, f64) = (40.0, 150.0);
 
-/// Duration of a drift, s: about that of a session.
-const DRIFT_S: f64 = 480.0;
-
 /// Orders of a ripple, periods per turn: several within the usual range of motion, and not faster than presliding.
 const RIPPLE_ORDERS: (f64, f64) = (6.0, 60.0);
 
 /// Rest at which an ageing contact has its drawn size, s.
 const USUAL_REST_S: f64 = 5.0;
 
-/// A hidden effect with all drawn properties.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HiddenEffect {
-    /// Cause of the effect.
-    pub cause: HiddenCause,
-    /// Size, in the unit of the cause.
-    pub size: f64,
-    /// Order of a ripple, periods per turn.
-    pub order: f64,
-    /// Phase of a ripple or an imbalance at angle 0, rad.
-    pub phase_rad: f64,
-    /// Share of the second harmonic of a torque ripple, relative to the first order.
-    pub harmonic_share: f64,
-    /// Onset, s, and forgetting travel, rad, of the ageing contact.
-    pub ageing: [f64; 2],
-    /// Heat scale, J, and cooling time, s, of the warm-up.
-    pub warming: [f64; 2],
-}
-
 /// Returns the requested causes with their sizes.
-pub(super) fn requested(hide: &[Hide]) -> Result<Vec<(HiddenCause, Option<f64>)>, String> {
+pub(super) fn requested(hide: &[Hide]) -> Result<Vec<(HiddenCause, Option<f64>)>, HideError> {
     let effects: Vec<_> = hide.iter().filter_map(|hide| Some((hide.effect?, hide.size))).collect();
     if effects.len() < hide.len() && hide.len() > 1 {
-        return Err("none: expected only by itself".to_owned());
+        return Err(HideError::NoneBesideEffect);
     }
     for (at, (cause, _)) in effects.iter().enumerate() {
         if effects[..at].iter().any(|(earlier, _)| earlier == cause) {
-            return Err(format!("{}: given twice", cause.name()));
+            return Err(HideError::GivenTwice { cause: *cause });
         }
         let reason = match cause {
             HiddenCause::ChannelDelay => "a simulated joint has no delay between its own channels",
@@ -73,7 +53,7 @@ pub(super) fn requested(hide: &[Hide]) -> Result<Vec<(HiddenCause, Option<f64>)>
             HiddenCause::OutsideCatalogue => "a simulated joint has only effects of the catalogue",
             _ => continue,
         };
-        return Err(format!("{}: {reason}", cause.name()));
+        return Err(HideError::NotInPlant { cause: *cause, reason });
     }
     Ok(effects)
 }
@@ -83,131 +63,89 @@ pub(super) fn family(
     effects: &[(HiddenCause, Option<f64>)],
     requested: Option<FrictionFamily>,
     drawn: FrictionFamily,
-) -> Result<FrictionFamily, String> {
+) -> Result<FrictionFamily, HideError> {
     let has_shape = effects.iter().any(|(cause, _)| *cause == HiddenCause::StribeckShape);
     match requested {
-        Some(family) if has_shape && family != FrictionFamily::MaxwellSlip => Err(format!(
-            "{}: friction of the family {} has no Stribeck exponent",
-            HiddenCause::StribeckShape.name(),
-            family.name()
-        )),
+        Some(family) if has_shape && family != FrictionFamily::MaxwellSlip => {
+            Err(HideError::NoStribeckExponent { family: family.name() })
+        }
         Some(family) => Ok(family),
         None if has_shape => Ok(FrictionFamily::MaxwellSlip),
         None => Ok(drawn),
     }
 }
 
-impl HiddenEffect {
-    /// Draws an effect for a joint. Without a size, it is drawn so that it is visible.
-    pub(super) fn draw(
-        sampler: &mut Sampler,
-        cause: HiddenCause,
-        size: Option<f64>,
-        joint: &DrawnJoint,
-    ) -> Result<Self, String> {
-        let order = sampler.log_between(RIPPLE_ORDERS.0, RIPPLE_ORDERS.1).round();
-        let mut effect = Self {
-            cause,
-            size: 0.0,
-            order,
-            phase_rad: sampler.between(0.0, TAU),
-            harmonic_share: sampler.between(0.2, 0.6),
-            ageing: [sampler.log_between(0.02, 0.5), sampler.log_between(5e-3, 2e-2)],
-            warming: [sampler.log_between(10.0, 60.0), sampler.log_between(120.0, 900.0)],
-        };
-        let (least, most) = cause.bounds();
-        let drawn = effect.visible_size(sampler, joint).clamp(least, most);
-        effect.size = size.unwrap_or(drawn);
-        if cause == HiddenCause::UnmodelledInertia && effect.size < 0.0 {
-            return Err(
-                "unmodelled-inertia: expected at least 0 kg m^2 at a simulated joint".into()
-            );
-        }
-        Ok(effect)
+/// Draws an effect for a joint. Without a size, it is drawn so that it is visible.
+pub(super) fn draw(
+    sampler: &mut Sampler,
+    cause: HiddenCause,
+    size: Option<f64>,
+    joint: &DrawnJoint,
+) -> Result<DrawnCause, HideError> {
+    let order = sampler.log_between(RIPPLE_ORDERS.0, RIPPLE_ORDERS.1).round();
+    let phase = sampler.between(0.0, TAU);
+    let harmonic = Wave { size: sampler.between(0.2, 0.6), order: 2.0 * order, phase };
+    let mut effect = DrawnCause {
+        order,
+        phase,
+        harmonics: vec![harmonic],
+        onset_s: sampler.log_between(0.02, 0.5),
+        forgetting_rad: sampler.log_between(5e-3, 2e-2),
+        warming: (sampler.log_between(10.0, 60.0), sampler.log_between(120.0, 900.0)),
+        campaign_s: DRIFT_S,
+        ..DrawnCause::of(cause)
+    };
+    let (least, most) = cause.bounds();
+    let drawn = visible_size(&effect, sampler, joint).clamp(least, most);
+    effect.size = size.unwrap_or(drawn);
+    if cause == HiddenCause::UnmodelledInertia && effect.size < 0.0 {
+        let reason = "expected at least 0 kg m^2 at a simulated joint";
+        return Err(HideError::NotInPlant { cause, reason });
     }
+    Ok(effect)
+}
 
-    /// Draws a size whose effect is a share of the friction level.
-    fn visible_size(&self, sampler: &mut Sampler, joint: &DrawnJoint) -> f64 {
-        let share = sampler.between(VISIBLE_SHARE.0, VISIBLE_SHARE.1);
-        let sign = sampler.sign();
-        let torque_nm = share * joint.friction_nm;
-        match self.cause {
-            HiddenCause::RadialForceCoulomb => torque_nm / SIDE_LOAD_N[2],
-            HiddenCause::RadialForceRate => {
-                let travel = joint.friction_nm / joint.constants.presliding_stiffness_nm_per_rad;
-                // A wave shears the contact beyond presliding, or the motion of the joint would not show it.
-                3.0 * share * travel / WAVE_N
-            }
-            HiddenCause::PressureCoulomb => torque_nm / PRESSURE_PA[2],
-            // The viscous torque at the usual speed changes by this share of the level over the swing.
-            HiddenCause::TemperatureViscous => {
-                2.0 * (share / (2.0 * VISCOUS_SHARE)).asinh() / WATER_C[2]
-            }
-            HiddenCause::TemperatureCoulomb => 2.0 * (0.5 * share).asinh() / WATER_C[2],
-            HiddenCause::DirectionAsymmetry => 0.7 * share * sign,
-            HiddenCause::TorqueOffset => torque_nm * sign,
-            HiddenCause::QuadraticDrag => torque_nm / (USUAL_SPEED_RAD_S * USUAL_SPEED_RAD_S),
-            HiddenCause::DwellTimeStatic => torque_nm / (USUAL_REST_S / self.ageing[0]).ln_1p(),
-            HiddenCause::TimeDrift => share * sign,
-            HiddenCause::UnmodelledInertia => {
-                // At least half of the known inertia: below, the velocity loop corrects it.
-                let known = joint.known.inertia_kg_m2;
-                (torque_nm / USUAL_ACCELERATION_RAD_S2).max((0.4 + share) * known)
-            }
-            HiddenCause::Backlash => 0.02 * share,
-            HiddenCause::StribeckShape if sign > 0.0 => 0.5 + 0.5 * share,
-            HiddenCause::StribeckShape => 3.0 + 4.0 * share,
-            HiddenCause::TorqueRipple => 0.7 * torque_nm,
-            HiddenCause::GravityImbalance => torque_nm,
-            // Relative to the level.
-            _ => share,
+/// Draws a size whose effect is a share of the friction level.
+fn visible_size(effect: &DrawnCause, sampler: &mut Sampler, joint: &DrawnJoint) -> f64 {
+    let share = sampler.between(VISIBLE_SHARE.0, VISIBLE_SHARE.1);
+    let sign = sampler.sign();
+    let torque_nm = share * joint.friction_nm;
+    match effect.effect {
+        HiddenCause::RadialForceCoulomb => torque_nm / SIDE_LOAD_N[2],
+        HiddenCause::RadialForceRate => {
+            let travel = joint.friction_nm / joint.constants.presliding_stiffness_nm_per_rad;
+            // A wave shears the contact beyond presliding, or the motion of the joint would not show it.
+            3.0 * share * travel / WAVE_N
         }
-    }
-
-    /// Returns the viscous friction of a joint whose viscosity falls with the temperature, Nm s/rad.
-    pub(super) fn viscous_nm_s_per_rad(&self, friction_nm: f64) -> f64 {
-        VISCOUS_SHARE * friction_nm / USUAL_SPEED_RAD_S
-    }
-
-    /// Adds the effect to those of the seal or to the torques at the output.
-    pub(super) fn apply(&self, level: &mut LevelEffects, torque: &mut OutputTorque) {
-        let size = self.size;
-        let wave = |size, order| Wave { size, order, phase_rad: self.phase_rad };
-        match self.cause {
-            HiddenCause::RadialForceCoulomb => level.per_force = size,
-            HiddenCause::RadialForceRate => level.shear_per_force = size,
-            HiddenCause::PressureCoulomb => level.per_pressure = size,
-            HiddenCause::PositionRipple => level.ripple = Some(wave(size, self.order)),
-            HiddenCause::DirectionAsymmetry => level.asymmetry = size,
-            HiddenCause::DwellTimeStatic => {
-                let [onset_s, forgetting_rad] = self.ageing;
-                level.ageing = Some(Ageing { size_nm: size, onset_s, forgetting_rad });
-            }
-            HiddenCause::TimeDrift => level.drift = Some(Drift { size, duration_s: DRIFT_S }),
-            HiddenCause::WarmUp => {
-                let [scale_j, cooling_s] = self.warming;
-                level.warming = Some(Warming { fall: size, scale_j, cooling_s });
-            }
-            HiddenCause::TorqueOffset => torque.offset_nm += size,
-            HiddenCause::QuadraticDrag => torque.drag_nm_s2_per_rad2 += size,
-            HiddenCause::GravityImbalance => torque.waves.push(wave(size, 1.0)),
-            HiddenCause::TorqueRipple => {
-                torque.waves.push(wave(size, self.order));
-                torque.waves.push(wave(self.harmonic_share * size, 2.0 * self.order));
-            }
-            // They are constants of the plant.
-            _ => {}
+        HiddenCause::PressureCoulomb => torque_nm / PRESSURE_PA[2],
+        // The viscous torque at the usual speed changes by this share of the level over the swing.
+        HiddenCause::TemperatureViscous => {
+            2.0 * (share / (2.0 * VISCOUS_SHARE)).asinh() / WATER_C[2]
         }
-    }
-
-    /// Returns a description of the effect.
-    pub fn words(&self) -> String {
-        let name = self.cause.name();
-        match self.cause.unit() {
-            "1" => format!("{name} of {:.4}", self.size),
-            unit => format!("{name} of {:.3e} {unit}", self.size),
+        HiddenCause::TemperatureCoulomb => 2.0 * (0.5 * share).asinh() / WATER_C[2],
+        HiddenCause::DirectionAsymmetry => 0.7 * share * sign,
+        HiddenCause::TorqueOffset => torque_nm * sign,
+        HiddenCause::QuadraticDrag => torque_nm / (USUAL_SPEED_RAD_S * USUAL_SPEED_RAD_S),
+        HiddenCause::DwellTimeStatic => torque_nm / (USUAL_REST_S / effect.onset_s).ln_1p(),
+        HiddenCause::TimeDrift => share * sign,
+        HiddenCause::UnmodelledInertia => {
+            // At least half of the known inertia: below, the velocity loop corrects it.
+            let known = joint.known.inertia_kg_m2;
+            (torque_nm / USUAL_ACCELERATION_RAD_S2).max((0.4 + share) * known)
         }
+        HiddenCause::Backlash => 0.02 * share,
+        HiddenCause::StribeckShape if sign > 0.0 => 0.5 + 0.5 * share,
+        HiddenCause::StribeckShape => 3.0 + 4.0 * share,
+        HiddenCause::TorqueRipple => 0.7 * torque_nm,
+        HiddenCause::GravityImbalance => torque_nm,
+        // Relative to the level.
+        _ => share,
     }
+}
+
+/// Returns the viscous friction of a joint whose viscosity falls with the temperature, Nm s/rad.
+pub(super) fn viscous_nm_s_per_rad(friction_nm: f64) -> f64 {
+    VISCOUS_SHARE * friction_nm / USUAL_SPEED_RAD_S
 }
 
 /// Viscous torque at the usual speed per friction level, of a joint whose viscosity falls with the temperature.

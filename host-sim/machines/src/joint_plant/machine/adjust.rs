@@ -4,9 +4,9 @@
 //! thermal model) and reads what no sensor of the joint measures.
 
 use super::{JointPlant, Rotor, phases};
+use crate::joint::Joint;
 use crate::joint_plant::brake::HoldingBrake;
 use crate::joint_plant::comparators::Comparators;
-use crate::joint_plant::effects::OutputTorque;
 use crate::joint_plant::load::Load;
 use crate::joint_plant::orders::OrderAnalyser;
 use crate::joint_plant::seal::{Around, Seal};
@@ -173,9 +173,9 @@ impl JointPlant {
         self.current[0] * cosine + self.current[1] * sine
     }
 
-    /// Adds torques at the output, or replaces those added before.
-    pub fn hide(&mut self, torque: OutputTorque) {
-        self.hidden = Some(torque);
+    /// Adds the additive torques of a joint at the output, or replaces those added before.
+    pub fn hide(&mut self, joint: Joint) {
+        self.hidden = Some(joint);
     }
 
     /// Puts a stop against positive motion at a position, rad. It takes all of the velocity.

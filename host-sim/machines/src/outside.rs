@@ -1,7 +1,7 @@
 //! Effects that no cause of the catalogue describes. The correct diagnosis is `unknown`.
 
-use super::sampler::Sampler;
-use super::surroundings::{Conditions, Extra};
+use crate::conditions::{Conditions, Extra};
+use crate::sampler::Sampler;
 use std::f64::consts::TAU;
 
 /// Relation between the friction level and a column: a curve from 0 to 1 over the column's range.

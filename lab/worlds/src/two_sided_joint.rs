@@ -8,12 +8,12 @@ mod drawn;
 
 pub use drawn::{GearFault, draw};
 
-use crate::LoggedRun;
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use std::f64::consts::TAU;
-
+use simulated_machines::LoggedRun;
+use simulated_machines::effects::Wave;
+use simulated_machines::joint_plant::Gear;
 /// Integration step, s: a fortieth of the period of the fastest drawn gear.
 const STEP_S: f64 = 2.5e-5;
 
@@ -56,10 +56,10 @@ pub struct JointEncoder {
     pub noise_rad: f64,
     /// Angle at the zero of the other encoder, rad.
     pub offset_rad: f64,
-    /// Amplitude and phase of the wave of one turn, rad.
-    pub eccentricity: (f64, f64),
-    /// Order, amplitude and phase of a harmonic, rad.
-    pub harmonic: (f64, f64, f64),
+    /// Wave of one turn, rad.
+    pub eccentricity: Wave,
+    /// Harmonic of the turn, rad.
+    pub harmonic: Wave,
     /// Error of the scale: 0.001 is 0.1 %.
     pub gain_error: f64,
     /// Delay of its sample, s.
@@ -69,30 +69,26 @@ pub struct JointEncoder {
 }
 
 /// A joint with two encoders; see the module documentation.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct TwoSidedJoint {
-    /// Play between the flanks, rad.
-    pub play_rad: f64,
-    /// Stiffness in contact, Nm/rad.
-    pub stiffness_nm: f64,
+    /// The gear, with its stiffness under load.
+    pub gear: Gear,
     /// Share by which the stiffness is lower without load, 0 to 1.
     pub softness: f64,
-    /// Damping in contact, Nms/rad.
-    pub damping_nms: f64,
     /// Inertia of the motor and of the load, kg m^2.
     pub inertias: [f64; 2],
     /// Friction of the motor and of the load.
     pub frictions: [SideFriction; 2],
-    /// Gravity at 90 deg, Nm, and the angle at which it is none, rad.
-    pub gravity: (f64, f64),
+    /// Torque of gravity, Nm.
+    pub gravity: Wave,
     /// Encoder of the load.
     pub encoder: JointEncoder,
     /// Step of the motor's encoder, rad.
     pub motor_step_rad: f64,
     /// Standard deviation of the torque's noise, Nm.
     pub torque_noise_nm: f64,
-    /// Torque ripple of the motor: order and amplitude, Nm.
-    pub torque_ripple: (f64, f64),
+    /// Torque ripple of the motor, Nm.
+    pub torque_ripple: Wave,
     /// Bandwidth of the position loop, rad/s.
     pub bandwidth_rad_s: f64,
     /// Sample rate of the log, Hz.
@@ -103,8 +99,28 @@ pub struct TwoSidedJoint {
     pub warming_k: f64,
     /// Whether the temperature is logged.
     pub logs_temperature: bool,
-    /// Waves of the demanded angle of each run: amplitude in rad, angular frequency, phase.
-    pub motions: Vec<Vec<(f64, f64, f64)>>,
+    /// Waves of the demanded angle of each run.
+    pub motions: Vec<Vec<AngleWave>>,
+}
+
+/// A wave of the demanded angle over time.
+#[derive(Clone, Copy, Debug)]
+pub struct AngleWave {
+    /// Amplitude, rad.
+    pub size_rad: f64,
+    /// Angular frequency, rad/s.
+    pub rad_s: f64,
+    /// Phase at the start, rad.
+    pub phase: f64,
+}
+
+impl AngleWave {
+    /// Returns the angle, rad, and its rate, rad/s, at a time, s.
+    fn at(&self, time: f64) -> [f64; 2] {
+        let (sine, cosine) =
+            ((self.rad_s * time + self.phase).sin(), (self.rad_s * time + self.phase).cos());
+        [self.size_rad * sine, self.size_rad * self.rad_s * cosine]
+    }
 }
 
 /// State of a joint.
@@ -124,7 +140,7 @@ impl TwoSidedJoint {
 
     /// Simulates the runs and returns their columns, in the order of [`Self::columns`].
     pub fn record(&self, seed: u64) -> Vec<LoggedRun> {
-        let run = |(index, motion): (usize, &Vec<(f64, f64, f64)>)| {
+        let run = |(index, motion): (usize, &Vec<AngleWave>)| {
             let mut random = Pcg64::seed_from_u64(seed.wrapping_mul(1009) + index as u64);
             LoggedRun { name: index.to_string(), columns: self.run(motion, index, &mut random) }
         };
@@ -134,21 +150,18 @@ impl TwoSidedJoint {
     /// Returns the torque of the gear on the load, Nm.
     fn gear_torque(&self, state: &State) -> f64 {
         let twist = state.angle[0] - state.angle[1];
-        let half = 0.5 * self.play_rad;
-        let wound = twist - twist.clamp(-half, half);
-        if wound == 0.0 {
-            return 0.0;
-        }
+        let strain = self.gear.strain_rad(twist);
         // The stiffness rises with the load, up to its nominal value.
-        let knee = self.frictions[1].coulomb_nm / self.stiffness_nm;
-        let share = 1.0 - self.softness * (-wound.abs() / knee.max(1e-12)).exp();
-        let speed = state.speed[0] - state.speed[1];
-        let torque = self.stiffness_nm * share * wound + self.damping_nms * speed;
+        let knee = self.frictions[1].coulomb_nm / self.gear.stiffness_nm_per_rad;
+        let share = 1.0 - self.softness * (-strain.abs() / knee.max(1e-12)).exp();
+        let stiffness_nm_per_rad = self.gear.stiffness_nm_per_rad * share;
+        let gear = Gear { stiffness_nm_per_rad, ..self.gear };
+        let torque = gear.torque_nm(twist, state.speed[0] - state.speed[1]);
         // Flanks push and do not pull.
-        if torque * wound > 0.0 { torque } else { 0.0 }
+        if torque * strain > 0.0 { torque } else { 0.0 }
     }
 
-    fn run(&self, motion: &[(f64, f64, f64)], index: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
+    fn run(&self, motion: &[AngleWave], index: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         let mut columns = vec![Vec::new(); self.columns().len()];
         let steps_per_row = (1.0 / (self.rate_hz * STEP_S)).round() as usize;
         let steps_per_cycle = (1e-3 / STEP_S).round() as usize;
@@ -157,10 +170,10 @@ impl TwoSidedJoint {
         let (kp, kd) =
             (inertia * self.bandwidth_rad_s.powi(2), 2.0 * inertia * self.bandwidth_rad_s);
         let demand = |time: f64| {
-            let wave = |(a, w, p): &(f64, f64, f64)| {
-                [a * (w * time + p).sin(), a * w * (w * time + p).cos()]
-            };
-            motion.iter().map(wave).fold([0.0; 2], |[q, v], [dq, dv]| [q + dq, v + dv])
+            motion
+                .iter()
+                .map(|wave| wave.at(time))
+                .fold([0.0; 2], |[q, v], [dq, dv]| [q + dq, v + dv])
         };
         let late_steps = (self.encoder.late_s / STEP_S).round() as usize;
         let mut past = vec![0.0; late_steps + 1];
@@ -203,13 +216,11 @@ impl TwoSidedJoint {
     fn advance(&self, state: &mut State, torque: f64) {
         let gear = self.gear_torque(state);
         let [motor, load] = self.frictions;
-        let (order, ripple) = self.torque_ripple;
-        let driven = torque + ripple * (order * state.angle[0]).sin();
-        let (gravity, upright) = self.gravity;
+        let driven = torque + self.torque_ripple.at(state.angle[0]);
         let forces = [
             driven - gear - motor.torque(&mut state.deflection[0], state.speed[0]),
             gear - load.torque(&mut state.deflection[1], state.speed[1])
-                - gravity * (state.angle[1] - upright).sin(),
+                - self.gravity.at(state.angle[1]),
         ];
         for (body, force) in forces.iter().enumerate() {
             state.speed[body] += STEP_S * force / self.inertias[body];
@@ -221,9 +232,7 @@ impl TwoSidedJoint {
 impl JointEncoder {
     /// Returns the reading at an angle, with a temperature above the first and a standard normal number.
     fn read(&self, angle: f64, warmth_k: f64, noise: f64) -> f64 {
-        let (wave, phase) = self.eccentricity;
-        let (order, amplitude, shift) = self.harmonic;
-        let error = wave * (angle + phase).sin() + amplitude * (order * angle + shift).sin();
+        let error = self.eccentricity.at(angle) + self.harmonic.at(angle);
         let scaled = angle * (1.0 + self.gain_error) + self.offset_rad;
         let drift = self.drift_rad_per_k * warmth_k;
         rounded(scaled + error + drift + self.noise_rad * noise, self.step_rad)
@@ -232,14 +241,4 @@ impl JointEncoder {
 
 fn rounded(value: f64, step: f64) -> f64 {
     if step > 0.0 { (value / step).round() * step } else { value }
-}
-
-/// Draws a number whose logarithm is uniform.
-fn log_uniform(random: &mut Pcg64, low: f64, high: f64) -> f64 {
-    low * (high / low).powf(random.random::<f64>())
-}
-
-/// Draws a phase, rad.
-fn phase(random: &mut Pcg64) -> f64 {
-    TAU * random.random::<f64>()
 }

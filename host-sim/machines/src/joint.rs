@@ -10,97 +10,10 @@
 //!
 //! With all effects at their neutral size, the seal is bit-identical to `z' = v - k0 |v| z / g`.
 
-use super::outside::Outside;
-use super::surroundings::{Condition, Conditions};
+use crate::conditions::{Condition, Conditions};
+use crate::effects::{Drift, Dwell, Thinning, Warming, Wave};
 use crate::friction::Seal;
-
-/// Exponential decrease with temperature, of the viscous friction or of the level.
-#[derive(Clone, Copy, Debug)]
-pub struct Thinning {
-    /// Relative decrease per K.
-    pub per_k: f64,
-    /// Temperature at which the factor is 1, deg C.
-    pub reference_c: f64,
-}
-
-impl Thinning {
-    fn factor(&self, temperature_c: f64) -> f64 {
-        (-self.per_k * (temperature_c - self.reference_c)).exp()
-    }
-}
-
-/// A sinusoidal function of the angle.
-#[derive(Clone, Copy, Debug)]
-pub struct Wave {
-    /// Amplitude: Nm of an additive torque, a share of the level of a ripple.
-    pub size: f64,
-    /// Periods per turn.
-    pub order: f64,
-    /// Phase at angle 0, rad.
-    pub phase: f64,
-}
-
-impl Wave {
-    fn at(&self, angle: f64) -> f64 {
-        self.size * (self.order * angle + self.phase).sin()
-    }
-}
-
-/// Static friction that grows with the contact age. The age grows with time and is lost with travel.
-#[derive(Clone, Copy, Debug)]
-pub struct Dwell {
-    /// Increase per factor e of the contact age, Nm.
-    pub gain_nm: f64,
-    /// Contact age from which the friction grows, s.
-    pub onset_s: f64,
-    /// Travel over which the age is lost, rad.
-    pub travel_rad: f64,
-}
-
-/// Change of the level over the campaign. The factor is 1 at the start.
-#[derive(Clone, Copy, Debug)]
-pub enum Drift {
-    /// `1 + rate t`.
-    Wear {
-        /// Relative change per second.
-        per_s: f64,
-    },
-    /// `(1 + a exp(-t/T)) / (1 + a)`.
-    RunIn {
-        /// Relative excess at the start.
-        amplitude: f64,
-        /// Time constant, s.
-        time_s: f64,
-    },
-}
-
-impl Drift {
-    fn factor(&self, campaign_s: f64) -> f64 {
-        match *self {
-            Drift::Wear { per_s } => 1.0 + per_s * campaign_s,
-            Drift::RunIn { amplitude, time_s } => {
-                (1.0 + amplitude * (-campaign_s / time_s).exp()) / (1.0 + amplitude)
-            }
-        }
-    }
-}
-
-/// Decrease of the level with the stored friction heat.
-#[derive(Clone, Copy, Debug)]
-pub struct Warming {
-    /// Share of the level that is lost at high heat.
-    pub fall: f64,
-    /// Heat at which a share of 1 - 1/e of the decrease has occurred, J.
-    pub energy_j: f64,
-    /// Time constant of the cooling, s.
-    pub cooling_s: f64,
-}
-
-impl Warming {
-    fn factor(&self, heat_j: f64) -> f64 {
-        1.0 + self.fall * (-heat_j / self.energy_j).exp_m1()
-    }
-}
+use crate::outside::Outside;
 
 /// Backlash of the drive. Within it, almost no motion reaches the bristles.
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +25,7 @@ pub struct Play {
 }
 
 /// A joint: its seal and all effects. Most effects have their neutral size.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Joint {
     /// The seal without effects.
     pub seal: Seal,
@@ -160,27 +73,7 @@ const MAX_STRIBECK_RATIO: f64 = 6.1;
 impl Joint {
     /// Returns a joint that consists of the seal only.
     pub fn plain(seal: Seal) -> Self {
-        Self {
-            seal,
-            per_load: 0.0,
-            load_gain: 0.0,
-            thinning: None,
-            ripple: None,
-            gravity: None,
-            torque_ripple: Vec::new(),
-            stiffening: None,
-            warming: None,
-            asymmetry: 0.0,
-            offset_nm: 0.0,
-            drag: 0.0,
-            dwell: None,
-            drift: None,
-            inertia: 0.0,
-            play: None,
-            stribeck_exponent: 2.0,
-            delay_s: 0.0,
-            outside: None,
-        }
+        Self { seal, stribeck_exponent: 2.0, ..Self::default() }
     }
 
     /// Returns the operating conditions at a time of the run.
@@ -254,7 +147,7 @@ impl Joint {
             + self.per_load * now.load.abs();
         let mut excess = seal.static_nm - seal.coulomb_nm;
         if let Some(dwell) = self.dwell {
-            excess += dwell.gain_nm * (age_s / dwell.onset_s).ln_1p();
+            excess += dwell.raised_nm(age_s);
         }
         let mut level = seal.coulomb_nm + loads + excess * curve;
         if let Some(ripple) = self.ripple {
@@ -264,7 +157,7 @@ impl Joint {
             level *= drift.factor(now.campaign_s);
         }
         if let Some(stiffening) = self.stiffening {
-            level *= (-stiffening.per_k * (now.temperature - stiffening.reference_c)).exp();
+            level *= stiffening.factor(now.temperature);
         }
         if let Some(warming) = self.warming {
             level *= warming.factor(now.heat_j);

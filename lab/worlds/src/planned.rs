@@ -1,7 +1,11 @@
-//! The kinds of scenario, and a benchmark of all kinds.
+//! Scenarios of planned campaigns, by kind, and a benchmark of all kinds.
+//!
+//! [`simulated_machines::scenarios`] draws a campaign and hides effects in it. The kinds [`Kind::Confounded`] and
+//! [`Kind::Decoy`] also relate its columns.
 
-use super::hidden_cause::HiddenCause;
-use super::sampler::mixed;
+use crate::column_relation::{draw_confounded, draw_with_decoy};
+use simulated_machines::sampler::{Sampler, mixed};
+use simulated_machines::scenarios::{HiddenCause, Options, Plan, Scenario, draw_planned};
 
 /// Kind of a scenario: its hidden effects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -32,6 +36,25 @@ impl Kind {
             Kind::Decoy => "decoy",
         }
     }
+}
+
+/// Draws the plan of a kind.
+fn plan(sampler: &mut Sampler, kind: Kind) -> Plan {
+    let independent = |effects| Plan { effects, relation: None };
+    match kind {
+        Kind::None => Plan::default(),
+        Kind::One(effect) => independent(vec![effect]),
+        Kind::Two(first, second) if first == second => independent(vec![first]),
+        Kind::Two(first, second) => independent(vec![first, second]),
+        Kind::Outside => independent(vec![HiddenCause::OutsideCatalogue]),
+        Kind::Confounded => draw_confounded(sampler),
+        Kind::Decoy => draw_with_decoy(sampler),
+    }
+}
+
+/// Draws a scenario of a kind. The same seed gives bit-identical results.
+pub fn draw(kind: Kind, seed: u64) -> Scenario {
+    draw_planned(&|sampler| plan(sampler, kind), &[], seed, &Options::default())
 }
 
 /// Pairs of effects that occur together on real joints and that good data can separate.

@@ -1,23 +1,26 @@
-//! Correlated columns: exactly proportional, so that their effects are confounded, or strongly correlated.
+//! Related columns: exactly proportional, so that their effects are confounded, or strongly correlated.
 
-use super::hidden_cause::HiddenCause;
-use super::sampler::Sampler;
-use super::setting::{RunSetting, Setting, correlation};
-use super::surroundings::{Condition, Extra, Signal};
+use simulated_machines::conditions::{Condition, Extra, Signal};
+use simulated_machines::sampler::Sampler;
+use simulated_machines::scenarios::drawn_cause::DrawnCause;
+use simulated_machines::scenarios::setting::{RunSetting, Setting, correlation};
+use simulated_machines::scenarios::{ColumnRelation, Decoy, HiddenCause, Plan, ScenarioTruth};
 
-/// Relation between the columns of a scenario.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Arrangement {
-    /// All columns are independent.
-    Independent,
-    /// `follower` is an affine function of `leader`, so that `twin` explains the data as well as the truth.
-    Proportional { leader: &'static str, follower: &'static str, twin: HiddenCause },
-    /// `decoy` is strongly correlated with the column of the effect, but has no effect.
-    Correlated { follows: &'static str, decoy: &'static str },
+/// `follower` is an affine function of `leader`, so that `twin` explains the data as well as the truth.
+struct Proportional {
+    leader: &'static str,
+    follower: &'static str,
+    twin: HiddenCause,
+}
+
+/// `decoy` is strongly correlated with the column of the effect, but has no effect.
+struct Correlated {
+    follows: &'static str,
+    decoy: &'static str,
 }
 
 /// Range of the decoy's correlation with the column of the effect, over the rows.
-pub(super) const DECOY_CORRELATION: (f64, f64) = (0.8, 0.95);
+const DECOY_CORRELATION: (f64, f64) = (0.8, 0.95);
 
 /// Ratio of the static to the Coulomb level of a seal with almost no stiction.
 const LOW_STATIC_RATIO: f64 = 1.05;
@@ -29,23 +32,27 @@ const LEVEL_CAUSES: [(&str, HiddenCause); 3] = [
     ("load_torque_nm", HiddenCause::LoadTorqueCoulomb),
 ];
 
-/// Draws an effect that is confounded with another, and the arrangement of the columns.
-pub(super) fn draw_confounded(sampler: &mut Sampler) -> (HiddenCause, Arrangement) {
+/// Draws an effect that is confounded with another.
+pub(super) fn draw_confounded(sampler: &mut Sampler) -> Plan {
+    let plan = |effect, relation: Proportional| Plan {
+        effects: vec![effect],
+        relation: Some(Box::new(relation)),
+    };
     if sampler.chance(0.15) {
         // A campaign whose depth increases with time.
         let (leader, follower) = ("time_s", "pressure_diff_pa");
         let twin = HiddenCause::PressureCoulomb;
-        return (HiddenCause::TimeDrift, Arrangement::Proportional { leader, follower, twin });
+        return plan(HiddenCause::TimeDrift, Proportional { leader, follower, twin });
     }
     let mut columns = LEVEL_CAUSES;
     sampler.shuffle(&mut columns);
     let [(leader, first), (follower, second), _] = columns;
     let (effect, twin) = if sampler.chance(0.5) { (first, second) } else { (second, first) };
-    (effect, Arrangement::Proportional { leader, follower, twin })
+    plan(effect, Proportional { leader, follower, twin })
 }
 
 /// Draws an effect with a decoy column.
-pub(super) fn draw_with_decoy(sampler: &mut Sampler) -> (HiddenCause, Arrangement) {
+pub(super) fn draw_with_decoy(sampler: &mut Sampler) -> Plan {
     let humidity = Extra::Humidity.column();
     let cases = [
         (HiddenCause::TimeDrift, "time_s", "temperature_c"),
@@ -60,7 +67,7 @@ pub(super) fn draw_with_decoy(sampler: &mut Sampler) -> (HiddenCause, Arrangemen
         (HiddenCause::LoadTorqueCoulomb, "load_torque_nm", humidity),
     ];
     let (effect, follows, decoy) = cases[sampler.below(cases.len())];
-    (effect, Arrangement::Correlated { follows, decoy })
+    Plan { effects: vec![effect], relation: Some(Box::new(Correlated { follows, decoy })) }
 }
 
 /// Returns the usual lowest and highest value of a column.
@@ -74,56 +81,76 @@ fn range(column: &str) -> (f64, f64) {
     }
 }
 
-impl Arrangement {
-    /// Returns the extra column that the arrangement needs.
-    pub fn extra(&self) -> Option<Extra> {
-        match self {
-            Arrangement::Correlated { decoy, .. } if *decoy == Extra::Humidity.column() => {
-                Some(Extra::Humidity)
-            }
-            _ => None,
-        }
+/// Gives the load one sign, which keeps the level proportional to it: the level depends on its magnitude.
+fn keep_sign_of_load(setting: &mut Setting) {
+    for run in &mut setting.runs {
+        let load = &mut run.condition.load;
+        load.level = load.level.abs().max(load.swing + 0.2);
+    }
+}
+
+impl ColumnRelation for Proportional {
+    fn kind(&self) -> &'static str {
+        "confounded"
     }
 
-    /// Applies the arrangement to the columns and adds them to the log.
-    pub fn apply(&self, sampler: &mut Sampler, setting: &mut Setting) {
-        // The level depends on the magnitude of the load. A load of one sign keeps it proportional.
+    fn extra(&self) -> Option<Extra> {
+        None
+    }
+
+    fn relate(&self, _: &mut Sampler, setting: &mut Setting) {
+        keep_sign_of_load(setting);
+        let Self { leader, follower, .. } = *self;
+        if leader == "time_s" {
+            // A drift scales the excess of the static level, but pressure adds to both levels equally.
+            // The two effects are equivalent only if the excess is negligible.
+            setting.seal.static_nm = LOW_STATIC_RATIO * setting.seal.coulomb_nm;
+        }
+        let ((a, b), (c, d)) = (range_of(leader, setting), range(follower));
+        let gain = (d - c) / (b - a);
         for run in &mut setting.runs {
-            let load = &mut run.condition.load;
-            if *self != Arrangement::Independent {
-                load.level = load.level.abs().max(load.swing + 0.2);
+            let signal = column_signal(&mut run.condition, leader).affine(c - gain * a, gain);
+            if let Some(follower) = run.condition.signal_mut(follower) {
+                *follower = signal;
             }
         }
-        match *self {
-            Arrangement::Independent => return,
-            Arrangement::Proportional { leader, follower, .. } => {
-                if leader == "time_s" {
-                    // A drift scales the excess of the static level, but pressure adds to both levels equally.
-                    // The two effects are equivalent only if the excess is negligible.
-                    setting.seal.static_nm = LOW_STATIC_RATIO * setting.seal.coulomb_nm;
-                }
-                let ((a, b), (c, d)) = (range_of(leader, setting), range(follower));
-                let gain = (d - c) / (b - a);
-                for run in &mut setting.runs {
-                    let signal =
-                        column_signal(&mut run.condition, leader).affine(c - gain * a, gain);
-                    if let Some(follower) = run.condition.signal_mut(follower) {
-                        *follower = signal;
-                    }
-                }
-            }
-            Arrangement::Correlated { follows, decoy } => {
-                correlate_decoy(sampler, setting, follows, decoy)
-            }
-        }
-        let (Self::Proportional { leader: one, follower: other, .. }
-        | Self::Correlated { follows: one, decoy: other }) = *self
-        else {
-            return;
-        };
-        for column in [one, other] {
-            setting.log_column(column);
-        }
+        [leader, follower].into_iter().for_each(|column| setting.log_column(column));
+    }
+
+    /// Replaces a run-in by a linear drift, which alone is proportional to the time.
+    fn adapt(&self, effect: &mut DrawnCause) {
+        effect.run_in_s = None;
+    }
+
+    fn describe(&self, _: &Setting, truth: &mut ScenarioTruth) {
+        let Self { leader, follower, twin } = self;
+        truth.confusable_with.push(twin.name());
+        truth.description += &format!("; {follower} always goes with {leader}");
+    }
+}
+
+impl ColumnRelation for Correlated {
+    fn kind(&self) -> &'static str {
+        "decoy"
+    }
+
+    fn extra(&self) -> Option<Extra> {
+        (self.decoy == Extra::Humidity.column()).then_some(Extra::Humidity)
+    }
+
+    fn relate(&self, sampler: &mut Sampler, setting: &mut Setting) {
+        keep_sign_of_load(setting);
+        correlate_decoy(sampler, setting, self.follows, self.decoy);
+        [self.follows, self.decoy].into_iter().for_each(|column| setting.log_column(column));
+    }
+
+    fn adapt(&self, _: &mut DrawnCause) {}
+
+    fn describe(&self, setting: &Setting, truth: &mut ScenarioTruth) {
+        let Self { follows, decoy } = *self;
+        let correlation = correlation_over_rows(setting, follows, decoy);
+        truth.description += &format!("; {decoy} goes nearly with {follows} and does nothing");
+        truth.decoys.push(Decoy { column: decoy, follows, correlation });
     }
 }
 
@@ -202,7 +229,7 @@ fn draw_correlated(sampler: &mut Sampler, levels: &[f64], target: f64) -> Vec<f6
 }
 
 /// Returns the correlation of the magnitudes of two columns over the rows.
-pub(super) fn correlation_over_rows(setting: &Setting, one: &str, other: &str) -> f64 {
+fn correlation_over_rows(setting: &Setting, one: &str, other: &str) -> f64 {
     let values = |column: &str| -> Vec<f64> {
         let of_run = |run: &RunSetting| {
             let mut condition = run.condition.clone();
