@@ -35,7 +35,7 @@ impl Files {
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON.
-pub(crate) fn pretty(document: &impl Serialize) -> Result<String, String> {
+pub fn pretty(document: &impl Serialize) -> Result<String, String> {
     let text = serde_json::to_string_pretty(document).map_err(|error| error.to_string())?;
     Ok(text + "\n")
 }

@@ -1,7 +1,7 @@
 //! The prediction of a log by the parameter file that a command writes, as `predict` computes it from that file.
 
 use crate::files::Files;
-use friction_fit::params::{self, ParameterFile};
+use friction_fit::params;
 use friction_fit::prediction::{LogPrediction, PredictionOptions, log_tracks, predict_tracks};
 use joint_log::Dataset;
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 pub const ROWS_FILE: &str = "rows.parquet";
 
 /// Every row of a log with the model of a parameter file.
-pub(crate) struct PredictedLog {
+pub struct PredictedLog {
     prediction: LogPrediction,
     /// Its errors, for the JSON document.
     pub summary: Value,
@@ -22,18 +22,20 @@ impl PredictedLog {
     /// # Errors
     /// One line if the model cannot be applied to the log.
     pub fn of_text(toml: &str, data: &Dataset) -> Result<Self, String> {
-        Self::of_file(&params::parse(toml, &[])?, data)
+        let file = params::parse(toml, &[])?;
+        let tracks = log_tracks(&file, data)?;
+        Self::new(|options| predict_tracks(&file, data, &tracks, &options))
     }
 
-    /// Predicts with a parameter file.
+    /// Predicts with `predict`, as the model is simulated and as it is exported.
     ///
     /// # Errors
-    /// See [`PredictedLog::of_text`].
-    pub fn of_file(file: &ParameterFile, data: &Dataset) -> Result<Self, String> {
-        let tracks = log_tracks(file, data)?;
-        let with = |options| predict_tracks(file, data, &tracks, &options);
-        let prediction = with(PredictionOptions::default())?;
-        let as_exported = with(PredictionOptions::AS_EXPORTED)?;
+    /// That of `predict`.
+    pub fn new<E>(
+        predict: impl Fn(PredictionOptions) -> Result<LogPrediction, E>,
+    ) -> Result<Self, E> {
+        let prediction = predict(PredictionOptions::default())?;
+        let as_exported = predict(PredictionOptions::AS_EXPORTED)?;
         let summary = json!({
             "file": ROWS_FILE,
             "rows": prediction.metrics.rows,

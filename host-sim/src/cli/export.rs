@@ -76,7 +76,20 @@ pub fn run(arguments: &ExportArguments) -> Result<(), String> {
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
     let with_path =
         |error: String| format!("{}: {}", arguments.params.display(), text_in_options(&error));
-    let mut exported = export(&file, arguments.to, &name).map_err(with_path)?;
+    let exported = match (arguments.to, &file.network) {
+        #[cfg(not(feature = "network"))]
+        (ExportFormat::Network | ExportFormat::Onnx, Some(_)) => Err(super::network::refusal()),
+        #[cfg(feature = "network")]
+        (ExportFormat::Network, Some(text)) => friction_network::NetworkFile::of(text)
+            .and_then(|network| friction_network::export(&network, &name))
+            .map_err(|error| error.to_string()),
+        #[cfg(feature = "onnx")]
+        (ExportFormat::Onnx, _) => {
+            friction_onnx::export(&file, &name).map_err(|error| error.to_string())
+        }
+        (format, _) => export(&file, format, &name),
+    };
+    let mut exported = exported.map_err(with_path)?;
     exported.notes.iter_mut().for_each(|note| *note = text_in_options(note));
     let name = arguments.to.file_name(&file);
     let further = exported.further_files.iter().map(|(name, content)| (*name, content.as_slice()));
