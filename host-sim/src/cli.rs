@@ -16,7 +16,6 @@ mod export;
 mod fit_arguments;
 mod fleet;
 mod identify;
-mod identify_network;
 mod input;
 #[cfg(feature = "papers")]
 mod inside;
@@ -25,6 +24,7 @@ mod joint_on_bus;
 mod missing_feature;
 mod monitor;
 mod move_joint;
+mod network;
 mod node;
 mod output;
 #[cfg(feature = "papers")]

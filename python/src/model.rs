@@ -114,8 +114,14 @@ impl Model {
             let wrong = |why| refused(py, &format!("compensator={{{name:?}: {value}}}: {why}"));
             file.compensator.set(&name, value).map_err(wrong)?;
         }
-        let exported = export(&file, format, "params.toml")
-            .map_err(|e| failed(with_command(e.to_string())))?;
+        let exported = match format {
+            #[cfg(feature = "onnx")]
+            ExportFormat::Onnx => {
+                friction_onnx::export(&file, "params.toml").map_err(|e| e.to_string())
+            }
+            format => export(&file, format, "params.toml").map_err(|e| e.to_string()),
+        };
+        let exported = exported.map_err(|error| failed(with_command(error)))?;
         let further = exported.further_files.iter().map(|(name, content)| (*name, content));
         let files = std::iter::once((format.file_name(&file), &exported.content)).chain(further);
         let files = files.map(|(name, content)| (name, PyBytes::new(py, content))).collect();

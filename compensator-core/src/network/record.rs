@@ -18,12 +18,13 @@
 //! | 28 | 12 | strokes: minimum, maximum, reversal |
 //! | 40 | 24 | bounds of the factors on `F_C`, `F_S`, `sigma0`: minimum, maximum |
 //! | 64 | 32 | ranges of the inputs: middle, reciprocal of half the width |
-//! | 96 | 4 each | weights, in the order of [`Network::for_each_weight`] |
+//! | 96 | 4 each | weights, in the order of `Network::for_each_weight` |
 //! | end - 4 | 4 | CRC-32 (ISO-HDLC) of all bytes before it |
 //!
 //! A joint without a network has an empty record, because SDO cannot transfer an absent value.
 
-use super::{CELLS, FACTOR_COUNT, JointNetwork, MAX_INPUTS, Network};
+use super::record_fields::{put_network, read_network};
+use super::{CELLS, FACTOR_COUNT, JointNetwork, MAX_INPUTS};
 use crate::crc32::crc32;
 use crate::refusal;
 use crate::refusal::ParameterError;
@@ -35,12 +36,12 @@ use heapless::Vec;
 pub const VERSION: u16 = 1;
 
 const MAGIC: [u8; 4] = *b"FNET";
-#[cfg(feature = "network")]
-const NO_FEED: u8 = 0xFF;
-const NUMBERS_AT: usize = 16;
+/// Offset of the numbers.
+pub(super) const NUMBERS_AT: usize = 16;
 /// Period, slew, fade, strokes, bounds, ranges.
 const NUMBERS: usize = 3 + 3 + 2 * FACTOR_COUNT + 2 * MAX_INPUTS;
-const WEIGHTS: usize = Network::<f32, MAX_INPUTS, CELLS>::WEIGHTS;
+/// Those of four gates for each cell, and of the readout.
+pub(super) const WEIGHTS: usize = CELLS * 4 * (1 + MAX_INPUTS + CELLS) + FACTOR_COUNT * (1 + CELLS);
 
 /// Length of a record with a network, bytes.
 pub const LENGTH: usize = NUMBERS_AT + 4 * (NUMBERS + WEIGHTS) + 4;
@@ -143,29 +144,6 @@ pub fn emit(network: Option<&JointNetwork>) -> Record {
     sealed(record)
 }
 
-#[cfg(not(feature = "network"))]
-fn put_network(network: &JointNetwork, _: &mut impl FnMut(&[u8])) {
-    match *network {}
-}
-
-/// Writes what follows the length.
-#[cfg(feature = "network")]
-fn put_network(network: &JointNetwork, put: &mut impl FnMut(&[u8])) {
-    let JointNetwork { feeds, period_s, strokes, network } = network;
-    put(&[feeds.len() as u8, CELLS as u8, strokes.is_some().into(), 0]);
-    let mut codes = [NO_FEED; MAX_INPUTS];
-    for (code, feed) in codes.iter_mut().zip(feeds) {
-        *code = feed.number().unwrap_or(NO_FEED);
-    }
-    put(&codes);
-    let strokes = strokes.map_or([0.0; 3], |range| [range.least, range.most, range.reversal]);
-    let mut number = |value: f32| put(&value.to_le_bytes());
-    [*period_s, network.slew, network.fade].into_iter().chain(strokes).for_each(&mut number);
-    network.bounds.iter().flat_map(|b| [b.least, b.most]).for_each(&mut number);
-    network.inputs.iter().flat_map(|r| [r.middle, r.per_unit]).for_each(&mut number);
-    network.for_each_weight(number);
-}
-
 /// Appends the CRC.
 fn sealed(mut record: Record) -> Record {
     let crc = crc32(&record);
@@ -203,55 +181,6 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     read_network(guarded, [inputs, cells, choices])
 }
 
-#[cfg(not(feature = "network"))]
-fn read_network(_: &[u8], _: [u8; 3]) -> Result<Option<JointNetwork>, RecordError> {
-    Err(RecordError::Unsupported)
-}
-
-/// Reads a network behind a valid header with these numbers of inputs and cells and these choices.
-#[cfg(feature = "network")]
-fn read_network(
-    guarded: &[u8],
-    [inputs, cells, choices]: [u8; 3],
-) -> Result<Option<JointNetwork>, RecordError> {
-    use super::{FactorBounds, InputRange, InputSource, Lstm, Readout, StrokeRange};
-
-    for (found, most) in [(inputs, MAX_INPUTS), (cells, CELLS)] {
-        if usize::from(found) > most {
-            return Err(RecordError::Size(found));
-        }
-    }
-    if usize::from(cells) != CELLS {
-        return Err(RecordError::Size(cells));
-    }
-    let mut feeds = Vec::new();
-    for code in guarded.iter().skip(12).take(usize::from(inputs)) {
-        let feed = InputSource::from_number(*code).ok_or(RecordError::UnknownFeed(*code))?;
-        let _ = feeds.push(feed);
-    }
-    let words = guarded.get(NUMBERS_AT..).unwrap_or_default().as_chunks::<4>().0;
-    let mut numbers = words.iter().map(|word| f32::from_le_bytes(*word));
-    let mut next = || numbers.next().unwrap_or_default();
-    let period_s = next();
-    let (slew, fade) = (next(), next());
-    let (least, most, reversal) = (next(), next(), next());
-    let strokes = (choices & 1 != 0).then_some(StrokeRange { least, most, reversal, period_s });
-    let bounds = [(); FACTOR_COUNT].map(|()| {
-        let (least, most) = (next(), next());
-        FactorBounds { least, most }
-    });
-    let inputs = [(); MAX_INPUTS].map(|()| {
-        let (middle, per_unit) = (next(), next());
-        InputRange { middle, per_unit }
-    });
-    let mut network =
-        Network { inputs, lstm: Lstm::zero(), readout: Readout::zero(), bounds, slew, fade };
-    network.set_weights(numbers);
-    let network = JointNetwork { feeds, period_s, strokes, network };
-    network.validate()?;
-    Ok(Some(network))
-}
-
-#[cfg(test)]
+#[cfg(all(test, feature = "network"))]
 #[path = "record_tests.rs"]
 mod tests;

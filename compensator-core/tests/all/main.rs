@@ -2,6 +2,8 @@
 //!
 //! `cargo test -p compensator-core --test all X::` runs the tests of the file `X.rs`.
 
+// Its table has the factors of a network.
+#[cfg(feature = "network")]
 mod accuracy;
 mod bounds;
 mod compensator;

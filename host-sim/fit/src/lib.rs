@@ -17,7 +17,8 @@
 //! exact (`dual`). Coordinates keep the parameters within their bounds.
 //!
 //! [`spec`] parses the name of a model, such as `lugre+pressure-coulomb`. [`params`] writes the parameters in the driver's format,
-//! and [`prediction`] gives the torque of a fitted model on every row of a log. [`mod@network`] trains and reads `lugre-lstm`.
+//! and [`prediction`] gives the torque of a fitted model on every row of a log. The package
+//! `friction-network` does so for `lugre-lstm`.
 
 #[cfg(test)]
 #[path = "../../../tests/message.rs"]
@@ -42,7 +43,6 @@ pub mod linear;
 mod measurement;
 mod metrics;
 mod minimise;
-pub mod network;
 mod outcome;
 pub mod params;
 mod passive;

@@ -44,7 +44,6 @@ pub use fit_record::FitRecord;
 
 use crate::linear::LinearModel;
 use crate::measurement::Measurement;
-use crate::network::{BASE, NetworkFile, checksum};
 use crate::spec::{Spec, rigid_body_name};
 use crate::{DriverForm, Estimate, Outcome};
 use compensator_core::parameters::{Choices, Envelope};
@@ -52,7 +51,7 @@ use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use joint_log::Dataset;
 use joint_log::JointKind;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml_edit::{Document, Item, TableLike};
 
 /// A parameter file, read and validated.
@@ -68,8 +67,8 @@ pub struct ParameterFile {
     pub compensator: CompensatorSection,
     /// How the model was fitted.
     pub fit: FitRecord,
-    /// The network that supplies levels and stiffness, if there is one.
-    pub network: Option<NetworkFile>,
+    /// The file of the network that supplies levels and stiffness, if there is one.
+    pub network: Option<NetworkText>,
     /// What lies between the shaft and a log of the same rig.
     pub measurement: Measurement,
     /// The same for the driver's law, where it was fitted beside another one than the linear model.
@@ -78,6 +77,21 @@ pub struct ParameterFile {
     pub linear: Option<LinearModel>,
     /// The values of each requested [`Section`], in order; NaN for a missing value.
     pub sections: Vec<Vec<f32>>,
+}
+
+/// The file of a network, as its parameter file names it. The package `friction-network` parses the text.
+#[derive(Clone, Debug)]
+pub struct NetworkText {
+    /// Path of the file.
+    pub path: PathBuf,
+    /// Its content, with the checksum that the parameter file states.
+    pub text: String,
+}
+
+/// Returns the CRC-32 (ISO-HDLC) of a file's bytes as eight hexadecimal digits.
+pub fn checksum(bytes: &[u8]) -> String {
+    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+    format!("{:08x}", crc.checksum(bytes))
 }
 
 /// A further section of a file: named numbers.
@@ -227,7 +241,7 @@ fn network(
     root: &toml_edit::Table,
     spec: &Spec,
     folder: Option<&Path>,
-) -> Result<Option<NetworkFile>, String> {
+) -> Result<Option<NetworkText>, String> {
     let Some(item) = root.get("network") else { return Ok(None) };
     let table = item.as_table_like().ok_or("network: expected a table")?;
     if let Some((key, _)) = table.iter().find(|(key, _)| !["file", "crc32"].contains(key)) {
@@ -253,11 +267,11 @@ fn network(
         ));
     }
     if spec.law != LawKind::LugreAsymmetric || !spec.terms.is_empty() {
-        return Err(format!("network: supplies {BASE} without terms, and the model is {spec}"));
+        let base = LawKind::LugreAsymmetric.name();
+        return Err(format!("network: supplies {base} without terms, and the model is {spec}"));
     }
-    let text = String::from_utf8_lossy(&bytes);
-    let network = NetworkFile::parse(&text);
-    network.map(Some).map_err(|why| format!("network.file: {}: {why}", path.display()))
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    Ok(Some(NetworkText { path, text }))
 }
 
 /// Appends a section that names the network file, given its text.
@@ -440,12 +454,12 @@ mod tests {
     #[test]
     fn read_with_network_checks_file_and_checksum() {
         let folder = tempfile::tempdir().unwrap();
-        let joint = compensator_core::network::reference::joint();
-        let network = NetworkFile::of_driver(&joint, JointKind::Revolute);
-        let json = network.emit(serde_json::Value::Null);
-        let mut text =
-            emit_model(&compensator_core::network::reference::parameters(), JointKind::Revolute);
-        emit_network("network.json", &json, &mut text);
+        let json = "{\"slew\": 0.5}";
+        let law = Parameters::<f32>::new(LawKind::LugreAsymmetric)
+            .with(ParameterId::CoulombTorque, 1.5)
+            .with(ParameterId::StaticTorque, 2.2);
+        let mut text = emit_model(&law, JointKind::Revolute);
+        emit_network("network.json", json, &mut text);
         let (toml, beside) =
             (folder.path().join("params.toml"), folder.path().join("network.json"));
         let read = |text: &str| {
@@ -455,9 +469,9 @@ mod tests {
         let missing = read(&text).unwrap_err();
         let parts = ["network.file: ", "network.json: "];
         message::check("files", "parameters with a missing network", &missing, &parts);
-        std::fs::write(&beside, &json).unwrap();
+        std::fs::write(&beside, json).unwrap();
         let file = read(&text).unwrap();
-        assert_eq!(file.network.unwrap().for_driver().unwrap(), joint);
+        assert_eq!(file.network.unwrap().text, json);
         let mut errors = format!("without a folder: {}\n", parse(&text, &[]).unwrap_err());
         for (from, to, part) in [
             ("lugre-asymmetric", "lugre", " lugre"),

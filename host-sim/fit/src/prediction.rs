@@ -10,7 +10,6 @@
 //! A row has a flag for every input that the model was not fitted for: [`compensator_core::Flags`], as a joint driver reports.
 
 mod adapted;
-mod network;
 
 pub use adapted::{AdaptationOptions, AdaptedPrediction, RowAdaptation, predict_adapted};
 
@@ -23,7 +22,6 @@ use crate::simulate::simulate;
 use crate::{Metrics, Resolution, Track};
 use compensator_core::{Flags, ModelState, Parameters, Quantity};
 use joint_log::{Dataset, JointKind, Run};
-use network::predict_with_network;
 use std::borrow::Cow;
 
 /// State of the model at the start of each segment.
@@ -127,23 +125,43 @@ pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, St
     Ok(tracks_with(data, auxiliary))
 }
 
+/// Why a model with a network is refused, where its parameters are expected to be constant.
+const SUPPLIED: &str = "a network supplies the levels, expected a model without one";
+
 /// Predicts as [`predict_log`] does, given the tracks of the log. So several predictions share them.
 ///
 /// # Errors
-/// One line if the network of the model does not fit the log.
+/// One line if the model has a network, which the package `friction-network` predicts with.
 pub fn predict_tracks(
     file: &ParameterFile,
     data: &Dataset,
     tracks: &[Track],
     options: &PredictionOptions,
 ) -> Result<LogPrediction, String> {
+    if file.network.is_some() {
+        return Err(SUPPLIED.into());
+    }
+    predict_tracks_by(file, data, tracks, options, |track, run| {
+        predict_logged(file, data, track, options, run);
+        Ok(())
+    })
+}
+
+/// Predicts as [`predict_tracks`] does, with the torque of each track by `predict`.
+///
+/// # Errors
+/// That of `predict`.
+pub fn predict_tracks_by<E>(
+    file: &ParameterFile,
+    data: &Dataset,
+    tracks: &[Track],
+    options: &PredictionOptions,
+    predict: impl Fn(&Track, &mut RunPrediction) -> Result<(), E>,
+) -> Result<LogPrediction, E> {
     let mut runs: Vec<RunPrediction> = data.runs.iter().map(|run| empty(run.len())).collect();
     for track in tracks {
         let run = &mut runs[track.run];
-        match &file.network {
-            Some(network) => predict_with_network(file, network, data, track, run)?,
-            None => predict_logged(file, data, track, options, run),
-        }
+        predict(track, run)?;
         set_flags(file, track, run);
     }
     let linear = file.linear.as_ref().filter(|_| !options.of_driver);

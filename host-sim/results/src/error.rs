@@ -29,7 +29,7 @@ pub enum ResultError {
 
 impl ResultError {
     /// Returns how the error of a model is reported.
-    pub(crate) fn of_model(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+    pub fn of_model(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::Model(error.into())
     }
 

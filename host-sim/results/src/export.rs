@@ -10,7 +10,7 @@
 //! | `onnx` of a network | one evaluation of the network as a graph | `f32` with another order of sums: factors within 1e-5 |
 //! | `mujoco`, `urdf` | dry friction and damping of a joint | a line fitted to steady sliding; the largest error is stated |
 //!
-//! ONNX needs the feature `onnx`.
+//! The packages `friction-onnx` and `friction-network` write the formats `onnx` and `network`.
 //!
 //! `compensator-core` reads the first two. `law` and `terms` write the core's equations (`compensator_core::law`,
 //! `compensator_core::effect`) once as statements, which are rendered as C and as ONNX. Tests compare both with the core for
@@ -27,22 +27,15 @@
 mod c;
 mod effects;
 mod law;
-#[cfg(feature = "onnx")]
-mod onnx;
-#[cfg(feature = "onnx")]
-mod onnx_network;
-#[cfg(feature = "onnx")]
-mod onnx_step;
 mod program;
 mod rust;
 mod simulator;
+pub mod statements;
 mod terms;
 
-use compensator_core::network::record as network_record;
 use compensator_core::record;
 use friction_fit::params::ParameterFile;
 use joint_log::setting::Setting;
-use std::error::Error;
 
 joint_log::named! {
     /// Format of an exported model.
@@ -67,7 +60,7 @@ joint_log::named! {
 
 impl ExportFormat {
     /// Returns a reference to the format, for a message.
-    fn setting(self) -> String {
+    pub fn setting(self) -> String {
         Setting::ExportFormat.given(self.name())
     }
 
@@ -99,7 +92,8 @@ pub struct ExportedModel {
 }
 
 impl ExportedModel {
-    fn new(content: Vec<u8>, notes: Vec<String>) -> Self {
+    /// Creates an exported model of one file.
+    pub fn new(content: Vec<u8>, notes: Vec<String>) -> Self {
         Self { content, further_files: Vec::new(), notes }
     }
 }
@@ -137,15 +131,12 @@ pub enum ExportError {
         "found no section [network]: `identify --model lugre-lstm` writes one if the network reduces the error"
     )]
     NoNetwork,
-    /// A driver cannot run the network.
-    #[error("{0}")]
-    Network(Box<dyn Error + Send + Sync>),
-    /// A graph cannot have the model.
-    #[error("{0}")]
-    Graph(Box<dyn Error + Send + Sync>),
-    /// The program was built without graphs.
-    #[error("{}: not in this build, which lacks the feature onnx", ExportFormat::Onnx.setting())]
-    NotInBuild,
+    /// The program was built without this format.
+    #[error("{}: not in this build, which lacks the feature {}", format.setting(), format.name())]
+    NotInBuild {
+        /// The format.
+        format: ExportFormat,
+    },
 }
 
 /// Returns how missing settings are given.
@@ -174,14 +165,11 @@ pub fn export(
         }
     }
     let mut export = export_without_notes(file, format, source)?;
-    // A simulator's joint and a network have no place for these parts anyway.
-    if matches!(
-        format,
-        ExportFormat::Record | ExportFormat::Rust | ExportFormat::C | ExportFormat::Onnx
-    ) {
+    // A simulator's joint has no place for these parts anyway.
+    if matches!(format, ExportFormat::Record | ExportFormat::Rust | ExportFormat::C) {
         export.notes.extend(file.left_out_in_words());
     }
-    if file.network.is_some() && !matches!(format, ExportFormat::Network | ExportFormat::Onnx) {
+    if file.network.is_some() {
         export.notes.push(format!(
             "the network that scales the levels and the stiffness is not included: this is the law with its constant parameters \
              ({} and {} export the network)",
@@ -198,29 +186,8 @@ fn export_without_notes(
     source: &str,
 ) -> Result<ExportedModel, ExportError> {
     match format {
-        ExportFormat::Network => {
-            let network = file.network.as_ref().ok_or(ExportError::NoNetwork)?;
-            let network =
-                network.for_driver().map_err(|error| ExportError::Network(error.into()))?;
-            let notes = vec![
-                format!(
-                    "{} bytes; read them with compensator_core::network::record::parse, or write the model to a driver with `params set {source}`",
-                    network_record::LENGTH
-                ),
-                "a driver starts the network with factors and share at 1 and its cells at 0: the law is unscaled until the network has seen a few evaluations"
-                    .into(),
-            ];
-            Ok(ExportedModel::new(network_record::emit(Some(&network)).to_vec(), notes))
-        }
-        #[cfg(feature = "onnx")]
-        ExportFormat::Onnx => match &file.network {
-            Some(network) => Ok(onnx_network::export(network, source)),
-            None => {
-                onnx_step::export(file, source).map_err(|error| ExportError::Graph(error.into()))
-            }
-        },
-        #[cfg(not(feature = "onnx"))]
-        ExportFormat::Onnx => Err(ExportError::NotInBuild),
+        ExportFormat::Network if file.network.is_none() => Err(ExportError::NoNetwork),
+        ExportFormat::Network | ExportFormat::Onnx => Err(ExportError::NotInBuild { format }),
         ExportFormat::Record => Ok(ExportedModel::new(
             record::emit(&file.friction()).to_vec(),
             record_notes(file, source),

@@ -36,6 +36,6 @@ impl Files {
 ///
 /// # Errors
 /// One line, if a value cannot be represented in JSON.
-pub(crate) fn pretty(document: &impl Serialize) -> Result<String, ResultError> {
+pub fn pretty(document: &impl Serialize) -> Result<String, ResultError> {
     Ok(serde_json::to_string_pretty(document)? + "\n")
 }

@@ -31,12 +31,11 @@ pub mod json;
 #[cfg(feature = "fleet")]
 pub mod level_trend;
 pub mod loop_cost;
-pub mod network;
 #[cfg(test)]
 mod noise;
 #[cfg(feature = "pages")]
 pub mod page;
-mod predicted;
+pub mod predicted;
 pub mod provenance;
 pub mod ranking;
 #[cfg(feature = "pages")]
@@ -55,7 +54,7 @@ pub mod tune;
 mod write;
 
 pub use error::ResultError;
-pub use files::Files;
+pub use files::{Files, pretty};
 pub use json::{FitDocument, document};
 #[cfg(feature = "pages")]
 pub use page::{Comparison, FitReport, compare_fits, page};

@@ -2,7 +2,7 @@
 
 use crate::ResultError;
 use crate::files::Files;
-use friction_fit::params::{self, ParameterFile};
+use friction_fit::params;
 use friction_fit::prediction::{LogPrediction, PredictionOptions, log_tracks, predict_tracks};
 use joint_log::Dataset;
 use serde_json::{Value, json};
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 pub const ROWS_FILE: &str = "rows.parquet";
 
 /// Every row of a log with the model of a parameter file.
-pub(crate) struct PredictedLog {
+pub struct PredictedLog {
     prediction: LogPrediction,
     /// Its errors, for the JSON document.
     pub summary: Value,
@@ -24,19 +24,20 @@ impl PredictedLog {
     /// One line if the model cannot be applied to the log.
     pub fn of_text(toml: &str, data: &Dataset) -> Result<Self, ResultError> {
         let file = params::parse(toml, &[]).map_err(ResultError::of_model)?;
-        Self::of_file(&file, data)
+        let tracks = log_tracks(&file, data).map_err(ResultError::of_model)?;
+        Self::new(|options| predict_tracks(&file, data, &tracks, &options))
+            .map_err(ResultError::of_model)
     }
 
-    /// Predicts with a parameter file.
+    /// Predicts with `predict`, as the model is simulated and as it is exported.
     ///
     /// # Errors
-    /// See [`PredictedLog::of_text`].
-    pub fn of_file(file: &ParameterFile, data: &Dataset) -> Result<Self, ResultError> {
-        let tracks = log_tracks(file, data).map_err(ResultError::of_model)?;
-        let with =
-            |options| predict_tracks(file, data, &tracks, &options).map_err(ResultError::of_model);
-        let prediction = with(PredictionOptions::default())?;
-        let as_exported = with(PredictionOptions::AS_EXPORTED)?;
+    /// That of `predict`.
+    pub fn new<E>(
+        predict: impl Fn(PredictionOptions) -> Result<LogPrediction, E>,
+    ) -> Result<Self, E> {
+        let prediction = predict(PredictionOptions::default())?;
+        let as_exported = predict(PredictionOptions::AS_EXPORTED)?;
         let summary = json!({
             "file": ROWS_FILE,
             "rows": prediction.metrics.rows,

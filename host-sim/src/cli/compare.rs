@@ -2,12 +2,12 @@
 
 use super::each_joint::{JointResult, each_joint};
 use super::identify::{KnownMachine, choices};
-use super::identify_network;
 use super::input::DataArguments;
 #[cfg(feature = "papers")]
 use super::inside;
 #[cfg(not(feature = "papers"))]
 use super::missing_feature::refusal;
+use super::network;
 use super::output::OutputArguments;
 use super::table;
 use super::words::in_options;
@@ -58,7 +58,7 @@ fn specs(arguments: &CompareArguments) -> Result<Vec<Spec>, String> {
         return Ok(LawKind::ALL.iter().copied().map(Spec::law).collect());
     }
     let parse = |name: &String| match name.as_str() {
-        identify_network::MODEL => Err(identify_network::unsupported_by("compare")),
+        network::MODEL => Err(network::unsupported_by("compare")),
         _ => Spec::parse(name).map_err(in_options),
     };
     arguments.models.iter().map(parse).collect()

@@ -1,8 +1,8 @@
 //! `diagnose`: finds the effects that a friction model misses, extends the model, and measures the gain.
 
 use super::each_joint::{JointResult, each_joint};
-use super::identify_network;
 use super::input::DataArguments;
+use super::network;
 use super::output::OutputArguments;
 use super::table;
 use super::words::in_options;
@@ -38,8 +38,8 @@ pub struct DiagnoseArguments {
 
 /// Runs the command.
 pub fn run(arguments: &DiagnoseArguments) -> Result<(), String> {
-    if arguments.model.as_deref() == Some(identify_network::MODEL) {
-        return Err(identify_network::unsupported_by("diagnose"));
+    if arguments.model.as_deref() == Some(network::MODEL) {
+        return Err(network::unsupported_by("diagnose"));
     }
     let model = arguments.model.as_deref().map(Spec::parse).transpose();
     let given = arguments.params.as_deref().map(driver_file::read).transpose();

@@ -5,7 +5,7 @@ use super::words::text_in_options;
 use crate::driver_file;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_fit::params::{CompensatorSection, ParameterFile};
-use friction_results::export::{ExportError, ExportFormat, export};
+use friction_results::export::{ExportFormat, export};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -74,10 +74,22 @@ pub fn run(arguments: &ExportArguments) -> Result<(), String> {
         file.compensator.set(name, *value)?;
     }
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
-    let with_path = |error: ExportError| {
-        format!("{}: {}", arguments.params.display(), text_in_options(&error.to_string()))
+    let with_path =
+        |error: String| format!("{}: {}", arguments.params.display(), text_in_options(&error));
+    let exported = match (arguments.to, &file.network) {
+        #[cfg(not(feature = "network"))]
+        (ExportFormat::Network | ExportFormat::Onnx, Some(_)) => Err(super::network::refusal()),
+        #[cfg(feature = "network")]
+        (ExportFormat::Network, Some(text)) => friction_network::NetworkFile::of(text)
+            .and_then(|network| friction_network::export(&network, &name))
+            .map_err(|error| error.to_string()),
+        #[cfg(feature = "onnx")]
+        (ExportFormat::Onnx, _) => {
+            friction_onnx::export(&file, &name).map_err(|error| error.to_string())
+        }
+        (format, _) => export(&file, format, &name).map_err(|error| error.to_string()),
     };
-    let mut exported = export(&file, arguments.to, &name).map_err(with_path)?;
+    let mut exported = exported.map_err(with_path)?;
     exported.notes.iter_mut().for_each(|note| *note = text_in_options(note));
     let name = arguments.to.file_name(&file);
     let further = exported.further_files.iter().map(|(name, content)| (*name, content.as_slice()));

@@ -1,12 +1,12 @@
 //! `identify`: fits one model to measured data.
 
 use super::each_joint::{JointResult, each_joint};
-use super::identify_network::{self, NetworkArguments};
 use super::input::DataArguments;
 #[cfg(feature = "papers")]
 use super::inside;
 #[cfg(not(feature = "papers"))]
 use super::missing_feature::refusal;
+use super::network::{self, NetworkArguments};
 use super::output::OutputArguments;
 use super::table;
 use super::words::in_options;
@@ -116,7 +116,12 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
     if arguments.inside.is_some() {
         return Err(refusal("--inside", "papers"));
     }
-    if arguments.model == identify_network::MODEL {
+    #[cfg(not(feature = "network"))]
+    if arguments.model == network::MODEL {
+        return Err(network::refusal());
+    }
+    #[cfg(feature = "network")]
+    if arguments.model == network::MODEL {
         return each_joint(
             "identify",
             &arguments.data,
@@ -124,7 +129,7 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
             &SplitRule::default(),
             |input| {
                 let fit = &arguments.data.fit;
-                identify_network::run(&arguments.network, fit, arguments.starts, input)
+                network::identify(&arguments.network, fit, arguments.starts, input)
             },
         );
     }

@@ -19,6 +19,7 @@ mod trend;
 
 use super::bus::BusArguments;
 use super::export::CompensatedArguments;
+use super::network::for_driver;
 use super::output::{pretty, print_text};
 use super::words::text_in_options;
 use crate::driver_file;
@@ -466,7 +467,8 @@ impl Driver {
                         eprintln!("note: {}", text_in_options(&left_out));
                     }
                     let with_name = |error| format!("{item}: {error}");
-                    driver_file::apply(&file, &mut set).map_err(with_name)?;
+                    let network = for_driver(&file).map_err(with_name)?;
+                    driver_file::apply(&file, network, &mut set);
                 }
             }
         }
@@ -507,7 +509,9 @@ impl Driver {
         let has = self.read_set()?;
         let mut wants = has.clone();
         let with_path = |error| format!("{}: {error}", path.display());
-        driver_file::apply(&self.read_file(path)?, &mut wants).map_err(with_path)?;
+        let file = self.read_file(path)?;
+        let network = for_driver(&file).map_err(with_path)?;
+        driver_file::apply(&file, network, &mut wants);
         let lines = differences(&has, &wants);
         let text = if json {
             let rows: Vec<_> = lines

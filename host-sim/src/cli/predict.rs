@@ -2,6 +2,7 @@
 
 use super::fit_arguments::FitArguments;
 use super::input::{DataArguments, LogArguments, LogInputs, MotionFrom};
+use super::network;
 use super::output::{OutputArguments, pretty, print_formatted, print_text, write_file};
 use super::predict_adapted::{self, AdaptArguments};
 use super::progress::in_stages;
@@ -12,7 +13,7 @@ use friction_fit::Resolution;
 use friction_fit::params::ParameterFile;
 use friction_fit::prediction::{
     AdaptationOptions, AdaptedPrediction, LogPrediction, PredictionOptions, PredictionStart,
-    log_tracks, predict_adapted, predict_tracks,
+    log_tracks, predict_adapted,
 };
 use friction_results::ROWS_FILE;
 use friction_results::rows::RowTable;
@@ -139,7 +140,7 @@ impl Results {
         adapt: Option<AdaptationOptions>,
     ) -> Result<Self, String> {
         let tracks = log_tracks(model, data)?;
-        let fixed = |options| predict_tracks(model, data, &tracks, options);
+        let fixed = |options| network::predict_tracks(model, data, &tracks, options);
         let as_exported = fixed(&PredictionOptions::AS_EXPORTED)?;
         let Some(adapt) = adapt else {
             return Ok(Self { predicted: fixed(options)?, as_exported, adapted: None });

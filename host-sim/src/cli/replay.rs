@@ -1,6 +1,7 @@
 //! `replay`: replays a CAN trace to a joint driver and compares every answer with the core, bit for bit.
 
 use super::bus::BusArguments;
+use super::network;
 use super::output::{OutputArguments, pretty, print_text};
 use super::progress::{announce, counted_progress, duration_in_words};
 use crate::driver_file;
@@ -128,7 +129,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
     let plan = Plan::read(&arguments.trace, node).map_err(|error| words(&error))?;
     let file = arguments.params.as_deref().map(driver_file::read).transpose();
     let file = file.map_err(|error| words(&error))?;
-    let network = file.as_ref().map(driver_file::network).transpose()?.flatten();
+    let network = file.as_ref().map(network::for_driver).transpose()?.flatten();
     let hub = Hub::new();
     if arguments.bus.bus == BusName::Loop {
         let joint = JointNode::start(node, None).map_err(|error| words(&error))?;

@@ -1,5 +1,5 @@
 //! `identify --model lugre-lstm`: the network is written only if it reduces the error on held-out runs.
-#![cfg(feature = "cli")]
+#![cfg(feature = "network")]
 
 use crate::snapshot;
 use serde_json::Value;

@@ -3,12 +3,13 @@
 use std::process::Command;
 
 /// A feature, whether this build has it, and arguments that need it.
-const CASES: [(&str, bool, &[&str]); 6] = [
+const CASES: [(&str, bool, &[&str]); 7] = [
     ("papers", cfg!(feature = "papers"), &["paper", "damper", "--quick"]),
     ("monitor", cfg!(feature = "monitor"), &["monitor", "--view", "paged", "--seconds", "0.1"]),
     ("update", cfg!(feature = "update"), &["update", "joint.package", "--bus", "no-such-bus0"]),
     ("update", cfg!(feature = "update"), &["sign", "--new-key", "signing.key"]),
     ("update", cfg!(feature = "update"), &["update", "--help"]),
+    ("network", cfg!(feature = "network"), &["identify", "log.csv", "--model", "lugre-lstm"]),
     ("onnx", cfg!(feature = "onnx"), &["export", "params.toml", "--to", "onnx"]),
 ];
 

@@ -19,7 +19,6 @@ use firmware::parameter_set::ParameterSet;
 use firmware::sensors::SensorParameters;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
-use friction_fit::network::NetworkFile;
 use friction_fit::params::{
     self, CompensatorSection, ParameterFile, ParameterFileError, Section, emit_model, emit_section,
 };
@@ -50,20 +49,10 @@ pub fn parse(text: &str) -> Result<ParameterFile, String> {
     params::parse(text, &SECTIONS)
 }
 
-/// Returns the network of the file in the driver's form; `None` if the model has no network.
-///
-/// # Errors
-/// Returns one line if the network has an input that a driver does not measure or receive.
-pub fn network(file: &ParameterFile) -> Result<Option<JointNetwork>, String> {
-    file.network.as_ref().map(NetworkFile::for_driver).transpose()
-}
-
 /// Applies a file to a driver's parameter set. The friction model and its network are replaced as a whole; the model's rigid-body
-/// parts are left out. Of the other sections, only the values in the file are replaced.
-///
-/// # Errors
-/// See [`network`]; the set is unchanged in that case.
-pub fn apply(file: &ParameterFile, set: &mut ParameterSet) -> Result<(), String> {
+/// parts are left out. Of the other sections, only the values in the file are replaced. `network` is that of the file, in the
+/// driver's form.
+pub fn apply(file: &ParameterFile, network: Option<JointNetwork>, set: &mut ParameterSet) {
     // A value that the file does not contain is NaN.
     fn merge<const N: usize>(mut values: [f32; N], from_file: Option<&Vec<f32>>) -> [f32; N] {
         for (value, new) in values.iter_mut().zip(from_file.into_iter().flatten()) {
@@ -73,7 +62,7 @@ pub fn apply(file: &ParameterFile, set: &mut ParameterSet) -> Result<(), String>
         }
         values
     }
-    set.network = network(file)?;
+    set.network = network;
     set.friction.model = file.compensated_model();
     set.friction.compensator = file.compensator.over(&set.friction.compensator);
     let [motor, thresholds, watch, sensors] = [0, 1, 2, 3].map(|at| file.sections.get(at));
@@ -81,7 +70,6 @@ pub fn apply(file: &ParameterFile, set: &mut ParameterSet) -> Result<(), String>
     set.thresholds = Thresholds::from_array(merge(set.thresholds.to_array(), thresholds));
     set.watch = WatchParameters::from_array(merge(set.watch.to_array(), watch));
     set.sensors = SensorParameters::from_array(merge(set.sensors.to_array(), sensors));
-    Ok(())
 }
 
 /// Returns the file of a driver's parameter set without its network. Reading the file gives the same set, bit for bit.
@@ -118,7 +106,7 @@ mod tests {
         set.watch.band_nm = 0.07;
         set.sensors.strain_zero = 0.47;
         let mut back = ParameterSet::default();
-        apply(&parse(&emit(&set, JointKind::Revolute)).unwrap(), &mut back).unwrap();
+        apply(&parse(&emit(&set, JointKind::Revolute)).unwrap(), None, &mut back);
         assert_eq!(back.emit(), set.emit());
     }
 
@@ -128,7 +116,7 @@ mod tests {
             "schema = 1\njoint = \"revolute\"\nmodel = \"lugre\"\n[motor]\ngear_ratio = 20\n";
         let mut set = ParameterSet::default();
         set.motor.pole_pairs = 11.0;
-        apply(&parse(text).unwrap(), &mut set).unwrap();
+        apply(&parse(text).unwrap(), None, &mut set);
         assert_eq!((set.motor.pole_pairs, set.motor.gear_ratio), (11.0, 20.0));
         let error = parse(&text.replace("gear_ratio", "gear")).unwrap_err();
         assert!(error.contains("motor.gear: unknown"), "{error}");

@@ -9,6 +9,7 @@
 
 pub mod cases;
 pub mod motion;
+#[cfg(feature = "network")]
 pub mod network;
 pub mod schemes;
 

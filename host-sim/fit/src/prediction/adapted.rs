@@ -92,7 +92,7 @@ pub fn predict_adapted(
     adapt: &AdaptationOptions,
 ) -> Result<AdaptedPrediction, String> {
     if file.network.is_some() {
-        return Err("a network supplies the levels, expected a model without one".into());
+        return Err(super::SUPPLIED.into());
     }
     // Gains follow the driver's law.
     let options = &PredictionOptions { of_driver: true, ..*options };

@@ -3,7 +3,7 @@
 use super::program::Expr;
 
 /// Field of the state with the torque of the bristle deflection, Nm.
-pub(super) const BRISTLE_TORQUE: &str = "bristle_torque_nm";
+pub const BRISTLE_TORQUE: &str = "bristle_torque_nm";
 
 /// Effects of the terms on the law, and the motion that they read. `None` is a neutral effect.
 pub(super) struct Effects {

@@ -9,14 +9,13 @@ use super::terms;
 use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
 
 /// Input with the measured torque for [`start`], Nm.
-#[cfg(feature = "onnx")]
-pub(super) const MEASURED_TORQUE: &str = "measured_torque_nm";
+pub const MEASURED_TORQUE: &str = "measured_torque_nm";
 
 /// Number of bisections of a start: one for each bit of a `float`, and some for a torque far below the level.
 pub(super) const BISECTIONS: usize = 32;
 
 /// Returns the name of the first term that cannot be exported as statements.
-pub(super) fn unsupported_term(model: &Parameters<f32>) -> Option<&'static str> {
+pub fn unsupported_term(model: &Parameters<f32>) -> Option<&'static str> {
     let mut terms = active_terms(model).into_iter();
     terms.find(|kind| !terms::is_supported(*kind)).map(TermKind::name)
 }
@@ -28,7 +27,7 @@ fn active_terms(model: &Parameters<f32>) -> Vec<TermKind> {
 }
 
 /// Returns one step: the result is the friction torque, and the statements advance the state.
-pub(super) fn step(model: &Parameters<f32>) -> Program {
+pub fn step(model: &Parameters<f32>) -> Program {
     let mut program = Program::default();
     let shared = Shared::new(&mut program, model);
     let torque = if model.law.has_bristles() {
@@ -47,8 +46,7 @@ pub(super) fn step(model: &Parameters<f32>) -> Program {
 
 /// Returns the start: the result is the bristle torque from which [`step`] returns the measured torque, as far as the level
 /// permits. `None` if the law has no bristles. The state that the statements set is of no use.
-#[cfg(feature = "onnx")]
-pub(super) fn start(model: &Parameters<f32>) -> Option<Program> {
+pub fn start(model: &Parameters<f32>) -> Option<Program> {
     if !model.law.has_bristles() {
         return None;
     }

@@ -9,11 +9,12 @@ use std::rc::Rc;
 
 /// An expression. Clones share their content.
 #[derive(Clone, Debug)]
-pub(super) struct Expr(pub Rc<Node>);
+pub struct Expr(pub Rc<Node>);
 
 /// The root of an expression.
 #[derive(Debug)]
-pub(super) enum Node {
+pub enum Node {
+    /// A constant.
     Number(f32),
     /// An input of the step, by its name.
     Input(&'static str),
@@ -23,7 +24,9 @@ pub(super) enum Node {
     State(&'static str),
     /// A variable that a statement defines.
     Variable(String),
+    /// An operator with its operand.
     Unary(Unary, Expr),
+    /// An operator with its operands.
     Binary(Binary, Expr, Expr),
     /// The second expression if the first is above 0, the third otherwise.
     IfPositive(Expr, Expr, Expr),
@@ -31,7 +34,8 @@ pub(super) enum Node {
 
 /// An operator with one operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Unary {
+#[expect(missing_docs, reason = "the operators have the names of their functions")]
+pub enum Unary {
     Negative,
     Abs,
     /// -1, 0 or 1.
@@ -45,7 +49,8 @@ pub(super) enum Unary {
 
 /// An operator with two operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Binary {
+#[expect(missing_docs, reason = "the operators have the names of their functions")]
+pub enum Binary {
     Add,
     Subtract,
     Multiply,
@@ -59,15 +64,16 @@ impl Expr {
     fn new(node: Node) -> Self {
         Self(Rc::new(node))
     }
-    pub fn number(value: f32) -> Self {
+    pub(super) fn number(value: f32) -> Self {
         Self::new(Node::Number(value))
     }
-    pub fn input(name: &'static str) -> Self {
+    pub(super) fn input(name: &'static str) -> Self {
         Self::new(Node::Input(name))
     }
-    pub fn period() -> Self {
+    pub(super) fn period() -> Self {
         Self::new(Node::Period)
     }
+    /// Returns a field of the state.
     pub fn state(name: &'static str) -> Self {
         Self::new(Node::State(name))
     }
@@ -77,45 +83,45 @@ impl Expr {
     fn binary(&self, operator: Binary, other: &Self) -> Self {
         Self::new(Node::Binary(operator, self.clone(), other.clone()))
     }
-    pub fn negative(&self) -> Self {
+    pub(super) fn negative(&self) -> Self {
         self.unary(Unary::Negative)
     }
-    pub fn abs(&self) -> Self {
+    pub(super) fn abs(&self) -> Self {
         self.unary(Unary::Abs)
     }
-    pub fn sign(&self) -> Self {
+    pub(super) fn sign(&self) -> Self {
         self.unary(Unary::Sign)
     }
-    pub fn exp(&self) -> Self {
+    pub(super) fn exp(&self) -> Self {
         self.unary(Unary::Exp)
     }
-    pub fn ln(&self) -> Self {
+    pub(super) fn ln(&self) -> Self {
         self.unary(Unary::Ln)
     }
-    pub fn sin(&self) -> Self {
+    pub(super) fn sin(&self) -> Self {
         self.unary(Unary::Sin)
     }
-    pub fn cos(&self) -> Self {
+    pub(super) fn cos(&self) -> Self {
         self.unary(Unary::Cos)
     }
-    pub fn atan(&self) -> Self {
+    pub(super) fn atan(&self) -> Self {
         self.unary(Unary::Atan)
     }
-    pub fn min(&self, other: &Self) -> Self {
+    pub(super) fn min(&self, other: &Self) -> Self {
         self.binary(Binary::Min, other)
     }
-    pub fn max(&self, other: &Self) -> Self {
+    pub(super) fn max(&self, other: &Self) -> Self {
         self.binary(Binary::Max, other)
     }
-    pub fn power(&self, exponent: &Self) -> Self {
+    pub(super) fn power(&self, exponent: &Self) -> Self {
         self.binary(Binary::Power, exponent)
     }
     /// Limits to `-bound..=bound`.
-    pub fn within(&self, bound: &Self) -> Self {
+    pub(super) fn within(&self, bound: &Self) -> Self {
         bound.negative().binary(Binary::Max, &bound.min(self))
     }
     /// `positive` if `self` is above 0, `otherwise` if not.
-    pub fn if_positive(&self, positive: &Self, otherwise: &Self) -> Self {
+    pub(super) fn if_positive(&self, positive: &Self, otherwise: &Self) -> Self {
         Self::new(Node::IfPositive(self.clone(), positive.clone(), otherwise.clone()))
     }
 
@@ -173,7 +179,7 @@ operator!(Div, div, Divide);
 
 /// What a statement does with its value.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Action {
+pub enum Action {
     /// Defines a variable.
     Define(String),
     /// Adds to a variable.
@@ -186,8 +192,10 @@ pub(super) enum Action {
 
 /// A statement.
 #[derive(Clone, Debug)]
-pub(super) struct Statement {
+pub struct Statement {
+    /// What happens with the value.
     pub action: Action,
+    /// The value.
     pub value: Expr,
     /// Comment for the reader of the code.
     pub comment: Option<String>,
@@ -195,8 +203,10 @@ pub(super) struct Statement {
 
 /// Statements in the order of execution, and a result.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Program {
+pub struct Program {
+    /// In the order of execution.
     pub statements: Vec<Statement>,
+    /// The value of the whole program.
     pub result: Option<Expr>,
     comment: Option<String>,
 }

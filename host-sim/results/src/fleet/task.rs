@@ -237,7 +237,7 @@ fn safe_name(name: &str) -> String {
         .map(|letter| if is_safe(letter) { letter } else { '-' })
         .take(MAX_NAME_BYTES)
         .collect();
-    format!("{kept}-{}", friction_fit::network::checksum(name.as_bytes()))
+    format!("{kept}-{}", friction_fit::params::checksum(name.as_bytes()))
 }
 
 /// Longest name of a folder without a checksum; file systems permit 255 bytes.

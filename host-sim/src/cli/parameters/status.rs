@@ -178,7 +178,6 @@ pub(super) fn codes(bits: u32, first: u8) -> Vec<&'static str> {
 mod tests {
     use super::*;
     use compensator_core::can::NodeId;
-    use compensator_core::network::reference;
     use joint_bus::bus::Hub;
     use joint_bus::joint::JointNode;
 
@@ -201,7 +200,10 @@ mod tests {
     }
 
     #[test]
+    #[cfg(feature = "network")]
     fn network_status_is_present_only_for_a_driver_with_a_network() {
+        use compensator_core::network::reference;
+
         let hub = Hub::new();
         hub.attach(JointNode::start(NodeId::FIRST, None).expect("a driver"));
         let bus: Box<dyn Bus> = Box::new(hub.port());

@@ -11,7 +11,7 @@ use super::model::RESOLUTION;
 use super::score::CampaignScore;
 use compensator_core::Parameters;
 use friction_fit::Track;
-use friction_fit::network::{
+use friction_network::{
     NetworkInput, NetworkLaw, NetworkRun, TrainOptions, TrainingProgress, predict, train,
 };
 use rayon::prelude::*;

@@ -67,7 +67,7 @@ pub(super) fn add_unpublished_tests(
     let runs: Vec<_> = wind.tracks.iter().map(|track| network.run(track)).collect();
     let validated =
         CampaignScore::of(&wind.tracks, runs.iter().map(|run| run.torque.clone()).collect());
-    let outside = |run: &friction_fit::network::NetworkRun| {
+    let outside = |run: &friction_network::NetworkRun| {
         run.is_outside.iter().filter(|outside| **outside).count() as f64
             / run.is_outside.len().max(1) as f64
     };

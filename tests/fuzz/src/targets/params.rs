@@ -24,9 +24,8 @@ pub fn run(data: &[u8]) {
     };
     file.parameters.validate().expect("a parsed file is valid");
     let mut set = ParameterSet::default();
-    if let Err(error) = apply(&file, &mut set) {
-        return assert!(!error.is_empty() && !error.contains('\n'), "{error:?}");
-    }
+    // A text without a folder has no network.
+    apply(&file, None, &mut set);
     // The values in f32, or together with the driver's other parameters, may be invalid. That is no error here.
     if set.validate().is_err() {
         return;
@@ -35,7 +34,7 @@ pub fn run(data: &[u8]) {
     let written = emit(&set, file.joint);
     let again = parse(&written).unwrap_or_else(|error| panic!("{error}\n{written}"));
     let mut read = ParameterSet::default();
-    apply(&again, &mut read).expect("an emitted file is applied");
+    apply(&again, None, &mut read);
     assert_eq!(emit(&read, again.joint), written);
     // The file holds only the parameters that the model uses.
     for id in set.friction.model.active() {

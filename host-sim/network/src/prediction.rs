@@ -1,24 +1,39 @@
 //! Prediction by a law whose levels and stiffness a network supplies.
 
-use super::RunPrediction;
-use crate::Track;
-use crate::network::{NetworkFile, NetworkInput, NetworkLaw, law_substeps, predict};
-use crate::params::ParameterFile;
+use crate::{NetworkError, NetworkFile, NetworkInput, NetworkLaw, law_substeps, predict};
 use compensator_core::network::MAX_INPUTS;
 use compensator_core::{Flags, Quantity};
+use friction_fit::Track;
+use friction_fit::params::ParameterFile;
+use friction_fit::prediction::{
+    LogPrediction, PredictionOptions, RunPrediction, predict_tracks_by,
+};
 use joint_log::Dataset;
 
-/// Predicts a track as a joint driver does. The start is the first measured torque.
+/// Predicts the tracks of a log with a law and its network, as [`friction_fit::prediction::predict_tracks`] does with a law.
 ///
 /// # Errors
-/// One line if the log lacks an input of the network.
-pub(super) fn predict_with_network(
+/// If the log lacks an input of the network.
+pub fn predict_tracks(
+    file: &ParameterFile,
+    network: &NetworkFile,
+    data: &Dataset,
+    tracks: &[Track],
+    options: &PredictionOptions,
+) -> Result<LogPrediction, NetworkError> {
+    let predict =
+        |track: &Track, run: &mut RunPrediction| predict_track(file, network, data, track, run);
+    predict_tracks_by(file, data, tracks, options, predict)
+}
+
+/// Predicts a track as a joint driver does. The start is the first measured torque.
+fn predict_track(
     file: &ParameterFile,
     network: &NetworkFile,
     data: &Dataset,
     track: &Track,
     run: &mut RunPrediction,
-) -> Result<(), String> {
+) -> Result<(), NetworkError> {
     // An unused input has weights of 0 and a wide range, so that any input may stand there.
     let mut inputs = [NetworkInput::Unused; MAX_INPUTS];
     for (input, name) in inputs.iter_mut().zip(&network.inputs) {
@@ -45,7 +60,7 @@ pub(super) fn predict_with_network(
 }
 
 /// Finds an input of a network in a log.
-fn parse_input(name: &str, data: &Dataset) -> Result<NetworkInput, String> {
+fn parse_input(name: &str, data: &Dataset) -> Result<NetworkInput, NetworkError> {
     match name {
         "velocity" => return Ok(NetworkInput::Velocity),
         "held" => return Ok(NetworkInput::Held),
@@ -59,5 +74,5 @@ fn parse_input(name: &str, data: &Dataset) -> Result<NetworkInput, String> {
     quantity
         .filter(is_logged)
         .map(NetworkInput::Quantity)
-        .ok_or_else(|| format!("{name}: not a column of the log, and the network reads it"))
+        .ok_or_else(|| NetworkError::NoColumn(name.to_owned()))
 }

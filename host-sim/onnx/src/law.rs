@@ -5,17 +5,19 @@
 //!   -> one step ->
 //! torque_nm [joints]   bristle_torque_nm_next [joints] ..
 //! ```
-//! The statements are those of [`super::law`]. Every operator is elementwise, so one evaluation serves any number of joints of
+//! The statements are those of [`friction_results::export`]. Every operator is elementwise, so one evaluation serves any number of joints of
 //! this model. The start is a graph of its own: it reads the inputs of the step and `measured_torque_nm`, and returns
 //! `bristle_torque_nm`. It is the bisection of the core, unrolled, so that neither graph needs control flow.
 
-use super::effects::BRISTLE_TORQUE;
-use super::law::{self, MEASURED_TORQUE};
-use super::onnx::{Builder, per_joint, single};
-use super::program::{Action, Binary, Expr, Node, Program, Unary};
-use super::{ExportFormat, ExportedModel};
+use super::OnnxError;
+use super::graph::{Builder, ValueInfo, per_joint, single};
 use compensator_core::TermKind;
 use friction_fit::params::ParameterFile;
+use friction_results::export::ExportedModel;
+use friction_results::export::statements::{
+    Action, BRISTLE_TORQUE, Binary, Expr, MEASURED_TORQUE, Node, Program, Unary, start, step,
+    unsupported_term,
+};
 use joint_log::JointKind;
 use std::collections::HashMap;
 
@@ -23,18 +25,14 @@ use std::collections::HashMap;
 pub(super) const START_FILE: &str = "friction-start.onnx";
 
 /// Exports a law as a graph of its step, and a graph of its start if it has bristles.
-pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, String> {
+pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, OnnxError> {
     let model = &file.compensated_model();
     // The graph of the start has no state of the play.
     let play = model.terms.iter().find(|kind| **kind == TermKind::Backlash);
-    if let Some(term) = law::unsupported_term(model).or(play.map(|kind| kind.name())) {
-        return Err(format!(
-            "{term}: the ONNX graph does not support this term, which needs a memory or a table: use {} or {}",
-            ExportFormat::Rust.setting(),
-            ExportFormat::Record.setting(),
-        ));
+    if let Some(term) = unsupported_term(model).or(play.map(|kind| kind.name())) {
+        return Err(OnnxError::Term { term });
     }
-    let step = law::step(model);
+    let step = step(model);
     let (inputs, state) = (inputs(&step), step.state());
     let units = match file.joint {
         JointKind::Revolute => "",
@@ -49,7 +47,7 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
             state.join(", ")
         );
     }
-    let start = law::start(model);
+    let start = start(model);
     let start_rule = match &start {
         Some(_) => format!(
             "at the start of a run and after a gap, zero the state and run {START_FILE} with the first sample and its measured \
@@ -106,9 +104,7 @@ fn inputs(step: &Program) -> Vec<&'static str> {
     std::iter::once(velocity).chain(others).collect()
 }
 
-fn declare_inputs<'a>(
-    names: impl Iterator<Item = &'a &'static str>,
-) -> Vec<super::onnx::ValueInfo> {
+fn declare_inputs<'a>(names: impl Iterator<Item = &'a &'static str>) -> Vec<ValueInfo> {
     let mut declared: Vec<_> = names.map(|name| per_joint(name)).collect();
     declared.insert(1, single("dt_s"));
     declared

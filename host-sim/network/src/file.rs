@@ -15,18 +15,18 @@
 //!
 //! Inputs are `velocity`, `held` (the bristle torque of the law), and columns of the log by name. Ranges are in the
 //! columns' units: the middle, and the inverse of half the width. Weights are in the order of
-//! [`Network::for_each_weight`]. The `params.toml` in the same folder contains the name of this file and its checksum ([`checksum`]).
+//! [`Network::for_each_weight`]. The `params.toml` in the same folder contains the name of this file and its checksum ([`friction_fit::params::checksum`]).
 
+use crate::NetworkError;
+pub use compensator_core::network::CELLS;
 use compensator_core::network::{
     FactorBounds, InputRange, InputSource, JointNetwork, Lstm, MAX_INPUTS, Network, Readout,
     StrokeRange,
 };
 use compensator_core::{JointKind, Quantity};
+use friction_fit::params::NetworkText;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-
-/// Cells of the recurrent layer.
-pub const CELLS: usize = 8;
 
 /// A network with up to [`MAX_INPUTS`] inputs; unused inputs have weights of 0.
 pub type WideNetwork = Network<f64, MAX_INPUTS, CELLS>;
@@ -73,7 +73,7 @@ struct Strokes {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileFields {
-    schema: u32,
+    schema: usize,
     cells: usize,
     inputs: Vec<String>,
     ranges: Vec<Range>,
@@ -88,12 +88,6 @@ struct FileFields {
     base: Value,
     #[serde(default)]
     training: Value,
-}
-
-/// Returns the CRC-32 (ISO-HDLC) of a file's bytes as eight hexadecimal digits, as in `params.toml`.
-pub fn checksum(bytes: &[u8]) -> String {
-    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
-    format!("{:08x}", crc.checksum(bytes))
 }
 
 impl NetworkFile {
@@ -133,36 +127,46 @@ impl NetworkFile {
         serde_json::to_string_pretty(&written).expect("numbers and names") + "\n"
     }
 
+    /// Reads the network of a parameter file.
+    ///
+    /// # Errors
+    /// As [`NetworkFile::parse`], with the path.
+    pub fn of(NetworkText { path, text }: &NetworkText) -> Result<Self, NetworkError> {
+        let failed = |error| NetworkError::File { path: path.clone(), error: Box::new(error) };
+        Self::parse(text).map_err(failed)
+    }
+
     /// Reads and validates the text of a file.
     ///
     /// # Errors
-    /// One line: the found value, the expected value and the place; or the error of the core's validation.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let written: FileFields = serde_json::from_str(text).map_err(|error| error.to_string())?;
-        if written.schema != 1 {
-            return Err(format!("schema: found {}, expected 1", written.schema));
-        }
-        if written.cells != CELLS {
-            return Err(format!("cells: found {}, expected {CELLS}", written.cells));
+    /// The found value, the expected value and the place; or the error of the core's validation.
+    pub fn parse(text: &str) -> Result<Self, NetworkError> {
+        let written: FileFields = serde_json::from_str(text)?;
+        for (field, found, expected) in
+            [("schema", written.schema, 1), ("cells", written.cells, CELLS)]
+        {
+            if found != expected {
+                return Err(NetworkError::Number { field, found, expected });
+            }
         }
         let used = written.inputs.len();
         if !(1..=MAX_INPUTS).contains(&used) {
-            return Err(format!("inputs: found {used}, expected 1 to {MAX_INPUTS}"));
+            return Err(NetworkError::InputCount(used));
         }
-        for (name, found, expected) in [
+        for (field, found, expected) in [
             ("ranges", written.ranges.len(), used),
             ("factors", written.factors.len(), FACTOR_NAMES.len()),
             ("weights", written.weights.len(), count(used)),
         ] {
             if found != expected {
-                return Err(format!(
-                    "{name}: found {found}, expected {expected} for {used} inputs"
-                ));
+                return Err(NetworkError::Length { field, found, expected, inputs: used });
             }
         }
-        let named = written.factors.iter().map(|bounds| bounds.factor.as_str());
-        if let Some((found, expected)) = named.zip(FACTOR_NAMES).find(|(one, other)| one != other) {
-            return Err(format!("factors: found {found:?}, expected {expected:?}"));
+        for (bounds, expected) in written.factors.iter().zip(FACTOR_NAMES) {
+            if bounds.factor != expected {
+                let found = bounds.factor.clone();
+                return Err(NetworkError::Factor { found, expected });
+            }
         }
         let bounds = |place: usize| {
             let Bounds { least, most, .. } = written.factors[place];
@@ -181,7 +185,7 @@ impl NetworkFile {
             fade: written.fade,
         };
         set_weights(&mut network, used, &written.weights);
-        network.validate().map_err(|error| error.to_string())?;
+        network.validate()?;
         let period_s = written.evaluation_period_s;
         let strokes = written.strokes.map(|range| StrokeRange {
             least: range.least,
@@ -196,10 +200,10 @@ impl NetworkFile {
     /// own becomes the auxiliary covariate, of which there is one.
     ///
     /// # Errors
-    /// One line: an input that no driver can supply, or the error of the core's validation.
-    pub fn for_driver(&self) -> Result<JointNetwork, String> {
+    /// An input that no driver can supply, or the error of the core's validation.
+    pub fn for_driver(&self) -> Result<JointNetwork, NetworkError> {
         let mut feeds = heapless::Vec::new();
-        let mut own: Option<&str> = None;
+        let mut custom: Option<&str> = None;
         let mut network = self.network.clone();
         for (name, range) in self.inputs.iter().zip(&mut network.inputs) {
             let feed = match name.as_str() {
@@ -209,14 +213,12 @@ impl NetworkFile {
                     match Quantity::parse(name).map(|(quantity, _)| InputSource::Of(quantity)) {
                         Some(feed) if feed.number().is_some() => feed,
                         Some(_) => {
-                            return Err(format!("inputs: a driver does not measure {name:?}"));
+                            return Err(NetworkError::NotMeasured(name.to_owned()));
                         }
                         None => {
-                            if let Some(other) = own.replace(name) {
-                                return Err(format!(
-                                    "inputs: {other:?} and {name:?} are custom columns of this log, and a driver has only one custom \
-                                 input, its auxiliary covariate"
-                                ));
+                            if let Some(other) = custom.replace(name) {
+                                let (first, second) = (other.to_owned(), name.to_owned());
+                                return Err(NetworkError::TwoCustomInputs(first, second));
                             }
                             InputSource::Of(Quantity::Auxiliary)
                         }
@@ -242,7 +244,7 @@ impl NetworkFile {
             strokes,
             network: network.convert(),
         };
-        joint.validate().map_err(|error| error.to_string())?;
+        joint.validate()?;
         Ok(joint)
     }
 
@@ -370,7 +372,7 @@ mod tests {
             ("\"weights\": [", "\"weights\": [0.5,", &["weights", "412", "411"]),
             ("\"weights\"", "\"weights", &["line "]),
         ] {
-            let error = NetworkFile::parse(&good.replacen(from, to, 1)).unwrap_err();
+            let error = NetworkFile::parse(&good.replacen(from, to, 1)).unwrap_err().to_string();
             message::require(&error, parts);
             assert_eq!(error.lines().count(), 1, "{error}");
             errors += &format!("{} => {error}\n", to.trim_end());
@@ -379,7 +381,7 @@ mod tests {
         let error_for = |names: [&str; 3]| {
             let mut file = file();
             file.inputs = names.map(str::to_owned).into();
-            file.for_driver().unwrap_err()
+            file.for_driver().unwrap_err().to_string()
         };
         assert!(error_for(["kp", "kd", "held"]).contains("\"kp\" and \"kd\""));
         let unmeasured = error_for(["time_s", "velocity", "held"]);

@@ -10,7 +10,7 @@ use crate::parameters::{LawKind, ParameterId as Id, Parameters};
 /// Number of inputs.
 pub const INPUTS: usize = 3;
 
-pub use super::CELLS;
+pub use crate::network::CELLS;
 
 /// Returns the reference network.
 pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
@@ -44,7 +44,6 @@ pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
 ///
 /// Its inputs are the auxiliary covariate, the velocity and the torque held by the bristles. It is evaluated at
 /// 128 Hz and knows strokes from 0.01 rad to 1 rad.
-#[cfg(feature = "network")]
 pub fn joint() -> super::JointNetwork {
     use super::{InputSource, JointNetwork, StrokeRange};
     use crate::quantity::Quantity;

@@ -1,8 +1,8 @@
 //! Simulation of a law with a network along a track, in `f64`, as a driver does.
 
 use super::input::NetworkLaw;
-use crate::Track;
 use compensator_core::network::{Factors, NetworkState, StrokeTracker};
+use friction_fit::Track;
 
 /// Simulated law with a network along a track, one value per row.
 #[derive(Clone, Debug, Default)]

@@ -6,13 +6,13 @@
 
 use super::file::CELLS;
 use super::input::{NetworkInput, NetworkLaw};
-use crate::Track;
-use crate::dual::Dual;
 use compensator_core::Real;
 use compensator_core::network::{
     CELL_LIMIT, FACTOR_COUNT, Factors, GATES, LstmActivations, LstmState, NetworkState,
     NetworkTrace, sigmoid, squash, squash_slope,
 };
+use friction_fit::Dual;
+use friction_fit::Track;
 
 /// Number of derivatives of a step of the law: by the held torque and by the factors.
 const LAW_DERIVATIVES: usize = 1 + FACTOR_COUNT;

@@ -1,4 +1,4 @@
-//! `identify --model lugre-lstm`: a LuGre model whose friction levels and stiffness are scaled by a network.
+//! Identifies the model `lugre-lstm`: a LuGre model whose friction levels and stiffness are scaled by a network.
 //!
 //! 1. `lugre-asymmetric` is fitted. Its parameters are the constants that the network's factors multiply. Outside the
 //!    range of the training data they apply alone.
@@ -8,47 +8,47 @@
 //! ([`NetworkFile`]). Every command that reads `params.toml` also reads the network. The network is written only if it
 //! reduces the error on held-out rows.
 
-use super::each_joint::JointResult;
-use super::fit_arguments::{FitArguments, LossChoice};
+use crate::result_files::{TrainingResult, network_files};
+use crate::{
+    BASE, NetworkError, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork,
+    TrainingProgress, law_substeps, predict, train,
+};
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
 use friction_diagnose::prepare::{Error, Prepared};
-use friction_fit::network::{
-    BASE, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork, TrainingProgress,
-    law_substeps, predict, train,
-};
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Metrics, Outcome, Track, identify};
-pub(super) use friction_results::network::MODEL;
-use friction_results::network::{TrainingResult, network_files};
+use friction_fit::{FitOptions, Metrics, Outcome, Track, identify as identify_law};
+use friction_results::Files;
 use joint_log::number::significant;
 use joint_log::work;
 use joint_log::{Dataset, contract};
 use serde_json::json;
 
-/// Arguments of the training.
-#[derive(clap::Args)]
-pub(super) struct NetworkArguments {
-    /// Inputs of the network of lugre-lstm
-    ///
-    /// `velocity`, `held` (the bristle torque), columns by name; by default every additional column of the log.
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',', hide_short_help = true)]
-    inputs: Vec<String>,
-    /// Treat strokes (the travel between two reversals) that differ from the training data of lugre-lstm as outside its
-    /// range
-    #[arg(long, hide_short_help = true)]
-    watch_strokes: bool,
-    /// Maximum number of training epochs for lugre-lstm
-    #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
-    epochs: usize,
+/// Name of the model.
+pub const MODEL: &str = "lugre-lstm";
+
+/// Options of an identification.
+#[derive(Clone, Debug)]
+pub struct IdentifyOptions {
+    /// Inputs of the network: `velocity`, `held`, columns by name; if empty, every additional column of the log.
+    pub inputs: Vec<String>,
+    /// Whether strokes that differ from the training data count as outside the range.
+    pub watches_strokes: bool,
+    /// Maximum number of training epochs.
+    pub epochs: usize,
+    /// Seed of the training.
+    pub seed: u64,
+    /// Number of starting points of the law's fit.
+    pub starts: usize,
 }
 
-/// Returns the error message of a command that does not support this model.
-pub(super) fn unsupported_by(command: &str) -> String {
-    format!(
-        "{MODEL}: {command} supports only laws with constant parameters; `identify --model {MODEL}` trains the network and \
-         compares it with {BASE}"
-    )
+/// The identified model.
+#[derive(Clone, Debug)]
+pub struct IdentifiedNetwork {
+    /// `fit.json`, `params.toml`, `rows.parquet`, and `network.json` if the network gains.
+    pub files: Files,
+    /// Errors and remarks, for people.
+    pub text: String,
 }
 
 /// Rate of the network evaluations, Hz. The fastest feature of the damper data, its gap at 1 Hz, lasts 74 ms.
@@ -66,69 +66,55 @@ fn parse_inputs(
     names: &[String],
     quantities: &[(&str, Quantity)],
     covariates: &[String],
-) -> Result<Vec<NetworkInput>, String> {
+) -> Result<Vec<NetworkInput>, NetworkError> {
     if names.is_empty() {
         let all: Vec<NetworkInput> = (0..covariates.len()).map(NetworkInput::Covariate).collect();
         return if (1..=MAX_INPUTS).contains(&all.len()) {
             Ok(all)
         } else {
-            let found = covariates.len();
-            Err(format!("--inputs: the log has {found} covariates, name 1 to {MAX_INPUTS} inputs"))
+            Err(NetworkError::Covariates(covariates.len()))
         };
     }
     if names.len() > MAX_INPUTS {
-        return Err(format!("--inputs: found {}, expected at most {MAX_INPUTS}", names.len()));
+        return Err(NetworkError::TooManyInputs(names.len()));
     }
     let quantity = |name: &str| quantities.iter().find(|(known, _)| *known == name);
     let columns = || covariates.iter().map(String::as_str).chain(quantities.iter().map(|of| of.0));
     let known = || ["velocity", "held"].into_iter().chain(columns());
     names
         .iter()
-        .map(|name| match (name.as_str(), covariates.iter().position(|own| own == name)) {
+        .map(|name| match (name.as_str(), covariates.iter().position(|column| column == name)) {
             ("velocity", _) => Ok(NetworkInput::Velocity),
             ("held", _) => Ok(NetworkInput::Held),
             (_, Some(place)) => Ok(NetworkInput::Covariate(place)),
             (name, None) if quantity(name).is_some() => Ok(quantity(name)
                 .map_or(NetworkInput::Velocity, |(_, of)| NetworkInput::Quantity(*of))),
             _ => {
-                let known: Vec<&str> = known().collect();
-                Err(format!("--inputs: found {name:?}, expected one of {}", known.join(", ")))
+                let known = known().map(str::to_owned).collect();
+                Err(NetworkError::UnknownInput { found: name.to_owned(), known })
             }
         })
         .collect()
 }
 
 /// Fits the model to the log of one joint.
-pub(super) fn run(
-    arguments: &NetworkArguments,
-    fitting: &FitArguments,
-    starts: usize,
-    data: &Prepared,
-) -> Result<JointResult, Error> {
+///
+/// # Errors
+/// If an input is unknown, a model is refused, or the caller stops the computation.
+pub fn identify(options: &IdentifyOptions, data: &Prepared) -> Result<IdentifiedNetwork, Error> {
     let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
         .into_iter()
         .map(|quantity| (quantity.name(data.data.joint), quantity))
         .collect();
-    let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
-    if fitting.loss == LossChoice::Huber {
-        let line = format!(
-            "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
-        );
-        return Err(line.into());
-    }
-    if !data.rigid_body.is_empty() {
-        let line = format!(
-            "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
-        );
-        return Err(line.into());
-    }
+    let inputs = parse_inputs(&options.inputs, &quantities, &data.data.covariates)?;
     let spec = Spec::parse(BASE)?;
     let base = spec.parameters()?;
-    let options = FitOptions { starts: starts.max(1), passive: true, ..FitOptions::default() };
+    let fitting =
+        FitOptions { starts: options.starts.max(1), passive: true, ..FitOptions::default() };
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
     let training = TrainOptions {
-        seed: fitting.seed,
-        epochs: arguments.epochs,
+        seed: options.seed,
+        epochs: options.epochs,
         every: (1.0 / (EVALUATION_RATE_HZ * period_s)).round().max(1.0) as usize,
         substeps: law_substeps(period_s),
         ..TrainOptions::default()
@@ -136,12 +122,8 @@ pub(super) fn run(
     let progress = |at: TrainingProgress| {
         let group =
             at.group.map_or(String::new(), |group| format!(", group {} held out", group + 1));
-        let loss = significant(at.loss, 3);
-        let epochs = arguments.epochs;
-        work::report_stage(&format!(
-            "training: epoch {} of {epochs}{group}, loss {loss}",
-            at.epoch
-        ));
+        let (epoch, epochs, loss) = (at.epoch, options.epochs, significant(at.loss, 3));
+        work::report_stage(&format!("training: epoch {epoch} of {epochs}{group}, loss {loss}"));
     };
     let names: Vec<String> = inputs
         .iter()
@@ -153,17 +135,17 @@ pub(super) fn run(
             NetworkInput::Quantity(quantity) => quantity.name(data.data.joint).into(),
         })
         .collect();
-    let task = TrainingTask { names, watches_strokes: arguments.watch_strokes, options: training };
+    let task = TrainingTask { names, watches_strokes: options.watches_strokes, options: training };
     work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
-    let fit = identify(&spec, &base, data.train_rows(), data.test_rows(), &options)?;
+    let fit = identify_law(&spec, &base, data.train_rows(), data.test_rows(), &fitting)?;
     let training = match *inputs.as_slice() {
         [a] => train_network(&fit, [a], data, &task, &progress),
         [a, b] => train_network(&fit, [a, b], data, &task, &progress),
         [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
         [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
-        _ => Err("--inputs: found none, expected at least one".to_owned()),
+        _ => Err(NetworkError::NoInputs),
     }?;
-    Ok(joint_result(data, &fit, &training, &task.names)?)
+    Ok(result(data, &fit, &training, &task.names)?)
 }
 
 /// Settings of the training.
@@ -181,14 +163,14 @@ fn train_network<const INPUTS: usize>(
     data: &Prepared,
     task: &TrainingTask,
     progress: &(dyn Fn(TrainingProgress) + Sync),
-) -> Result<TrainingResult, String> {
+) -> Result<TrainingResult, NetworkError> {
     let options = &task.options;
     let trained = train(&fit.parameters, inputs, &data.train, options, progress);
     let TrainedNetwork { mut supplied, epochs, loss, held_out } = trained;
     if task.watches_strokes {
         supplied.set_stroke_range(&data.train);
     }
-    supplied.network.validate().map_err(|error| error.to_string())?;
+    supplied.network.validate()?;
     let (train, _) = evaluate(&supplied, &data.train);
     let (test, outside_share) = evaluate(&supplied, &data.test);
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
@@ -198,10 +180,10 @@ fn train_network<const INPUTS: usize>(
         period_s: period_s * options.every as f64,
         strokes: supplied.strokes,
     };
-    let network = file.emit(json!({
+    let text = file.emit(json!({
         "passes": epochs, "seed": options.seed, "loss": loss, "loss_held_out": held_out,
     }));
-    Ok(TrainingResult { network, train, test, outside_share, epochs })
+    Ok(TrainingResult { file, text, train, test, outside_share, epochs })
 }
 
 /// Returns the error metrics on the tracks and the share of rows outside the trained ranges.
@@ -222,14 +204,14 @@ fn evaluate<const INPUTS: usize>(
     (metrics, outside as f64 / count.max(1) as f64)
 }
 
-fn joint_result(
+fn result(
     data: &Prepared,
     fit: &Outcome,
     training: &TrainingResult,
     names: &[String],
-) -> Result<JointResult, String> {
+) -> Result<IdentifiedNetwork, String> {
     let files = network_files(fit, training, names, data)?;
-    let unit = compensator_core::Quantity::Torque.info().units[data.data.joint as usize];
+    let unit = Quantity::Torque.info().units[data.data.joint as usize];
     let number = |value| significant(value, 4);
     let line = |name: &str, train: &Metrics, test: &Metrics| {
         format!(
@@ -254,7 +236,7 @@ fn joint_result(
             "- network.json is not written: on held-out rows the network is no better than {BASE}\n"
         );
     }
-    Ok(JointResult { files, text })
+    Ok(IdentifiedNetwork { files, text })
 }
 
 #[cfg(test)]
@@ -269,18 +251,14 @@ mod tests {
             let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
             parse_inputs(&names, &quantities, &covariates)
         };
-        assert_eq!(read(&[]), Ok(vec![NetworkInput::Covariate(0), NetworkInput::Covariate(1)]));
-        assert_eq!(
-            read(&["held", "gap"]),
-            Ok(vec![NetworkInput::Held, NetworkInput::Covariate(1)])
-        );
-        assert_eq!(
-            read(&["temperature_c"]),
-            Ok(vec![NetworkInput::Quantity(Quantity::Temperature)])
-        );
-        let error = read(&["gop"]).unwrap_err();
+        let [tension, gap] = [0, 1].map(NetworkInput::Covariate);
+        assert_eq!(read(&[]).unwrap(), [tension, gap]);
+        assert_eq!(read(&["held", "gap"]).unwrap(), [NetworkInput::Held, gap]);
+        let temperature = NetworkInput::Quantity(Quantity::Temperature);
+        assert_eq!(read(&["temperature_c"]).unwrap(), [temperature]);
+        let error = read(&["gop"]).unwrap_err().to_string();
         assert!(error.contains("velocity, held, tension_n, gap, temperature_c"), "{error}");
-        assert!(read(&["gap"; 5]).unwrap_err().contains("at most 4"));
-        assert!(parse_inputs(&[], &[], &[]).unwrap_err().contains("0 covariates"));
+        assert!(read(&["gap"; 5]).unwrap_err().to_string().contains("at most 4"));
+        assert!(parse_inputs(&[], &[], &[]).unwrap_err().to_string().contains("0 covariates"));
     }
 }

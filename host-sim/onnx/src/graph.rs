@@ -1,4 +1,4 @@
-//! ONNX: the messages of a model, and a builder of graphs. [`super::onnx_step`] and [`super::onnx_network`] use them.
+//! ONNX: the messages of a model, and a builder of graphs. [`super::law`] and `super::network` use them.
 //!
 //! The message types are the part of `onnx.proto` (version 1.17) that a graph of tensors needs, with its field numbers.
 

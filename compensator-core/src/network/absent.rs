@@ -1,6 +1,7 @@
-//! Replaces `joint` without the feature `network`: types without values, so that no code of a network remains.
+//! Replaces `lstm_network` without the feature `network`: types without values, so that no code of a network remains.
 
-use super::{CELLS, Factors, NetworkState};
+use super::Factors;
+use super::record::RecordError;
 use crate::number::Real;
 use crate::parameters::Parameters;
 use crate::quantity::Inputs;
@@ -28,6 +29,29 @@ impl JointNetwork {
     pub fn validate_with<T: Real>(_: &Parameters<T>) -> Result<(), ParameterError> {
         Ok(())
     }
+}
+
+/// Writes what follows the length of a record.
+pub(super) fn put_network(network: &JointNetwork, _: &mut impl FnMut(&[u8])) {
+    match *network {}
+}
+
+/// Refuses the record of a network.
+pub(super) fn read_network(_: &[u8], _: [u8; 3]) -> Result<Option<JointNetwork>, RecordError> {
+    Err(RecordError::Unsupported)
+}
+
+/// State of a network between evaluations.
+#[derive(Clone, Copy, Debug)]
+pub struct NetworkState<T> {
+    /// Factors of the last evaluation.
+    pub factors: Factors<T>,
+    /// Share of the network in the factors, from 0 (constant parameters) to 1.
+    pub share: T,
+    /// True if the last inputs were outside the ranges.
+    pub is_outside: bool,
+    /// Number of evaluations outside the ranges; saturates.
+    pub outside_count: u32,
 }
 
 /// A running network: there is none.
@@ -62,7 +86,7 @@ impl<T: Real<Setting = f32>> FactorSupplier<T> {
     }
 
     /// Returns the state.
-    pub const fn state(&self) -> &NetworkState<T, CELLS> {
+    pub const fn state(&self) -> &NetworkState<T> {
         match self.0 {}
     }
 

@@ -5,8 +5,8 @@
 //! output row has the factors, the share, and 1 if the inputs were outside the ranges, in `f32`.
 
 use compensator_core::network::{NetworkState, reference};
-use friction_fit::network::NetworkFile;
 use friction_fit::params;
+use friction_network::NetworkFile;
 use joint_log::JointKind;
 use std::io::{BufRead, Write};
 use std::path::Path;
@@ -34,7 +34,7 @@ fn write_reference(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 
 fn evaluate(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let file = params::read(&folder.join("params.toml"), &[])?;
-    let file = file.network.ok_or("params.toml names no network")?;
+    let file = NetworkFile::of(&file.network.ok_or("params.toml names no network")?)?;
     let network = file.network.convert::<f32>();
     let mut state = NetworkState::default();
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());

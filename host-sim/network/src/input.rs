@@ -1,10 +1,10 @@
 //! Inputs of a network in each row, and the friction law whose parameters it scales.
 
 use super::file::CELLS;
-use crate::Track;
 use compensator_core::Parameters;
 use compensator_core::network::{AugmentedLugre, Network, StrokeRange, StrokeTracker};
 use compensator_core::{FrictionModel, Quantity, Real};
+use friction_fit::Track;
 
 /// An input of the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

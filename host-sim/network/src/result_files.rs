@@ -1,22 +1,21 @@
 //! The result files of `identify --model lugre-lstm`: the document of the law's fit, with the network's own figures.
 
-use crate::files::{Files, pretty};
-use crate::predicted::PredictedLog;
-use crate::provenance::parameter_file;
-use crate::{ResultError, document};
+use crate::{BASE, MODEL, NetworkFile, predict_tracks};
 use friction_diagnose::prepare::Prepared;
-use friction_fit::network::{BASE, NetworkFile};
+use friction_fit::prediction::{log_tracks, predict_tracks as predict_law};
 use friction_fit::{Measurement, Metrics, Outcome, params};
+use friction_results::predicted::PredictedLog;
+use friction_results::provenance::parameter_file;
+use friction_results::{Files, ResultError, document, pretty};
 use serde_json::json;
-
-/// Name of the model.
-pub const MODEL: &str = "lugre-lstm";
 
 /// Result of the training.
 #[derive(Clone, Debug)]
 pub struct TrainingResult {
+    /// The network.
+    pub file: NetworkFile,
     /// Content of `network.json`.
-    pub network: String,
+    pub text: String,
     /// Errors on the training rows.
     pub train: Metrics,
     /// Errors on the test rows.
@@ -57,18 +56,24 @@ pub fn network_files(
         "share_of_test_rows_outside": training.outside_share,
     });
     let mut toml = parameter_file("identify", input, fit, None, &Measurement::default());
-    let mut file = params::parse(&toml, &[]).map_err(ResultError::of_model)?;
+    let file = params::parse(&toml, &[]).map_err(ResultError::of_model)?;
+    let data = &input.data;
+    let tracks = log_tracks(&file, data).map_err(ResultError::of_model)?;
     if gains {
-        file.network = Some(NetworkFile::parse(&training.network).map_err(ResultError::of_model)?);
-        params::emit_network("network.json", &training.network, &mut toml);
+        params::emit_network("network.json", &training.text, &mut toml);
     }
     let mut others = vec![("params.toml", toml.into_bytes())];
-    if gains {
-        others.push(("network.json", training.network.clone().into_bytes()));
-    }
-    let predicted = PredictedLog::of_file(&file, &input.data)?;
+    let predicted = if gains {
+        others.push(("network.json", training.text.clone().into_bytes()));
+        let network = &training.file;
+        PredictedLog::new(|options| predict_tracks(&file, network, data, &tracks, &options))
+            .map_err(ResultError::of_model)?
+    } else {
+        PredictedLog::new(|options| predict_law(&file, data, &tracks, &options))
+            .map_err(ResultError::of_model)?
+    };
     document["prediction"] = predicted.summary.clone();
     let mut files = Files { document: ("fit.json", pretty(&document)?), others };
-    predicted.add_rows(&input.data, &mut files)?;
+    predicted.add_rows(data, &mut files)?;
     Ok(files)
 }

@@ -12,10 +12,10 @@
 //! 1 if the current stroke is similar to those of the training data. The caller must evaluate this guard
 //! (`network::stroke`), because it needs the motion.
 
-use super::onnx::{Builder, FLOAT, row};
-use super::{ExportFormat, ExportedModel};
-use compensator_core::network::{CELL_LIMIT, GATES};
-use friction_fit::network::{CELLS, NetworkFile};
+use super::graph::{Builder, FLOAT, row};
+use compensator_core::network::{CELL_LIMIT, CELLS, GATES};
+use friction_network::NetworkFile;
+use friction_results::export::{ExportFormat, ExportedModel};
 
 /// Returns the graph of a network.
 pub(super) fn export(file: &NetworkFile, source: &str) -> ExportedModel {

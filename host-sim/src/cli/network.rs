@@ -1,0 +1,117 @@
+//! The model `lugre-lstm`, whose friction levels and stiffness a network scales.
+//!
+//! The package `friction-network` trains, predicts and writes it. A build without the feature `network` refuses it.
+
+#[cfg(feature = "network")]
+use super::each_joint::JointResult;
+#[cfg(feature = "network")]
+use super::fit_arguments::{FitArguments, LossChoice};
+#[cfg(not(feature = "network"))]
+use super::missing_feature;
+use compensator_core::LawKind;
+use compensator_core::network::JointNetwork;
+#[cfg(feature = "network")]
+use friction_diagnose::prepare::{Error, Prepared};
+use friction_fit::Track;
+use friction_fit::params::ParameterFile;
+use friction_fit::prediction::{self, LogPrediction, PredictionOptions};
+#[cfg(feature = "network")]
+use friction_network::{IdentifiedNetwork, IdentifyOptions, NetworkFile};
+use joint_log::Dataset;
+
+/// Name of the model.
+pub(super) const MODEL: &str = "lugre-lstm";
+
+/// Arguments of the training.
+#[derive(clap::Args)]
+pub(super) struct NetworkArguments {
+    /// Inputs of the network of lugre-lstm
+    ///
+    /// `velocity`, `held` (the bristle torque), columns by name; by default every additional column of the log.
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', hide_short_help = true)]
+    inputs: Vec<String>,
+    /// Treat strokes (the travel between two reversals) that differ from the training data of lugre-lstm as outside its
+    /// range
+    #[arg(long, hide_short_help = true)]
+    watch_strokes: bool,
+    /// Maximum number of training epochs for lugre-lstm
+    #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
+    epochs: usize,
+}
+
+/// Returns the error message of a command that does not support this model.
+pub(super) fn unsupported_by(command: &str) -> String {
+    let base = LawKind::LugreAsymmetric.name();
+    format!(
+        "{MODEL}: {command} supports only laws with constant parameters; `identify --model {MODEL}` trains the network and \
+         compares it with {base}"
+    )
+}
+
+/// Returns the refusal of a network.
+#[cfg(not(feature = "network"))]
+pub(super) fn refusal() -> String {
+    missing_feature::refusal("a network that scales a model", "network")
+}
+
+/// Fits the model to the log of one joint.
+#[cfg(feature = "network")]
+pub(super) fn identify(
+    arguments: &NetworkArguments,
+    fitting: &FitArguments,
+    starts: usize,
+    data: &Prepared,
+) -> Result<JointResult, Error> {
+    if fitting.loss == LossChoice::Huber {
+        let line = format!(
+            "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
+        );
+        return Err(line.into());
+    }
+    if !data.rigid_body.is_empty() {
+        let line = format!(
+            "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
+        );
+        return Err(line.into());
+    }
+    let options = IdentifyOptions {
+        inputs: arguments.inputs.clone(),
+        watches_strokes: arguments.watch_strokes,
+        epochs: arguments.epochs,
+        seed: fitting.seed,
+        starts,
+    };
+    let IdentifiedNetwork { files, text } = friction_network::identify(&options, data)?;
+    Ok(JointResult { files, text })
+}
+
+/// Predicts the tracks of a log, with the network if the model has one.
+pub(super) fn predict_tracks(
+    file: &ParameterFile,
+    data: &Dataset,
+    tracks: &[Track],
+    options: &PredictionOptions,
+) -> Result<LogPrediction, String> {
+    match &file.network {
+        None => prediction::predict_tracks(file, data, tracks, options),
+        #[cfg(feature = "network")]
+        Some(text) => NetworkFile::of(text)
+            .and_then(|net| friction_network::predict_tracks(file, &net, data, tracks, options))
+            .map_err(|error| error.to_string()),
+        #[cfg(not(feature = "network"))]
+        Some(_) => Err(refusal()),
+    }
+}
+
+/// Returns the network of a model in the form of a driver; `None` if the model has none.
+pub(super) fn for_driver(file: &ParameterFile) -> Result<Option<JointNetwork>, String> {
+    match &file.network {
+        None => Ok(None),
+        #[cfg(feature = "network")]
+        Some(text) => NetworkFile::of(text)
+            .and_then(|network| network.for_driver().map(Some))
+            .map_err(|error| error.to_string()),
+        #[cfg(not(feature = "network"))]
+        Some(_) => Err(refusal()),
+    }
+}
