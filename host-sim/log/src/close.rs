@@ -456,8 +456,8 @@ fn fill_velocity(runs: &mut [OpenRun], all: &[Recording]) {
         let rows = recording.rows.clone();
         let (time, velocity) = (&time[rows.clone()], &mut velocity[rows]);
         let measured = time.iter().zip(&*velocity).filter(|(_, value)| !value.is_nan());
-        let own: Vec<f64> = measured.map(|(time, _)| *time).collect();
-        let reach = median_step(&own).map_or(0.0, |step| GAP_FACTOR * step);
+        let stamps: Vec<f64> = measured.map(|(time, _)| *time).collect();
+        let reach = median_step(&stamps).map_or(0.0, |step| GAP_FACTOR * step);
         fill(time, velocity, Fill::Interpolate, reach);
     }
 }

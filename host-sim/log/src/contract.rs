@@ -55,12 +55,12 @@ pub fn joint_position(joint: JointKind) -> &'static str {
 
 /// Returns true if a column is that of an encoder at the joint's side of the gear.
 pub fn is_joint_position(name: &str) -> bool {
-    JOINT_POSITIONS.iter().any(|(own, _)| *own == name)
+    JOINT_POSITIONS.iter().any(|(known, _)| *known == name)
 }
 
 /// Returns the quantity of which a column is a reading, with its joint kind.
 pub(super) fn quantity_of(name: &str) -> Option<(Quantity, Option<JointKind>)> {
-    let joint = JOINT_POSITIONS.iter().find(|(own, _)| *own == name);
+    let joint = JOINT_POSITIONS.iter().find(|(known, _)| *known == name);
     joint.map_or_else(|| Quantity::parse(name), |(_, kind)| Some((Quantity::Position, Some(*kind))))
 }
 

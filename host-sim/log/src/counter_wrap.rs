@@ -109,7 +109,7 @@ mod tests {
             assert_eq!((wrap.bits, wrap.range_s), (bits, range));
             let steps = time.windows(2).map(|pair| pair[1] - pair[0]);
             assert!(
-                steps.into_iter().all(|own| (own - step).abs() < 1e-6),
+                steps.into_iter().all(|length| (length - step).abs() < 1e-6),
                 "{bits} of {count_s} s"
             );
         }

@@ -218,7 +218,7 @@ impl Dataset {
         names: &[String],
         runs: impl IntoIterator<Item = (String, Vec<Vec<f64>>)>,
     ) -> Result<Self, ColumnsError> {
-        let has = |name: &str| names.iter().any(|own| own == name);
+        let has = |name: &str| names.iter().any(|known| known == name);
         let [turns, slides] = Quantity::Torque.info().names;
         let joint = match (has(turns), has(slides)) {
             (true, false) => JointKind::Revolute,

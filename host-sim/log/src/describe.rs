@@ -212,7 +212,7 @@ fn one_of_each(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Vec<St
                 of.is_known || of.unit.as_deref().is_some_and(|unit| unit != UNKNOWN_UNIT);
             (of.quantity == names[at], guess::score(of.quantity, names[at]), has_unit)
         };
-        let own = rank(at, guess);
+        let rank_here = rank(at, guess);
         let is_same = |of: &Guess| {
             of.quantity == guess.quantity || is_target(of.quantity) && is_target(guess.quantity)
         };
@@ -220,7 +220,7 @@ fn one_of_each(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Vec<St
         let better = (0..found.len()).find(|other| {
             let is_better = |of: &Guess| {
                 let rank = rank(*other, of);
-                is_same(of) && (rank > own || rank == own && *other < at)
+                is_same(of) && (rank > rank_here || rank == rank_here && *other < at)
             };
             *other != at && found[*other].as_ref().is_some_and(is_better)
         });
@@ -259,8 +259,8 @@ fn add_units_by_size(survey: &Survey, found: &mut [Option<Guess>]) {
         let seconds = |t: &f64| conversion.map_or(*t, |conversion| conversion.apply(*t));
         Some(values(at).iter().map(seconds).collect())
     };
-    let unit = |at: Option<usize>, own: &'static str| {
-        at.and_then(stated).map(|unit| if unit.is_empty() { own } else { unit }.to_owned())
+    let unit = |at: Option<usize>, of_contract: &'static str| {
+        at.and_then(stated).map(|unit| if unit.is_empty() { of_contract } else { unit }.to_owned())
     };
     let (position_unit, velocity_unit) = (unit(position, "rad"), unit(velocity, "rad/s"));
     let of_time = |unit: &str| {

@@ -80,8 +80,8 @@ pub(super) fn is_current(name: &str) -> bool {
 
 /// Returns the contract name of the quantity that a name fits best; that of a rotary joint.
 pub(super) fn quantity(name: &str) -> Option<&'static str> {
-    if let Some(own) = contract::names().find(|known| *known == name) {
-        return Some(own);
+    if let Some(known) = contract::names().find(|known| *known == name) {
+        return Some(known);
     }
     let all = ["time_s", "velocity_rad_s", "torque_nm"].into_iter();
     let all = all.chain(OTHER_WORDS.iter().map(|(of, _)| *of));

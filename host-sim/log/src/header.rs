@@ -105,9 +105,9 @@ impl Layout {
         required.chain(optional).chain(names).chain(self.only.iter().map(|only| only.index))
     }
 
-    /// Keeps only the columns that the contract or `--columns` names, of a file with many others. `own` are the columns that
+    /// Keeps only the columns that the contract or `--columns` names, of a file with many others. `added` is the number of columns that
     /// the file itself does not have.
-    pub fn keep_named_columns(&mut self, file: &Path, own: usize) {
+    pub fn keep_named_columns(&mut self, file: &Path, added: usize) {
         self.optional.retain(|column| {
             column.is_mapped || column.quantity.is_some() || is_joint_position(&column.name)
         });
@@ -116,8 +116,8 @@ impl Layout {
             contract::names().any(|name| name == source.name)
                 || optional.iter().any(|column| column.name == source.name)
         });
-        let used = self.needed().collect::<HashSet<usize>>().len() - own;
-        let count = self.names.len() - own;
+        let used = self.needed().collect::<HashSet<usize>>().len() - added;
+        let count = self.names.len() - added;
         self.notes.push(format!(
             "{}: {used} of {count} columns are read: those with a name of the contract",
             file.display()
@@ -405,9 +405,10 @@ fn row_selections(
     joint_is_chosen: bool,
 ) -> Result<Vec<RowSelection>, DataError> {
     let find = |(column, values): &(String, Vec<String>)| {
-        let own = || names.iter().position(|name| name == column);
+        let by_header = || names.iter().position(|name| name == column);
         let joint = || names.iter().position(|name| column == JOINT && is_joint_name(name));
-        let index = naming.find(column).map(|reading| reading.index).or_else(own).or_else(joint);
+        let index =
+            naming.find(column).map(|reading| reading.index).or_else(by_header).or_else(joint);
         let is_joint = is_joint_name(column) || column == "name";
         index.map(|index| RowSelection { index, values: values.clone(), is_joint }).ok_or_else(
             || {

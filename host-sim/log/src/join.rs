@@ -345,7 +345,8 @@ fn matched_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
         };
         let row: Vec<Option<usize>> = (0..channels.len())
             .map(|at| {
-                let is_here = sorted[at].get(next[at]).is_some_and(|own| *own <= time + tolerance);
+                let is_here =
+                    sorted[at].get(next[at]).is_some_and(|head| *head <= time + tolerance);
                 next[at] += usize::from(is_here);
                 is_here.then(|| orders[at][next[at] - 1])
             })

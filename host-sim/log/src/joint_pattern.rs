@@ -48,14 +48,15 @@ impl<'a> JointMap<'a> {
         let first = patterns.first()?;
         let has = |column: String| names.contains(&column);
         let joints = names.iter().filter_map(|name| between(name, first.ends));
-        let joints = joints.filter(|joint| patterns.iter().all(|own| has(own.column(joint))));
+        let joints =
+            joints.filter(|joint| patterns.iter().all(|pattern| has(pattern.column(joint))));
         Some(Self { joints: joints.map(str::to_owned).collect(), pairs, patterns })
     }
 
     /// Returns the map of one joint.
     pub fn pairs_of(&self, joint: &str) -> Vec<(String, String)> {
         let of = |(ours, theirs): &(String, String)| {
-            let is_pattern = self.patterns.iter().any(|own| own.theirs == theirs);
+            let is_pattern = self.patterns.iter().any(|pattern| pattern.theirs == theirs);
             let theirs = if is_pattern { theirs.replacen(PLACE, joint, 1) } else { theirs.clone() };
             (ours.clone(), theirs)
         };
@@ -64,8 +65,8 @@ impl<'a> JointMap<'a> {
 
     /// Returns the plain name of another joint's velocity or acceleration; `None` for another column.
     pub fn other_motion(&self, name: &str, joint: &str) -> Option<String> {
-        let own = self.patterns.iter().find(|own| own.column(joint) == name)?;
-        let (quantity, _) = Quantity::parse(own.ours)?;
+        let pattern = self.patterns.iter().find(|pattern| pattern.column(joint) == name)?;
+        let (quantity, _) = Quantity::parse(pattern.ours)?;
         let what = match quantity {
             Quantity::Velocity => "velocity",
             Quantity::Acceleration => "acceleration",
@@ -77,7 +78,7 @@ impl<'a> JointMap<'a> {
     /// Returns true if a column belongs to another joint: the map names it, or with this joint in place of the other,
     /// it is a column too.
     pub fn is_of(&self, name: &str, other: &str, joint: &str, names: &[String]) -> bool {
-        let is_mapped = self.patterns.iter().any(|own| own.column(other) == name);
+        let is_mapped = self.patterns.iter().any(|pattern| pattern.column(other) == name);
         is_mapped
             || occurrences(name, other).any(|at| {
                 let twin = format!("{}{joint}{}", &name[..at], &name[at + other.len()..]);
@@ -125,8 +126,8 @@ pub(super) struct SuggestedMap {
 impl SuggestedMap {
     /// Returns the pattern of a contract name, with the unit at the end of its names.
     pub fn pattern(&self, contract_name: &str) -> Option<String> {
-        let is_same = |own: &str| guess::is_same_quantity(own, contract_name);
-        let (_, pattern) = self.pairs.iter().find(|(own, _)| is_same(own))?;
+        let is_same = |ours: &str| guess::is_same_quantity(ours, contract_name);
+        let (_, pattern) = self.pairs.iter().find(|(ours, _)| is_same(ours))?;
         let unit = unit::in_name(contract_name, pattern);
         Some(unit.map_or_else(|| pattern.clone(), |unit| format!("{pattern}:{unit}")))
     }
@@ -135,7 +136,7 @@ impl SuggestedMap {
     pub fn pair_of(&self, name: &str) -> Option<String> {
         let fits = |pattern: &str| {
             let joint = pattern.split_once(PLACE).and_then(|ends| between(name, ends));
-            joint.is_some_and(|joint| self.joints.iter().any(|own| own == joint))
+            joint.is_some_and(|joint| self.joints.iter().any(|known| known == joint))
         };
         let (ours, _) = self.pairs.iter().find(|(_, pattern)| fits(pattern))?;
         Some(format!("{ours}={}", self.pattern(ours)?))
@@ -152,8 +153,8 @@ pub(super) fn suggested_map(names: &[&str]) -> Option<SuggestedMap> {
     };
     let best = |of: &str, joints: Option<&[&str]>| {
         let fits = |pattern: &&String| {
-            let own = joints_of(pattern);
-            joints.map_or(own.len() > 1, |joints| joints.iter().all(|one| own.contains(one)))
+            let found = joints_of(pattern);
+            joints.map_or(found.len() > 1, |joints| joints.iter().all(|one| found.contains(one)))
         };
         let scored = patterns.iter().filter(|pattern| guess::score(of, pattern) >= MIN_SCORE);
         let scored = scored.filter(|pattern| guess::quantity(pattern) == Some(of)).filter(fits);
@@ -172,8 +173,8 @@ pub(super) fn suggested_map(names: &[&str]) -> Option<SuggestedMap> {
     }
     let moves = pairs.iter().any(|(ours, _)| motions[..2].contains(ours));
     let is_contract = names.iter().any(|name| {
-        let own = Quantity::parse(name).map(|(own, _)| own);
-        matches!(own, Some(Quantity::Torque | Quantity::Velocity | Quantity::Position))
+        let quantity = Quantity::parse(name).map(|(quantity, _)| quantity);
+        matches!(quantity, Some(Quantity::Torque | Quantity::Velocity | Quantity::Position))
     });
     (joints.len() > 1 && moves && !is_contract)
         .then(|| SuggestedMap { pairs, joints: joints.into_iter().map(str::to_owned).collect() })

@@ -89,7 +89,7 @@ pub(super) fn one_joint(
         Some(map) => by_map(map, names, joint),
         None => by_number(names, &joints, joint, options),
     };
-    let others: Vec<&String> = joints.iter().filter(|own| *own != joint).collect();
+    let others: Vec<&String> = joints.iter().filter(|other| *other != joint).collect();
     taken.note = (!others.is_empty()).then(|| {
         let count = taken.others.len();
         format!("{}: {count} columns belong to other joints ({})", file.display(), listed(&others))

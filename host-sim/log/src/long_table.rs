@@ -80,7 +80,7 @@ impl LongTable {
         let is_named = !values.is_empty() && !names.is_empty();
         // The third column of three is known by its values.
         let is_long = is_named || header.len() == 3 && names.len() + values.len() == 1;
-        let either = |own: Vec<usize>| if own.is_empty() { others.clone() } else { own };
+        let either = |found: Vec<usize>| if found.is_empty() { others.clone() } else { found };
         let (names, values) = (either(names), either(values));
         is_long.then_some(Self {
             time,
@@ -154,11 +154,11 @@ impl LongTable {
             let cells = cells(at).select(first.iter().map(|row| Some(*row)));
             (table.columns[at].0.clone(), cells)
         });
-        let own = names.iter().enumerate().map(|(at, name)| {
+        let series = names.iter().enumerate().map(|(at, name)| {
             let row_of = |row: &&[Sample]| row.iter().find(|of| of.name == at).map(|of| of.row);
             (name.clone(), cells(value).select(rows.iter().map(row_of)))
         });
-        let columns = kept.chain(own).collect();
+        let columns = kept.chain(series).collect();
         let times = (0..count).filter(|row| series_of[*row] == 0).map(|row| times[row]).collect();
         let table = Table { name: table.name.clone(), columns };
         Some(WideTable { table, first, times, columns: [name_column, value] })
@@ -220,11 +220,11 @@ impl LongTable {
         let path = (1..names[0].len()).rev().find(is_path).unwrap_or(0);
         let path = if names.iter().any(|name| is_mapped(name)) { 0 } else { path };
         let named = names.iter().zip(units).map(|(name, unit)| {
-            let own = &name[path..];
-            let is_known = contract::names().any(|known| known == own) || is_mapped(own);
+            let short = &name[path..];
+            let is_known = contract::names().any(|known| known == short) || is_mapped(short);
             match unit.as_deref().map(str::trim).filter(|unit| !is_known && unit::is_symbol(unit)) {
-                Some(unit) => format!("{own} [{unit}]"),
-                None => own.to_owned(),
+                Some(unit) => format!("{short} [{unit}]"),
+                None => short.to_owned(),
             }
         });
         named.collect()

@@ -27,7 +27,7 @@ macro_rules! named {
 
             /// Returns the value with a name.
             pub fn parse(name: &str) -> Option<Self> {
-                Self::ALL.into_iter().find(|own| own.name() == name)
+                Self::ALL.into_iter().find(|value| value.name() == name)
             }
         }
     };

@@ -74,10 +74,12 @@ impl<'a> Naming<'a> {
         if POSITIONS.iter().any(|(name, _)| is_there(name)) {
             return;
         }
-        let own = |kind: &JointKind| contract::joint_position(*kind);
         let kinds = [JointKind::Revolute, JointKind::Prismatic];
-        let Some(kind) = kinds.into_iter().find(|kind| is_there(own(kind))) else { return };
-        let (joint, position) = (own(&kind), Quantity::Position.name(kind));
+        let Some(kind) = kinds.into_iter().find(|kind| is_there(contract::joint_position(*kind)))
+        else {
+            return;
+        };
+        let (joint, position) = (contract::joint_position(kind), Quantity::Position.name(kind));
         if let Some(mapped) = self.mapped.iter_mut().find(|mapped| mapped.name == joint) {
             mapped.name = position;
         } else if let Some(reading) = self.find(joint) {
@@ -123,7 +125,8 @@ impl<'a> Naming<'a> {
             let expected = "the commanded position, not the measured one";
             return Err(refuse(format!("the column of {position}"), expected.into()));
         }
-        let pair = Pair { name: position, foreign: &servo.target, unit, own: &self.names[index] };
+        let pair =
+            Pair { name: position, foreign: &servo.target, unit, header: &self.names[index] };
         let conversion = pair.conversion(options).map_err(|wrong| {
             let (WrongUnit::Unknown(found, expected) | WrongUnit::OfFile(found, expected)) = wrong;
             refuse(found, expected.replace(&format!("{position}="), "target="))
@@ -179,11 +182,11 @@ impl<'a> Naming<'a> {
     /// Returns every column with its name, in file order. A column with two given names occurs twice. A column whose
     /// name was given to another does not occur.
     pub fn columns(&self) -> impl Iterator<Item = (CellReader, &'a str)> {
-        self.names.iter().enumerate().flat_map(|(index, own)| {
+        self.names.iter().enumerate().flat_map(|(index, header)| {
             let given = self.mapped.iter().filter(move |mapped| mapped.reading.index == index);
-            let is_used_up = given.clone().next().is_some() || self.is_mapped(own);
-            let own = (!is_used_up).then_some((CellReader::plain(index), own.as_str()));
-            given.map(move |mapped| (mapped.reading, mapped.name)).chain(own)
+            let is_used_up = given.clone().next().is_some() || self.is_mapped(header);
+            let unmapped = (!is_used_up).then_some((CellReader::plain(index), header.as_str()));
+            given.map(move |mapped| (mapped.reading, mapped.name)).chain(unmapped)
         })
     }
 
@@ -191,12 +194,12 @@ impl<'a> Naming<'a> {
     pub fn replaced(&self) -> Vec<LeftOutColumn> {
         let mut replaced = Vec::new();
         for &Mapped { name: contract_name, reading, .. } in &self.mapped {
-            let own = self.names.iter().position(|name| name == contract_name);
-            let is_read = |own: &usize| self.mapped.iter().any(|of| of.reading.index == *own);
-            if let Some(own) = own.filter(|own| !is_read(own)) {
+            let place = self.names.iter().position(|name| name == contract_name);
+            let is_read = |at: &usize| self.mapped.iter().any(|of| of.reading.index == *at);
+            if let Some(at) = place.filter(|at| !is_read(at)) {
                 let from = &self.names[reading.index];
                 let why = format!("--columns reads {contract_name} from {from}");
-                replaced.push(LeftOutColumn { name: self.names[own].clone(), why });
+                replaced.push(LeftOutColumn { name: self.names[at].clone(), why });
             }
         }
         replaced
@@ -228,8 +231,8 @@ impl<'a> Naming<'a> {
             .map(|theirs| format!("position_rad={theirs}"))
             .or_else(|| guess::column(POSITIONS[0].0, &free).filter(|_| !is_there));
         let is_read = |pair: &String| {
-            pair.split_once('=').is_some_and(|(_, own)| {
-                pairs.iter().any(|other| other.ends_with(&format!("={own}")))
+            pair.split_once('=').is_some_and(|(_, theirs)| {
+                pairs.iter().any(|other| other.ends_with(&format!("={theirs}")))
             })
         };
         pairs.extend(position.filter(|pair| !is_read(pair)));
@@ -343,7 +346,7 @@ fn mapped_columns<'a>(
             let expected = format!("one of {}", listed(names));
             return in_file(format!("no column {column}"), expected);
         };
-        let own = &names[index];
+        let header = &names[index];
         let is_same = |of: &&Mapped| (of.reading.index, of.reading.element) == (index, element);
         if let Some(earlier) = mapped.iter().find(is_same)
             && unit::has_unit(name)
@@ -352,7 +355,7 @@ fn mapped_columns<'a>(
             let found = format!("the column of {}", earlier.name);
             return in_file(found, "a column for each quantity".into());
         }
-        let pair = Pair { name, foreign: column, unit, own };
+        let pair = Pair { name, foreign: column, unit, header };
         let conversion = pair.conversion(options).map_err(|wrong| match wrong {
             WrongUnit::OfFile(found, expected) => {
                 let what = format!("{}: {}", file.display(), what());
@@ -381,7 +384,7 @@ struct Pair<'a> {
     /// The unit, as given.
     unit: Option<&'a str>,
     /// The column's name in the file.
-    own: &'a str,
+    header: &'a str,
 }
 
 /// Why a unit of `--columns` is refused: what was found, and what is expected.
@@ -395,7 +398,7 @@ enum WrongUnit {
 impl Pair<'_> {
     /// Returns the unit: as given, or that of a name in percent or amperes.
     fn symbol(&self) -> Option<&str> {
-        self.unit.or_else(|| other_unit(self.own)?.symbol())
+        self.unit.or_else(|| other_unit(self.header)?.symbol())
     }
 
     /// Returns the column without its unit.
@@ -408,7 +411,7 @@ impl Pair<'_> {
 
     /// Returns the conversion to the contract's unit; `None` if the column is in it.
     fn conversion(&self, options: &ReadOptions) -> Result<Option<Conversion>, WrongUnit> {
-        let Self { name, own, .. } = *self;
+        let Self { name, header, .. } = *self;
         let scaled = self.symbol().and_then(|unit| torque_scale::scaled_unit(name, unit, options));
         if let Some(Ok(conversion)) = scaled.map(|unit| conversion(name, &unit)) {
             return Ok(Some(conversion));
@@ -420,7 +423,7 @@ impl Pair<'_> {
         match self.unit {
             Some(unit) => match conversion(name, unit) {
                 Ok(conversion) => Ok(Some(conversion)),
-                Err(expected) => Err(match other_unit(own).filter(|_| unit == UNKNOWN_UNIT) {
+                Err(expected) => Err(match other_unit(header).filter(|_| unit == UNKNOWN_UNIT) {
                     Some(other) => refusal(other),
                     None => WrongUnit::Unknown(
                         format!("the unit {unit}"),
@@ -431,17 +434,17 @@ impl Pair<'_> {
                 }),
             },
             // ROS always stamps its plain-text logs in nanoseconds.
-            None if own == "%time" => Ok(conversion(name, "ns").ok()),
-            None if own == name || !unit::has_unit(name) => Ok(None),
+            None if header == "%time" => Ok(conversion(name, "ns").ok()),
+            None if header == name || !unit::has_unit(name) => Ok(None),
             None => {
-                if let Some(unit) = unit::in_name(name, own) {
+                if let Some(unit) = unit::in_name(name, header) {
                     let pair = shell_word(&format!("{name}={}:{unit}", self.foreign));
                     return Err(WrongUnit::OfFile(
                         format!("a name that ends in {unit}, without a unit"),
                         format!("{pair}, or the unit of the column"),
                     ));
                 }
-                other_unit(own).map_or(Ok(None), |other| Err(refusal(other)))
+                other_unit(header).map_or(Ok(None), |other| Err(refusal(other)))
             }
         }
     }

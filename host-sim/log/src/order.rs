@@ -49,8 +49,8 @@ pub(super) fn sorting_order(time: &[f64], max_bad_share: f64) -> Option<Vec<usiz
     let gaps =
         |time: &[f64]| time.windows(2).filter(|pair| pair[1] - pair[0] > GAP_FACTOR * step).count();
     let is_regular = |pair: &&[f64]| {
-        let own = pair[1] - pair[0];
-        own == 0.0 || (0.5 * step..=2.0 * step).contains(&own)
+        let length = pair[1] - pair[0];
+        length == 0.0 || (0.5 * step..=2.0 * step).contains(&length)
     };
     let regular = sorted.windows(2).filter(is_regular).count();
     let is_one_recording = repeats(&sorted) <= repeats(time)

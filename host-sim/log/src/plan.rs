@@ -115,14 +115,14 @@ impl Request<'_> {
     }
 
     /// As [`Self::plan`], for a log whose rows have different columns. Of its data, only the columns are read that the contract or
-    /// `--columns` names. `own` is the number of columns that the file itself does not have.
+    /// `--columns` names. `added` is the number of columns that the file itself does not have.
     ///
     /// # Errors
     /// As [`Self::plan`].
-    pub fn plan_named(&self, names: Vec<String>, own: usize) -> Result<Plan, DataError> {
+    pub fn plan_named(&self, names: Vec<String>, added: usize) -> Result<Plan, DataError> {
         let mut plan = self.plan(names.into())?;
         if let Reading::Data(layout) = &mut plan.reading {
-            layout.keep_named_columns(self.path, own);
+            layout.keep_named_columns(self.path, added);
         }
         Ok(Plan::new(plan.names, plan.reading))
     }

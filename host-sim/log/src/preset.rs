@@ -18,7 +18,7 @@ use super::torque_scale;
 use super::unit;
 use crate::setting::{Setting, shell_word};
 pub use kind::Preset;
-use table::{Pattern, PresetUnit, Rule};
+use table::{PresetUnit, Rule};
 
 /// The pairs of `--columns` that a preset supplies.
 pub(super) struct PresetColumns {
@@ -125,13 +125,13 @@ fn words(name: &str) -> Vec<String> {
     parts.map(str::to_lowercase).collect()
 }
 
-/// Returns the words of a name that the pattern does not cover, if the name ends in the pattern. Numbers may follow.
-fn remainder(pattern: &Pattern, name: &str) -> Option<String> {
-    if let Some(exact) = pattern.words.strip_prefix('=') {
+/// Returns the words of a name that a name of a preset does not cover, if it ends in that. Numbers may follow.
+fn remainder(of_preset: &str, name: &str) -> Option<String> {
+    if let Some(exact) = of_preset.strip_prefix('=') {
         return name.eq_ignore_ascii_case(exact).then(String::new);
     }
     let mut words = words(name);
-    let wanted: Vec<&str> = pattern.words.split(' ').collect();
+    let wanted: Vec<&str> = of_preset.split(' ').collect();
     let is_number = |word: &String| word.bytes().all(|byte| byte.is_ascii_digit());
     let numbers = words.iter().rev().take_while(|word| is_number(word)).count();
     let end = words.len() - numbers;
@@ -169,19 +169,19 @@ impl Search<'_> {
     /// Returns the columns that match a rule: those of the first pattern with a unit that is known, else those of the
     /// first pattern that matches.
     fn candidates(&self, rule: &Rule) -> Vec<Candidate> {
-        let of = |pattern: &Pattern| -> Vec<Candidate> {
+        let of = |(of_preset, unit): (&str, PresetUnit)| -> Vec<Candidate> {
             let names = self.names.names.iter().enumerate();
             let matching = names.filter_map(|(index, name)| {
-                let joint = remainder(pattern, name)?;
+                let joint = remainder(of_preset, name)?;
                 let is_other = self.options.columns.iter().any(|(_, theirs)| {
                     theirs == name || theirs.rsplit_once(':').is_some_and(|(head, _)| head == name)
                 });
-                (!is_other).then_some(Candidate { index, joint, unit: pattern.unit })
+                (!is_other).then_some(Candidate { index, joint, unit })
             });
             matching.collect()
         };
         let all: Vec<Vec<Candidate>> =
-            rule.patterns.iter().map(of).filter(|found| !found.is_empty()).collect();
+            rule.names().map(of).filter(|found| !found.is_empty()).collect();
         let is_known = |found: &&Vec<Candidate>| self.unit(rule, &found[0]).is_ok();
         all.iter().find(is_known).or(all.first()).cloned().unwrap_or_default()
     }
@@ -220,12 +220,12 @@ impl Search<'_> {
     /// Returns the joint of a column that `--columns` maps.
     fn mapped_joint(&self) -> Option<String> {
         let rules = self.preset.rules().iter().filter(|rule| rule.is_of_joint);
-        rules.flat_map(|rule| rule.patterns.iter().map(move |pattern| (rule, pattern))).find_map(
-            |(rule, pattern)| {
+        rules.flat_map(|rule| rule.names().map(move |(of_preset, _)| (rule, of_preset))).find_map(
+            |(rule, of_preset)| {
                 let (_, theirs) =
                     self.options.columns.iter().find(|(ours, _)| rule.covers(ours))?;
                 let head = theirs.rsplit_once(':').map(|(head, _)| head);
-                head.into_iter().chain([&**theirs]).find_map(|name| remainder(pattern, name))
+                head.into_iter().chain([&**theirs]).find_map(|name| remainder(of_preset, name))
             },
         )
     }
@@ -288,7 +288,7 @@ impl Search<'_> {
     }
 
     fn none(&self, rule: &Rule) -> DataError {
-        let example = rule.patterns[0].words.trim_start_matches('=');
+        let example = rule.names().next().map_or("", |(name, _)| name.trim_start_matches('='));
         self.request(
             format!("no column for {}, such as \"{example}\"", rule.column),
             format!(

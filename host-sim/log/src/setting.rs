@@ -143,8 +143,9 @@ mod tests {
             Setting::Columns.alone()
         );
         assert_eq!(plain(&text), "skip 3/b/columns a=b/columns");
-        let word =
-            |own: Reference| format!("<{:?} {} {}>", own.setting, own.value, own.is_suggestion);
+        let word = |found: Reference| {
+            format!("<{:?} {} {}>", found.setting, found.value, found.is_suggestion)
+        };
         let expected = "<Skip 3 false>/b/<Columns a=b true>/<Columns  false>";
         assert_eq!(worded(&text, &word), expected);
     }

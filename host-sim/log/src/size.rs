@@ -70,8 +70,8 @@ pub(super) struct PossibleUnits {
 
 /// Returns the units of velocity and position by their sizes.
 pub(super) fn motion_units(of: MotionSample) -> PossibleUnits {
-    let new = |unit: &'static str, given: Option<&str>, own: &str| {
-        (given.is_none() && unit != own).then_some(unit)
+    let new = |unit: &'static str, given: Option<&str>, of_contract: &str| {
+        (given.is_none() && unit != of_contract).then_some(unit)
     };
     let known = |v, q| [new(v, of.velocity_unit, "rad/s"), new(q, of.position_unit, "rad")];
     let fitting = ratio(of).map_or_else(Vec::new, |ratio| fitting(of, ratio));

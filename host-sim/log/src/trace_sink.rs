@@ -92,13 +92,13 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
     let first = stamps.iter().flatten().next().copied().unwrap_or_default();
     writer.message(first, &Message::Entry(options.node, TraceEntry::JointKind(data.joint)))?;
     for ((run, number), stamps) in data.runs.iter().zip(run_numbers(data)).zip(&stamps) {
-        let own = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
+        let covariate = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
         for (row, time_ns) in stamps.iter().enumerate() {
             writer.sample(&TraceSample {
                 time_ns: *time_ns,
                 run: Some(number),
                 sequence: row as u32,
-                ..sample(run, row, own)
+                ..sample(run, row, covariate)
             })?;
         }
     }

@@ -328,11 +328,11 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
     }
     let register = Register::parse(symbol).filter(|_| dimension != Dimension::Time);
     if let Some((register, unit)) = register {
-        let own = match unit {
+        let of_count = match unit {
             "" => Conversion::UNCHANGED,
             unit => conversion(contract_name, unit)?,
         };
-        return Ok(Conversion { register, ..own });
+        return Ok(Conversion { register, ..of_count });
     }
     let (sign, bare) = match symbol.strip_prefix(['-', '−']) {
         Some(bare) if dimension != Dimension::Time => (-1.0, bare.trim_start()),

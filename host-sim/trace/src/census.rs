@@ -39,7 +39,7 @@ impl Census {
             let mut count = |identifier| *census.counts.entry(identifier).or_default() += 1;
             match found.frame {
                 CanFrame::Data { identifier, .. } => count(identifier),
-                frame => frame.joint_frames().for_each(|own| count(own.identifier().into())),
+                frame => frame.joint_frames().for_each(|frame| count(frame.identifier().into())),
             }
         }
     }

@@ -60,15 +60,15 @@ fn odrive(frame: &CanFrame) -> Option<DriveReading> {
     };
     let [low, high] = bytes.as_chunks::<4>().0 else { return None };
     let (first, second) = (f32::from_le_bytes(*low), f32::from_le_bytes(*high));
-    let own = DriveReading { node: (identifier >> 5) as u8, ..DriveReading::default() };
+    let empty = DriveReading { node: (identifier >> 5) as u8, ..DriveReading::default() };
     match identifier & 0x1F {
         ENCODER_ESTIMATES => Some(DriveReading {
             position_turns: Some(first),
             velocity_turns_s: Some(second),
-            ..own
+            ..empty
         }),
-        IQ => Some(DriveReading { current_a: Some(second), ..own }),
-        TORQUES => Some(DriveReading { torque_nm: Some(second), ..own }),
+        IQ => Some(DriveReading { current_a: Some(second), ..empty }),
+        TORQUES => Some(DriveReading { torque_nm: Some(second), ..empty }),
         _ => None,
     }
 }

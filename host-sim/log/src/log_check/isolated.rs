@@ -226,9 +226,10 @@ fn least_bend(data: &Dataset, columns: &[&[f64]]) -> f64 {
 fn bent_rows(time: &[f64], values: &[f64], segment: Range<usize>, least: f64) -> Vec<(usize, f64)> {
     let inner = segment.start + 2..segment.end.saturating_sub(2);
     let bent = |row: usize| {
-        let own = bend(time, values, row);
-        let is_half = |near: usize| (0.3..0.7).contains(&(-bend(time, values, near) / own));
-        (own.abs() > least && is_half(row - 1) && is_half(row + 1)).then_some((row, own.abs()))
+        let bend_here = bend(time, values, row);
+        let is_half = |near: usize| (0.3..0.7).contains(&(-bend(time, values, near) / bend_here));
+        (bend_here.abs() > least && is_half(row - 1) && is_half(row + 1))
+            .then_some((row, bend_here.abs()))
     };
     inner.filter_map(bent).collect()
 }

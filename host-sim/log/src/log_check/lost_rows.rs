@@ -118,8 +118,8 @@ fn lost(data: &Dataset) -> Option<Vec<Vec<(usize, usize)>>> {
 fn long_steps(position: &[f64]) -> usize {
     let travel = |pair: &[f64]| (pair[1] - pair[0]).abs();
     let is_long = |rows: &&[f64]| {
-        let [before, own, after] = [&rows[..2], &rows[1..3], &rows[2..]].map(travel);
-        before.min(after) > 0.0 && own > 1.5 * before.max(after)
+        let [before, here, after] = [&rows[..2], &rows[1..3], &rows[2..]].map(travel);
+        before.min(after) > 0.0 && here > 1.5 * before.max(after)
     };
     position.windows(4).filter(is_long).count()
 }

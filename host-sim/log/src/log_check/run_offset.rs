@@ -68,13 +68,13 @@ fn offsets(data: &Dataset) -> Option<Vec<f64>> {
         let (regressors, torque) = &means[row.run];
         (row.regressors - regressors, row.torque - torque)
     };
-    let own = fit(rows.iter().map(centred))?;
-    if own.scatter > MAX_SCATTER_RATIO * common.scatter {
+    let centred_fit = fit(rows.iter().map(centred))?;
+    if centred_fit.scatter > MAX_SCATTER_RATIO * common.scatter {
         return None;
     }
     let offsets: Vec<f64> = means
         .iter()
-        .map(|(regressors, torque)| torque - own.coefficients.dot(regressors))
+        .map(|(regressors, torque)| torque - centred_fit.coefficients.dot(regressors))
         .collect();
     // What a part of a run leaves beside its offset.
     let part_error = |run: &&[MovingRow]| {
@@ -82,7 +82,7 @@ fn offsets(data: &Dataset) -> Option<Vec<f64>> {
         let left = |part: &[MovingRow]| {
             let left = part.iter().map(|row| {
                 let (regressors, torque) = centred(row);
-                torque - own.coefficients.dot(&regressors)
+                torque - centred_fit.coefficients.dot(&regressors)
             });
             left.sum::<f64>() / part.len() as f64
         };

@@ -229,8 +229,8 @@ fn of_rate(log: &Log) -> Option<Suspicion> {
 /// A velocity in another unit.
 fn of_speed(log: &Log) -> Option<Suspicion> {
     let (speed, unit) = impossible_speed(log)?;
-    let (name, own) = (log.velocity(), log.data.joint.velocity_unit());
-    let found = format!("{} {own} in {name}, which no joint reaches", figure(speed));
+    let (name, unit_of_contract) = (log.velocity(), log.data.joint.velocity_unit());
+    let found = format!("{} {unit_of_contract} in {name}, which no joint reaches", figure(speed));
     let pair = format!("{name}={}:{unit}", header(log.data, name));
     Some(suspicion_of(&[name], found, &[pair]))
 }

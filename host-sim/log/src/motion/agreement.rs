@@ -70,7 +70,7 @@ pub struct Agreement {
     /// Standard deviation of the velocity given the position alone, per median step.
     pub open: f64,
     /// True if the logged velocity has more fast components than the position: it was not derived from it.
-    pub is_its_own: bool,
+    pub is_independent: bool,
     /// Time constant of the low-pass that the velocity is behind, rows, if that explains it better than a delay.
     pub low_pass_rows: Option<f64>,
 }
@@ -103,7 +103,7 @@ impl Agreement {
     pub fn is_pure_delay(&self) -> bool {
         let is_difference =
             (self.lag_rows - DIFFERENCE_LAG_ROWS).abs() < DIFFERENCE_LAG_TOLERANCE_ROWS;
-        let is_known = self.lags() && !is_difference && self.is_its_own;
+        let is_known = self.lags() && !is_difference && self.is_independent;
         is_known && self.scatter < PURE_DELAY_RESIDUAL * self.gain.abs() * self.speed
     }
 }
@@ -181,7 +181,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
             position_variance: noise.position,
             left_correlation: correlation(&table, &starts, &left),
             open: f64::sqrt(open / f64::max(opened, 1.0)),
-            is_its_own: is_its_own(&inside),
+            is_independent: is_independent(&inside),
             low_pass_rows: None,
         };
         let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
@@ -195,7 +195,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
 /// Returns true if a logged velocity has more fast components than the position's derivative. In the regression
 /// `v_logged = b0 v + b1 a + b2 j` (`j` is the third derivative), `b2 < 0` amplifies fast components. Filtered
 /// differences of the position attenuate them; a pure delay of `d` gives `b2 = d^2 / 2`.
-fn is_its_own(rows: &[&[f64; 4]]) -> bool {
+fn is_independent(rows: &[&[f64; 4]]) -> bool {
     let columns = DMatrix::from_fn(rows.len(), 3, |row, column| rows[row][column + 1]);
     let logged = DVector::from_fn(rows.len(), |row, _| rows[row][0]);
     let products = columns.transpose() * &columns;

@@ -50,9 +50,9 @@ fn plain_error(data: &Dataset) -> Option<f64> {
             let v = run.velocity[row];
             let direction = if v.abs() > slowest { v.signum() } else { 0.0 };
             let (sine, cosine) = position.map_or((0.0, 0.0), |position| position[row].sin_cos());
-            let own = SVector::from([direction, v, acceleration[row], 1.0, sine, cosine]);
-            products += own * own.transpose();
-            right += own * run.torque[row];
+            let regressors = SVector::from([direction, v, acceleration[row], 1.0, sine, cosine]);
+            products += regressors * regressors.transpose();
+            right += regressors * run.torque[row];
             squares += run.torque[row].powi(2);
             rows += 1.0;
         }
@@ -62,13 +62,13 @@ fn plain_error(data: &Dataset) -> Option<f64> {
     }
     // Neither may be negative: a controller feeds the noise of a velocity back, as friction that drives.
     for kept in [[true, true], [true, false], [false, true], [false, false]] {
-        let mut own = products;
+        let mut reduced = products;
         for at in (0..2).filter(|at| !kept[*at]) {
-            own.row_mut(at).fill(0.0);
-            own.column_mut(at).fill(0.0);
-            own[(at, at)] = FIXED;
+            reduced.row_mut(at).fill(0.0);
+            reduced.column_mut(at).fill(0.0);
+            reduced[(at, at)] = FIXED;
         }
-        let sizes = Cholesky::new(own)?.solve(&right);
+        let sizes = Cholesky::new(reduced)?.solve(&right);
         if (0..2).all(|at| !kept[at] || sizes[at] >= 0.0) {
             return (rows > 0.0).then(|| ((squares - right.dot(&sizes)).max(0.0) / rows).sqrt());
         }

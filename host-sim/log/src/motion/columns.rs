@@ -165,7 +165,7 @@ impl MotionAnalysis {
             let is_worse = found.lags() || found.is_filtered() || found.low_pass_rows.is_some();
             sensors.from_position_alone = is_worse && !sensors.from_velocity_alone;
         }
-        let own_noise = noise_alone(all);
+        let noise_per_step = noise_alone(all);
         if sensors.from_position_alone {
             all.iter_mut().for_each(|s| s.velocity = None);
         }
@@ -185,7 +185,7 @@ impl MotionAnalysis {
         let noise = Noise { position, ..levels.noise };
         for series in all.iter_mut() {
             checkpoint();
-            series.loudness = loudness(series, own_noise);
+            series.loudness = loudness(series, noise_per_step);
             series.at_rest = at_rest(series, &noise, step, sensors.speed * step_s);
         }
         let resting = all.iter().zip(stretches).flat_map(|(series, stretch)| {
@@ -201,7 +201,7 @@ impl MotionAnalysis {
             quantile(&mut speeds, NOISE_QUANTILE).unwrap_or_default() / NORMAL_QUANTILE;
         let nothing = MAX_EXACT_NOISE * sensors.speed;
         sensors.exact = !sensors.from_position_alone
-            && (own_noise / step_s).min(sensors.velocity_noise) < nothing
+            && (noise_per_step / step_s).min(sensors.velocity_noise) < nothing
             && sensors.noise_at_rest < nothing;
         let sign = MIN_REVERSAL_SPEED * sensors.velocity_noise;
         let turns = stretches.iter().any(|stretch| {
@@ -271,12 +271,12 @@ fn is_sum(stretches: &[MotionSegment]) -> bool {
 
 /// Returns the noise variance of a segment's velocity relative to that of the log. It differs if the speed or the rate
 /// differs. Returns 1 for a short segment.
-fn loudness(series: &Series, own_noise: f64) -> f64 {
-    if series.len() < MIN_NOISE_ROWS || own_noise <= 0.0 {
+fn loudness(series: &Series, noise_per_step: f64) -> f64 {
+    if series.len() < MIN_NOISE_ROWS || noise_per_step <= 0.0 {
         return 1.0;
     }
     let here = noise_alone(std::slice::from_ref(series));
-    (here / own_noise).powi(2).clamp(1.0 / MAX_VARIANCE_RATIO, MAX_VARIANCE_RATIO)
+    (here / noise_per_step).powi(2).clamp(1.0 / MAX_VARIANCE_RATIO, MAX_VARIANCE_RATIO)
 }
 
 /// Converts a segment to the input of the filter.

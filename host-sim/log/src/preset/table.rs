@@ -18,11 +18,12 @@ pub(super) enum PresetUnit {
     Unknown(&'static str),
 }
 
-/// A name of a column.
+/// Names of a column with one unit.
+#[derive(Clone, Copy)]
 pub(super) struct Pattern {
-    /// The last words of the name in lower case, or `=` and the whole name.
-    pub words: &'static str,
-    pub unit: PresetUnit,
+    /// The names in their order, parted by `|`: each the last words of a name in lower case, or `=` and the whole name.
+    names: &'static str,
+    unit: PresetUnit,
 }
 
 /// How a preset finds the column of a contract name.
@@ -34,10 +35,17 @@ pub(super) struct Rule {
     pub is_required: bool,
     /// True if each joint has its own.
     pub is_of_joint: bool,
-    pub patterns: &'static [Pattern],
+    patterns: &'static [Pattern],
 }
 
 impl Rule {
+    /// Returns the names of the column in their order, each with its unit.
+    pub fn names(&self) -> impl Iterator<Item = (&'static str, PresetUnit)> {
+        let names =
+            |pattern: &'static Pattern| pattern.names.split('|').map(|name| (name, pattern.unit));
+        self.patterns.iter().flat_map(names)
+    }
+
     /// Returns true if a contract name is that of the rule, for either joint kind.
     pub fn covers(&self, name: &str) -> bool {
         name == self.column || self.linear == Some(name)
@@ -50,8 +58,8 @@ impl Rule {
     }
 }
 
-const fn at(words: &'static str, unit: PresetUnit) -> Pattern {
-    Pattern { words, unit }
+const fn at(names: &'static str, unit: PresetUnit) -> Pattern {
+    Pattern { names, unit }
 }
 
 const fn time(patterns: &'static [Pattern]) -> Rule {
@@ -79,69 +87,37 @@ const TURNS: PresetUnit = Fixed("turns");
 const TURNS_S: PresetUnit = Fixed("turns/s");
 
 /// Times without a unit in their name are in seconds.
-const ANY_TIME: &[Pattern] =
-    &[at("=time", Si), at("=timestamp", Si), at("=t", Si), at("time", Si), at("timestamp", Si)];
+const ANY_TIME: Pattern = at("=time|=timestamp|=t|time|timestamp", Si);
 
 /// ROS states SI units (REP 103).
 const PLOTJUGGLER: &[Rule] = &[
     time(&[at("=__time", Si)]),
     velocity(&[at("velocity", Si)]),
     position(&[at("position", Si)]),
-    torque(&[at("effort", Si), at("torque", Si)]),
+    torque(&[at("effort|torque", Si)]),
 ];
 
 const MOTEUS: &[Rule] = &[
-    time(&[at("=timestamp", Si), at("=time", Si), at("time", Si), at("timestamp", Si)]),
-    velocity(&[
-        at("servo stats velocity", TURNS_S),
-        at("data velocity", TURNS_S),
-        at("=velocity", TURNS_S),
-    ]),
-    position(&[
-        at("servo stats position", TURNS),
-        at("data position", TURNS),
-        at("=position", TURNS),
-    ]),
-    torque(&[
-        at("servo stats torque nm", Si),
-        at("data torque nm", Si),
-        at("=torque_nm", Si),
-        at("=torque", Si),
-    ]),
+    time(&[at("=timestamp|=time|time|timestamp", Si)]),
+    velocity(&[at("servo stats velocity|data velocity|=velocity", TURNS_S)]),
+    position(&[at("servo stats position|data position|=position", TURNS)]),
+    torque(&[at("servo stats torque nm|data torque nm|=torque_nm|=torque", Si)]),
 ];
 
 /// Firmware 0.5 has `encoder.vel_estimate`, firmware 0.6 has `vel_estimate` of the axis and `pos_vel_mapper`.
 const ODRIVE: &[Rule] = &[
-    time(ANY_TIME),
-    velocity(&[
-        at("encoder vel estimate", TURNS_S),
-        at("vel estimate", TURNS_S),
-        at("pos vel mapper vel", TURNS_S),
-    ]),
-    position(&[
-        at("encoder pos estimate", TURNS),
-        at("pos estimate", TURNS),
-        at("pos vel mapper pos rel", TURNS),
-    ]),
+    time(&[ANY_TIME]),
+    velocity(&[at("encoder vel estimate|vel estimate|pos vel mapper vel", TURNS_S)]),
+    position(&[at("encoder pos estimate|pos estimate|pos vel mapper pos rel", TURNS)]),
     torque(&[
-        at("motor torque estimate", Si),
-        at("torque estimate", Si),
-        at("motor current control iq measured", Current),
-        at("motor foc iq measured", Current),
-        at("iq measured", Current),
+        at("motor torque estimate|torque estimate", Si),
+        at("motor current control iq measured|motor foc iq measured|iq measured", Current),
     ]),
 ];
 
 /// Control table of the X series.
 const DYNAMIXEL: &[Rule] = &[
-    time(&[
-        at("realtime tick", Fixed("ms")),
-        at("=time", Si),
-        at("=timestamp", Si),
-        at("=t", Si),
-        at("time", Si),
-        at("timestamp", Si),
-    ]),
+    time(&[at("realtime tick", Fixed("ms")), ANY_TIME]),
     velocity(&[
         at("present velocity", Fixed("0.229rpm")),
         at("present speed", Unknown("0.111rpm, the size of one count")),
@@ -162,26 +138,10 @@ const DYNAMIXEL: &[Rule] = &[
 
 /// Velocity and position are in units that the drive's configuration defines (objects 60A8h, 60A9h, 608Fh).
 const ETHERCAT: &[Rule] = &[
-    time(ANY_TIME),
-    velocity(&[
-        at("0x606c", DRIVE_VELOCITY),
-        at("606ch", DRIVE_VELOCITY),
-        at("606c", DRIVE_VELOCITY),
-        at("velocity actual value", DRIVE_VELOCITY),
-        at("actual velocity", DRIVE_VELOCITY),
-    ]),
-    position(&[
-        at("0x6064", DRIVE_POSITION),
-        at("6064h", DRIVE_POSITION),
-        at("position actual value", DRIVE_POSITION),
-        at("actual position", DRIVE_POSITION),
-    ]),
-    torque(&[
-        at("0x6077", Rated(0.1)),
-        at("6077h", Rated(0.1)),
-        at("torque actual value", Rated(0.1)),
-        at("actual torque", Rated(0.1)),
-    ]),
+    time(&[ANY_TIME]),
+    velocity(&[at("0x606c|606ch|606c|velocity actual value|actual velocity", DRIVE_VELOCITY)]),
+    position(&[at("0x6064|6064h|position actual value|actual position", DRIVE_POSITION)]),
+    torque(&[at("0x6077|6077h|torque actual value|actual torque", Rated(0.1))]),
 ];
 
 const DRIVE_VELOCITY: PresetUnit = Unknown("rpm or 4096counts/s (object 60A9h)");
@@ -189,25 +149,9 @@ const DRIVE_POSITION: PresetUnit = Unknown("deg or 4096counts (object 60A8h)");
 
 const TWINCAT_SCOPE: &[Rule] = &[
     time(&[at("=time", Fixed("ms"))]),
-    velocity(&[
-        at("actvelo", NC_VELOCITY),
-        at("actvelocity", NC_VELOCITY),
-        at("act velo", NC_VELOCITY),
-        at("velo", NC_VELOCITY),
-        at("velocity", NC_VELOCITY),
-    ]),
-    position(&[
-        at("actpos", NC_POSITION),
-        at("actposition", NC_POSITION),
-        at("act pos", NC_POSITION),
-        at("position", NC_POSITION),
-    ]),
-    torque(&[
-        at("acttorque", NC_TORQUE),
-        at("act torque", NC_TORQUE),
-        at("torque", NC_TORQUE),
-        at("torque actual value", Rated(0.1)),
-    ]),
+    velocity(&[at("actvelo|actvelocity|act velo|velo|velocity", NC_VELOCITY)]),
+    position(&[at("actpos|actposition|act pos|position", NC_POSITION)]),
+    torque(&[at("acttorque|act torque|torque", NC_TORQUE), at("torque actual value", Rated(0.1))]),
 ];
 
 const NC_VELOCITY: PresetUnit = Unknown("deg/s or mm/s");

@@ -7,32 +7,24 @@
 //! show which columns a joint measures, so the log is read twice: first for the columns, then for the rows. The
 //! driver's answers are left out: they are computed, and a model must not be evaluated on another model's output.
 
+mod can_file;
 mod drive_trace;
 
 use std::borrow::Cow;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::format::{Input, LogFormat};
 use crate::dataset::LeftOutColumn;
-use crate::error::{BadCell, BadRows, DataError, listed, quoted};
+use crate::error::{DataError, listed};
 use crate::log_table::{LogTable, TableRows};
 use crate::plan::Request;
 use crate::preset::Preset;
 use crate::setting::Setting;
+use can_file::{CanFile, OtherLines};
 use compensator_core::can::JointKind;
 use compensator_core::quantity::Quantity;
 use drive_trace::DriveTrace;
-use joint_trace::{
-    Assembler, Census, Frames, Line, LineError, Summary, TextFormat, TextReader, TraceSample,
-};
-
-/// Lines between two calls of the progress function.
-const PROGRESS_LINES: u64 = 64 * 1024;
-
-/// Maximum length of a line, bytes. No line of a CAN log is longer.
-const MAX_LINE_BYTES: u64 = 4096;
+use joint_trace::{Summary, TextFormat, TraceSample};
 
 /// The text formats of `candump`, with `-L` or its default view, and of the tools of Vector and PEAK.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_trace, read };
@@ -88,27 +80,21 @@ struct TraceOverview {
     columns: Vec<TraceColumn>,
     /// Origin of the times, ns: the stamp of the first sample.
     origin_ns: u64,
-    /// Malformed frame lines, the first few in detail.
-    bad: BadRows,
-    /// Number of other lines: comments, and messages of candump about dropped frames.
-    other_lines: u64,
+    other_lines: OtherLines,
     /// True if the stamps are times since the frame before.
     adds_up_stamps: bool,
 }
 
 fn read(input: Input) -> Result<LogTable<'static>, DataError> {
-    let Input { request, mut file, head, size } = input;
+    let Input { request, file, head, size } = input;
     let Request { path, options, progress, .. } = request;
-    let format = TextFormat::of(head).unwrap_or_default();
-    let lines = TextReader::of(head);
+    let mut file = CanFile::new(path, file, head);
     let max_share = options.max_bad_share;
     let first_half = |bytes| progress(bytes / 2);
-    let of_drive = |file: &mut File, preset| {
-        DriveTrace::find(path, file, (format, lines), (preset, max_share), &first_half)
-    };
     let asked = options.preset.filter(|preset| drive_trace::protocol(*preset).is_some());
     // A rate is that of the SYNC. The frames of other drives have no common one.
-    if lines.lacks_stamps() && (options.rate_hz.is_none() || asked.is_some()) {
+    let lacks_stamps = file.lines.lacks_stamps();
+    if lacks_stamps && (options.rate_hz.is_none() || asked.is_some()) {
         return Err(DataError::file(
             path,
             "CAN frames without time stamps",
@@ -120,18 +106,16 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
         ));
     }
     if let Some(preset) = asked {
-        return match of_drive(&mut file, preset)? {
+        return match DriveTrace::find(&mut file, preset, max_share, &first_half)? {
             Some(trace) => trace.read(request),
-            None => Err(no_drive(path, &mut file, preset)?),
+            None => Err(no_drive(&mut file, preset)?),
         };
     }
-    let overview = match scan(path, &mut file, (format, lines), max_share, &first_half) {
+    let overview = match scan(&mut file, max_share, &first_half) {
         Err(error @ (DataError::TooManyBad { .. } | DataError::Io { .. })) => return Err(error),
         Err(error) => {
-            for preset in
-                [Preset::ODrive, Preset::Moteus].into_iter().filter(|_| !lines.lacks_stamps())
-            {
-                if let Some(trace) = of_drive(&mut file, preset)? {
+            for preset in [Preset::ODrive, Preset::Moteus].into_iter().filter(|_| !lacks_stamps) {
+                if let Some(trace) = DriveTrace::find(&mut file, preset, max_share, &first_half)? {
                     return trace.read(request);
                 }
             }
@@ -151,25 +135,17 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let names: Vec<String> = columns.iter().map(|column| name(column).to_owned()).collect();
     let mut table = TableRows::new(path, request.plan(names.into())?);
     let second_half = |bytes| progress((size + bytes) / 2);
-    for_each_sample(
-        path,
-        &mut file,
-        (format, lines),
-        &second_half,
-        |_| {},
-        |sample| {
-            // Signed: the clock may have been set back. Dividing gives the nearest number to 0.001 for a
-            // millisecond; multiplying by 1e-9 would not.
-            let since_ns = i128::from(sample.time_ns) - i128::from(overview.origin_ns);
-            let time_s = since_ns as f64 / 1e9;
-            let row = TraceRow { sample, time_s, columns };
-            table.add_row(sample.line, |at| row.number(at), |at| row.text(at));
-            Ok(())
-        },
-    )?;
+    file.each_sample(&second_half, |sample| {
+        // Signed: the clock may have been set back. Dividing gives the nearest number to 0.001 for a millisecond;
+        // multiplying by 1e-9 would not.
+        let since_ns = i128::from(sample.time_ns) - i128::from(overview.origin_ns);
+        let time_s = since_ns as f64 / 1e9;
+        let row = TraceRow { sample, time_s, columns };
+        table.add_row(sample.line, |at| row.number(at), |at| row.text(at));
+    })?;
     let mut table = table.finish();
     add_notes(path, &overview, &mut table);
-    table.bad_lines = overview.bad;
+    table.bad_lines = overview.other_lines.malformed;
     Ok(table)
 }
 
@@ -195,36 +171,31 @@ fn add_notes(path: &Path, overview: &TraceOverview, data: &mut LogTable) {
     if summary.errors > 0 {
         data.notes.push(format!("{file}: {} error frames are ignored", summary.errors));
     }
-    if overview.other_lines > 0 {
-        data.notes.push(format!("{file}: {} lines are not CAN frames", overview.other_lines));
+    if overview.other_lines.count > 0 {
+        let count = overview.other_lines.count;
+        data.notes.push(format!("{file}: {count} lines are not CAN frames"));
     }
 }
 
 /// Reads the log once and finds its columns, its origin and its malformed lines.
 fn scan(
-    path: &Path,
-    file: &mut File,
-    (format, lines): (TextFormat, TextReader),
+    file: &mut CanFile,
     max_share: f64,
     progress: &dyn Fn(u64),
 ) -> Result<TraceOverview, DataError> {
-    let (mut bad, mut other_lines) = (BadRows::default(), 0);
     let mut is_measured = [false; Quantity::ALL.len()];
     let (mut has_runs, mut has_joint_position, mut origin_ns) = (false, false, None);
-    let count_line = |line: NonFrameLine| match line {
-        NonFrameLine::Other => other_lines += 1,
-        NonFrameLine::Malformed(malformed) => malformed.add_to(path, format, &mut bad),
-    };
-    let summary = for_each_sample(path, file, (format, lines), progress, count_line, |sample| {
+    let (summary, other_lines) = file.each_sample(progress, |sample| {
         for (is_measured, quantity) in is_measured.iter_mut().zip(Quantity::ALL) {
             *is_measured |= !sample.get(*quantity).is_nan();
         }
         has_runs |= sample.run.is_some();
         has_joint_position |= !sample.joint_position_rad.is_nan();
         origin_ns.get_or_insert(sample.time_ns);
-        Ok(())
     })?;
-    bad.check(summary.frames as usize + bad.count, max_share)?;
+    let lines = summary.frames as usize + other_lines.malformed.count;
+    other_lines.malformed.check(lines, max_share)?;
+    let path = file.path;
     let wrong = |found: String, expected: &str| Err(DataError::file(path, found, expected));
     if !summary.others.is_empty() {
         let all = summary.joint.iter().chain(&summary.others);
@@ -235,10 +206,7 @@ fn scan(
     let has = |quantity: Quantity| is_measured[quantity as usize];
     let complete = has(Quantity::Velocity) && has(Quantity::Torque);
     let Some(origin_ns) = origin_ns.filter(|_| complete) else {
-        let io = |source| DataError::Io { file: path.into(), source };
-        file.seek(SeekFrom::Start(0)).map_err(io)?;
-        let census = Census::of(BufReader::new(&*file)).map_err(io)?;
-        let found = format!("{census} and no joint's velocity and torque");
+        let found = format!("{} and no joint's velocity and torque", file.census()?);
         let expected = "Motion (480 + node), Torque (680 + node) and the SYNC (080) of joint.dbc";
         return wrong(found, expected);
     };
@@ -247,113 +215,20 @@ fn scan(
     let joint_position = has_joint_position.then_some(TraceColumn::JointPosition);
     let columns = run.into_iter().chain([TraceColumn::Time]).chain(quantities);
     let columns = columns.chain(joint_position).collect();
-    let adds_up_stamps = lines.adds_up_stamps();
-    Ok(TraceOverview { summary, columns, origin_ns, bad, other_lines, adds_up_stamps })
+    let adds_up_stamps = file.lines.adds_up_stamps();
+    Ok(TraceOverview { summary, columns, origin_ns, other_lines, adds_up_stamps })
 }
 
 /// Returns the error of a log without the frames of the drive that a preset asks for.
-fn no_drive(path: &Path, file: &mut File, preset: Preset) -> Result<DataError, DataError> {
-    let io = |source| DataError::Io { file: path.into(), source };
-    file.seek(SeekFrom::Start(0)).map_err(io)?;
-    let census = Census::of(BufReader::new(&*file)).map_err(io)?;
+fn no_drive(file: &mut CanFile, preset: Preset) -> Result<DataError, DataError> {
     let expected = match preset {
         Preset::ODrive => {
             "Get_Encoder_Estimates (009 + 20h node) and Get_Torques (01C) or Get_Iq (014) of CAN Simple"
         }
         _ => "replies with the registers 002 (velocity) and 003 (torque)",
     };
-    let found = format!("{census} and no velocity and torque of {}", preset.name());
-    Ok(DataError::file(path, found, expected))
-}
-
-/// A line that holds no frame.
-enum NonFrameLine<'a> {
-    /// It begins like a frame but is malformed.
-    Malformed(MalformedLine<'a>),
-    /// Any other line.
-    Other,
-}
-
-/// A line that begins like a frame but is malformed.
-struct MalformedLine<'a> {
-    row: u64,
-    line: &'a [u8],
-    error: LineError,
-}
-
-impl MalformedLine<'_> {
-    fn add_to(&self, path: &Path, format: TextFormat, bad: &mut BadRows) {
-        bad.add(|| {
-            let (column, found) = ("(all)".into(), quoted(self.line));
-            let expected = self.error.expected(format).into();
-            BadCell { file: path.into(), row: self.row, column, found, expected }
-        });
-    }
-}
-
-/// Reads the file from its start. Calls `sink` for each sample and `on_other` for each line without a frame.
-fn for_each_sample(
-    path: &Path,
-    file: &mut File,
-    format: (TextFormat, TextReader),
-    progress: &dyn Fn(u64),
-    on_other: impl FnMut(NonFrameLine),
-    mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
-) -> Result<Summary, DataError> {
-    let mut assembler = Assembler::default();
-    for_each_frame(path, file, format, progress, on_other, |row, frame| {
-        assembler.push(row, frame).map_or(Ok(()), |sample| sink(&sample))
-    })?;
-    let (last, summary) = assembler.finish();
-    if let Some(sample) = last {
-        sink(&sample)?;
-    }
-    Ok(summary)
-}
-
-/// Reads the file from its start. Calls `sink` for each line with a frame and `on_other` for each without one.
-fn for_each_frame(
-    path: &Path,
-    file: &mut File,
-    (format, mut lines): (TextFormat, TextReader),
-    progress: &dyn Fn(u64),
-    mut on_other: impl FnMut(NonFrameLine),
-    mut sink: impl FnMut(u64, &Line) -> Result<(), DataError>,
-) -> Result<(), DataError> {
-    let io = |source| DataError::Io { file: path.into(), source };
-    file.seek(SeekFrom::Start(0)).map_err(io)?;
-    let mut reader = BufReader::with_capacity(1 << 20, file);
-    let mut line = Vec::with_capacity(256);
-    let (mut row, mut bytes) = (0u64, 0u64);
-    loop {
-        let is_rest = line.len() as u64 == MAX_LINE_BYTES && !line.ends_with(b"\n");
-        line.clear();
-        // A line of any length must not be held in memory: the rest of a longer line is skipped.
-        let read = reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(io)?;
-        if read == 0 {
-            return Ok(());
-        }
-        bytes += read as u64;
-        if is_rest {
-            continue;
-        }
-        row += 1;
-        if row.is_multiple_of(PROGRESS_LINES) {
-            progress(bytes);
-        }
-        match lines.read(&line) {
-            Frames::Line(frame) => sink(row, &frame)?,
-            Frames::Bad(error) => {
-                let line = line.trim_ascii();
-                on_other(NonFrameLine::Malformed(MalformedLine { row, line, error }));
-            }
-            // The tools of Vector and PEAK write a header and many lines without frames.
-            Frames::None if format == TextFormat::Candump && !line.trim_ascii().is_empty() => {
-                on_other(NonFrameLine::Other);
-            }
-            Frames::None => {}
-        }
-    }
+    let found = format!("{} and no velocity and torque of {}", file.census()?, preset.name());
+    Ok(DataError::file(file.path, found, expected))
 }
 
 #[cfg(test)]

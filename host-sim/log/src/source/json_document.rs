@@ -93,7 +93,7 @@ fn of_value(value: &Value, path: &str, depth: usize) -> Option<(usize, Shape)> {
     };
     let of_lists = columns(&|value| {
         let list = value.as_array()?;
-        list.iter().all(|own| !own.is_object() && !own.is_array()).then_some(list.len())
+        list.iter().all(|item| !item.is_object() && !item.is_array()).then_some(list.len())
     });
     // Columns as pandas writes them: objects of numbers, by the number of the row.
     let of_indices = columns(&|value| {

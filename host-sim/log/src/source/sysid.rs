@@ -98,10 +98,10 @@ fn table(name: String, document: &Value) -> Option<Table> {
         unit.filter(|_| is_motion).map_or(value, |(factor, ..)| factor.apply(value))
     };
     let named = columns.iter().enumerate().map(|(at, column)| {
-        let own = column.replace("POSITION", position).replace("VELOCITY", velocity);
-        let is_motion = own != *column;
+        let name = column.replace("POSITION", position).replace("VELOCITY", velocity);
+        let is_motion = name != *column;
         let values = rows.iter().map(|(_, row)| value(row, at + 1, is_motion));
-        (own, Cells::Numbers(values.collect()))
+        (name, Cells::Numbers(values.collect()))
     });
     let runs = Cells::Texts(rows.iter().map(|(test, _)| (*test).clone()).collect());
     let times = Cells::Numbers(rows.iter().map(|(_, row)| value(row, 0, false)).collect());

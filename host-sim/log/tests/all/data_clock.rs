@@ -155,9 +155,9 @@ fn read_with_rows_written_twice_leaves_them_out() {
         let data = read_log(&(header.clone() + &text), &[], None).unwrap();
         assert_eq!(data.runs, once.runs, "{repeated}");
         let note = format!("log.csv: {repeated} of {} rows", 300 + repeated);
-        let own = data.notes.iter().find(|own| own.contains(&note));
-        let own = own.unwrap_or_else(|| panic!("{:?}", data.notes));
-        message::check("clocks", "rows written twice", own, &["log.csv"]);
+        let found = data.notes.iter().find(|of| of.contains(&note));
+        let found = found.unwrap_or_else(|| panic!("{:?}", data.notes));
+        message::check("clocks", "rows written twice", found, &["log.csv"]);
     }
 }
 

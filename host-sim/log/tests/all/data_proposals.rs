@@ -108,7 +108,7 @@ fn with(options: &ReadOptions, setting: Setting, value: &str) -> Option<ReadOpti
         Setting::Columns if value == "help" => return None,
         Setting::Columns => {
             let new = pairs(value);
-            options.columns.retain(|(name, _)| new.iter().all(|(own, _)| own != name));
+            options.columns.retain(|(name, _)| new.iter().all(|(ours, _)| ours != name));
             options.columns.extend(new);
         }
         Setting::BadRows => options.max_bad_share = number("%")? / 100.0,
@@ -231,9 +231,9 @@ fn proposals_for_drawn_tables_read_the_truth() {
         {
             let folder = Folder::new();
             // Without names, a column may be open.
-            let own = complaints(&folder.write(file, text), &rows, has_names);
+            let found = complaints(&folder.write(file, text), &rows, has_names);
             wrong.extend(
-                own.iter().map(|of| format!("{number} {names:?} {file} {has_names}: {of}")),
+                found.iter().map(|of| format!("{number} {names:?} {file} {has_names}: {of}")),
             );
         }
     }

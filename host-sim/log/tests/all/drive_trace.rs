@@ -79,18 +79,18 @@ fn assert_is_log(data: &Dataset, later_s: f64, torque_scale: f64, resolution_nm:
     let position_rad = run.get(Quantity::Position).expect("a position");
     let mut compared = 0;
     for (row, time_s) in run.time_s.iter().enumerate() {
-        let own_s = time_s - run.time_s[0] + later_s;
+        let log_s = time_s - run.time_s[0] + later_s;
         // Around a reversal the torque changes within the resolution of the times.
-        if velocity(own_s).abs() < 0.05 {
+        if velocity(log_s).abs() < 0.05 {
             continue;
         }
         compared += 1;
-        let error = run.velocity[row] - TAU * velocity(own_s);
-        assert!(error.abs() < 0.01, "{own_s}: {error} rad/s");
-        let error = position_rad[row] - TAU * position(own_s);
-        assert!(error.abs() < 0.01, "{own_s}: {error} rad");
-        let error = run.torque[row] - torque_scale * torque(own_s);
-        assert!(error.abs() < resolution_nm, "{own_s}: {error} Nm");
+        let error = run.velocity[row] - TAU * velocity(log_s);
+        assert!(error.abs() < 0.01, "{log_s}: {error} rad/s");
+        let error = position_rad[row] - TAU * position(log_s);
+        assert!(error.abs() < 0.01, "{log_s}: {error} rad");
+        let error = run.torque[row] - torque_scale * torque(log_s);
+        assert!(error.abs() < resolution_nm, "{log_s}: {error} Nm");
     }
     assert!(compared > 300, "{compared}");
 }

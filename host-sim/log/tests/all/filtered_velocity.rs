@@ -76,8 +76,10 @@ fn check_with_filtered_velocity_reports_its_time_constant() {
         for filter_s in [0.05, 0.2] {
             let joint = Joint { filter_s, ..joint };
             let found = findings(joint);
-            let lag: Vec<&LogFinding> =
-                found.iter().filter(|own| own.kind == LogFindingKind::VelocityLag).collect();
+            let lag: Vec<&LogFinding> = found
+                .iter()
+                .filter(|finding| finding.kind == LogFindingKind::VelocityLag)
+                .collect();
             assert_eq!(lag.len(), 1, "{joint:?}: {found:?}");
             assert!((lag[0].value / filter_s - 1.0).abs() < 0.1, "{joint:?}: {found:?}");
             assert!(
@@ -85,7 +87,7 @@ fn check_with_filtered_velocity_reports_its_time_constant() {
                 "{joint:?}: {found:?}"
             );
             assert!(
-                found.iter().all(|own| own.kind != LogFindingKind::VelocityNoise),
+                found.iter().all(|finding| finding.kind != LogFindingKind::VelocityNoise),
                 "{joint:?}: {found:?}"
             );
         }
@@ -98,7 +100,7 @@ fn check_with_late_or_exact_velocity_reports_no_low_pass() {
         for delay_s in [0.0, 0.5 * joint.step_s, 5.0 * joint.step_s] {
             let found = findings(Joint { delay_s, ..joint });
             assert!(
-                found.iter().all(|own| !own.in_words.contains("low-pass")),
+                found.iter().all(|finding| !finding.in_words.contains("low-pass")),
                 "{joint:?}: {found:?}"
             );
         }

@@ -5,17 +5,15 @@
 //! of their own. The row number is the line of the frame.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::path::Path;
 
-use super::{NonFrameLine, for_each_frame};
+use super::can_file::{CanFile, OtherLines};
 use crate::error::{BadRows, DataError};
 use crate::joints::JOINT;
 use crate::log_table::{LogTable, TableRows};
 use crate::options::ReadOptions;
 use crate::plan::Request;
 use crate::preset::Preset;
-use joint_trace::{DriveProtocol, DriveReading, TextFormat, TextReader};
+use joint_trace::{DriveProtocol, DriveReading};
 
 /// Minimum number of values of velocity and of torque that make a node a drive.
 const MIN_VALUES: usize = 20;
@@ -65,28 +63,21 @@ impl DriveTrace {
     /// # Errors
     /// If the file cannot be read, or has too many malformed lines.
     pub fn find(
-        path: &Path,
-        file: &mut File,
-        (format, lines): (TextFormat, TextReader),
-        (preset, max_bad_share): (Preset, f64),
+        file: &mut CanFile,
+        preset: Preset,
+        max_bad_share: f64,
         progress: &dyn Fn(u64),
     ) -> Result<Option<Self>, DataError> {
         let Some(protocol) = protocol(preset) else { return Ok(None) };
-        let (mut readings, mut frames, mut bad) = (Vec::new(), 0, BadRows::default());
+        let (mut readings, mut frames) = (Vec::new(), 0);
         let mut counts: BTreeMap<u8, NodeCount> = BTreeMap::new();
-        let on_other = |line: NonFrameLine| {
-            if let NonFrameLine::Malformed(malformed) = line {
-                malformed.add_to(path, format, &mut bad);
-            }
-        };
-        for_each_frame(path, file, (format, lines), progress, on_other, |line, frame| {
+        let OtherLines { malformed: bad, .. } = file.each_frame(progress, |line, frame| {
             frames += 1;
             if let Some(reading) = protocol.read(&frame.frame) {
                 let new = || NodeCount { is_plausible: true, ..NodeCount::default() };
                 counts.entry(reading.node).or_insert_with(new).add(&reading);
                 readings.push(Stamped { line, time_ns: frame.time_ns, reading });
             }
-            Ok(())
         })?;
         bad.check(frames + bad.count, max_bad_share)?;
         let nodes: Vec<u8> =
