@@ -28,8 +28,8 @@ pub fn simulate(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<(Table, String, String)> {
     let machines = || SIMULATIONS.iter().chain(paper_machines::SIMULATIONS);
-    let Some(machine) = machines().find(|machine| machine.name() == scenario) else {
-        let known: Vec<&str> = machines().map(|machine| machine.name()).collect();
+    let Some(machine) = machines().find(|machine| machine.name == scenario) else {
+        let known: Vec<&str> = machines().map(|machine| machine.name).collect();
         let known = known.join(", ");
         return Err(refused(py, &format!("scenario={scenario:?}: expected one of {known}")));
     };

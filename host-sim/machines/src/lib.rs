@@ -10,6 +10,7 @@
 pub mod conditions;
 pub mod effects;
 pub mod friction;
+pub mod imposed;
 pub mod joint;
 pub mod joint_plant;
 pub mod log;

@@ -10,12 +10,11 @@
 //! ```
 //!
 //! The module is independent of `compensator-core`. Its state is the bristle deflection in rad, and its
-//! integrator (`dynamics`) uses the travel as the independent variable. Most logs also contain covariates
+//! integrator ([`crate::imposed`]) uses the travel as the independent variable. Most logs also contain covariates
 //! that vary without any effect.
 
 mod draw;
 pub mod drawn_cause;
-mod dynamics;
 mod excite;
 mod hidden_cause;
 mod hide;

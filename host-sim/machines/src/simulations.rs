@@ -6,9 +6,9 @@ mod pool_tests;
 mod underwater_joint;
 
 use crate::simulation::Simulation;
-use pool_tests::{Impact, JointBench, LowSpeed, VelocityTracking};
-use underwater_joint::UnderwaterJoint;
+use pool_tests::{IMPACT, JOINT_BENCH, LOW_SPEED, VELOCITY_TRACKING};
+use underwater_joint::UNDERWATER_JOINT;
 
 /// All simulations.
-pub const SIMULATIONS: &[&dyn Simulation] =
-    &[&UnderwaterJoint, &VelocityTracking, &LowSpeed, &Impact, &JointBench];
+pub const SIMULATIONS: &[Simulation] =
+    &[UNDERWATER_JOINT, VELOCITY_TRACKING, LOW_SPEED, IMPACT, JOINT_BENCH];

@@ -19,7 +19,7 @@ use simulated_machines::{Log, Request, SIMULATIONS, Simulated, Simulation};
 pub struct SimulateArguments {
     /// Simulated machine
     #[arg(value_parser = simulations())]
-    scenario: &'static dyn Simulation,
+    scenario: &'static Simulation,
     /// Hide a physical effect, such as `pressure-coulomb`; repeat the option for two
     ///
     /// SIZE is in the unit of the effect's term; by default a detectable size is drawn. CAUSE may also be `none` or
@@ -94,21 +94,21 @@ const PAPER_MACHINES: [&str; 2] = ["damper", "manipulator"];
 
 /// Returns the parser of the machine's name; the help lists every machine with its description.
 #[cfg(feature = "papers")]
-fn simulations() -> impl TypedValueParser<Value = &'static dyn Simulation> {
-    let all = || SIMULATIONS.iter().chain(paper_machines::SIMULATIONS).copied();
-    let values = all().map(|of| PossibleValue::new(of.name()).help(of.about()));
+fn simulations() -> impl TypedValueParser<Value = &'static Simulation> {
+    let all = || SIMULATIONS.iter().chain(paper_machines::SIMULATIONS);
+    let values = all().map(|of| PossibleValue::new(of.name).help(of.about));
     PossibleValuesParser::new(values)
-        .try_map(move |name| all().find(|of| of.name() == name).ok_or("no such simulation"))
+        .try_map(move |name| all().find(|of| of.name == name).ok_or("no such simulation"))
 }
 
 /// Returns the parser of the machine's name; it refuses the machines of the papers.
 #[cfg(not(feature = "papers"))]
-fn simulations() -> impl TypedValueParser<Value = &'static dyn Simulation> {
-    let values = SIMULATIONS.iter().map(|of| PossibleValue::new(of.name()).help(of.about()));
+fn simulations() -> impl TypedValueParser<Value = &'static Simulation> {
+    let values = SIMULATIONS.iter().map(|of| PossibleValue::new(of.name).help(of.about));
     let missing = PAPER_MACHINES
         .map(|name| PossibleValue::new(name).help("Needs a build with the feature `papers`"));
     PossibleValuesParser::new(values.chain(missing)).try_map(|name| {
-        let found = SIMULATIONS.iter().copied().find(|of| of.name() == name);
+        let found = SIMULATIONS.iter().find(|of| of.name == name);
         found.ok_or_else(|| refusal(&format!("simulate {name}"), "papers"))
     })
 }
@@ -125,7 +125,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
         steady: arguments.steady,
         hide: arguments.hide.clone(),
     };
-    let bar = spinner(format!("simulating {}", arguments.scenario.name()));
+    let bar = spinner(format!("simulating {}", arguments.scenario.name));
     let Simulated { log, csv, truth, hidden } = arguments.scenario.simulate(&request)?;
     let json = pretty(&truth)?;
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn paper_machines_are_those_refused_without_feature() {
-        let names: Vec<&str> = paper_machines::SIMULATIONS.iter().map(|of| of.name()).collect();
+        let names: Vec<&str> = paper_machines::SIMULATIONS.iter().map(|of| of.name).collect();
         assert_eq!(names, PAPER_MACHINES);
     }
 }

@@ -3,9 +3,9 @@
 mod damper;
 mod manipulator;
 
-use damper::Damper;
-use manipulator::Manipulator;
+use damper::DAMPER;
+use manipulator::MANIPULATOR;
 use simulated_machines::Simulation;
 
 /// All simulations.
-pub const SIMULATIONS: &[&dyn Simulation] = &[&Damper, &Manipulator];
+pub const SIMULATIONS: &[Simulation] = &[DAMPER, MANIPULATOR];

@@ -7,9 +7,9 @@
 use super::campaign::Campaign;
 use super::mechanism::Mechanism;
 use super::plant::Machine;
-use super::trajectory::Trajectory;
 use super::visible::{Rows, difference};
 use simulated_machines::friction::Seal;
+use simulated_machines::imposed::Trajectory;
 use simulated_machines::joint::Joint;
 
 /// Iterations of the fit. Further ones change the errors by less than one percent.

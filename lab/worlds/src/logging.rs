@@ -4,10 +4,10 @@ use super::campaign::{AddedColumn, Campaign, RunPlan};
 use super::family::Family;
 use super::mechanism::Mechanism;
 use super::reading::Logged;
-use super::trajectory::{Point, Trajectory};
 use super::truth::{HiddenEffect, UnkindTruth};
 use super::visible::Rows;
 use super::world::World;
+use simulated_machines::imposed::{Point, Trajectory};
 use simulated_machines::sampler::Sampler;
 use simulated_machines::{Log, LoggedRun};
 

@@ -13,14 +13,10 @@
 //! bristles (Dupont et al., single state elastoplastic friction models, 2002). A film that lags behind the speed
 //! gives a lower level in deceleration than in acceleration.
 
+use simulated_machines::imposed::mean_of_decay;
 use simulated_machines::joint::Joint;
 use simulated_machines::sampler::Sampler;
 use std::f64::consts::PI;
-
-/// Returns `(1 - exp(-x)) / x`.
-pub(super) fn mean_of_decay(x: f64) -> f64 {
-    if x < 1e-6 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
-}
 
 /// Range of the film's time constants, s.
 const FILM_S: (f64, f64) = (5e-3, 8e-2);

@@ -1,8 +1,8 @@
 //! A joint with effects that its friction law does not contain: other joints, a payload, a place on the travel, an encoder.
 
-use super::trajectory::{Point, Trajectory};
 use simulated_machines::conditions::Signal;
 use simulated_machines::effects::Wave;
+use simulated_machines::imposed::{Point, Trajectory};
 use simulated_machines::joint::Joint;
 use simulated_machines::motion::{Instant, Motion};
 

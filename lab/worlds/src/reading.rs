@@ -6,7 +6,7 @@
 
 use super::campaign::RunPlan;
 use super::plant::{Machine, RunInput};
-use super::trajectory::{Point, Trajectory};
+use simulated_machines::imposed::{Point, Trajectory};
 
 /// Logged angle, velocity and torque of all rows of a run, including lost rows.
 pub(super) struct Logged {

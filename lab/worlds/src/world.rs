@@ -6,11 +6,12 @@ use super::mechanism::Mechanism;
 use super::plant::{Machine, Plant};
 use super::reading::{Logged, Reading, estimate_start};
 use super::sensing::SensorKind;
-use super::trajectory::Trajectory;
+use super::trajectory::thinned;
 use super::visible::{Rows, difference, evaluate_visibility, rms};
 use super::{UnkindWorld, bristle_fit, truth};
 use simulated_machines::effects::Wave;
 use simulated_machines::friction::Seal;
+use simulated_machines::imposed::Trajectory;
 use simulated_machines::joint::Joint;
 
 /// A drawn world before its simulation.
@@ -46,7 +47,7 @@ impl World {
     /// Returns the trajectories of the models, `delay_s` earlier.
     fn model_trajectories(&self, delay_s: f64) -> Vec<Trajectory> {
         let (stride, _) = self.campaign.family.model_effort();
-        self.trajectories(delay_s).iter().map(|own| own.thinned(stride)).collect()
+        self.trajectories(delay_s).iter().map(|whole| thinned(whole, stride)).collect()
     }
 
     /// Returns the torque of bristles as a model computes it from the log. `knows_encoder` is false for a model that takes an

@@ -11,7 +11,9 @@
 
 use super::parameters::Parameters;
 use super::seal::{Around, Seal};
+use crate::conditions::Signal;
 use crate::log::{Log, LoggedRun};
+use crate::motion::{Motion, Speeds, Wave};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -62,45 +64,34 @@ pub const COLUMNS: [&str; 8] = [
     "load_torque_nm",
 ];
 
-/// Motion that the stand imposes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Motion {
-    /// From rest to a speed (rad/s) in 0.4 s, then held.
-    Start(f64),
-    /// Sinusoidal velocity with a peak (rad/s) and a period (s).
-    Sine(f64, f64),
-    /// Steps of speed, first in positive and then in negative direction, as in a static test.
-    Stairs,
-    /// Oscillations of 4 Hz that grow to this travel (rad), as in a dynamic test.
-    Presliding(f64),
+/// From rest to a speed (rad/s) in 0.4 s, then held.
+fn start(speed: f64) -> Motion {
+    let mut speeds = Speeds::from_rest(true);
+    speeds.ramp(speed, 0.4);
+    Motion::Speeds(speeds)
 }
 
-impl Motion {
-    /// Returns the velocity at a time of the run, rad/s.
-    fn velocity(&self, t: f64, seconds: f64) -> f64 {
-        match *self {
-            Self::Start(speed) => speed * smooth(t / 0.4),
-            Self::Sine(peak, period) => peak * (TAU * t / period).sin(),
-            Self::Stairs => {
-                const RPM: [f64; 10] = [1.0, 3.0, 8.0, 20.0, 60.0, -1.0, -3.0, -8.0, -20.0, -60.0];
-                let each = seconds / RPM.len() as f64;
-                let step = ((t / each) as usize).min(RPM.len() - 1);
-                let before = if step == 0 { 0.0 } else { RPM[step - 1] };
-                let share = smooth((t - step as f64 * each) / 0.1);
-                (before + (RPM[step] - before) * share) * TAU / 60.0
-            }
-            Self::Presliding(travel) => {
-                let (w, share) = (TAU * 4.0, t / seconds);
-                travel * (2.0 * share / seconds * (w * t).sin() + share * share * w * (w * t).cos())
-            }
-        }
+/// Sinusoidal velocity with a peak (rad/s) and a period (s).
+fn sine(peak: f64, period_s: f64) -> Motion {
+    Motion::Waves(vec![Wave { peak, hz: 1.0 / period_s }])
+}
+
+/// Steps of speed within this time (s), first in positive and then in negative direction, as in a static test.
+fn stairs(seconds: f64) -> Motion {
+    const RPM: [f64; 10] = [1.0, 3.0, 8.0, 20.0, 60.0, -1.0, -3.0, -8.0, -20.0, -60.0];
+    let mut speeds = Speeds::from_rest(true);
+    let step_s = seconds / RPM.len() as f64;
+    let ramp_s = step_s.min(0.1);
+    for rpm in RPM {
+        speeds.ramp(rpm * TAU / 60.0, ramp_s);
+        speeds.hold(step_s - ramp_s);
     }
+    Motion::Speeds(speeds)
 }
 
-/// Smooth step from 0 to 1 with zero slope at both ends.
-fn smooth(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
+/// Oscillations of 4 Hz that grow within this time (s) to a travel (rad), as in a dynamic test.
+fn presliding(travel: f64, seconds: f64) -> Motion {
+    Motion::Presliding { travel, hz: 4.0, growth: seconds }
 }
 
 /// A planned run.
@@ -109,9 +100,8 @@ struct Plan {
     name: String,
     motion: Motion,
     seconds: f64,
-    force_n: f64,
-    /// Oscillation of the side load: amplitude, N, frequency, Hz, and phase, rad.
-    swing: (f64, f64, f64),
+    /// Side load, N, and pressure difference, Pa.
+    force: Signal,
     pressure_pa: f64,
     brake_nm: f64,
     start_rad: f64,
@@ -191,22 +181,21 @@ impl Bench {
     /// Plans the static and dynamic tests without side load and pressure.
     fn unloaded(&self, seconds: f64) -> Vec<Plan> {
         let motions = [
-            Motion::Stairs,
-            Motion::Presliding(2e-3),
-            Motion::Sine(0.5, 4.0),
-            Motion::Sine(7.0, 5.0),
-            Motion::Stairs,
-            Motion::Presliding(6e-3),
-            Motion::Sine(0.2, 2.0),
-            Motion::Sine(10.5, 5.0),
+            stairs(seconds),
+            presliding(2e-3, seconds),
+            sine(0.5, 4.0),
+            sine(7.0, 5.0),
+            stairs(seconds),
+            presliding(6e-3, seconds),
+            sine(0.2, 2.0),
+            sine(10.5, 5.0),
         ];
         let mut random = Pcg64::seed_from_u64(self.seed ^ 0x11);
         let plan = |(index, motion): (usize, Motion)| Plan {
             name: format!("u{index}"),
             motion,
             seconds,
-            force_n: 0.0,
-            swing: (0.0, 0.0, 0.0),
+            force: Signal::default(),
             pressure_pa: 0.0,
             brake_nm: 0.0,
             start_rad: random.random_range(0.0..TAU),
@@ -224,16 +213,15 @@ impl Bench {
             let index = (kind * 1000 + repeat) as u64;
             let mut random = Pcg64::seed_from_u64(self.seed ^ (0x22_0000 + index));
             let mut between = |(least, most): (f64, f64)| random.random_range(least..most);
-            let (force_n, pressure_pa) = (between(FORCE_N[force]), between(PRESSURE_PA[pressure]));
-            let swing = (between((0.5, 2.0)), 1.5, between((0.0, TAU)));
+            let (level, pressure_pa) = (between(FORCE_N[force]), between(PRESSURE_PA[pressure]));
+            let (swing, phase) = (between((0.5, 2.0)), between((0.0, TAU)));
             let start_rad = between((0.0, TAU));
             let direction = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
             Plan {
                 name: format!("k{}.{repeat}", kind + 1),
-                motion: Motion::Start(direction * rpm * TAU / 60.0),
+                motion: start(direction * rpm * TAU / 60.0),
                 seconds: KIND_S,
-                force_n,
-                swing,
+                force: Signal { level, swing, hz: 1.5, phase, per_s: 0.0 },
                 pressure_pa,
                 brake_nm: 0.0,
                 start_rad,
@@ -255,12 +243,12 @@ impl Bench {
         for index in 0..24usize {
             let rpm = [35.0, 70.0, 100.0][index % 3];
             let (force, pressure, brake) = (index / 3 % 2, index / 6 % 2, index / 12 % 2);
-            let fast = Motion::Sine(rpm * TAU / 60.0, 5.0);
+            let fast = sine(rpm * TAU / 60.0, 5.0);
             let slow = match index % 4 {
-                0 => Motion::Stairs,
-                1 => Motion::Presliding(5e-3),
-                2 => Motion::Sine(0.5, 4.0),
-                _ => Motion::Sine(1.2, 3.0),
+                0 => stairs(seconds),
+                1 => presliding(5e-3, seconds),
+                2 => sine(0.5, 4.0),
+                _ => sine(1.2, 3.0),
             };
             let motions = if both_motions {
                 vec![fast, slow]
@@ -275,8 +263,13 @@ impl Bench {
                     name: format!("f{index}.{number}"),
                     motion,
                     seconds,
-                    force_n: between(FORCE_N[force]),
-                    swing: (between((2.0, 5.0)), between((0.5, 3.0)), between((0.0, TAU))),
+                    force: Signal {
+                        level: between(FORCE_N[force]),
+                        swing: between((2.0, 5.0)),
+                        hz: between((0.5, 3.0)),
+                        phase: between((0.0, TAU)),
+                        per_s: 0.0,
+                    },
                     pressure_pa: between(PRESSURE_PA[pressure]),
                     brake_nm: [0.0, BRAKE_NM][brake],
                     start_rad: between((0.0, TAU)),
@@ -294,11 +287,10 @@ impl Bench {
         let mut random = Pcg64::seed_from_u64(plan.seed);
         let mut seal = Seal::new(p, self.phase_rad);
         let at = |t: f64, velocity: f64| {
-            let (size, frequency, phase) = plan.swing;
             // A powder brake opposes the motion, with a smooth transition at rest.
             let brake = plan.brake_nm * (velocity / 0.05).tanh();
             Around {
-                radial_force_n: plan.force_n + size * (TAU * frequency * t + phase).sin(),
+                radial_force_n: plan.force.at(t),
                 pressure_diff_pa: plan.pressure_pa,
                 load_torque_nm: brake,
             }
@@ -313,12 +305,12 @@ impl Bench {
             if row > 0 {
                 for step in 0..STEPS_PER_ROW {
                     let now = t + (step as f64 + 1.0 - STEPS_PER_ROW as f64) * dt;
-                    let velocity = plan.motion.velocity(now, plan.seconds);
+                    let velocity = plan.motion.at(now).velocity;
                     seal.step(velocity, position, &at(now, velocity), dt);
                     position += velocity * dt;
                 }
             }
-            let velocity = plan.motion.velocity(t, plan.seconds);
+            let velocity = plan.motion.at(t).velocity;
             let around = at(t, velocity);
             let mut noisy = |value: f64, deviation: f64| {
                 let noise: f64 = StandardNormal.sample(&mut random);

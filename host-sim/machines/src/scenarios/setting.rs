@@ -1,11 +1,11 @@
 //! A campaign without hidden effects: seal, runs, conditions and sensors.
 
-use super::dynamics::{self, Path};
 use super::excite::{Drive, draw_motions};
 use super::hidden_cause::HiddenCause;
 use super::sensors::{LossLimits, Sensors};
 use crate::conditions::{Condition, Extra, Signal};
 use crate::friction::Seal;
+use crate::imposed::{Bristles, Machine, Trajectory};
 use crate::joint::Joint;
 use crate::motion::Motion;
 use crate::sampler::Sampler;
@@ -67,7 +67,7 @@ pub struct Setting {
     pub top_rad_s: f64,
     finer: f64,
     /// Integration points for joints without a delay and without a step limit.
-    plain_paths: OnceLock<Vec<Path>>,
+    plain_paths: OnceLock<Vec<Trajectory>>,
 }
 
 /// Maximum integration step, s.
@@ -365,10 +365,10 @@ impl Setting {
     }
 
     /// Creates the integration points of a run for this joint.
-    fn path(&self, joint: &Joint, run: &RunSetting) -> Path {
+    fn path(&self, joint: &Joint, run: &RunSetting) -> Trajectory {
         let longest_s = MAX_STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
         let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
-        Path::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
+        Trajectory::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
     }
 
     /// Returns the true torque of each row of a run, Nm. Its integration points are not kept.
@@ -379,7 +379,7 @@ impl Setting {
     /// Returns the true torque of each row of each run, Nm.
     pub fn torques(&self, joint: &Joint) -> Vec<Vec<f64>> {
         let paths = || self.runs.par_iter().map(|run| self.path(joint, run)).collect();
-        let special: Vec<Path>;
+        let special: Vec<Trajectory>;
         let is_special = joint.delay_s != 0.0 || joint.longest_step_s(self.top_rad_s) < MAX_STEP_S;
         let paths = if is_special {
             special = paths();
@@ -393,7 +393,7 @@ impl Setting {
         };
         // The heat is carried from run to run and decays in the pauses.
         let (mut heat_j, mut until_s) = (0.0, 0.0);
-        let warm = |(run, path): (&RunSetting, &Path)| {
+        let warm = |(run, path): (&RunSetting, &Trajectory)| {
             let start_s = run.condition.start_s;
             heat_j *= (-(start_s - until_s) / warming.cooling_s).exp();
             until_s = start_s + self.seconds;
@@ -404,7 +404,9 @@ impl Setting {
 }
 
 /// Returns the torque of each row of a run, Nm, and updates the friction heat, J.
-fn torque(joint: &Joint, run: &RunSetting, path: &Path, heat_j: &mut f64) -> Vec<f64> {
-    let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
-    dynamics::torque(joint, &run.condition, path, held_rad, heat_j)
+fn torque(joint: &Joint, run: &RunSetting, path: &Trajectory, heat_j: &mut f64) -> Vec<f64> {
+    let contact = &Bristles;
+    let machine =
+        Machine { joint, contact, covariate_hz: None, splits_reversals: true, film_heats: true };
+    machine.torques(&run.condition, path, run.held, heat_j)
 }

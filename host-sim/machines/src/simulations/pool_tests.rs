@@ -46,72 +46,39 @@ const COLUMNS: [&str; 8] = [
 ];
 
 /// Pool test: 65 to 95 rpm with a propeller.
-pub struct VelocityTracking;
-/// Pool test: lifting and lowering 2 kg at 6.6 rpm.
-pub struct LowSpeed;
-/// Pool test: a platform that jumps and lands.
-pub struct Impact;
-/// Bench runs of the same joint.
-pub struct JointBench;
-
-/// Definition of a pool test.
-struct Test {
-    scenario: &'static str,
-    load: fn(&Parameters) -> Load,
-    seconds: f64,
-    /// Reference velocity at a time, rad/s.
-    velocity: fn(f64) -> f64,
-}
-
-impl Simulation for VelocityTracking {
-    fn name(&self) -> &'static str {
-        "velocity-tracking"
-    }
-
-    fn about(&self) -> &'static str {
-        "Pool test: 65 to 95 rpm against a propeller, the whole drive torque"
-    }
-
-    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
+pub const VELOCITY_TRACKING: Simulation = Simulation {
+    name: "velocity-tracking",
+    about: "Pool test: 65 to 95 rpm against a propeller, the whole drive torque",
+    run: |request| {
         let velocity = |t: f64| {
             let rpm = 80.0 + 15.0 * (TAU * t / 5.0).sin();
             rpm * TAU / 60.0 * (t / 0.5).min(1.0)
         };
         let load = |_: &Parameters| Load::Propeller;
-        Test { scenario: self.name(), load, seconds: 25.0, velocity }.simulate(request)
-    }
-}
+        Test { scenario: VELOCITY_TRACKING.name, load, seconds: 25.0, velocity }.simulate(request)
+    },
+};
 
-impl Simulation for LowSpeed {
-    fn name(&self) -> &'static str {
-        "low-speed"
-    }
-
-    fn about(&self) -> &'static str {
-        "Pool test: 6.6 rpm, lifting 2 kg and letting it down, the whole drive torque"
-    }
-
-    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
+/// Pool test: lifting and lowering 2 kg at 6.6 rpm.
+pub const LOW_SPEED: Simulation = Simulation {
+    name: "low-speed",
+    about: "Pool test: 6.6 rpm, lifting 2 kg and letting it down, the whole drive torque",
+    run: |request| {
         let velocity = |t: f64| {
             let speed = 6.6 * TAU / 60.0;
             let stroke = -2.0 * LIFT_FROM_RAD / speed;
             if ((t / stroke) as u64).is_multiple_of(2) { speed } else { -speed }
         };
         let load = |_: &Parameters| Load::Leg;
-        Test { scenario: self.name(), load, seconds: 15.0, velocity }.simulate(request)
-    }
-}
+        Test { scenario: LOW_SPEED.name, load, seconds: 15.0, velocity }.simulate(request)
+    },
+};
 
-impl Simulation for Impact {
-    fn name(&self) -> &'static str {
-        "impact"
-    }
-
-    fn about(&self) -> &'static str {
-        "Pool test: a leg that jumps with its platform and lands, the whole drive torque"
-    }
-
-    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
+/// Pool test: a platform that jumps and lands.
+pub const IMPACT: Simulation = Simulation {
+    name: "impact",
+    about: "Pool test: a leg that jumps with its platform and lands, the whole drive torque",
+    run: |request| {
         // Up by 1.2 rad in 0.3 s, then slowly down. One jump every two seconds.
         let velocity = |t: f64| {
             let now = t % 2.0;
@@ -122,8 +89,24 @@ impl Simulation for Impact {
                 _ => 0.0,
             }
         };
-        Test { scenario: self.name(), load: Load::jump, seconds: 10.0, velocity }.simulate(request)
-    }
+        Test { scenario: IMPACT.name, load: Load::jump, seconds: 10.0, velocity }.simulate(request)
+    },
+};
+
+/// Bench runs of the same joint.
+pub const JOINT_BENCH: Simulation = Simulation {
+    name: "joint-bench",
+    about: "Bench runs of the joint of the pool tests: unloaded, factorial, and the paper's eight kinds",
+    run: bench_runs,
+};
+
+/// Definition of a pool test.
+struct Test {
+    scenario: &'static str,
+    load: fn(&Parameters) -> Load,
+    seconds: f64,
+    /// Reference velocity at a time, rad/s.
+    velocity: fn(f64) -> f64,
 }
 
 impl Test {
@@ -206,37 +189,28 @@ impl Test {
     }
 }
 
-impl Simulation for JointBench {
-    fn name(&self) -> &'static str {
-        "joint-bench"
+/// Measures the bench runs.
+fn bench_runs(request: &Request) -> Result<Simulated, SimulationError> {
+    check_request(request)?;
+    if request.runs.is_some() || request.rate_hz.is_some() {
+        let options = "--runs, --rate: the bench has its own runs at 250 Hz";
+        return Err(SimulationError::Unsupported { options });
     }
-
-    fn about(&self) -> &'static str {
-        "Bench runs of the joint of the pool tests: unloaded, factorial, and the paper's eight kinds"
+    let seconds = request.seconds.unwrap_or(6.0);
+    if !(0.5..=60.0).contains(&seconds) {
+        let expected = "0.5 to 60".to_owned();
+        return Err(SimulationError::Value { option: "--seconds", found: seconds, expected });
     }
-
-    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
-        check_request(request)?;
-        if request.runs.is_some() || request.rate_hz.is_some() {
-            let options = "--runs, --rate: the bench has its own runs at 250 Hz";
-            return Err(SimulationError::Unsupported { options });
-        }
-        let seconds = request.seconds.unwrap_or(6.0);
-        if !(0.5..=60.0).contains(&seconds) {
-            let expected = "0.5 to 60".to_owned();
-            return Err(SimulationError::Value { option: "--seconds", found: seconds, expected });
-        }
-        let mut parameters = Parameters::default();
-        parameters.torque_noise_nm = request.noise_nm.unwrap_or(parameters.torque_noise_nm);
-        let temperature_c = [parameters.water_temperature_c; 2];
-        let bench = Bench { parameters, phase_rad: PHASE_RAD, temperature_c, seed: request.seed };
-        let amount = Amount { seconds, both_motions: false, learned: 2, held_out: 0 };
-        let Campaigns { mut unloaded, factorial, learned, .. } = bench.measure(&amount);
-        debug_assert_eq!(unloaded.columns, BENCH_COLUMNS);
-        unloaded.runs.extend(factorial.runs);
-        unloaded.runs.extend(learned.runs);
-        Ok(simulated(self.name(), request.seed, unloaded, &parameters))
-    }
+    let mut parameters = Parameters::default();
+    parameters.torque_noise_nm = request.noise_nm.unwrap_or(parameters.torque_noise_nm);
+    let temperature_c = [parameters.water_temperature_c; 2];
+    let bench = Bench { parameters, phase_rad: PHASE_RAD, temperature_c, seed: request.seed };
+    let amount = Amount { seconds, both_motions: false, learned: 2, held_out: 0 };
+    let Campaigns { mut unloaded, factorial, learned, .. } = bench.measure(&amount);
+    debug_assert_eq!(unloaded.columns, BENCH_COLUMNS);
+    unloaded.runs.extend(factorial.runs);
+    unloaded.runs.extend(learned.runs);
+    Ok(simulated(JOINT_BENCH.name, request.seed, unloaded, &parameters))
 }
 
 /// Returns an error for options that these tests do not support.
@@ -281,35 +255,35 @@ mod tests {
     #[test]
     fn simulate_of_each_pool_test_has_its_motion_and_load() {
         let request = Request { runs: Some(1), ..Request::default() };
-        let of = |test: &dyn Simulation| test.simulate(&request).expect("a log").log;
-        let tracking = of(&VelocityTracking);
+        let of = |test: Simulation| test.simulate(&request).expect("a log").log;
+        let tracking = of(VELOCITY_TRACKING);
         let late = &column(&tracking, 0, "velocity_rad_s")[1000..];
         let rpm = TAU / 60.0;
         let (least, most) =
             late.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
         assert!((least / rpm - 65.0).abs() < 2.0 && (most / rpm - 95.0).abs() < 2.0);
-        let low = of(&LowSpeed);
+        let low = of(LOW_SPEED);
         let torque = column(&low, 0, "torque_nm");
         assert!(
             torque.iter().copied().fold(f64::MIN, f64::max) > 7.0,
             "the load of 5.9 Nm and the friction"
         );
-        let jump = of(&Impact);
+        let jump = of(IMPACT);
         let force = column(&jump, 0, "radial_force_n");
         assert!(
             force.iter().any(|f| *f < 1.0) && force.iter().any(|f| *f > 60.0),
             "the platform leaves the ground"
         );
-        assert_eq!(of(&LowSpeed), low, "the same seed gives the same log");
+        assert_eq!(of(LOW_SPEED), low, "the same seed gives the same log");
     }
 
     #[test]
     fn simulate_with_unsupported_option_returns_error() {
         let rate = Request { rate_hz: Some(300.0), ..Request::default() };
-        assert!(Impact.simulate(&rate).unwrap_err().to_string().contains("1000 Hz"));
+        assert!(IMPACT.simulate(&rate).unwrap_err().to_string().contains("1000 Hz"));
         let unloaded = Request { unloaded: true, ..Request::default() };
-        assert!(JointBench.simulate(&unloaded).unwrap_err().to_string().contains("--unloaded"));
+        assert!(JOINT_BENCH.simulate(&unloaded).unwrap_err().to_string().contains("--unloaded"));
         let runs = Request { runs: Some(3), ..Request::default() };
-        assert!(JointBench.simulate(&runs).unwrap_err().to_string().contains("250 Hz"));
+        assert!(JOINT_BENCH.simulate(&runs).unwrap_err().to_string().contains("250 Hz"));
     }
 }

@@ -8,21 +8,11 @@ use crate::underwater_joint::{Recording, record};
 ///
 /// Without `--hide`, load and pressure act as in the paper. With it, no, one or two physical effects are hidden in a
 /// random campaign.
-pub struct UnderwaterJoint;
-
-impl Simulation for UnderwaterJoint {
-    fn name(&self) -> &'static str {
-        "underwater-joint"
-    }
-
-    fn about(&self) -> &'static str {
-        "The joint of Ding et al. on its test stand: speeds, side loads and pressures"
-    }
-
-    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
-        if request.hide.is_empty() { plain(request) } else { hidden(request) }
-    }
-}
+pub const UNDERWATER_JOINT: Simulation = Simulation {
+    name: "underwater-joint",
+    about: "The joint of Ding et al. on its test stand: speeds, side loads and pressures",
+    run: |request| if request.hide.is_empty() { plain(request) } else { hidden(request) },
+};
 
 /// Maximum number of rows.
 const MAX_ROWS: f64 = 1e8;

@@ -12,7 +12,11 @@ use simulated_machines::{Request, Simulated, Simulation, SimulationError};
 use std::f64::consts::TAU;
 
 /// The damper of the second paper on its test stand.
-pub struct Damper;
+pub const DAMPER: Simulation = Simulation {
+    name: "damper",
+    about: "A banded rotary friction damper: six tensions at four frequencies, and wind",
+    run: simulate,
+};
 
 /// Preset tensions of the paper, lb, and the conversion factor to N.
 const TENSIONS_LB: [f64; 6] = [20.0, 22.0, 25.0, 35.0, 70.0, 80.0];
@@ -52,70 +56,56 @@ struct Test {
     position: Box<dyn Fn(f64) -> f64>,
 }
 
-impl Simulation for Damper {
-    fn name(&self) -> &'static str {
-        "damper"
+/// Runs the simulation.
+fn simulate(request: &Request) -> Result<Simulated, SimulationError> {
+    if !request.hide.is_empty() || request.unloaded || request.steady {
+        let options = "damper: --hide, --unloaded and --steady are for the underwater joint";
+        return Err(SimulationError::Unsupported { options });
     }
-
-    fn about(&self) -> &'static str {
-        "A banded rotary friction damper: six tensions at four frequencies, and wind"
+    if request.noise_nm.is_some() {
+        let options = "damper: --noise is for the underwater joint";
+        return Err(SimulationError::Unsupported { options });
     }
-
-    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
-        if !request.hide.is_empty() || request.unloaded || request.steady {
-            let options = "damper: --hide, --unloaded and --steady are for the underwater joint";
-            return Err(SimulationError::Unsupported { options });
-        }
-        if request.noise_nm.is_some() {
-            let options = "damper: --noise is for the underwater joint";
-            return Err(SimulationError::Unsupported { options });
-        }
-        let rate_hz = request.rate_hz.unwrap_or(RATE_HZ);
-        if rate_hz > MAX_RATE_HZ {
-            let expected = format!("at most {MAX_RATE_HZ}");
-            return Err(SimulationError::Value {
-                option: "damper: --rate",
-                found: rate_hz,
-                expected,
-            });
-        }
-        let damper = BandedDamper::draw(request.seed);
-        let mut tests = tests(request.seed);
-        let count = request.runs.unwrap_or(tests.len());
-        if count > tests.len() {
-            let expected = format!("at most {}", tests.len());
-            let found = count as f64;
-            return Err(SimulationError::Value { option: "damper: --runs", found, expected });
-        }
-        tests.truncate(count);
-        let mut log = Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: Vec::new() };
-        let mut test_records = Vec::new();
-        for (index, test) in tests.into_iter().enumerate() {
-            let Test { name, tension_n, seconds, position } = test;
-            let seconds = request.seconds.unwrap_or(seconds);
-            let seed = request.seed.wrapping_mul(1000).wrapping_add(index as u64);
-            let rows = damper.record(tension_n, seconds, rate_hz, seed, position);
-            let column =
-                |of: &dyn Fn(&crate::banded_damper::Row) -> f64| rows.iter().map(of).collect();
-            let columns = vec![
-                column(&|row| row.time_s),
-                column(&|row| row.position_m),
-                column(&|row| row.velocity_m_s),
-                column(&|row| row.force_n),
-                column(&|_| tension_n),
-                column(&|row| row.actuators_n[0]),
-                column(&|row| row.actuators_n[1]),
-            ];
-            test_records.push(json!({"run": name, "tension_n": tension_n, "seconds": seconds}));
-            log.runs.push(LoggedRun { name, columns });
-        }
-        let truth = json!({
-            "schema": 1, "scenario": "damper", "seed": request.seed, "simulated": true, "runs": test_records,
-            "effects": ["backlash", "direction-asymmetry", "tension (saturating)"],
-            "actuators": "consequences of the friction: force = 2 (a2 - a1)",
-        });
-        Ok(Simulated { csv: log.csv(), truth, log, hidden: Vec::new() })
+    let rate_hz = request.rate_hz.unwrap_or(RATE_HZ);
+    if rate_hz > MAX_RATE_HZ {
+        let expected = format!("at most {MAX_RATE_HZ}");
+        return Err(SimulationError::Value { option: "damper: --rate", found: rate_hz, expected });
     }
+    let damper = BandedDamper::draw(request.seed);
+    let mut tests = tests(request.seed);
+    let count = request.runs.unwrap_or(tests.len());
+    if count > tests.len() {
+        let expected = format!("at most {}", tests.len());
+        let found = count as f64;
+        return Err(SimulationError::Value { option: "damper: --runs", found, expected });
+    }
+    tests.truncate(count);
+    let mut log = Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: Vec::new() };
+    let mut test_records = Vec::new();
+    for (index, test) in tests.into_iter().enumerate() {
+        let Test { name, tension_n, seconds, position } = test;
+        let seconds = request.seconds.unwrap_or(seconds);
+        let seed = request.seed.wrapping_mul(1000).wrapping_add(index as u64);
+        let rows = damper.record(tension_n, seconds, rate_hz, seed, position);
+        let column = |of: &dyn Fn(&crate::banded_damper::Row) -> f64| rows.iter().map(of).collect();
+        let columns = vec![
+            column(&|row| row.time_s),
+            column(&|row| row.position_m),
+            column(&|row| row.velocity_m_s),
+            column(&|row| row.force_n),
+            column(&|_| tension_n),
+            column(&|row| row.actuators_n[0]),
+            column(&|row| row.actuators_n[1]),
+        ];
+        test_records.push(json!({"run": name, "tension_n": tension_n, "seconds": seconds}));
+        log.runs.push(LoggedRun { name, columns });
+    }
+    let truth = json!({
+        "schema": 1, "scenario": "damper", "seed": request.seed, "simulated": true, "runs": test_records,
+        "effects": ["backlash", "direction-asymmetry", "tension (saturating)"],
+        "actuators": "consequences of the friction: force = 2 (a2 - a1)",
+    });
+    Ok(Simulated { csv: log.csv(), truth, log, hidden: Vec::new() })
 }
 
 /// Returns all tests: the sine tests in the order of the paper's tables, then wind.
@@ -175,11 +165,11 @@ mod damper_tests {
     #[test]
     fn simulate_returns_all_tests_and_is_reproducible() {
         let request = Request { seed: 3, ..Request::default() };
-        let found = Damper.simulate(&request).unwrap();
+        let found = DAMPER.simulate(&request).unwrap();
         assert_eq!(found.log.runs.len(), 29);
         assert_eq!(found.log.runs[0].name, "20lb@0.05Hz");
         assert_eq!(found.log.runs[28].name, "wind5");
-        assert_eq!(found.log, Damper.simulate(&request).unwrap().log);
+        assert_eq!(found.log, DAMPER.simulate(&request).unwrap().log);
         let fastest = |name: &str| {
             let run = found.log.runs.iter().find(|run| run.name == name).unwrap();
             let speeds = found.log.column(run, "velocity_m_s").unwrap();
@@ -191,7 +181,7 @@ mod damper_tests {
 
     #[test]
     fn simulate_with_unsupported_option_returns_error() {
-        let error_of = |request: Request| Damper.simulate(&request).unwrap_err().to_string();
+        let error_of = |request: Request| DAMPER.simulate(&request).unwrap_err().to_string();
         assert!(error_of(Request { steady: true, ..Request::default() }).contains("--steady"));
         assert!(error_of(Request { runs: Some(30), ..Request::default() }).contains("at most 29"));
         assert!(error_of(Request { rate_hz: Some(1e5), ..Request::default() }).contains("2048"));

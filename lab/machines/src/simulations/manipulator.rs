@@ -7,7 +7,11 @@ use simulated_machines::{Request, Simulated, Simulation, SimulationError};
 use std::fmt::Write;
 
 /// The arm with three joints and fluidic muscles: the course of the paper, and others for validation.
-pub struct Manipulator;
+pub const MANIPULATOR: Simulation = Simulation {
+    name: "manipulator",
+    about: "An arm of three joints on fluidic muscles, all joints in one log, ten repeats averaged",
+    run: simulate,
+};
 
 /// Default number of runs: the course of the paper and one more.
 const DEFAULT_RUNS: usize = 2;
@@ -15,37 +19,28 @@ const DEFAULT_RUNS: usize = 2;
 /// Maximum number of rows of all runs.
 const MAX_ROWS: f64 = 5e6;
 
-impl Simulation for Manipulator {
-    fn name(&self) -> &'static str {
-        "manipulator"
+/// Runs the simulation.
+fn simulate(request: &Request) -> Result<Simulated, SimulationError> {
+    if request.unloaded || request.steady || !request.hide.is_empty() {
+        let options = "manipulator: --unloaded, --steady and --hide are not supported";
+        return Err(SimulationError::Unsupported { options });
     }
-
-    fn about(&self) -> &'static str {
-        "An arm of three joints on fluidic muscles, all joints in one log, ten repeats averaged"
+    let default = Recording::default();
+    let how = Recording {
+        seconds: request.seconds.unwrap_or(SECONDS),
+        rate_hz: request.rate_hz.unwrap_or(default.rate_hz),
+        noise_nm: request.noise_nm.unwrap_or(default.noise_nm),
+        ..default
+    };
+    let runs = request.runs.unwrap_or(DEFAULT_RUNS);
+    if how.seconds * how.rate_hz * runs as f64 > MAX_ROWS {
+        return Err(SimulationError::TooManyRows { most: MAX_ROWS });
     }
-
-    fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
-        if request.unloaded || request.steady || !request.hide.is_empty() {
-            let options = "manipulator: --unloaded, --steady and --hide are not supported";
-            return Err(SimulationError::Unsupported { options });
-        }
-        let default = Recording::default();
-        let how = Recording {
-            seconds: request.seconds.unwrap_or(SECONDS),
-            rate_hz: request.rate_hz.unwrap_or(default.rate_hz),
-            noise_nm: request.noise_nm.unwrap_or(default.noise_nm),
-            ..default
-        };
-        let runs = request.runs.unwrap_or(DEFAULT_RUNS);
-        if how.seconds * how.rate_hz * runs as f64 > MAX_ROWS {
-            return Err(SimulationError::TooManyRows { most: MAX_ROWS });
-        }
-        let campaign = campaign(request.seed, runs.saturating_sub(1), &how);
-        let log = campaign.log();
-        let csv = csv(&log);
-        let truth = truth(request.seed, &how, &campaign);
-        Ok(Simulated { csv, truth, log, hidden: Vec::new() })
-    }
+    let campaign = campaign(request.seed, runs.saturating_sub(1), &how);
+    let log = campaign.log();
+    let csv = csv(&log);
+    let truth = truth(request.seed, &how, &campaign);
+    Ok(Simulated { csv, truth, log, hidden: Vec::new() })
 }
 
 /// Returns the content of `data.csv`. Each column has the digits of its sensor.

@@ -34,7 +34,7 @@ pub(super) fn add_unpublished_tests(
     outcome: &mut PaperOutcome,
 ) -> Result<(), String> {
     (request.progress)("simulating the damper");
-    let plant = SIMULATIONS.iter().find(|plant| plant.name() == "damper").ok_or("no damper")?;
+    let plant = SIMULATIONS.iter().find(|plant| plant.name == "damper").ok_or("no damper")?;
     let log = plant
         .simulate(&SimulationRequest { seed: request.seed, ..SimulationRequest::default() })?
         .log;
