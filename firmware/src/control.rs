@@ -27,7 +27,7 @@ pub mod space_vector;
 pub mod transform;
 pub mod velocity_loop;
 
-pub use compensation::{Compensate, JointCompensator, NoCompensation};
+pub use compensation::{Compensate, JointCompensator};
 pub use covariates::Covariates;
 pub use current_loop::{CurrentLoop, CycleResult, Setpoint};
 pub use flags::LoopFlags;

@@ -15,7 +15,6 @@ mod board;
 pub(crate) mod compensation_share;
 pub(crate) mod current_loop;
 pub(crate) mod history;
-pub(crate) mod motor;
 pub(crate) mod objects;
 pub(crate) mod seal_sensors;
 

@@ -4,133 +4,13 @@
 //! motor and friction model between two periods ([`crate::loop_task::LoopTask::swap`]).
 
 use crate::control::parameters::OVERCURRENT_MARGIN;
-use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
+use crate::control::{JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
 use crate::sensors::encoder::EncoderKind;
-use compensator_core::adaptation::Gains;
-use compensator_core::configuration::Configuration;
-use compensator_core::network::Factors;
+use compensator_core::ParameterError;
 use compensator_core::parameters::Bound;
 use compensator_core::text;
-use compensator_core::{CompensatorOutput, Flags, Inputs, ParameterError};
-use core::cell::Cell;
-
-/// The friction compensator, limited to the share of the current that the temperature permits.
-#[derive(Clone, Debug)]
-pub struct LimitedCompensator {
-    inner: JointCompensator<f32>,
-    /// Maximum current of joint and motor, A.
-    max_current_a: f32,
-    /// Present current limit, A, after temperature derating. A `Cell`, because it changes with every command and
-    /// the current loop gives out shared references only.
-    limit_a: Cell<f32>,
-    /// Share of the compensation in use, 0..=1.
-    compensation: Cell<f32>,
-}
-
-/// Limits a share to 0..=1; NaN counts as 0. Not with `f32::min`, which is a call on this core.
-#[inline(always)]
-fn limited_share(share: f32) -> f32 {
-    if share >= 1.0 {
-        1.0
-    } else if share >= 0.0 {
-        share
-    } else {
-        0.0
-    }
-}
-
-impl LimitedCompensator {
-    /// Builds a compensator for a period in s, limited to `max_current_a`.
-    ///
-    /// # Errors
-    /// As [`JointCompensator::build`].
-    pub fn build(
-        friction: &Configuration,
-        max_current_a: f32,
-        period_s: f32,
-    ) -> Result<Self, ParameterError> {
-        let inner = JointCompensator::build(friction, period_s)?;
-        Ok(Self {
-            inner,
-            max_current_a,
-            limit_a: Cell::new(max_current_a),
-            compensation: Cell::new(1.0),
-        })
-    }
-
-    pub(crate) fn set_current_share(&self, share: f32) {
-        self.limit_a.set(self.max_current_a * limited_share(share));
-    }
-
-    pub(crate) fn set_compensation_share(&self, share: f32) {
-        self.compensation.set(limited_share(share));
-    }
-}
-
-impl Compensate for LimitedCompensator {
-    fn set_enabled(&mut self, enabled: bool) {
-        self.inner.set_enabled(enabled);
-    }
-
-    fn is_enabled(&self) -> bool {
-        self.inner.is_enabled()
-    }
-
-    #[inline]
-    fn step(&mut self, inputs: &Inputs<f32>) -> CompensatorOutput<f32> {
-        let output = self.inner.step(inputs);
-        let left = self.compensation.get();
-        CompensatorOutput {
-            compensation_torque_nm: left * output.compensation_torque_nm,
-            feed_forward_current_a: left * output.feed_forward_current_a,
-            ..output
-        }
-    }
-
-    #[inline]
-    fn sum(&self, command_a: f32, output: &CompensatorOutput<f32>) -> (f32, Flags) {
-        let (sum, flags) = self.inner.sum(command_a, output);
-        let limit = self.limit_a.get();
-        if sum.abs() <= limit {
-            return (sum, flags);
-        }
-        (sum.max(-limit).min(limit), flags | Flags::CURRENT_LIMITED)
-    }
-
-    #[inline]
-    fn current_limit_a(&self) -> f32 {
-        self.limit_a.get()
-    }
-
-    fn torque_constant_nm_per_a(&self) -> f32 {
-        self.inner.torque_constant_nm_per_a()
-    }
-
-    fn supply(&mut self, factors: Option<Factors<f32>>) {
-        self.inner.supply(factors);
-    }
-
-    fn replace(&mut self, from: &Self) {
-        self.inner.replace(&from.inner);
-        self.max_current_a = from.max_current_a;
-        self.limit_a.clone_from(&from.limit_a);
-        self.compensation.clone_from(&from.compensation);
-    }
-
-    fn replace_base(&mut self, from: &Self) {
-        self.inner.replace_base(&from.inner);
-    }
-
-    fn set_gains(&mut self, gains: &Gains<f32>) {
-        self.inner.set_gains(gains);
-    }
-
-    fn bristle_torque_nm(&self) -> f32 {
-        self.inner.bristle_torque_nm()
-    }
-}
 
 /// Properties of a power stage that apply in addition to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -189,7 +69,7 @@ impl StageTraits {
 #[derive(Clone, Debug)]
 pub struct LoopParts {
     pub(crate) motor: Motor,
-    pub(crate) model: LimitedCompensator,
+    pub(crate) model: JointCompensator<f32>,
     pub(crate) may_drive: bool,
 }
 
@@ -216,7 +96,7 @@ impl LoopParts {
         .build(period_s)?
         .with_overspeed(set.thresholds.overspeed_rad_s);
         let max_current_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
-        let model = LimitedCompensator::build(&set.friction, max_current_a, period_s)?;
+        let model = JointCompensator::build(&set.friction, period_s)?.limited_to(max_current_a);
         Ok(Self { motor, model, may_drive: true })
     }
 

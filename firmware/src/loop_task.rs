@@ -19,13 +19,13 @@ mod reports;
 use crate::bridge_guard::BridgeGuard;
 use crate::control::probe::Probe;
 use crate::control::{
-    Bridge, BridgeFault, Covariates, CurrentLoop, CycleResult, LoopFlags, PowerStage, Setpoint,
-    StageSample,
+    Bridge, BridgeFault, Covariates, CurrentLoop, CycleResult, JointCompensator, LoopFlags,
+    PowerStage, Setpoint, StageSample,
 };
 use crate::deadline::{Deadline, DeadlineLimits};
 use crate::driver::{Home, LoopCommands, PeriodValues, REPORT_PERIOD_S, TouchEdges};
 use crate::loop_link::LoopPort;
-use crate::loop_parts::{LimitedCompensator, LoopParts};
+use crate::loop_parts::LoopParts;
 use crate::scope::ScopeOrder;
 use crate::stop_brake::{self, StopBrake};
 use compensator_core::Flags;
@@ -34,7 +34,7 @@ use reports::{ReportStep, ScopeTap};
 /// State of the current loop's interrupt.
 #[derive(Clone, Debug)]
 pub struct LoopTask {
-    current_loop: CurrentLoop<LimitedCompensator>,
+    current_loop: CurrentLoop<JointCompensator<f32>>,
     deadline: Deadline,
     commands: LoopCommands,
     may_drive: bool,

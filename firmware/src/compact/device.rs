@@ -139,7 +139,7 @@ impl<F: NorFlash> Joint for Device<F> {
     }
 
     fn board_output(&self) -> BoardOutput {
-        let winding_rise_k = self.base.motor.winding_rise_k();
+        let winding_rise_k = self.base.motor.watch.rise_k();
         BoardOutput { winding_rise_k, ..BoardOutput::default() }
     }
 

@@ -1,16 +1,15 @@
 //! The friction compensator at the interface of the current loop: `f32` outside, any number type inside.
 //!
-//! The loop computes in `f32`. The compensator may use [`compensator_core::Fixed`], or be absent. [`Compensate`]
-//! is the interface that the loop needs. [`JointCompensator`] implements it for the core's compensator in any
-//! number type, and [`NoCompensation`] for a joint without one. A driver that selects at run time implements it
-//! for an enum of these.
+//! The loop computes in `f32`. The compensator may use [`compensator_core::Fixed`]. [`Compensate`] is the interface that the
+//! loop needs, and [`JointCompensator`] implements it for the core's compensator in any number type. A joint without a
+//! compensator implements it as well.
 
-use super::space_vector::clamp;
 use compensator_core::adaptation::Gains;
 use compensator_core::compensator::Reading;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
 use compensator_core::{Compensator, CompensatorOutput, Flags, Inputs, ParameterError, Real};
+use core::cell::Cell;
 
 /// Interface of a compensator to the current loop.
 ///
@@ -49,11 +48,30 @@ pub trait Compensate {
     fn bristle_torque_nm(&self) -> f32;
 }
 
-/// The core's compensator, for any number type.
+/// The core's compensator, for any number type, limited to the share of the current that the temperature permits.
 #[derive(Clone, Debug)]
 pub struct JointCompensator<T: Real> {
     inner: Compensator<T>,
     torque_constant_nm_per_a: f32,
+    /// Maximum current of joint and motor, A.
+    max_current_a: f32,
+    /// Present current limit, A, after temperature derating. A `Cell`, because it changes with every command and
+    /// the current loop gives out shared references only.
+    limit_a: Cell<f32>,
+    /// Share of the compensation in use, 0..=1.
+    compensation: Cell<f32>,
+}
+
+/// Limits a share to 0..=1; NaN counts as 0. Not with `f32::min`, which is a call on this core.
+#[inline(always)]
+fn limited_share(share: f32) -> f32 {
+    if share >= 1.0 {
+        1.0
+    } else if share >= 0.0 {
+        share
+    } else {
+        0.0
+    }
 }
 
 impl<T: Real<Setting = f32>> JointCompensator<T> {
@@ -65,12 +83,24 @@ impl<T: Real<Setting = f32>> JointCompensator<T> {
         Ok(Self {
             inner: Compensator::build(configuration, period_s)?,
             torque_constant_nm_per_a: configuration.compensator.torque_constant_nm_per_a,
+            max_current_a: f32::INFINITY,
+            limit_a: Cell::new(f32::INFINITY),
+            compensation: Cell::new(1.0),
         })
     }
 
-    /// Returns the core's compensator.
-    pub fn inner(&self) -> &Compensator<T> {
-        &self.inner
+    /// Returns the compensator limited to this current, A, besides the limit of its parameters.
+    #[must_use]
+    pub fn limited_to(self, max_current_a: f32) -> Self {
+        Self { max_current_a, limit_a: Cell::new(max_current_a), ..self }
+    }
+
+    pub(crate) fn set_current_share(&self, share: f32) {
+        self.limit_a.set(self.max_current_a * limited_share(share));
+    }
+
+    pub(crate) fn set_compensation_share(&self, share: f32) {
+        self.compensation.set(limited_share(share));
     }
 }
 
@@ -86,10 +116,11 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
     #[inline]
     fn step(&mut self, inputs: &Inputs<f32>) -> CompensatorOutput<f32> {
         let output = self.inner.step(&convert(inputs));
+        let left = self.compensation.get();
         CompensatorOutput {
             friction_torque_nm: single(output.friction_torque_nm),
-            compensation_torque_nm: single(output.compensation_torque_nm),
-            feed_forward_current_a: single(output.feed_forward_current_a),
+            compensation_torque_nm: left * single(output.compensation_torque_nm),
+            feed_forward_current_a: left * single(output.feed_forward_current_a),
             flags: output.flags,
         }
     }
@@ -107,7 +138,17 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
         // If disabled, the command must keep its bits: a coarser number type would round it.
         let acted = flags.intersects(Flags::CURRENT_LIMITED | Flags::COMMAND_INVALID);
         let passes = !self.inner.is_enabled() && !acted && command_a.is_finite();
-        (if passes { command_a } else { single(sum) }, flags)
+        let sum = if passes { command_a } else { single(sum) };
+        let limit = self.limit_a.get();
+        if sum.abs() <= limit {
+            return (sum, flags);
+        }
+        (sum.max(-limit).min(limit), flags | Flags::CURRENT_LIMITED)
+    }
+
+    #[inline]
+    fn current_limit_a(&self) -> f32 {
+        self.limit_a.get()
     }
 
     fn torque_constant_nm_per_a(&self) -> f32 {
@@ -125,6 +166,9 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
     fn replace(&mut self, from: &Self) {
         self.inner.replace(&from.inner);
         self.torque_constant_nm_per_a = from.torque_constant_nm_per_a;
+        self.max_current_a = from.max_current_a;
+        self.limit_a.clone_from(&from.limit_a);
+        self.compensation.clone_from(&from.compensation);
     }
 
     fn replace_base(&mut self, from: &Self) {
@@ -159,50 +203,6 @@ fn convert<T: Real<Setting = f32>>(inputs: &Inputs<f32>) -> Inputs<T> {
     let timed = time.value().is_finite() == inputs.campaign_time_h.is_finite();
     // A negative time is refused by the compensator, which then holds the last valid one.
     inputs.convert(reading, if timed { time } else { -T::one() })
-}
-
-/// A joint without a compensator.
-#[derive(Clone, Copy, Debug)]
-pub struct NoCompensation {
-    /// Maximum current, A.
-    pub current_limit_a: f32,
-    /// Joint torque per motor current, Nm/A, gear included.
-    pub torque_constant_nm_per_a: f32,
-}
-
-impl Compensate for NoCompensation {
-    fn set_enabled(&mut self, _: bool) {}
-
-    fn is_enabled(&self) -> bool {
-        false
-    }
-
-    fn step(&mut self, _: &Inputs<f32>) -> CompensatorOutput<f32> {
-        CompensatorOutput {
-            friction_torque_nm: 0.0,
-            compensation_torque_nm: 0.0,
-            feed_forward_current_a: 0.0,
-            flags: Flags::DISABLED,
-        }
-    }
-
-    fn sum(&self, command_a: f32, output: &CompensatorOutput<f32>) -> (f32, Flags) {
-        let sum = clamp(command_a, self.current_limit_a);
-        let mut flags = output.flags;
-        flags.set(Flags::COMMAND_INVALID, command_a.is_nan());
-        flags.set(Flags::CURRENT_LIMITED, sum != command_a && !command_a.is_nan());
-        (sum, flags)
-    }
-
-    fn torque_constant_nm_per_a(&self) -> f32 {
-        self.torque_constant_nm_per_a
-    }
-
-    fn supply(&mut self, _: Option<Factors<f32>>) {}
-
-    fn bristle_torque_nm(&self) -> f32 {
-        0.0
-    }
 }
 
 #[cfg(test)]
@@ -261,14 +261,5 @@ mod tests {
         assert!((held - known).abs() < 0.02, "{held} against {known}");
         inputs.radial_force_n = Reading { value: 0.0, age_s: f32::NAN };
         run(&inputs, &mut float, &mut fixed);
-    }
-
-    #[test]
-    fn no_compensation_passes_and_limits_the_command() {
-        let none = NoCompensation { current_limit_a: 5.0, torque_constant_nm_per_a: 1.0 };
-        let output = { none }.step(&Inputs::velocity(1.0));
-        assert_eq!(none.sum(-4.0, &output), (-4.0, Flags::DISABLED));
-        assert_eq!(none.sum(9.0, &output), (5.0, Flags::DISABLED | Flags::CURRENT_LIMITED));
-        assert_eq!(none.sum(f32::NAN, &output), (0.0, Flags::DISABLED | Flags::COMMAND_INVALID));
     }
 }

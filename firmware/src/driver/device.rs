@@ -105,17 +105,17 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the flash.
     pub fn flash(&self) -> &F {
-        self.memory.store().flash()
+        self.memory.store.flash()
     }
 
     /// Returns the flash, for a simulated fault.
     pub fn flash_mut(&mut self) -> &mut F {
-        self.memory.flash_mut()
+        self.memory.store.flash_mut()
     }
 
     /// Returns the flash by value, as a power cut leaves it.
     pub fn into_flash(self) -> F {
-        self.memory.into_flash()
+        self.memory.store.into_flash()
     }
 
     /// Returns true if the joint is armed, on its own sensors or in HIL.
@@ -365,7 +365,7 @@ impl<F: NorFlash> Joint for Device<F> {
     fn board_output(&self) -> BoardOutput {
         BoardOutput {
             brake: self.motion.stopping.brake().output(&self.base.settings.drive),
-            winding_rise_k: self.base.motor.winding_rise_k(),
+            winding_rise_k: self.base.motor.watch.rise_k(),
             home: self.kept_home(),
         }
     }

@@ -7,12 +7,12 @@
 use super::compensation_share::CompensationShare;
 use super::current_loop::LoopExchange;
 use super::history::History;
-use super::motor::MotorObservation;
 use super::seal_sensors::SealSensors;
 use super::{BoardState, Boot, Identity};
 use crate::control::PERIOD_S;
 use crate::driver::counters::{Counters, count};
 use crate::driver::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
+use crate::driver::motor_watch::{MotorState, MotorWatch};
 use crate::driver::received::{CommandSequence, ReceivedInputs};
 use crate::driver::staging::Staging;
 use crate::loop_parts::LoopParts;
@@ -38,6 +38,15 @@ pub(crate) struct LoadedBlock {
     pub settings: Option<NodeSettings>,
     /// Sequence number of the block.
     pub sequence: u32,
+}
+
+/// The watch of the motor with its last result, and the wiring that was measured.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MotorObservation {
+    pub watch: MotorWatch,
+    pub state: MotorState,
+    /// CRC of the wiring that the last complete measurement of the motor found.
+    pub measured_wiring: Option<u32>,
 }
 
 /// State of every joint behind its node.
@@ -209,7 +218,7 @@ impl JointBase {
                 failed_self_test: boot.failed_self_test,
             },
         );
-        self.motor.set_winding_rise(boot.winding_rise_k);
+        self.motor.watch = MotorWatch::with_rise(boot.winding_rise_k);
         self.watch = self.watch_of(&self.settings);
         self.history.set_panic(boot.panic.unwrap_or_default());
     }
@@ -240,12 +249,13 @@ impl JointBase {
         }
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         let proven = self.is_wiring_proven();
-        self.motor.step(self.current_loop.report(), motor, thresholds, drives, proven);
-        if self.motor.state().is_turning_unseen {
+        let report = self.current_loop.report();
+        self.motor.state = self.motor.watch.step(report, motor, thresholds, drives, proven);
+        if self.motor.state.is_turning_unseen {
             self.current_loop.lose_home();
         }
         // A proof belongs to the wiring that turned the joint. It is stored with the next save.
-        if self.motor.state().is_proven && !proven && self.start.is_in_use(self.staging.active()) {
+        if self.motor.state.is_proven && !proven && self.start.is_in_use(self.staging.active()) {
             self.settings.proven = self.staging.wiring_crc();
         }
         true
@@ -264,7 +274,7 @@ impl JointBase {
 
     /// Completes an observation with what the last report and its watches show.
     pub(crate) fn observe_report(&self, observation: &mut Observation) {
-        let (motor, compensation) = (self.motor.state(), &self.compensation);
+        let (motor, compensation) = (&self.motor.state, &self.compensation);
         self.current_loop.observe(motor, compensation, &self.seal_sensors, observation);
     }
 
@@ -382,7 +392,8 @@ impl JointBase {
     /// Makes watches, wiring and current loop follow the set that became active.
     pub(crate) fn follow_set(&mut self) {
         // A proof belongs to the wiring that turned the joint.
-        self.motor.forget_travel();
+        self.motor.watch.forget_travel();
+        self.motor.state.is_proven = false;
         self.start.set_refused(None);
         self.watch = self.watch_of(&self.settings);
         self.compensation.reset();
@@ -397,7 +408,7 @@ impl JointBase {
         self.settings.commissioned = seen;
         // A measurement turned the motor. Without it, the wiring may have been changed before the confirmation.
         let is_measured =
-            self.motor.has_measured(seen) && self.start.is_in_use(self.staging.active());
+            self.motor.measured_wiring == Some(seen) && self.start.is_in_use(self.staging.active());
         self.settings.proven = if is_measured { seen } else { 0 };
         self.supervisor.set_commissioned(true);
         Ok(())

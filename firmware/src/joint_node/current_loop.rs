@@ -58,8 +58,8 @@ impl LoopExchange {
         observation.motor_stands = motor.is_blocked;
         observation.stalled = motor.is_stalled;
         observation.over_compensated = compensation.is_over_compensated();
-        observation.radial_force_stuck = seal_sensors.is_radial_force_stuck();
-        observation.pressure_stuck = seal_sensors.is_pressure_stuck();
+        observation.radial_force_stuck = seal_sensors.radial_force.is_stuck();
+        observation.pressure_stuck = seal_sensors.pressure.is_stuck();
         observation.sample_age_us = report.sample_age_us;
         observation.gate_driver_fault = report.gate_driver_fault;
         observation.system_break = report.system_break;

@@ -20,6 +20,7 @@ mod frozen_encoder;
 mod held_load;
 mod joint;
 mod lost_master;
+mod no_compensation;
 mod plant;
 mod ramps;
 mod rig;

@@ -34,7 +34,7 @@ pub const COUNTER: pac::timer::TimAdv = pac::TIM20;
 
 // build.rs sets `wiring` to the NAME of the feature.
 #[cfg_attr(wiring = "standard", path = "pins/standard.rs")]
-#[cfg_attr(wiring = "second", path = "pins/second.rs")]
+#[cfg_attr(wiring = "second", path = "../../../tests/wiring/second.rs")]
 mod table;
 
 pub use table::*;

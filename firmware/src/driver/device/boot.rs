@@ -65,15 +65,15 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn load_stored(&mut self, boot: &Boot) {
         let (journals, home) = match boot.program {
             Some(program) => self.open_banks(program),
-            None => (Default::default(), self.memory.store_mut().find_home()),
+            None => (Default::default(), self.memory.store.find_home()),
         };
         let (mut parameters, sequence) = self.load_block();
-        self.trend = StoredTrend::after(self.memory.store_mut().restore_trend(journals));
+        self.trend = StoredTrend::after(self.memory.store.restore_trend(journals));
         self.keep_identity(boot, sequence);
         if !self.build_hil() {
             parameters = ParameterSource::DefaultRefused;
         }
-        let store = self.memory.store().health();
+        let store = self.memory.store.health();
         self.base.start(boot, store, parameters);
         self.network = LiveNetwork::of(self.base.staging.active(), &self.base.settings);
         self.pdos.set_node(self.base.settings.node);
@@ -84,19 +84,19 @@ impl<F: NorFlash> Device<F> {
 
     /// Opens the store of a board with two banks. Returns its older journals, and the home.
     fn open_banks(&mut self, program: Program) -> ([Range<u32>; 2], FoundHome) {
-        let opened = self.memory.store_mut().open_mirrored(
+        let opened = self.memory.store.open_mirrored(
             program.store_slots(true),
             program.store_slots(false),
             |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
         );
-        self.program = ProgramState::new(self.memory.flash_mut(), program, self.base.now_us);
+        self.program = ProgramState::new(self.memory.store.flash_mut(), program, self.base.now_us);
         opened
     }
 
     /// Loads settings and parameters, and returns the sequence number of the set if its settings are known. The defaults stay
     /// if no block is stored or if it is refused; of a refused one, the identity is kept.
     fn load_block(&mut self) -> (ParameterSource, Option<u32>) {
-        let loaded = self.base.load_block(self.memory.store_mut());
+        let loaded = self.base.load_block(&mut self.memory.store);
         let Some(settings) = loaded.settings else { return (loaded.parameters, None) };
         self.base.settings = match loaded.parameters {
             ParameterSource::Set => settings,
@@ -113,14 +113,14 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     fn keep_identity(&mut self, boot: &Boot, loaded: Option<u32>) {
         let newest = boot.program.map(|program| program.store_slots(true));
-        let kept = match (self.memory.store_mut().find_identity(newest), loaded) {
+        let kept = match (self.memory.store.find_identity(newest), loaded) {
             (FoundIdentity::Copy(sequence, copy), loaded)
                 if loaded.is_none_or(|loaded| !is_newer(loaded, sequence)) =>
             {
                 self.base.settings.with_identity(&copy)
             }
             (_, Some(_)) => return,
-            (FoundIdentity::None, None) => return self.memory.set_blank(true),
+            (FoundIdentity::None, None) => return self.memory.is_blank = true,
             _ => None,
         };
         match kept {

@@ -171,6 +171,6 @@ impl<F: NorFlash> Device<F> {
         {
             (set.sensors.hall_order, set.sensors.hall_offset_rad) = (order, begin_rad);
         }
-        self.base.motor.record_measurement(set.wiring_crc());
+        self.base.motor.measured_wiring = Some(set.wiring_crc());
     }
 }

@@ -17,12 +17,12 @@ impl<F: NorFlash> Device<F> {
     /// its first node number.
     pub(crate) fn configure(&mut self, frame: &Frame) -> bool {
         let identity = self.base.identity.object().words();
-        let node = if self.memory.is_blank() { NO_NODE } else { self.node_in_use().number() };
+        let node = if self.memory.is_blank { NO_NODE } else { self.node_in_use().number() };
         let request = frame.data().first().copied().unwrap_or_default();
         let code = match self.lss.receive(frame, &identity, node) {
             LssAction::None => return false,
             LssAction::Leave => {
-                return self.memory.is_blank() && self.settings().node != self.node_in_use();
+                return self.memory.is_blank && self.settings().node != self.node_in_use();
             }
             LssAction::Answer(answer) => {
                 self.send_lss(answer);
@@ -31,7 +31,7 @@ impl<F: NorFlash> Device<F> {
             // An armed joint has a master that relies on its number, and so has a trial.
             _ if self.is_armed() || self.trial.is_open() => REFUSED,
             // Without a number, nobody relies on it, and a tool cannot reach the objects of one joint.
-            _ if !self.memory.is_blank() && !self.is_service() => REFUSED,
+            _ if !self.memory.is_blank && !self.is_service() => REFUSED,
             LssAction::SetNode(number) => match NodeId::new(number) {
                 Some(node) => self.change_setting(|settings| settings.node = node),
                 None => ILLEGAL,

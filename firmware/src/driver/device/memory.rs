@@ -18,15 +18,15 @@ pub(super) enum StoredBlock {
 /// The store, with what is known of its content.
 #[derive(Debug)]
 pub(super) struct Memory<F> {
-    store: Store<F>,
+    pub(super) store: Store<F>,
     /// Settings that apply if none are stored.
-    defaults: NodeSettings,
-    /// The joint has started without stored settings: for LSS, it has no node number.
-    is_blank: bool,
+    pub(super) defaults: NodeSettings,
+    /// The joint has started without stored settings: for LSS, it has no node number of its own.
+    pub(super) is_blank: bool,
     /// Settings were stored since the start.
-    is_stored: bool,
+    pub(super) is_stored: bool,
     /// The former block is in use: the next save replaces the newest.
-    is_undone: bool,
+    pub(super) is_undone: bool,
 }
 
 impl<F: NorFlash> Memory<F> {
@@ -38,46 +38,6 @@ impl<F: NorFlash> Memory<F> {
             is_stored: false,
             is_undone: false,
         }
-    }
-
-    pub(super) const fn store(&self) -> &Store<F> {
-        &self.store
-    }
-
-    pub(super) const fn store_mut(&mut self) -> &mut Store<F> {
-        &mut self.store
-    }
-
-    pub(super) fn flash_mut(&mut self) -> &mut F {
-        self.store.flash_mut()
-    }
-
-    pub(super) fn into_flash(self) -> F {
-        self.store.into_flash()
-    }
-
-    /// Returns the settings that apply if none are stored.
-    pub(super) const fn defaults(&self) -> &NodeSettings {
-        &self.defaults
-    }
-
-    /// Returns true if the joint has no node number of its own.
-    pub(super) const fn is_blank(&self) -> bool {
-        self.is_blank
-    }
-
-    pub(super) fn set_blank(&mut self, is_blank: bool) {
-        self.is_blank = is_blank;
-    }
-
-    /// Takes settings that were stored since the start as those of the joint.
-    pub(super) fn end_blank_if_stored(&mut self) {
-        self.is_blank &= !self.is_stored;
-    }
-
-    /// Notes that the present settings are stored.
-    pub(super) fn mark_stored(&mut self) {
-        self.is_stored = true;
     }
 
     /// Reads the set of a stored block, and returns the settings beside it. If nothing is stored, the newest are the
@@ -117,16 +77,6 @@ impl<F: NorFlash> Memory<F> {
             stored = ParameterSet::default();
         }
         set.larger_quantity(&stored)
-    }
-
-    /// Returns true if the former block is in use, so that no save may replace it.
-    pub(super) const fn is_undone(&self) -> bool {
-        self.is_undone
-    }
-
-    /// Notes that the former block is in use.
-    pub(super) fn mark_undone(&mut self) {
-        self.is_undone = true;
     }
 
     /// Stores a block, and the identity of its settings.

@@ -127,7 +127,7 @@ impl<F: NorFlash> Device<F> {
             return Err(self.base.refuse_armed());
         }
         if !self.trial.has_failed_save {
-            self.trial.sequence = self.memory.store_mut().newest_sequence();
+            self.trial.sequence = self.memory.store.newest_sequence();
         }
         let saved = self.save();
         self.trial.has_failed_save = saved.is_err();
@@ -234,20 +234,20 @@ impl<F: NorFlash> Device<F> {
         self.trial.state = self.trial.cause;
         // A save that failed late has written the values on trial: the stored ones are in the former block.
         let is_newest_on_trial = self.trial.has_failed_save
-            && self.memory.store_mut().newest_sequence() != self.trial.sequence;
+            && self.memory.store.newest_sequence() != self.trial.sequence;
         let block = if is_newest_on_trial { StoredBlock::Former } else { StoredBlock::Newest };
         if self.adopt(block, self.trial.stored_crc) {
             if is_newest_on_trial {
-                self.memory.mark_undone();
+                self.memory.is_undone = true;
             }
-            if self.memory.store().health() == StoreHealth::Empty {
+            if self.memory.store.health() == StoreHealth::Empty {
                 self.base.supervisor.set_parameter_source(ParameterSource::Default);
             }
             return;
         }
         // The flash has lost the set since the trial began: the defaults, as at a start.
         let _ = self.base.staging.load(&[]);
-        self.base.settings.drive = self.memory.defaults().drive;
+        self.base.settings.drive = self.memory.defaults.drive;
         self.base.settings.tuning = TuningRecord::default();
         self.build_hil();
         let _ = self.base.supervisor.configure(&self.base.staging.active().thresholds);
@@ -279,7 +279,7 @@ impl<F: NorFlash> Device<F> {
             }
             None => false,
         };
-        self.base.supervisor.set_store_health(self.memory.store().health());
+        self.base.supervisor.set_store_health(self.memory.store.health());
         if !is_adopted {
             self.base.settings = before;
             self.base.staging.discard();
@@ -303,7 +303,7 @@ impl<F: NorFlash> Device<F> {
             return Err(self.base.staging.refuse(Abort::State, why));
         }
         self.base.settings.tuning = TuningRecord::default();
-        self.memory.mark_undone();
+        self.memory.is_undone = true;
         Ok(())
     }
 }

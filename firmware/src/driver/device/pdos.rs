@@ -323,9 +323,10 @@ impl<F: NorFlash> Device<F> {
         if settings.node != self.pdos.node {
             // The inputs in HIL carry the node number.
             let _ = self.set_settings(settings);
-            self.memory.set_blank(false);
+            self.memory.is_blank = false;
         }
-        self.memory.end_blank_if_stored();
+        // Settings that were stored since the start are those of the joint.
+        self.memory.is_blank &= !self.memory.is_stored;
         self.pdos = Pdos::new(settings.node);
     }
 

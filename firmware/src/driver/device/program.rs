@@ -138,7 +138,7 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn write_program(&mut self, bytes: &[u8]) -> Result<(), Abort> {
         self.refuse_in_trial()?;
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
-        let written = session.write(self.memory.flash_mut(), bytes, self.base.now_us);
+        let written = session.write(self.memory.store.flash_mut(), bytes, self.base.now_us);
         written.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
     }
 
@@ -154,7 +154,7 @@ impl<F: NorFlash> Device<F> {
             self.note_ordered_restart();
         }
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
-        let done = session.control(self.memory.flash_mut(), command, self.base.now_us);
+        let done = session.control(self.memory.store.flash_mut(), command, self.base.now_us);
         done.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
     }
 
@@ -169,7 +169,7 @@ impl<F: NorFlash> Device<F> {
         } = &self.program
         {
             let own = session.program().own;
-            let _ = marks::order_restart(self.memory.flash_mut(), &own, image);
+            let _ = marks::order_restart(self.memory.store.flash_mut(), &own, image);
         }
     }
 
@@ -182,7 +182,7 @@ impl<F: NorFlash> Device<F> {
     /// Verifies a package in parts, and confirms or ends a trial. Called once per tick.
     pub(super) fn tick_program(&mut self, now_us: u64) {
         let Some(session) = &mut self.program.session else { return };
-        if let Err(error) = session.tick(self.memory.flash_mut(), now_us) {
+        if let Err(error) = session.tick(self.memory.store.flash_mut(), now_us) {
             self.base.staging.refuse(error.abort(), error.text());
         }
         if self.program.running == RunningState::Trial {
@@ -213,7 +213,7 @@ impl<F: NorFlash> Device<F> {
             return;
         };
         let own = session.program().own;
-        if marks::confirm(self.memory.flash_mut(), &own, image).is_ok() {
+        if marks::confirm(self.memory.store.flash_mut(), &own, image).is_ok() {
             image.is_confirmed = true;
             *running = RunningState::Confirmed;
             log!(info, "this program is confirmed");

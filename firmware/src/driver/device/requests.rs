@@ -169,22 +169,21 @@ impl<F: NorFlash> Device<F> {
         let settings = self.base.settings;
         let block = emit_block(&settings, self.base.staging.active());
         self.write_block(&block, &settings)?;
-        self.memory.mark_stored();
+        self.memory.is_stored = true;
         Ok(())
     }
 
     /// Stores the defaults; they apply from the next start, as in CiA 301. Key and policy stay: they change by proof only.
     pub(crate) fn restore_defaults(&mut self) -> Result<(), Abort> {
         self.refuse_in_trial()?;
-        let settings =
-            NodeSettings { access: self.base.settings.access, ..*self.memory.defaults() };
+        let settings = NodeSettings { access: self.base.settings.access, ..self.memory.defaults };
         self.write_block(&emit_block(&settings, &ParameterSet::default()), &settings)
     }
 
     /// Stores a block that has these settings.
     fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
         let saved = self.memory.save(block, &settings.identity());
-        self.base.supervisor.set_store_health(self.memory.store().health());
+        self.base.supervisor.set_store_health(self.memory.store.health());
         match saved {
             Ok(_) => Ok(()),
             Err(error) => Err(self.base.staging.refuse(Abort::Hardware, error)),

@@ -59,7 +59,7 @@ impl<F: NorFlash> Device<F> {
         };
         if home.may_move {
             // A second record that became valid again would be wrong.
-            let _ = self.memory.store_mut().mark_home();
+            let _ = self.memory.store.mark_home();
         } else {
             self.stored_home.recorded = Some(home);
         }
@@ -96,7 +96,7 @@ impl<F: NorFlash> Device<F> {
         let (now_us, stored) = (self.base.now_us, &mut self.stored_home);
         let is_settled = matches!(self.home, HomeState::Settled);
         let is_stored =
-            matches!(self.memory.store().health(), StoreHealth::Sound | StoreHealth::Reduced);
+            matches!(self.memory.store.health(), StoreHealth::Sound | StoreHealth::Reduced);
         let home = present.filter(|home| {
             !home.may_move
                 && home.position_rad.is_finite()
@@ -119,17 +119,17 @@ impl<F: NorFlash> Device<F> {
             shaft: home.shaft,
             turns: home.turns.unwrap_or_default(),
         };
-        let may_erase = is_powered && !self.memory.is_undone();
+        let may_erase = is_powered && !self.memory.is_undone;
         // With a worn flash, the next attempt follows after another rest.
-        let written = self.memory.store_mut().append_home(&record, may_erase);
+        let written = self.memory.store.append_home(&record, may_erase);
         self.stored_home.recorded = written.ok().map(|()| home);
         self.stored_home.rest_us = now_us;
-        self.base.supervisor.set_store_health(self.memory.store().health());
+        self.base.supervisor.set_store_health(self.memory.store.health());
     }
 
     /// Marks the record. If the flash fails, the joint is not armed: after a power cut its home would be wrong.
     fn mark_stored_home(&mut self) {
-        if self.memory.store_mut().mark_home().is_ok() {
+        if self.memory.store.mark_home().is_ok() {
             self.stored_home.recorded = None;
         } else if self.base.is_bridge_in_use() {
             self.disarm();

@@ -23,7 +23,7 @@ impl<F: NorFlash> Device<F> {
             return self.base.is_position_known();
         }
         let mut covariates = match self.base.settings.source {
-            InputSource::Sensors => *self.base.seal_sensors.covariates(),
+            InputSource::Sensors => self.base.seal_sensors.covariates,
             InputSource::Bus => self.base.received.covariates(0.0, self.base.now_us),
         };
         let hold_s = self.set().friction.compensator.hold_s;

@@ -104,17 +104,17 @@ impl<F: NorFlash> Device<F> {
         let set_level_nm =
             self.base.staging.active().friction.model.get(ParameterId::CoulombTorque);
         let Some(entry) = self.trend.due_entry(learner, set_level_nm) else { return };
-        let may_erase = !self.memory.is_undone();
+        let may_erase = !self.memory.is_undone;
         // Without a stored set or with a worn flash, the next attempt follows after more learning.
-        let _ = self.memory.store_mut().append_trend(&entry, may_erase);
-        self.base.supervisor.set_store_health(self.memory.store().health());
+        let _ = self.memory.store.append_trend(&entry, may_erase);
+        self.base.supervisor.set_store_health(self.memory.store.health());
         self.trend.unrecorded_s = 0.0;
         self.trend.recorded = LastEntry { learnt: entry.learnt, level_nm: entry.level_nm };
     }
 
     /// Returns the length of the stored trend, bytes.
     pub(crate) fn trend_length(&mut self) -> Result<usize, Abort> {
-        match self.memory.store_mut().trend_length() {
+        match self.memory.store.trend_length() {
             0 => Err(self
                 .base
                 .staging
@@ -125,6 +125,6 @@ impl<F: NorFlash> Device<F> {
 
     /// Reads a part of the stored trend.
     pub(crate) fn read_trend(&mut self, offset: usize, part: &mut [u8]) {
-        self.memory.store_mut().read_trend(offset, part);
+        self.memory.store.read_trend(offset, part);
     }
 }

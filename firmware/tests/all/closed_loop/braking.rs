@@ -3,10 +3,11 @@
 //! Sustained, the bus must receive nothing. What the bridge returns is computed from the plant's currents and duties.
 
 use super::driver::Joint;
+use super::no_compensation::NoCompensation;
 use super::plant::Machine;
 use super::rig::{Rig, cycles, no_compensation, parameters};
+use firmware::control::LoopFlags;
 use firmware::control::velocity_loop::{VelocityGains, VelocityLoop};
-use firmware::control::{LoopFlags, NoCompensation};
 use firmware::supervisor::Code;
 
 /// Bus voltage at which braking is nearly reduced to zero: 98.75 % of the maximum.

@@ -1,9 +1,10 @@
 //! Tests of an encoder that repeats its angle with valid frames.
 
+use super::no_compensation::NoCompensation;
 use super::plant::Machine;
 use super::rig::{PERIOD_S, Rig, cycles, no_compensation, parameters};
 use firmware::control::velocity_loop::{VelocityGains, VelocityLoop};
-use firmware::control::{Bridge, LoopFlags, NoCompensation};
+use firmware::control::{Bridge, LoopFlags};
 
 /// Returns a joint that turns at this velocity under a velocity loop, and the loop.
 fn spinning(velocity_rad_s: f32) -> (Rig<NoCompensation>, VelocityLoop, VelocityGains) {

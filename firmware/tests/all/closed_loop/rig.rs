@@ -2,12 +2,12 @@
 //!
 //! Currents have 12 bits, the encoder has 14 bits. Duties act one period after the loop computes them.
 
+use super::no_compensation::NoCompensation;
 use super::plant::{Machine, Plant};
 use compensator_core::LawKind;
 use firmware::control::{
     Bridge, BridgeFault, Compensate, Covariates, CurrentLoop, CycleResult, JointCompensator,
-    LoopFlags, MotorParameters, NoCompensation, PowerStage, Setpoint, StageSample, ValidChannels,
-    encoder_angle,
+    LoopFlags, MotorParameters, PowerStage, Setpoint, StageSample, ValidChannels, encoder_angle,
 };
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! The image of the second wiring (boards/stm32g474/pins/second.rs), on a board that is wired so, and on the standard one.
+//! The image of the second wiring (firmware/tests/wiring/second.rs), on a board that is wired so, and on the standard one.
 //!
 //! `FIRMWARE_SECOND` names the image. [`emulated_board::chip::wiring`] states the connections of both boards by themselves.
 
