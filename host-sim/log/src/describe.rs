@@ -6,7 +6,7 @@ use super::error::{DataError, listed};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
 use super::naming::{STEP_MARK, UNKNOWN_UNIT};
-use super::options::ReadOptions;
+use super::options::{ReadOptions, refers_to};
 use super::other_unit::{OtherUnit, other_unit};
 use super::plan::{Purpose, Request};
 use super::preset::Preset;
@@ -356,10 +356,8 @@ fn suggest_preset(file: &Path, options: &ReadOptions, survey: &mut Survey) {
     };
     let found = preset.and_then(|preset| preset.columns(file, &names, options).ok());
     for (ours, theirs) in found.into_iter().flat_map(|found| found.pairs) {
-        let is_it = |name: &str| {
-            theirs.strip_prefix(name).is_some_and(|unit| unit.is_empty() || unit.starts_with(':'))
-        };
-        if let Some(column) = columns.iter_mut().find(|column| is_it(&column.name)) {
+        let is_it = |column: &&mut ColumnSummary| refers_to(&theirs, &column.name);
+        if let Some(column) = columns.iter_mut().find(is_it) {
             column.suggestion = Some(shell_word(&format!("{ours}={theirs}")));
         }
     }
