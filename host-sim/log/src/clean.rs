@@ -16,7 +16,7 @@ use std::path::Path;
 
 use super::cell::is_list;
 use super::clock::{self, Clock};
-use super::columns::{ColumnTally, FINITE, OptionalValues, RunLabel, is_missing_value};
+use super::columns::{ColumnTally, FINITE, RunLabel, is_missing_value, set_number};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{BadCell, BadRows, DataError, listed, quoted};
 use super::header::{Layout, OptionalColumn};
@@ -103,7 +103,8 @@ pub(super) struct OpenRun {
     pub name: Box<[u8]>,
     /// Time, velocity (or position), torque.
     pub required: [Vec<f64>; 3],
-    pub optional: Vec<OptionalValues>,
+    /// The optional columns, which end at their last number. A number in a later row fills the rows between with NaN.
+    pub optional: Vec<Vec<f64>>,
     pub labels: Vec<RunLabel>,
     /// Row numbers in the file, as an editor counts them.
     pub row_numbers: Vec<u64>,
@@ -114,8 +115,7 @@ pub(super) struct OpenRun {
 impl OpenRun {
     /// Returns the columns of numbers. An optional column may have fewer values than the run has rows.
     pub fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
-        let optional = self.optional.iter_mut().map(|column| &mut column.values);
-        self.required.iter_mut().chain(optional)
+        self.required.iter_mut().chain(&mut self.optional)
     }
 
     /// Removes the rows for which `keep` is false.
@@ -313,9 +313,9 @@ impl<'a> Cleaner<'a> {
             let cell = column.reading.value(row);
             match value_error(cell, column.quantity.is_none()) {
                 None => {
-                    tally.add_number();
+                    tally.numbers += 1;
                     tally.covariate_only += usize::from(is_covariate_only);
-                    kept.set(at, cell.unwrap_or_default());
+                    set_number(kept, at, cell.unwrap_or_default());
                 }
                 Some(error) => {
                     let index = column.reading.index;
@@ -416,7 +416,7 @@ impl<'a> Cleaner<'a> {
         self.runs.push(OpenRun {
             name: name.as_ref().into(),
             required: std::array::from_fn(|_| Vec::with_capacity(self.expected_rows)),
-            optional: std::iter::repeat_with(OptionalValues::default).take(columns).collect(),
+            optional: vec![Vec::new(); columns],
             labels: std::iter::repeat_with(RunLabel::default).take(columns).collect(),
             row_numbers: Vec::with_capacity(self.expected_rows),
             accepted: 0,

@@ -273,7 +273,7 @@ impl Cleaner<'_> {
             |(_, column_use): &(usize, &mut ColumnUse)| **column_use == ColumnUse::Numeric;
         for (at, column_use) in uses.iter_mut().enumerate().filter(numeric) {
             let is_empty = |recording: &&Recording| {
-                let values = &runs[recording.run].optional[at].values;
+                let values = &runs[recording.run].optional[at];
                 values
                     .get(recording.rows.clone())
                     .is_none_or(|values| values.iter().all(|v| v.is_nan()))
@@ -293,9 +293,9 @@ impl Cleaner<'_> {
             let rows = run.row_numbers.len();
             for (column, column_use) in run.optional.iter_mut().zip(&uses) {
                 if *column_use == ColumnUse::Numeric {
-                    column.values.resize(rows, f64::NAN);
+                    column.resize(rows, f64::NAN);
                 } else {
-                    column.values = Vec::new();
+                    *column = Vec::new();
                 }
             }
         }
@@ -310,19 +310,19 @@ impl Cleaner<'_> {
         all: &[Recording],
     ) -> Vec<Option<(usize, Fill)>> {
         let fill_column = |(at, column_use): (usize, &ColumnUse)| {
-            let is_whole = |run: &OpenRun| run.optional[at].values.iter().all(|v| !v.is_nan());
+            let is_whole = |run: &OpenRun| run.optional[at].iter().all(|v| !v.is_nan());
             if *column_use != ColumnUse::Numeric || runs.iter().all(is_whole) {
                 return None;
             }
             let method = match self.layout.optional[at].quantity {
                 Some(_) => Fill::Interpolate,
-                None => Fill::for_values(runs.iter().flat_map(|run| &run.optional[at].values)),
+                None => Fill::for_values(runs.iter().flat_map(|run| &run.optional[at])),
             };
             let mut filled = 0;
             for recording in all {
                 let run = &mut runs[recording.run];
                 let time = &run.required[0][recording.rows.clone()];
-                let values = &mut run.optional[at].values[recording.rows.clone()];
+                let values = &mut run.optional[at][recording.rows.clone()];
                 filled += fill(time, values, method, f64::INFINITY);
             }
             Some((filled, method))
@@ -347,7 +347,7 @@ impl Cleaner<'_> {
         let is_numeric = |(_, column_use): &(usize, &ColumnUse)| **column_use == ColumnUse::Numeric;
         let numeric = || uses.iter().enumerate().filter(is_numeric);
         let mut optional: Vec<Vec<f64>> =
-            numeric().map(|(at, _)| part(&mut run.optional[at].values)).collect();
+            numeric().map(|(at, _)| part(&mut run.optional[at])).collect();
         let extent = |values: &Vec<f64>| {
             let first = values.iter().position(|value| !value.is_nan()).unwrap_or(values.len());
             let last = values.iter().rposition(|value| !value.is_nan()).unwrap_or_default();
@@ -428,7 +428,7 @@ impl Cleaner<'_> {
 fn sort_rows(run: &mut OpenRun) -> usize {
     let rows = run.row_numbers.len();
     for column in &mut run.optional {
-        column.values.resize(if column.values.is_empty() { 0 } else { rows }, f64::NAN);
+        column.resize(if column.is_empty() { 0 } else { rows }, f64::NAN);
     }
     let Some(order) = sorting_order(&run.required[0], MAX_BAD_SHARE) else { return 0 };
     let late = late_rows(&run.required[0]);

@@ -306,8 +306,9 @@ fn shared_columns(
     for column in parts.iter().flat_map(|part| &part.optional) {
         let lacking = parts.iter().position(|part| !has(part, column.quantity, &column.name));
         match lacking {
-            None if !has_pair(&shared, column.quantity, &column.name) => {
-                shared.push((column.quantity, column.name.clone()));
+            None => {
+                let key = (column.quantity, column.name.clone());
+                shared.extend((!shared.contains(&key)).then_some(key));
             }
             Some(at) if !reported.contains(&column.name.as_str()) => {
                 reported.push(&column.name);
@@ -318,10 +319,6 @@ fn shared_columns(
         }
     }
     shared
-}
-
-fn has_pair(columns: &[ColumnKey], quantity: Option<Quantity>, name: &str) -> bool {
-    columns.iter().any(|column| column.0 == quantity && column.1 == name)
 }
 
 /// Builds a run. `places` holds the index of each column among the shared columns.
