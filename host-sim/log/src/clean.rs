@@ -17,7 +17,7 @@ use std::path::Path;
 use super::cell::is_list;
 use super::clock::{self, Clock};
 use super::columns::{ColumnTally, FINITE, RunLabel, is_missing_value, set_number};
-use super::dataset::{LeftOutColumn, SourceColumn};
+use super::dataset::{LeftOutColumn, Run, SourceColumn};
 use super::error::{BadCell, BadRows, DataError, listed, quoted};
 use super::header::{Layout, OptionalColumn};
 use super::log_table::LogTable;
@@ -71,8 +71,10 @@ fn is_ambiguous_comma(cell: &[u8]) -> bool {
 #[derive(Debug, Default)]
 pub(super) struct FileData {
     pub joint: JointKind,
-    pub runs: Vec<CleanRun>,
-    /// The optional columns that are kept.
+    /// The runs, with all optional columns in [`Run::extra`]. The name is empty if the file has no run column and holds one
+    /// recording.
+    pub runs: Vec<Run>,
+    /// The optional columns that are kept, in the order of [`Run::extra`].
     pub optional: Vec<OptionalColumn>,
     pub left_out: Vec<LeftOutColumn>,
     pub notes: Vec<String>,
@@ -83,18 +85,6 @@ pub(super) struct FileData {
     pub has_runs: bool,
     pub rows: usize,
     pub bad: BadRows,
-}
-
-/// One run of a file.
-#[derive(Debug)]
-pub(super) struct CleanRun {
-    /// `None` if the file has no run column and holds one recording.
-    pub name: Option<String>,
-    /// Time, velocity, torque.
-    pub required: [Vec<f64>; 3],
-    /// Parallel to [`FileData::optional`].
-    pub optional: Vec<Vec<f64>>,
-    pub labels: Vec<(String, String)>,
 }
 
 /// A run that is being read. Missing values are NaN.

@@ -14,10 +14,10 @@ mod notes;
 use std::mem::take;
 use std::ops::Range;
 
-use super::clean::{CleanRun, Cleaner, FileData, OpenRun, retain};
+use super::clean::{Cleaner, FileData, OpenRun, retain};
 use super::columns::{ColumnUse, FINITE};
 use super::counter_wrap::{ClockWrap, unwrap_times};
-use super::dataset::LeftOutColumn;
+use super::dataset::{LeftOutColumn, Run};
 use super::duplicates::remove_duplicates;
 use super::error::{DataError, asked_rows};
 use super::fill::{Fill, fill};
@@ -284,7 +284,7 @@ impl Cleaner<'_> {
                 *column_use = ColumnUse::Empty;
                 let name = self.run_name(&runs[empty[0].run], empty[0].number);
                 let column = &self.layout.optional[at];
-                let why = format!("run {} holds no value of it", name.unwrap_or_default());
+                let why = format!("run {name} holds no value of it");
                 let header = self.layout.names[column.reading.index].clone();
                 self.layout.left_out.push(LeftOutColumn { name: header, why });
             }
@@ -337,7 +337,7 @@ impl Cleaner<'_> {
         recording: &Recording,
         uses: &[ColumnUse],
         channels: ChannelLayout,
-    ) -> (Option<CleanRun>, usize) {
+    ) -> (Option<Run>, usize) {
         let rows = recording.rows.clone();
         let is_whole = rows.len() == run.row_numbers.len();
         let part = |column: &mut Vec<f64>| {
@@ -396,7 +396,9 @@ impl Cleaner<'_> {
         });
         let labels = labels.collect();
         let name = self.run_name(run, recording.number);
-        (Some(CleanRun { name, required, optional, labels }), other_rows)
+        let [time_s, velocity, torque] = required;
+        let columns = Run { time_s, velocity, torque, extra: optional, ..Run::default() };
+        (Some(Run { name, labels, ..columns }), other_rows)
     }
 
     /// Leaves out a row because of a cell without a value.
@@ -408,11 +410,11 @@ impl Cleaner<'_> {
         self.reject_row(row, Some(column), found, FINITE);
     }
 
-    /// Returns a run's name: the file's own, or the number of the recording.
-    fn run_name(&self, run: &OpenRun, number: Option<usize>) -> Option<String> {
+    /// Returns a run's name: the file's own, or the number of the recording; empty if there is only one.
+    fn run_name(&self, run: &OpenRun, number: Option<usize>) -> String {
         match self.layout.run {
-            Some(_) => Some(String::from_utf8_lossy(&run.name).into_owned()),
-            None => number.map(|number| number.to_string()),
+            Some(_) => String::from_utf8_lossy(&run.name).into_owned(),
+            None => number.map(|number| number.to_string()).unwrap_or_default(),
         }
     }
 
