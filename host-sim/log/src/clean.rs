@@ -262,32 +262,12 @@ impl<'a> Cleaner<'a> {
             self.reject_cell(number, row, 0, error);
             return Ok(());
         }
-        let mut values = [time.unwrap_or_default(), f64::NAN, f64::NAN];
-        for (at, value) in values.iter_mut().enumerate().skip(1) {
-            let cell = self.layout.required[at].value(row);
-            match value_error(cell, false) {
-                None => *value = cell.unwrap_or_default(),
-                Some(error) if cell.is_none_or(f64::is_nan) => {
-                    let column = self.layout.required[at].index;
-                    let text = row.text(column);
-                    if !is_missing_value(&text) {
-                        self.reject_cell(number, row, at, error);
-                        return Ok(());
-                    }
-                    let name = &self.layout.names[column];
-                    self.missing[at - 1].add_other(self.file, number, name, &text, FINITE);
-                }
-                Some(error) => {
-                    self.reject_cell(number, row, at, error);
-                    return Ok(());
-                }
-            }
-        }
+        let Some([velocity, torque]) = self.motion_and_torque(number, row) else { return Ok(()) };
+        let values = [time.unwrap_or_default(), velocity, torque];
         let Some(run) = self.run_index(number, row)? else { return Ok(()) };
         let is_covariate_only = values[1].is_nan() && values[2].is_nan();
         self.covariate_only_rows += usize::from(is_covariate_only);
         let open = &mut self.runs[run];
-        let at = open.required[0].len();
         for (kept, value) in open.required.iter_mut().zip(values) {
             kept.push(value);
         }
@@ -296,6 +276,41 @@ impl<'a> Cleaner<'a> {
         }
         open.row_numbers.push(number);
         open.accepted += 1;
+        self.add_optional(number, row, run, is_covariate_only);
+        for (texts, column) in self.joint_names.iter_mut().zip(&self.layout.joint_names) {
+            let before = texts.last;
+            texts.insert(&row.text(column.index));
+            texts.changes |= before != texts.last && self.previous == Some(run);
+        }
+        self.previous = Some(run);
+        Ok(())
+    }
+
+    /// Returns velocity and torque of a row, NaN for a missing value. Rejects a row with another cell in place of a number.
+    fn motion_and_torque(&mut self, number: u64, row: &Row) -> Option<[f64; 2]> {
+        let mut values = [f64::NAN; 2];
+        for (value, at) in values.iter_mut().zip(1..) {
+            let cell = self.layout.required[at].value(row);
+            let Some(error) = value_error(cell, false) else {
+                *value = cell.unwrap_or_default();
+                continue;
+            };
+            let column = self.layout.required[at].index;
+            let text = row.text(column);
+            if cell.is_some_and(|cell| !cell.is_nan()) || !is_missing_value(&text) {
+                self.reject_cell(number, row, at, error);
+                return None;
+            }
+            let name = &self.layout.names[column];
+            self.missing[at - 1].add_other(self.file, number, name, &text, FINITE);
+        }
+        Some(values)
+    }
+
+    /// Adds the optional cells of a row that was added to a run.
+    fn add_optional(&mut self, number: u64, row: &Row, run: usize, is_covariate_only: bool) {
+        let open = &mut self.runs[run];
+        let at = open.row_numbers.len() - 1;
         let optional = self.layout.optional.iter().zip(&mut self.tallies);
         for ((column, tally), (kept, label)) in
             optional.zip(open.optional.iter_mut().zip(&mut open.labels))
@@ -316,13 +331,6 @@ impl<'a> Cleaner<'a> {
                 }
             }
         }
-        for (texts, column) in self.joint_names.iter_mut().zip(&self.layout.joint_names) {
-            let before = texts.last;
-            texts.insert(&row.text(column.index));
-            texts.changes |= before != texts.last && self.previous == Some(run);
-        }
-        self.previous = Some(run);
-        Ok(())
     }
 
     /// Returns true if `--where` selects the row.
