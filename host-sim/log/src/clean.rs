@@ -16,8 +16,8 @@ use std::path::Path;
 
 use super::cell::is_list;
 use super::clock::{self, Clock};
-use super::columns::{ColumnTally, FINITE, OptionalValues, RunLabel, is_missing_value};
-use super::dataset::{LeftOutColumn, SourceColumn};
+use super::columns::{ColumnTally, FINITE, RunLabel, is_missing_value, set_number};
+use super::dataset::{LeftOutColumn, Run, SourceColumn};
 use super::error::{BadCell, BadRows, DataError, listed, quoted};
 use super::header::{Layout, OptionalColumn};
 use super::log_table::LogTable;
@@ -71,8 +71,10 @@ fn is_ambiguous_comma(cell: &[u8]) -> bool {
 #[derive(Debug, Default)]
 pub(super) struct FileData {
     pub joint: JointKind,
-    pub runs: Vec<CleanRun>,
-    /// The optional columns that are kept.
+    /// The runs, with all optional columns in [`Run::extra`]. The name is empty if the file has no run column and holds one
+    /// recording.
+    pub runs: Vec<Run>,
+    /// The optional columns that are kept, in the order of [`Run::extra`].
     pub optional: Vec<OptionalColumn>,
     pub left_out: Vec<LeftOutColumn>,
     pub notes: Vec<String>,
@@ -85,25 +87,14 @@ pub(super) struct FileData {
     pub bad: BadRows,
 }
 
-/// One run of a file.
-#[derive(Debug)]
-pub(super) struct CleanRun {
-    /// `None` if the file has no run column and holds one recording.
-    pub name: Option<String>,
-    /// Time, velocity, torque.
-    pub required: [Vec<f64>; 3],
-    /// Parallel to [`FileData::optional`].
-    pub optional: Vec<Vec<f64>>,
-    pub labels: Vec<(String, String)>,
-}
-
 /// A run that is being read. Missing values are NaN.
 #[derive(Debug)]
 pub(super) struct OpenRun {
     pub name: Box<[u8]>,
     /// Time, velocity (or position), torque.
     pub required: [Vec<f64>; 3],
-    pub optional: Vec<OptionalValues>,
+    /// The optional columns, which end at their last number. A number in a later row fills the rows between with NaN.
+    pub optional: Vec<Vec<f64>>,
     pub labels: Vec<RunLabel>,
     /// Row numbers in the file, as an editor counts them.
     pub row_numbers: Vec<u64>,
@@ -114,8 +105,7 @@ pub(super) struct OpenRun {
 impl OpenRun {
     /// Returns the columns of numbers. An optional column may have fewer values than the run has rows.
     pub fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
-        let optional = self.optional.iter_mut().map(|column| &mut column.values);
-        self.required.iter_mut().chain(optional)
+        self.required.iter_mut().chain(&mut self.optional)
     }
 
     /// Removes the rows for which `keep` is false.
@@ -272,32 +262,12 @@ impl<'a> Cleaner<'a> {
             self.reject_cell(number, row, 0, error);
             return Ok(());
         }
-        let mut values = [time.unwrap_or_default(), f64::NAN, f64::NAN];
-        for (at, value) in values.iter_mut().enumerate().skip(1) {
-            let cell = self.layout.required[at].value(row);
-            match value_error(cell, false) {
-                None => *value = cell.unwrap_or_default(),
-                Some(error) if cell.is_none_or(f64::is_nan) => {
-                    let column = self.layout.required[at].index;
-                    let text = row.text(column);
-                    if !is_missing_value(&text) {
-                        self.reject_cell(number, row, at, error);
-                        return Ok(());
-                    }
-                    let name = &self.layout.names[column];
-                    self.missing[at - 1].add_other(self.file, number, name, &text, FINITE);
-                }
-                Some(error) => {
-                    self.reject_cell(number, row, at, error);
-                    return Ok(());
-                }
-            }
-        }
+        let Some([velocity, torque]) = self.motion_and_torque(number, row) else { return Ok(()) };
+        let values = [time.unwrap_or_default(), velocity, torque];
         let Some(run) = self.run_index(number, row)? else { return Ok(()) };
         let is_covariate_only = values[1].is_nan() && values[2].is_nan();
         self.covariate_only_rows += usize::from(is_covariate_only);
         let open = &mut self.runs[run];
-        let at = open.required[0].len();
         for (kept, value) in open.required.iter_mut().zip(values) {
             kept.push(value);
         }
@@ -306,6 +276,41 @@ impl<'a> Cleaner<'a> {
         }
         open.row_numbers.push(number);
         open.accepted += 1;
+        self.add_optional(number, row, run, is_covariate_only);
+        for (texts, column) in self.joint_names.iter_mut().zip(&self.layout.joint_names) {
+            let before = texts.last;
+            texts.insert(&row.text(column.index));
+            texts.changes |= before != texts.last && self.previous == Some(run);
+        }
+        self.previous = Some(run);
+        Ok(())
+    }
+
+    /// Returns velocity and torque of a row, NaN for a missing value. Rejects a row with another cell in place of a number.
+    fn motion_and_torque(&mut self, number: u64, row: &Row) -> Option<[f64; 2]> {
+        let mut values = [f64::NAN; 2];
+        for (value, at) in values.iter_mut().zip(1..) {
+            let cell = self.layout.required[at].value(row);
+            let Some(error) = value_error(cell, false) else {
+                *value = cell.unwrap_or_default();
+                continue;
+            };
+            let column = self.layout.required[at].index;
+            let text = row.text(column);
+            if cell.is_some_and(|cell| !cell.is_nan()) || !is_missing_value(&text) {
+                self.reject_cell(number, row, at, error);
+                return None;
+            }
+            let name = &self.layout.names[column];
+            self.missing[at - 1].add_other(self.file, number, name, &text, FINITE);
+        }
+        Some(values)
+    }
+
+    /// Adds the optional cells of a row that was added to a run.
+    fn add_optional(&mut self, number: u64, row: &Row, run: usize, is_covariate_only: bool) {
+        let open = &mut self.runs[run];
+        let at = open.row_numbers.len() - 1;
         let optional = self.layout.optional.iter().zip(&mut self.tallies);
         for ((column, tally), (kept, label)) in
             optional.zip(open.optional.iter_mut().zip(&mut open.labels))
@@ -313,9 +318,9 @@ impl<'a> Cleaner<'a> {
             let cell = column.reading.value(row);
             match value_error(cell, column.quantity.is_none()) {
                 None => {
-                    tally.add_number();
+                    tally.numbers += 1;
                     tally.covariate_only += usize::from(is_covariate_only);
-                    kept.set(at, cell.unwrap_or_default());
+                    set_number(kept, at, cell.unwrap_or_default());
                 }
                 Some(error) => {
                     let index = column.reading.index;
@@ -326,13 +331,6 @@ impl<'a> Cleaner<'a> {
                 }
             }
         }
-        for (texts, column) in self.joint_names.iter_mut().zip(&self.layout.joint_names) {
-            let before = texts.last;
-            texts.insert(&row.text(column.index));
-            texts.changes |= before != texts.last && self.previous == Some(run);
-        }
-        self.previous = Some(run);
-        Ok(())
     }
 
     /// Returns true if `--where` selects the row.
@@ -416,7 +414,7 @@ impl<'a> Cleaner<'a> {
         self.runs.push(OpenRun {
             name: name.as_ref().into(),
             required: std::array::from_fn(|_| Vec::with_capacity(self.expected_rows)),
-            optional: std::iter::repeat_with(OptionalValues::default).take(columns).collect(),
+            optional: vec![Vec::new(); columns],
             labels: std::iter::repeat_with(RunLabel::default).take(columns).collect(),
             row_numbers: Vec::with_capacity(self.expected_rows),
             accepted: 0,

@@ -14,10 +14,10 @@ mod notes;
 use std::mem::take;
 use std::ops::Range;
 
-use super::clean::{CleanRun, Cleaner, FileData, OpenRun, retain};
+use super::clean::{Cleaner, FileData, OpenRun, retain};
 use super::columns::{ColumnUse, FINITE};
 use super::counter_wrap::{ClockWrap, unwrap_times};
-use super::dataset::LeftOutColumn;
+use super::dataset::{LeftOutColumn, Run};
 use super::duplicates::remove_duplicates;
 use super::error::{DataError, asked_rows};
 use super::fill::{Fill, fill};
@@ -273,7 +273,7 @@ impl Cleaner<'_> {
             |(_, column_use): &(usize, &mut ColumnUse)| **column_use == ColumnUse::Numeric;
         for (at, column_use) in uses.iter_mut().enumerate().filter(numeric) {
             let is_empty = |recording: &&Recording| {
-                let values = &runs[recording.run].optional[at].values;
+                let values = &runs[recording.run].optional[at];
                 values
                     .get(recording.rows.clone())
                     .is_none_or(|values| values.iter().all(|v| v.is_nan()))
@@ -284,7 +284,7 @@ impl Cleaner<'_> {
                 *column_use = ColumnUse::Empty;
                 let name = self.run_name(&runs[empty[0].run], empty[0].number);
                 let column = &self.layout.optional[at];
-                let why = format!("run {} holds no value of it", name.unwrap_or_default());
+                let why = format!("run {name} holds no value of it");
                 let header = self.layout.names[column.reading.index].clone();
                 self.layout.left_out.push(LeftOutColumn { name: header, why });
             }
@@ -293,9 +293,9 @@ impl Cleaner<'_> {
             let rows = run.row_numbers.len();
             for (column, column_use) in run.optional.iter_mut().zip(&uses) {
                 if *column_use == ColumnUse::Numeric {
-                    column.values.resize(rows, f64::NAN);
+                    column.resize(rows, f64::NAN);
                 } else {
-                    column.values = Vec::new();
+                    *column = Vec::new();
                 }
             }
         }
@@ -310,19 +310,19 @@ impl Cleaner<'_> {
         all: &[Recording],
     ) -> Vec<Option<(usize, Fill)>> {
         let fill_column = |(at, column_use): (usize, &ColumnUse)| {
-            let is_whole = |run: &OpenRun| run.optional[at].values.iter().all(|v| !v.is_nan());
+            let is_whole = |run: &OpenRun| run.optional[at].iter().all(|v| !v.is_nan());
             if *column_use != ColumnUse::Numeric || runs.iter().all(is_whole) {
                 return None;
             }
             let method = match self.layout.optional[at].quantity {
                 Some(_) => Fill::Interpolate,
-                None => Fill::for_values(runs.iter().flat_map(|run| &run.optional[at].values)),
+                None => Fill::for_values(runs.iter().flat_map(|run| &run.optional[at])),
             };
             let mut filled = 0;
             for recording in all {
                 let run = &mut runs[recording.run];
                 let time = &run.required[0][recording.rows.clone()];
-                let values = &mut run.optional[at].values[recording.rows.clone()];
+                let values = &mut run.optional[at][recording.rows.clone()];
                 filled += fill(time, values, method, f64::INFINITY);
             }
             Some((filled, method))
@@ -337,7 +337,7 @@ impl Cleaner<'_> {
         recording: &Recording,
         uses: &[ColumnUse],
         channels: ChannelLayout,
-    ) -> (Option<CleanRun>, usize) {
+    ) -> (Option<Run>, usize) {
         let rows = recording.rows.clone();
         let is_whole = rows.len() == run.row_numbers.len();
         let part = |column: &mut Vec<f64>| {
@@ -347,7 +347,7 @@ impl Cleaner<'_> {
         let is_numeric = |(_, column_use): &(usize, &ColumnUse)| **column_use == ColumnUse::Numeric;
         let numeric = || uses.iter().enumerate().filter(is_numeric);
         let mut optional: Vec<Vec<f64>> =
-            numeric().map(|(at, _)| part(&mut run.optional[at].values)).collect();
+            numeric().map(|(at, _)| part(&mut run.optional[at])).collect();
         let extent = |values: &Vec<f64>| {
             let first = values.iter().position(|value| !value.is_nan()).unwrap_or(values.len());
             let last = values.iter().rposition(|value| !value.is_nan()).unwrap_or_default();
@@ -396,7 +396,9 @@ impl Cleaner<'_> {
         });
         let labels = labels.collect();
         let name = self.run_name(run, recording.number);
-        (Some(CleanRun { name, required, optional, labels }), other_rows)
+        let [time_s, velocity, torque] = required;
+        let columns = Run { time_s, velocity, torque, extra: optional, ..Run::default() };
+        (Some(Run { name, labels, ..columns }), other_rows)
     }
 
     /// Leaves out a row because of a cell without a value.
@@ -408,11 +410,11 @@ impl Cleaner<'_> {
         self.reject_row(row, Some(column), found, FINITE);
     }
 
-    /// Returns a run's name: the file's own, or the number of the recording.
-    fn run_name(&self, run: &OpenRun, number: Option<usize>) -> Option<String> {
+    /// Returns a run's name: the file's own, or the number of the recording; empty if there is only one.
+    fn run_name(&self, run: &OpenRun, number: Option<usize>) -> String {
         match self.layout.run {
-            Some(_) => Some(String::from_utf8_lossy(&run.name).into_owned()),
-            None => number.map(|number| number.to_string()),
+            Some(_) => String::from_utf8_lossy(&run.name).into_owned(),
+            None => number.map(|number| number.to_string()).unwrap_or_default(),
         }
     }
 
@@ -428,7 +430,7 @@ impl Cleaner<'_> {
 fn sort_rows(run: &mut OpenRun) -> usize {
     let rows = run.row_numbers.len();
     for column in &mut run.optional {
-        column.values.resize(if column.values.is_empty() { 0 } else { rows }, f64::NAN);
+        column.resize(if column.is_empty() { 0 } else { rows }, f64::NAN);
     }
     let Some(order) = sorting_order(&run.required[0], MAX_BAD_SHARE) else { return 0 };
     let late = late_rows(&run.required[0]);

@@ -34,11 +34,6 @@ pub(super) enum ColumnUse {
 }
 
 impl ColumnTally {
-    /// Counts a finite number.
-    pub fn add_number(&mut self) {
-        self.numbers += 1;
-    }
-
     /// Counts any other cell.
     pub fn add_other(&mut self, file: &Path, row: u64, column: &str, cell: &[u8], expected: &str) {
         if is_missing_value(cell) {
@@ -83,20 +78,11 @@ pub(super) fn is_missing_value(cell: &[u8]) -> bool {
     MISSING_VALUES.split('|').any(|word| cell.eq_ignore_ascii_case(word.as_bytes()))
 }
 
-/// Numbers of one optional column in one run. They are aligned with the run's rows once it is closed.
-#[derive(Debug, Default)]
-pub(super) struct OptionalValues {
-    pub values: Vec<f64>,
-}
-
-impl OptionalValues {
-    /// Sets the number of `row`. Earlier rows without a number become NaN.
-    pub fn set(&mut self, row: usize, value: f64) {
-        if self.values.len() < row {
-            self.values.resize(row, f64::NAN);
-        }
-        self.values.push(value);
-    }
+/// Sets the number of a row in a column. Earlier rows without a number become NaN.
+#[inline]
+pub(super) fn set_number(column: &mut Vec<f64>, row: usize, value: f64) {
+    column.resize(row, f64::NAN);
+    column.push(value);
 }
 
 /// The text of an optional column, if it is constant throughout a run.
@@ -138,7 +124,7 @@ mod tests {
         let mut tally = ColumnTally::default();
         for cell in cells {
             match cell.parse::<f64>() {
-                Ok(value) if value.is_finite() => tally.add_number(),
+                Ok(value) if value.is_finite() => tally.numbers += 1,
                 _ => tally.add_other(Path::new("f"), 2, "c", cell.as_bytes(), FINITE),
             }
         }
@@ -160,11 +146,11 @@ mod tests {
     }
 
     #[test]
-    fn optional_values_with_skipped_rows_holds_nan() {
-        let mut column = OptionalValues::default();
-        column.set(2, 5.0);
-        assert!(column.values[0].is_nan() && column.values[1].is_nan());
-        assert_eq!(column.values[2..], [5.0]);
+    fn set_number_with_skipped_rows_fills_them_with_nan() {
+        let mut column = Vec::new();
+        set_number(&mut column, 2, 5.0);
+        assert!(column[0].is_nan() && column[1].is_nan());
+        assert_eq!(column[2..], [5.0]);
     }
 
     #[test]

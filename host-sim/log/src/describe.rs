@@ -6,7 +6,7 @@ use super::error::{DataError, listed};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
 use super::naming::{STEP_MARK, UNKNOWN_UNIT};
-use super::options::ReadOptions;
+use super::options::{ReadOptions, refers_to};
 use super::other_unit::{OtherUnit, other_unit};
 use super::plan::{Purpose, Request};
 use super::preset::Preset;
@@ -54,48 +54,12 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     for (column, values) in
         survey.columns.iter_mut().zip(survey.values.iter().chain(repeat(&Vec::new())))
     {
-        let name = &column.name;
-        let is_symbol = times > 1 && name == guess::TORQUE_SYMBOL;
-        let of_file = column.unit.take();
-        let quantity = match guess::by_name(name, of_file.as_deref().unwrap_or_default()) {
-            _ if is_symbol => Some("torque_nm"),
-            _ if guess::is_run(name, values) => Some(RUN),
-            Ok(quantity) => quantity,
-            Err(of) => {
-                doubts.push(format!("{name}: its words are those of {of}, its unit is not."));
-                None
-            }
-        };
+        let is_symbol = times > 1 && column.name == guess::TORQUE_SYMBOL;
         // A current beside a torque is one of its causes, not another torque.
-        let quantity = quantity.filter(|_| !(has_torque && guess::is_current(name)));
-        let is_step = column.is_step && (quantity == Some(TIME) || is_step_name(name));
-        let quantity = if is_step { Some(TIME) } else { quantity };
-        let stated = quantity.and_then(|of| unit::stated(of, name));
-        let is_known = stated.is_some();
-        column.unit =
-            stated.or_else(|| guess::any_unit(name)).map(str::to_owned).or(of_file.clone());
-        let is_read = column.is_numeric()
-            || quantity == Some(TIME) && column.is_date
-            || quantity == Some(RUN);
-        found.push(quantity.filter(|_| is_read).map(|quantity| {
-            let fitting = of_file.filter(|unit| unit::conversion(quantity, unit).is_ok());
-            let unit = unit::in_name(quantity, name).map(str::to_owned).or(fitting);
-            let is_ambiguous = unit.is_none() && unit::is_ambiguous(quantity, name);
-            doubts.extend(
-                is_ambiguous
-                    .then(|| format!("{name}: the case of its unit decides, as in mN and MN.")),
-            );
-            let other = || other_unit(name).map(OtherUnit::suggestion);
-            let other = || other().or(is_ambiguous.then_some(UNKNOWN_UNIT)).map(str::to_owned);
-            Guess {
-                quantity,
-                unit: unit.or_else(other),
-                other_units: Vec::new(),
-                is_known,
-                is_by_size: false,
-                is_step,
-            }
-        }));
+        let is_cause = has_torque && guess::is_current(&column.name);
+        let quantity =
+            if is_symbol { Some("torque_nm") } else { named_quantity(column, values, &mut doubts) };
+        found.push(guess_of(column, quantity.filter(|_| !is_cause), &mut doubts));
     }
     doubts.extend(of_one_kind(&survey.columns, &mut found));
     doubts.extend(without_constants(&survey, &mut found));
@@ -114,6 +78,55 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     suggest_joints(&mut survey.columns);
     suggest_preset(file, options, &mut survey);
     Ok(survey)
+}
+
+/// Returns the quantity that a column may hold by its name and unit. Adds a doubt if they contradict each other.
+fn named_quantity(
+    column: &ColumnSummary,
+    values: &[f64],
+    doubts: &mut Vec<String>,
+) -> Option<&'static str> {
+    let name = &column.name;
+    if guess::is_run(name, values) {
+        return Some(RUN);
+    }
+    guess::by_name(name, column.unit.as_deref().unwrap_or_default()).unwrap_or_else(|of| {
+        doubts.push(format!("{name}: its words are those of {of}, its unit is not."));
+        None
+    })
+}
+
+/// Returns the guess of a column that may hold a quantity, and sets its unit. Adds a doubt if the case of the unit decides.
+fn guess_of(
+    column: &mut ColumnSummary,
+    quantity: Option<&'static str>,
+    doubts: &mut Vec<String>,
+) -> Option<Guess> {
+    let name = &column.name;
+    let is_step = column.is_step && (quantity == Some(TIME) || is_step_name(name));
+    let quantity = if is_step { Some(TIME) } else { quantity };
+    let stated = quantity.and_then(|of| unit::stated(of, name));
+    let of_file = column.unit.take();
+    column.unit = stated.or_else(|| guess::any_unit(name)).map(str::to_owned).or(of_file.clone());
+    let is_read =
+        column.is_numeric() || quantity == Some(TIME) && column.is_date || quantity == Some(RUN);
+    let quantity = quantity.filter(|_| is_read)?;
+    let fitting = of_file.filter(|unit| unit::conversion(quantity, unit).is_ok());
+    let unit = unit::in_name(quantity, name).map(str::to_owned).or(fitting);
+    let is_ambiguous = unit.is_none() && unit::is_ambiguous(quantity, name);
+    if is_ambiguous {
+        doubts.push(format!("{name}: the case of its unit decides, as in mN and MN."));
+    }
+    let other = other_unit(name).map(OtherUnit::suggestion);
+    let other = other.or(is_ambiguous.then_some(UNKNOWN_UNIT)).map(str::to_owned);
+    Some(Guess {
+        quantity,
+        unit: unit.or(other),
+        other_units: Vec::new(),
+        is_known: stated.is_some(),
+        is_by_size: false,
+        is_step,
+    })
 }
 
 /// Takes columns without a unit as those of a linear axis, if another column is one of it. Returns a note if the units are those
@@ -356,10 +369,8 @@ fn suggest_preset(file: &Path, options: &ReadOptions, survey: &mut Survey) {
     };
     let found = preset.and_then(|preset| preset.columns(file, &names, options).ok());
     for (ours, theirs) in found.into_iter().flat_map(|found| found.pairs) {
-        let is_it = |name: &str| {
-            theirs.strip_prefix(name).is_some_and(|unit| unit.is_empty() || unit.starts_with(':'))
-        };
-        if let Some(column) = columns.iter_mut().find(|column| is_it(&column.name)) {
+        let is_it = |column: &&mut ColumnSummary| refers_to(&theirs, &column.name);
+        if let Some(column) = columns.iter_mut().find(is_it) {
             column.suggestion = Some(shell_word(&format!("{ours}={theirs}")));
         }
     }

@@ -32,7 +32,7 @@ pub(super) fn remove_duplicates(run: &mut OpenRun) -> usize {
 
 /// Returns the bits of a row's values.
 fn bits(run: &OpenRun, row: usize) -> impl Iterator<Item = u64> {
-    let optional = run.optional.iter().map(move |column| column.values.get(row));
+    let optional = run.optional.iter().map(move |column| column.get(row));
     let values = run.required.iter().map(move |column| column.get(row)).chain(optional);
     values
         .map(|value| value.copied().filter(|value| !value.is_nan()).map_or(u64::MAX, f64::to_bits))

@@ -11,24 +11,29 @@ use super::other_unit::{OtherUnit, other_unit};
 use super::unit;
 use compensator_core::quantity::{JointKind, Quantity};
 
-/// Words that name a quantity in logs of drives, ROS and MATLAB.
-const WORDS: [(&str, &str); 3] = [
-    ("time", "time timestamp stamp t clock secs %time zeit uhrzeit temps heure ts millis micros"),
+/// Quantities: how the contract names begin, the one of a rotary joint, and words that name the quantity in logs of drives, ROS
+/// and MATLAB.
+const WORDS: [(&str, &str, &str); 7] = [
+    (
+        "time",
+        "time_s",
+        "time timestamp stamp t clock secs %time zeit uhrzeit temps heure ts millis micros",
+    ),
     (
         "velocity",
+        "velocity_rad_s",
         "velocity velo vel speed omega dq qd qdot dtheta w v rpm drehzahl geschwindigkeit istgeschwindigkeit vitesse gyro \
          gyroscope",
     ),
-    ("torque", "torque tau effort moment force trq drehmoment kraft istmoment couple"),
+    ("torque", "torque_nm", "torque tau effort moment force trq drehmoment kraft istmoment couple"),
+    ("position_rad", "position_rad", "position pos angle theta q"),
+    ("temperature_c", "temperature_c", "temperature temp"),
+    ("pressure_diff_pa", "pressure_diff_pa", "pressure druck"),
+    ("acceleration_rad_s2", "acceleration_rad_s2", "acceleration accel ddq"),
 ];
 
-/// Words that name the other quantities in a description of columns.
-const OTHER_WORDS: [(&str, &str); 4] = [
-    ("position_rad", "position pos angle theta q"),
-    ("temperature_c", "temperature temp"),
-    ("pressure_diff_pa", "pressure druck"),
-    ("acceleration_rad_s2", "acceleration accel ddq"),
-];
+/// The rows of [`WORDS`] with columns that an error asks for.
+const REQUIRED: std::ops::Range<usize> = 0..4;
 
 /// Words of a value that is not measured.
 const NOT_MEASURED: &str = "des desired cmd command ref reference target goal setpoint limit max min err error std cov filt \
@@ -40,9 +45,8 @@ const MIN_INNER_CHARS: usize = 4;
 /// Returns how well a name fits a quantity: 0 does not fit.
 pub(super) fn score(contract_name: &str, name: &str) -> u32 {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
-    let words = WORDS.iter().find(|(of, _)| about.starts_with(of)).map(|(_, words)| *words);
-    let other = OTHER_WORDS.iter().find(|(of, _)| *of == contract_name).map(|(_, words)| *words);
-    let Some(words) = words.or(other).filter(|_| !is_voltage(name)) else { return 0 };
+    let row = WORDS.iter().find(|(begin, ..)| about.starts_with(begin));
+    let Some((.., words)) = row.filter(|_| !is_voltage(name)) else { return 0 };
     // A unit is no word of the name: `Torque (V)`.
     let parts = parts(unit::without_brackets(name));
     let is_measured = !parts.iter().any(|part| is_among(NOT_MEASURED, part));
@@ -83,11 +87,16 @@ pub(super) fn quantity(name: &str) -> Option<&'static str> {
     if let Some(known) = contract::names().find(|known| *known == name) {
         return Some(known);
     }
-    let all = ["time_s", "velocity_rad_s", "torque_nm"].into_iter();
-    let all = all.chain(OTHER_WORDS.iter().map(|(of, _)| *of));
-    let scored = all.map(|of| (score(of, name), of)).filter(|(score, _)| *score > 0);
+    let scored =
+        WORDS.iter().map(|(_, of, _)| (score(of, name), *of)).filter(|(score, _)| *score > 0);
     // Of equal scores, the first: `max_by_key` would return the last.
     scored.rev().max_by_key(|(score, _)| *score).map(|(_, of)| of)
+}
+
+/// Returns true if a word names a measured quantity. One letter is too short: `v2` is a version.
+pub(super) fn is_channel(word: &str) -> bool {
+    let is_measured = |of: &str| WORDS[1..].iter().any(|(_, known, _)| *known == of);
+    word.len() > 1 && quantity(word).is_some_and(is_measured)
 }
 
 /// Returns true if both contract names are of one quantity, of either joint kind.
@@ -164,8 +173,7 @@ const MAX_NAME_BYTES: usize = 60;
 /// Returns the pair of `--columns` for the column that probably holds a contract name, if exactly one does.
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
-    let mut all = WORDS.iter().chain(&OTHER_WORDS[..1]);
-    let (_, words) = all.find(|(of, _)| about.starts_with(of) || about == *of)?;
+    let (.., words) = WORDS[REQUIRED].iter().find(|(begin, ..)| about.starts_with(begin))?;
     let is_alike = |name: &str| {
         let parts = parts(name);
         let is_other = is_current(name) || is_voltage(name);

@@ -9,7 +9,7 @@ use super::contract::TIME;
 use super::date::parse_stamp;
 use super::error::{DataError, listed};
 use super::guess;
-use super::options::ReadOptions;
+use super::options::{ReadOptions, refers_to};
 use super::statistics::median_step;
 use super::table::{Cells, Table};
 use crate::setting::Setting;
@@ -28,16 +28,6 @@ const MIN_OVERLAP: f64 = 0.5;
 /// Maximum number of rows, and share of the rows, that the longest of files without times has more than the shortest.
 const MAX_EXTRA_ROWS: f64 = 10.0;
 const MAX_EXTRA_SHARE: f64 = 0.01;
-
-/// The quantities whose words tell channels apart.
-const CHANNELS: [&str; 6] = [
-    "torque_nm",
-    "velocity_rad_s",
-    "position_rad",
-    "temperature_c",
-    "pressure_diff_pa",
-    "acceleration_rad_s2",
-];
 
 /// The files of one recording.
 #[derive(Debug, PartialEq)]
@@ -60,7 +50,7 @@ pub(super) struct Joined {
 impl Recording {
     /// Returns true if the names of its files are those of several measured quantities.
     pub fn has_channels(&self) -> bool {
-        self.files.len() > 1 && self.files.iter().all(|(_, word)| is_channel(word))
+        self.files.len() > 1 && self.files.iter().all(|(_, word)| guess::is_channel(word))
     }
 }
 
@@ -132,7 +122,7 @@ fn key_and_channel(file: &Path) -> (String, String) {
         .collect();
     for (place, part) in parts.iter().enumerate().rev() {
         let words = words(part);
-        let named = words.iter().filter(|word| is_channel(word));
+        let named = words.iter().filter(|word| guess::is_channel(word));
         let Some(word) = named.max_by_key(|word| word.len()) else { continue };
         let rest = part.replacen(word.as_str(), "", 1);
         let rest = rest.trim_matches(['_', '-', '.', ' ']);
@@ -143,11 +133,6 @@ fn key_and_channel(file: &Path) -> (String, String) {
     }
     let stem = parts.last().cloned().unwrap_or_default();
     (parts.join("/"), stem)
-}
-
-/// Returns true if a word names a measured quantity. One letter is too short: `v2` is a version.
-fn is_channel(word: &str) -> bool {
-    word.len() > 1 && guess::quantity(word).is_some_and(|of| CHANNELS.contains(&of))
 }
 
 /// Returns the parts of a name that are letters alone.
@@ -216,11 +201,7 @@ struct MatchedRows {
 /// Returns the column of the times: the one that `--columns` names, or else the first with the name of a time.
 pub(super) fn time_place(names: &[String], options: &ReadOptions) -> Option<usize> {
     let given = options.columns.iter().find(|(ours, _)| ours == TIME).map(|(_, theirs)| theirs);
-    let is_given = |name: &String| {
-        given.is_some_and(|given| {
-            given.strip_prefix(&**name).is_some_and(|rest| rest.is_empty() || rest.starts_with(':'))
-        })
-    };
+    let is_given = |name: &String| given.is_some_and(|given| refers_to(given, name));
     let is_time = |name: &String| guess::quantity(name) == Some(TIME);
     names.iter().position(is_given).or_else(|| names.iter().position(is_time))
 }

@@ -147,7 +147,7 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     let (mut smoothed, mut sensors) = motion::reconstruct(&data);
     let log = Log::new(&data, &smoothed, sensors, correct);
     let fresh = held::fresh_rows(&log);
-    let held = held::held(&log);
+    let held = held::held(&log, fresh.as_ref());
     // The stairs of a held motion look like noise and lag, so the other checks read the rows that are kept.
     if let Some(fresh) = fresh.as_ref().filter(|fresh| fresh.is_motion_held) {
         data = fresh.select(&data);

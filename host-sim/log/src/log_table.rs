@@ -36,10 +36,12 @@ impl<'a> LogTable<'a> {
     ) -> Self {
         let columns: Vec<Cow<Cells>> = columns.into_iter().map(Into::into).collect();
         let rows = columns.iter().map(|cells| cells.len()).max().unwrap_or_default();
-        let lines = (2..).take(rows).collect();
+        Self::new(request.path.into(), plan, columns, (2..).take(rows).collect())
+    }
+
+    fn new(file: PathBuf, plan: Plan, columns: Vec<Cow<'a, Cells>>, lines: Vec<u64>) -> Self {
         let (bad, bad_lines) = (BadRows::default(), BadRows::default());
         let (left_out, notes) = (Vec::new(), Vec::new());
-        let file = request.path.into();
         Self { file, plan, columns, lines, bad, bad_lines, left_out, notes, hint: None }
     }
 
@@ -199,16 +201,6 @@ impl TableRows {
         for (at, _, cells) in self.columns {
             columns[at] = Cow::Owned(Cells::Mixed(cells));
         }
-        LogTable {
-            file: self.file,
-            plan: self.plan,
-            columns,
-            lines: self.lines,
-            bad: self.bad,
-            bad_lines: BadRows::default(),
-            left_out: Vec::new(),
-            notes: Vec::new(),
-            hint: None,
-        }
+        LogTable { bad: self.bad, ..LogTable::new(self.file, self.plan, columns, self.lines) }
     }
 }

@@ -7,7 +7,7 @@
 use super::contract::{self, RUN, TIME};
 use super::join::{time_place, times};
 use super::name_words::{DATE_NAMES, JOINT_NAMES, is_among, parts};
-use super::options::ReadOptions;
+use super::options::{ReadOptions, refers_to};
 use super::size::time_unit;
 use super::table::{Cells, Table};
 use super::unit;
@@ -205,13 +205,8 @@ impl LongTable {
     /// Returns the names of the columns: without the path that all names share, and with units, unless `--columns` refers to a
     /// name.
     fn column_names(&self, names: Vec<String>, units: &[Option<String>]) -> Vec<String> {
-        let is_mapped = |name: &str| {
-            self.options.columns.iter().any(|(_, theirs)| {
-                theirs
-                    .strip_prefix(name)
-                    .is_some_and(|rest| rest.is_empty() || rest.starts_with(':'))
-            })
-        };
+        let is_mapped =
+            |name: &str| self.options.columns.iter().any(|(_, theirs)| refers_to(theirs, name));
         let is_path = |length: &usize| {
             let of_first = names[0].get(..*length);
             of_first.is_some_and(|path| path.ends_with(['/', '.']))

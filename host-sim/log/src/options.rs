@@ -36,6 +36,11 @@ pub struct ReadOptions {
     pub join: bool,
 }
 
+/// Returns true if the column of a pair of `--columns` is that of a name, perhaps followed by a unit.
+pub(super) fn refers_to(theirs: &str, name: &str) -> bool {
+    theirs.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(':'))
+}
+
 impl Default for ReadOptions {
     fn default() -> Self {
         Self {

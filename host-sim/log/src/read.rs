@@ -6,11 +6,12 @@
 //! a campaign keep a common clock. Finally `skip` drops the start of each run, while the logger's filters settle.
 
 use std::collections::HashSet;
+use std::mem::take;
 use std::path::{Path, PathBuf};
 
 use compensator_core::quantity::Quantity;
 
-use super::clean::{CleanRun, FileData, clean};
+use super::clean::{FileData, clean};
 use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::describe::with_likely_columns;
 use super::error::DataError;
@@ -260,19 +261,37 @@ fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> 
             .iter()
             .map(|column| shared.iter().position(|s| s.0 == column.quantity && s.1 == column.name))
             .collect();
-        for mut clean in part.runs {
+        for mut run in part.runs {
             if offset_s > 0.0 {
-                clean.required[0].iter_mut().for_each(|time| *time += offset_s);
+                run.time_s.iter_mut().for_each(|time| *time += offset_s);
             }
-            let name = match (&clean.name, files.len()) {
-                (Some(run), 1) if part.has_runs => run.clone(),
-                (Some(run), _) => format!("{}:{run}", stems[at]),
-                (None, _) => stems[at].clone(),
+            run.file = at;
+            run.name = match (run.name.as_str(), files.len()) {
+                ("", _) => stems[at].clone(),
+                (name, 1) if part.has_runs => name.to_owned(),
+                (name, _) => format!("{}:{name}", stems[at]),
             };
-            data.runs.push(make_run(name, at, clean, &places, &shared));
+            set_columns(&mut run, &places, &shared);
+            data.runs.push(run);
         }
     }
     Ok(data)
+}
+
+/// Sets the optional columns of a run. `places` holds the index of each among the shared columns.
+fn set_columns(run: &mut Run, places: &[Option<usize>], shared: &[ColumnKey]) {
+    let mut columns: Vec<(usize, Vec<f64>)> = places
+        .iter()
+        .zip(take(&mut run.extra))
+        .filter_map(|(place, values)| place.map(|place| (place, values)))
+        .collect();
+    columns.sort_by_key(|(place, _)| *place);
+    for (place, values) in columns {
+        match shared[place].0 {
+            Some(quantity) => run.set(quantity, values),
+            None => run.extra.push(values),
+        }
+    }
 }
 
 /// Adds the origins of a file's columns, for the columns that all files share.
@@ -306,8 +325,9 @@ fn shared_columns(
     for column in parts.iter().flat_map(|part| &part.optional) {
         let lacking = parts.iter().position(|part| !has(part, column.quantity, &column.name));
         match lacking {
-            None if !has_pair(&shared, column.quantity, &column.name) => {
-                shared.push((column.quantity, column.name.clone()));
+            None => {
+                let key = (column.quantity, column.name.clone());
+                shared.extend((!shared.contains(&key)).then_some(key));
             }
             Some(at) if !reported.contains(&column.name.as_str()) => {
                 reported.push(&column.name);
@@ -318,36 +338,6 @@ fn shared_columns(
         }
     }
     shared
-}
-
-fn has_pair(columns: &[ColumnKey], quantity: Option<Quantity>, name: &str) -> bool {
-    columns.iter().any(|column| column.0 == quantity && column.1 == name)
-}
-
-/// Builds a run. `places` holds the index of each column among the shared columns.
-fn make_run(
-    name: String,
-    file: usize,
-    clean: CleanRun,
-    places: &[Option<usize>],
-    shared: &[ColumnKey],
-) -> Run {
-    let [time_s, velocity, torque] = clean.required;
-    let mut run =
-        Run { name, file, time_s, velocity, torque, labels: clean.labels, ..Run::default() };
-    let mut columns: Vec<(usize, Vec<f64>)> = places
-        .iter()
-        .zip(clean.optional)
-        .filter_map(|(place, values)| place.map(|place| (place, values)))
-        .collect();
-    columns.sort_by_key(|(place, _)| *place);
-    for (place, values) in columns {
-        match shared[place].0 {
-            Some(quantity) => run.set(quantity, values),
-            None => run.extra.push(values),
-        }
-    }
-    run
 }
 
 /// Returns the file names without their extensions, numbered if two are equal.

@@ -4,7 +4,7 @@
 //! degrees is a sixth of the derivative. The time has a unit by its rate.
 
 use crate::statistics::{median, median_step};
-use crate::unit::conversion;
+use crate::unit::{conversion, size};
 
 /// Rates of a log, Hz, in a probable unit of its time.
 const PROBABLE_RATES_HZ: std::ops::Range<f64> = 10.0..1e5;
@@ -115,13 +115,9 @@ fn fitting(of: MotionSample, ratio: f64) -> Vec<(&'static str, &'static str)> {
 
 /// Returns units with the number in the column for one unit of the contract: all, or the known one.
 fn candidates(name: &str, units: &[&'static str], known: Option<&str>) -> Vec<(&'static str, f64)> {
-    let size = |unit: &str| Some(conversion(name, unit).ok()?.inverse(1.0));
-    let known_size = known.map(size);
-    let all = units.iter().filter_map(|unit| Some((*unit, size(unit)?)));
-    match known_size {
-        None => all.collect(),
-        Some(known) => all.filter(|(_, size)| Some(*size) == known).collect(),
-    }
+    let all = units.iter().filter_map(|unit| Some((*unit, size(name, unit)?)));
+    let is_known = |of: &f64| known.is_none_or(|known| size(name, known) == Some(*of));
+    all.filter(|(_, size)| is_known(size)).collect()
 }
 
 /// What the range of an angle without a unit shows.

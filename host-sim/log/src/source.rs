@@ -21,6 +21,7 @@ mod json_lines;
 #[cfg(any(test, not(all(feature = "arrow", feature = "mcap", feature = "parquet"))))]
 mod left_out;
 mod line;
+mod lines;
 #[cfg(feature = "mcap")]
 mod mcap_file;
 mod not_a_log;

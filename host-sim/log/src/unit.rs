@@ -353,6 +353,11 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
     Err(UnitError::Unknown(units_of(dimension).map(|unit| unit.symbols[0]).collect()))
 }
 
+/// Returns the number in a column for one unit of the contract; `None` if `symbol` is no unit of the contract column.
+pub(super) fn size(contract_name: &str, symbol: &str) -> Option<f64> {
+    Some(conversion(contract_name, symbol).ok()?.inverse(1.0))
+}
+
 /// Parses a value with its unit, such as `1.2Nm`, and returns it in the unit of a contract column.
 ///
 /// # Errors

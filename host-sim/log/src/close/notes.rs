@@ -1,12 +1,12 @@
 //! Notes on what became of a file's columns and rows.
 
 use super::ChannelLayout;
-use crate::clean::{CleanRun, Cleaner};
+use crate::clean::Cleaner;
 use crate::clock;
 use crate::columns::{ColumnUse, is_missing_value};
 use crate::contract::{RUN, TIME};
 use crate::counter::unsigned_bits;
-use crate::dataset::LeftOutColumn;
+use crate::dataset::{LeftOutColumn, Run};
 use crate::error::{BadCell, DataError};
 use crate::fill::Fill;
 use crate::order::MIN_PAUSE_S;
@@ -49,7 +49,7 @@ impl Cleaner<'_> {
         &mut self,
         uses: &[ColumnUse],
         filled: &[Option<(usize, Fill)>],
-        clean: &[CleanRun],
+        clean: &[Run],
     ) {
         let is_label = |name: &String| {
             clean.iter().all(|run| run.labels.iter().any(|(label, _)| label == name))

@@ -62,14 +62,7 @@ pub fn all(data: &Dataset) -> Vec<Column<'_>> {
 
 /// Returns the unit at the end of a column's name, or "as logged" if there is none.
 fn unit(name: &str) -> String {
-    const UNITS: [(&str, &str); 15] = [
-        ("_rad_s2", "rad/s2"),
-        ("_m_s2", "m/s2"),
-        ("_rad_s", "rad/s"),
-        ("_m_s", "m/s"),
-        ("_rad", "rad"),
-        ("_nm", "Nm"),
-        ("_pa", "Pa"),
+    const LETTERS: [(&str, &str); 8] = [
         ("_c", "°C"),
         ("_n", "N"),
         ("_m", "m"),
@@ -79,10 +72,10 @@ fn unit(name: &str) -> String {
         ("_hz", "Hz"),
         ("_s", "s"),
     ];
-    let found = UNITS.iter().find(|(end, _)| name.ends_with(end)).map(|(_, unit)| *unit);
+    let letter = LETTERS.iter().find(|(end, _)| name.ends_with(end)).map(|(_, unit)| *unit);
     // `bucket_deg_s` is in deg/s, not in seconds.
     let longer = crate::unit_of_name(name).filter(|unit| unit.len() > 1);
-    longer.or(found).unwrap_or("as logged").into()
+    longer.or(letter).unwrap_or("as logged").into()
 }
 
 /// Returns `COLUMN=VALUES` for each of two groups of rows, by the first covariate with few values and none in both groups: it

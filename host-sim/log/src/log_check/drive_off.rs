@@ -7,11 +7,10 @@
 use super::LogFindingKind;
 use super::column::telling_column;
 use super::finding::LogFinding;
-use super::outlier::leave_out;
+use super::outlier::{first_place, leave_out};
 use super::torque_fit::{MIN_ROWS, fit, moving_rows};
 use crate::Dataset;
 use crate::motion::quantum::quantum;
-use crate::number::figure;
 use compensator_core::quantity::Quantity;
 use std::collections::BTreeSet;
 
@@ -30,10 +29,7 @@ pub fn drive_off(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>)
     let Some(off) = rows_off(&data) else { return (data, Vec::new()) };
     let count: usize = off.iter().map(BTreeSet::len).sum();
     let name = Quantity::Torque.name(data.joint);
-    let first = data.runs.iter().zip(&off).find_map(|(run, rows)| Some((run, *rows.first()?)));
-    let place = first.map_or(String::new(), |(run, row)| {
-        format!(" (first in run {} at {} s)", run.name, figure(run.time_s[row]))
-    });
+    let place = first_place(&data, &off);
     let is_off: Vec<Vec<bool>> = data
         .runs
         .iter()
@@ -46,7 +42,7 @@ pub fn drive_off(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>)
     };
     let done = if correct { "They are left out" } else { "They are left in, as asked" };
     let words = format!(
-        "{name} is exactly 0 in {count} rows in which the joint moves{place}: the drive was off. {done}{column}."
+        "{name} is exactly 0 in {count} rows in which the joint moves (first in {place}): the drive was off. {done}{column}."
     );
     let finding = LogFinding::new(LogFindingKind::DriveOff, &[name], count as f64, "rows", words)
         .corrected(correct);

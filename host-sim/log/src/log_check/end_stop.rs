@@ -5,7 +5,7 @@
 
 use super::LogFindingKind;
 use super::finding::LogFinding;
-use super::outlier::leave_out;
+use super::outlier::{first_place, leave_out};
 use super::torque_fit::least_moving_speed;
 use crate::number::figure;
 use crate::statistics::{extent, quantile};
@@ -32,10 +32,7 @@ const MIN_MOVING_SHARE: f64 = 0.2;
 pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let Some((rows, torque)) = rows_at_stop(&data) else { return (data, Vec::new()) };
     let count: usize = rows.iter().map(BTreeSet::len).sum();
-    let first = data.runs.iter().zip(&rows).find_map(|(run, rows)| Some((run, *rows.first()?)));
-    let place = first.map_or(String::new(), |(run, row)| {
-        format!("run {} at {} s", run.name, figure(run.time_s[row]))
-    });
+    let place = first_place(&data, &rows);
     let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
     let done = if correct { "They are left out" } else { "They are left in, as asked" };
     let words = format!(

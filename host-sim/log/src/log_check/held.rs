@@ -219,10 +219,10 @@ fn are_read_together(one: &Held, other: &Held) -> bool {
     common.count() as f64 >= MIN_FOLLOWING_SHARE * fewest as f64
 }
 
-pub fn held(log: &Log) -> Vec<LogFinding> {
+/// Returns the findings of held channels; `fresh` are the rows that are kept because of them.
+pub fn held(log: &Log, fresh: Option<&FreshRows>) -> Vec<LogFinding> {
     let found: Vec<Held> =
         (0..log.columns.len()).filter_map(|index| held_column(log, index)).collect();
-    let fresh = fresh_rows(log);
     let is_regular = |name: &str| found.iter().any(|held| log.columns[held.column].name == name);
     let now_and_then = match is_regular(log.position()) || is_regular(log.torque()) {
         true => None,
@@ -230,7 +230,7 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
     };
     let findings = found.iter().map(|held| {
         let column = &log.columns[held.column];
-        let corrected = is_corrected(log, fresh.as_ref(), column);
+        let corrected = is_corrected(log, fresh, column);
         let done = if corrected {
             "The rows between are left out: their values are of an earlier time."
         } else {

@@ -7,7 +7,7 @@
 //! both its neighbours are half as far off the lines through them, to the other side.
 
 use super::finding::{LogFinding, LogFindingKind};
-use super::outlier::leave_out;
+use super::outlier::{leave_out, place};
 use super::spike;
 use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
@@ -118,10 +118,9 @@ impl Isolated {
         };
         let words = format!(
             "{rows} of {name} cannot be: each leaves the course of its neighbours and returns at once (the farthest is \
-                 {} {unit} off, in run {} at {} s): {done}.",
+                 {} {unit} off, in {}): {done}.",
             figure(distance),
-            run.name,
-            figure(run.time_s[row])
+            place(run, row)
         );
         LogFinding::new(LogFindingKind::Outlier, &[name], value, unit, words).corrected(correct)
     }

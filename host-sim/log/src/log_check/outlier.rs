@@ -27,7 +27,7 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
         let Some((places, farthest)) = failed(&column) else { continue };
         let (count, (index, row)) = (places.len(), farthest);
         let farthest = column.runs[index][row];
-        let (run, time_s) = (&data.runs[index].name, figure(data.runs[index].time_s[row]));
+        let place = place(&data.runs[index], row);
         let values = if count == 1 { "1 value".into() } else { format!("{count} values") };
         let done = match (correct, count) {
             (false, _) => "left in, as asked",
@@ -35,7 +35,7 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
             (true, _) => "their rows are left out",
         };
         let words = format!(
-            "{values} of {} cannot be (the farthest is {}, in run {run} at {time_s} s, alone between neighbours of \
+            "{values} of {} cannot be (the farthest is {}, in {place}, alone between neighbours of \
                  another size): {done}.",
             column.name,
             figure(farthest)
@@ -75,6 +75,17 @@ pub(super) fn leave_out(data: &mut Dataset, bad: &[BTreeSet<usize>]) {
     }
     data.runs.retain(|run| !run.is_empty());
     data.rows = data.runs.iter().map(Run::len).sum();
+}
+
+/// Returns a row in words.
+pub(super) fn place(run: &Run, row: usize) -> String {
+    format!("run {} at {} s", run.name, figure(run.time_s[row]))
+}
+
+/// Returns the first of some rows of each run in words; an empty text for none.
+pub(super) fn first_place(data: &Dataset, rows: &[BTreeSet<usize>]) -> String {
+    let first = data.runs.iter().zip(rows).find_map(|(run, rows)| Some(place(run, *rows.first()?)));
+    first.unwrap_or_default()
 }
 
 /// A cell, as (run, row).

@@ -6,6 +6,7 @@
 
 use super::LogFindingKind;
 use super::finding::LogFinding;
+use super::outlier::place;
 use super::wrap::is_velocity_derived;
 use crate::motion::quantum::quantum;
 use crate::number::figure;
@@ -50,11 +51,9 @@ struct Jump {
 pub fn position_jumps(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let Some(jumps) = jumps(&data) else { return (data, Vec::new()) };
     let largest = jumps.iter().map(|jump| jump.size).fold(0.0, f64::max);
-    let place = |jump: &Jump| {
-        let run = &data.runs[jump.run];
-        format!("run {} at {} s", run.name, figure(run.time_s[jump.row]))
-    };
-    let mut places: Vec<String> = jumps.iter().take(LISTED).map(place).collect();
+    let listed = jumps.iter().take(LISTED);
+    let mut places: Vec<String> =
+        listed.map(|jump| place(&data.runs[jump.run], jump.row)).collect();
     if jumps.len() > LISTED {
         places.push("..".into());
     }

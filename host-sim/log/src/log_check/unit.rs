@@ -12,7 +12,7 @@ use super::suspicion::Suspicion;
 use super::{header, rate, typed};
 use crate::number::figure;
 use crate::setting::shell_word;
-use crate::unit::conversion;
+use crate::unit::{conversion, size};
 use crate::{derivative, segments};
 use compensator_core::quantity::{JointKind, Quantity};
 use nalgebra::{Matrix4, Vector4};
@@ -36,9 +36,8 @@ pub fn velocity_units(joint: JointKind) -> Vec<SizedUnit> {
 }
 
 fn sized(of: Quantity, joint: JointKind, units: &[&'static [&'static str]; 2]) -> Vec<SizedUnit> {
-    let size =
-        |unit: &&'static str| Some((*unit, conversion(of.name(joint), unit).ok()?.inverse(1.0)));
-    units[joint as usize].iter().filter_map(size).collect()
+    let sized = |unit: &&'static str| Some((*unit, size(of.name(joint), unit)?));
+    units[joint as usize].iter().filter_map(sized).collect()
 }
 
 /// Maximum relative difference to a gain of the table.

@@ -4,6 +4,7 @@
 //! `0.Data;` come its samples, one a line: `; time in ms; value`. The samples of all variables are joined by their times.
 
 use super::format::{Input, LogFormat};
+use super::lines::LineFile;
 use crate::contract::TIME;
 use crate::error::DataError;
 use crate::join::join_tables;
@@ -11,13 +12,9 @@ use crate::log_table::LogTable;
 use crate::options::ReadOptions;
 use crate::plan::Request;
 use crate::table::{Cells, Table};
-use std::io::{BufRead, BufReader};
 
 /// The first line of a file.
 const FIRST_LINE: &[u8] = b"[key]; [value]";
-
-/// Lines between two calls of the progress function.
-const PROGRESS_LINES: u64 = 64 * 1024;
 
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_trace, read };
 
@@ -35,21 +32,17 @@ struct Variable {
 
 fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let Input { request, file, .. } = input;
-    let Request { path, progress, .. } = request;
-    let io = |source| DataError::Io { file: path.into(), source };
+    let path = request.path;
     let mut variables: Vec<Variable> = Vec::new();
-    let (mut bytes, mut bad) = (0, None);
-    for (number, line) in BufReader::with_capacity(1 << 20, file).split(b'\n').enumerate() {
-        let line = line.map_err(io)?;
-        bytes += line.len() as u64 + 1;
-        if (number as u64).is_multiple_of(PROGRESS_LINES) {
-            progress(bytes);
-        }
-        let text = String::from_utf8_lossy(&line);
+    let mut bad = None;
+    let file = LineFile { path, file: &file, max_bytes: u64::MAX };
+    file.each_line(request.progress, |number, line| {
+        let text = String::from_utf8_lossy(line);
         if !add_line(&text, &mut variables) {
-            bad.get_or_insert((number + 1, text.trim().to_owned()));
+            bad.get_or_insert((number, text.trim().to_owned()));
         }
-    }
+        Ok(())
+    })?;
     variables.retain(|variable| !variable.time_s.is_empty());
     if let Some((row, found)) = bad {
         return Err(DataError::file(path, format!("{found:?} in line {row}"), "; TIME; VALUE"));

@@ -6,22 +6,19 @@
 //! first for the columns, then for the rows.
 
 use super::format::{Input, LogFormat};
+use super::lines::LineFile;
 use crate::error::{DataError, quoted};
 use crate::log_table::{LogTable, TableRows};
 use crate::plan::Request;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::io::{BufRead, BufReader, Seek};
 
 /// Maximum nesting of a field. Deeper fields do not describe a joint.
 const MAX_FIELD_DEPTH: usize = 16;
 
 /// Maximum number of columns. More indicate that the names hold values.
 const MAX_COLUMNS: usize = 10_000;
-
-/// Lines between two calls of the progress function.
-const PROGRESS_LINES: u64 = 16 * 1024;
 
 /// JSON lines.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_json_lines, read };
@@ -117,7 +114,7 @@ struct Columns {
 fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let Request { path, progress, .. } = input.request;
     let mut columns = Columns { fewest: usize::MAX, ..Columns::default() };
-    each_line(&input, &|bytes| progress(bytes / 2), &mut |_, line| {
+    each_line(&input, &|bytes| progress(bytes / 2), |_, line| {
         if let Some(object) = parse(line) {
             columns.add(&object);
         }
@@ -142,7 +139,7 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let mut ignored = 0_u64;
     let mut values = vec![None; count];
     let half = input.size / 2;
-    each_line(&input, &|bytes| progress(half + bytes / 2), &mut |line_number, line| {
+    each_line(&input, &|bytes| progress(half + bytes / 2), |line_number, line| {
         let Some(object) = parse(line) else {
             table.reject_row(line_number, None, quoted(line), "a JSON object");
             return Ok(());
@@ -189,32 +186,17 @@ impl Columns {
     }
 }
 
-/// Receives the number and text of a line.
-type AddLine<'a> = dyn FnMut(u64, &[u8]) -> Result<(), DataError> + 'a;
-
 /// Calls `add` with the number and text of each line that is not blank.
-fn each_line(input: &Input, progress: &dyn Fn(u64), add: &mut AddLine) -> Result<(), DataError> {
-    let io = |source| DataError::Io { file: input.request.path.into(), source };
-    let mut file = input.file.try_clone().map_err(io)?;
-    file.rewind().map_err(io)?;
-    let mut reader = BufReader::new(file);
-    let (mut line, mut number, mut bytes) = (Vec::new(), 0, 0);
-    loop {
-        line.clear();
-        let length = reader.read_until(b'\n', &mut line).map_err(io)?;
-        if length == 0 {
-            return Ok(());
-        }
-        number += 1;
-        bytes += length as u64;
-        if number % PROGRESS_LINES == 0 {
-            progress(bytes);
-        }
-        let text = line.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(&line).trim_ascii();
-        if !text.is_empty() {
-            add(number, text)?;
-        }
-    }
+fn each_line(
+    input: &Input,
+    progress: &dyn Fn(u64),
+    mut add: impl FnMut(u64, &[u8]) -> Result<(), DataError>,
+) -> Result<(), DataError> {
+    let (path, file, max_bytes) = (input.request.path, &input.file, u64::MAX);
+    LineFile { path, file, max_bytes }.each_line(progress, |number, line| {
+        let text = line.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(line).trim_ascii();
+        if text.is_empty() { Ok(()) } else { add(number, text) }
+    })
 }
 
 #[cfg(test)]

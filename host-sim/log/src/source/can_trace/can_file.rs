@@ -1,13 +1,11 @@
 //! The file of a CAN log. Only its data show what it holds, so its frames are read from the start more than once.
 
 use crate::error::{BadCell, BadRows, DataError, quoted};
+use crate::source::lines::LineFile;
 use joint_trace::{Assembler, Census, Frames, Line, Summary, TextFormat, TextReader, TraceSample};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek};
+use std::io::{BufReader, Seek};
 use std::path::Path;
-
-/// Lines between two calls of the progress function.
-const PROGRESS_LINES: u64 = 64 * 1024;
 
 /// Maximum length of a line, bytes. No line of a CAN log is longer.
 const MAX_LINE_BYTES: u64 = 4096;
@@ -62,33 +60,13 @@ impl<'a> CanFile<'a> {
         mut sink: impl FnMut(u64, &Line),
     ) -> Result<OtherLines, DataError> {
         let (path, format, mut lines) = (self.path, self.format, self.lines);
-        let io = |source| DataError::Io { file: path.into(), source };
-        self.file.rewind().map_err(io)?;
-        let mut reader = BufReader::with_capacity(1 << 20, &self.file);
+        let file = LineFile { path, file: &self.file, max_bytes: MAX_LINE_BYTES };
         let mut others = OtherLines::default();
-        let mut line = Vec::with_capacity(256);
-        let (mut row, mut bytes) = (0u64, 0u64);
-        loop {
-            let is_rest = line.len() as u64 == MAX_LINE_BYTES && !line.ends_with(b"\n");
-            line.clear();
-            // A line of any length must not be held in memory: the rest of a longer line is skipped.
-            let mut part = reader.by_ref().take(MAX_LINE_BYTES);
-            let read = part.read_until(b'\n', &mut line).map_err(io)?;
-            if read == 0 {
-                return Ok(others);
-            }
-            bytes += read as u64;
-            if is_rest {
-                continue;
-            }
-            row += 1;
-            if row.is_multiple_of(PROGRESS_LINES) {
-                progress(bytes);
-            }
-            match lines.read(&line) {
+        file.each_line(progress, |row, line| {
+            match lines.read(line) {
                 Frames::Line(frame) => sink(row, &frame),
                 Frames::Bad(error) => others.malformed.add(|| {
-                    let (column, found) = ("(all)".into(), quoted(&line));
+                    let (column, found) = ("(all)".into(), quoted(line));
                     let expected = error.expected(format).into();
                     BadCell { file: path.into(), row, column, found, expected }
                 }),
@@ -98,7 +76,9 @@ impl<'a> CanFile<'a> {
                 }
                 Frames::None => {}
             }
-        }
+            Ok(())
+        })?;
+        Ok(others)
     }
 
     /// Returns the identifiers of the frames, for an error.
