@@ -232,12 +232,8 @@ impl NetworkFile {
             // The number of inputs is at most the capacity.
             let _ = feeds.push(feed);
         }
-        let strokes = self.strokes.map(|range| StrokeRange {
-            least: range.least as f32,
-            most: range.most as f32,
-            reversal: range.reversal as f32,
-            period_s: self.period_s as f32,
-        });
+        let strokes =
+            self.strokes.map(|range| StrokeRange { period_s: self.period_s, ..range }.convert());
         let joint = JointNetwork {
             feeds,
             period_s: self.period_s as f32,
@@ -263,12 +259,7 @@ impl NetworkFile {
                 range.per_unit *= quantity.info().inside_scale;
             }
         }
-        let strokes = joint.strokes.map(|range| StrokeRange {
-            least: range.least.into(),
-            most: range.most.into(),
-            reversal: range.reversal.into(),
-            period_s: range.period_s.into(),
-        });
+        let strokes = joint.strokes.map(|range| range.convert());
         Self { inputs, network, period_s: joint.period_s.into(), strokes }
     }
 }

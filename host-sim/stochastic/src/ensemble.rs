@@ -12,8 +12,6 @@
 
 use super::range::Ranges;
 use super::trials::{Block, Trial, Trials};
-use compensator_core::effect::NoEffect;
-use compensator_core::law::bristle::Bristles;
 use compensator_core::{FrictionModel, ModelState, Parameters, Sample};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -39,8 +37,6 @@ struct Group {
     first: [usize; LANES],
     /// State of the fitted model at that row.
     state: [ModelState<f32>; LANES],
-    /// Velocity of each row, the only input of the plain law.
-    velocity: Vec<Lanes>,
     /// Ratio of each row's period to the group's. Empty if the rows of all trials are evenly spaced.
     period_ratio: Vec<Lanes>,
     /// Lower limit of the data's range at each monitoring time. In a lane without a trial, and at an excluded row, the range is
@@ -50,12 +46,6 @@ struct Group {
     high: Vec<Lanes>,
     /// Number of monitoring times with a finite range, over all lanes.
     watched: usize,
-}
-
-impl Group {
-    fn is_even(&self) -> bool {
-        self.period_ratio.is_empty()
-    }
 }
 
 /// The trials of a class, with the data's range at each monitoring time.
@@ -109,11 +99,6 @@ impl<'a> Ensemble<'a> {
         self.simulations.load(Ordering::Relaxed)
     }
 
-    /// Returns the number of rows of a trial.
-    pub fn rows(&self) -> usize {
-        self.rows
-    }
-
     /// Returns the violation probability of a parameter vector.
     pub fn violation(&self, parameters: &Parameters<f32>) -> f64 {
         let mut violations = 0;
@@ -148,13 +133,7 @@ impl<'a> Ensemble<'a> {
                     built.insert((group.period_s, model))
                 }
             };
-            let outside = match model.law().plain_bristles() {
-                Some(law) if model.has_no_terms() && group.is_even() => {
-                    plain(law, group, self.stride)
-                }
-                Some(law) if model.has_no_terms() => plain_uneven(law, group, self.stride),
-                _ => general(model, group, self.blocks, self.rows, self.stride),
-            };
+            let outside = violations(model, group, self.blocks, self.rows, self.stride);
             self.simulations.fetch_add(group.trials, Ordering::Relaxed);
             if !sink(outside, group.watched) {
                 return;
@@ -209,9 +188,6 @@ fn group(
         block: std::array::from_fn(|lane| of_lane(lane).block),
         first: std::array::from_fn(|lane| of_lane(lane).first),
         state: std::array::from_fn(|lane| of_lane(lane).state),
-        velocity: (0..rows)
-            .map(|row| std::array::from_fn(|lane| sample(lane, row).velocity_rad_s))
-            .collect(),
         period_ratio: (0..if is_even { 0 } else { rows })
             .map(|row| std::array::from_fn(|lane| ratio(lane, row)))
             .collect(),
@@ -228,44 +204,8 @@ fn outside(torque: &Lanes, low: &Lanes, high: &Lanes) -> usize {
     (0..LANES).map(|lane| usize::from(!inside(lane))).sum()
 }
 
-/// Simulates plain bristles: the law is selected once instead of at each sample. Returns the violations.
-fn plain(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
-    let mut bristle = group.state.map(|state| state.bristle_torque_nm);
-    let mut torque = [0.0; LANES];
-    let mut violations = 0;
-    let times = group.velocity.chunks_exact(stride);
-    for ((rows, low), high) in times.zip(&group.low).zip(&group.high) {
-        for velocity in rows {
-            for lane in 0..LANES {
-                torque[lane] = law.step(&mut bristle[lane], velocity[lane], &NoEffect);
-            }
-        }
-        violations += outside(&torque, low, high);
-    }
-    violations
-}
-
-/// Simulates plain bristles as [`plain`] does, with a period for each row.
-fn plain_uneven(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
-    let mut bristle = group.state.map(|state| state.bristle_torque_nm);
-    let mut torque = [0.0; LANES];
-    let mut violations = 0;
-    let times = group.velocity.chunks_exact(stride).zip(group.period_ratio.chunks_exact(stride));
-    for (((rows, ratios), low), high) in times.zip(&group.low).zip(&group.high) {
-        for (velocity, ratio) in rows.iter().zip(ratios) {
-            for lane in 0..LANES {
-                let stiffness_step = law.stiffness_step * ratio[lane];
-                let law = Bristles { stiffness_step, ..*law };
-                torque[lane] = law.step(&mut bristle[lane], velocity[lane], &NoEffect);
-            }
-        }
-        violations += outside(&torque, low, high);
-    }
-    violations
-}
-
-/// Simulates any model and returns the violations.
-fn general(
+/// Simulates a model and returns the violations.
+fn violations(
     model: &FrictionModel<f32>,
     group: &Group,
     blocks: &[Block],
@@ -276,9 +216,9 @@ fn general(
     let mut rescaled = model.clone();
     let mut torque = [0.0; LANES];
     let mut violations = 0;
-    let own = |lane: usize| group.first[lane]..group.first[lane] + rows;
+    let rows_of = |lane: usize| group.first[lane]..group.first[lane] + rows;
     let samples: [&[Sample<f32>]; LANES] =
-        std::array::from_fn(|lane| &blocks[group.block[lane]].samples[own(lane)]);
+        std::array::from_fn(|lane| &blocks[group.block[lane]].samples[rows_of(lane)]);
     for (time, (low, high)) in group.low.iter().zip(&group.high).enumerate() {
         for row in (time * stride..).take(stride) {
             for lane in 0..LANES {

@@ -8,7 +8,7 @@
 //!      -> n sampled vectors; P0, the (1 - alpha) quantile, <= rho (eq. 4)      draw, search
 //!      -> largest permitted spreads, alone and together (eq. 5)                search, study
 //!      -> CV = sigma / |mean|, per parameter and class (eq. 8)                 certificate
-//!      -> verdict of the paper's rule, as printed and calibrated               verdict, calibrate
+//!      -> verdict of the paper's rule                                          verdict
 //!      -> both models of a diagnosis, and how the verdicts differ              comparison
 //! ```
 //!
@@ -24,7 +24,6 @@ mod message;
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
 
-pub mod calibrate;
 pub mod certificate;
 pub mod classes;
 mod comparison;
@@ -34,14 +33,13 @@ pub mod levels;
 pub mod range;
 mod search;
 pub mod settings;
-mod study;
+pub mod study;
 pub mod trials;
 pub mod verdict;
 
-pub use calibrate::{Calibrated, calibrated_verdict, certify_calibrated};
 pub use certificate::{Certificate, ExcludedParameter, MAX_CV};
 pub use comparison::ModelCertificates;
-pub use levels::{Campaign, Counts, Levels};
+pub use levels::{Counts, Levels};
 pub use settings::{Form, Settings};
 pub use verdict::reading;
 

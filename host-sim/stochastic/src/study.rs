@@ -1,7 +1,7 @@
 //! Computation of certificates: the parts that do not depend on the source of the residual.
 //!
 //! The measured residual gives the certificate. White noise of the sensor gives the reference certificate without
-//! missing physics, on the same inputs, trials and draws ([`super::calibrate`]).
+//! missing physics, on the same inputs, trials and draws for a calibration of the rule.
 
 use super::certificate::{Certificate, Class, ExcludedParameter, MAX_CV};
 use super::classes::{SpeedClass, speed_classes};
@@ -13,11 +13,12 @@ use super::settings::Settings;
 use super::trials::{Block, Trials};
 use compensator_core::{ParameterId, Parameters};
 use friction_fit::Track;
+use friction_fit::scales::white_noise;
 use rayon::prelude::*;
 
 /// Source of the residuals that determine the data's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ResidualSource {
+pub enum ResidualSource {
     /// The residual of the log.
     Measured,
     /// White noise of the sensor, as if the model were exact.
@@ -25,7 +26,7 @@ pub(super) enum ResidualSource {
 }
 
 /// A model with the trials of each speed class.
-pub(super) struct CertificateStudy<'a> {
+pub struct CertificateStudy<'a> {
     parameters: Parameters<f64>,
     certified: Vec<ParameterId>,
     left_out: Vec<ExcludedParameter>,
@@ -146,17 +147,11 @@ impl<'a> CertificateStudy<'a> {
     }
 }
 
-/// Returns the noise of the torque, Nm, from its second differences, which are small for a smooth torque. The median excludes
-/// breakaways and reversals. The method is that of [`friction_fit::scales::Scales::noise`], applied to the blocks.
+/// Returns the noise of the torque, Nm.
 fn noise(trials: &Trials) -> f64 {
     let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
-    let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
-    let mut differences: Vec<f64> =
-        torques().flat_map(|torque| torque.windows(3).map(second)).collect();
-    differences.sort_by(f64::total_cmp);
-    let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
     let rows = torques().map(<[f64]>::len).sum::<usize>().max(1) as f64;
     let squares: f64 = torques().flatten().map(|torque| torque * torque).sum();
     // The lower limit is the rounding of a log without noise.
-    (median / (0.6745 * 6f64.sqrt())).max(1e-5 * (squares / rows).sqrt()).max(1e-12)
+    white_noise(torques()).max(1e-5 * (squares / rows).sqrt()).max(1e-12)
 }

@@ -1,4 +1,4 @@
-//! Calibration of the paper's rule with a reference without missing physics.
+//! Calibration of the rule of the stochastic extension with a reference without missing physics.
 //!
 //! A permitted spread is large for two reasons: the data vary, or the output hardly depends on the parameter. The second
 //! reason does not indicate missing physics, but usually dominates. A reference certificate, computed for the fitted
@@ -6,11 +6,11 @@
 //! certificates contains only the first. By the *calibrated* rule, the parameter with the largest ratio is to be
 //! improved, and none if no ratio is significant.
 
-use super::certificate::{Certificate, is_unlimited};
-use super::settings::Settings;
-use super::study::{CertificateStudy, ResidualSource};
 use compensator_core::{ParameterId, Parameters};
 use friction_fit::Track;
+use stochastic_extension::certificate::is_unlimited;
+use stochastic_extension::study::{CertificateStudy, ResidualSource};
+use stochastic_extension::{Certificate, Settings};
 
 /// Ratio above which a parameter is significant: simulated joints without missing physics rarely exceed it
 /// (`docs/src/explanation/stochastic-extension.md`).
@@ -41,16 +41,6 @@ pub fn certify_calibrated(
     certificate.seconds = begin.elapsed().as_secs_f64();
     let calibrated = Calibrated::of(&certificate, study.certify(ResidualSource::NoiseAlone));
     (certificate, calibrated)
-}
-
-/// Returns the result of the calibrated rule.
-pub fn calibrated_verdict(
-    parameters: &Parameters<f64>,
-    free: &[ParameterId],
-    tracks: &[Track],
-    settings: &Settings,
-) -> Calibrated {
-    certify_calibrated(parameters, free, tracks, settings).1
 }
 
 impl Calibrated {
