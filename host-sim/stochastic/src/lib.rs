@@ -9,7 +9,6 @@
 //!      -> largest permitted spreads, alone and together (eq. 5)                search, study
 //!      -> CV = sigma / |mean|, per parameter and class (eq. 8)                 certificate
 //!      -> verdict of the paper's rule                                          verdict
-//!      -> both models of a diagnosis, and how the verdicts differ              comparison
 //! ```
 //!
 //! The logarithms of the parameters vary, because variances in Nm and in Nm/rad cannot be added in a trace. Every simulation
@@ -26,7 +25,6 @@ mod snapshot;
 
 pub mod certificate;
 pub mod classes;
-mod comparison;
 pub mod draw;
 pub mod ensemble;
 pub mod levels;
@@ -38,7 +36,6 @@ pub mod trials;
 pub mod verdict;
 
 pub use certificate::{Certificate, ExcludedParameter, MAX_CV};
-pub use comparison::ModelCertificates;
 pub use levels::{Counts, Levels};
 pub use settings::{Form, Settings};
 pub use verdict::reading;
@@ -58,7 +55,7 @@ pub fn certify(
 ) -> Certificate {
     let begin = friction_fit::clock::Instant::now();
     let study = study::CertificateStudy::new(parameters, free, tracks, settings);
-    let mut certificate = study.certify(study::ResidualSource::Measured);
+    let mut certificate = study.certify();
     certificate.seconds = begin.elapsed().as_secs_f64();
     certificate
 }

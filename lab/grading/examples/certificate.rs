@@ -97,7 +97,7 @@ fn main() {
         for _ in 0..REPETITIONS {
             let begin = Instant::now();
             let sum: f64 = draws
-                .vectors()
+                .vectors
                 .par_iter()
                 .map(|z| {
                     let logarithms: Vec<(Id, f64)> =
