@@ -58,39 +58,23 @@ pub struct NetworkState<T> {
 #[derive(Clone, Debug)]
 pub struct FactorSupplier<T>(Infallible, PhantomData<T>);
 
+#[expect(missing_docs, reason = "as in `lstm_network`; no caller has a value")]
 impl<T: Real<Setting = f32>> FactorSupplier<T> {
-    /// Builds the supplier.
-    ///
-    /// # Errors
-    /// None: there is no network.
     pub fn build(from: &JointNetwork, _: f32) -> Result<Self, ParameterError> {
         match *from {}
     }
-
-    /// Returns the number of samples per evaluation.
-    ///
-    /// # Errors
-    /// None: there is no network.
     pub fn every(&self, _: f32) -> Result<u32, ParameterError> {
         match self.0 {}
     }
-
-    /// Returns the evaluation period, s.
     pub const fn period_s(&self) -> f32 {
         match self.0 {}
     }
-
-    /// Evaluates the network.
     pub fn evaluate(&mut self, _: &Inputs<T>, _: T) -> Factors<T> {
         match self.0 {}
     }
-
-    /// Returns the state.
     pub const fn state(&self) -> &NetworkState<T> {
         match self.0 {}
     }
-
-    /// Resets the state.
     pub fn rest(&mut self) {
         match self.0 {}
     }

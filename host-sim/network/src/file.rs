@@ -25,7 +25,7 @@ use compensator_core::network::{
 };
 use compensator_core::{JointKind, Quantity};
 use friction_fit::params::NetworkText;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 /// A network with up to [`MAX_INPUTS`] inputs; unused inputs have weights of 0.
@@ -49,20 +49,20 @@ pub struct NetworkFile {
     pub strokes: Option<StrokeRange<f64>>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Range {
     middle: f64,
     per_unit: f64,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Bounds {
     factor: String,
     least: f64,
     most: f64,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Strokes {
     least: f64,
     most: f64,
@@ -70,7 +70,7 @@ struct Strokes {
 }
 
 /// Fields of the file. `training` and `base` are information for people.
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileFields {
     schema: usize,
@@ -84,10 +84,10 @@ struct FileFields {
     #[serde(default)]
     strokes: Option<Strokes>,
     weights: Vec<f64>,
-    #[serde(default)]
-    base: Value,
-    #[serde(default)]
-    training: Value,
+    #[serde(default, rename = "base")]
+    _base: Value,
+    #[serde(default, rename = "training")]
+    _training: Value,
 }
 
 impl NetworkFile {
@@ -95,35 +95,28 @@ impl NetworkFile {
     pub fn emit(&self, training: Value) -> String {
         let Self { inputs, network, period_s, strokes } = self;
         let used = inputs.len();
-        let written = FileFields {
-            schema: 1,
-            cells: CELLS,
-            inputs: inputs.clone(),
-            ranges: network.inputs[..used]
-                .iter()
-                .map(|range| Range { middle: range.middle, per_unit: range.per_unit })
-                .collect(),
-            factors: FACTOR_NAMES
-                .iter()
-                .zip(&network.bounds)
-                .map(|(name, bounds)| Bounds {
-                    factor: (*name).into(),
-                    least: bounds.least,
-                    most: bounds.most,
-                })
-                .collect(),
-            slew: network.slew,
-            fade: network.fade,
-            evaluation_period_s: *period_s,
-            strokes: strokes.map(|range| Strokes {
-                least: range.least,
-                most: range.most,
-                reversal: range.reversal,
+        let ranges = network.inputs[..used].iter();
+        let ranges =
+            ranges.map(|range| json!({"middle": range.middle, "per_unit": range.per_unit}));
+        let factors = FACTOR_NAMES.iter().zip(&network.bounds).map(
+            |(name, bounds)| json!({"factor": name, "least": bounds.least, "most": bounds.most}),
+        );
+        let written = json!({
+            "schema": 1,
+            "cells": CELLS,
+            "inputs": inputs,
+            "ranges": ranges.collect::<Vec<_>>(),
+            "factors": factors.collect::<Vec<_>>(),
+            "slew": network.slew,
+            "fade": network.fade,
+            "evaluation_period_s": period_s,
+            "strokes": strokes.map(|range| {
+                json!({"least": range.least, "most": range.most, "reversal": range.reversal})
             }),
-            weights: weights(network, used),
-            base: json!({"model": BASE, "params": "params.toml"}),
-            training,
-        };
+            "weights": weights(network, used),
+            "base": {"model": BASE, "params": "params.toml"},
+            "training": training,
+        });
         serde_json::to_string_pretty(&written).expect("numbers and names") + "\n"
     }
 
@@ -232,12 +225,8 @@ impl NetworkFile {
             // The number of inputs is at most the capacity.
             let _ = feeds.push(feed);
         }
-        let strokes = self.strokes.map(|range| StrokeRange {
-            least: range.least as f32,
-            most: range.most as f32,
-            reversal: range.reversal as f32,
-            period_s: self.period_s as f32,
-        });
+        let strokes =
+            self.strokes.map(|range| StrokeRange { period_s: self.period_s, ..range }.convert());
         let joint = JointNetwork {
             feeds,
             period_s: self.period_s as f32,
@@ -263,12 +252,7 @@ impl NetworkFile {
                 range.per_unit *= quantity.info().inside_scale;
             }
         }
-        let strokes = joint.strokes.map(|range| StrokeRange {
-            least: range.least.into(),
-            most: range.most.into(),
-            reversal: range.reversal.into(),
-            period_s: range.period_s.into(),
-        });
+        let strokes = joint.strokes.map(|range| range.convert());
         Self { inputs, network, period_s: joint.period_s.into(), strokes }
     }
 }

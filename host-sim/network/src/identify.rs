@@ -8,6 +8,7 @@
 //! ([`NetworkFile`]). Every command that reads `params.toml` also reads the network. The network is written only if it
 //! reduces the error on held-out rows.
 
+use crate::input::known_quantities;
 use crate::result_files::{TrainingResult, network_files};
 use crate::{
     BASE, NetworkError, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork,
@@ -19,9 +20,9 @@ use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Metrics, Outcome, Track, identify as identify_law};
 use friction_results::Files;
+use joint_log::Dataset;
 use joint_log::number::significant;
 use joint_log::work;
-use joint_log::{Dataset, contract};
 use serde_json::json;
 
 /// Name of the model.
@@ -54,47 +55,24 @@ pub struct IdentifiedNetwork {
 /// Rate of the network evaluations, Hz. The fastest feature of the damper data, its gap at 1 Hz, lasts 74 ms.
 const EVALUATION_RATE_HZ: f64 = 128.0;
 
-/// Returns the standard quantities that can be network inputs and are present in every run.
-fn known_quantities(data: &Dataset) -> Vec<Quantity> {
-    let has = |quantity: &Quantity| data.runs.iter().all(|run| run.get(*quantity).is_some());
-    contract::covariates().filter(has).collect()
+/// Returns the names of the inputs: the given ones, or all additional columns of the log.
+fn input_names(given: &[String], data: &Dataset) -> Result<Vec<String>, NetworkError> {
+    let names = if given.is_empty() { &data.covariates } else { given };
+    match names.len() {
+        1..=MAX_INPUTS => Ok(names.to_vec()),
+        found if given.is_empty() => Err(NetworkError::Covariates(found)),
+        found => Err(NetworkError::TooManyInputs(found)),
+    }
 }
 
-/// Parses the network inputs: `velocity`, `held`, and columns by name. An empty list selects all additional columns of
-/// the log.
-fn parse_inputs(
-    names: &[String],
-    quantities: &[(&str, Quantity)],
-    covariates: &[String],
-) -> Result<Vec<NetworkInput>, NetworkError> {
-    if names.is_empty() {
-        let all: Vec<NetworkInput> = (0..covariates.len()).map(NetworkInput::Covariate).collect();
-        return if (1..=MAX_INPUTS).contains(&all.len()) {
-            Ok(all)
-        } else {
-            Err(NetworkError::Covariates(covariates.len()))
-        };
-    }
-    if names.len() > MAX_INPUTS {
-        return Err(NetworkError::TooManyInputs(names.len()));
-    }
-    let quantity = |name: &str| quantities.iter().find(|(known, _)| *known == name);
-    let columns = || covariates.iter().map(String::as_str).chain(quantities.iter().map(|of| of.0));
-    let known = || ["velocity", "held"].into_iter().chain(columns());
-    names
-        .iter()
-        .map(|name| match (name.as_str(), covariates.iter().position(|column| column == name)) {
-            ("velocity", _) => Ok(NetworkInput::Velocity),
-            ("held", _) => Ok(NetworkInput::Held),
-            (_, Some(place)) => Ok(NetworkInput::Covariate(place)),
-            (name, None) if quantity(name).is_some() => Ok(quantity(name)
-                .map_or(NetworkInput::Velocity, |(_, of)| NetworkInput::Quantity(*of))),
-            _ => {
-                let known = known().map(str::to_owned).collect();
-                Err(NetworkError::UnknownInput { found: name.to_owned(), known })
-            }
-        })
-        .collect()
+/// Finds an input in the log.
+fn find_input(name: &String, data: &Dataset) -> Result<NetworkInput, NetworkError> {
+    NetworkInput::named(name, data).ok_or_else(|| {
+        let quantities = known_quantities(data).map(|quantity| quantity.name(data.joint));
+        let columns = data.covariates.iter().map(String::as_str).chain(quantities);
+        let known = ["velocity", "held"].into_iter().chain(columns).map(str::to_owned);
+        NetworkError::UnknownInput { found: name.clone(), known: known.collect() }
+    })
 }
 
 /// Fits the model to the log of one joint.
@@ -102,11 +80,9 @@ fn parse_inputs(
 /// # Errors
 /// If an input is unknown, a model is refused, or the caller stops the computation.
 pub fn identify(options: &IdentifyOptions, data: &Prepared) -> Result<IdentifiedNetwork, Error> {
-    let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
-        .into_iter()
-        .map(|quantity| (quantity.name(data.data.joint), quantity))
-        .collect();
-    let inputs = parse_inputs(&options.inputs, &quantities, &data.data.covariates)?;
+    let names = input_names(&options.inputs, &data.data)?;
+    let inputs = names.iter().map(|name| find_input(name, &data.data));
+    let inputs = inputs.collect::<Result<Vec<NetworkInput>, _>>()?;
     let spec = Spec::parse(BASE)?;
     let base = spec.parameters()?;
     let fitting =
@@ -125,16 +101,6 @@ pub fn identify(options: &IdentifyOptions, data: &Prepared) -> Result<Identified
         let (epoch, epochs, loss) = (at.epoch, options.epochs, significant(at.loss, 3));
         work::report_stage(&format!("training: epoch {epoch} of {epochs}{group}, loss {loss}"));
     };
-    let names: Vec<String> = inputs
-        .iter()
-        .map(|input| match input {
-            NetworkInput::Velocity => "velocity".into(),
-            NetworkInput::Held => "held".into(),
-            NetworkInput::Unused => "unused".into(),
-            NetworkInput::Covariate(place) => data.data.covariates[*place].clone(),
-            NetworkInput::Quantity(quantity) => quantity.name(data.data.joint).into(),
-        })
-        .collect();
     let task = TrainingTask { names, watches_strokes: options.watches_strokes, options: training };
     work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
     let fit = identify_law(&spec, &base, data.train_rows(), data.test_rows(), &fitting)?;
@@ -242,14 +208,18 @@ fn result(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use joint_log::Run;
 
     #[test]
-    fn parse_inputs_accepts_names_or_selects_all_covariates() {
-        let covariates = ["tension_n".to_owned(), "gap".to_owned()];
+    fn inputs_accept_names_or_select_all_covariates() {
+        let mut run = Run { time_s: vec![0.0], extra: vec![vec![0.0]; 2], ..Run::default() };
+        run.set(Quantity::Temperature, vec![20.0]);
+        let covariates = ["tension_n", "gap"].map(str::to_owned).into();
+        let mut data = Dataset { runs: vec![run], covariates, ..Dataset::default() };
         let read = |names: &[&str]| {
-            let quantities = [("temperature_c", Quantity::Temperature)];
             let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-            parse_inputs(&names, &quantities, &covariates)
+            let names = input_names(&names, &data)?;
+            names.iter().map(|name| find_input(name, &data)).collect::<Result<Vec<_>, _>>()
         };
         let [tension, gap] = [0, 1].map(NetworkInput::Covariate);
         assert_eq!(read(&[]).unwrap(), [tension, gap]);
@@ -259,6 +229,8 @@ mod tests {
         let error = read(&["gop"]).unwrap_err().to_string();
         assert!(error.contains("velocity, held, tension_n, gap, temperature_c"), "{error}");
         assert!(read(&["gap"; 5]).unwrap_err().to_string().contains("at most 4"));
-        assert!(parse_inputs(&[], &[], &[]).unwrap_err().to_string().contains("0 covariates"));
+        data.covariates.clear();
+        let error = input_names(&[], &data).unwrap_err().to_string();
+        assert!(error.contains("0 covariates"), "{error}");
     }
 }

@@ -5,6 +5,7 @@ use compensator_core::Parameters;
 use compensator_core::network::{AugmentedLugre, Network, StrokeRange, StrokeTracker};
 use compensator_core::{FrictionModel, Quantity, Real};
 use friction_fit::Track;
+use joint_log::{Dataset, contract};
 
 /// An input of the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +23,19 @@ pub enum NetworkInput {
 }
 
 impl NetworkInput {
+    /// Returns the input with this name in a log: `velocity`, `held`, or a column that every run has.
+    pub fn named(name: &str, data: &Dataset) -> Option<Self> {
+        match (name, data.covariates.iter().position(|column| column == name)) {
+            ("velocity", _) => Some(Self::Velocity),
+            ("held", _) => Some(Self::Held),
+            (_, Some(place)) => Some(Self::Covariate(place)),
+            (name, None) => {
+                let quantity = known_quantities(data).find(|known| known.name(data.joint) == name);
+                quantity.map(Self::Quantity)
+            }
+        }
+    }
+
     /// Returns the value in a row, at the start of which the bristles hold `held`.
     pub(super) fn at(self, track: &Track, row: usize, held: f64) -> f64 {
         match self {
@@ -35,6 +49,12 @@ impl NetworkInput {
             Self::Unused => 0.0,
         }
     }
+}
+
+/// Returns the standard quantities that can be network inputs and are present in every run.
+pub(super) fn known_quantities(data: &Dataset) -> impl Iterator<Item = Quantity> {
+    let is_logged = |quantity: &Quantity| data.runs.iter().all(|run| run.get(*quantity).is_some());
+    contract::covariates().filter(is_logged)
 }
 
 /// Travel back that counts as a reversal, m or rad: ten times the integrated velocity noise of the damper in one second at

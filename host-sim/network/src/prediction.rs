@@ -1,8 +1,8 @@
 //! Prediction by a law whose levels and stiffness a network supplies.
 
 use crate::{NetworkError, NetworkFile, NetworkInput, NetworkLaw, law_substeps, predict};
+use compensator_core::Flags;
 use compensator_core::network::MAX_INPUTS;
-use compensator_core::{Flags, Quantity};
 use friction_fit::Track;
 use friction_fit::params::ParameterFile;
 use friction_fit::prediction::{
@@ -37,7 +37,8 @@ fn predict_track(
     // An unused input has weights of 0 and a wide range, so that any input may stand there.
     let mut inputs = [NetworkInput::Unused; MAX_INPUTS];
     for (input, name) in inputs.iter_mut().zip(&network.inputs) {
-        *input = parse_input(name, data)?;
+        let found = NetworkInput::named(name, data);
+        *input = found.ok_or_else(|| NetworkError::NoColumn(name.to_owned()))?;
     }
     let law = NetworkLaw {
         base: file.parameters.clone(),
@@ -57,22 +58,4 @@ fn predict_track(
         }
     }
     Ok(())
-}
-
-/// Finds an input of a network in a log.
-fn parse_input(name: &str, data: &Dataset) -> Result<NetworkInput, NetworkError> {
-    match name {
-        "velocity" => return Ok(NetworkInput::Velocity),
-        "held" => return Ok(NetworkInput::Held),
-        _ => {}
-    }
-    if let Some(place) = data.covariates.iter().position(|known| known == name) {
-        return Ok(NetworkInput::Covariate(place));
-    }
-    let quantity = Quantity::parse(name).map(|(quantity, _)| quantity);
-    let is_logged = |quantity: &Quantity| data.runs.iter().all(|run| run.get(*quantity).is_some());
-    quantity
-        .filter(is_logged)
-        .map(NetworkInput::Quantity)
-        .ok_or_else(|| NetworkError::NoColumn(name.to_owned()))
 }

@@ -1,161 +1,102 @@
 //! ONNX: the messages of a model, and a builder of graphs. [`super::law`] and `super::network` use them.
 //!
-//! The message types are the part of `onnx.proto` (version 1.17) that a graph of tensors needs, with its field numbers.
+//! The messages are the part of `onnx.proto` (version 1.17) that a graph of tensors needs. Their fields have these numbers:
+//!
+//! | message | fields |
+//! |---|---|
+//! | `ModelProto` | 1 ir_version, 2 producer_name, 6 doc_string, 7 graph, 8 opset_import, 14 metadata_props |
+//! | `OperatorSetIdProto` | 2 version |
+//! | `StringStringEntryProto` | 1 key, 2 value |
+//! | `GraphProto` | 1 node, 2 name, 5 initializer, 11 input, 12 output |
+//! | `NodeProto` | 1 input, 2 output, 4 op_type, 5 attribute |
+//! | `AttributeProto` | 1 name, 3 i, 20 type |
+//! | `TensorProto` | 1 dims, 2 data_type, 8 name, 9 raw_data |
+//! | `ValueInfoProto` | 1 name, 2 type; `TypeProto`: 1 tensor_type |
+//! | `TypeProto.Tensor` | 1 elem_type, 2 shape; `TensorShapeProto`: 1 dim |
+//! | `TensorShapeProto.Dimension` | 1 dim_value, or 2 dim_param, the name of a dimension of any size |
 
-use prost::Message;
+use std::collections::HashSet;
 
 /// `TensorProto.DataType`: `f32`.
-pub(super) const FLOAT: i32 = 1;
+pub(super) const FLOAT: i64 = 1;
 /// `AttributeProto.AttributeType`: an integer.
-const INT: i32 = 2;
+const INT: i64 = 2;
 /// Version of the operator set. Version 13 is the first that contains all operators used here in their current form.
 const OPERATOR_SET_VERSION: i64 = 13;
 /// `IR_VERSION` that belongs to this operator set.
 const IR_VERSION: i64 = 7;
 
-#[derive(Clone, PartialEq, Message)]
-struct Model {
-    #[prost(int64, tag = "1")]
-    ir_version: i64,
-    #[prost(string, tag = "2")]
-    producer_name: String,
-    #[prost(string, tag = "6")]
-    doc_string: String,
-    #[prost(message, optional, tag = "7")]
-    graph: Option<Graph>,
-    #[prost(message, repeated, tag = "8")]
-    opset_import: Vec<OperatorSet>,
-    #[prost(message, repeated, tag = "14")]
-    metadata_props: Vec<Entry>,
+/// A message in the encoding of protocol buffers: its fields one after the other, each behind its number.
+#[derive(Clone, Default)]
+pub(super) struct Message(Vec<u8>);
+
+impl Message {
+    /// Appends a number in groups of seven bits.
+    fn number(mut self, mut number: u64) -> Self {
+        while number > 0x7F {
+            self.0.push(number as u8 | 0x80);
+            number >>= 7;
+        }
+        self.0.push(number as u8);
+        self
+    }
+
+    /// Appends a field with an integer.
+    fn integer(self, field: u64, value: i64) -> Self {
+        self.number(field << 3).number(value as u64)
+    }
+
+    /// Appends a field with a text, bytes or a message. An empty one is left out, as it is the default.
+    fn bytes(self, field: u64, content: impl AsRef<[u8]>) -> Self {
+        let content = content.as_ref();
+        if content.is_empty() {
+            return self;
+        }
+        let mut message = self.number(field << 3 | 2).number(content.len() as u64);
+        message.0.extend_from_slice(content);
+        message
+    }
+
+    /// Appends a field for each of several contents.
+    fn each(self, field: u64, contents: impl IntoIterator<Item = impl AsRef<[u8]>>) -> Self {
+        contents.into_iter().fold(self, |message, content| message.bytes(field, content))
+    }
 }
 
-#[derive(Clone, PartialEq, Message)]
-struct OperatorSet {
-    #[prost(string, tag = "1")]
-    domain: String,
-    #[prost(int64, tag = "2")]
-    version: i64,
+impl AsRef<[u8]> for Message {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
 }
 
-#[derive(Clone, PartialEq, Message)]
-struct Entry {
-    #[prost(string, tag = "1")]
-    key: String,
-    #[prost(string, tag = "2")]
-    value: String,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Graph {
-    #[prost(message, repeated, tag = "1")]
-    node: Vec<Node>,
-    #[prost(string, tag = "2")]
-    name: String,
-    #[prost(message, repeated, tag = "5")]
-    initializer: Vec<Tensor>,
-    #[prost(message, repeated, tag = "11")]
-    input: Vec<ValueInfo>,
-    #[prost(message, repeated, tag = "12")]
-    output: Vec<ValueInfo>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Node {
-    #[prost(string, repeated, tag = "1")]
-    input: Vec<String>,
-    #[prost(string, repeated, tag = "2")]
-    output: Vec<String>,
-    #[prost(string, tag = "4")]
-    op_type: String,
-    #[prost(message, repeated, tag = "5")]
-    attribute: Vec<Attribute>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Attribute {
-    #[prost(string, tag = "1")]
-    name: String,
-    #[prost(int64, tag = "3")]
-    i: i64,
-    #[prost(int32, tag = "20")]
-    r#type: i32,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Tensor {
-    #[prost(int64, repeated, tag = "1")]
-    dims: Vec<i64>,
-    #[prost(int32, tag = "2")]
-    data_type: i32,
-    #[prost(string, tag = "8")]
-    name: String,
-    #[prost(bytes = "vec", tag = "9")]
-    raw_data: Vec<u8>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(super) struct ValueInfo {
-    #[prost(string, tag = "1")]
-    name: String,
-    #[prost(message, optional, tag = "2")]
-    r#type: Option<Type>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Type {
-    #[prost(message, optional, tag = "1")]
-    tensor_type: Option<TensorType>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct TensorType {
-    #[prost(int32, tag = "1")]
-    elem_type: i32,
-    #[prost(message, optional, tag = "2")]
-    shape: Option<Shape>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Shape {
-    #[prost(message, repeated, tag = "1")]
-    dim: Vec<Dimension>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Dimension {
-    #[prost(int64, tag = "1")]
-    dim_value: i64,
-    /// Name of a dimension of any size. Only one of both fields is set.
-    #[prost(string, tag = "2")]
-    dim_param: String,
-}
-
-fn declare(name: &str, dim: Vec<Dimension>) -> ValueInfo {
-    let tensor = TensorType { elem_type: FLOAT, shape: Some(Shape { dim }) };
-    ValueInfo { name: name.into(), r#type: Some(Type { tensor_type: Some(tensor) }) }
+fn declare(name: &str, shape: Message) -> Message {
+    let tensor = Message::default().integer(1, FLOAT).bytes(2, shape);
+    Message::default().bytes(1, name).bytes(2, Message::default().bytes(1, tensor))
 }
 
 /// Declares a value with one row and the given number of columns.
-pub(super) fn row(name: &str, columns: usize) -> ValueInfo {
-    let size = |size: i64| Dimension { dim_value: size, dim_param: String::new() };
-    declare(name, vec![size(1), size(columns as i64)])
+pub(super) fn row(name: &str, columns: usize) -> Message {
+    let size = |size: usize| Message::default().integer(1, size as i64);
+    declare(name, Message::default().each(1, [size(1), size(columns)]))
 }
 
 /// Declares a value with one number for each joint, for any number of joints.
-pub(super) fn per_joint(name: &str) -> ValueInfo {
-    declare(name, vec![Dimension { dim_value: 0, dim_param: "joints".into() }])
+pub(super) fn per_joint(name: &str) -> Message {
+    declare(name, Message::default().bytes(1, Message::default().bytes(2, "joints")))
 }
 
 /// Declares a value of one number.
-pub(super) fn single(name: &str) -> ValueInfo {
-    declare(name, vec![Dimension { dim_value: 1, dim_param: String::new() }])
+pub(super) fn single(name: &str) -> Message {
+    declare(name, Message::default().bytes(1, Message::default().integer(1, 1)))
 }
 
 /// Builds a graph. The result of each operator has a unique name.
 #[derive(Default)]
 pub(super) struct Builder {
-    nodes: Vec<Node>,
-    tensors: Vec<Tensor>,
+    nodes: Vec<Message>,
+    tensors: Vec<Message>,
+    /// Names of the scalar constants.
+    constants: HashSet<String>,
 }
 
 impl Builder {
@@ -165,31 +106,25 @@ impl Builder {
         dims: &[usize],
         numbers: impl Iterator<Item = f64>,
     ) -> String {
-        self.tensors.push(Tensor {
-            dims: dims.iter().map(|dim| *dim as i64).collect(),
-            data_type: FLOAT,
-            name: name.into(),
-            raw_data: numbers.flat_map(|number| (number as f32).to_le_bytes()).collect(),
-        });
+        let dims = dims.iter().fold(Message::default(), |dims, dim| dims.number(*dim as u64));
+        let numbers: Vec<u8> = numbers.flat_map(|number| (number as f32).to_le_bytes()).collect();
+        let tensor = Message::default().bytes(1, dims).integer(2, FLOAT);
+        self.tensors.push(tensor.bytes(8, name).bytes(9, numbers));
         name.into()
     }
 
     /// Adds a scalar constant and returns its name.
     pub fn number(&mut self, number: f64) -> String {
         let name = format!("number_{number}");
-        if !self.tensors.iter().any(|tensor| tensor.name == name) {
+        if self.constants.insert(name.clone()) {
             self.tensor(&name, &[], std::iter::once(number));
         }
         name
     }
 
     pub fn named(&mut self, operator: &str, inputs: &[&str], output: &str) -> String {
-        self.nodes.push(Node {
-            input: inputs.iter().map(|name| (*name).to_owned()).collect(),
-            output: vec![output.into()],
-            op_type: operator.into(),
-            attribute: Vec::new(),
-        });
+        let node = Message::default().each(1, inputs).bytes(2, output);
+        self.nodes.push(node.bytes(4, operator));
         output.into()
     }
 
@@ -200,8 +135,9 @@ impl Builder {
 
     /// Adds an integer attribute to the last operator.
     pub fn set_attribute(&mut self, name: &str, i: i64) {
-        if let Some(node) = self.nodes.last_mut() {
-            node.attribute.push(Attribute { name: name.into(), i, r#type: INT });
+        let attribute = Message::default().bytes(1, name).integer(3, i).integer(20, INT);
+        if let Some(node) = self.nodes.pop() {
+            self.nodes.push(node.bytes(5, attribute));
         }
     }
 
@@ -245,24 +181,16 @@ impl Builder {
         self,
         name: &str,
         doc_string: String,
-        [input, output]: [Vec<ValueInfo>; 2],
+        [inputs, outputs]: [Vec<Message>; 2],
         entries: &[(&str, String)],
     ) -> Vec<u8> {
-        let graph =
-            Graph { node: self.nodes, name: name.into(), initializer: self.tensors, input, output };
+        let graph = Message::default().each(1, self.nodes).bytes(2, name).each(5, self.tensors);
+        let graph = graph.each(11, inputs).each(12, outputs);
         let entry =
-            |(key, value): &(&str, String)| Entry { key: (*key).into(), value: value.clone() };
-        let model = Model {
-            ir_version: IR_VERSION,
-            producer_name: "host-sim".into(),
-            doc_string,
-            graph: Some(graph),
-            opset_import: vec![OperatorSet {
-                domain: String::new(),
-                version: OPERATOR_SET_VERSION,
-            }],
-            metadata_props: entries.iter().map(entry).collect(),
-        };
-        model.encode_to_vec()
+            |(key, value): &(&str, String)| Message::default().bytes(1, key).bytes(2, value);
+        let model = Message::default().integer(1, IR_VERSION).bytes(2, "host-sim");
+        let model = model.bytes(6, doc_string).bytes(7, graph);
+        let operators = Message::default().integer(2, OPERATOR_SET_VERSION);
+        model.bytes(8, operators).each(14, entries.iter().map(entry)).0
     }
 }

@@ -10,7 +10,7 @@
 //! `bristle_torque_nm`. It is the bisection of the core, unrolled, so that neither graph needs control flow.
 
 use super::OnnxError;
-use super::graph::{Builder, ValueInfo, per_joint, single};
+use super::graph::{Builder, Message, per_joint, single};
 use compensator_core::TermKind;
 use friction_fit::params::ParameterFile;
 use friction_results::export::ExportedModel;
@@ -104,7 +104,7 @@ fn inputs(step: &Program) -> Vec<&'static str> {
     std::iter::once(velocity).chain(others).collect()
 }
 
-fn declare_inputs<'a>(names: impl Iterator<Item = &'a &'static str>) -> Vec<ValueInfo> {
+fn declare_inputs<'a>(names: impl Iterator<Item = &'a &'static str>) -> Vec<Message> {
     let mut declared: Vec<_> = names.map(|name| per_joint(name)).collect();
     declared.insert(1, single("dt_s"));
     declared

@@ -89,7 +89,7 @@ fn guard(graph: &mut Builder, file: &NetworkFile) -> (String, String) {
     let beyond = graph.apply("Greater", &[&size, &one]);
     let beyond = graph.apply("Or", &[&beyond, &missing]);
     let beyond = graph.apply("Cast", &[&beyond]);
-    graph.set_attribute("to", FLOAT.into());
+    graph.set_attribute("to", FLOAT);
     let any = graph.apply("ReduceMax", &[&beyond]);
     graph.set_attribute("keepdims", 1);
     let unknown = graph.apply("Sub", &[&one, "known"]);

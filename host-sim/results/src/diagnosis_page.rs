@@ -301,11 +301,9 @@ fn parameters(scene: &Scene) -> Section {
 
 #[cfg(feature = "stochastic")]
 fn stochastic(scene: &Scene) -> Vec<Block> {
-    let Some(StochasticExtension { certificates }) = scene.about.stochastic else {
-        return Vec::new();
-    };
-    let after = if scene.is_extended() { certificates.after.json() } else { Value::Null };
-    stochastic_section(&certificates.before.json(), &after, Some(&certificates.reading))
+    let Some(made) = scene.about.stochastic else { return Vec::new() };
+    let after = if scene.is_extended() { made.after.json() } else { Value::Null };
+    stochastic_section(&made.before.json(), &after, Some(&made.reading))
 }
 
 #[cfg(not(feature = "stochastic"))]

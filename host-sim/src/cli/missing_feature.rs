@@ -11,13 +11,7 @@ pub struct AnyArguments {
 }
 
 /// Returns the error for something that needs a feature: one line that names the feature and the same command with it.
-#[cfg(not(all(
-    feature = "monitor",
-    feature = "network",
-    feature = "onnx",
-    feature = "papers",
-    feature = "update"
-)))]
+#[cfg(not(feature = "full"))]
 pub fn refusal(what: &str, feature: &str) -> String {
     refusal_of(what, feature, std::env::args_os().skip(1))
 }
@@ -28,16 +22,7 @@ pub fn feature_with_command(feature: &str) -> String {
 }
 
 /// Returns the refusal of a command with these arguments.
-#[cfg(any(
-    test,
-    not(all(
-        feature = "monitor",
-        feature = "network",
-        feature = "onnx",
-        feature = "papers",
-        feature = "update"
-    ))
-))]
+#[cfg(any(test, not(feature = "full")))]
 fn refusal_of(what: &str, feature: &str, arguments: impl Iterator<Item = OsString>) -> String {
     format!("{what}: not in this build, which lacks the {}", with_command(feature, arguments))
 }

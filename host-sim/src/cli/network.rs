@@ -17,7 +17,8 @@ use friction_fit::params::ParameterFile;
 use friction_fit::prediction::{self, LogPrediction, PredictionOptions};
 #[cfg(feature = "network")]
 use friction_network::{IdentifiedNetwork, IdentifyOptions, NetworkFile};
-use joint_log::Dataset;
+use joint_log::{Dataset, JointKind};
+use std::path::Path;
 
 /// Name of the model.
 pub(super) const MODEL: &str = "lugre-lstm";
@@ -101,6 +102,30 @@ pub(super) fn predict_tracks(
         #[cfg(not(feature = "network"))]
         Some(_) => Err(refusal()),
     }
+}
+
+#[cfg(feature = "network")]
+fn text_of(network: &JointNetwork, joint: JointKind) -> Result<String, String> {
+    Ok(NetworkFile::of_driver(network, joint).emit(serde_json::Value::Null))
+}
+
+#[cfg(not(feature = "network"))]
+fn text_of(_: &JointNetwork, _: JointKind) -> Result<String, String> {
+    Err(refusal())
+}
+
+/// Writes a driver's network to a file. Returns the file name and its content.
+pub(super) fn write(
+    network: &JointNetwork,
+    joint: JointKind,
+    path: &Path,
+) -> Result<(String, String), String> {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let name = name.ok_or_else(|| format!("--network {}: expected a file name", path.display()))?;
+    let text = text_of(network, joint)?;
+    friction_results::write_atomically(path, text.as_bytes())
+        .map_err(|error| format!("{}: {error}", path.display()))?;
+    Ok((name, text))
 }
 
 /// Returns the network of a model in the form of a driver; `None` if the model has none.

@@ -13,13 +13,12 @@ mod drive;
 mod friction_run;
 mod measure;
 
-mod network;
 mod status;
 mod trend;
 
 use super::bus::BusArguments;
 use super::export::CompensatedArguments;
-use super::network::for_driver;
+use super::network::{self, for_driver};
 use super::output::{pretty, print_text};
 use super::words::text_in_options;
 use crate::driver_file;
@@ -41,7 +40,6 @@ use joint_bus::parameters::{read_set, read_staged, write_set};
 use joint_log::JointKind;
 use joint_rig::MotorNode;
 use joint_tuning::names::{choices, differences, numbers, put, unknown};
-use network::write_network;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -351,7 +349,7 @@ impl Driver {
         let set = self.read_set()?;
         let joint = self.joint_kind()?;
         let beside = match (&set.network, network) {
-            (Some(has), Some(path)) => Some(write_network(has, joint, path)?),
+            (Some(has), Some(path)) => Some(network::write(has, joint, path)?),
             (None, Some(path)) => {
                 return Err(format!("--network {}: the driver has no network", path.display()));
             }

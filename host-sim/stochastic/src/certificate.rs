@@ -96,7 +96,7 @@ pub struct Certificate {
 }
 
 /// Returns true if a spread reaches the largest value of the search.
-pub(super) fn is_unlimited(spread: f64) -> bool {
+pub fn is_unlimited(spread: f64) -> bool {
     spread > 0.999 * spread_at(MAX_CV)
 }
 

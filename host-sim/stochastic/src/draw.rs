@@ -111,11 +111,11 @@ pub fn varied(parameters: &Parameters<f64>, logarithms: &[(ParameterId, f64)]) -
 /// Truncated normal random numbers, one row per sampled vector.
 #[derive(Clone, Debug)]
 pub struct Draws {
-    /// `rows[vector][parameter]`.
-    rows: Vec<Vec<f64>>,
+    /// One row per sampled vector, with a number per parameter.
+    pub vectors: Vec<Vec<f64>>,
     /// One number per vector, for a parameter that varies alone. All parameters use the same numbers, so that they are
     /// comparable.
-    alone: Vec<f64>,
+    pub alone: Vec<f64>,
 }
 
 /// Draws normal numbers from the central 95 %.
@@ -142,19 +142,11 @@ impl Draws {
         let columns: Vec<Vec<f64>> =
             parameters.iter().map(|id| normals(own_seed(1 + *id as u64), vectors)).collect();
         Self {
-            rows: (0..vectors).map(|i| columns.iter().map(|column| column[i]).collect()).collect(),
+            vectors: (0..vectors)
+                .map(|i| columns.iter().map(|column| column[i]).collect())
+                .collect(),
             alone: normals(own_seed(0), vectors),
         }
-    }
-
-    /// Returns one row per sampled vector, with a number per parameter.
-    pub fn vectors(&self) -> &[Vec<f64>] {
-        &self.rows
-    }
-
-    /// Returns one number per sampled vector, for a parameter that varies alone.
-    pub fn alone(&self) -> &[f64] {
-        &self.alone
     }
 }
 
@@ -211,13 +203,13 @@ mod tests {
     fn draws_depend_on_own_parameter_and_are_truncated() {
         let few = Draws::new(7, &[Id::ViscousFriction], 1000);
         let many = Draws::new(7, &[Id::CoulombTorque, Id::ViscousFriction], 1000);
-        for (few, many) in few.vectors().iter().zip(many.vectors()) {
+        for (few, many) in few.vectors.iter().zip(&many.vectors) {
             assert_eq!(few[0], many[1]);
             assert!(many.iter().all(|z| z.abs() <= TRUNCATION_SIGMAS));
         }
-        assert_eq!(few.alone(), many.alone());
-        let mean: f64 = few.alone().iter().sum::<f64>() / 1000.0;
-        let square: f64 = few.alone().iter().map(|z| z * z).sum::<f64>() / 1000.0;
+        assert_eq!(few.alone, many.alone);
+        let mean: f64 = few.alone.iter().sum::<f64>() / 1000.0;
+        let square: f64 = few.alone.iter().map(|z| z * z).sum::<f64>() / 1000.0;
         // The variance of a normal number truncated at 1.96 is 0.76.
         assert!(mean.abs() < 0.1 && (0.68..0.84).contains(&square), "{mean} {square}");
     }

@@ -1,69 +1,38 @@
-//! Violation probability of a parameter vector (Ding et al., eq. 2-3), computed fast.
+//! Violation probability of a parameter vector (Ding et al., eq. 2-3).
 //!
 //! ```text
 //! outside(w) = 1 where the model's torque at monitoring time w is outside the data's range, else 0
 //! P          = mean of outside(w) over w = 1..W, over all trials
 //! ```
 //!
-//! The paper sums from 0, uses `W` for a set and a count, and gives `outside` the name of the Stribeck curve. Each step
-//! of a trial depends on the step before it, which leaves most of a processor idle. Eight trials are therefore stepped
-//! in turn, each with the core's own step. Whether a vector violates more than `rho` is often known long before the last
-//! trial; [`Ensemble::permits`] then stops with the exact result.
+//! The paper sums from 0, uses `W` for a set and a count, and gives `outside` the name of the Stribeck curve. Whether a vector
+//! violates more than `rho` is often known long before the last trial; [`Ensemble::permits`] then stops with the exact result.
 
 use super::range::Ranges;
 use super::trials::{Block, Trial, Trials};
-use compensator_core::effect::NoEffect;
-use compensator_core::law::bristle::Bristles;
-use compensator_core::{FrictionModel, ModelState, Parameters, Sample};
+use compensator_core::{FrictionModel, Parameters};
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Number of trials stepped together.
-const LANES: usize = 8;
 
 /// Relative difference below which periods are equal: the clock of a logger rounds.
 const SAME_PERIOD: f64 = 0.02;
 
-/// One value for each lane.
-type Lanes = [f32; LANES];
-
-/// Trials that are stepped together.
+/// A trial with the data's range along it.
 #[derive(Clone, Debug)]
-struct Group {
-    /// Sample period of all its trials, s.
+struct MonitoredTrial {
+    trial: Trial,
+    /// Sample period, s; that of the first trial with a similar one.
     period_s: f64,
-    /// Number of lanes with a trial.
-    trials: usize,
-    /// The block of each lane's trial.
-    block: [usize; LANES],
-    /// First row of each lane's trial in its block.
-    first: [usize; LANES],
-    /// State of the fitted model at that row.
-    state: [ModelState<f32>; LANES],
-    /// Velocity of each row, the only input of the plain law.
-    velocity: Vec<Lanes>,
-    /// Ratio of each row's period to the group's. Empty if the rows of all trials are evenly spaced.
-    period_ratio: Vec<Lanes>,
-    /// Lower limit of the data's range at each monitoring time. In a lane without a trial, and at an excluded row, the range is
-    /// infinite, so that the lane is never outside.
-    low: Vec<Lanes>,
-    /// Upper limit, likewise.
-    high: Vec<Lanes>,
-    /// Number of monitoring times with a finite range, over all lanes.
+    /// Smallest and largest torque at each monitoring time, Nm; `None` at an excluded row.
+    ranges: Vec<Option<(f32, f32)>>,
+    /// Number of monitoring times with a range.
     watched: usize,
-}
-
-impl Group {
-    fn is_even(&self) -> bool {
-        self.period_ratio.is_empty()
-    }
 }
 
 /// The trials of a class, with the data's range at each monitoring time.
 #[derive(Debug)]
 pub struct Ensemble<'a> {
     blocks: &'a [Block],
-    groups: Vec<Group>,
-    rows: usize,
+    trials: Vec<MonitoredTrial>,
     stride: usize,
     watched: usize,
     simulations: AtomicUsize,
@@ -74,29 +43,31 @@ impl<'a> Ensemble<'a> {
     pub fn new(trials: &'a Trials, ranges: &Ranges, times: usize) -> Self {
         let blocks = trials.blocks.as_slice();
         let stride = (trials.rows / times.max(1)).max(1);
-        let rows = trials.rows / stride * stride;
-        let mut by_period: Vec<(f64, Vec<Trial>)> = Vec::new();
-        for trial in &trials.trials {
-            let period = blocks[trial.block].period_s;
-            let like = |other: f64| (period / other - 1.0).abs() < SAME_PERIOD;
-            match by_period.iter_mut().find(|(other, _)| like(*other)) {
-                Some((_, own)) => own.push(*trial),
-                None => by_period.push((period, vec![*trial])),
+        let mut periods: Vec<f64> = Vec::new();
+        let mut monitored = |trial: &Trial| {
+            let block = &blocks[trial.block];
+            let is_like = |other: &&f64| (block.period_s / **other - 1.0).abs() < SAME_PERIOD;
+            let known = periods.iter().find(is_like).copied();
+            let period_s = known.unwrap_or(block.period_s);
+            if known.is_none() {
+                periods.push(period_s);
             }
-        }
-        let groups: Vec<Group> = by_period
-            .iter()
-            .flat_map(|(period_s, own)| own.chunks(LANES).map(|some| (*period_s, some)))
-            .map(|(period_s, some)| group(blocks, some, period_s, ranges, rows, stride))
-            .collect();
-        Self {
-            blocks,
-            watched: groups.iter().map(|group| group.watched).sum(),
-            groups,
-            rows,
-            stride,
-            simulations: AtomicUsize::new(0),
-        }
+            let range = |row: usize| {
+                let at = trial.first + row;
+                let predicted = block.predicted.get(at).filter(|_| block.included[at])?;
+                let (low, high) = ranges.at(block.samples[at].velocity_rad_s);
+                Some((predicted + low, predicted + high))
+            };
+            let rows = (stride - 1..trials.rows).step_by(stride);
+            let ranges: Vec<_> = rows.map(range).collect();
+            let watched = ranges.iter().flatten().count();
+            MonitoredTrial { trial: *trial, period_s, ranges, watched }
+        };
+        let mut trials: Vec<MonitoredTrial> = trials.trials.iter().map(&mut monitored).collect();
+        // A model is built once for each period.
+        trials.sort_by(|one, other| one.period_s.total_cmp(&other.period_s));
+        let watched = trials.iter().map(|trial| trial.watched).sum();
+        Self { blocks, trials, stride, watched, simulations: AtomicUsize::new(0) }
     }
 
     /// Returns the number of monitoring times of all trials, `W` times the number of trials.
@@ -107,11 +78,6 @@ impl<'a> Ensemble<'a> {
     /// Returns the number of simulated trials so far.
     pub fn simulations(&self) -> usize {
         self.simulations.load(Ordering::Relaxed)
-    }
-
-    /// Returns the number of rows of a trial.
-    pub fn rows(&self) -> usize {
-        self.rows
     }
 
     /// Returns the violation probability of a parameter vector.
@@ -137,169 +103,52 @@ impl<'a> Ensemble<'a> {
         violations <= allowed
     }
 
-    /// Simulates group by group. `sink` receives the violations and monitoring times of each group and returns false to stop.
+    /// Simulates trial by trial. `sink` receives the violations and monitoring times of each and returns false to stop.
     fn run(&self, parameters: &Parameters<f32>, mut sink: impl FnMut(usize, usize) -> bool) {
         let mut built: Option<(f64, FrictionModel<f32>)> = None;
-        for group in &self.groups {
+        for trial in &self.trials {
             let (_, model) = match &mut built {
-                Some(same) if same.0 == group.period_s => same,
+                Some(same) if same.0 == trial.period_s => same,
                 built => {
-                    let model = parameters.build_unchecked(group.period_s as f32);
-                    built.insert((group.period_s, model))
+                    let model = parameters.build_unchecked(trial.period_s as f32);
+                    built.insert((trial.period_s, model))
                 }
             };
-            let outside = match model.law().plain_bristles() {
-                Some(law) if model.has_no_terms() && group.is_even() => {
-                    plain(law, group, self.stride)
-                }
-                Some(law) if model.has_no_terms() => plain_uneven(law, group, self.stride),
-                _ => general(model, group, self.blocks, self.rows, self.stride),
-            };
-            self.simulations.fetch_add(group.trials, Ordering::Relaxed);
-            if !sink(outside, group.watched) {
+            let outside = self.violations(model, trial);
+            self.simulations.fetch_add(1, Ordering::Relaxed);
+            if !sink(outside, trial.watched) {
                 return;
             }
         }
     }
-}
 
-/// Prepares up to [`LANES`] trials of one period.
-fn group(
-    blocks: &[Block],
-    trials: &[Trial],
-    period_s: f64,
-    ranges: &Ranges,
-    rows: usize,
-    stride: usize,
-) -> Group {
-    // Lanes without a trial repeat the last one with an infinite range.
-    let of_lane = |lane: usize| &trials[lane.min(trials.len() - 1)];
-    let sample = |lane: usize, row: usize| -> &Sample<f32> {
-        let trial = of_lane(lane);
-        &blocks[trial.block].samples[trial.first + row]
-    };
-    let is_even = trials.iter().all(|trial| blocks[trial.block].period_ratio.is_none());
-    let ratio = |lane: usize, row: usize| -> f32 {
-        let trial = of_lane(lane);
-        let ratios = blocks[trial.block].period_ratio.as_ref();
-        ratios.map_or(1.0, |ratios| ratios[trial.first + row])
-    };
-    let mut watched = 0;
-    let mut bounds = |lane: usize, row: usize| {
-        let trial = of_lane(lane);
-        let (block, at) = (&blocks[trial.block], trial.first + row);
-        match (block.predicted.get(at), block.included.get(at)) {
-            (Some(predicted), Some(true)) if lane < trials.len() => {
-                watched += 1;
-                let (low, high) = ranges.at(sample(lane, row).velocity_rad_s);
-                (predicted + low, predicted + high)
+    /// Simulates a trial and returns its violations. NaN is outside of a range.
+    fn violations(&self, model: &FrictionModel<f32>, monitored: &MonitoredTrial) -> usize {
+        let Trial { block, first, mut state } = monitored.trial;
+        let block = &self.blocks[block];
+        let mut rescaled = model.clone();
+        let mut step = |at: usize| match &block.period_ratio {
+            Some(ratios) => {
+                rescaled.rescale_period(model, ratios[at]);
+                rescaled.step(&mut state, &block.samples[at])
             }
-            _ => (f32::NEG_INFINITY, f32::INFINITY),
+            None => model.step(&mut state, &block.samples[at]),
+        };
+        let mut violations = 0;
+        for (time, range) in monitored.ranges.iter().enumerate() {
+            let rows = (first + time * self.stride..).take(self.stride);
+            let torque = rows.fold(0.0, |_, at| step(at));
+            violations +=
+                usize::from(range.is_some_and(|(low, high)| !(low..=high).contains(&torque)));
         }
-    };
-    let (mut low, mut high) = (Vec::new(), Vec::new());
-    for row in (stride - 1..rows).step_by(stride) {
-        let of_row: [(f32, f32); LANES] = std::array::from_fn(|lane| bounds(lane, row));
-        low.push(of_row.map(|bounds| bounds.0));
-        high.push(of_row.map(|bounds| bounds.1));
+        violations
     }
-    Group {
-        period_s,
-        trials: trials.len(),
-        block: std::array::from_fn(|lane| of_lane(lane).block),
-        first: std::array::from_fn(|lane| of_lane(lane).first),
-        state: std::array::from_fn(|lane| of_lane(lane).state),
-        velocity: (0..rows)
-            .map(|row| std::array::from_fn(|lane| sample(lane, row).velocity_rad_s))
-            .collect(),
-        period_ratio: (0..if is_even { 0 } else { rows })
-            .map(|row| std::array::from_fn(|lane| ratio(lane, row)))
-            .collect(),
-        low,
-        high,
-        watched,
-    }
-}
-
-/// Returns the number of lanes outside their range. NaN counts as outside.
-#[inline(always)]
-fn outside(torque: &Lanes, low: &Lanes, high: &Lanes) -> usize {
-    let inside = |lane: usize| low[lane] <= torque[lane] && torque[lane] <= high[lane];
-    (0..LANES).map(|lane| usize::from(!inside(lane))).sum()
-}
-
-/// Simulates plain bristles: the law is selected once instead of at each sample. Returns the violations.
-fn plain(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
-    let mut bristle = group.state.map(|state| state.bristle_torque_nm);
-    let mut torque = [0.0; LANES];
-    let mut violations = 0;
-    let times = group.velocity.chunks_exact(stride);
-    for ((rows, low), high) in times.zip(&group.low).zip(&group.high) {
-        for velocity in rows {
-            for lane in 0..LANES {
-                torque[lane] = law.step(&mut bristle[lane], velocity[lane], &NoEffect);
-            }
-        }
-        violations += outside(&torque, low, high);
-    }
-    violations
-}
-
-/// Simulates plain bristles as [`plain`] does, with a period for each row.
-fn plain_uneven(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
-    let mut bristle = group.state.map(|state| state.bristle_torque_nm);
-    let mut torque = [0.0; LANES];
-    let mut violations = 0;
-    let times = group.velocity.chunks_exact(stride).zip(group.period_ratio.chunks_exact(stride));
-    for (((rows, ratios), low), high) in times.zip(&group.low).zip(&group.high) {
-        for (velocity, ratio) in rows.iter().zip(ratios) {
-            for lane in 0..LANES {
-                let stiffness_step = law.stiffness_step * ratio[lane];
-                let law = Bristles { stiffness_step, ..*law };
-                torque[lane] = law.step(&mut bristle[lane], velocity[lane], &NoEffect);
-            }
-        }
-        violations += outside(&torque, low, high);
-    }
-    violations
-}
-
-/// Simulates any model and returns the violations.
-fn general(
-    model: &FrictionModel<f32>,
-    group: &Group,
-    blocks: &[Block],
-    rows: usize,
-    stride: usize,
-) -> usize {
-    let mut state = group.state;
-    let mut rescaled = model.clone();
-    let mut torque = [0.0; LANES];
-    let mut violations = 0;
-    let own = |lane: usize| group.first[lane]..group.first[lane] + rows;
-    let samples: [&[Sample<f32>]; LANES] =
-        std::array::from_fn(|lane| &blocks[group.block[lane]].samples[own(lane)]);
-    for (time, (low, high)) in group.low.iter().zip(&group.high).enumerate() {
-        for row in (time * stride..).take(stride) {
-            for lane in 0..LANES {
-                let sample = &samples[lane][row];
-                torque[lane] = if let Some(ratios) = group.period_ratio.get(row) {
-                    rescaled.rescale_period(model, ratios[lane]);
-                    rescaled.step(&mut state[lane], sample)
-                } else {
-                    model.step(&mut state[lane], sample)
-                };
-            }
-        }
-        violations += outside(&torque, low, high);
-    }
-    violations
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use compensator_core::{LawKind, ParameterId as Id, TermKind};
+    use compensator_core::{LawKind, ParameterId as Id, Sample, TermKind};
     use friction_fit::{Resolution, Track};
 
     fn track(uneven: bool) -> Track {
@@ -358,12 +207,12 @@ mod tests {
     }
 
     #[test]
-    fn violation_of_grouped_trials_matches_definition() {
-        let ranges = Ranges::of_noise(0.1, 50);
+    fn violation_of_trials_matches_definition() {
+        let ranges = Ranges::symmetric(0.22);
         for uneven in [false, true] {
             for parameters in models() {
                 let track = track(uneven);
-                // Not a multiple of the lanes, and with some excluded rows.
+                // With some excluded rows.
                 let trials = Trials::new(&parameters, &[&track], 21, 200, Resolution::PLAIN, 5);
                 let ensemble = Ensemble::new(&trials, &ranges, 50);
                 let mut varied = parameters.convert::<f32>();
@@ -389,7 +238,7 @@ mod tests {
         let [parameters, ..] = models();
         let track = track(false);
         let trials = Trials::new(&parameters, &[&track], 8, 200, Resolution::PLAIN, 5);
-        let ensemble = Ensemble::new(&trials, &Ranges::of_noise(0.1, 50), 50);
+        let ensemble = Ensemble::new(&trials, &Ranges::symmetric(0.22), 50);
         let mut wild = parameters.convert::<f32>();
         wild.set(Id::ViscousFriction, f32::NAN);
         assert_eq!(ensemble.violation(&wild), 1.0);

@@ -1,8 +1,8 @@
 //! Confidence, accuracy, and the numbers of samples that they require (Ding et al., eq. 6-7).
 //!
 //! Four counts must be distinguished: `n` sampled *parameter vectors* and `m` *trials* ([`Counts`]), the paper's 8
-//! *kinds* of experiment and its 50 *repeats* of each ([`Campaign`]). The paper also uses `m = 50`, but no equation
-//! links `m` to the repeats.
+//! *kinds* of experiment and its 50 *repeats* of each. The paper also uses `m = 50`, but no equation links `m` to the
+//! repeats.
 
 /// Confidence and accuracy of a certificate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,25 +49,6 @@ impl Counts {
     /// Returns the number of simulations for one set of permitted variances.
     pub fn simulations(self) -> usize {
         self.sampled_vectors * self.trials
-    }
-}
-
-/// Measurements of the paper (Table II). Neither count follows from the levels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Campaign {
-    /// Kinds of experiment: combinations of speed, side load and pressure.
-    pub kinds: usize,
-    /// Repeats of each.
-    pub repeats: usize,
-}
-
-impl Campaign {
-    /// The paper's 400 runs.
-    pub const PAPER: Self = Self { kinds: 8, repeats: 50 };
-
-    /// Returns the total number of runs.
-    pub fn runs(self) -> usize {
-        self.kinds * self.repeats
     }
 }
 
@@ -132,9 +113,8 @@ mod tests {
     }
 
     #[test]
-    fn counts_and_campaign_of_paper_differ() {
+    fn counts_of_paper_differ() {
         assert_eq!(Counts::PAPER.simulations(), 400);
-        assert_eq!(Campaign::PAPER.runs(), 400);
         assert_ne!(Counts::PAPER.sampled_vectors, Counts::PAPER.trials);
     }
 

@@ -8,8 +8,7 @@
 //!      -> n sampled vectors; P0, the (1 - alpha) quantile, <= rho (eq. 4)      draw, search
 //!      -> largest permitted spreads, alone and together (eq. 5)                search, study
 //!      -> CV = sigma / |mean|, per parameter and class (eq. 8)                 certificate
-//!      -> verdict of the paper's rule, as printed and calibrated               verdict, calibrate
-//!      -> both models of a diagnosis, and how the verdicts differ              comparison
+//!      -> verdict of the paper's rule                                          verdict
 //! ```
 //!
 //! The logarithms of the parameters vary, because variances in Nm and in Nm/rad cannot be added in a trace. Every simulation
@@ -24,24 +23,20 @@ mod message;
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
 
-pub mod calibrate;
 pub mod certificate;
 pub mod classes;
-mod comparison;
 pub mod draw;
 pub mod ensemble;
 pub mod levels;
 pub mod range;
 mod search;
 pub mod settings;
-mod study;
+pub mod study;
 pub mod trials;
 pub mod verdict;
 
-pub use calibrate::{Calibrated, calibrated_verdict, certify_calibrated};
 pub use certificate::{Certificate, ExcludedParameter, MAX_CV};
-pub use comparison::ModelCertificates;
-pub use levels::{Campaign, Counts, Levels};
+pub use levels::{Counts, Levels};
 pub use settings::{Form, Settings};
 pub use verdict::reading;
 
@@ -60,7 +55,7 @@ pub fn certify(
 ) -> Certificate {
     let begin = friction_fit::clock::Instant::now();
     let study = study::CertificateStudy::new(parameters, free, tracks, settings);
-    let mut certificate = study.certify(study::ResidualSource::Measured);
+    let mut certificate = study.certify();
     certificate.seconds = begin.elapsed().as_secs_f64();
     certificate
 }

@@ -12,8 +12,6 @@
 //! model has smaller residuals and therefore a narrower range. The bias of a fit is preserved: the range need not
 //! contain 0.
 
-use statrs::distribution::{ContinuousCDF, Normal};
-
 /// Maximum number of velocity bins of a class.
 const MAX_BINS: usize = 12;
 
@@ -27,7 +25,7 @@ pub struct Ranges {
 }
 
 /// Returns the median rank of the smallest of `draws` residuals, as a share of all residuals.
-fn share_beyond(draws: usize) -> f64 {
+pub fn share_beyond(draws: usize) -> f64 {
     1.0 - 0.5f64.powf(1.0 / draws.max(1) as f64)
 }
 
@@ -59,10 +57,9 @@ impl Ranges {
         Self { ends, ranges }
     }
 
-    /// Computes the range of `draws` values of white noise, for all velocities. `noise` is its standard deviation, Nm.
-    pub fn of_noise(noise: f64, draws: usize) -> Self {
-        let end = noise * Normal::standard().inverse_cdf(1.0 - share_beyond(draws));
-        Self { ends: Vec::new(), ranges: vec![(-end as f32, end as f32)] }
+    /// Returns the same range for all velocities, from `-end` to `end`, Nm.
+    pub fn symmetric(end: f32) -> Self {
+        Self { ends: Vec::new(), ranges: vec![(-end, end)] }
     }
 
     /// Returns ranges that are symmetric around the fit, with the larger of both limits. They are used for a fit that is itself
@@ -112,13 +109,10 @@ mod tests {
     }
 
     #[test]
-    fn new_and_of_noise_return_median_range_of_draws() {
+    fn new_returns_median_range_of_draws() {
         // Of 1001 evenly spaced residuals, the median of the smallest of 50 is the 14th.
         let ranges = Ranges::new((0..1001).map(|i| (0.0, i as f32)), 50);
         assert_eq!(ranges.at(0.0), (13.0, 987.0));
-        let (low, high) = Ranges::of_noise(2.0, 50).at(0.0);
-        assert!(low == -high && (high - 4.41).abs() < 0.01, "{high}");
-        assert!(Ranges::of_noise(2.0, 1732).at(0.0).1 > 6.0);
         assert_eq!(ranges.around_the_fit().at(0.0), (-987.0, 987.0));
     }
 

@@ -64,7 +64,7 @@ impl SpreadSearch<'_> {
 
     /// Returns the largest spread of a parameter alone, from its lower and upper limits.
     pub fn spread(&self, below: f64, above: f64) -> f64 {
-        let alone = self.draws.alone();
+        let alone = &self.draws.alone;
         let mut largest: Vec<f64> = alone
             .iter()
             .map(|z| (if *z < 0.0 { below } else { above } / z.abs()).min(self.max_spread))
@@ -82,7 +82,7 @@ impl SpreadSearch<'_> {
 
     /// Returns true if all parameters may vary together with this share of their spreads.
     fn permits_together(&self, spreads: &[f64], share: f64) -> bool {
-        let vectors = self.draws.vectors();
+        let vectors = &self.draws.vectors;
         let may_fail = vectors.len() - self.levels.required_passing_vectors(vectors.len());
         let failed = AtomicUsize::new(0);
         vectors.par_iter().for_each(|z| {
@@ -113,7 +113,7 @@ impl SpreadSearch<'_> {
             let vector = varied(self.parameters, &self.vector(spreads, share, z));
             self.ensemble.violation(&vector)
         };
-        let mut violations: Vec<f64> = self.draws.vectors().par_iter().map(of).collect();
+        let mut violations: Vec<f64> = self.draws.vectors.par_iter().map(of).collect();
         violations.sort_by(f64::total_cmp);
         violations
     }
@@ -178,9 +178,9 @@ mod tests {
             let spread = search.spread(below, above);
             let passing = |spread: f64| {
                 let permits = |z: &&f64| search.permits(&[(Id::CoulombTorque, spread * **z)]);
-                search.draws.alone().iter().filter(permits).count()
+                search.draws.alone.iter().filter(permits).count()
             };
-            let must = levels.required_passing_vectors(search.draws.alone().len());
+            let must = levels.required_passing_vectors(search.draws.alone.len());
             assert!(passing(0.97 * spread) >= must, "{spread}");
             assert!(passing(1.03 * spread) < must, "{spread}");
         });

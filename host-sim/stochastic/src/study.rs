@@ -1,7 +1,7 @@
 //! Computation of certificates: the parts that do not depend on the source of the residual.
 //!
 //! The measured residual gives the certificate. White noise of the sensor gives the reference certificate without
-//! missing physics, on the same inputs, trials and draws ([`super::calibrate`]).
+//! missing physics, on the same inputs, trials and draws for a calibration of the rule.
 
 use super::certificate::{Certificate, Class, ExcludedParameter, MAX_CV};
 use super::classes::{SpeedClass, speed_classes};
@@ -15,17 +15,8 @@ use compensator_core::{ParameterId, Parameters};
 use friction_fit::Track;
 use rayon::prelude::*;
 
-/// Source of the residuals that determine the data's range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ResidualSource {
-    /// The residual of the log.
-    Measured,
-    /// White noise of the sensor, as if the model were exact.
-    NoiseAlone,
-}
-
 /// A model with the trials of each speed class.
-pub(super) struct CertificateStudy<'a> {
+pub struct CertificateStudy<'a> {
     parameters: Parameters<f64>,
     certified: Vec<ParameterId>,
     left_out: Vec<ExcludedParameter>,
@@ -74,22 +65,10 @@ impl<'a> CertificateStudy<'a> {
         Self { parameters, certified, left_out, classes, draws, settings }
     }
 
-    fn ranges(&self, trials: &Trials, residual: ResidualSource) -> Ranges {
-        let draws = self.settings.counts().trials;
-        match residual {
-            ResidualSource::Measured => {
-                let rows = trials.blocks.iter().flat_map(Block::residuals);
-                Ranges::new(rows, draws)
-            }
-            ResidualSource::NoiseAlone => Ranges::of_noise(noise(trials), draws),
-        }
-    }
-
     /// Returns the trials of a class and the violation probability of the fitted model itself. If that exceeds `rho`, the range
     /// is centred on the fit.
-    fn ensemble<'b>(&self, trials: &'b Trials, residual: ResidualSource) -> (Ensemble<'b>, f64) {
+    fn ensemble<'b>(&self, trials: &'b Trials, ranges: Ranges) -> (Ensemble<'b>, f64) {
         let times = self.settings.monitoring_times;
-        let ranges = self.ranges(trials, residual);
         let ensemble = Ensemble::new(trials, &ranges, times);
         let at_fit = ensemble.violation(&varied(&self.parameters, &[]));
         if at_fit <= self.settings.levels.rho {
@@ -98,10 +77,19 @@ impl<'a> CertificateStudy<'a> {
         (Ensemble::new(trials, &ranges.around_the_fit(), times), at_fit)
     }
 
-    /// Searches for the largest permitted spreads of every class.
-    pub fn certify(&self, residual: ResidualSource) -> Certificate {
+    /// Searches for the largest permitted spreads of every class, with the range of the measured residuals.
+    pub fn certify(&self) -> Certificate {
+        let draws = self.settings.counts().trials;
+        self.certify_within(|trials| {
+            Ranges::new(trials.blocks.iter().flat_map(Block::residuals), draws)
+        })
+    }
+
+    /// Searches for the largest permitted spreads of every class, with the range that `ranges` gives for its trials.
+    pub fn certify_within(&self, ranges: impl Fn(&Trials) -> Ranges) -> Certificate {
+        let ensemble = |trials| self.ensemble(trials, ranges(trials));
         let ensembles: Vec<(Ensemble, f64)> =
-            self.classes.iter().map(|(_, trials)| self.ensemble(trials, residual)).collect();
+            self.classes.iter().map(|(_, trials)| ensemble(trials)).collect();
         let search = |class: usize| SpreadSearch {
             ensemble: &ensembles[class].0,
             parameters: &self.parameters,
@@ -144,19 +132,4 @@ impl<'a> CertificateStudy<'a> {
             ensembles.iter().map(|(ensemble, _)| ensemble.simulations()).sum();
         certificate
     }
-}
-
-/// Returns the noise of the torque, Nm, from its second differences, which are small for a smooth torque. The median excludes
-/// breakaways and reversals. The method is that of [`friction_fit::Scales::noise`], applied to the blocks.
-fn noise(trials: &Trials) -> f64 {
-    let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
-    let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
-    let mut differences: Vec<f64> =
-        torques().flat_map(|torque| torque.windows(3).map(second)).collect();
-    differences.sort_by(f64::total_cmp);
-    let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
-    let rows = torques().map(<[f64]>::len).sum::<usize>().max(1) as f64;
-    let squares: f64 = torques().flatten().map(|torque| torque * torque).sum();
-    // The lower limit is the rounding of a log without noise.
-    (median / (0.6745 * 6f64.sqrt())).max(1e-5 * (squares / rows).sqrt()).max(1e-12)
 }

@@ -14,13 +14,10 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use simulated_machines::friction::Seal;
-use simulated_machines::scenarios::draw;
+use simulated_machines::friction::{Seal, Surroundings};
 use simulated_machines::{Recording, record};
 use std::f64::consts::TAU;
-use stochastic_extension::{
-    Campaign, Certificate, Form, MAX_CV, Settings, certify, certify_calibrated, reading,
-};
+use stochastic_extension::{Certificate, Form, MAX_CV, Settings, certify, reading};
 
 /// Low and high ranges of side load (N) and pressure difference (Pa), as we read Table II.
 const FORCE: [(f64, f64); 2] = [(25.0, 35.0), (45.0, 55.0)];
@@ -52,6 +49,8 @@ const SEAL: Seal = Seal {
     eta3: 1e-6,
 };
 
+/// Repeats of each kind, as in the paper.
+const REPEATS: usize = 50;
 const RATE_HZ: f64 = 250.0;
 const ROWS: usize = 500;
 const STEPS: usize = 200;
@@ -102,10 +101,8 @@ fn experiment(kind: usize, repeat: usize) -> Run {
 }
 
 fn campaign() -> Dataset {
-    let Campaign { kinds, repeats } = Campaign::PAPER;
-    assert_eq!(kinds, KINDS.len());
     let all: Vec<(usize, usize)> =
-        (0..kinds).flat_map(|kind| (0..repeats).map(move |repeat| (kind, repeat))).collect();
+        (0..KINDS.len()).flat_map(|kind| (0..REPEATS).map(move |repeat| (kind, repeat))).collect();
     let runs: Vec<Run> =
         all.into_par_iter().map(|(kind, repeat)| experiment(kind, repeat)).collect();
     let rows = runs.len() * ROWS;
@@ -197,36 +194,19 @@ fn certify_with_steady_sliding_reports_bristles_not_determined() {
 }
 
 #[test]
-fn calibrated_rule_without_hidden_effect_gives_no_verdict() {
-    let scenario = draw(&[], 4);
-    let tracks = tracks(&simulated::dataset(&scenario.log));
-    let parameters = fitted(LawKind::Lugre, &tracks);
-    let free = LawKind::Lugre.parameters();
-    let (certificate, calibrated) =
-        certify_calibrated(&parameters, free, &tracks, &Settings::default());
-    assert_eq!(calibrated.verdict, None, "{:?}", calibrated.ratios);
-    let coulomb = calibrated.ratios.iter().find(|(id, _)| *id == Id::CoulombTorque);
-    assert!(coulomb.is_some_and(|(_, ratio)| (0.85..1.15).contains(ratio)), "{coulomb:?}");
-    // The literal rule selects a parameter nevertheless.
-    assert!(certificate.sum_cv > 0.0);
-}
-
-#[test]
 fn certify_with_load_and_pressure_in_the_model_reduces_coulomb_spread() {
     let truth = record(5, Recording { runs: 16, rate_hz: 200.0, ..Recording::default() });
     let tracks = tracks(&simulated::dataset(&truth.log()));
     let free = LawKind::Lugre.parameters();
     let settings = Settings::default();
-    let (before, calibrated) =
-        certify_calibrated(&fitted(LawKind::Lugre, &tracks), free, &tracks, &settings);
+    let before = certify(&fitted(LawKind::Lugre, &tracks), free, &tracks, &settings);
     let after = certify(&fitted(LawKind::ImprovedLugre, &tracks), free, &tracks, &settings);
     let least = |certificate: &Certificate| {
         of(certificate, Id::CoulombTorque).iter().copied().fold(f64::INFINITY, f64::min)
     };
-    println!("{:?}\n{:?}\n{:?}", before.cv, after.cv, calibrated.ratios);
+    println!("{:?}\n{:?}", before.cv, after.cv);
     assert!(least(&after) < 0.5 * least(&before), "{} to {}", least(&before), least(&after));
     assert!(after.sum_cv < before.sum_cv);
-    assert!(calibrated.verdict.is_some());
 }
 
 #[test]

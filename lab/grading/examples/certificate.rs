@@ -97,7 +97,7 @@ fn main() {
         for _ in 0..REPETITIONS {
             let begin = Instant::now();
             let sum: f64 = draws
-                .vectors()
+                .vectors
                 .par_iter()
                 .map(|z| {
                     let logarithms: Vec<(Id, f64)> =
@@ -109,7 +109,9 @@ fn main() {
             assert!(sum.is_finite());
         }
         let simulations = ensemble.simulations() / REPETITIONS;
-        let steps = simulations * ensemble.rows();
+        // The rows of a trial are a multiple of the monitoring times.
+        let times = settings.monitoring_times;
+        let steps = simulations * (trials.rows / times * times);
         assert_eq!(simulations, counts.simulations());
         println!("{name} | {simulations} | {steps} | {best:.3} | {:.3e}", steps as f64 / best);
     }

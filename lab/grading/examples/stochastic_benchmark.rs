@@ -14,11 +14,12 @@ use compensator_core::{LawKind, ParameterId as Id};
 use friction_diagnose::cause;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, fit, tracks};
+use friction_grading::calibrated_rule::certify_calibrated;
 use joint_rig::simulated;
 use rayon::prelude::*;
 use simulated_machines::scenarios::Scenario;
 use std::collections::BTreeMap;
-use stochastic_extension::{Settings, certify_calibrated};
+use stochastic_extension::Settings;
 use unkind_worlds::planned::{Kind, benchmark, draw};
 
 /// Base seed of the graded scenarios; the threshold of the rule was chosen with seed 1.

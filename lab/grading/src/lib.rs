@@ -5,6 +5,7 @@
 //! campaign and set of sensors, and not only other noise.
 
 mod boosting;
+pub mod calibrated_rule;
 pub mod calibration_fit;
 mod cause_regressors;
 pub mod contest;

@@ -159,25 +159,16 @@ impl<T: Real<Setting = f32>> FactorSupplier<T> {
             held_by::<T>(text!("network_input_middle"), range.middle)?;
             held_by::<T>(text!("network_input_per_unit"), range.per_unit)?;
         }
-        let number = |value: f32| T::from_f64(f64::from(value));
-        let strokes = match &from.strokes {
-            None => None,
-            Some(strokes) => {
-                held_by::<T>(text!("network_stroke_most"), strokes.most)?;
-                Some(StrokeRange {
-                    least: number(strokes.least),
-                    most: number(strokes.most),
-                    reversal: number(strokes.reversal),
-                    period_s: number(from.period_s),
-                })
-            }
-        };
+        if let Some(strokes) = &from.strokes {
+            held_by::<T>(text!("network_stroke_most"), strokes.most)?;
+        }
+        let strokes = from.strokes.map(|range| StrokeRange { period_s: from.period_s, ..range });
         Ok(Self {
             feeds: from.feeds.clone(),
             period_s: from.period_s,
-            strokes,
+            strokes: strokes.map(|range| range.convert()),
             network: from.network.convert(),
-            hold_s: number(hold_s),
+            hold_s: T::from_f64(f64::from(hold_s)),
             state: NetworkState::default(),
             stroke: StrokeTracker::default(),
         })

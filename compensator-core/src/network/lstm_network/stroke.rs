@@ -19,6 +19,19 @@ pub struct StrokeRange<T> {
     pub period_s: T,
 }
 
+impl<T: Real> StrokeRange<T> {
+    /// Converts the range to another number type.
+    pub fn convert<R: Real>(&self) -> StrokeRange<R> {
+        let number = |value: T| R::from_f64(value.value());
+        StrokeRange {
+            least: number(self.least),
+            most: number(self.most),
+            reversal: number(self.reversal),
+            period_s: number(self.period_s),
+        }
+    }
+}
+
 /// Tracks the current and the previous stroke.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StrokeTracker<T> {

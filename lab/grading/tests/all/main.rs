@@ -3,6 +3,7 @@
 //! `cargo test -p friction-grading --test all X::` runs the tests of the file `X.rs`.
 
 mod adverse_worlds;
+mod calibrated_rule;
 mod contest_table;
 mod gear_play;
 mod hidden_effects;

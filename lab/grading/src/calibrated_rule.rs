@@ -1,4 +1,4 @@
-//! Calibration of the paper's rule with a reference without missing physics.
+//! Calibration of the rule of the stochastic extension with a reference without missing physics.
 //!
 //! A permitted spread is large for two reasons: the data vary, or the output hardly depends on the parameter. The second
 //! reason does not indicate missing physics, but usually dominates. A reference certificate, computed for the fitted
@@ -6,11 +6,15 @@
 //! certificates contains only the first. By the *calibrated* rule, the parameter with the largest ratio is to be
 //! improved, and none if no ratio is significant.
 
-use super::certificate::{Certificate, is_unlimited};
-use super::settings::Settings;
-use super::study::{CertificateStudy, ResidualSource};
 use compensator_core::{ParameterId, Parameters};
 use friction_fit::Track;
+use friction_fit::scales::white_noise;
+use statrs::distribution::{ContinuousCDF, Normal};
+use stochastic_extension::certificate::is_unlimited;
+use stochastic_extension::range::{Ranges, share_beyond};
+use stochastic_extension::study::CertificateStudy;
+use stochastic_extension::trials::Trials;
+use stochastic_extension::{Certificate, Settings};
 
 /// Ratio above which a parameter is significant: simulated joints without missing physics rarely exceed it
 /// (`docs/src/explanation/stochastic-extension.md`).
@@ -37,20 +41,26 @@ pub fn certify_calibrated(
 ) -> (Certificate, Calibrated) {
     let begin = friction_fit::clock::Instant::now();
     let study = CertificateStudy::new(parameters, free, tracks, settings);
-    let mut certificate = study.certify(ResidualSource::Measured);
+    let mut certificate = study.certify();
     certificate.seconds = begin.elapsed().as_secs_f64();
-    let calibrated = Calibrated::of(&certificate, study.certify(ResidualSource::NoiseAlone));
+    let draws = settings.counts().trials;
+    let quiet = study.certify_within(|trials| noise_range(noise(trials), draws));
+    let calibrated = Calibrated::of(&certificate, quiet);
     (certificate, calibrated)
 }
 
-/// Returns the result of the calibrated rule.
-pub fn calibrated_verdict(
-    parameters: &Parameters<f64>,
-    free: &[ParameterId],
-    tracks: &[Track],
-    settings: &Settings,
-) -> Calibrated {
-    certify_calibrated(parameters, free, tracks, settings).1
+/// Returns the range of `draws` values of white noise. `noise` is its standard deviation, Nm.
+fn noise_range(noise: f64, draws: usize) -> Ranges {
+    Ranges::symmetric((noise * Normal::standard().inverse_cdf(1.0 - share_beyond(draws))) as f32)
+}
+
+/// Returns the noise of the torque, Nm.
+fn noise(trials: &Trials) -> f64 {
+    let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
+    let rows = torques().map(<[f64]>::len).sum::<usize>().max(1) as f64;
+    let squares: f64 = torques().flatten().map(|torque| torque * torque).sum();
+    // The lower limit is the rounding of a log without noise.
+    white_noise(torques()).max(1e-5 * (squares / rows).sqrt()).max(1e-12)
 }
 
 impl Calibrated {
@@ -78,5 +88,17 @@ impl Calibrated {
         let largest = ratios.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let verdict = largest.filter(|(_, ratio)| *ratio > SIGNIFICANT_RATIO).map(|(id, _)| *id);
         Self { ratios, verdict, nothing_hidden }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_range_is_the_median_range_of_draws() {
+        let (low, high) = noise_range(2.0, 50).at(0.0);
+        assert!(low == -high && (high - 4.41).abs() < 0.01, "{high}");
+        assert!(noise_range(2.0, 1732).at(0.0).1 > 6.0);
     }
 }
