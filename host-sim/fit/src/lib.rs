@@ -44,6 +44,7 @@ mod metrics;
 mod minimise;
 pub mod network;
 mod outcome;
+mod parameter_file_error;
 pub mod params;
 mod passive;
 mod predict;

@@ -21,7 +21,7 @@ use crate::linear::LinearModel;
 use crate::params::ParameterFile;
 use crate::simulate::simulate;
 use crate::{Metrics, Resolution, Track};
-use compensator_core::{Flags, ModelState, Parameters, Quantity};
+use compensator_core::{Flags, ModelState, ParameterError, Parameters, Quantity};
 use joint_log::{Dataset, JointKind, Run};
 use network::predict_with_network;
 use std::borrow::Cow;
@@ -93,6 +93,47 @@ impl LogPrediction {
     }
 }
 
+/// Why a log cannot be predicted. Each message is one line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PredictionError {
+    /// The log is of another kind of joint.
+    #[error("joint: found a log of a {} joint, expected a {} one", kind(*found), kind(*expected))]
+    Joint {
+        /// Kind of the log.
+        found: JointKind,
+        /// Kind of the model.
+        expected: JointKind,
+    },
+    /// The log lacks the column that the model follows.
+    #[error("{0}: not a column of the log, and the model follows it")]
+    MissingColumn(String),
+    /// The network of the model cannot be applied to the log.
+    #[error("{0}")]
+    Network(String),
+    /// A model with a network has no gains.
+    #[error("a network supplies the levels, expected a model without one")]
+    AdaptedNetwork,
+    /// The log has no period.
+    #[error("no two rows of the log belong together")]
+    SingleRows,
+    /// The core refuses the adaptation.
+    #[error("{0}")]
+    Adaptation(#[from] ParameterError),
+}
+
+impl From<PredictionError> for String {
+    fn from(error: PredictionError) -> Self {
+        error.to_string()
+    }
+}
+
+fn kind(joint: JointKind) -> &'static str {
+    match joint {
+        JointKind::Revolute => "revolute",
+        JointKind::Prismatic => "prismatic",
+    }
+}
+
 /// Predicts the torque of every row of a log.
 ///
 /// # Errors
@@ -101,7 +142,7 @@ pub fn predict_log(
     file: &ParameterFile,
     data: &Dataset,
     options: &PredictionOptions,
-) -> Result<LogPrediction, String> {
+) -> Result<LogPrediction, PredictionError> {
     predict_tracks(file, data, &log_tracks(file, data)?, options)
 }
 
@@ -109,20 +150,15 @@ pub fn predict_log(
 ///
 /// # Errors
 /// See [`predict_log`].
-pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, String> {
+pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, PredictionError> {
     if file.joint != data.joint {
-        let name = |joint: JointKind| match joint {
-            JointKind::Revolute => "revolute",
-            JointKind::Prismatic => "prismatic",
-        };
-        let (found, expected) = (name(data.joint), name(file.joint));
-        return Err(format!("joint: found a log of a {found} joint, expected a {expected} one"));
+        return Err(PredictionError::Joint { found: data.joint, expected: file.joint });
     }
     let auxiliary = file.fit.auxiliary.as_deref();
     if let Some(column) = auxiliary
         && !data.covariates.iter().any(|known| known == column)
     {
-        return Err(format!("{column}: not a column of the log, and the model follows it"));
+        return Err(PredictionError::MissingColumn(column.to_owned()));
     }
     Ok(tracks_with(data, auxiliary))
 }
@@ -136,12 +172,13 @@ pub fn predict_tracks(
     data: &Dataset,
     tracks: &[Track],
     options: &PredictionOptions,
-) -> Result<LogPrediction, String> {
+) -> Result<LogPrediction, PredictionError> {
     let mut runs: Vec<RunPrediction> = data.runs.iter().map(|run| empty(run.len())).collect();
     for track in tracks {
         let run = &mut runs[track.run];
         match &file.network {
-            Some(network) => predict_with_network(file, network, data, track, run)?,
+            Some(network) => predict_with_network(file, network, data, track, run)
+                .map_err(PredictionError::Network)?,
             None => predict_logged(file, data, track, options, run),
         }
         set_flags(file, track, run);

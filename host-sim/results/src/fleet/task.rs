@@ -199,8 +199,12 @@ fn stored(bytes: &[u8], key: &str) -> Option<FleetRow> {
 }
 
 fn key(job: &FleetJob, options: &FleetOptions, read: &PrepareOptions) -> Result<String, String> {
-    let hashes: Vec<String> =
-        job.files.iter().map(|file| file_sha256(file)).collect::<Result<_, _>>()?;
+    let hashes: Vec<String> = job
+        .files
+        .iter()
+        .map(|file| file_sha256(file))
+        .collect::<Result<_, Error>>()
+        .map_err(|error| error.to_string())?;
     let model = options.model.as_ref().map(ToString::to_string).unwrap_or_default();
     Ok(format!(
         "{} | {model} | {} and linear | {read:?} | {}",
