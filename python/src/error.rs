@@ -67,7 +67,7 @@ pub fn to_python(py: Python<'_>, error: Error) -> PyErr {
     let class = match &error {
         Error::Data(_) => "DataError",
         Error::Model(_) => "ModelError",
-        Error::Request(_) | Error::Cancelled(_) => "FrictionError",
+        _ => "FrictionError",
     };
     raised(py, class, &message, |details| match &error {
         Error::Data(error) => add_details(details, error),

@@ -6,7 +6,7 @@ use crate::log::Log;
 use crate::table::Table;
 use compensator_core::{ParameterId, Parameters};
 use friction_diagnose::prepare::{Error, Prepared};
-use friction_fit::params::{self, ParameterFile};
+use friction_fit::params::{self, ParameterFile, ParameterFileErrorKind};
 use friction_fit::prediction::{
     AdaptationOptions, LogPrediction, PredictionOptions, PredictionStart, log_tracks,
     predict_adapted, predict_tracks,
@@ -46,7 +46,8 @@ impl Model {
     /// Returns the model of a parameter file's text.
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: String) -> PyResult<Self> {
-        let file = params::parse(&text, &[]).map_err(|error| wrong_model(py, &error))?;
+        let file =
+            params::parse(&text, &[]).map_err(|error| wrong_model(py, &error.to_string()))?;
         Ok(Self {
             is_motion_logged: file.measurement.is_motion_logged,
             columns: columns(&file),
@@ -108,10 +109,13 @@ impl Model {
             return Err(refused(py, &format!("to={to:?}: expected one of {known}")));
         };
         let failed = |error: String| refused(py, &error);
-        let mut file: ParameterFile = params::parse(&self.toml, &[]).map_err(failed)?;
+        let mut file: ParameterFile =
+            params::parse(&self.toml, &[]).map_err(|error| failed(error.into()))?;
         file.compensator.gravity |= gravity;
         for (name, value) in compensator.into_iter().flatten() {
-            let wrong = |why| refused(py, &format!("compensator={{{name:?}: {value}}}: {why}"));
+            let wrong = |why: ParameterFileErrorKind| {
+                refused(py, &format!("compensator={{{name:?}: {value}}}: {why}"))
+            };
             file.compensator.set(&name, value).map_err(wrong)?;
         }
         let exported = match format {

@@ -10,6 +10,7 @@ use joint_log::log_check::{self, Corrections};
 use joint_log::{Dataset, ReadOptions, read};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
+use std::error::Error;
 use std::path::PathBuf;
 
 /// Arguments of the program.
@@ -22,7 +23,7 @@ struct Arguments {
     is_motion_logged: bool,
 }
 
-fn arguments() -> Result<Arguments, String> {
+fn arguments() -> Result<Arguments, Box<dyn Error>> {
     let mut arguments = Arguments { decimate: 1, ..Arguments::default() };
     let mut given = std::env::args().skip(1);
     while let Some(word) = given.next() {
@@ -48,7 +49,7 @@ fn arguments() -> Result<Arguments, String> {
     Ok(arguments)
 }
 
-fn rigid_body(list: &str) -> Result<RigidBody, String> {
+fn rigid_body(list: &str) -> Result<RigidBody, Box<dyn Error>> {
     let mut parts = RigidBody::default();
     for part in list.split(',').filter(|part| !part.is_empty()) {
         match part {
@@ -56,7 +57,7 @@ fn rigid_body(list: &str) -> Result<RigidBody, String> {
             "gravity" => parts.gravity = true,
             "load" => parts.load = true,
             "offset" => parts.offset = true,
-            _ => return Err(format!("--rigid-body: unknown part {part}")),
+            _ => return Err(format!("--rigid-body: unknown part {part}").into()),
         }
     }
     Ok(parts)
@@ -68,7 +69,7 @@ fn processor_s() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 / 1e9
 }
 
-fn main() -> Result<(), String> {
+fn main() -> Result<(), Box<dyn Error>> {
     let arguments = arguments()?;
     let begin = processor_s();
     let data = read(&arguments.files, &arguments.read, &|_, _| {}).map_err(|e| e.to_string())?;

@@ -9,6 +9,8 @@ use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
 use super::train_test::TrainTest;
 use friction_fit::{Track, filter_column};
 use joint_log::AntiAlias;
+use nalgebra::DMatrix;
+use std::ops::Range;
 
 /// Returns the columns along a track. A regressor comes with the index of the extra covariate that it reads, if any.
 pub fn columns(
@@ -52,6 +54,15 @@ pub fn columns(
     }
     forget_start(&mut columns, &memory);
     columns
+}
+
+/// Returns the products of columns with each other over some rows. Values that are not finite count as 0.
+pub fn products(columns: &[Vec<f64>], rows: Range<usize>) -> DMatrix<f64> {
+    let wide = DMatrix::from_fn(rows.len(), columns.len(), |row, column| {
+        let value = columns[column][rows.start + row];
+        if value.is_finite() { value } else { 0.0 }
+    });
+    wide.transpose() * &wide
 }
 
 /// Takes out of every column what the unknown torque held at the start of the track explains.

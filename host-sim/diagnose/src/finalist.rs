@@ -2,14 +2,15 @@
 //!
 //! The contest is linear in its columns; a driver runs a law that is not. A fit of the law begins at the linear solution: the
 //! law has the values of its columns, and one linear fit beside the law at this point gives all terms their values jointly
-//! (`LinearFit`). Then all parameters are fitted. What the law leaves beyond the linear promise, the shortfall, is evidence
+//! (`linear_fit`). Then all parameters are fitted. What the law leaves beyond the linear promise, the shortfall, is evidence
 //! against the hypothesis.
 //!
 //! Finalists are compared on an excerpt of the log; only the best one is fitted to all rows.
 
+mod linear_fit;
+
 use super::candidate::{Candidate, FitContext, FoundSettings};
 use super::cause::{self, Cause};
-use super::columns::columns;
 use super::contest::{Detail, Finalist, FinalistCause, Gap, LawStart};
 use super::left_out::one_step_left_out;
 use super::model::FittedModel;
@@ -20,11 +21,9 @@ use compensator_core::term::MAX_TERMS;
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::{
-    COMPARISON_TOLERANCE, FitOptions, Predicted, Resolution, Scales, fit, treatment_of,
-    typical_value, unobserved_parameters,
+    FitOptions, Predicted, Resolution, Scales, fit, free_parameters, typical_value,
 };
-use nalgebra::{Cholesky, DMatrix, DVector};
-use rayon::prelude::*;
+use linear_fit::{Entrant, LinearFit};
 
 /// Rows of an excerpt on which finalists are compared.
 const MOST_ROWS: usize = 15_000;
@@ -37,9 +36,6 @@ const PATIENCE: usize = 3;
 
 /// Progress at which such a fit ends, as a share of the squared error.
 const STAGNATION: f64 = 2e-3;
-
-/// Share of the squared error that a candidate must remove for each coefficient that it has more than another one.
-const MIN_GAIN_PER_COEFFICIENT: f64 = 0.01;
 
 /// Largest ratio by which the linear fit changes a positive parameter of the law.
 const MAX_CHANGE: f64 = 3.0;
@@ -115,15 +111,6 @@ pub fn law_parameters(
     Ok(parameters)
 }
 
-/// Returns the parameters that a fit varies.
-pub fn free_parameters(spec: &Spec, parameters: &Parameters<f64>, log: &TrainTest) -> Vec<Id> {
-    let unobserved = unobserved_parameters(spec, &log.train_tracks);
-    parameters
-        .active()
-        .filter(|id| !treatment_of(*id).is_fixed_by_default && !unobserved.contains(id))
-        .collect()
-}
-
 /// Returns a model refitted at the resolution of the simulation that its rows need.
 pub fn resolved(log: &TrainTest, model: &FittedModel) -> FittedModel {
     if !model.spec.law.has_bristles() {
@@ -131,14 +118,10 @@ pub fn resolved(log: &TrainTest, model: &FittedModel) -> FittedModel {
     }
     let log = &*log.following(model.follows.as_ref());
     let options = FitOptions {
-        starts: 1,
-        start: Some(model.parameters.clone()),
         fixed: model.fixed.clone(),
         patience: PATIENCE,
-        has_weak_prior: true,
-        tolerance: COMPARISON_TOLERANCE,
         stagnation: STAGNATION,
-        ..FitOptions::default()
+        ..FitOptions::for_comparison(Some(model.parameters.clone()))
     };
     let solution = fit(&model.spec, &model.parameters, log.train_rows(), &options);
     FittedModel {
@@ -158,15 +141,11 @@ pub fn fitted(
 ) -> Result<FittedModel, SpecError> {
     let log = &*log.following(follows);
     let options = FitOptions {
-        starts: 1,
-        start: start.cloned(),
         fixed: fixed.to_vec(),
         resolution: Some(Resolution::PLAIN),
         patience: PATIENCE,
-        has_weak_prior: true,
-        tolerance: COMPARISON_TOLERANCE,
         stagnation: STAGNATION,
-        ..FitOptions::default()
+        ..FitOptions::for_comparison(start.cloned())
     };
     let base = match start {
         Some(start) => start.clone(),
@@ -317,72 +296,67 @@ fn with_causes(
 ) -> Result<Start, SpecError> {
     let log = &*log.following(from.follows.as_ref());
     let Start { spec, parameters, .. } = from;
-    let free: Vec<Id> = free_parameters(spec, parameters, log)
-        .into_iter()
-        .filter(|id| !from.fixed.contains(id))
-        .collect();
+    let options = FitOptions { fixed: from.fixed.clone(), ..FitOptions::default() };
+    let free = free_parameters(spec, parameters, &log.train_tracks, &options);
     let at = sensitivities(parameters, &free, &log.train_tracks, Resolution::PLAIN);
-    let ways = ways(log, finalist, (from, &at), meant);
-    let linear = LinearFit::new(log, &at, &ways);
-    let chosen = linear.choose(&ways);
-    let places: Vec<_> = chosen.iter().map(|(way, own)| linear.columns_of(*way, *own)).collect();
-    let solution = linear.solve(&places);
+    let entrants = entrants(log, finalist, (from, &at), meant);
+    let linear = LinearFit::new(log, &at, &entrants);
+    let chosen = linear.choose();
+    let solution = linear.solve(&chosen);
+    let chosen: Vec<(&'static Cause, &Candidate)> = chosen
+        .iter()
+        .map(|(entrant, at)| (entrants[*entrant].cause, &entrants[*entrant].candidates[*at]))
+        .collect();
     let mut next = from.clone();
-    for (way, own) in &chosen {
-        let candidate = &ways[*way].candidates[*own];
+    for (cause, candidate) in &chosen {
+        let follows = candidate.follows.clone();
         next.spec.terms.push(candidate.term);
-        next.follows = next.follows.or_else(|| candidate.follows.clone());
+        next.follows = next.follows.or_else(|| follows.clone());
         next.fixed.extend(&candidate.fixed);
-        next.realised.push(Realised {
-            cause: ways[*way].cause,
-            columns: candidate.columns.clone(),
-            follows: candidate.follows.clone(),
-        });
+        next.realised.push(Realised { cause, columns: candidate.columns.clone(), follows });
     }
     next.parameters = next.spec.parameters()?;
     next.parameters.choices = parameters.choices;
     for id in parameters.active() {
         next.parameters.set(id, parameters.get(id));
     }
-    for (id, change) in free.iter().zip(&solution.base) {
+    for (id, change) in free.iter().zip(&solution.law) {
         next.parameters.set(*id, changed(*id, parameters.get(*id), *change));
     }
-    for ((way, own), sizes) in chosen.iter().zip(&solution.candidates) {
-        ways[*way].candidates[*own].set(&mut next.parameters, sizes);
+    for ((_, candidate), sizes) in chosen.iter().zip(&solution.candidates) {
+        candidate.set(&mut next.parameters, sizes);
     }
     Ok(next)
 }
 
 /// Returns the candidates of some causes of a hypothesis, of each term at most one cause.
-fn ways(
+fn entrants(
     log: &TrainTest,
     finalist: &Finalist,
     (from, at): (&Start, &Sensitivities),
     meant: &[usize],
-) -> Vec<Way> {
+) -> Vec<Entrant> {
     let spec = &from.spec;
-    let mut ways: Vec<Way> = Vec::new();
-    for place in meant {
-        let own = &finalist.causes[*place];
-        let Some(cause) = cause::named(own.key.cause) else { continue };
+    let mut entrants: Vec<Entrant> = Vec::new();
+    for found in meant.iter().map(|place| &finalist.causes[*place]) {
+        let Some(cause) = cause::named(found.key.cause) else { continue };
         let Some(term) = cause.remedy().term() else { continue };
-        let found = FoundSettings {
-            orders: own.detail.orders().to_vec(),
-            gap: gap(std::slice::from_ref(own)),
-        };
-        let context = FitContext { log, spec, at, found };
-        let is_used = context.has(term) || ways.iter().any(|way| way.candidates[0].term == term);
-        if is_used || spec.terms.len() + spec.rigid_body.len() + ways.len() >= MAX_TERMS {
+        let gap = gap(std::slice::from_ref(found));
+        let settings = FoundSettings { orders: found.detail.orders().to_vec(), gap };
+        let context = FitContext { log, spec, at, found: settings };
+        let is_used =
+            context.has(term) || entrants.iter().any(|entrant| entrant.candidates[0].term == term);
+        if is_used || spec.terms.len() + spec.rigid_body.len() + entrants.len() >= MAX_TERMS {
             continue;
         }
         let candidates = cause.candidates(&context).into_iter();
-        let candidates = candidates.filter(|candidate| is_variant(candidate, own));
-        let way = Way { cause, candidates: candidates.collect() };
-        if !way.candidates.is_empty() {
-            ways.push(way);
+        let candidates = candidates.filter(|candidate| is_variant(candidate, found));
+        let entrant = Entrant { cause, candidates: candidates.collect() };
+        if !entrant.candidates.is_empty() {
+            entrants.push(entrant);
         }
     }
-    ways
+    entrants
 }
 
 /// Returns a parameter of the law after the change of the linear fit.
@@ -396,10 +370,10 @@ fn changed(id: Id, value: f64, change: f64) -> f64 {
 }
 
 /// Returns true if a candidate is the variant that the contest has found.
-fn is_variant(candidate: &Candidate, own: &FinalistCause) -> bool {
+fn is_variant(candidate: &Candidate, found: &FinalistCause) -> bool {
     let Some(follows) = &candidate.follows else { return true };
-    let of_level = matches!(own.detail, Detail::Curve { of_level: true, .. });
-    own.key.columns == [follows.column.as_str()] && follows.level == of_level
+    let of_level = matches!(found.detail, Detail::Curve { of_level: true, .. });
+    found.key.columns == [follows.column.as_str()] && follows.level == of_level
 }
 
 /// Returns gap and travel of a backlash among the causes.
@@ -408,105 +382,5 @@ fn gap(causes: &[FinalistCause]) -> Option<Gap> {
     match backlash.detail {
         Detail::Gap(gap) => Some(gap),
         _ => None,
-    }
-}
-
-/// A cause with the ways in which it may enter the model.
-struct Way {
-    cause: &'static Cause,
-    candidates: Vec<Candidate>,
-}
-
-/// Products of the columns of a law and of candidates with the residual.
-struct LinearFit {
-    products: DMatrix<f64>,
-    scale: Vec<f64>,
-    base: usize,
-    /// First column of each candidate of each way, and their number.
-    places: Vec<Vec<(usize, usize)>>,
-}
-
-/// Solution of a linear fit.
-struct LinearSolution {
-    base: Vec<f64>,
-    candidates: Vec<Vec<f64>>,
-    sse: f64,
-}
-
-/// Ridge of the linear fit, relative to columns of unit length.
-const RIDGE: f64 = 1e-6;
-
-impl LinearFit {
-    fn new(log: &TrainTest, at: &Sensitivities, ways: &[Way]) -> Self {
-        let mut places = Vec::new();
-        let mut first = at.free.len();
-        let mut regressors = Vec::new();
-        for way in ways {
-            let mut own = Vec::new();
-            for candidate in &way.candidates {
-                own.push((first, candidate.regressors.len()));
-                first += candidate.regressors.len();
-                regressors.extend(candidate.regressors.iter().map(|by| (by, candidate.extra)));
-            }
-            places.push(own);
-        }
-        let tracks: Vec<_> = log.train_tracks.iter().zip(&at.tracks).collect();
-        let product = |(track, own): &(&friction_fit::Track, &_)| {
-            let columns = columns(log, at, (track, own), &regressors);
-            let wide = DMatrix::from_fn(columns[0].len(), columns.len(), |row, column| {
-                let value = columns[column][row];
-                if value.is_finite() { value } else { 0.0 }
-            });
-            wide.transpose() * &wide
-        };
-        let parts: Vec<DMatrix<f64>> = tracks.par_iter().map(product).collect();
-        let size = first + 1;
-        let products = parts.into_iter().fold(DMatrix::zeros(size, size), |sum, part| sum + part);
-        let scale = (0..size).map(|at| products[(at, at)].sqrt().max(f64::MIN_POSITIVE)).collect();
-        Self { products, scale, base: at.free.len(), places }
-    }
-
-    fn columns_of(&self, way: usize, candidate: usize) -> std::ops::Range<usize> {
-        let (first, count) = self.places[way][candidate];
-        first..first + count
-    }
-
-    /// Solves for the law and some candidates.
-    fn solve(&self, candidates: &[std::ops::Range<usize>]) -> LinearSolution {
-        let all: Vec<usize> = (0..self.base).chain(candidates.iter().cloned().flatten()).collect();
-        let last = self.products.nrows() - 1;
-        let scaled = |a: usize, b: usize| self.products[(a, b)] / (self.scale[a] * self.scale[b]);
-        let ridge = |i: usize, j: usize| if i == j { RIDGE } else { 0.0 };
-        let system =
-            DMatrix::from_fn(all.len(), all.len(), |i, j| scaled(all[i], all[j]) + ridge(i, j));
-        let right = DVector::from_fn(all.len(), |i, _| scaled(all[i], last));
-        let solution = Cholesky::new(system)
-            .map_or_else(|| DVector::zeros(all.len()), |own| own.solve(&right));
-        let square = self.products[(last, last)];
-        let sse = square * (1.0 - solution.dot(&right));
-        let mut sizes =
-            all.iter().zip(solution.iter()).map(|(at, x)| x * self.scale[last] / self.scale[*at]);
-        let base = sizes.by_ref().take(self.base).collect();
-        let candidates =
-            candidates.iter().map(|own| sizes.by_ref().take(own.len()).collect()).collect();
-        LinearSolution { base, candidates, sse }
-    }
-
-    /// Chooses the candidate of each way, one way after the other.
-    fn choose(&self, ways: &[Way]) -> Vec<(usize, usize)> {
-        let mut chosen: Vec<(usize, usize)> = Vec::new();
-        for (way, own) in ways.iter().enumerate() {
-            let so_far: Vec<_> =
-                chosen.iter().map(|(way, own)| self.columns_of(*way, *own)).collect();
-            let cost = |candidate: &usize| {
-                let columns = self.columns_of(way, *candidate);
-                let count = columns.len() as f64;
-                let all: Vec<_> = so_far.iter().cloned().chain([columns]).collect();
-                self.solve(&all).sse * (MIN_GAIN_PER_COEFFICIENT * count).exp()
-            };
-            let costs = (0..own.candidates.len()).map(|candidate| (cost(&candidate), candidate));
-            chosen.extend(costs.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, best)| (way, best)));
-        }
-        chosen
     }
 }

@@ -11,7 +11,7 @@
 //!
 //! A held-out stretch is still simulated, because the bristles depend on the previous motion.
 
-use super::columns::columns;
+use super::columns::{columns, products};
 use super::model::FittedModel;
 use super::sensitivities::sensitivities;
 use super::train_test::TrainTest;
@@ -117,21 +117,17 @@ fn group_products(
     let tracks: Vec<_> = log.train_tracks.iter().zip(&at.tracks).zip(groups).collect();
     let of_track = |((track, own), groups): &((&Track, &_), &Vec<usize>)| {
         let columns = columns(log, &at, (track, own), &[]);
-        let mut products = vec![DMatrix::zeros(size, size); count];
+        let mut sums = vec![DMatrix::zeros(size, size); count];
         let mut from = 0;
         while from < columns[0].len() {
             let group = groups[from.min(groups.len() - 1)];
             let same = (from..columns[0].len())
                 .take_while(|row| groups[(*row).min(groups.len() - 1)] == group);
-            let rows = same.count();
-            let wide = DMatrix::from_fn(rows, size, |row, column| {
-                let value = columns[column][from + row];
-                if value.is_finite() { value } else { 0.0 }
-            });
-            products[group] += wide.transpose() * &wide;
-            from += rows;
+            let rows = from..from + same.count();
+            from = rows.end;
+            sums[group] += products(&columns, rows);
         }
-        products
+        sums
     };
     let parts: Vec<Vec<DMatrix<f64>>> = tracks.par_iter().map(of_track).collect();
     let mut sums = vec![DMatrix::zeros(size, size); count];

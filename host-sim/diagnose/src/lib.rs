@@ -282,7 +282,7 @@ pub fn diagnose(
         positions.add_to(&mut findings);
         log.notes.extend(positions.note());
     }
-    log.notes.extend(unfit);
+    log.notes.extend(unfit.map(|why| why.to_string()));
     if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
     {
         let (after, log, seed) = (&after, &log, question.seed);

@@ -6,6 +6,8 @@
 use crate::DiagnosisOptions;
 use compensator_core::parameters::Choices;
 use compensator_core::{Quantity, TermKind};
+use friction_fit::params::ParameterFileError;
+use friction_fit::prediction::PredictionError;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::{
     FitOptions, Loss, Outcome, Rows, Track, campaign_start, identify_robustly, tracks_since,
@@ -140,7 +142,27 @@ pub enum Error {
     /// A model or a rigid-body part is unknown, or a model has too many terms.
     #[error(transparent)]
     Model(#[from] SpecError),
-    /// The request cannot be met.
+    /// The file of a model is wrong.
+    #[error(transparent)]
+    ParameterFile(#[from] ParameterFileError),
+    /// A model cannot predict the log.
+    #[error(transparent)]
+    Prediction(#[from] PredictionError),
+    /// A file cannot be read.
+    #[error("{}: {error}", file.display())]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        error: std::io::Error,
+    },
+    /// A file is given twice.
+    #[error("{}: file is given twice", .0.display())]
+    Twice(PathBuf),
+    /// No two rows are left for training, or for testing.
+    #[error("found no continuous segment of at least two rows for training or for testing")]
+    NoSegment,
+    /// The request of a front end cannot be met.
     #[error("{0}")]
     Request(String),
     /// The caller stopped the computation.
@@ -154,7 +176,7 @@ impl Message for Error {
             Self::Data(error) => error.marked(),
             Self::Model(error) => error.marked(),
             Self::Request(message) => message.clone(),
-            Self::Cancelled(error) => error.to_string(),
+            error => error.to_string(),
         }
     }
 }
@@ -163,6 +185,17 @@ impl From<String> for Error {
     fn from(message: String) -> Self {
         Self::Request(message)
     }
+}
+
+/// Why kinds of findings cannot be left uncorrected, as the end of a message.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AsLoggedError {
+    /// The kind is only reported.
+    #[error("{0} is never corrected")]
+    NeverCorrected(String),
+    /// There is no such kind.
+    #[error("unknown kind {0:?}")]
+    UnknownKind(String),
 }
 
 /// Reads, checks and splits the log of one joint. Reports the bytes read ([`work::report`]).
@@ -175,7 +208,7 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         Source::Files(files) => {
             let mut seen = HashSet::new();
             if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
-                return Err(format!("{}: file is given twice", twice.display()).into());
+                return Err(Error::Twice(twice.clone()));
             }
             joint_log::read(files, &options.read, &progress)?
         }
@@ -197,8 +230,7 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
     let of = |parts: &[Part]| tracks_since(&data.select(parts), None, start);
     let (train, test) = (of(&split.train), of(&split.test));
     if train.is_empty() || test.is_empty() {
-        let line = "found no continuous segment of at least two rows for training or for testing";
-        return Err(line.to_owned().into());
+        return Err(Error::NoSegment);
     }
     let hashes = match source {
         Source::Files(files) => {
@@ -278,7 +310,10 @@ pub fn identify_each(
 ///
 /// # Errors
 /// Returns the first name that is no kind, or a kind that is never corrected, as the end of a message.
-pub fn corrections(motion: Option<bool>, as_logged: &[String]) -> Result<Corrections, String> {
+pub fn corrections(
+    motion: Option<bool>,
+    as_logged: &[String],
+) -> Result<Corrections, AsLoggedError> {
     let mut correct = Corrections::of_motion(motion);
     for name in as_logged {
         match LogFindingKind::parse(name.trim()) {
@@ -294,10 +329,10 @@ pub fn corrections(motion: Option<bool>, as_logged: &[String]) -> Result<Correct
                 | LogFindingKind::Saturated
                 | LogFindingKind::ComputedTorque
                 | LogFindingKind::TooLittle,
-            ) => return Err(format!("{name} is never corrected")),
+            ) => return Err(AsLoggedError::NeverCorrected(name.clone())),
             // The diagnosis detects a torque lag and a channel gain itself.
             Some(kind) => correct = correct.without(&[kind]),
-            None => return Err(format!("unknown kind {name:?}")),
+            None => return Err(AsLoggedError::UnknownKind(name.clone())),
         }
     }
     Ok(correct)
@@ -307,8 +342,8 @@ pub fn corrections(motion: Option<bool>, as_logged: &[String]) -> Result<Correct
 ///
 /// # Errors
 /// One line, if the file cannot be read.
-pub fn file_sha256(file: &Path) -> Result<String, String> {
-    let failed = |error: std::io::Error| format!("{}: {error}", file.display());
+pub fn file_sha256(file: &Path) -> Result<String, Error> {
+    let failed = |error| Error::Io { file: file.to_owned(), error };
     let mut reader = std::fs::File::open(file).map_err(failed)?;
     let mut hasher = Sha256::new();
     let mut buffer = vec![0; 1 << 20];

@@ -85,26 +85,57 @@ pub struct TwoPositions {
     pub rest: f64,
 }
 
+/// The positions are not compared.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{column} is not searched for play: {why}")]
+pub struct Incomparable {
+    /// Column of the second encoder.
+    pub column: &'static str,
+    /// Why.
+    pub why: IncomparableReason,
+}
+
+/// Why positions cannot be compared.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum IncomparableReason {
+    /// The log lacks the position of the motor.
+    #[error("it needs {0} beside it")]
+    NoPosition(&'static str),
+    /// One does not follow the other.
+    #[error(
+        "it moves by {slope} times {position}, and not with it: correct unit, sign or gear ratio of one of them with --columns"
+    )]
+    OtherJoint {
+        /// Slope over the position of the motor, as a report states it.
+        slope: String,
+        /// Column of the motor's position.
+        position: &'static str,
+    },
+    /// The joint rests.
+    #[error("nothing moves")]
+    NoMotion,
+    /// The log is too short.
+    #[error("the log holds {0} reversals, and {MIN_BLOCKS} are needed")]
+    FewReversals(usize),
+}
+
 impl TwoPositions {
     /// Evaluates the positions of a log; `None` if it has no second one.
     ///
     /// # Errors
     /// A note on why they are not compared: they are not of one joint, or too few reversals are in the log.
-    pub fn of(data: &Dataset) -> Option<Result<Self, String>> {
+    pub fn of(data: &Dataset) -> Option<Result<Self, Incomparable>> {
         let column = contract::joint_position(data.joint);
         let has_both = data.covariates.iter().any(|name| name == column);
-        has_both.then(|| {
-            let compared = Self::compare(data, column);
-            compared.map_err(|why| format!("{column} is not searched for play: {why}"))
-        })
+        has_both.then(|| Self::compare(data, column).map_err(|why| Incomparable { column, why }))
     }
 
-    fn compare(data: &Dataset, column: &'static str) -> Result<Self, String> {
+    fn compare(data: &Dataset, column: &'static str) -> Result<Self, IncomparableReason> {
         let positions = Positions::new(data, column)?;
         let blocks = Blocks::new(&positions, positions.stops(), None);
         let count = blocks.grams.len();
         if count < MIN_BLOCKS {
-            return Err(format!("the log holds {count} reversals, and {MIN_BLOCKS} are needed"));
+            return Err(IncomparableReason::FewReversals(count));
         }
         let folds = FOLDS.min(count);
         let part = |fold: usize| Regression::new(&blocks, move |at| at % folds != fold);

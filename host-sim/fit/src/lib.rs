@@ -44,6 +44,7 @@ mod measurement;
 mod metrics;
 mod minimise;
 mod outcome;
+mod parameter_file_error;
 pub mod params;
 mod passive;
 mod predict;
@@ -80,9 +81,7 @@ pub use identify::identify;
 pub use outcome::{DriverForm, Estimate, Outcome, State};
 pub use robust::{Loss, Weighting, identify_robustly};
 pub use scales::{Scales, white_noise};
-pub use solve::{
-    COMPARISON_STAGNATION, COMPARISON_TOLERANCE, FitOptions, fit, unobserved_parameters,
-};
+pub use solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE, FitOptions, fit, free_parameters};
 pub use treatment::{Treatment, treatment_of, typical_value};
 
 // A model along rows, with derivatives, and its errors.

@@ -18,6 +18,7 @@ pub use motion::Motion;
 pub use operator::{later, play, stop};
 
 use crate::measurement::Measurement;
+use crate::parameter_file_error::ParameterFileErrorKind;
 use joint_log::Dataset;
 pub(crate) use motion::long;
 use serde::{Deserialize, Serialize};
@@ -111,13 +112,12 @@ impl LinearModel {
     ///
     /// # Errors
     /// One line that names the key.
-    pub fn parse(text: &str) -> Result<Option<Self>, String> {
+    pub fn parse(text: &str) -> Result<Option<Self>, ParameterFileErrorKind> {
         #[derive(Deserialize)]
         struct File {
             linear: Option<LinearModel>,
         }
-        let file: File =
-            toml_edit::de::from_str(text).map_err(|error| format!("linear: {error}"))?;
+        let file: File = toml_edit::de::from_str(text).map_err(ParameterFileErrorKind::Linear)?;
         Ok(file.linear)
     }
 }

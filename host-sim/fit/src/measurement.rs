@@ -8,6 +8,7 @@
 //! `predict` applies it. It says nothing of the joint: a driver and an export ignore it.
 
 use crate::linear::{Motion, long};
+use crate::parameter_file_error::{ParameterFileErrorKind as Kind, number};
 use crate::torque_low_pass::{LowPassShape, TorqueLowPass};
 use crate::track::Track;
 use joint_log::Dataset;
@@ -157,68 +158,67 @@ impl Measurement {
     ///
     /// # Errors
     /// One line that names the key, what was found and what was expected.
-    pub(crate) fn parse(root: &Table, section: &str) -> Result<Option<Self>, String> {
+    pub(crate) fn parse(root: &Table, section: &str) -> Result<Option<Self>, Kind> {
         let Some(item) = root.get(section) else { return Ok(None) };
-        let own = item.as_table_like().ok_or(": expected a table".to_owned());
-        let own = own.and_then(Self::of_table);
-        own.map(Some).map_err(|why| format!("{section}{why}"))
+        let table = item.as_table_like().ok_or_else(|| Kind::value(section, "a table"))?;
+        Self::of_table(table, section).map(Some)
     }
 
-    fn of_table(table: &dyn TableLike) -> Result<Self, String> {
-        let mut own = Self::default();
+    fn of_table(table: &dyn TableLike, section: &str) -> Result<Self, Kind> {
+        let full = |key: &str| format!("{section}.{key}");
         if let Some((key, _)) = table.iter().find(|(key, _)| !KEYS.contains(key)) {
-            return Err(format!(".{key}: unknown, expected of {}", KEYS.join(", ")));
+            return Err(Kind::unknown(full(key), KEYS.join(", ")));
         }
         let number = |key: &str| match table.get(key) {
             None => Ok(None),
-            Some(item) => finite(item).map(Some).ok_or_else(|| expected_number(key)),
+            Some(item) => finite(item, || full(key)).map(Some),
         };
-        own.torque_delay_s = number("torque_delay_s")?.unwrap_or_default();
+        let torque_delay_s = number("torque_delay_s")?.unwrap_or_default();
+        let mut torque_low_pass = TorqueLowPass::default();
         if let Some(hz) = number("torque_lowpass_hz")? {
             if hz <= 0.0 {
-                return Err(format!(".torque_lowpass_hz: found {hz}, expected more than 0"));
+                return Err(Kind::found(full("torque_lowpass_hz"), hz, "more than 0"));
             }
-            own.torque_low_pass.time_s = 1.0 / (TAU * hz);
+            torque_low_pass.time_s = 1.0 / (TAU * hz);
         }
         if let Some(item) = table.get("torque_lowpass_shape") {
             let shape = item.as_str().and_then(LowPassShape::parse);
-            own.torque_low_pass.shape = shape.ok_or_else(|| {
+            torque_low_pass.shape = shape.ok_or_else(|| {
                 let known = LowPassShape::ALL.map(LowPassShape::name).join(", ");
-                format!(".torque_lowpass_shape: found {item}, expected of {known}")
+                Kind::found(full("torque_lowpass_shape"), item, format!("of {known}"))
             })?;
         }
-        match number("torque_sign")? {
-            None | Some(1.0) => {}
-            Some(-1.0) => own.torque_sign = -1.0,
-            Some(found) => {
-                return Err(format!(".torque_sign: found {found}, expected 1 or -1"));
-            }
-        }
-        own.is_motion_logged = match table.get("motion").map(|item| (item, item.as_str())) {
+        let torque_sign = match number("torque_sign")? {
+            None => 1.0,
+            Some(sign) if sign.abs() == 1.0 => sign,
+            Some(found) => return Err(Kind::found(full("torque_sign"), found, "1 or -1")),
+        };
+        let is_motion_logged = match table.get("motion").map(|item| (item, item.as_str())) {
             None | Some((_, Some("smoothed"))) => false,
             Some((_, Some("logged"))) => true,
             Some((found, _)) => {
                 let found = found.to_string();
-                return Err(format!(
-                    ".motion: found {}, expected smoothed or logged",
-                    found.trim()
-                ));
+                return Err(Kind::found(full("motion"), found.trim(), "smoothed or logged"));
             }
         };
-        own.channel_gains = channel_gains(table)?;
-        Ok(own)
+        Ok(Self {
+            torque_delay_s,
+            torque_low_pass,
+            torque_sign,
+            is_motion_logged,
+            channel_gains: channel_gains(table, section)?,
+        })
     }
 }
 
-fn channel_gains(table: &dyn TableLike) -> Result<Vec<ChannelGain>, String> {
-    let entries = |key: &'static str| -> Result<Vec<(String, f64)>, String> {
+fn channel_gains(table: &dyn TableLike, section: &str) -> Result<Vec<ChannelGain>, Kind> {
+    let entries = |key: &'static str| -> Result<Vec<(String, f64)>, Kind> {
         let Some(item) = table.get(key) else { return Ok(Vec::new()) };
-        let own = item.as_table_like().ok_or_else(|| format!(".{key}: expected a table"))?;
+        let wrong = || Kind::value(format!("{section}.{key}"), "a table");
         let entry = |(name, item): (&str, &Item)| {
-            let value = finite(item).ok_or_else(|| expected_number(&format!("{key}.{name}")))?;
-            Ok((name.to_owned(), value))
+            Ok((name.to_owned(), finite(item, || format!("{section}.{key}.{name}"))?))
         };
-        own.iter().map(entry).collect()
+        item.as_table_like().ok_or_else(wrong)?.iter().map(entry).collect()
     };
     let means = entries("channel_means")?;
     let of = |(column, gain): (String, f64)| {
@@ -228,12 +228,9 @@ fn channel_gains(table: &dyn TableLike) -> Result<Vec<ChannelGain>, String> {
     Ok(entries("channel_gains")?.into_iter().map(of).collect())
 }
 
-fn finite(item: &Item) -> Option<f64> {
-    item.as_float().or_else(|| item.as_integer().map(|i| i as f64)).filter(|x| x.is_finite())
-}
-
-fn expected_number(key: &str) -> String {
-    format!(".{key}: expected a finite number")
+/// Returns a finite number. `key` names the value in an error.
+fn finite(item: &Item, key: impl Fn() -> String) -> Result<f64, Kind> {
+    number(item).ok_or_else(|| Kind::value(key(), "a finite number"))
 }
 
 #[cfg(test)]
@@ -241,7 +238,7 @@ mod tests {
     use super::*;
     use toml_edit::Document;
 
-    fn parse(text: &str) -> Result<Measurement, String> {
+    fn parse(text: &str) -> Result<Measurement, Kind> {
         let document = Document::parse(text).expect("a document");
         Measurement::parse(document.as_table(), Measurement::OF_FILE).map(Option::unwrap_or_default)
     }
@@ -274,7 +271,7 @@ mod tests {
             ("motion = \"raw\"", "motion: found \"raw\","),
             ("channel_gains = { a = \"x\" }", "channel_gains.a"),
         ] {
-            let error = parse(&format!("[measurement]\n{line}\n")).unwrap_err();
+            let error = parse(&format!("[measurement]\n{line}\n")).unwrap_err().to_string();
             assert!(error.contains(&format!("measurement.{key}")), "{error}");
         }
     }

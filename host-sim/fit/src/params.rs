@@ -39,13 +39,17 @@
 mod compensator;
 mod fit_record;
 
+pub use crate::parameter_file_error::{NetworkRefusal, ParameterFileError, ParameterFileErrorKind};
 pub use compensator::CompensatorSection;
+
 pub use fit_record::FitRecord;
 
 use crate::linear::LinearModel;
 use crate::measurement::Measurement;
+use crate::parameter_file_error::number;
 use crate::spec::{Spec, rigid_body_name};
 use crate::{DriverForm, Estimate, Outcome};
+use ParameterFileErrorKind as Kind;
 use compensator_core::parameters::{Choices, Envelope};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use joint_log::Dataset;
@@ -108,14 +112,6 @@ impl ParameterFile {
     pub fn measurement_of_driver(&self) -> &Measurement {
         self.driver_measurement.as_ref().unwrap_or(&self.measurement)
     }
-}
-
-/// Error in a parameter file; one line.
-#[derive(Debug, thiserror::Error)]
-#[error("{file}: {what}")]
-pub struct ParameterFileError {
-    file: String,
-    what: String,
 }
 
 /// Returns the unit of a parameter for a joint kind.
@@ -217,23 +213,18 @@ fn emit_limits(envelope: &Envelope, choices: Choices, text: &mut String) {
 /// # Errors
 /// One line: the file, the key, what was found and what was expected; or the validation error of the core.
 pub fn read(path: &Path, sections: &[Section]) -> Result<ParameterFile, ParameterFileError> {
-    let refuse = |what: String| ParameterFileError { file: path.display().to_string(), what };
-    let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+    let refuse = |kind| ParameterFileError { file: Some(path.to_owned()), kind };
+    let text = std::fs::read_to_string(path).map_err(|error| refuse(Kind::Io(error)))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    one_line(understand(&text, sections, Some(folder))).map_err(refuse)
+    understand(&text, sections, Some(folder)).map_err(refuse)
 }
 
 /// Parses and validates the text of a parameter file. A file that names a network needs a directory: see [`read`].
 ///
 /// # Errors
 /// As [`read`], without the file's name.
-pub fn parse(text: &str, sections: &[Section]) -> Result<ParameterFile, String> {
-    one_line(understand(text, sections, None))
-}
-
-/// Joins the lines of an error: a key or text of the file may contain line ends.
-fn one_line(read: Result<ParameterFile, String>) -> Result<ParameterFile, String> {
-    read.map_err(|why| why.lines().map(str::trim).collect::<Vec<_>>().join(" "))
+pub fn parse(text: &str, sections: &[Section]) -> Result<ParameterFile, ParameterFileError> {
+    Ok(understand(text, sections, None)?)
 }
 
 /// Reads the network that a file names, from the directory of the file.
@@ -241,34 +232,34 @@ fn network(
     root: &toml_edit::Table,
     spec: &Spec,
     folder: Option<&Path>,
-) -> Result<Option<NetworkText>, String> {
+) -> Result<Option<NetworkText>, Kind> {
     let Some(item) = root.get("network") else { return Ok(None) };
-    let table = item.as_table_like().ok_or("network: expected a table")?;
+    let table = item.as_table_like().ok_or_else(|| Kind::value("network", "a table"))?;
     if let Some((key, _)) = table.iter().find(|(key, _)| !["file", "crc32"].contains(key)) {
-        return Err(format!("network.{key}: unknown, expected of file, crc32"));
+        return Err(Kind::unknown(format!("network.{key}"), "file, crc32"));
     }
     let text = |key: &str| {
         let found = table.get(key).and_then(Item::as_str);
-        found.ok_or_else(|| format!("network.{key}: missing or not a text"))
+        found.ok_or_else(|| Kind::NoText { key: format!("network.{key}") })
     };
     let (file, expected) = (text("file")?, text("crc32")?);
-    let folder = folder.ok_or("network: there is no folder to look for its file in")?;
+    let folder = folder.ok_or(Kind::Network(NetworkRefusal::NoFolder))?;
     if Path::new(file).is_absolute() {
-        return Err(format!("network.file: found {file:?}, expected a path beside this file"));
+        return Err(Kind::found("network.file", format!("{file:?}"), "a path beside this file"));
     }
     let path = folder.join(file);
-    let bytes = std::fs::read(&path)
-        .map_err(|error| format!("network.file: {}: {error}", path.display()))?;
+    let refuse = |refusal| Err(Kind::Network(refusal));
+    let bytes = match std::fs::read(&path) {
+        Ok(bytes) => bytes,
+        Err(error) => return refuse(NetworkRefusal::Io { path, error }),
+    };
     let found = checksum(&bytes);
     if !found.eq_ignore_ascii_case(expected) {
-        return Err(format!(
-            "network.crc32: {} has {found}, expected {expected}: it is another network, or was changed",
-            path.display()
-        ));
+        let expected = expected.to_owned();
+        return refuse(NetworkRefusal::Checksum { path, found, expected });
     }
     if spec.law != LawKind::LugreAsymmetric || !spec.terms.is_empty() {
-        let base = LawKind::LugreAsymmetric.name();
-        return Err(format!("network: supplies {base} without terms, and the model is {spec}"));
+        return refuse(NetworkRefusal::OtherModel { model: spec.to_string() });
     }
     let text = String::from_utf8_lossy(&bytes).into_owned();
     Ok(Some(NetworkText { path, text }))
@@ -284,10 +275,10 @@ fn understand(
     text: &str,
     sections: &[Section],
     folder: Option<&Path>,
-) -> Result<ParameterFile, String> {
-    let document = Document::parse(text).map_err(|error| error.to_string())?;
+) -> Result<ParameterFile, Kind> {
+    let document = Document::parse(text).map_err(Kind::Syntax)?;
     let root = document.as_table();
-    const OWN: [&str; 14] = [
+    const KNOWN: [&str; 14] = [
         "schema",
         "joint",
         "model",
@@ -303,21 +294,23 @@ fn understand(
         Measurement::OF_DRIVER,
         "linear",
     ];
-    let known: Vec<&str> = OWN.into_iter().chain(sections.iter().map(|more| more.name)).collect();
+    let known: Vec<&str> = KNOWN.into_iter().chain(sections.iter().map(|more| more.name)).collect();
     if let Some((key, _)) = root.iter().find(|(key, _)| !known.contains(key)) {
-        return Err(format!("unknown key {key:?}, expected {}", known.join(", ")));
+        return Err(Kind::UnknownSection { key: key.to_owned(), expected: known });
     }
     match root.get("schema").and_then(Item::as_integer) {
         Some(1) => {}
-        found => return Err(format!("schema: found {found:?}, expected 1")),
+        found => return Err(Kind::found("schema", format!("{found:?}"), "1")),
     }
     let joint = match string(root, "joint")?.as_str() {
         "revolute" => JointKind::Revolute,
         "prismatic" => JointKind::Prismatic,
-        other => return Err(format!("joint: found {other:?}, expected revolute or prismatic")),
+        other => {
+            return Err(Kind::found("joint", format!("{other:?}"), "revolute or prismatic"));
+        }
     };
-    let spec = Spec::parse(&string(root, "model")?).map_err(|error| error.to_string())?;
-    let mut parameters = spec.parameters().map_err(|error| error.to_string())?;
+    let spec = Spec::parse(&string(root, "model")?)?;
+    let mut parameters = spec.parameters()?;
     let active: Vec<ParameterId> = parameters.active().collect();
     // The first form of the file had all of them in one section.
     let others: Vec<ParameterId> =
@@ -326,7 +319,11 @@ fn understand(
         for (key, item) in section(root, name)? {
             let id = ParameterId::parse(key).filter(|id| known.contains(id)).ok_or_else(|| {
                 let known: Vec<_> = known.iter().map(|id| id.name()).collect();
-                format!("{name}.{key}: not a parameter of {spec}, expected of {}", known.join(", "))
+                Kind::NoParameter {
+                    key: format!("{name}.{key}"),
+                    model: spec.to_string(),
+                    expected: known.join(", "),
+                }
             })?;
             parameters.set(id, value(&format!("{name}.{key}"), item, unit(id, joint))?);
         }
@@ -336,19 +333,19 @@ fn understand(
     parameters.envelope = Envelope::from_array(envelope);
     for (key, item) in section(root, "choices")? {
         let chosen =
-            item.as_bool().ok_or_else(|| format!("choices.{key}: expected true or false"))?;
+            item.as_bool().ok_or_else(|| Kind::value(format!("choices.{key}"), "true or false"))?;
         match key {
             "damping_fades" => parameters.choices.damping_fades = chosen,
             "printed_extended" => parameters.choices.printed_extended = chosen,
             "allow_active" => parameters.choices.allow_active = chosen,
             _ => {
                 let known = "damping_fades, printed_extended, allow_active";
-                return Err(format!("choices.{key}: unknown, expected of {known}"));
+                return Err(Kind::unknown(format!("choices.{key}"), known));
             }
         }
     }
     let compensator = CompensatorSection::parse(root)?;
-    parameters.validate().map_err(|error| error.to_string())?;
+    parameters.validate()?;
     let further = |section: &Section| {
         let mut values = vec![f32::NAN; section.fields.len()];
         fields(root, section.name, section.fields, &mut values).map(|()| values)
@@ -373,32 +370,27 @@ fn understand(
     })
 }
 
-fn string(root: &toml_edit::Table, key: &str) -> Result<String, String> {
+fn string(root: &toml_edit::Table, key: &str) -> Result<String, Kind> {
     let text = root.get(key).and_then(Item::as_str);
-    text.map(str::to_owned).ok_or_else(|| format!("{key}: missing or not a text"))
+    text.map(str::to_owned).ok_or_else(|| Kind::NoText { key: key.to_owned() })
 }
 
 type Entries<'a> = Vec<(&'a str, &'a Item)>;
 
-fn section<'a>(root: &'a toml_edit::Table, name: &str) -> Result<Entries<'a>, String> {
+fn section<'a>(root: &'a toml_edit::Table, name: &str) -> Result<Entries<'a>, Kind> {
     let Some(item) = root.get(name) else { return Ok(Vec::new()) };
-    let table: &dyn TableLike =
-        item.as_table_like().ok_or_else(|| format!("{name}: expected a table"))?;
+    let table: &dyn TableLike = item.as_table_like().ok_or_else(|| Kind::value(name, "a table"))?;
     Ok(table.iter().collect())
 }
 
-fn number(item: &Item) -> Option<f64> {
-    item.as_float().or_else(|| item.as_integer().map(|i| i as f64)).filter(|x| x.is_finite())
-}
-
 /// Returns a bare number, or the value of a table whose unit, if given, is correct.
-fn value(key: &str, item: &Item, unit: &str) -> Result<f64, String> {
-    let expected = || format!("{key}: expected a finite number in {unit}");
+fn value(key: &str, item: &Item, unit: &str) -> Result<f64, Kind> {
+    let expected = || Kind::value(key, format!("a finite number in {unit}"));
     let Some(table) = item.as_table_like() else { return number(item).ok_or_else(expected) };
     if let Some(found) = table.get("unit").and_then(Item::as_str)
         && found != unit
     {
-        return Err(format!("{key}: found unit {found:?}, expected {unit:?}"));
+        return Err(Kind::found(key, format!("unit {found:?}"), format!("{unit:?}")));
     }
     table.get("value").and_then(number).ok_or_else(expected)
 }
@@ -408,117 +400,18 @@ fn fields(
     name: &str,
     names: &[&str],
     values: &mut [f32],
-) -> Result<(), String> {
+) -> Result<(), Kind> {
     for (key, item) in section(root, name)? {
         let at = names
             .iter()
             .position(|known| *known == key)
-            .ok_or_else(|| format!("{name}.{key}: unknown, expected of {}", names.join(", ")))?;
-        values[at] =
-            number(item).ok_or_else(|| format!("{name}.{key}: expected a finite number"))? as f32;
+            .ok_or_else(|| Kind::unknown(format!("{name}.{key}"), names.join(", ")))?;
+        values[at] = number(item)
+            .ok_or_else(|| Kind::value(format!("{name}.{key}"), "a finite number"))?
+            as f32;
     }
     Ok(())
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{message, snapshot};
-
-    const GOOD: &str = "schema = 1\njoint = \"revolute\"\nmodel = \"lugre+pressure-coulomb\"\n\
-        [parameters]\ncoulomb_torque = { value = 1.5, unit = \"Nm\" }\nstatic_torque = 2\n\
-        pressure_coulomb = 2.4e-6\n[envelope]\nvelocity_max_rad_s = 10.5\n\
-        [compensator]\nscale = 0.8\n";
-
-    #[test]
-    fn parse_with_valid_file_returns_parameters() {
-        let file = parse(GOOD, &[]).unwrap();
-        assert_eq!(file.parameters.get(ParameterId::CoulombTorque), 1.5);
-        assert_eq!(file.parameters.get(ParameterId::StaticTorque), 2.0);
-        assert_eq!(file.parameters.envelope.velocity_max_rad_s, 10.5);
-        assert_eq!(file.friction().compensator.scale, 0.8);
-        assert_eq!(file.spec.to_string(), "lugre+pressure-coulomb");
-    }
-
-    #[test]
-    fn parse_with_further_section_returns_its_values() {
-        let text = format!("{GOOD}[motor]\ngear_ratio = 20\n");
-        let motor = Section { name: "motor", fields: &["pole_pairs", "gear_ratio"] };
-        let file = parse(&text, &[motor]).unwrap();
-        assert!(file.sections[0][0].is_nan() && file.sections[0][1] == 20.0);
-        message::require(&parse(&text, &[]).unwrap_err(), &["\"motor\""]);
-        let error = parse(&text.replace("gear_ratio", "gear"), &[motor]).unwrap_err();
-        message::require(&error, &["motor.gear"]);
-    }
-
-    #[test]
-    fn read_with_network_checks_file_and_checksum() {
-        let folder = tempfile::tempdir().unwrap();
-        let json = "{\"slew\": 0.5}";
-        let law = Parameters::<f32>::new(LawKind::LugreAsymmetric)
-            .with(ParameterId::CoulombTorque, 1.5)
-            .with(ParameterId::StaticTorque, 2.2);
-        let mut text = emit_model(&law, JointKind::Revolute);
-        emit_network("network.json", json, &mut text);
-        let (toml, beside) =
-            (folder.path().join("params.toml"), folder.path().join("network.json"));
-        let read = |text: &str| {
-            std::fs::write(&toml, text).unwrap();
-            super::read(&toml, &[]).map_err(|error| error.to_string())
-        };
-        let missing = read(&text).unwrap_err();
-        let parts = ["network.file: ", "network.json: "];
-        message::check("files", "parameters with a missing network", &missing, &parts);
-        std::fs::write(&beside, json).unwrap();
-        let file = read(&text).unwrap();
-        assert_eq!(file.network.unwrap().text, json);
-        let mut errors = format!("without a folder: {}\n", parse(&text, &[]).unwrap_err());
-        for (from, to, part) in [
-            ("lugre-asymmetric", "lugre", " lugre"),
-            ("crc32 = \"", "crc32 = \"0", "network.crc32: "),
-            ("crc32", "crc", "network.crc: "),
-            ("file = \"", "file = \"/", "network.file: "),
-        ] {
-            let error = read(&text.replacen(from, to, 1)).unwrap_err();
-            message::require(&error, &["params.toml", part]);
-            assert_eq!(error.lines().count(), 1, "{error}");
-            errors += &format!("{from} -> {to}: {error}\n");
-        }
-        std::fs::write(&beside, json.replace("0.5", "0.25")).unwrap();
-        let changed = read(&text).unwrap_err();
-        let crcs = [checksum(json.replace("0.5", "0.25").as_bytes()), checksum(json.as_bytes())];
-        message::require(&changed, &["network.crc32: ", "network.json", &crcs[0], &crcs[1]]);
-        errors += &format!("changed: {changed}\n");
-        let errors = errors.replace(&crcs[0], "FOUND").replace(&crcs[1], "EXPECTED");
-        snapshot::check("files", "parameters with a wrong network", &errors);
-    }
-
-    #[test]
-    fn parse_with_invalid_file_names_the_error() {
-        let mut errors = String::new();
-        for (from, to, parts) in [
-            ("schema = 1", "schema = 2", &["schema"][..]),
-            ("revolute", "round", &["revolute", "prismatic"]),
-            ("lugre+", "luger+", &["luger"]),
-            ("unit = \"Nm\"", "unit = \"mNm\"", &["\"Nm\""]),
-            ("static_torque = 2", "static_torque = 1", &["static_torque = 1", " 1.5"]),
-            ("static_torque = 2", "static_torque = nan", &["parameters.static_torque"]),
-            ("pressure_coulomb", "radial_force_coulomb", &["radial_force", "lugre+pressure"]),
-            ("scale = 0.8", "scale = 1.8", &["scale = 1.8", " 1"]),
-            ("scale", "scael", &["compensator.scael"]),
-            ("[envelope]", "[fit]\nsubsteps = 0\n[envelope]", &["fit.substeps"]),
-            ("[envelope]", "[fit]\nsteps = 2\n[envelope]", &["fit.steps"]),
-            ("[envelope]", "[log_means]\nmood = 2\n[envelope]", &["log_means.mood"]),
-            ("[envelope]", "[envelop]", &["\"envelop\""]),
-            ("= 1.5", "= ", &["TOML", "line"]),
-            ("\"lugre+pressure-coulomb\"", "\"\"\"lu\ngre\"\"\"", &["lu"]),
-            ("static_torque", "\"static\\ntorque\"", &["static", "lugre+pressure"]),
-        ] {
-            let error = parse(&GOOD.replacen(from, to, 1), &[]).unwrap_err();
-            message::require(&error, parts);
-            assert_eq!(error.lines().count(), 1, "{error}");
-            errors += &format!("{from} -> {}: {error}\n", to.replace('\n', " "));
-        }
-        snapshot::check("files", "parameters", &errors);
-    }
-}
+mod tests;

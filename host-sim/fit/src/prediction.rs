@@ -20,7 +20,7 @@ use crate::linear::LinearModel;
 use crate::params::ParameterFile;
 use crate::simulate::simulate;
 use crate::{Metrics, Resolution, Track};
-use compensator_core::{Flags, ModelState, Parameters, Quantity};
+use compensator_core::{Flags, ModelState, ParameterError, Parameters, Quantity};
 use joint_log::{Dataset, JointKind, Run};
 use std::borrow::Cow;
 
@@ -91,6 +91,44 @@ impl LogPrediction {
     }
 }
 
+/// Why a log cannot be predicted. Each message is one line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PredictionError {
+    /// The log is of another kind of joint.
+    #[error("joint: found a log of a {} joint, expected a {} one", kind(*found), kind(*expected))]
+    Joint {
+        /// Kind of the log.
+        found: JointKind,
+        /// Kind of the model.
+        expected: JointKind,
+    },
+    /// The log lacks the column that the model follows.
+    #[error("{0}: not a column of the log, and the model follows it")]
+    MissingColumn(String),
+    /// The levels of the model come from a network.
+    #[error("a network supplies the levels, expected a model without one")]
+    Network,
+    /// The log has no period.
+    #[error("no two rows of the log belong together")]
+    SingleRows,
+    /// The core refuses the adaptation.
+    #[error("{0}")]
+    Adaptation(#[from] ParameterError),
+}
+
+impl From<PredictionError> for String {
+    fn from(error: PredictionError) -> Self {
+        error.to_string()
+    }
+}
+
+fn kind(joint: JointKind) -> &'static str {
+    match joint {
+        JointKind::Revolute => "revolute",
+        JointKind::Prismatic => "prismatic",
+    }
+}
+
 /// Predicts the torque of every row of a log.
 ///
 /// # Errors
@@ -99,7 +137,7 @@ pub fn predict_log(
     file: &ParameterFile,
     data: &Dataset,
     options: &PredictionOptions,
-) -> Result<LogPrediction, String> {
+) -> Result<LogPrediction, PredictionError> {
     predict_tracks(file, data, &log_tracks(file, data)?, options)
 }
 
@@ -107,26 +145,18 @@ pub fn predict_log(
 ///
 /// # Errors
 /// See [`predict_log`].
-pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, String> {
+pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, PredictionError> {
     if file.joint != data.joint {
-        let name = |joint: JointKind| match joint {
-            JointKind::Revolute => "revolute",
-            JointKind::Prismatic => "prismatic",
-        };
-        let (found, expected) = (name(data.joint), name(file.joint));
-        return Err(format!("joint: found a log of a {found} joint, expected a {expected} one"));
+        return Err(PredictionError::Joint { found: data.joint, expected: file.joint });
     }
     let auxiliary = file.fit.auxiliary.as_deref();
     if let Some(column) = auxiliary
         && !data.covariates.iter().any(|known| known == column)
     {
-        return Err(format!("{column}: not a column of the log, and the model follows it"));
+        return Err(PredictionError::MissingColumn(column.to_owned()));
     }
     Ok(tracks_with(data, auxiliary))
 }
-
-/// Why a model with a network is refused, where its parameters are expected to be constant.
-const SUPPLIED: &str = "a network supplies the levels, expected a model without one";
 
 /// Predicts as [`predict_log`] does, given the tracks of the log. So several predictions share them.
 ///
@@ -137,9 +167,9 @@ pub fn predict_tracks(
     data: &Dataset,
     tracks: &[Track],
     options: &PredictionOptions,
-) -> Result<LogPrediction, String> {
+) -> Result<LogPrediction, PredictionError> {
     if file.network.is_some() {
-        return Err(SUPPLIED.into());
+        return Err(PredictionError::Network);
     }
     predict_tracks_by(file, data, tracks, options, |track, run| {
         predict_logged(file, data, track, options, run);

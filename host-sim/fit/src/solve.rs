@@ -93,6 +93,15 @@ impl Default for FitOptions {
     }
 }
 
+impl FitOptions {
+    /// Returns the options of a fit that is compared with others on held-out rows: it begins at one point, or at the best one for
+    /// `None`.
+    pub fn for_comparison(start: Option<Parameters<f64>>) -> Self {
+        let tolerance = COMPARISON_TOLERANCE;
+        Self { starts: 1, start, has_weak_prior: true, tolerance, ..Self::default() }
+    }
+}
+
 /// Result of a fit.
 #[derive(Clone, Debug)]
 pub struct Solution {
@@ -294,8 +303,8 @@ fn collinear(
     (collinear, (ordered == free).then_some(reduced))
 }
 
-/// Returns the parameters of a model that the fit varies.
-fn free_parameters(
+/// Returns the parameters of a model that a fit varies.
+pub fn free_parameters(
     spec: &Spec,
     base: &Parameters<f64>,
     tracks: &[Track],

@@ -66,12 +66,12 @@ fn input_names(given: &[String], data: &Dataset) -> Result<Vec<String>, NetworkE
 }
 
 /// Finds an input in the log.
-fn find_input(name: &String, data: &Dataset) -> Result<NetworkInput, NetworkError> {
+fn find_input(name: &str, data: &Dataset) -> Result<NetworkInput, NetworkError> {
     NetworkInput::named(name, data).ok_or_else(|| {
         let quantities = known_quantities(data).map(|quantity| quantity.name(data.joint));
         let columns = data.covariates.iter().map(String::as_str).chain(quantities);
         let known = ["velocity", "held"].into_iter().chain(columns).map(str::to_owned);
-        NetworkError::UnknownInput { found: name.clone(), known: known.collect() }
+        NetworkError::UnknownInput { found: name.to_owned(), known: known.collect() }
     })
 }
 

@@ -189,7 +189,7 @@ fn read_recording(file: &Path) -> Result<(Dataset, Split, String), String> {
     let files = [file.to_owned()];
     let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(in_options)?;
     let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).map_err(in_options)?;
-    Ok((data, parts, file_sha256(file)?))
+    Ok((data, parts, file_sha256(file).map_err(in_options)?))
 }
 
 /// Describes the extended model and its gain, as the end of a sentence.

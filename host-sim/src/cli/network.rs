@@ -94,7 +94,8 @@ pub(super) fn predict_tracks(
     options: &PredictionOptions,
 ) -> Result<LogPrediction, String> {
     match &file.network {
-        None => prediction::predict_tracks(file, data, tracks, options),
+        None => prediction::predict_tracks(file, data, tracks, options)
+            .map_err(|error| error.to_string()),
         #[cfg(feature = "network")]
         Some(text) => NetworkFile::of(text)
             .and_then(|net| friction_network::predict_tracks(file, &net, data, tracks, options))

@@ -45,7 +45,7 @@ pub fn read(path: &Path) -> Result<ParameterFile, ParameterFileError> {
 ///
 /// # Errors
 /// See [`params::parse`].
-pub fn parse(text: &str) -> Result<ParameterFile, String> {
+pub fn parse(text: &str) -> Result<ParameterFile, ParameterFileError> {
     params::parse(text, &SECTIONS)
 }
 
@@ -118,7 +118,7 @@ mod tests {
         set.motor.pole_pairs = 11.0;
         apply(&parse(text).unwrap(), None, &mut set);
         assert_eq!((set.motor.pole_pairs, set.motor.gear_ratio), (11.0, 20.0));
-        let error = parse(&text.replace("gear_ratio", "gear")).unwrap_err();
+        let error = parse(&text.replace("gear_ratio", "gear")).unwrap_err().to_string();
         assert!(error.contains("motor.gear: unknown"), "{error}");
     }
 }

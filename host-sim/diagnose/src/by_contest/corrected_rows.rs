@@ -136,14 +136,11 @@ impl CorrectedRows {
     pub(super) fn identify(&self, model: &FittedModel) -> Result<Outcome, SpecError> {
         let log = self.fitted.following(model.follows.as_ref());
         let options = FitOptions {
-            starts: 1,
-            start: Some(model.parameters.clone()),
             fixed: model.fixed.clone(),
             resolution: Some(model.resolution),
-            has_weak_prior: true,
             tolerance: COMPARISON_TOLERANCE * self.memory_rows,
             stagnation: STAGNATION,
-            ..FitOptions::default()
+            ..FitOptions::for_comparison(Some(model.parameters.clone()))
         };
         identify(&model.spec, &model.parameters, log.train_rows(), log.test_rows(), &options)
     }

@@ -17,13 +17,13 @@ mod unknown;
 use super::detail::Detail;
 use super::law::Shapes;
 use super::ledger::CauseKey;
+use super::orders::RippleOrders;
 use super::rows::Rows;
 use crate::contest_calibration::category;
 use backlash::GapGrid;
 use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::work::checkpoint;
 use rayon::prelude::*;
-use ripple::RippleOrders;
 
 /// A way in which a cause may enter a model.
 #[derive(Clone, Debug)]

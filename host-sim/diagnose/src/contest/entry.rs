@@ -2,12 +2,12 @@
 
 use super::bank::{Bank, Workspace};
 use super::cause::backlash::GapGrid;
-use super::cause::ripple::RippleOrders;
 use super::cause::{Context, Variant, variants};
 use super::correction::Correction;
 use super::kernel::KernelLaw;
 use super::law::{Law, Shapes, product};
 use super::ledger::{CauseKey, Hypothesis};
+use super::orders::RippleOrders;
 use super::rows::Rows;
 use super::search::Search;
 use compensator_core::Parameters;

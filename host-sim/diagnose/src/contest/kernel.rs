@@ -19,8 +19,7 @@ use compensator_core::{LawKind, ParameterId, Parameters};
 use friction_fit::linear::later;
 use friction_fit::spec::Spec;
 use friction_fit::{
-    COMPARISON_STAGNATION, COMPARISON_TOLERANCE, FitOptions, Resolution, Scales, TorqueLowPass,
-    Track, fit, typical_value,
+    COMPARISON_STAGNATION, FitOptions, Resolution, Scales, TorqueLowPass, Track, fit, typical_value,
 };
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -114,14 +113,10 @@ impl KernelLaw {
         let base = spec.parameters().ok()?;
         let tracks = tracks(rows, target, correction);
         let options = |start: &KernelStart, patience: usize| FitOptions {
-            starts: 1,
-            start: Some(start.parameters.clone()),
             resolution: start.resolution,
             patience,
-            has_weak_prior: true,
-            tolerance: COMPARISON_TOLERANCE,
             stagnation: COMPARISON_STAGNATION,
-            ..FitOptions::default()
+            ..FitOptions::for_comparison(Some(start.parameters.clone()))
         };
         let trial = shortened(&tracks, MOST_TRIED);
         let trial = friction_fit::Rows { tracks: &trial, decimate: 1 };

@@ -1,17 +1,15 @@
 //! The result of a contest: the best hypothesis, and for each cause the figures from which a probability follows.
 
 use super::bank::Workspace;
-use super::correction::Correction;
 use super::detail::Detail;
-use super::draws::{self, DRAWS, Draws};
-use super::entry::{Entry, Origin};
-use super::law::{LawStart, Shapes};
+use super::draws::{self, Draws};
+use super::entry::Entry;
+use super::finalists::{Finalist, finalists};
+use super::law::Shapes;
 use super::ledger::{CauseKey, Hypothesis, Ledger};
 use super::linear::LinearAnswer;
 use super::rows::Rows;
 use crate::evaluation::{self, Gain};
-use compensator_core::ParameterId;
-use friction_fit::ChannelGain;
 use std::collections::BTreeSet;
 
 /// Least inclusion of a cause in the report.
@@ -330,7 +328,7 @@ impl Table<'_> {
     }
 
     /// Returns the unweighted held-out RMS error of a hypothesis.
-    fn rmse(&self, rows: &Rows, hypothesis: &Hypothesis) -> f64 {
+    pub(super) fn rmse(&self, rows: &Rows, hypothesis: &Hypothesis) -> f64 {
         let entry = &self.entries[hypothesis.bank];
         let columns = entry.columns(&hypothesis.set);
         let indices = entry.indices(&hypothesis.set);
@@ -350,148 +348,8 @@ impl Table<'_> {
     }
 }
 
-/// Most finalists.
-const MOST_FINALISTS: usize = 3;
-
-/// Share of the draws that a hypothesis after the best one must win to be a finalist.
-const MIN_WINS: f64 = 0.1;
-
-/// Returns the hypotheses to be fitted with the driver's law: the best one first, then those that win draws.
-pub(crate) fn finalists<'l>(ledger: &'l Ledger, draws: &Draws) -> Vec<&'l Hypothesis> {
-    let wins = |hypothesis: &Hypothesis| {
-        let own = draws.winners.iter().find(|(causes, _)| *causes == hypothesis.causes);
-        own.map_or(0.0, |(_, wins)| *wins as f64 / DRAWS as f64)
-    };
-    let mut found: Vec<&Hypothesis> = Vec::new();
-    for (at, hypothesis) in ledger.hypotheses.iter().enumerate() {
-        let is_finalist = at == 0 || wins(hypothesis) >= MIN_WINS;
-        if is_finalist && found.iter().all(|own| own.causes != hypothesis.causes) {
-            found.push(hypothesis);
-        }
-        if found.len() == MOST_FINALISTS {
-            break;
-        }
-    }
-    found
-}
-
-/// A hypothesis to be fitted with the driver's law.
-#[derive(Clone, Debug)]
-pub struct Finalist {
-    /// Its correction of the log.
-    pub correction: Correction,
-    /// Where a fit of its law begins.
-    pub law: LawStart,
-    /// Its causes, in the order of the bank. The delay of a correction is not among them.
-    pub causes: Vec<FinalistCause>,
-    /// Channels of which the torque holds a share.
-    pub shares: Vec<ChannelGain>,
-    /// Held-out RMS error, unweighted.
-    pub rmse: f64,
-    /// Held-out RMS error without its causes, with its law and corrections, unweighted.
-    pub law_rmse: f64,
-    /// Squared error as a share of the least one in the log as it is.
-    pub share_left: f64,
-}
-
-impl Finalist {
-    /// Returns the hypothesis without a cause, for a log on which none can be scored.
-    pub fn without_cause() -> Self {
-        Self {
-            correction: Correction::None,
-            law: LawStart { name: "linear", ..LawStart::default() },
-            causes: Vec::new(),
-            shares: Vec::new(),
-            rmse: 0.0,
-            law_rmse: 0.0,
-            share_left: 1.0,
-        }
-    }
-}
-
-/// A cause of a finalist.
-#[derive(Clone, Debug)]
-pub struct FinalistCause {
-    /// The cause and its column.
-    pub key: CauseKey,
-    /// What distinguishes its variant.
-    pub detail: Detail,
-    /// Coefficients of its columns.
-    pub sizes: Vec<f64>,
-    /// RMS of the torque that it contributes, and its standard error over the folds (a delete-one jackknife).
-    pub torque_rms: (f64, f64),
-}
-
-impl Table<'_> {
-    fn finalist(&self, rows: &Rows, hypothesis: &Hypothesis) -> Finalist {
-        let entry = &self.entries[hypothesis.bank];
-        let indices = entry.indices(&hypothesis.set);
-        let sizes = entry.bank.fit(&indices, &mut Workspace::default());
-        let folds = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
-        let mut alone = hypothesis.clone();
-        alone.set.retain(|at| !entry.variants[*at as usize].is_cause());
-        let mut at = entry.base.columns.len();
-        let (mut causes, mut shares) = (Vec::new(), Vec::new());
-        for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-            let own = at..at + variant.columns.len();
-            at = own.end;
-            if variant.is_cause() {
-                let rms = |sizes: &[f64]| variant.torque_rms(rows, sizes);
-                let drawn: Vec<f64> = folds.iter().map(|fold| rms(&fold[own.clone()])).collect();
-                causes.push(FinalistCause {
-                    key: variant.key.clone(),
-                    detail: variant.detail.clone(),
-                    torque_rms: (rms(&sizes[own.clone()]), jackknife(&drawn)),
-                    sizes: sizes[own].to_vec(),
-                });
-            } else if let Some(channel) =
-                rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()])
-            {
-                let (mean, spread) = channel.mean_and_spread();
-                let gain = sizes[own.start] / spread;
-                shares.push(ChannelGain { column: channel.name.clone(), gain, mean });
-            }
-        }
-        Finalist {
-            correction: entry.correction,
-            law: self.law_start(rows, entry, &sizes),
-            causes,
-            shares,
-            rmse: self.rmse(rows, hypothesis),
-            law_rmse: self.rmse(rows, &alone),
-            share_left: self.share_left(hypothesis),
-        }
-    }
-
-    /// Returns the error of a hypothesis as a share of the least one in the log as it is.
-    fn share_left(&self, hypothesis: &Hypothesis) -> f64 {
-        let is_plain = |other: &Hypothesis| self.entries[other.bank].correction == Correction::None;
-        let without = self.ledger.least_error(is_plain);
-        without.map_or(1.0, |without| (hypothesis.error / without).min(1.0))
-    }
-
-    /// Returns the parameters of an entry's law: those of the driver's law, or from the coefficients of its columns.
-    fn law_start(&self, rows: &Rows, entry: &Entry, sizes: &[f64]) -> LawStart {
-        let law = match &entry.base.origin {
-            Origin::Kernel(parameters) => {
-                let coulomb = parameters.get(ParameterId::CoulombTorque);
-                return LawStart {
-                    name: "lugre",
-                    coulomb,
-                    static_excess: parameters.get(ParameterId::StaticTorque) - coulomb,
-                    stribeck_velocity: parameters.get(ParameterId::StribeckVelocity),
-                    travel: coulomb / parameters.get(ParameterId::BristleStiffness),
-                    viscous: parameters.get(ParameterId::ViscousFriction),
-                };
-            }
-            Origin::Shapes(law) => law,
-        };
-        LawStart::of_shapes(rows, self.shapes, law, sizes)
-    }
-}
-
 /// Returns the standard error of a value from its values without one fold each.
-fn jackknife(values: &[f64]) -> f64 {
+pub(super) fn jackknife(values: &[f64]) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count.max(1.0);
     ((count - 1.0).max(0.0) / count.max(1.0)

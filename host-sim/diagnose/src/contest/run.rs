@@ -6,15 +6,16 @@
 
 use super::bank::{Bank, Workspace};
 use super::cause::backlash::GapGrid;
-use super::cause::ripple::RippleOrders;
 use super::correction::{Correction, tried};
 use super::draws::Draws;
 use super::entry::{Base, Entry, Origin, Waves};
+use super::finalists::finalists;
 use super::kernel::{KernelLaw, KernelStart};
 use super::law::{Law, LawStart, Shapes};
 use super::ledger::{Hypothesis, Ledger};
 use super::linear::{self, transferable};
-use super::outcome::{Outcome, Table, finalists};
+use super::orders::RippleOrders;
+use super::outcome::{Outcome, Table};
 use super::rows::Rows;
 use super::weights::weigh;
 use joint_log::log_check::drives_both_ways;

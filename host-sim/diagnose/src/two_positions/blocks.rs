@@ -3,6 +3,7 @@
 //! A block is a stretch of a run with several reversals. Every column is taken less its mean in the block, so a block has an
 //! offset of its own. Blocks are the unit of the comparison.
 
+use super::IncomparableReason;
 use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -139,12 +140,12 @@ impl<'a> Positions<'a> {
     ///
     /// # Errors
     /// Why the positions cannot be compared, as the end of a sentence: one is missing, nothing moves, or they are not of one joint.
-    pub fn new(data: &'a Dataset, column: &str) -> Result<Self, String> {
+    pub fn new(data: &'a Dataset, column: &str) -> Result<Self, IncomparableReason> {
         let name = Quantity::Position.name(data.joint);
         let mut stretches = Vec::new();
         for run in &data.runs {
             let both = run.get(Quantity::Position).zip(data.column(run, column));
-            let (position, second) = both.ok_or_else(|| format!("it needs {name} beside it"))?;
+            let (position, second) = both.ok_or(IncomparableReason::NoPosition(name))?;
             for rows in segments(run) {
                 let position = &position[rows.clone()];
                 let difference = difference(position, &second[rows.clone()], data.joint);
@@ -154,14 +155,12 @@ impl<'a> Positions<'a> {
         let slope = slope(&stretches);
         if !SLOPES.contains(&slope) {
             let slope = joint_log::number::figure(slope);
-            return Err(format!(
-                "it moves by {slope} times {name}, and not with it: correct unit, sign or gear ratio of one of them with --columns"
-            ));
+            return Err(IncomparableReason::OtherJoint { slope, position: name });
         }
-        let still = || "nothing moves".to_owned();
+        let largest = largest_travel(&stretches, slope - 1.0);
         Ok(Self {
-            largest: largest_travel(&stretches, slope - 1.0).ok_or_else(still)?,
-            scale: Scale::new(&stretches, data.joint).ok_or_else(still)?,
+            largest: largest.ok_or(IncomparableReason::NoMotion)?,
+            scale: Scale::new(&stretches, data.joint).ok_or(IncomparableReason::NoMotion)?,
             quantum: quantum(data, column),
             stretches,
         })

@@ -18,7 +18,11 @@ fn log(rows: usize, second: impl Fn(f64) -> f64) -> Dataset {
 }
 
 fn note(rows: usize, second: impl Fn(f64) -> f64) -> String {
-    TwoPositions::of(&log(rows, second)).expect("two positions").err().unwrap_or_default()
+    TwoPositions::of(&log(rows, second))
+        .expect("two positions")
+        .err()
+        .map(|why| why.to_string())
+        .unwrap_or_default()
 }
 
 #[test]

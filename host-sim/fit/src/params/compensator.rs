@@ -10,7 +10,7 @@
 //! and offset, gain and delay describe the log. Gravity is compensated only where the owner asks for it, because it is wrong as
 //! soon as the joint is mounted or tilted otherwise.
 
-use super::{ParameterFile, number, section};
+use super::{ParameterFile, ParameterFileErrorKind as Kind, number, section};
 use crate::spec::{Spec, rigid_body_name};
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
@@ -38,8 +38,8 @@ impl CompensatorSection {
     /// Returns these settings of the compensator; the missing ones are those of `others`.
     pub fn over(&self, others: &CompensatorParameters) -> CompensatorParameters {
         let mut values = others.to_array();
-        for (value, own) in values.iter_mut().zip(self.settings) {
-            *value = own.unwrap_or(*value);
+        for (value, setting) in values.iter_mut().zip(self.settings) {
+            *value = setting.unwrap_or(*value);
         }
         CompensatorParameters::from_array(values)
     }
@@ -58,15 +58,15 @@ impl CompensatorSection {
     ///
     /// # Errors
     /// One line, if the name is unknown or the value is outside its range.
-    pub fn set(&mut self, name: &str, value: f32) -> Result<(), String> {
-        let known = || format!("{name}: expected of {}", CompensatorParameters::NAMES.join(", "));
+    pub fn set(&mut self, name: &str, value: f32) -> Result<(), Kind> {
+        let known = || Kind::value(name, format!("of {}", CompensatorParameters::NAMES.join(", ")));
         self.settings[Self::place(name).ok_or_else(known)?] = Some(value);
         self.validate()
     }
 
-    fn validate(&self) -> Result<(), String> {
+    fn validate(&self) -> Result<(), Kind> {
         let all = self.over(&CompensatorParameters::default());
-        all.validate().map_err(|error| error.to_string())
+        Ok(all.validate()?)
     }
 
     /// Returns the names of the missing settings that only the owner of the joint knows.
@@ -74,22 +74,23 @@ impl CompensatorSection {
         ASKED.into_iter().filter(|name| self.get(name).is_none())
     }
 
-    pub(super) fn parse(root: &Table) -> Result<Self, String> {
-        let mut own = Self::default();
+    pub(super) fn parse(root: &Table) -> Result<Self, Kind> {
+        let mut settings = Self::default();
         for (key, item) in section(root, "compensator")? {
-            let expected = |what: &str| format!("compensator.{key}: expected {what}");
+            let expected = |what: &str| Kind::value(format!("compensator.{key}"), what);
             if key == Self::GRAVITY {
-                own.gravity = item.as_bool().ok_or_else(|| expected("true or false"))?;
+                settings.gravity = item.as_bool().ok_or_else(|| expected("true or false"))?;
                 continue;
             }
             let place = Self::place(key).ok_or_else(|| {
                 let known = CompensatorParameters::NAMES.join(", ");
-                format!("compensator.{key}: unknown, expected of {known}, {}", Self::GRAVITY)
+                let known = format!("{known}, {}", Self::GRAVITY);
+                Kind::unknown(format!("compensator.{key}"), known)
             })?;
             let value = number(item).ok_or_else(|| expected("a finite number"))?;
-            own.settings[place] = Some(value as f32);
+            settings.settings[place] = Some(value as f32);
         }
-        own.validate().map(|()| own)
+        settings.validate().map(|()| settings)
     }
 }
 

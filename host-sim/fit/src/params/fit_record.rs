@@ -13,7 +13,7 @@
 //! With the resolution of the fit, a prediction has the same bits as the fit's own. The means let a simulator's joint, which
 //! has no covariates, represent the terms at their usual values.
 
-use super::{number, section};
+use super::{ParameterFileErrorKind as Kind, number, section};
 use crate::Resolution;
 use compensator_core::Quantity;
 use joint_log::JointKind;
@@ -107,41 +107,48 @@ impl FitRecord {
     }
 
     /// Parses the sections of the record.
-    pub(super) fn parse(root: &toml_edit::Table, joint: JointKind) -> Result<Self, String> {
+    pub(super) fn parse(root: &toml_edit::Table, joint: JointKind) -> Result<Self, Kind> {
         let mut record = Self::default();
         for (key, item) in section(root, "fit")? {
             match key {
                 "substeps" => {
                     let steps = item.as_integer().and_then(|steps| usize::try_from(steps).ok());
-                    record.substeps =
-                        steps.filter(|steps| (1..=MAX_SUBSTEPS).contains(steps)).ok_or_else(
-                            || format!("fit.substeps: expected an integer of 1 to {MAX_SUBSTEPS}"),
-                        )?;
+                    record.substeps = steps
+                        .filter(|steps| (1..=MAX_SUBSTEPS).contains(steps))
+                        .ok_or_else(|| {
+                            Kind::value(
+                                "fit.substeps",
+                                format!("an integer of 1 to {MAX_SUBSTEPS}"),
+                            )
+                        })?;
                 }
                 "extrapolated" => {
-                    record.extrapolated =
-                        item.as_bool().ok_or("fit.extrapolated: expected true or false")?;
+                    record.extrapolated = item
+                        .as_bool()
+                        .ok_or_else(|| Kind::value("fit.extrapolated", "true or false"))?;
                 }
                 "rmse" => {
                     let rmse = number(item).filter(|rmse| *rmse >= 0.0);
-                    record.rmse = Some(rmse.ok_or("fit.rmse: expected a number of at least 0")?);
+                    let expected = || Kind::value("fit.rmse", "a number of at least 0");
+                    record.rmse = Some(rmse.ok_or_else(expected)?);
                 }
                 "auxiliary" => {
-                    let column = item.as_str().ok_or("fit.auxiliary: expected a text")?;
+                    let column =
+                        item.as_str().ok_or_else(|| Kind::value("fit.auxiliary", "a text"))?;
                     record.auxiliary = Some(column.to_owned());
                 }
                 _ => {
                     let known = "substeps, extrapolated, rmse, auxiliary";
-                    return Err(format!("fit.{key}: unknown, expected of {known}"));
+                    return Err(Kind::unknown(format!("fit.{key}"), known));
                 }
             }
         }
         for (key, item) in section(root, "log_means")? {
             let quantity = Quantity::parse(key)
                 .filter(|(_, of)| of.is_none_or(|of| of == joint))
-                .ok_or_else(|| format!("log_means.{key}: not a covariate of a log"))?;
-            let mean =
-                number(item).ok_or_else(|| format!("log_means.{key}: expected a finite number"))?;
+                .ok_or_else(|| Kind::NoCovariate(key.to_owned()))?;
+            let mean = number(item)
+                .ok_or_else(|| Kind::value(format!("log_means.{key}"), "a finite number"))?;
             record.log_means.push((quantity.0, mean));
         }
         Ok(record)

@@ -7,8 +7,8 @@
 //! from the log, and the noise from the fit.
 
 use super::{
-    LogPrediction, PredictionOptions, as_logged, empty, held_at_start, metrics_of, predict_tracks,
-    remarks, set_flags, shaft_track,
+    LogPrediction, PredictionError, PredictionOptions, as_logged, empty, held_at_start, metrics_of,
+    predict_tracks, remarks, set_flags, shaft_track,
 };
 use crate::Track;
 use crate::initial_heat::initial_heat;
@@ -90,19 +90,18 @@ pub fn predict_adapted(
     tracks: &[Track],
     options: &PredictionOptions,
     adapt: &AdaptationOptions,
-) -> Result<AdaptedPrediction, String> {
+) -> Result<AdaptedPrediction, PredictionError> {
     if file.network.is_some() {
-        return Err(super::SUPPLIED.into());
+        return Err(PredictionError::Network);
     }
     // Gains follow the driver's law.
     let options = &PredictionOptions { of_driver: true, ..*options };
     let fixed = predict_tracks(file, data, tracks, options)?;
     let order = order_of_time(tracks);
     let settings = settings(file, data, tracks, &fixed, &order, adapt);
-    let period_s = median_period(tracks).ok_or("no two rows of the log belong together")?;
+    let period_s = median_period(tracks).ok_or(PredictionError::SingleRows)?;
     let written = file.parameters.convert::<f32>();
-    let mut adaptation = Adaptation::build(&written, &settings, period_s as f32)
-        .map_err(|error| error.to_string())?;
+    let mut adaptation = Adaptation::build(&written, &settings, period_s as f32)?;
     let mut runs: Vec<_> = data.runs.iter().map(|run| empty(run.len())).collect();
     let mut rows: Vec<_> = data.runs.iter().map(|run| vec![None; run.len()]).collect();
     for logged in order.into_iter().map(|at| &tracks[at]) {

@@ -97,7 +97,7 @@ fn predict_log_without_column_of_term_remarks_it() {
 fn predict_log_of_other_joint_returns_error() {
     let text = MODEL.replace("revolute", "prismatic");
     let file = params::parse(&text, &[]).unwrap();
-    let error = predict_log(&file, &log(), &PredictionOptions::default()).unwrap_err();
+    let error = predict_log(&file, &log(), &PredictionOptions::default()).unwrap_err().to_string();
     message::check("files", "log of another joint", &error, &["revolute", "prismatic"]);
 }
 
