@@ -19,6 +19,7 @@ pub mod regression;
 mod regression_trees;
 mod regressors;
 pub mod score;
+mod statistics;
 mod stop_operator;
 pub mod transfer_log;
 pub mod transfer_product;
